@@ -1,0 +1,45 @@
+# Two commands: `make demo` shows orientd at work, `make test` proves it.
+# Each makes the virtual environment it needs from a bare Python 3.11.
+
+PYTHON ?= python3
+VENV ?= .venv
+BIN = $(VENV)/bin
+
+.PHONY: demo test check bench soak proto clean
+
+demo: $(VENV)/.user
+	$(BIN)/orientd demo
+
+test: check
+	$(BIN)/python -m pytest -m "not slow and not bench"
+
+check: $(VENV)/.dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-cache
+
+bench: $(VENV)/.dev
+	$(BIN)/python -m pytest tests/bench -m bench -s --override-ini="norecursedirs="
+
+soak: $(VENV)/.dev
+	$(BIN)/python -m pytest -m slow --timeout=5400 -s
+
+proto: $(VENV)/.dev
+	$(BIN)/python -m grpc_tools.protoc -I. --python_out=. --pyi_out=. --grpc_python_out=. orientd/rpc/control.proto
+
+$(VENV)/.pip:
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check "pip>=24"
+	@touch $@
+
+$(VENV)/.user: pyproject.toml $(VENV)/.pip
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[fast,plot]"
+	@touch $@
+
+$(VENV)/.dev: pyproject.toml $(VENV)/.pip
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[all,dev]"
+	@touch $@ $(VENV)/.user
+
+clean:
+	rm -rf $(VENV) dist build .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -1,0 +1,43 @@
+"""Clocks: the monotonic one of the machine, and one that tests move by hand."""
+
+from __future__ import annotations
+
+import time
+from typing import Protocol
+
+
+class Clock(Protocol):
+    """Tell the time in integer monotonic nanoseconds."""
+
+    def now_ns(self) -> int:
+        """Return the present time in nanoseconds; never decreases."""
+        ...
+
+
+class MonotonicClock:
+    """The machine's ``CLOCK_MONOTONIC``."""
+
+    def now_ns(self) -> int:
+        """Return the present time in nanoseconds since an arbitrary start."""
+        return time.monotonic_ns()
+
+
+class ManualClock:
+    """A clock that stands still until a test moves it."""
+
+    def __init__(self, start_ns: int = 0) -> None:
+        self._now_ns = start_ns
+
+    def now_ns(self) -> int:
+        """Return the time it was last moved to."""
+        return self._now_ns
+
+    def advance(self, step_ns: int) -> None:
+        """Move forward by *step_ns* nanoseconds.
+
+        Raises:
+            ValueError: *step_ns* is negative.
+        """
+        if step_ns < 0:
+            raise ValueError(f"step_ns must not be negative, got {step_ns}")
+        self._now_ns += step_ns

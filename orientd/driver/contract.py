@@ -1,0 +1,124 @@
+"""What the servo asks of a driver, and the values that pass between them.
+
+A driver lives in the servo process, on its one thread.  It is constructed with its options,
+opened once, enabled and disabled by command, then called every cycle: first :meth:`Driver.read`,
+then :meth:`Driver.write`.  Both must return well within a period and never wait for anything
+but the device.  No NumPy here: a cycle is plain Python floats.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from orientd.clock import Clock
+
+Vector3 = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+
+ZERO: Vector3 = (0.0, 0.0, 0.0)
+IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Setpoint:
+    """What the device is asked to do in one cycle.
+
+    Attributes:
+        time_ns: the cycle's deadline on the monotonic clock.
+        q: orientation ``(w, x, y, z)``, tool to world.
+        omega_body: angular velocity, rad/s, body frame.
+        alpha_body: its derivative in body components, rad/s^2.
+        position: tool position in the world, m.
+        velocity: its derivative, m/s.
+    """
+
+    time_ns: int
+    q: Quaternion
+    omega_body: Vector3 = ZERO
+    alpha_body: Vector3 = ZERO
+    position: Vector3 = ZERO
+    velocity: Vector3 = ZERO
+
+
+@dataclass(frozen=True, slots=True)
+class Feedback:
+    """What the device reported.
+
+    Attributes:
+        time_ns: when it was *measured*, on the monotonic clock; the servo computes the age.
+        q: measured orientation ``(w, x, y, z)``, tool to world.
+        omega_body: measured angular velocity, rad/s, body frame.
+        position: measured tool position in the world, m.
+        joints: whatever the device's axes are, rad; empty where it has none.
+    """
+
+    time_ns: int
+    q: Quaternion
+    omega_body: Vector3 = ZERO
+    position: Vector3 = ZERO
+    joints: tuple[float, ...] = ()
+
+
+class Driver(ABC):
+    """One device.  Raise :class:`~orientd.errors.DeviceError` subclasses, nothing else.
+
+    Attributes:
+        name: the registry's name of this kind of driver.
+        default_rate_hz: cycle rate where the configuration names none.
+    """
+
+    name: ClassVar[str]
+    default_rate_hz: ClassVar[float] = 500.0
+
+    def __init__(self, options: Mapping[str, Any], *, period_ns: int, clock: Clock) -> None:
+        """Check *options* and keep what is needed; touch no device.
+
+        Args:
+            options: the driver's own table of the configuration.
+            period_ns: cycle period.
+            clock: the clock that stamps feedback.
+
+        Raises:
+            ValueError: an option is unknown or not allowed; the message names the option, what was
+                expected and what came.
+        """
+        self.period_ns = period_ns
+        self.clock = clock
+
+    @abstractmethod
+    def open(self) -> None:
+        """Connect.  May take long; no cycle runs yet.
+
+        Raises:
+            LinkError: the device is not there.
+        """
+
+    @abstractmethod
+    def enable(self) -> Feedback:
+        """Make the device ready to follow setpoints, without moving it.
+
+        Returns:
+            Where the device is; the first setpoint will be exactly this.
+        """
+
+    @abstractmethod
+    def read(self) -> Feedback | None:
+        """Return the newest feedback, or ``None`` before there is any.  Called every cycle."""
+
+    @abstractmethod
+    def write(self, setpoint: Setpoint) -> None:
+        """Send *setpoint*.  Called every cycle while enabled, after :meth:`read`."""
+
+    @abstractmethod
+    def disable(self) -> None:
+        """Leave the device standing still and no longer following.  Must not raise twice."""
+
+    def reset(self) -> None:  # noqa: B027 - most devices need nothing
+        """Clear a fault of the device, so that :meth:`enable` can work again."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Release everything.  Never raises; called on every way out."""

@@ -1,0 +1,118 @@
+"""Every error orientd raises, and the kinds of fault a device can be in.
+
+An error is ours (a call failed); a fault is the device's (it stopped and waits for a reset).
+
+.. code-block:: text
+
+    OrientdError
+    ├── RequestError            a motion file or request that is not well formed (field, problem)
+    ├── ConfigError             a configuration that is not well formed or not possible here
+    ├── PlanError               a well-formed motion that cannot be planned
+    │   ├── LimitError          it would break a limit (quantity, value, limit, time)
+    │   └── StartError          it does not begin where the device is commanded to be
+    ├── StateError              not possible in the device's present state
+    ├── LeaseError              the caller does not hold the lease
+    ├── DeviceError             raised by drivers, in the servo process
+    │   ├── LinkError           the connection to the device is gone
+    │   ├── FeedbackError       feedback is missing or older than its limit
+    │   └── DeviceFaultError    the device says that it cannot go on
+    └── DaemonError             the daemon is not there, is there already, or did not answer
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+
+class OrientdError(Exception):
+    """The root of everything orientd raises about the world."""
+
+
+class RequestError(OrientdError, ValueError):
+    """A request that is not well formed.
+
+    Attributes:
+        field: path of the offending field, for example ``keyframes[2].quaternion``.
+        problem: what was expected and what came, without the field's name.
+    """
+
+    def __init__(self, field: str, problem: str) -> None:
+        super().__init__(f"{field}: {problem}" if field else problem)
+        self.field = field
+        self.problem = problem
+
+
+class ConfigError(OrientdError):
+    """A configuration that is not well formed, or that names what is not there."""
+
+
+class PlanError(OrientdError):
+    """A well-formed motion that cannot be planned."""
+
+
+class LimitError(PlanError):
+    """A motion that would break a limit.
+
+    Attributes:
+        quantity: what breaks it, for example ``angular velocity``.
+        value: the largest value reached, in SI units.
+        limit: what was allowed, in the same units.
+        time: when in the motion the largest value occurs, in seconds.
+    """
+
+    def __init__(
+        self, quantity: str, value: float, limit: float, time: float, unit: str, advice: str = ""
+    ) -> None:
+        text = f"{quantity} reaches {value:.6g} {unit} at {time:.4f} s, the limit is {limit:.6g} {unit}"
+        super().__init__(f"{text}; {advice}" if advice else text)
+        self.quantity = quantity
+        self.value = value
+        self.limit = limit
+        self.time = time
+        self.unit = unit
+
+
+class StartError(PlanError):
+    """A motion that does not begin in the state the device is commanded to be in."""
+
+
+class StateError(OrientdError):
+    """A command that the device's present state does not allow."""
+
+
+class LeaseError(OrientdError):
+    """A command from somebody who does not hold the lease."""
+
+
+class DeviceError(OrientdError):
+    """What a driver raises; the servo turns it into a fault."""
+
+
+class LinkError(DeviceError):
+    """The connection to the device is gone."""
+
+
+class FeedbackError(DeviceError):
+    """Feedback is missing, or older than its limit."""
+
+
+class DeviceFaultError(DeviceError):
+    """The device says that it cannot go on."""
+
+
+class DaemonError(OrientdError):
+    """The daemon is not there, is there already, or did not answer."""
+
+
+class Fault(IntEnum):
+    """Why a device is in the state ``fault``; crosses the process boundary as a number."""
+
+    NONE = 0
+    LINK_LOST = 1
+    FEEDBACK_STALE = 2
+    DEVICE_FAULT = 3
+    LIMIT_GUARD = 4
+    PATH_STARVED = 5
+    HEARTBEAT_LOST = 6
+    SERVO_DIED = 7
+    INTERNAL = 8
