@@ -1,0 +1,1 @@
+"""The loopback driver: a device that is not there."""

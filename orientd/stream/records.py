@@ -1,0 +1,145 @@
+"""What crosses the process boundary: path records, cycle records, commands, and their bytes.
+
+Every record carries its own index and a CRC-32.  A reader takes a record only if both agree, so a
+slot that is being overwritten is never taken for a record, on machines with weakly ordered memory
+too.  The layouts are native (one machine, two processes of one installation).
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from enum import IntEnum
+
+from orientd.driver.contract import Quaternion, Vector3
+
+
+class State(IntEnum):
+    """The servo's states; ``servo/table.py`` has the transitions."""
+
+    IDLE = 0
+    HOLDING = 1
+    STREAMING = 2
+    STOPPING = 3
+    FAULT = 4
+
+
+class Command(IntEnum):
+    """What the daemon can ask of the servo."""
+
+    ENABLE = 1
+    DISABLE = 2
+    START = 3
+    STOP = 4
+    SPEED = 5
+    RESET = 6
+    SHUTDOWN = 7
+
+
+class Answer(IntEnum):
+    """What the servo made of a command."""
+
+    DONE = 0
+    WRONG_STATE = 1
+    REFUSED = 2
+    FAILED = 3
+
+
+class PathFlag(IntEnum):
+    """Bits of a path record's flags."""
+
+    LAST = 1
+
+
+# index, path_time_ns, flags, motion | q(4) omega(3) alpha(3) position(3) velocity(3)
+PATH_RECORD = struct.Struct("@QqII16d")
+PATH_FLOATS = 16
+
+# index, deadline_ns, lateness_ns, work_ns, feedback_time_ns, path_index |
+# state, fault, motion, flags, overruns, missed |
+# path_fraction, speed, q(4) omega(3) alpha(3) position(3), feedback q(4) omega(3) position(3)
+CYCLE_RECORD = struct.Struct("@QqqqqQ6I25d")
+
+
+class CycleFlag(IntEnum):
+    """Bits of a cycle record's flags."""
+
+    FEEDBACK = 1
+    """There is feedback at all."""
+    WRITTEN = 2
+    """A setpoint was written in this cycle."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cycle:
+    """One cycle of the servo, as published to the daemon.
+
+    Attributes:
+        index: number of the cycle since the servo started.
+        deadline_ns: when it was due, monotonic clock.
+        lateness_ns: how much later than due it began.
+        work_ns: how long the *previous* cycle worked, from waking to having published.
+        feedback_time_ns: when the feedback was measured; 0 without feedback.
+        path_index: the path record at or before the setpoint.
+        state: the servo's state.
+        fault: why it is in the state fault, as a :class:`~orientd.errors.Fault`.
+        motion: number of the motion that the setpoint belongs to; 0 before the first.
+        flags: :class:`CycleFlag` bits.
+        overruns: cycles so far that began more than half a period late.
+        missed: deadlines so far that were skipped altogether.
+        path_fraction: where between two path records, in [0, 1).
+        speed: rate of the path clock, 1 is as planned.
+        q: orientation sent, ``(w, x, y, z)``.
+        omega_body: angular velocity sent, rad/s.
+        alpha_body: angular acceleration sent, rad/s^2.
+        position: position sent, m.
+        feedback_q: orientation measured.
+        feedback_omega_body: angular velocity measured, rad/s.
+        feedback_position: position measured, m.
+    """
+
+    index: int
+    deadline_ns: int
+    lateness_ns: int
+    work_ns: int
+    feedback_time_ns: int
+    path_index: int
+    state: State
+    fault: int
+    motion: int
+    flags: int
+    overruns: int
+    missed: int
+    path_fraction: float
+    speed: float
+    q: Quaternion
+    omega_body: Vector3
+    alpha_body: Vector3
+    position: Vector3
+    feedback_q: Quaternion
+    feedback_omega_body: Vector3
+    feedback_position: Vector3
+
+    @property
+    def has_feedback(self) -> bool:
+        """Whether the device has reported anything yet."""
+        return bool(self.flags & CycleFlag.FEEDBACK)
+
+    @property
+    def feedback_age_ns(self) -> int:
+        """How old the feedback was when the cycle was due; -1 without feedback."""
+        return self.deadline_ns - self.feedback_time_ns if self.has_feedback else -1
+
+
+def unpack_cycle(buffer: memoryview | bytes, offset: int = 0) -> Cycle:
+    """Decode one cycle record.
+
+    Args:
+        buffer: bytes that hold a record.
+        offset: where it begins.
+    """
+    f = CYCLE_RECORD.unpack_from(buffer, offset)
+    return Cycle(
+        *f[:6], State(f[6]), *f[7:14], f[14:18], f[18:21], f[21:24], f[24:27], f[27:31], f[31:34],
+        f[34:37],
+    )  # fmt: skip
