@@ -478,39 +478,45 @@ class MoveProgress(_message.Message):
     overruns: int
     def __init__(self, path_time: _Optional[float] = ..., duration: _Optional[float] = ..., state: _Optional[_Union[State, str]] = ..., is_paused: bool = ..., speed: _Optional[float] = ..., orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., lateness: _Optional[float] = ..., tracking_error: _Optional[float] = ..., overruns: _Optional[int] = ...) -> None: ...
 
+class Durations(_message.Message):
+    __slots__ = ("p50", "p99", "p99_9", "largest")
+    P50_FIELD_NUMBER: _ClassVar[int]
+    P99_FIELD_NUMBER: _ClassVar[int]
+    P99_9_FIELD_NUMBER: _ClassVar[int]
+    LARGEST_FIELD_NUMBER: _ClassVar[int]
+    p50: float
+    p99: float
+    p99_9: float
+    largest: float
+    def __init__(self, p50: _Optional[float] = ..., p99: _Optional[float] = ..., p99_9: _Optional[float] = ..., largest: _Optional[float] = ...) -> None: ...
+
 class MotionStatistics(_message.Message):
-    __slots__ = ("cycles", "overruns", "missed", "lateness_p50", "lateness_p99", "lateness_p999", "lateness_max", "velocity", "acceleration", "jerk", "path_error", "start_velocity_error", "end_velocity_error", "tracking_error", "position_error")
+    __slots__ = ("cycles", "overruns", "missed", "lateness", "work", "velocity", "acceleration", "jerk", "path_error", "tracking_error", "start_velocity_error", "end_velocity_error")
     CYCLES_FIELD_NUMBER: _ClassVar[int]
     OVERRUNS_FIELD_NUMBER: _ClassVar[int]
     MISSED_FIELD_NUMBER: _ClassVar[int]
-    LATENESS_P50_FIELD_NUMBER: _ClassVar[int]
-    LATENESS_P99_FIELD_NUMBER: _ClassVar[int]
-    LATENESS_P999_FIELD_NUMBER: _ClassVar[int]
-    LATENESS_MAX_FIELD_NUMBER: _ClassVar[int]
+    LATENESS_FIELD_NUMBER: _ClassVar[int]
+    WORK_FIELD_NUMBER: _ClassVar[int]
     VELOCITY_FIELD_NUMBER: _ClassVar[int]
     ACCELERATION_FIELD_NUMBER: _ClassVar[int]
     JERK_FIELD_NUMBER: _ClassVar[int]
     PATH_ERROR_FIELD_NUMBER: _ClassVar[int]
+    TRACKING_ERROR_FIELD_NUMBER: _ClassVar[int]
     START_VELOCITY_ERROR_FIELD_NUMBER: _ClassVar[int]
     END_VELOCITY_ERROR_FIELD_NUMBER: _ClassVar[int]
-    TRACKING_ERROR_FIELD_NUMBER: _ClassVar[int]
-    POSITION_ERROR_FIELD_NUMBER: _ClassVar[int]
     cycles: int
     overruns: int
     missed: int
-    lateness_p50: float
-    lateness_p99: float
-    lateness_p999: float
-    lateness_max: float
-    velocity: Peak
-    acceleration: Peak
-    jerk: Peak
+    lateness: Durations
+    work: Durations
+    velocity: float
+    acceleration: float
+    jerk: float
     path_error: float
+    tracking_error: float
     start_velocity_error: float
     end_velocity_error: float
-    tracking_error: float
-    position_error: float
-    def __init__(self, cycles: _Optional[int] = ..., overruns: _Optional[int] = ..., missed: _Optional[int] = ..., lateness_p50: _Optional[float] = ..., lateness_p99: _Optional[float] = ..., lateness_p999: _Optional[float] = ..., lateness_max: _Optional[float] = ..., velocity: _Optional[_Union[Peak, _Mapping]] = ..., acceleration: _Optional[_Union[Peak, _Mapping]] = ..., jerk: _Optional[_Union[Peak, _Mapping]] = ..., path_error: _Optional[float] = ..., start_velocity_error: _Optional[float] = ..., end_velocity_error: _Optional[float] = ..., tracking_error: _Optional[float] = ..., position_error: _Optional[float] = ...) -> None: ...
+    def __init__(self, cycles: _Optional[int] = ..., overruns: _Optional[int] = ..., missed: _Optional[int] = ..., lateness: _Optional[_Union[Durations, _Mapping]] = ..., work: _Optional[_Union[Durations, _Mapping]] = ..., velocity: _Optional[float] = ..., acceleration: _Optional[float] = ..., jerk: _Optional[float] = ..., path_error: _Optional[float] = ..., tracking_error: _Optional[float] = ..., start_velocity_error: _Optional[float] = ..., end_velocity_error: _Optional[float] = ...) -> None: ...
 
 class MoveSummary(_message.Message):
     __slots__ = ("motion_number", "outcome", "text", "statistics")
