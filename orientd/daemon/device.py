@@ -15,12 +15,12 @@ from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 
+from orientd.clock import MonotonicClock
 from orientd.config import DeviceSettings
 from orientd.daemon.feeder import BLOCK, Feeder
 from orientd.daemon.meter import MotionMeter, MotionStatistics
 from orientd.daemon.servo_link import ServoLink, report_directory
 from orientd.driver.registry import driver_target, load_driver
-from orientd.clock import MonotonicClock
 from orientd.errors import ConfigError, DaemonError, Fault, StateError
 from orientd.planner import Limits, Motion
 from orientd.planner import State as PlannedState

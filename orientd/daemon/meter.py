@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from orientd import rotation
 from orientd.planner import Motion
+from orientd.rotation import Floats
 from orientd.servo.segment import PathPoint, Segment
 from orientd.stream import State
 
@@ -220,9 +221,7 @@ class MotionMeter:
                 block, times, motion.start_time, request.omega_start
             )
         if self._end_error is None and request.omega_end is not None:
-            self._end_error = self._velocity_error(
-                block, times, motion.end_time, request.omega_end
-            )
+            self._end_error = self._velocity_error(block, times, motion.end_time, request.omega_end)
 
     def _velocity_error(
         self, block: NDArray[np.void], times: NDArray[np.float64], instant: float, wanted: Floats
