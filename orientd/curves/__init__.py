@@ -8,6 +8,7 @@ Numba.
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from orientd.curves.c2_cumulative import C2Cumulative
 from orientd.curves.contract import Curve, Samples
 from orientd.curves.kks_bezier import KksBezier
 from orientd.curves.kks_bspline import KksBspline
@@ -27,6 +28,7 @@ _FAMILIES: tuple[type[Curve], ...] = (
     KksHermiteSpline,
     KksBspline,
     KksUniform,
+    C2Cumulative,
 )
 
 METHODS: Mapping[str, type[Curve]] = MappingProxyType({family.name: family for family in _FAMILIES})

@@ -54,6 +54,29 @@ def ends_given(keys, times):
     return {**keyframed(keys, times), "omega_start": [1.0, 0.5, 0.0], "omega_end": [0.0, 0.0, -1.0]}
 
 
+def clamped(keys, times):
+    return {**ends_given(keys, times), "start": "clamped", "end": "clamped"}
+
+
+def state(keys, times):
+    accelerations = {"alpha_start": [4.0, 0.0, -3.0], "alpha_end": [1.0, 2.0, 2.0]}
+    return {**ends_given(keys, times), **accelerations, "start": "state", "end": "state"}
+
+
+def state_natural(keys, times):
+    given = {"omega_start": [0.0, 1.0, 0.0], "alpha_start": [2.0, 2.0, 2.0]}
+    return {**keyframed(keys, times), **given, "start": "state"}
+
+
+def clamped_state(keys, times):
+    given = {"omega_start": [0.0, 0.0, 1.0], "omega_end": [0.0, 1.0, 0.0], "alpha_end": [1, 2, 3]}
+    return {**keyframed(keys, times), **given, "start": "clamped", "end": "state"}
+
+
+def turned(keys, times):
+    return {**keyframed(keys, times), "turns": [1, 0, -1] + [0] * (len(keys) - 4)}
+
+
 def order_three(keys, times):
     return {"control": keys, "order": 3}
 
@@ -71,6 +94,7 @@ EXAMPLES = {
     "kks_quintic_hermite": (quintic, quintic_world),
     "kks_hermite_spline": (keyframed, ends_given),
     "kks_bspline": (controlled, order_three, clamped_knots),
+    "c2_cumulative": (keyframed, clamped, state, state_natural, clamped_state, turned),
     "kks_uniform": (controlled,),
 }
 """Family name -> tuple of makers of parameters from keyframes and their times."""
