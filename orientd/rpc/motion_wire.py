@@ -7,6 +7,7 @@ checks and the paths in error messages are those of the file.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -14,10 +15,11 @@ import numpy as np
 from google.protobuf.struct_pb2 import Struct
 
 from orientd.errors import RequestError
+from orientd.planner import Keyframe, MotionRequest
 from orientd.rpc import control_pb2 as pb
+from orientd.rpc.value_wire import RATES, quaternion, vector
 
 _FRAMES = {pb.FRAME_BODY: "body", pb.FRAME_WORLD: "world"}
-_LIMITS = ("velocity", "acceleration", "jerk", "linear_velocity", "linear_acceleration")
 
 
 def to_mapping(message: pb.MotionRequest) -> dict[str, Any]:
@@ -41,35 +43,31 @@ def to_mapping(message: pb.MotionRequest) -> dict[str, Any]:
         mapping["approach"] = message.approach
     if message.HasField("limits"):
         limits = message.limits
-        mapping["limits"] = {
-            name: getattr(limits, name) for name in _LIMITS if limits.HasField(name)
-        }
+        mapping["limits"] = {name: getattr(limits, name) for name in RATES if limits.HasField(name)}
     if message.HasField("options"):
         mapping["options"] = _from_struct(message.options)
     return mapping
 
 
-def from_mapping(mapping: Mapping[str, Any]) -> pb.MotionRequest:
-    """Return the message that says what *mapping*, the content of a checked motion file, says."""
+def from_request(request: MotionRequest) -> pb.MotionRequest:
+    """Return the message that asks for what *request* does; orientations become quaternions."""
     message = pb.MotionRequest(
-        method=mapping.get("method", ""),
-        velocity_frame=pb.FRAME_WORLD
-        if mapping.get("velocity_frame") == "world"
-        else pb.FRAME_BODY,
-        keyframes=[_keyframe_from_mapping(keyframe) for keyframe in mapping["keyframes"]],
+        method=request.method,
+        velocity_frame=pb.FRAME_WORLD if request.velocity_frame == "world" else pb.FRAME_BODY,
+        approach=request.approach,
+        keyframes=[_keyframe_from(keyframe) for keyframe in request.keyframes],
     )
-    for name in ("start_velocity", "end_velocity"):
-        if mapping.get(name) is not None:
-            x, y, z = mapping[name]
-            getattr(message, name).CopyFrom(pb.Vector3(x=x, y=y, z=z))
-    if mapping.get("approach") is not None:
-        message.approach = mapping["approach"]
-    limits = mapping.get("limits") or {}
-    for name, limit in limits.items():
-        if limit is not None:
-            setattr(message.limits, name, limit)
-    if mapping.get("options"):
-        message.options.CopyFrom(_to_struct(mapping["options"]))
+    if request.start_velocity is not None:
+        message.start_velocity.CopyFrom(vector(request.start_velocity))
+    if request.end_velocity is not None:
+        message.end_velocity.CopyFrom(vector(request.end_velocity))
+    if request.limits is not None:
+        for name in RATES:
+            limit = getattr(request.limits, name)
+            if math.isfinite(limit):
+                setattr(message.limits, name, limit)
+    if request.options:
+        message.options.update(_plain(request.options))
     return message
 
 
@@ -95,33 +93,17 @@ def _keyframe_to_mapping(message: pb.Keyframe) -> dict[str, Any]:
     return mapping
 
 
-def _keyframe_from_mapping(mapping: Mapping[str, Any]) -> pb.Keyframe:
-    message = pb.Keyframe(time=mapping.get("time"), turns=mapping.get("turns"))
-    if mapping.get("quaternion") is not None:
-        message.quaternion.CopyFrom(pb.Quaternion(**mapping["quaternion"]))
-    elif mapping.get("rotation_vector") is not None:
-        x, y, z = mapping["rotation_vector"]
-        message.rotation_vector.CopyFrom(pb.Vector3(x=x, y=y, z=z))
-    elif mapping.get("euler") is not None:
-        euler = mapping["euler"]
-        message.euler.CopyFrom(pb.EulerAngles(axes=euler["axes"], degrees=euler["degrees"]))
-    elif mapping.get("matrix") is not None:
-        elements = [element for row in mapping["matrix"] for element in row]
-        message.matrix.CopyFrom(pb.Matrix(elements=elements))
-    if mapping.get("position") is not None:
-        x, y, z = mapping["position"]
-        message.position.CopyFrom(pb.Vector3(x=x, y=y, z=z))
+def _keyframe_from(keyframe: Keyframe) -> pb.Keyframe:
+    message = pb.Keyframe(
+        time=keyframe.time, quaternion=quaternion(keyframe.q), turns=keyframe.turns or None
+    )
+    if keyframe.position is not None:
+        message.position.CopyFrom(vector(keyframe.position))
     return message
 
 
 def _vector(message: pb.Vector3) -> list[float]:
     return [message.x, message.y, message.z]
-
-
-def _to_struct(mapping: Mapping[str, Any]) -> Struct:
-    struct = Struct()
-    struct.update({key: _plain(content) for key, content in mapping.items()})
-    return struct
 
 
 def _plain(content: Any) -> Any:  # noqa: ANN401 - whatever a method's options hold

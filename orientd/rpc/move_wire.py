@@ -67,8 +67,8 @@ def plan_to_message(plan: Plan) -> pb.Plan:
     return message
 
 
-def plan_from_message(message: pb.Plan) -> Plan:
-    """Return the plan that *message* was made of."""
+def plan_from_message(message: pb.Plan, samples: Samples | None = None) -> Plan:
+    """Return the plan that *message* was made of, with its samples where there are any."""
     certificate = message.certificate
     return Plan(
         motion_id=message.motion_id,
@@ -84,6 +84,7 @@ def plan_from_message(message: pb.Plan) -> Plan:
             peak_linear_velocity=_to_peak(certificate.linear_velocity),
             peak_linear_acceleration=_to_peak(certificate.linear_acceleration),
         ),
+        samples=samples,
     )
 
 

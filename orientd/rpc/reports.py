@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
@@ -52,6 +53,7 @@ class Plan:
         end_time: when the last keyframe is reached.
         keyframe_times: when each of them is reached.
         certificate: what was computed of it before any of it is sent.
+        samples: the motion itself, where it was asked for.
     """
 
     motion_id: str
@@ -60,6 +62,7 @@ class Plan:
     end_time: float
     keyframe_times: tuple[float, ...]
     certificate: Certificate
+    samples: Samples | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,6 +229,36 @@ class DaemonReport:
     configuration: str
     lease_holder: str
     lease_remaining: float
+
+
+@dataclass(frozen=True, slots=True)
+class CellReport:
+    """The daemon and its devices as they are.
+
+    Attributes:
+        daemon: the process, its socket and the lease.
+        devices: by name.
+    """
+
+    daemon: DaemonReport
+    devices: Mapping[str, DeviceReport]
+
+
+@dataclass(frozen=True, slots=True)
+class Device:
+    """A device of the configuration.
+
+    Attributes:
+        name: what requests call it.
+        driver: name of its driver.
+        rate_hz: cycles a second.
+        limits: what no motion of it may exceed.
+    """
+
+    name: str
+    driver: str
+    rate_hz: float
+    limits: Limits
 
 
 @dataclass(frozen=True, slots=True)
