@@ -176,7 +176,9 @@ class Robot:
         sample_rate_hz: float = 0.0,
         **wishes: Any,  # noqa: ANN401 - see motion_request
     ) -> Plan:
-        """Plan a motion from where the device is commanded to be, without running it.
+        """Plan a motion without running it.
+
+        It begins where the device is commanded to be, or will be once its present motion has ended.
 
         Args:
             keyframes: see :func:`motion_request`, or a whole request.
