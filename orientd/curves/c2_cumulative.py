@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.basis import CumulativeBasis, Indices, cumulative_basis
+from orientd.curves.continuation import solve
 from orientd.curves.cumulative import CumulativeCurve
 from orientd.curves.interpolation import EndCondition, KeyframeEquations
 from orientd.curves.keyframes import (
@@ -94,7 +95,7 @@ class C2Cumulative(CumulativeCurve):
             start=_start_condition(basis, start, omega_start, alpha_start),
             end=_end_condition(basis, end, omega_end, alpha_end),
         )
-        solved = equations.solve()
+        solved = solve(equations)
         super().__init__(
             knot_vector=vector,
             order=4,
