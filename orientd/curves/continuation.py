@@ -29,6 +29,9 @@ _LARGEST_GUESS_ERROR = 0.4
 _REACH = 10
 """How many keyframes away a correction may be forgotten: it decays by 0.27 with each."""
 
+_PIECE = 1024
+_OVERLAP = 32
+
 _COUPLING = 2
 """How many keyframes away an unknown stands in a row."""
 
@@ -235,8 +238,7 @@ class _Search:
         Where a few rows are in the way, they are carried there in smaller steps by themselves: a
         correction decays by 0.27 with each keyframe, so the others hardly take notice.
         """
-        here = path.at(scale)
-        found, bad = self._newton(here, scale, rows)
+        found, bad = self._newton(path.at(scale), scale, rows)
         if not len(bad):
             return found
         window = self._around(bad, rows)
@@ -246,12 +248,15 @@ class _Search:
         carried = self._march(window, path.around(window), scale, growth)
         if carried is None:
             return None
-        here[window] = carried[window]
-        found, bad = self._newton(here, scale, rows)
+        found[window] = carried[window]
+        found, bad = self._newton(found, scale, rows)
         return None if len(bad) else found
 
     def _newton(self, here: Floats, scale: float, rows: Indices) -> tuple[Floats, Indices]:
-        """Return improved increments, and the rows at which the corrections shrink too slowly."""
+        """Return improved increments, and the rows at which the corrections shrink too slowly.
+
+        The increments near such rows are left as they were.
+        """
         here = here.copy()
         limit = _LARGEST_GUESS_ERROR
         enough = _ROUNDING if scale == 1.0 else _ON_THE_WAY
@@ -260,6 +265,8 @@ class _Search:
             size = np.max(np.abs(correction), axis=1)
             is_bad = ~(size <= limit)
             if np.any(is_bad):
+                good = np.setdiff1d(rows, self._around(rows[is_bad], rows), assume_unique=True)
+                here[good] += correction[np.searchsorted(rows, good)]
                 return here, rows[is_bad]
             here[rows] += correction
             is_moving = size > enough
@@ -303,6 +310,15 @@ class _Search:
         return float(np.sum(self._equations.errors(unknown, 1.0, everything) ** 2))
 
     def _correction(self, unknown: Floats, scale: float, rows: Indices) -> Floats:
-        """Return one Newton step of some rows, the other unknowns staying as they are."""
-        blocks, error = self._equations.linearised(unknown, scale, rows)
-        return solve_block_tridiagonal(blocks, -error[..., None])[..., 0]
+        """Return one Newton step of some rows, the other unknowns staying as they are.
+
+        Long systems are solved piece by piece, each with neighbours enough on both sides that
+        what lies beyond them does not matter to rounding: the pieces fit the cache.
+        """
+        correction: Floats = np.empty((len(rows), 3))
+        for begin in range(0, len(rows), _PIECE):
+            first, end = max(0, begin - _OVERLAP), begin + _PIECE
+            blocks, error = self._equations.linearised(unknown, scale, rows[first : end + _OVERLAP])
+            solved = solve_block_tridiagonal(blocks, -error[..., None])[..., 0]
+            correction[begin:end] = solved[begin - first : end - first]
+        return correction

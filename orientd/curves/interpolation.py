@@ -21,9 +21,6 @@ import numpy as np
 from orientd.curves.basis import Indices
 from orientd.rotation import Floats, conjugate, exp_half, log_half, multiply, right_jacobian, rotate
 
-_BLOCK = 1024
-"""Rows linearised at a time, so that intermediate results stay in the cache."""
-
 
 @dataclass(frozen=True)
 class EndCondition:
@@ -113,19 +110,6 @@ class KeyframeEquations:
             errors, half-angle vectors, shape ``(n, 3)``.
         """
         blocks: Floats = np.zeros((len(rows), 3, 3, 3))
-        error: Floats = np.empty((len(rows), 3))
-        for begin in range(0, len(rows), _BLOCK):
-            part = slice(begin, begin + _BLOCK)
-            self._linearise(rows[part], unknown, scale, blocks[part], error[part])
-        is_apart = np.diff(rows) > 1
-        blocks[1:, 0][is_apart] = 0.0
-        blocks[:-1, 2][is_apart] = 0.0
-        return blocks, error
-
-    def _linearise(
-        self, rows: Indices, unknown: Floats, scale: float, blocks: Floats, error: Floats
-    ) -> None:
-        """Write the errors of some rows and their derivatives by the unknowns around each."""
         index, share = self.index[rows], self.share[rows]
         turns = self._factors(unknown, scale, rows)
         factors = exp_half(turns)
@@ -136,8 +120,11 @@ class KeyframeEquations:
             turned = rotate(conjugate(after)[:, None], np.swapaxes(jacobians[:, f], 1, 2))
             self._add(blocks, rows, index[:, f], np.swapaxes(turned, 1, 2))
             after = multiply(factors[:, f], after)
+        is_apart = np.diff(rows) > 1
+        blocks[1:, 0][is_apart] = 0.0
+        blocks[:-1, 2][is_apart] = 0.0
         targets = exp_half(scale * self.steps[rows])
-        error[:] = log_half(multiply(conjugate(targets), after))
+        return blocks, log_half(multiply(conjugate(targets), after))
 
     def _add(self, blocks: Floats, rows: Indices, index: Indices, derivative: Floats) -> None:
         """Add the derivatives of a factor to the blocks of the unknowns it depends on, if any."""
