@@ -29,9 +29,6 @@ _LARGEST_GUESS_ERROR = 0.4
 _REACH = 10
 """How many keyframes away a correction may be forgotten: it decays by 0.27 with each."""
 
-_PIECE = 1024
-_OVERLAP = 32
-
 _COUPLING = 2
 """How many keyframes away an unknown stands in a row."""
 
@@ -129,7 +126,7 @@ class _Search:
         for _ in range(_POLISHINGS):
             if found is None:
                 break
-            correction = self._correction(found, 1.0, everything)
+            correction = self._equations.correction(found, 1.0, everything)
             found = found + correction
             if np.max(np.abs(correction)) <= _ROUNDING:
                 return found
@@ -202,7 +199,7 @@ class _Search:
         """Return the point of the path in the plane across the tangent, if it is near."""
         limit = _LARGEST_GUESS_ERROR
         while True:
-            correction = self._correction(here, scale, rows)
+            correction = self._equations.correction(here, scale, rows)
             rate = self._rate(here, scale, rows, path)
             slope = float(np.sum(tangent * rate)) + weight**2 * unit
             if slope == 0.0:
@@ -261,7 +258,7 @@ class _Search:
         limit = _LARGEST_GUESS_ERROR
         enough = _ROUNDING if scale == 1.0 else _ON_THE_WAY
         while True:
-            correction = self._correction(here, scale, rows)
+            correction = self._equations.correction(here, scale, rows)
             size = np.max(np.abs(correction), axis=1)
             is_bad = ~(size <= limit)
             if np.any(is_bad):
@@ -290,7 +287,7 @@ class _Search:
         here = self._equations.linear_solution()
         error = self._total_error(here)
         for _ in range(_DESCENT_ITERATIONS):
-            correction = self._correction(here, 1.0, everything)
+            correction = self._equations.correction(here, 1.0, everything)
             share = 1.0
             while True:
                 tried = here + share * correction
@@ -308,17 +305,3 @@ class _Search:
     def _total_error(self, unknown: Floats) -> float:
         everything = np.arange(len(unknown))
         return float(np.sum(self._equations.errors(unknown, 1.0, everything) ** 2))
-
-    def _correction(self, unknown: Floats, scale: float, rows: Indices) -> Floats:
-        """Return one Newton step of some rows, the other unknowns staying as they are.
-
-        Long systems are solved piece by piece, each with neighbours enough on both sides that
-        what lies beyond them does not matter to rounding: the pieces fit the cache.
-        """
-        correction: Floats = np.empty((len(rows), 3))
-        for begin in range(0, len(rows), _PIECE):
-            first, end = max(0, begin - _OVERLAP), begin + _PIECE
-            blocks, error = self._equations.linearised(unknown, scale, rows[first : end + _OVERLAP])
-            solved = solve_block_tridiagonal(blocks, -error[..., None])[..., 0]
-            correction[begin:end] = solved[begin - first : end - first]
-        return correction

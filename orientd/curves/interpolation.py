@@ -14,12 +14,16 @@ Steps and end conditions carry a common scale: at 0 nothing turns, at 1 they hav
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from orientd.curves.basis import Indices
 from orientd.rotation import Floats, conjugate, exp_half, log_half, multiply, right_jacobian, rotate
+
+_PIECE = 1024
+_OVERLAP = 32
 
 
 @dataclass(frozen=True)
@@ -141,14 +145,35 @@ class KeyframeEquations:
 
     def linear_solution(self) -> Floats:
         """Return the increments of the spline in Euclidean space with the same steps."""
-        count = len(self.steps)
-        blocks: Floats = np.zeros((count, 3, 3, 3))
-        for f in range(self.index.shape[1]):
-            unit = self.share[:, f, None, None] * np.eye(3)
-            self._add(blocks, np.arange(count), self.index[:, f], unit)
-        settled = self.complete(np.zeros_like(self.steps), 1.0)
-        rest = self.steps - np.sum(self.share[..., None] * settled[self.index], axis=1)
-        return solve_block_tridiagonal(blocks, rest[..., None])[..., 0]
+        origin = np.zeros_like(self.steps)
+
+        def parts(rows: Indices) -> tuple[Floats, Floats]:
+            blocks: Floats = np.zeros((len(rows), 3, 3, 3))
+            for f in range(self.index.shape[1]):
+                unit = self.share[rows, f, None, None] * np.eye(3)
+                self._add(blocks, rows, self.index[rows, f], unit)
+            return blocks, np.sum(self._factors(origin, 1.0, rows), axis=1) - self.steps[rows]
+
+        return _solve_by_pieces(np.arange(len(self.steps)), parts)
+
+    def correction(self, unknown: Floats, scale: float, rows: Indices) -> Floats:
+        """Return one Newton step of some rows, the other unknowns staying as they are."""
+        return _solve_by_pieces(rows, lambda piece: self.linearised(unknown, scale, piece))
+
+
+def _solve_by_pieces(rows: Indices, parts: Callable[[Indices], tuple[Floats, Floats]]) -> Floats:
+    """Return the solution that cancels the errors of some rows, given their derivatives.
+
+    Long systems are solved piece by piece, each with neighbours enough on both sides that what
+    lies beyond them does not matter to rounding: the pieces fit the cache.
+    """
+    solution: Floats = np.empty((len(rows), 3))
+    for begin in range(0, len(rows), _PIECE):
+        first, end = max(0, begin - _OVERLAP), begin + _PIECE
+        blocks, error = parts(rows[first : end + _OVERLAP])
+        solved = solve_block_tridiagonal(blocks, -error[..., None])[..., 0]
+        solution[begin:end] = solved[begin - first : end - first]
+    return solution
 
 
 def solve_block_tridiagonal(blocks: Floats, right: Floats) -> Floats:
