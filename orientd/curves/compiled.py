@@ -27,6 +27,7 @@ from orientd.rotation import Floats
 
 TILE = 64
 LONG = 32
+STRIDE = 64
 ROWS = 25
 """Rows of the table: base quaternion, then per factor four coefficients and the axis."""
 
@@ -105,18 +106,24 @@ def _turned_back(c: float, e: Vector, v: Vector) -> Vector:
 
 
 @_inlined
-def _after_factor(t: float, factor: Factor, state: State) -> State:
+def _turn(t: float, factor: Factor) -> tuple[float, Vector, float, float]:
+    """Return the quaternion of a factor, and twice the derivatives of its half angle."""
     a0, a1, a2, a3, ax, ay, az = factor
-    q, omega, alpha = state
     c, s = _cosine_and_sine(a0 + t * (a1 + t * (a2 + t * a3)))
     rate = 2.0 * (a1 + t * (2.0 * a2 + t * (3.0 * a3)))
-    curvature = 4.0 * a2 + t * (12.0 * a3)
-    e = (s * ax, s * ay, s * az)
-    ox, oy, oz = _turned_back(c, e, omega)
-    px, py, pz = _turned_back(c, e, alpha)
+    return c, (s * ax, s * ay, s * az), rate, 4.0 * a2 + t * (12.0 * a3)
+
+
+@_inlined
+def _joined(
+    omega: Vector, alpha: Vector, factor: Factor, rate: float, curvature: float
+) -> tuple[Vector, Vector]:
+    """Return the motion before a factor, as seen after it, joined with that of the factor."""
+    ax, ay, az = factor[4], factor[5], factor[6]
+    ox, oy, oz = omega
+    px, py, pz = alpha
     nx, ny, nz = rate * ax, rate * ay, rate * az
     return (
-        _multiplied(q, c, e),
         (ox + nx, oy + ny, oz + nz),
         (
             px + curvature * ax + (oy * nz - oz * ny),
@@ -128,17 +135,19 @@ def _after_factor(t: float, factor: Factor, state: State) -> State:
 
 @_inlined
 def _sampled(t: float, base: Quaternion, f: Factor, g: Factor, h: Factor) -> State:
-    # Nothing turns before the first factor: what would be multiplied by zero is left out.
-    a0, a1, a2, a3, ax, ay, az = f
-    c, s = _cosine_and_sine(a0 + t * (a1 + t * (a2 + t * a3)))
-    rate = 2.0 * (a1 + t * (2.0 * a2 + t * (3.0 * a3)))
-    curvature = 4.0 * a2 + t * (12.0 * a3)
-    state = (
-        _multiplied(base, c, (s * ax, s * ay, s * az)),
-        (rate * ax, rate * ay, rate * az),
-        (curvature * ax, curvature * ay, curvature * az),
-    )
-    return _after_factor(t, h, _after_factor(t, g, state))
+    # The first factor's velocity and acceleration have its axis, which is turned for both.
+    c, e, rate, curvature = _turn(t, f)
+    q = _multiplied(base, c, e)
+    c, e, next_rate, next_curvature = _turn(t, g)
+    q = _multiplied(q, c, e)
+    x, y, z = _turned_back(c, e, (f[4], f[5], f[6]))
+    before = (rate * x, rate * y, rate * z)
+    change = (curvature * x, curvature * y, curvature * z)
+    omega, alpha = _joined(before, change, g, next_rate, next_curvature)
+    c, e, rate, curvature = _turn(t, h)
+    q = _multiplied(q, c, e)
+    omega, alpha = _joined(_turned_back(c, e, omega), _turned_back(c, e, alpha), h, rate, curvature)
+    return q, omega, alpha
 
 
 @_vectorised
@@ -200,6 +209,16 @@ def _fill_tile(tile: Floats) -> None:
 
 
 @_compiled
+def _inside(times: Floats, first: int, start: float, end: float) -> int:
+    """Return how many of the next instants are in a span, in a loop without a way out."""
+    found = 0
+    for i in range(STRIDE):
+        t = times[uint64(first + i)]
+        found += int((t >= start) & (t < end))
+    return found
+
+
+@_compiled
 def _unload(tile: Floats, count: int, first: int, out: Floats) -> None:
     """Work off a tile and copy what is wanted of it to the output from place *first* on."""
     _fill_tile(tile)
@@ -253,6 +272,8 @@ def _fill(times: Floats, breaks: Floats, table: Floats, slack: float, out: Float
                 span = _span_of(t, breaks)
         start, end = breaks[span], breaks[span + 1]
         stop = i + 1
+        while stop + STRIDE <= count and _inside(times, stop, start, end) == STRIDE:
+            stop += STRIDE
         while stop < count and start <= times[stop] < end:
             stop += 1
         if stop - i >= LONG and t == times[i]:
