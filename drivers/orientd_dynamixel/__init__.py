@@ -1,0 +1,1 @@
+"""Gimbals on Dynamixel servos."""
