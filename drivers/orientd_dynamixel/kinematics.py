@@ -170,7 +170,7 @@ class Gimbal:
         outer = np.where(sine < _LOCK, self._outer_at_pole(matrix, kept), outer)
         branches = []
         for turn in (0.0, np.pi):
-            chosen = _wrapped(outer + turn)
+            chosen = wrapped(outer + turn)
             branches.append(
                 np.concatenate([chosen[..., None], self.rest(matrix, chosen).inner], axis=-1)
             )
@@ -198,7 +198,7 @@ class Gimbal:
         i, j = self.axes
         a, missing, b = _split(self.matrix(check_unit(q)), i, 3 - i - j, j)
         near = np.stack([a, b], axis=-1)
-        far = _wrapped(near + np.pi)
+        far = wrapped(near + np.pi)
         error = np.abs(missing)
         return np.stack([near, far], axis=-2), np.stack([error, np.pi - error], axis=-1)
 
@@ -233,8 +233,8 @@ class Gimbal:
             direction = to_matrix(unrotated)[..., :, self.inner_axis]
             along = np.einsum("...ij,...i->...j", jacobian, direction)
             jacobian = jacobian - direction[..., :, None] * along[..., None, :]
-        least: Floats = np.linalg.svd(jacobian, compute_uv=False)[..., len(self.axes) - 1]
-        return least
+        sigma = np.linalg.svd(jacobian, compute_uv=False)
+        return np.asarray(sigma[..., len(self.axes) - 1], dtype=np.float64)
 
     def _outer_at_pole(self, matrix: Floats, kept: Floats) -> Floats:
         if len(self.axes) == 2:
@@ -256,7 +256,8 @@ class Gimbal:
         return array
 
 
-def _wrapped(angle: Floats) -> Floats:
+def wrapped(angle: Floats) -> Floats:
+    """Return an angle less whole turns, in (-pi, pi]."""
     less: Floats = np.asarray(angle - 2 * np.pi * np.ceil((angle - np.pi) / (2 * np.pi)))
     return less
 
