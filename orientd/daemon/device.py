@@ -15,12 +15,12 @@ from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 
+from orientd.clock import MonotonicClock
 from orientd.config import DeviceSettings
 from orientd.daemon.feeder import BLOCK, Feeder
 from orientd.daemon.meter import MotionMeter, MotionStatistics
 from orientd.daemon.servo_link import ServoLink, report_directory
 from orientd.driver.registry import driver_target, load_driver
-from orientd.clock import MonotonicClock
 from orientd.errors import ConfigError, DaemonError, Fault, StateError
 from orientd.planner import Limits, Motion
 from orientd.planner import State as PlannedState
@@ -233,6 +233,19 @@ class Device:
             raise StateError(f"device {self.name} is {state}, not holding{advice}")
         return PlannedState.at_rest(cycle.q, cycle.position)
 
+    def next_start(self) -> PlannedState:
+        """Return the state in which the next motion will begin, if the present one reaches its end.
+
+        Raises:
+            StateError: the device is neither holding nor moving.
+        """
+        with self._lock:
+            if self._active and self._motion is not None:
+                motion = self._motion
+                end = motion.sample([(motion.record_count - 1) * motion.period])
+                return PlannedState.at_rest(end.q[0], end.position[0])
+        return self.commanded()
+
     def start(self, motion: Motion) -> int:
         """Begin to stream *motion* and return its number, once the servo has taken it up.
 
@@ -337,6 +350,8 @@ class Device:
         link = self._link
         is_alive = link is not None and link.is_alive
         cycle = link.newest() if link is not None and is_alive else None
+        if link is not None and cycle is not None and cycle.state is State.FAULT:
+            self._learn_why(link)
         fault = self._fault
         if cycle is not None and cycle.state is State.FAULT and fault is Fault.NONE:
             fault = Fault(cycle.fault)
@@ -391,14 +406,7 @@ class Device:
     def _tick(self, link: ServoLink) -> None:
         link.beat()
         is_alive = link.is_alive
-        for note in link.words():
-            if note.kind is NoteKind.READY:
-                self._become_ready(link, note.text)
-            elif note.kind is NoteKind.FAULT:
-                self._fault, self._fault_text = Fault(note.code), note.text
-                self._tell(EventKind.FAULT, f"{self._fault.name.lower()}: {note.text}")
-            elif note.kind is NoteKind.ENDING:
-                self._failure = note.text
+        self._hear(link)
         if not is_alive:
             self._lose(link)
             return
@@ -415,6 +423,24 @@ class Device:
             and cycle.state not in (State.STREAMING, State.STOPPING)
         ):
             self._conclude(cycle)
+
+    def _hear(self, link: ServoLink) -> None:
+        for note in link.words():
+            if note.kind is NoteKind.READY:
+                self._become_ready(link, note.text)
+            elif note.kind is NoteKind.FAULT:
+                self._fault, self._fault_text = Fault(note.code), note.text
+                self._tell(EventKind.FAULT, f"{self._fault.name.lower()}: {note.text}")
+            elif note.kind is NoteKind.ENDING:
+                self._failure = note.text
+
+    def _learn_why(self, link: ServoLink) -> None:
+        """Hear what the servo has said of its fault, where the device's thread has not yet."""
+        if self._fault is Fault.NONE and self._lock.acquire(timeout=TICK):
+            try:
+                self._hear(link)
+            finally:
+                self._lock.release()
 
     def _become_ready(self, link: ServoLink, text: str) -> None:
         got = json.loads(text)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from orientd.planner import Motion
 from orientd.servo.path_follower import FINAL_WORD, TAIL_WORD
 from orientd.stream import PathFlag, RecordRing
-from orientd.stream.records import PATH_RECORD
+from orientd.stream.records import PATH_FLOATS, PATH_RECORD
 
 BLOCK = 512
 """Records sampled at a time."""
@@ -23,11 +23,7 @@ _LAYOUT = np.dtype(
         ("path_time_ns", "i8"),
         ("flags", "u4"),
         ("motion", "u4"),
-        ("q", "f8", (4,)),
-        ("omega_body", "f8", (3,)),
-        ("alpha_body", "f8", (3,)),
-        ("position", "f8", (3,)),
-        ("velocity", "f8", (3,)),
+        ("floats", "f8", (PATH_FLOATS,)),
     ],
     align=True,
 )
@@ -82,17 +78,11 @@ class Feeder:
 
     def _records(self, first: int, count: int) -> NDArray[np.void]:
         motion = self.motion
-        times = np.arange(first, first + count) * motion.period
-        samples = motion.sample(times)
         block = np.zeros(count, dtype=_LAYOUT)
         block["index"] = np.arange(self._ring.head, self._ring.head + count)
-        block["path_time_ns"] = np.rint(times * 1e9)
+        block["path_time_ns"] = np.rint(np.arange(first, first + count) * motion.period * 1e9)
         block["motion"] = self._number
         if first + count == motion.record_count:
             block["flags"][-1] = PathFlag.LAST
-        block["q"] = samples.q
-        block["omega_body"] = samples.omega_body
-        block["alpha_body"] = samples.alpha_body
-        block["position"] = samples.position
-        block["velocity"] = samples.velocity
+        block["floats"] = motion.records(first, count)
         return block
