@@ -1,0 +1,196 @@
+"""The cyclic read of all servos: asked for in one cycle, taken in the next, never waited for long.
+
+A lost answer costs one cycle and leaves the last good one with its age.  A late answer must never
+pass for the answer to a later question, which the protocol itself cannot tell, so three things
+stand in its way: after a loss nothing is asked until the slowest answer would have come, and what
+came is thrown away; the order in which servos answer changes from request to request; and each
+block holds the servo's clock, which shows when it was measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import permutations
+
+from orientd.errors import DeviceFaultError, FeedbackError
+from orientd_dynamixel.axis import TICKS, Axis
+from orientd_dynamixel.reading import BLOCK, TICK_RANGE, Reading, behind_ms, decode
+from orientd_dynamixel.servo_bus import ALERT, ServoBus
+
+STALE_MS = 8.0
+"""A block measured so much before it was asked for answers an earlier question."""
+JUMP_TICKS = 24
+"""What a reading may jump on top of what the axis can turn: backlash and rounding."""
+JUMP_MARGIN = 1.5
+
+
+@dataclass(slots=True)
+class Losses:
+    """What was not answered.
+
+    Attributes:
+        total: group reads so far that failed.
+        in_a_row: since the last good one.
+        culprits: by servo id, how often it was the first one missing since then.
+        why: what was wrong the last time.
+    """
+
+    total: int
+    in_a_row: int
+    culprits: dict[int, int]
+    why: str
+
+
+class Group:
+    """Read all servos once a cycle.
+
+    Attributes:
+        time_ns: when the newest good reading was asked for.
+        readings: by axis, the newest good ones.
+        losses: what was not answered.
+    """
+
+    def __init__(
+        self,
+        bus: ServoBus,
+        axes: Sequence[Axis],
+        *,
+        is_fast: bool,
+        max_losses: int,
+        quiet_ns: int,
+    ) -> None:
+        self.time_ns = 0
+        self.readings: tuple[Reading, ...] = ()
+        self.losses = Losses(0, 0, {}, "")
+        self._bus = bus
+        self._axes = list(axes)
+        self._is_fast = is_fast
+        self._max_losses = max_losses
+        self._quiet_ns = quiet_ns
+        rows = [(a.options.id, a.options.model.indirect_data, len(BLOCK)) for a in axes]
+        # Neighbours in this list differ, so that two requests in a row are never alike.
+        self._orders = [list(order) for order in permutations(rows)]
+        self._turn = 0
+        self._asked_ns = 0
+        self._is_waiting = False
+        self._quiet_until_ns = 0
+        # By servo: when it was last asked with success, ns, and what its clock said then.
+        self._clocks: dict[int, tuple[int, int]] = {}
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether an answer is on its way."""
+        return self._is_waiting
+
+    @property
+    def cycle_bytes(self) -> int:
+        """Bytes on the line each cycle: goals out, request out, answers in."""
+        count, block = len(self._axes), len(BLOCK)
+        answer = 8 + count * (block + 4) if self._is_fast else count * (block + 11)
+        return 14 + 5 * count + 14 + count + answer
+
+    def ask(self, now_ns: int) -> None:
+        """Ask for the next reading, unless the line has to stay quiet after a loss."""
+        if now_ns < self._quiet_until_ns:
+            return
+        self._turn = (self._turn + 1) % len(self._orders)
+        self._bus.request(self._orders[self._turn], is_fast=self._is_fast)
+        self._asked_ns = now_ns
+        self._is_waiting = True
+
+    def take(self, now_ns: int, wait_ms: float) -> bool:
+        """Take the answer in; return whether there is a new good reading.
+
+        Raises:
+            FeedbackError: too many were lost in a row.
+            DeviceFaultError: a servo has started again.
+        """
+        if not self._is_waiting:
+            return False
+        self._is_waiting = False
+        rows = self._orders[self._turn]
+        blocks, missing = self._bus.collect(rows, wait_ms, is_fast=self._is_fast)
+        if len(blocks) < len(rows):
+            self._lose(now_ns, missing, "no whole answer")
+            return False
+        for block in blocks:
+            if block.error & ~ALERT:
+                self._lose(now_ns, block.id, f"error {block.error & ~ALERT} instead of a reading")
+                return False
+        found = {block.id: decode(block.content) for block in blocks}
+        readings = tuple(found[axis.options.id] for axis in self._axes)
+        for axis, reading in zip(self._axes, readings, strict=True):
+            if problem := self._doubt(axis, reading):
+                self._lose(now_ns, axis.options.id, problem)
+                return False
+        self.readings = readings
+        self.time_ns = self._asked_ns
+        self.losses.in_a_row = 0
+        self.losses.culprits.clear()
+        for axis, reading in zip(self._axes, readings, strict=True):
+            self._clocks[axis.options.id] = (self._asked_ns, reading.tick_ms)
+        return True
+
+    def settle(self, now_ns: int, wait_ms: float) -> None:
+        """Get the line free for single questions: take or await what is on its way."""
+        if self._is_waiting:
+            self._is_waiting = False
+            self._bus.collect(self._orders[self._turn], wait_ms, is_fast=self._is_fast)
+        self._quiet_until_ns = now_ns
+        self._bus.clear()
+
+    def forget(self) -> None:
+        """Begin anew: nothing read so far counts."""
+        self.readings = ()
+        self.losses.in_a_row = 0
+        self.losses.culprits.clear()
+        self._clocks.clear()
+        self._is_waiting = False
+        self._quiet_until_ns = 0
+
+    def _doubt(self, axis: Axis, reading: Reading) -> str:
+        """Return why a reading cannot be believed, or nothing.
+
+        Raises:
+            DeviceFaultError: it shows that the servo has started again.
+        """
+        servo, name = axis.options.id, axis.options.name
+        if not reading.has_map:
+            raise DeviceFaultError(
+                f"servo {servo} ({name}) has started again and lost its settings; was its supply "
+                "interrupted?"
+            )
+        clock = self._clocks.get(servo)
+        if clock is None:
+            return ""
+        asked_ns, tick_ms = clock
+        elapsed_ms = (self._asked_ns - asked_ns) * 1e-6
+        late_ms = behind_ms(reading.tick_ms, (tick_ms + elapsed_ms) % TICK_RANGE)
+        if late_ms > STALE_MS:
+            return f"{name} answered an earlier question, {late_ms:.0f} ms old"
+        previous = self.readings[self._axes.index(axis)]
+        most = axis.options.velocity * axis.options.gear * TICKS / 6.283185307179586
+        reach = JUMP_TICKS + JUMP_MARGIN * most * (elapsed_ms + STALE_MS) * 1e-3
+        jump = abs(reading.position - previous.position)
+        if jump > reach:
+            return f"{name} reports a jump of {jump} ticks in {elapsed_ms:.1f} ms"
+        return ""
+
+    def _lose(self, now_ns: int, servo: int | None, why: str) -> None:
+        losses = self.losses
+        losses.total += 1
+        losses.in_a_row += 1
+        losses.why = why
+        if servo is not None:
+            losses.culprits[servo] = losses.culprits.get(servo, 0) + 1
+        # What is late now must have come, and be thrown away, before anything is asked again.
+        self._quiet_until_ns = now_ns + self._quiet_ns
+        if losses.in_a_row >= self._max_losses:
+            age_ms = (now_ns - self.time_ns) * 1e-6 if self.time_ns else float("inf")
+            text = f"{losses.in_a_row} readings lost in a row, the last good is {age_ms:.0f} ms old"
+            if losses.culprits:
+                worst = max(losses.culprits, key=lambda key: losses.culprits[key])
+                name = next(a.options.name for a in self._axes if a.options.id == worst)
+                text += f"; most often servo {worst} ({name})"
+            raise FeedbackError(f"{text}: {why}")
