@@ -107,6 +107,8 @@ class DynamixelDriver(Driver):
             # One at a time: what was begun has to be known when the next one fails.
             for axis in self._axes:
                 begun += [axis] if startup.engage(bus, axis) else []
+            group.forget()
+            group.synchronise(self.clock.now_ns)
             startup.arm_watchdogs(bus, self._axes, self.settings.watchdog_ms)
         except DeviceError:
             # What held before goes on holding.
@@ -118,7 +120,6 @@ class DynamixelDriver(Driver):
         self._is_enabled = True
         self._written_ns = self.clock.now_ns()
         self._apart_since_ns = [0] * len(self._axes)
-        group.forget()
         self._feedback = Feedback(self.clock.now_ns(), self._tracker.forward(angles), joints=angles)
         return self._feedback
 
@@ -244,6 +245,7 @@ class DynamixelDriver(Driver):
                     position = bus.read(axis.options.id, startup.POSITION, 4, is_signed=True)
                     axis.resolve_turns(position, self._known[number])
             self._group = self._listen(bus, firmware)
+            self._group.synchronise(self.clock.now_ns)
         except DeviceError:
             bus.close()
             raise

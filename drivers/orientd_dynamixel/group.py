@@ -9,17 +9,27 @@ block holds the servo's clock, which shows when it was measured.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import permutations
 
 from orientd.errors import DeviceFaultError, FeedbackError
 from orientd_dynamixel.axis import TICKS, Axis
-from orientd_dynamixel.reading import BLOCK, TICK_RANGE, Reading, behind_ms, decode
+from orientd_dynamixel.reading import (
+    BLOCK,
+    REALTIME_TICK,
+    TICK_RANGE,
+    Reading,
+    behind_ms,
+    decode,
+)
 from orientd_dynamixel.servo_bus import ALERT, ServoBus
 
 STALE_MS = 8.0
 """A block measured so much before it was asked for answers an earlier question."""
+DRIFT = 0.01
+"""How much faster than ours a servo's clock may run."""
+_SOUNDINGS = 3
 JUMP_TICKS = 24
 """What a reading may jump on top of what the axis can turn: backlash and rounding."""
 JUMP_MARGIN = 1.5
@@ -40,6 +50,36 @@ class Losses:
     in_a_row: int
     culprits: dict[int, int]
     why: str
+
+
+class ServoClock:
+    """What a servo's millisecond clock says, seen from here.
+
+    Between a question and its measurement passes some time, never less than none, so the reading
+    that lies farthest behind the question is the one to go by.  The two clocks may drift apart.
+    """
+
+    def __init__(self) -> None:
+        self._asked_ns = 0
+        self._tick_ms = -1.0
+
+    def behind_ms(self, asked_ns: int, tick_ms: int) -> float:
+        """Return by how much *tick_ms* is behind what a prompt answer would show, at least."""
+        if self._tick_ms < 0.0:
+            return 0.0
+        elapsed_ms = (asked_ns - self._asked_ns) * 1e-6
+        return behind_ms(tick_ms, (self._tick_ms + elapsed_ms) % TICK_RANGE)
+
+    def learn(self, asked_ns: int, tick_ms: int) -> None:
+        """Take a believed reading into account."""
+        behind = self.behind_ms(asked_ns, tick_ms)
+        if self._tick_ms < 0.0 or behind >= 0.0:
+            self._tick_ms = float(tick_ms)
+        else:
+            elapsed_ms = (asked_ns - self._asked_ns) * 1e-6
+            drift_ms = min(-behind, DRIFT * elapsed_ms)
+            self._tick_ms = (self._tick_ms + elapsed_ms + drift_ms) % TICK_RANGE
+        self._asked_ns = asked_ns
 
 
 class Group:
@@ -75,8 +115,7 @@ class Group:
         self._asked_ns = 0
         self._is_waiting = False
         self._quiet_until_ns = 0
-        # By servo: when it was last asked with success, ns, and what its clock said then.
-        self._clocks: dict[int, tuple[int, int]] = {}
+        self._clocks: dict[int, ServoClock] = {}
 
     @property
     def is_waiting(self) -> bool:
@@ -129,7 +168,7 @@ class Group:
         self.losses.in_a_row = 0
         self.losses.culprits.clear()
         for axis, reading in zip(self._axes, readings, strict=True):
-            self._clocks[axis.options.id] = (self._asked_ns, reading.tick_ms)
+            self._clocks[axis.options.id].learn(self._asked_ns, reading.tick_ms)
         return True
 
     def settle(self, now_ns: int, wait_ms: float) -> None:
@@ -145,9 +184,22 @@ class Group:
         self.readings = ()
         self.losses.in_a_row = 0
         self.losses.culprits.clear()
-        self._clocks.clear()
         self._is_waiting = False
         self._quiet_until_ns = 0
+
+    def synchronise(self, now_ns: Callable[[], int]) -> None:
+        """Learn what every servo's clock says, by asking each a few times alone.
+
+        Raises:
+            LinkError: one does not answer.
+        """
+        for axis in self._axes:
+            servo = axis.options.id
+            clock = ServoClock()
+            for _ in range(_SOUNDINGS):
+                asked_ns = now_ns()
+                clock.learn(asked_ns, self._bus.read(servo, REALTIME_TICK, 2))
+            self._clocks[servo] = clock
 
     def _doubt(self, axis: Axis, reading: Reading) -> str:
         """Return why a reading cannot be believed, or nothing.
@@ -161,14 +213,12 @@ class Group:
                 f"servo {servo} ({name}) has started again and lost its settings; was its supply "
                 "interrupted?"
             )
-        clock = self._clocks.get(servo)
-        if clock is None:
-            return ""
-        asked_ns, tick_ms = clock
-        elapsed_ms = (self._asked_ns - asked_ns) * 1e-6
-        late_ms = behind_ms(reading.tick_ms, (tick_ms + elapsed_ms) % TICK_RANGE)
+        late_ms = self._clocks[servo].behind_ms(self._asked_ns, reading.tick_ms)
         if late_ms > STALE_MS:
             return f"{name} answered an earlier question, {late_ms:.0f} ms old"
+        if not self.readings:
+            return ""
+        elapsed_ms = (self._asked_ns - self.time_ns) * 1e-6
         previous = self.readings[self._axes.index(axis)]
         most = axis.options.velocity * axis.options.gear * TICKS / 6.283185307179586
         reach = JUMP_TICKS + JUMP_MARGIN * most * (elapsed_ms + STALE_MS) * 1e-3

@@ -15,6 +15,7 @@ map and answers with zeros, which would be a position.
 RETURN_LEVEL = 2
 WATCHDOG_TRIPPED = 0xFF
 TICK_RANGE = 32768
+REALTIME_TICK = 120
 VELOCITY_UNIT = 0.229 * 2 * 3.141592653589793 / 60
 """rad/s of one step."""
 

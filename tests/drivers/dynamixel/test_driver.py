@@ -274,7 +274,7 @@ def test_hardware_error_is_a_fault_that_says_what(gimbal):
 
 def test_lost_supply_is_a_fault_and_its_zeros_are_never_a_reading(gimbal):
     sway(gimbal, 1.0)
-    before = gimbal.driver.read().joints
+    before = gimbal.seen[-1].joints
     servo = gimbal.servo(1)
     servo.disconnect(gimbal.clock.now_ns())
     servo.connect(gimbal.clock.now_ns())

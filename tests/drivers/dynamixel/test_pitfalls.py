@@ -121,7 +121,7 @@ def test_05_missing_servo_costs_what_is_configured_not_34_ms():
 
 def test_06_lost_reply_keeps_the_last_good_reading_and_names_the_servo(gimbal):
     gimbal.run(20)
-    good = gimbal.driver.read()
+    good = gimbal.seen[-1]
     gimbal.bus.faults.add(2, ReplyFault(FaultKind.DROP, remaining=1))
     gimbal.run(3)
     assert gimbal.driver.losses.total == 1
