@@ -1,7 +1,7 @@
 """A gimbal on Dynamixel servos, behind the driver contract.
 
 A cycle takes in the answers to the read of the cycle before, then sends one write of all goals and
-the next read.  Nothing in it waits for a servo unless an answer is late.
+the next read.  Nothing in it waits for a servo.
 
 Readings are believed only where they can be (:mod:`orientd_dynamixel.group`), and a write of goals
 is never acknowledged, so torque, hardware error, watchdog and the distance between goal and
@@ -29,7 +29,6 @@ from orientd_dynamixel.tracker import Tracker
 _LIMIT_SLACK = math.radians(0.5)
 _RATE_SLACK = 1.05
 _TICK = 2 * math.pi / 4096
-_WAIT_SHARE = 0.4
 _BUSY_SHARE = 0.8
 
 
@@ -134,7 +133,7 @@ class DynamixelDriver(Driver):
         _, group = self._connected()
         now_ns = self.clock.now_ns()
         try:
-            is_new = group.take(now_ns, self.period_ns * 1e-6 * _WAIT_SHARE)
+            is_new = group.take(now_ns)
         finally:
             if not self._is_enabled and not group.is_waiting:
                 group.ask(self.clock.now_ns())

@@ -1,10 +1,11 @@
-"""The cyclic read of all servos: asked for in one cycle, taken in the next, never waited for long.
+"""The cyclic read of all servos: asked for in one cycle, taken in the next, never waited for.
 
-A lost answer costs one cycle and leaves the last good one with its age.  A late answer must never
-pass for the answer to a later question, which the protocol itself cannot tell, so three things
-stand in its way: after a loss nothing is asked until the slowest answer would have come, and what
-came is thrown away; the order in which servos answer changes from request to request; and each
-block holds the servo's clock, which shows when it was measured.
+An answer that is not there yet is taken in a later cycle; meanwhile goals are sent and nothing is
+asked.  One that has not come after the adapter's latency is lost, and the last good one grows old.
+A late answer must never pass for the answer to a later question, which the protocol itself cannot
+tell, so three things stand in its way: nothing is asked until the slowest answer would have come,
+and what came is thrown away; the order in which servos answer changes from request to request; and
+each block holds the servo's clock, which shows when it was measured.
 """
 
 from __future__ import annotations
@@ -30,6 +31,8 @@ STALE_MS = 8.0
 DRIFT = 0.01
 """How much faster than ours a servo's clock may run."""
 _SOUNDINGS = 3
+_TAIL_MS = 1.0
+"""Stuffing makes an answer longer than it must be; its last bytes are this close behind."""
 JUMP_TICKS = 24
 """What a reading may jump on top of what the axis can turn: backlash and rounding."""
 JUMP_MARGIN = 1.5
@@ -111,6 +114,8 @@ class Group:
         rows = [(a.options.id, a.options.model.indirect_data, len(BLOCK)) for a in axes]
         # Neighbours in this list differ, so that two requests in a row are never alike.
         self._orders = [list(order) for order in permutations(rows)]
+        count, block = len(rows), len(BLOCK)
+        self._answer_bytes = 8 + count * (block + 4) if is_fast else count * (block + 11)
         self._turn = 0
         self._asked_ns = 0
         self._is_waiting = False
@@ -125,21 +130,20 @@ class Group:
     @property
     def cycle_bytes(self) -> int:
         """Bytes on the line each cycle: goals out, request out, answers in."""
-        count, block = len(self._axes), len(BLOCK)
-        answer = 8 + count * (block + 4) if self._is_fast else count * (block + 11)
-        return 14 + 5 * count + 14 + count + answer
+        count = len(self._axes)
+        return 14 + 5 * count + 14 + count + self._answer_bytes
 
     def ask(self, now_ns: int) -> None:
-        """Ask for the next reading, unless the line has to stay quiet after a loss."""
-        if now_ns < self._quiet_until_ns:
+        """Ask for the next reading, unless an answer is on its way or may still come."""
+        if self._is_waiting or now_ns < self._quiet_until_ns:
             return
         self._turn = (self._turn + 1) % len(self._orders)
         self._bus.request(self._orders[self._turn], is_fast=self._is_fast)
         self._asked_ns = now_ns
         self._is_waiting = True
 
-    def take(self, now_ns: int, wait_ms: float) -> bool:
-        """Take the answer in; return whether there is a new good reading.
+    def take(self, now_ns: int) -> bool:
+        """Take the answer in if it is there; return whether there is a new good reading.
 
         Raises:
             FeedbackError: too many were lost in a row.
@@ -147,9 +151,14 @@ class Group:
         """
         if not self._is_waiting:
             return False
+        is_there = self._bus.available >= self._answer_bytes
+        if not is_there and now_ns - self._asked_ns < self._quiet_ns:
+            return False
         self._is_waiting = False
         rows = self._orders[self._turn]
-        blocks, missing = self._bus.collect(rows, wait_ms, is_fast=self._is_fast)
+        blocks, missing = self._bus.collect(
+            rows, _TAIL_MS if is_there else 0.0, is_fast=self._is_fast
+        )
         if len(blocks) < len(rows):
             self._lose(now_ns, missing, "no whole answer")
             return False
@@ -234,8 +243,8 @@ class Group:
         losses.why = why
         if servo is not None:
             losses.culprits[servo] = losses.culprits.get(servo, 0) + 1
-        # What is late now must have come, and be thrown away, before anything is asked again.
-        self._quiet_until_ns = now_ns + self._quiet_ns
+        # What is late must have come, and be thrown away, before anything is asked again.
+        self._quiet_until_ns = self._asked_ns + self._quiet_ns
         if losses.in_a_row >= self._max_losses:
             age_ms = (now_ns - self.time_ns) * 1e-6 if self.time_ns else float("inf")
             text = f"{losses.in_a_row} readings lost in a row, the last good is {age_ms:.0f} ms old"

@@ -53,6 +53,21 @@ class Block:
     content: bytes
 
 
+class _Sender:
+    """A port as the SDK sees it when it sends, without its habit of clearing the input first."""
+
+    def __init__(self, port: Any) -> None:  # noqa: ANN401
+        self.is_using = False
+        self._port = port
+
+    def clearPort(self) -> None:  # noqa: N802 - the SDK's name
+        """Clear nothing."""
+
+    def writePort(self, packet: Sequence[int]) -> int:  # noqa: N802 - the SDK's name
+        """Send; return how many bytes were."""
+        return int(self._port.writePort(packet))
+
+
 class ServoBus:
     """The bus, owned by one thread.
 
@@ -66,12 +81,19 @@ class ServoBus:
         self._port = port
         self._handler = handler
         self._wait_ms = wait_ms
+        self._sender = _Sender(port)
         self._lock = threading.Lock()
 
     @property
     def byte_ms(self) -> float:
         """How long a byte takes."""
         return float(self._port.tx_time_per_byte)
+
+    @property
+    def available(self) -> int:
+        """How many bytes have arrived."""
+        with self._owned("a look at the port"):
+            return int(self._port.getBytesAvailable())
 
     def close(self) -> None:
         """Let go of the port; never raises."""
@@ -122,6 +144,8 @@ class ServoBus:
     def sync_write(self, address: int, count: int, values: Sequence[tuple[int, int]]) -> None:
         """Write the same register of many servos; none of them answers, none reports an error.
 
+        What has arrived is left alone: it may be an answer that is not yet collected.
+
         Args:
             address: of the register.
             count: its bytes.
@@ -134,7 +158,7 @@ class ServoBus:
         _check_stuffing(bytes(parameters))
         with self._owned("a write of goals"):
             result = self._handler.syncWriteTxOnly(
-                self._port, address, count, parameters, len(parameters)
+                self._sender, address, count, parameters, len(parameters)
             )
         if result != 0:
             raise LinkError(f"a write of goals was not sent: {self._explain(result)}")
@@ -249,7 +273,7 @@ class ServoBus:
             raise LinkError(f"{what} failed: {error or type(error).__name__}") from error
         finally:
             # The SDK leaves its port marked busy when anything is raised, for ever.
-            self._port.is_using = False
+            self._port.is_using = self._sender.is_using = False
             self._lock.release()
 
     def _explain(self, result: int) -> str:
