@@ -73,7 +73,7 @@ def run(
     clock = MonotonicClock()
     bus = Bus(
         servos(names, baud=baud, now_ns=clock.now_ns()),
-        line=line or Line(is_paced=True, usb_latency_ns=1_000_000),
+        line=line or Line(is_paced=True, usb_latency_ns=1_000_000, has_collisions=False),
         rng=random.Random(seed),
         gap_ns=_GAP_NS,
     )
@@ -132,7 +132,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=0, help="of everything random")
     parser.add_argument("--console", action="store_true", help="read commands from standard input")
     options = parser.parse_args(arguments)
-    line = Line(is_paced=not options.ideal, usb_latency_ns=round(options.usb_ms * 1e6))
+    line = Line(is_paced=True, usb_latency_ns=round(options.usb_ms * 1e6), has_collisions=False)
     if options.ideal:
         line = Line()
     try:

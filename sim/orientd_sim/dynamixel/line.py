@@ -18,11 +18,15 @@ class Line:
         turnaround_ns: from the end of an instruction to the beginning of an answer, on top of the
             servo's own return delay.
         usb_latency_ns: the most by which the adapter holds back an answer; uniform from 0.
+        has_collisions: whether an instruction that begins while an answer is on the line spoils
+            both.  Not behind a pseudo-terminal: an emulator that a busy machine wakes late would
+            make collisions that no wire has.
     """
 
     is_paced: bool = False
     turnaround_ns: int = 50_000
     usb_latency_ns: int = 0
+    has_collisions: bool = True
 
     def duration_ns(self, count: int, baud: int) -> int:
         """Return how long *count* bytes of ten bits take at *baud*."""
@@ -140,7 +144,7 @@ class Wire:
     def collides(self, start_ns: int) -> bool:
         """Spoil the answers that an instruction beginning at *start_ns* runs into, if any."""
         hit = False
-        for reply in self._replies:
+        for reply in self._replies if self.line.has_collisions else ():
             if reply.start_ns <= start_ns < reply.end_ns:
                 reply.octets = bytes([reply.octets[0] ^ 0xFF]) + reply.octets[1:]
                 hit = True
