@@ -3,6 +3,7 @@
 import random
 
 import pytest
+
 from orientd_sim.dynamixel.packet import (
     Damaged,
     Instruction,

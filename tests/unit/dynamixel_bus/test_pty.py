@@ -8,10 +8,10 @@ import sys
 import threading
 
 import pytest
-from orientd_sim.dynamixel import Bus, PtyServer, Servo
-from orientd_sim.dynamixel.command import main, servos
 
 from orientd.clock import MonotonicClock
+from orientd_sim.dynamixel import Bus, PtyServer, Servo
+from orientd_sim.dynamixel.command import main, servos
 
 sdk = pytest.importorskip("dynamixel_sdk")
 

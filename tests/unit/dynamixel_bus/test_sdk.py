@@ -4,9 +4,8 @@ import pytest
 
 sdk = pytest.importorskip("dynamixel_sdk")
 
-from orientd_sim.dynamixel import XL330_M288, Bus, Line, Servo, VirtualPort  # noqa: E402
-
 from orientd.clock import ManualClock  # noqa: E402
+from orientd_sim.dynamixel import XL330_M288, Bus, Line, Servo, VirtualPort  # noqa: E402
 
 COMM_SUCCESS, COMM_RX_TIMEOUT = 0, -3001
 

@@ -3,6 +3,7 @@
 from itertools import pairwise
 
 import pytest
+
 from orientd_sim.dynamixel.motion import TICKS_PER_RADIAN
 from orientd_sim.dynamixel.packet import ALERT, ErrorNumber
 from orientd_sim.dynamixel.servo import Servo

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from orientd_dynamixel.kinematics import Gimbal, damped_rates
 from scipy.spatial.transform import Rotation
 
 from orientd.rotation import angle, multiply
+from orientd_dynamixel.kinematics import Gimbal, damped_rates
 
 THREE = ["ZYX", "ZXY", "XYZ", "XZY", "YXZ", "YZX", "ZYZ", "ZXZ", "XYX", "XZX", "YXY", "YZY"]
 TWO = ["ZY", "ZX", "XY", "XZ", "YX", "YZ"]

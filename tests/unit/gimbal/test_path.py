@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from orientd_dynamixel.certificate import AxisLimits, Policy, rates
-from orientd_dynamixel.kinematics import Gimbal, damped_rates
-from orientd_dynamixel.path import plan_axes
 
 from orientd.errors import LimitError, StartError
 from orientd.rotation import angle, exp, from_axis_angle, from_matrix, log, multiply
+from orientd_dynamixel.certificate import AxisLimits, Policy, rates
+from orientd_dynamixel.kinematics import Gimbal, damped_rates
+from orientd_dynamixel.path import plan_axes
 
 PERIOD = 0.005
 NO_LOAD = 4.817

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from orientd_dynamixel.tube import smooth, taut_string
 
 
