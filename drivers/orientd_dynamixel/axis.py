@@ -13,6 +13,11 @@ UNSENDABLE = -131_073
 """The one goal whose bytes hold a packet header, which the SDK cannot send."""
 
 
+def sendable(goal: int) -> int:
+    """Return *goal*, or the tick beside it if it cannot be sent."""
+    return goal + 1 if goal == UNSENDABLE else goal
+
+
 class Axis:
     """Convert angles of the axis to ticks of its servo.
 
@@ -40,9 +45,7 @@ class Axis:
             ValueError: the servo cannot count that far.
         """
         exact = CENTRE + (angle - self.options.zero) * self._scale - self.turns * TICKS
-        goal = round(exact)
-        if goal == UNSENDABLE:
-            goal += 1 if exact > goal else -1
+        goal = sendable(round(exact))
         if not -GOAL_LIMIT <= goal <= GOAL_LIMIT:
             raise ValueError(f"{self.options.name} cannot go to {goal} ticks")
         return goal

@@ -78,12 +78,16 @@ class Keyhole:
 class Slew:
     """A stop of the path in which the axes change branch or unwind.
 
+    Or a stretch of it that is gone along slowly, from rest to rest, because an axis would have to
+    hurry too much: then the path is not left.
+
     Attributes:
         start: s.
         end: s.
         path_time: where the path stops, in its own time, s.
         before: axis angles, rad.
         after: axis angles, rad.
+        is_on_path: whether the path is gone along slowly instead of being left.
     """
 
     start: float
@@ -91,6 +95,7 @@ class Slew:
     path_time: float
     before: tuple[float, ...]
     after: tuple[float, ...]
+    is_on_path: bool = False
 
 
 @dataclass(frozen=True, slots=True)

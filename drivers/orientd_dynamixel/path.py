@@ -30,6 +30,7 @@ from orientd_dynamixel.keyhole import Passage, outer_line, passages, windows
 from orientd_dynamixel.kinematics import Gimbal, wrapped
 from orientd_dynamixel.stops import Timeline, with_stops
 
+_SLACK = 1 + 1e-3
 _ADVICE = "allow a deviation, a slower path or a slew, or choose another path"
 
 
@@ -85,7 +86,9 @@ def plan_axes(
             else:
                 stretch = 1.0
     _refuse(choice, gimbal, q, period, limits, policy)
-    return _path(gimbal, q, period, limits, choice, stretch)
+    path = _path(gimbal, q, period, limits, choice, stretch)
+    _verify(path.certificate, limits)
+    return path
 
 
 def _choose(
@@ -178,7 +181,7 @@ def _refuse(
         worst = peak(
             acceleration[:, a], period * np.arange(len(q), dtype=np.float64), limit.acceleration
         )
-        if worst.value > limit.acceleration * (1 + 1e-3):
+        if worst.value > limit.acceleration * _SLACK:
             raise LimitError(
                 f"acceleration of {limit.name}", worst.value, worst.limit, worst.time, "rad/s^2",
                 _ADVICE,
@@ -237,6 +240,21 @@ def _path(
         stretch=stretch,
     )
     return AxisPath(line.times, line.angles, reached, certificate)
+
+
+def _verify(certificate: AxisCertificate, limits: Sequence[AxisLimits]) -> None:
+    """Raise if the path as it came out breaks a limit after all."""
+    for limit, velocity, acceleration in zip(
+        limits, certificate.velocity, certificate.acceleration, strict=True
+    ):
+        for name, worst, unit in (
+            ("velocity", velocity, "rad/s"),
+            ("acceleration", acceleration, "rad/s^2"),
+        ):
+            if worst.value > worst.limit * _SLACK:
+                raise LimitError(
+                    f"{name} of {limit.name}", worst.value, worst.limit, worst.time, unit, _ADVICE
+                )
 
 
 def _when(line: Timeline, path_time: float) -> float:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from orientd.errors import DeviceError, DeviceFaultError, LinkError
-from orientd_dynamixel.axis import Axis
+from orientd_dynamixel.axis import Axis, sendable
 from orientd_dynamixel.options import AxisOptions, GimbalOptions
 from orientd_dynamixel.reading import BLOCK, RETURN_LEVEL, WATCHDOG_TRIPPED, explain_error
 from orientd_dynamixel.servo_bus import ServoBus
@@ -82,8 +82,7 @@ def configure(bus: ServoBus, axis: AxisOptions) -> None:
         permanent.append((CURRENT_LIMIT, 2, round(axis.current_limit / axis.model.current_unit)))
     if bus.read(axis.id, LEVEL, 1) != RETURN_LEVEL:
         bus.write(axis.id, LEVEL, RETURN_LEVEL, 1)
-    if bus.read(axis.id, WATCHDOG, 1):
-        bus.write(axis.id, WATCHDOG, 0, 1)
+    quiet_watchdog(bus, axis.id)
     wrong = [row for row in permanent if bus.read(axis.id, row[0], row[1]) != row[2]]
     if wrong:
         bus.write(axis.id, TORQUE, 0, 1)
@@ -100,6 +99,24 @@ def configure(bus: ServoBus, axis: AxisOptions) -> None:
     bus.write(axis.id, PROFILE_VELOCITY, 0, 4)
 
 
+def quiet_watchdog(bus: ServoBus, servo: int) -> int | None:
+    """Switch the watchdog off; return the new goal if it had tripped.
+
+    A tripped servo has stopped, but may keep its old goal and go there once it is allowed to: its
+    goal becomes where it is.
+    """
+    state = bus.read(servo, WATCHDOG, 1)
+    if state != WATCHDOG_TRIPPED:
+        if state:
+            bus.write(servo, WATCHDOG, 0, 1)
+        return None
+    # Read first, so that nothing but the goal itself comes between the two writes.
+    goal = sendable(bus.read(servo, POSITION, 4, is_signed=True))
+    bus.write(servo, WATCHDOG, 0, 1)
+    bus.write(servo, GOAL, goal, 4)
+    return goal
+
+
 def engage(bus: ServoBus, axis: Axis) -> bool:
     """Switch the torque on with the goal where the servo is; return whether it had been off.
 
@@ -110,8 +127,7 @@ def engage(bus: ServoBus, axis: Axis) -> bool:
     goal = bus.read(servo, GOAL, 4, is_signed=True)
     was_on = bool(bus.read(servo, TORQUE, 1))
     if not (was_on and abs(goal - position) <= HELD_TICKS):
-        # One tick beside where it is, if its place cannot be sent.
-        goal = axis.ticks(axis.angle(position))
+        goal = sendable(position)
         bus.write(servo, GOAL, goal, 4)
         bus.write(servo, TORQUE, 1, 1)
         if not bus.read(servo, TORQUE, 1):
@@ -144,13 +160,8 @@ def hold(bus: ServoBus, axes: Sequence[Axis]) -> None:
     for axis in axes:
         servo = axis.options.id
         try:
-            was_tripped = bus.read(servo, WATCHDOG, 1) == WATCHDOG_TRIPPED
-            bus.write(servo, WATCHDOG, 0, 1)
-            if was_tripped:
-                # It has stopped, but may keep its old goal and would go there.
-                position = bus.read(servo, POSITION, 4, is_signed=True)
-                axis.goal = axis.ticks(axis.angle(position))
-                bus.write(servo, GOAL, axis.goal, 4)
+            goal = quiet_watchdog(bus, servo)
+            axis.goal = axis.goal if goal is None else goal
         except DeviceError as error:
             failure = failure or error
     if failure is not None:

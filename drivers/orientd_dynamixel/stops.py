@@ -19,6 +19,9 @@ _PEAK_SPEED = 1.875
 """Of the quintic from rest to rest, in lengths a duration."""
 _PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)
 """Of the same, in lengths a squared duration."""
+_CRAWL_STEPS = 8.0
+"""Up to so many times what an axis can turn in a sample, a step is a path that is too fast."""
+_ATTEMPTS = 40
 
 
 @dataclass(frozen=True)
@@ -89,6 +92,63 @@ def _clock(length: float, ramp: float, *, is_left: bool, is_right: bool, period:
     return way
 
 
+def _between(grid_values: Floats, at: Floats) -> Floats:
+    """Return values between samples by cubic Hermite segments with central differences.
+
+    Args:
+        grid_values: shape ``(n, axes)``, one sample apart.
+        at: where, in samples, shape ``(m,)``.
+    """
+    count = len(grid_values)
+    if count == 1:
+        return np.repeat(grid_values, len(at), axis=0)
+    slopes = np.gradient(grid_values, axis=0)
+    left = np.clip(np.floor(at).astype(int), 0, count - 2)
+    u = (at - left)[:, None]
+    p, q = grid_values[left], grid_values[left + 1]
+    m, n = slopes[left], slopes[left + 1]
+    way = u * u * (3 - 2 * u)
+    values: Floats = p + way * (q - p) + u * (1 - u) * ((1 - u) * m - u * n)
+    return values
+
+
+def _crawl(part: Floats, period: float, limits: Sequence[AxisLimits]) -> tuple[Floats, Floats]:
+    """Return axis angles, and where in *part* they are, of going along it from rest to rest."""
+    length = len(part) - 1
+    speed = np.array([limit.velocity for limit in limits]) * period
+    steps = np.max(np.abs(np.diff(part, axis=0)), axis=0) / speed
+    count = max(2, math.ceil(_PEAK_SPEED * length * max(1.0, float(np.max(steps)))))
+    most = np.array([limit.acceleration for limit in limits]) * period * period
+    for _ in range(_ATTEMPTS):
+        at = length * quintic(np.arange(count + 1) / count)
+        angles = _between(part, at)
+        change = np.abs(np.diff(angles, axis=0))
+        bend = np.abs(np.diff(angles, n=2, axis=0))
+        if np.all(change <= speed) and np.all(bend <= most):
+            break
+        count = math.ceil(count * 1.2)
+    return angles, at
+
+
+def _events(
+    angles: Floats, period: float, slews: Sequence[int], limits: Sequence[AxisLimits], ramp: float
+) -> list[tuple[int, int, bool]]:
+    """Return ``(last before, first after, whether it is a crawl)`` of each stop.
+
+    A step that is a little too far belongs to a path that is too fast there, and neighbours of it
+    are one stretch to be gone along slowly; a large one is a change of branch or turn.
+    """
+    speed = np.array([limit.velocity for limit in limits]) * period
+    found: list[tuple[int, int, bool]] = []
+    for k in slews:
+        is_crawl = bool(np.max(np.abs(angles[k] - angles[k - 1]) / speed) <= _CRAWL_STEPS)
+        if is_crawl and found and found[-1][2] and (k - 1 - found[-1][1]) * period < 2 * ramp:
+            found[-1] = (found[-1][0], k, True)
+        else:
+            found.append((k - 1, k, is_crawl))
+    return found
+
+
 def with_stops(
     angles: Floats,
     period: float,
@@ -110,34 +170,40 @@ def with_stops(
     path_pieces: list[Floats] = []
     slewing: list[bool] = []
     found: list[Slew] = []
-    bounds = [0, *slews, len(angles)]
+    events = _events(angles, period, slews, limits, ramp)
+    bounds = [(-1, 0, False), *events, (len(angles) - 1, len(angles), False)]
     elapsed = 0
-    for number, (first, last) in enumerate(pairwise(bounds)):
-        part = angles[first:last]
+    for number, ((_, first, _), (last, after, is_crawl)) in enumerate(pairwise(bounds)):
+        part = angles[first : last + 1]
         clock = _clock(
             (len(part) - 1) * period, ramp, is_left=number > 0,
-            is_right=number < len(slews), period=period,
+            is_right=number < len(events), period=period,
         )  # fmt: skip
-        grid = np.arange(len(part)) * period
-        pieces.append(
-            np.stack([np.interp(clock, grid, part[:, a]) for a in range(part.shape[1])], axis=1)
-        )
+        is_plain = len(clock) == len(part) and not events
+        pieces.append(part if is_plain else _between(part, clock / period))
         path_pieces.append(first * period + clock)
         slewing += [False] * len(clock)
         elapsed += len(clock)
-        if number < len(slews):
-            before, after = angles[last - 1], angles[last]
-            count = max(1, int(np.ceil(slew_duration(before, after, limits) / period)))
+        if number == len(events):
+            break
+        if is_crawl:
+            inside, at = _crawl(angles[last : after + 1], period, limits)
+            inside, path_times = inside[1:-1], (last + at[1:-1]) * period
+        else:
+            here, there = angles[last], angles[after]
+            count = max(1, math.ceil(slew_duration(here, there, limits) / period))
             share = quintic(np.arange(1, count) / count)
-            pieces.append(before + share[:, None] * (after - before))
-            path_pieces.append(np.full(count - 1, (last - 1) * period))
-            slewing += [True] * (count - 1)
-            start = (elapsed - 1) * period
-            found.append(
-                Slew(start, start + count * period, (last - 1) * period,
-                     tuple(map(float, before)), tuple(map(float, after)))
-            )  # fmt: skip
-            elapsed += count - 1
+            inside = here + share[:, None] * (there - here)
+            path_times = np.full(len(inside), last * period)
+        pieces.append(inside)
+        path_pieces.append(path_times)
+        slewing += [not is_crawl] * len(inside)
+        start = (elapsed - 1) * period
+        found.append(
+            Slew(start, start + (len(inside) + 1) * period, last * period,
+                 tuple(map(float, angles[last])), tuple(map(float, angles[after])), is_crawl)
+        )  # fmt: skip
+        elapsed += len(inside)
     whole = np.concatenate(pieces)
     return Timeline(
         period * np.arange(len(whole), dtype=np.float64), whole, np.concatenate(path_pieces),

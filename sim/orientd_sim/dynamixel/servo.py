@@ -3,7 +3,8 @@
 Choices that no document settles: torque on sets the goal to the present position; in a latched
 shutdown a write of torque answers with the alert alone and changes nothing; a write of several
 registers is done whole or not at all; gaps of the table read as zero; booting takes 0.3 s; the
-drive mode's reverse bit is not modelled.
+drive mode's reverse bit is not modelled; a servo that its watchdog stopped keeps its goal and goes
+there once the watchdog is cleared, unless it gets another one first.
 """
 
 from __future__ import annotations
@@ -68,6 +69,7 @@ class Servo:
         self._fed_ns = now_ns
         self._planned_goal: int | None = None
         self._planned = (0.0, 0.0)
+        self._stopped_at = 0.0
         self.shaft = Shaft(float(CENTRE), now_ns)
 
     # What it is.
@@ -222,7 +224,7 @@ class Servo:
             if now_ns > trip_ns:
                 self.shaft.advance(trip_ns, self._aim())
                 self._memory[98] = WATCHDOG_TRIPPED
-                self._store_goal(self.shaft.position)
+                self._stopped_at = self.shaft.position
                 self._set(104, 0)
                 self.shaft.settle()
         self.shaft.advance(now_ns, self._aim())
@@ -321,6 +323,8 @@ class Servo:
         if mode in _POSITIONING:
             goal = self.value("goal position") - self.value("homing offset")
             aim.position = float(goal)
+            if self._memory[98] == WATCHDOG_TRIPPED:
+                aim.position = self._stopped_at
             aim.profile_speed = speed * VELOCITY_UNIT * TICKS_PER_RADIAN
             if self._memory[10] & 0x04 and speed:
                 self._time_profile(aim, goal, speed * 1e-3, acceleration * 1e-3)

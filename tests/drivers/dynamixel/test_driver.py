@@ -318,3 +318,16 @@ def test_turns_lost_by_a_restart_are_known_again_after_reset(rig):
     it.driver.disable()
     it.driver.reset()
     assert math.degrees(it.driver.enable().joints[0]) == pytest.approx(400, abs=0.2)
+
+
+def test_servo_left_tripped_by_a_killed_process_does_not_set_off_again(gimbal):
+    """Its goal is still in it when the next process clears the watchdog."""
+    gimbal.run(60, lambda k: [0.015 * k, 0, 0])
+    gimbal.servo(1)._memory[116:120] = (9000).to_bytes(4, "little")
+    gimbal.clock.advance(1_000_000_000)
+    place = gimbal.value(1, "present position")
+    assert gimbal.value(1, "goal position") == 9000
+    assert place < 4000
+    gimbal.driver.reset()
+    gimbal.clock.advance(1_000_000_000)
+    assert gimbal.value(1, "present position") == pytest.approx(place, abs=12)

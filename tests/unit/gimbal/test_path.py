@@ -248,3 +248,60 @@ def test_random_walk_without_slews_is_refused_or_within_limits():
     q = np.array(q) / np.linalg.norm(q, axis=1, keepdims=True)
     with pytest.raises(LimitError):
         plan_axes(Gimbal("ZYX"), q, PERIOD, limits("ZYX", NO_LOAD, np.inf), start=[0, 0, 0])
+
+
+def wandering(seed, length=6.0):
+    """A smooth random path from rest to rest."""
+    rng = np.random.default_rng(seed)
+    times = np.arange(0, length, PERIOD)
+    omega = sum(
+        rng.normal(size=3) * np.sin(f * 0.7 * times + rng.uniform(0, 6))[:, None] for f in (1, 2, 3)
+    )
+    omega *= rng.uniform(0.3, 1.2) * np.sin(np.pi * times / length)[:, None] ** 2
+    q = [rng.normal(size=4)]
+    q[0] /= np.linalg.norm(q[0])
+    for step in exp(omega[1:] * PERIOD):
+        q.append(multiply(q[-1], step))
+    q = np.array(q)
+    return q / np.linalg.norm(q, axis=1, keepdims=True)
+
+
+POLICIES = [
+    Policy(),
+    Policy(max_deviation=np.deg2rad(3)),
+    Policy(allow_slews=True),
+    Policy(max_deviation=np.deg2rad(3), max_stretch=2.0, allow_slews=True),
+]
+
+
+@pytest.mark.parametrize("order", ["ZYX", "ZXY", "ZYZ", "ZY"])
+@pytest.mark.parametrize("number", range(len(POLICIES)))
+def test_any_path_is_inside_its_limits_or_refused(order, number):
+    policy, bounds = POLICIES[number], limits(order)
+    for seed in range(3):
+        q = wandering(10 * number + seed)
+        try:
+            path = plan_axes(Gimbal(order), q, PERIOD, bounds, policy=policy)
+        except LimitError:
+            continue
+        got = path.certificate
+        velocity, acceleration = rates(path.angles, path.times[1] - path.times[0])
+        for axis, limit in enumerate(bounds):
+            assert np.max(np.abs(velocity[:, axis])) <= limit.velocity * 1.001
+            assert np.max(np.abs(acceleration[:, axis])) <= limit.acceleration * 1.001
+            assert got.travel[axis][0] >= limit.low - 1e-6
+            assert got.travel[axis][1] <= limit.high + 1e-6
+        assert got.error.value <= policy.max_deviation * (1 + 1e-6) + 1e-9
+        if not got.slews and len(order) == 3:
+            assert np.max(angle(path.q, q)) <= policy.max_deviation * (1 + 1e-6) + 1e-9
+
+
+def test_stretch_that_is_too_fast_is_gone_along_slowly_on_the_path():
+    q = passing(2)
+    path = plan_axes(Gimbal("ZYX"), q, PERIOD, limits("ZYX"), policy=Policy(allow_slews=True))
+    (crawl,) = path.certificate.slews
+    assert crawl.is_on_path
+    # Every orientation on the way is one of the path's.
+    inside = (path.times >= crawl.start) & (path.times <= crawl.end)
+    near = np.max(np.abs(path.q[inside] @ q[700:900].T), axis=1)
+    assert 2 * np.arccos(np.min(near).clip(-1, 1)) < np.deg2rad(15) * PERIOD
