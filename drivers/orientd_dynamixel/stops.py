@@ -116,11 +116,14 @@ def _crawl(part: Floats, period: float, limits: Sequence[AxisLimits]) -> tuple[F
     """Return axis angles, and where in *part* they are, of going along it from rest to rest."""
     length = len(part) - 1
     speed = np.array([limit.velocity for limit in limits]) * period
-    steps = np.max(np.abs(np.diff(part, axis=0)), axis=0) / speed
-    count = max(2, math.ceil(_PEAK_SPEED * length * max(1.0, float(np.max(steps)))))
+    # Each step takes as long as its slowest axis needs, and no less than on the path.
+    spans = np.maximum(1.0, np.max(np.abs(np.diff(part, axis=0)) / speed, axis=1))
+    passed = np.concatenate([[0.0], np.cumsum(spans)])
+    count = max(2, math.ceil(_PEAK_SPEED * float(passed[-1])))
     most = np.array([limit.acceleration for limit in limits]) * period * period
     for _ in range(_ATTEMPTS):
-        at = length * quintic(np.arange(count + 1) / count)
+        share = quintic(np.arange(count + 1) / count)
+        at = np.interp(share * passed[-1], passed, np.arange(length + 1))
         angles = _between(part, at)
         change = np.abs(np.diff(angles, axis=0))
         bend = np.abs(np.diff(angles, n=2, axis=0))
