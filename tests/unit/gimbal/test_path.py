@@ -250,6 +250,35 @@ def test_random_walk_without_slews_is_refused_or_within_limits():
         plan_axes(Gimbal("ZYX"), q, PERIOD, limits("ZYX", NO_LOAD, np.inf), start=[0, 0, 0])
 
 
+@pytest.mark.parametrize(("order", "seed"), [("ZYX", 1), ("ZXY", 2)])
+def test_walk_that_winds_up_is_unwound_by_planned_slews_only(order, seed):
+    """20,000 samples of a walk with memory, which runs into the cable limits again and again."""
+    rng = np.random.default_rng(seed)
+    omega = np.zeros((20_001, 3))
+    for k in range(20_000):
+        omega[k + 1] = 0.995 * omega[k] + rng.normal(scale=0.06, size=3)
+    q = [np.array([1.0, 0, 0, 0])]
+    for step in exp(omega[1:] * PERIOD):
+        q.append(multiply(q[-1], step))
+    q = np.array(q) / np.linalg.norm(q, axis=1, keepdims=True)
+    bounds = limits(order, velocity=NO_LOAD, acceleration=np.inf)
+    path = plan_axes(Gimbal(order), q, PERIOD, bounds, start=[0, 0, 0],
+                     policy=Policy(allow_slews=True))  # fmt: skip
+    naive = np.abs(np.diff(Gimbal(order).inverse(q)[:, 0], axis=0))
+    assert np.sum(np.max(naive, axis=1) > np.pi / 2) >= 10
+    velocity, _ = rates(path.angles, PERIOD)
+    assert np.max(np.abs(velocity)) <= NO_LOAD * 1.001
+    left = [slew for slew in path.certificate.slews if not slew.is_on_path]
+    assert 1 <= len(left) <= 14
+    for slew in left:
+        first, last = round(slew.start / PERIOD), round(slew.end / PERIOD)
+        assert path.angles[first] == pytest.approx(slew.before, abs=1e-9)
+        assert path.angles[last] == pytest.approx(slew.after, abs=1e-9)
+    assert path.certificate.error.value < 1e-9
+    for (low, high), limit in zip(path.certificate.travel, bounds, strict=True):
+        assert limit.low - 1e-6 <= low <= high <= limit.high + 1e-6
+
+
 def wandering(seed, length=6.0):
     """A smooth random path from rest to rest."""
     rng = np.random.default_rng(seed)
