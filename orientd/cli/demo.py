@@ -59,6 +59,7 @@ def demo(
     from orientd.cli import progress, texts
     from orientd.cli.motion_commands import follow, raise_unless_done
     from orientd.rpc.client import connect
+    from orientd.rpc.reports import Outcome
 
     with _daemon() as socket, connect(socket, holder="orientd demo") as robot:
         if not as_json:
@@ -74,7 +75,9 @@ def demo(
             with progress.view("demo", is_silent=as_json) as view:
                 summary = follow(handle, view)
         plan = handle.plan
-    picture = _draw(plot, recorder.cycles, plan)
+    picture: dict[str, str | None] = {"path": None, "why_not": "none of a part of the motion"}
+    if summary.outcome is Outcome.DONE:
+        picture = _draw(plot, recorder.cycles, plan)
     if as_json:
         say_json(_figures(summary, plan, picture))
     else:
