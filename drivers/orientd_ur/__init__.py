@@ -1,0 +1,1 @@
+"""A driver for Universal Robots arms over `ur-rtde`."""
