@@ -161,7 +161,7 @@ class ControlScript:
             along = min(length, along + rate * dt)
             self.robot.arm.follow(at(along))
             yield
-        self.robot.arm.brake(commands.STOP_DECELERATION)
+        self.robot.arm.hold()
 
 
 class PlainProgram:

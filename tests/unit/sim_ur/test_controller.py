@@ -3,7 +3,6 @@
 import math
 
 import pytest
-
 from orientd_sim.ur import dashboard
 from orientd_sim.ur.arm import HOME, Arm, Breach, Mode
 from orientd_sim.ur.commands import Command
@@ -164,7 +163,9 @@ def test_upper_registers_are_used_where_the_script_says():
     assert (robot.output_ints[0], robot.output_ints[24]) == (0, 1)
 
 
-@pytest.mark.parametrize("leaves", [RuntimeState.PAUSED, RuntimeState.PLAYING, RuntimeState.STOPPED])
+@pytest.mark.parametrize(
+    "leaves", [RuntimeState.PAUSED, RuntimeState.PLAYING, RuntimeState.STOPPED]
+)
 def test_protective_stop_leaves_the_program_as_configured(leaves):
     robot = playing(Controller(Behaviour(protective_stop_leaves=leaves)))
     servo(robot, shifted(robot, -0.05))
@@ -244,6 +245,7 @@ def test_move_j_ends_on_its_target(robot):
     order(robot, Command.MOVE_J, *goal, 1.0, 2.0)
     while robot.output_ints[0] != 2:
         tick(robot)
+    tick(robot)
     assert robot.arm.target_q == pytest.approx(goal, abs=1e-12)
 
 
