@@ -11,7 +11,7 @@ demo: $(VENV)/.user
 	$(BIN)/orientd demo
 
 test: check
-	$(BIN)/python -m pytest -m "not slow and not bench"
+	$(BIN)/python -m pytest
 
 check: $(VENV)/.dev
 	$(BIN)/ruff check .
@@ -20,7 +20,7 @@ check: $(VENV)/.dev
 	$(BIN)/lint-imports --no-cache
 
 bench: $(VENV)/.dev
-	$(BIN)/python -m pytest tests/bench -m bench -s --override-ini="norecursedirs="
+	$(BIN)/python -m pytest tests/bench -m bench -s
 
 soak: $(VENV)/.dev
 	$(BIN)/python -m pytest -m slow --timeout=5400 -s

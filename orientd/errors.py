@@ -6,6 +6,7 @@ An error is ours (a call failed); a fault is the device's (it stopped and waits 
 
     OrientdError
     ├── RequestError            a motion file or request that is not well formed (field, problem)
+    │   └── UnknownNameError    it names a device or a plan that is not there
     ├── ConfigError             a configuration that is not well formed or not possible here
     ├── PlanError               a well-formed motion that cannot be planned
     │   ├── LimitError          it would break a limit (quantity, value, limit, time)
@@ -40,6 +41,10 @@ class RequestError(OrientdError, ValueError):
         super().__init__(f"{field}: {problem}" if field else problem)
         self.field = field
         self.problem = problem
+
+
+class UnknownNameError(RequestError):
+    """A request that names a device or a plan that is not there."""
 
 
 class ConfigError(OrientdError):

@@ -85,6 +85,7 @@ class Driver(ABC):
             ValueError: an option is unknown or not allowed; the message names the option, what was
                 expected and what came.
         """
+        self.options = dict(options)
         self.period_ns = period_ns
         self.clock = clock
 

@@ -61,6 +61,28 @@ PATH_FLOATS = 16
 CYCLE_RECORD = struct.Struct("@QqqqqQ6I25d")
 
 
+# index, code, motion, path_index | speed, velocity, acceleration, jerk, linear velocity, linear
+# acceleration, brake_rate
+COMMAND_RECORD = struct.Struct("@QIIQ7d")
+
+# index, command index, kind, code, length of the text, text
+NOTE_TEXT_BYTES = 400
+NOTE_RECORD = struct.Struct(f"@QQIII{NOTE_TEXT_BYTES}s")
+
+
+class NoteKind(IntEnum):
+    """What a note of the servo is about."""
+
+    READY = 1
+    """The driver is open; the text says what scheduling the process has got."""
+    ANSWER = 2
+    """Answer to a command: the code is an :class:`Answer`."""
+    FAULT = 3
+    """The device is in a fault: the code is a :class:`~orientd.errors.Fault`."""
+    ENDING = 4
+    """The process ends: the text says why."""
+
+
 class CycleFlag(IntEnum):
     """Bits of a cycle record's flags."""
 
@@ -68,6 +90,46 @@ class CycleFlag(IntEnum):
     """There is feedback at all."""
     WRITTEN = 2
     """A setpoint was written in this cycle."""
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """What a motion promised to keep, and how fast it may be stopped on its path.
+
+    Attributes:
+        velocity: largest angular velocity, rad/s.
+        acceleration: largest angular acceleration, rad/s^2.
+        jerk: largest angular jerk, rad/s^3.
+        linear_velocity: largest velocity of the position, m/s.
+        linear_acceleration: its largest acceleration, m/s^2.
+        brake_rate: a stop from full speed takes ``1 / brake_rate`` seconds; 1/s.
+    """
+
+    velocity: float
+    acceleration: float
+    jerk: float
+    linear_velocity: float
+    linear_acceleration: float
+    brake_rate: float
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """A word from the servo.
+
+    Attributes:
+        index: number of the note.
+        command: index of the command it answers.
+        kind: what it is about.
+        code: an :class:`Answer` or a :class:`~orientd.errors.Fault`.
+        text: in words.
+    """
+
+    index: int
+    command: int
+    kind: NoteKind
+    code: int
+    text: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,6 +193,20 @@ class Cycle:
         return self.deadline_ns - self.feedback_time_ns if self.has_feedback else -1
 
 
+def pack_note(
+    command: int, kind: NoteKind, code: int, text: str
+) -> tuple[int, int, int, int, bytes]:
+    """Return the fields of a note record after its index; a long text is cut."""
+    encoded = text.encode()[:NOTE_TEXT_BYTES]
+    return command, kind, code, len(encoded), encoded
+
+
+def unpack_note(record: bytes) -> Note:
+    """Decode one note record."""
+    index, command, kind, code, length, text = NOTE_RECORD.unpack(record)
+    return Note(index, command, NoteKind(kind), code, text[:length].decode(errors="replace"))
+
+
 def unpack_cycle(buffer: memoryview | bytes, offset: int = 0) -> Cycle:
     """Decode one cycle record.
 
@@ -140,6 +216,25 @@ def unpack_cycle(buffer: memoryview | bytes, offset: int = 0) -> Cycle:
     """
     f = CYCLE_RECORD.unpack_from(buffer, offset)
     return Cycle(
-        *f[:6], State(f[6]), *f[7:14], f[14:18], f[18:21], f[21:24], f[24:27], f[27:31], f[31:34],
-        f[34:37],
-    )  # fmt: skip
+        index=f[0],
+        deadline_ns=f[1],
+        lateness_ns=f[2],
+        work_ns=f[3],
+        feedback_time_ns=f[4],
+        path_index=f[5],
+        state=State(f[6]),
+        fault=f[7],
+        motion=f[8],
+        flags=f[9],
+        overruns=f[10],
+        missed=f[11],
+        path_fraction=f[12],
+        speed=f[13],
+        q=f[14:18],
+        omega_body=f[18:21],
+        alpha_body=f[21:24],
+        position=f[24:27],
+        feedback_q=f[27:31],
+        feedback_omega_body=f[31:34],
+        feedback_position=f[34:37],
+    )

@@ -1,0 +1,200 @@
+"""A device that is not there: what is written comes back as feedback, some cycles later.
+
+Options:
+
+``delay_cycles``
+    cycles from a setpoint to its feedback, 0 to 1000; default 2.
+``orientation``
+    ``{w, x, y, z}`` at the start; default none turned.
+``position``
+    ``[x, y, z]`` in metres at the start; default the origin.
+``record``
+    path of a file to which every setpoint is appended as it is written
+    (:mod:`orientd_loopback.recording`).
+``model``
+    ``module:Class`` of a body that follows the setpoints with lag and noise, for example
+    ``orientd_sim.joint:LaggedBody``; named, not imported, so that this package needs no other.
+``model_options``
+    keyword arguments of the model.
+``fault_file``
+    path that is looked at every cycle; while it holds ``link_lost``, ``feedback_stale`` or
+    ``device_fault``, the device is in that fault.
+"""
+
+from __future__ import annotations
+
+import importlib
+import math
+import os
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any, BinaryIO, ClassVar, Protocol
+
+from orientd.clock import Clock
+from orientd.driver import IDENTITY, ZERO, Driver, Feedback, Quaternion, Setpoint, Vector3
+from orientd.errors import DeviceFaultError, LinkError
+from orientd_loopback.recording import pack_setpoint
+
+_OPTIONS = (
+    "delay_cycles",
+    "orientation",
+    "position",
+    "record",
+    "model",
+    "model_options",
+    "fault_file",
+)
+_FAULTS = ("link_lost", "feedback_stale", "device_fault")
+
+
+class Model(Protocol):
+    """A body that follows an orientation."""
+
+    def place(self, q: Quaternion) -> None:
+        """Stand still at *q*."""
+
+    def follow(self, q: Quaternion, period: float) -> tuple[Quaternion, Vector3]:
+        """Move for *period* seconds towards *q*; return orientation and body velocity."""
+
+
+class LoopbackDriver(Driver):
+    """Return what was written, delayed."""
+
+    name: ClassVar[str] = "loopback"
+
+    def __init__(self, options: Mapping[str, Any], *, period_ns: int, clock: Clock) -> None:
+        super().__init__(options, period_ns=period_ns, clock=clock)
+        for key in options:
+            if key not in _OPTIONS:
+                raise ValueError(f"unknown option {key!r}, allowed are: {', '.join(_OPTIONS)}")
+        self._delay = _whole("delay_cycles", options.get("delay_cycles", 2), 0, 1000)
+        self._q = _orientation(options.get("orientation"))
+        self._position = _vector("position", options.get("position", ZERO))
+        self._record_path = _text("record", options.get("record"))
+        self._fault_path = _text("fault_file", options.get("fault_file"))
+        self._model = _model(options.get("model"), options.get("model_options", {}))
+        self._omega = ZERO
+        self._recording: BinaryIO | None = None
+        self._pending: deque[Feedback] = deque(maxlen=self._delay + 1)
+        self._newest: Feedback | None = None
+
+    def open(self) -> None:
+        """Begin the recording, where one is asked for."""
+        if self._record_path:
+            try:
+                # Appended without a buffer: what was written survives the process.
+                self._recording = open(self._record_path, "ab", buffering=0)  # noqa: SIM115, PTH123
+            except OSError as error:
+                raise LinkError(f"cannot record to {self._record_path}: {error}") from error
+
+    def enable(self) -> Feedback:
+        """Stand where it stands."""
+        fault = self._fault()
+        if fault:
+            raise DeviceFaultError(f"injected fault: {fault}")
+        if self._model is not None:
+            self._model.place(self._q)
+        self._pending.clear()
+        self._newest = Feedback(self.clock.now_ns(), self._q, ZERO, self._position)
+        return self._newest
+
+    def read(self) -> Feedback | None:
+        """Return the setpoint of ``delay_cycles`` cycles ago as what was measured."""
+        fault = self._fault() if self._fault_path else ""
+        if fault == "link_lost":
+            raise LinkError("injected fault: link_lost")
+        if fault == "device_fault":
+            raise DeviceFaultError("injected fault: device_fault")
+        if len(self._pending) > self._delay and fault != "feedback_stale":
+            self._newest = self._pending.popleft()
+        return self._newest
+
+    def write(self, setpoint: Setpoint) -> None:
+        """Take *setpoint* as the new orientation."""
+        self._q, self._omega, self._position = setpoint.q, setpoint.omega_body, setpoint.position
+        if self._model is not None:
+            self._q, self._omega = self._model.follow(setpoint.q, self.period_ns * 1e-9)
+        if len(self._pending) > self._delay:
+            self._pending.popleft()
+        self._pending.append(Feedback(self.clock.now_ns(), self._q, self._omega, self._position))
+        if self._recording is not None:
+            self._recording.write(pack_setpoint(setpoint))
+
+    def disable(self) -> None:
+        """Stay."""
+
+    def close(self) -> None:
+        """End the recording."""
+        if self._recording is not None:
+            self._recording.close()
+            self._recording = None
+
+    def _fault(self) -> str:
+        if not self._fault_path:
+            return ""
+        try:
+            descriptor = os.open(self._fault_path, os.O_RDONLY)
+        except FileNotFoundError:
+            return ""
+        try:
+            fault = os.read(descriptor, 64).decode().strip()
+        finally:
+            os.close(descriptor)
+        return fault if fault in _FAULTS else ""
+
+
+def _whole(option: str, given: object, lowest: int, highest: int) -> int:
+    if isinstance(given, bool) or not isinstance(given, int) or not lowest <= given <= highest:
+        raise ValueError(
+            f"{option} must be a whole number from {lowest} to {highest}, got {given!r}"
+        )
+    return given
+
+
+def _text(option: str, given: object) -> str:
+    if given is not None and not isinstance(given, str):
+        raise ValueError(f"{option} must be a path, got {given!r}")
+    return given or ""
+
+
+def _vector(option: str, given: Any) -> Vector3:  # noqa: ANN401 - checked here
+    if not isinstance(given, (list, tuple)) or len(given) != 3 or not _finite(given):
+        raise ValueError(f"{option} must be three numbers, got {given!r}")
+    return (float(given[0]), float(given[1]), float(given[2]))
+
+
+def _orientation(given: Any) -> Quaternion:  # noqa: ANN401 - checked here
+    if given is None:
+        return IDENTITY
+    if not isinstance(given, Mapping) or set(given) != set("wxyz") or not _finite(given.values()):
+        raise ValueError(f"orientation must be {{w, x, y, z}}, got {given!r}")
+    q = (float(given["w"]), float(given["x"]), float(given["y"]), float(given["z"]))
+    length = math.sqrt(sum(part * part for part in q))
+    if abs(length - 1.0) > 1e-6:
+        raise ValueError(f"orientation must have norm 1, got {length:.9g}")
+    return (q[0] / length, q[1] / length, q[2] / length, q[3] / length)
+
+
+def _finite(parts: Any) -> bool:  # noqa: ANN401 - checked here
+    return all(
+        isinstance(part, (int, float)) and not isinstance(part, bool) and math.isfinite(part)
+        for part in parts
+    )
+
+
+def _model(target: object, options: object) -> Model | None:
+    if target is None:
+        return None
+    if not isinstance(target, str) or ":" not in target:
+        raise ValueError(f"model must be 'module:Class', got {target!r}")
+    if not isinstance(options, Mapping):
+        raise ValueError(f"model_options must be a table, got {options!r}")
+    module, _, name = target.partition(":")
+    try:
+        make: Callable[..., Model] = getattr(importlib.import_module(module), name)
+    except (ImportError, AttributeError) as error:
+        raise ValueError(f"model {target!r} cannot be loaded: {error}") from error
+    try:
+        return make(**options)
+    except TypeError as error:
+        raise ValueError(f"model_options do not fit {target}: {error}") from error

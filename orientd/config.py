@@ -1,0 +1,221 @@
+"""The daemon's settings: one TOML file, every key checked, unknown keys refused.
+
+.. code-block:: toml
+
+    [daemon]
+    lease_seconds = 5.0
+
+    [devices.arm]
+    driver = "loopback"
+    rate_hz = 500
+
+    [devices.arm.limits]
+    velocity = 2.5
+"""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+
+from orientd.errors import ConfigError
+
+if TYPE_CHECKING:
+    from orientd.planner import Limits
+
+NANOSECONDS = 1_000_000_000
+MAX_RATE_HZ = 4000.0
+
+
+def _expand(value: object) -> object:
+    # TOML knows no paths; anything but text is left for the model to refuse.
+    return Path(value).expanduser() if isinstance(value, str) else value
+
+
+_EXPECTED = {
+    "too_short": "at least one table [devices.NAME]",
+    "string_pattern_mismatch": "a letter, then at most 31 letters, digits, '-' or '_'",
+    "is_instance_of": "a path",
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "bool_type": "true or false",
+    "string_type": "a text",
+}
+
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+SomePath = Annotated[Path, BeforeValidator(_expand)]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class DaemonSettings(_Table):
+    """The table ``[daemon]``.
+
+    Attributes:
+        socket: where to listen; ``None`` is the user's runtime directory.
+        lease_seconds: how long a lease lasts when its holder does not renew it, s.
+    """
+
+    socket: SomePath | None = None
+    lease_seconds: Annotated[float, Field(ge=0.2, le=3600.0)] = 5.0
+
+
+class LimitSettings(_Table):
+    """The table ``[devices.NAME.limits]``; what is not given is the default of the planner.
+
+    Attributes:
+        velocity: largest angular velocity, rad/s.
+        acceleration: largest angular acceleration, rad/s^2.
+        jerk: largest angular jerk, rad/s^3.
+        linear_velocity: largest velocity of the position, m/s.
+        linear_acceleration: largest acceleration of the position, m/s^2.
+    """
+
+    velocity: Positive | None = None
+    acceleration: Positive | None = None
+    jerk: Positive | None = None
+    linear_velocity: Positive | None = None
+    linear_acceleration: Positive | None = None
+
+    def to_limits(self) -> Limits:
+        """Return the planner's limits: what is given here, its defaults for the rest."""
+        # A file of settings can be read and checked without loading NumPy.
+        from dataclasses import replace
+
+        from orientd.planner import DEFAULT_LIMITS
+
+        return replace(DEFAULT_LIMITS, **self.model_dump(exclude_none=True))
+
+
+class DeviceSettings(_Table):
+    """The table ``[devices.NAME]``.
+
+    Attributes:
+        name: the key of the table.
+        driver: name of the driver in the registry.
+        rate_hz: cycles a second.
+        auto_enable: enable at start and after a reset.
+        heartbeat_timeout: the servo stops when it has not heard the daemon for so long, s.
+        feedback_timeout: feedback older than this is a fault, s.
+        spin_us: the last part of the wait for a deadline that is spent spinning, microseconds.
+        priority: SCHED_FIFO priority asked for; 0 asks for none.
+        limits: what no motion of this device may exceed.
+        options: the driver's own table.
+    """
+
+    name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,31}$")
+    driver: str
+    rate_hz: Annotated[float, Field(ge=1.0, le=MAX_RATE_HZ)] = 500.0
+    auto_enable: bool = True
+    heartbeat_timeout: Positive = 0.5
+    feedback_timeout: Positive = 0.1
+    spin_us: Annotated[int, Field(ge=0, le=1000)] = 0
+    priority: Annotated[int, Field(ge=0, le=99)] = 80
+    limits: LimitSettings = LimitSettings()
+    options: dict[str, Any] = Field(default_factory=dict)
+
+    @property
+    def period_ns(self) -> int:
+        """Length of a cycle in nanoseconds."""
+        return round(NANOSECONDS / self.rate_hz)
+
+
+class Settings(_Table):
+    """A whole file.
+
+    Attributes:
+        daemon: the table ``[daemon]``.
+        devices: the tables ``[devices.NAME]`` by name.
+    """
+
+    daemon: DaemonSettings = DaemonSettings()
+    devices: Annotated[dict[str, DeviceSettings], Field(min_length=1)]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _name_devices(cls, table: object) -> object:
+        if not isinstance(table, Mapping) or not isinstance(table.get("devices"), Mapping):
+            return table
+        named: dict[str, object] = {}
+        for name, device in table["devices"].items():
+            if isinstance(device, Mapping) and "name" in device:
+                raise ValueError(f"devices.{name}.name: the table's own name is the device's name")
+            named[name] = {**device, "name": name} if isinstance(device, Mapping) else device
+        return {**table, "devices": named}
+
+
+def default_settings() -> Settings:
+    """Return what the daemon runs with when there is no file: one loopback device, ``arm``."""
+    return parse({"devices": {"arm": {"driver": "loopback"}}}, source="default settings")
+
+
+def find() -> Path | None:
+    """Return the file to use when none is named on the command line.
+
+    ``$ORIENTD_CONFIG``, or else ``orientd/orientd.toml`` in the user's configuration directory
+    if it is there, or else ``None``.
+    """
+    named = os.environ.get("ORIENTD_CONFIG")
+    if named:
+        return Path(named).expanduser()
+    home = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
+    path = Path(home) / "orientd" / "orientd.toml"
+    return path if path.is_file() else None
+
+
+def load(path: Path) -> Settings:
+    """Read the settings in *path*.
+
+    Raises:
+        ConfigError: the file cannot be read, is not TOML, or a key is unknown or not allowed; the
+            one line names the file, the key, what was expected and what came.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"cannot read {path}: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: not UTF-8 text (byte {error.start})") from error
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{path}: not TOML: {error}") from error
+    return parse(table, source=str(path))
+
+
+def parse(table: Mapping[str, Any], *, source: str) -> Settings:
+    """Check *table*, which came from *source* (for the message only).
+
+    Raises:
+        ConfigError: a key is unknown, missing or not allowed.
+    """
+    try:
+        return Settings.model_validate(table)
+    except ValidationError as error:
+        raise ConfigError(f"{source}: {_describe(error)}") from error
+
+
+def _describe(error: ValidationError) -> str:
+    """Return the first complaint on one line: key, what was expected, what came."""
+    first = error.errors(include_url=False)[0]
+    key = ".".join(str(part) for part in first["loc"] if part != "[key]")
+    came = first["input"]
+    if first["type"] == "extra_forbidden":
+        return f"{key}: unknown key"
+    if first["type"] == "missing":
+        return f"{key}: missing"
+    if first["type"] == "value_error":
+        return str(first["ctx"]["error"])
+    if first["type"] in ("model_type", "model_attributes_type", "dict_type"):
+        return f"{key}: expected a table, got {came!r}"
+    expected = _EXPECTED.get(first["type"]) or first["msg"].removeprefix("Input should be ")
+    return f"{key}: expected {expected}, got {came!r}"

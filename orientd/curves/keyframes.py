@@ -1,0 +1,222 @@
+"""Checks of the parameters that curve families share: keyframes, times, vectors, choices.
+
+Every check returns the parameter as an array or number of its own, or raises a ValueError that
+names the parameter, what was allowed and what came.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from typing import Any
+
+import numpy as np
+
+from orientd.rotation import Floats, align, conjugate, log_half, multiply
+
+NORM_TOLERANCE = 1e-6
+"""How far the norm of a quaternion may be from one; a larger error is not rounding."""
+
+
+def _numbers(value: object, name: str, expected: str) -> Floats:
+    try:
+        array = np.asarray(value)
+    except ValueError as error:
+        raise ValueError(f"{name} must be {expected}, got {value!r}") from error
+    if array.dtype.kind not in "iuf":
+        raise ValueError(f"{name} must be {expected}, got {value!r}")
+    return array.astype(np.float64)
+
+
+def _unit(array: Floats, name: str) -> Floats:
+    if not np.all(np.isfinite(array)):
+        raise ValueError(f"{name} must be finite, got {_worst(array, ~np.isfinite(array))}")
+    norm = np.sqrt(np.sum(array * array, axis=-1))
+    is_off = np.abs(norm - 1.0) > NORM_TOLERANCE
+    if np.any(is_off):
+        place = int(np.argmax(is_off))
+        where = f"{name}[{place}]" if array.ndim == 2 else name
+        raise ValueError(
+            f"{where} must have norm 1 within {NORM_TOLERANCE:g}, "
+            f"got {array.reshape(-1, 4)[place].tolist()} of norm {norm.flat[place]:.9g}"
+        )
+    unit: Floats = array / norm[..., None]
+    return unit
+
+
+def _worst(array: Floats, is_bad: np.ndarray[Any, np.dtype[np.bool_]]) -> str:
+    place = np.unravel_index(int(np.argmax(is_bad)), array.shape)
+    index = ", ".join(str(int(i)) for i in place)
+    return f"{float(array[place])!r} at [{index}]" if place else repr(float(array))
+
+
+def check_quaternion(value: object, name: str) -> Floats:
+    """Return one unit quaternion ``(w, x, y, z)``, normalised to rounding, shape ``(4,)``.
+
+    Raises:
+        ValueError: it is not four finite numbers of norm 1 within 1e-6.
+    """
+    array = _numbers(value, name, "a unit quaternion (w, x, y, z)")
+    if array.shape != (4,):
+        raise ValueError(f"{name} must be a unit quaternion (w, x, y, z), got {value!r}")
+    return _unit(array, name)
+
+
+def check_keys(value: object, name: str = "keys", *, minimum: int = 2) -> Floats:
+    """Return a list of unit quaternions, normalised to rounding, signs as given, ``(n, 4)``.
+
+    Raises:
+        ValueError: there are fewer than *minimum*, or one is not a unit quaternion within 1e-6.
+    """
+    expected = f"a list of at least {minimum} unit quaternions (w, x, y, z)"
+    array = _numbers(value, name, expected)
+    if array.ndim != 2 or array.shape[-1] != 4 or len(array) < minimum:
+        raise ValueError(f"{name} must be {expected}, got an array of shape {array.shape}")
+    return _unit(array, name)
+
+
+def check_aligned(
+    value: object, align_signs: object, name: str = "keys", *, minimum: int = 2
+) -> Floats:
+    """Return checked keyframes, their signs aligned from the first one on if *align_signs*.
+
+    Raises:
+        ValueError: as :func:`check_keys`, or *align_signs* is not a truth value.
+    """
+    keys = check_keys(value, name, minimum=minimum)
+    return align(keys) if check_bool(align_signs, "align") else keys
+
+
+def check_vector(value: object, name: str) -> Floats:
+    """Return one finite vector, shape ``(3,)``.
+
+    Raises:
+        ValueError: it is not three finite numbers.
+    """
+    array = _numbers(value, name, "a vector of 3 numbers")
+    if array.shape != (3,) or not np.all(np.isfinite(array)):
+        raise ValueError(f"{name} must be a vector of 3 finite numbers, got {value!r}")
+    return array
+
+
+def check_number(value: object, name: str) -> float:
+    """Return a finite number.
+
+    Raises:
+        ValueError: it is not one.
+    """
+    array = _numbers(value, name, "a finite number")
+    if array.ndim != 0 or not math.isfinite(array):
+        raise ValueError(f"{name} must be a finite number, got {value!r}")
+    return float(array)
+
+
+def check_integer(value: object, name: str, *, minimum: int | None = None) -> int:
+    """Return a whole number, given as an int or as a float without a fraction.
+
+    Raises:
+        ValueError: it is not one, or less than *minimum*.
+    """
+    expected = "a whole number" if minimum is None else f"a whole number of at least {minimum}"
+    array = _numbers(value, name, expected)
+    if array.ndim != 0 or not math.isfinite(array) or float(array) != round(float(array)):
+        raise ValueError(f"{name} must be {expected}, got {value!r}")
+    if minimum is not None and array < minimum:
+        raise ValueError(f"{name} must be {expected}, got {value!r}")
+    return round(float(array))
+
+
+def check_bool(value: object, name: str) -> bool:
+    """Return a truth value.
+
+    Raises:
+        ValueError: it is neither true nor false.
+    """
+    if not isinstance(value, bool | np.bool_):
+        raise ValueError(f"{name} must be True or False, got {value!r}")
+    return bool(value)
+
+
+def check_choice(value: object, name: str, allowed: Collection[str]) -> str:
+    """Return one of the allowed words.
+
+    Raises:
+        ValueError: it is none of them.
+    """
+    if not isinstance(value, str) or value not in allowed:
+        words = ", ".join(repr(word) for word in allowed)
+        raise ValueError(f"{name} must be one of {words}, got {value!r}")
+    return value
+
+
+def check_interval(t0: object, t1: object) -> tuple[float, float]:
+    """Return the ends of a time interval in seconds.
+
+    Raises:
+        ValueError: they are not finite numbers, the second greater than the first.
+    """
+    start, end = check_number(t0, "t0"), check_number(t1, "t1")
+    if not end > start:
+        raise ValueError(f"t1 must be greater than t0 = {start!r}, got {end!r}")
+    return start, end
+
+
+def resolve_times(times: object, keys: Floats) -> Floats:
+    """Return the instants of the keyframes, in seconds.
+
+    ``"uniform"`` gives 0, 1, 2, ...; ``"chord"`` starts at 0 and gives each interval the length
+    of its half-angle arc, ``|log(q_i^-1 q_{i+1})|`` (Nielson, 1993, eq. 23, whose arcs are of
+    half the physical angle), of the keyframes with the signs they have.
+
+    Args:
+        times: ``"uniform"``, ``"chord"``, or a strictly increasing number for each keyframe.
+        keys: unit quaternions as the curve will use them, shape ``(n, 4)``.
+
+    Returns:
+        Strictly increasing instants, shape ``(n,)``.
+
+    Raises:
+        ValueError: *times* is neither word nor such a list, or ``"chord"`` finds two
+            neighbours the same.
+    """
+    count = len(keys)
+    if isinstance(times, str):
+        check_choice(times, "times", ("uniform", "chord"))
+        if times == "uniform":
+            return np.arange(count, dtype=np.float64)
+        arcs = np.sqrt(np.sum(increments(keys) ** 2, axis=-1))
+        if not np.all(arcs > 0.0):
+            place = int(np.argmin(arcs))
+            raise ValueError(
+                "times='chord' must have neighbouring keyframes that differ, "
+                f"got keys[{place}] and keys[{place + 1}] the same"
+            )
+        return np.concatenate([[0.0], np.cumsum(arcs)])
+    array = _numbers(times, "times", "'uniform', 'chord' or a list of numbers")
+    if array.shape != (count,):
+        raise ValueError(
+            f"times must have one number for each of the {count} keyframes, "
+            f"got an array of shape {array.shape}"
+        )
+    if not np.all(np.isfinite(array)):
+        raise ValueError(f"times must be finite, got {_worst(array, ~np.isfinite(array))}")
+    steps = np.diff(array)
+    if not np.all(steps > 0.0):
+        place = int(np.argmin(steps > 0.0))
+        raise ValueError(
+            f"times must increase strictly, got times[{place + 1}] = {float(array[place + 1])!r} "
+            f"after times[{place}] = {float(array[place])!r}"
+        )
+    return array
+
+
+def increments(keys: Floats) -> Floats:
+    """Return the half-angle logarithms ``log(q_i^-1 q_{i+1})`` of a sequence, signs as given.
+
+    Args:
+        keys: unit quaternions, shape ``(n, 4)``.
+
+    Returns:
+        Half-angle vectors, shape ``(n - 1, 3)``, of length up to pi.
+    """
+    return log_half(multiply(conjugate(keys[:-1]), keys[1:]))

@@ -1,0 +1,474 @@
+"""One device of the daemon: its servo process, its path and what has become of its motions.
+
+A thread of its own beats the heart, feeds the ring, hears the servo and reports events; commands
+may come from any thread.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+
+from orientd.clock import MonotonicClock
+from orientd.config import DeviceSettings
+from orientd.daemon.feeder import BLOCK, Feeder
+from orientd.daemon.meter import MotionMeter, MotionStatistics
+from orientd.daemon.servo_link import ServoLink, report_directory
+from orientd.driver.registry import driver_target, load_driver
+from orientd.errors import ConfigError, DaemonError, Fault, StateError
+from orientd.planner import Limits, Motion
+from orientd.planner import State as PlannedState
+from orientd.servo.process import ProcessSettings
+from orientd.stream import Command, Cycle, NoteKind, State, Terms, unpack_cycle
+
+TICK = 0.01
+"""How often the thread looks at the servo, s."""
+
+_READ_AHEAD = 8.0
+"""Path time that the ring can hold, s."""
+
+_METER_BLOCK = 256
+
+
+class EventKind(Enum):
+    """What the daemon reports of a device."""
+
+    READY = "ready"
+    MOTION_STARTED = "motion started"
+    MOTION_DONE = "motion done"
+    MOTION_STOPPED = "motion stopped"
+    FAULT = "fault"
+    SERVO_DIED = "servo died"
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceEvent:
+    """Something that happened to a device.
+
+    Attributes:
+        device: its name.
+        kind: what happened.
+        motion_number: the motion it happened to, 0 for none.
+        text: in words.
+        time_ns: when the daemon saw it, monotonic clock.
+    """
+
+    device: str
+    kind: EventKind
+    motion_number: int
+    text: str
+    time_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceSnapshot:
+    """A device as it is now.
+
+    Attributes:
+        cycle: the newest cycle, ``None`` before the first.
+        state: the servo's state; ``FAULT`` where there is no servo.
+        fault: why it is in a fault.
+        fault_text: in words.
+        is_paused: whether a motion stands on its path, to be resumed.
+        speed: the speed that motions run at, or are resumed at.
+        motion: the motion last started.
+        motion_number: its number, 0 before the first.
+        path_time: time within that motion, s.
+        servo_pid: process id of the servo, ``None`` where there is none.
+        scheduling: what scheduling the servo has got.
+        memory_locked: whether its memory is locked.
+    """
+
+    cycle: Cycle | None
+    state: State
+    fault: Fault
+    fault_text: str
+    is_paused: bool
+    speed: float
+    motion: Motion | None
+    motion_number: int
+    path_time: float
+    servo_pid: int | None
+    scheduling: str
+    memory_locked: bool
+
+
+class Device:
+    """A device and its servo process.
+
+    Attributes:
+        name: the device's name.
+        driver: the registry's name of its driver.
+        rate_hz: cycle rate.
+        period_ns: cycle period.
+        limits: what no motion of it may exceed.
+    """
+
+    def __init__(
+        self, settings: DeviceSettings, *, on_event: Callable[[DeviceEvent], None]
+    ) -> None:
+        """Check the driver and its options; start nothing.
+
+        Args:
+            settings: the device's part of the configuration.
+            on_event: called from the device's thread.
+
+        Raises:
+            ConfigError: the driver is not installed, or refuses its options.
+        """
+        self.name = settings.name
+        self.driver = settings.driver
+        self.rate_hz = settings.rate_hz
+        self.period_ns = settings.period_ns
+        self.limits: Limits = settings.limits.to_limits()
+        self._settings = settings
+        self._on_event = on_event
+        driver = load_driver(settings.driver)
+        try:
+            driver(settings.options, period_ns=settings.period_ns, clock=MonotonicClock())
+        except ValueError as error:
+            raise ConfigError(f"devices.{self.name}.options: {error}") from error
+        self._target = driver_target(settings.driver)
+        self._lock = threading.RLock()
+        self._link: ServoLink | None = None
+        self._thread: threading.Thread | None = None
+        self._closing = threading.Event()
+        self._ready = threading.Event()
+        self._forget()
+
+    def _forget(self) -> None:
+        """Know nothing of a servo that is not there yet."""
+        self._feeder: Feeder | None = None
+        self._meter: MotionMeter | None = None
+        self._motion: Motion | None = None
+        self._active = False
+        self._fault = Fault.NONE
+        self._fault_text = ""
+        self._failure = ""
+        self._scheduling = ""
+        self._memory_locked = False
+        self._speed = 1.0
+        self._is_paused = False
+        self._metered = 0
+        self._number = getattr(self, "_number", 0)
+
+    # Life
+
+    def launch(self) -> None:
+        """Start the servo process and return at once; see :meth:`wait_ready`."""
+        with self._lock:
+            self._start_servo()
+            if self._thread is None:
+                self._thread = threading.Thread(
+                    target=self._watch, name=f"device {self.name}", daemon=True
+                )
+                self._thread.start()
+
+    def wait_ready(self, timeout: float) -> bool:
+        """Wait until the servo runs its cycles, or has failed to; return which."""
+        self._ready.wait(timeout)
+        return self._ready.is_set() and not self._failure
+
+    @property
+    def failure(self) -> str:
+        """Why there is no servo; empty while there is one."""
+        return self._failure
+
+    def _start_servo(self) -> None:
+        settings = self._settings
+        capacity = 1 << round(_READ_AHEAD * self.rate_hz - 1).bit_length()
+        self._ready.clear()
+        self._forget()
+        self._link = ServoLink(
+            ProcessSettings(
+                device=self.name,
+                driver=self._target,
+                options=settings.options,
+                period_ns=self.period_ns,
+                path_capacity=capacity,
+                cycle_capacity=capacity,
+                heartbeat_timeout_ns=round(settings.heartbeat_timeout * 1e9),
+                feedback_timeout_ns=round(settings.feedback_timeout * 1e9),
+                priority=settings.priority,
+                spin_ns=settings.spin_us * 1000,
+                daemon_pid=os.getpid(),
+                report_path=str(Path(report_directory()) / f"servo-{self.name}.json"),
+            )
+        )
+
+    def shutdown(self) -> None:
+        """Stop on the path, have the servo end, release everything."""
+        with self._lock:
+            self._closing.set()
+            link, self._link = self._link, None
+            if link is not None:
+                link.end(timeout=10.0)
+        if self._thread is not None:
+            self._thread.join()
+        if link is not None:
+            link.close()
+
+    # Commands
+
+    def commanded(self) -> PlannedState:
+        """Return the state a new motion must begin in: where the device is commanded to be.
+
+        Raises:
+            StateError: the device is not holding.
+        """
+        cycle = self._servo().newest()
+        if cycle is None or cycle.state is not State.HOLDING:
+            state = "not ready" if cycle is None else cycle.state.name.lower()
+            advice = {
+                "idle": "; enable it first",
+                "streaming": "; stop the present motion first",
+                "fault": f": {self._fault_text}; reset it first",
+            }.get(state, "")
+            raise StateError(f"device {self.name} is {state}, not holding{advice}")
+        return PlannedState.at_rest(cycle.q, cycle.position)
+
+    def start(self, motion: Motion) -> int:
+        """Begin to stream *motion* and return its number, once the servo has taken it up.
+
+        Raises:
+            StateError: the device is not holding, or not where the motion begins.
+        """
+        with self._lock:
+            link = self._servo()
+            self.commanded()
+            self._number += 1
+            certificate = motion.certificate
+            feeder = Feeder(link.memory.path, motion, self._number)
+            needed = 1.0 / (certificate.brake_rate * motion.period) + BLOCK
+            while not feeder.is_done and link.memory.path.head - feeder.first_index < needed:
+                if not feeder.feed(BLOCK):
+                    break
+            limits = motion.limits
+            terms = Terms(
+                limits.velocity,
+                limits.acceleration,
+                limits.jerk,
+                limits.linear_velocity,
+                limits.linear_acceleration,
+                certificate.brake_rate,
+            )
+            self._metered = link.memory.cycles.head
+            link.beat()
+            link.ask(
+                Command.START,
+                motion=self._number,
+                path_index=feeder.first_index,
+                speed=self._speed,
+                terms=terms,
+            )
+            self._meter = MotionMeter(motion, self._number, feeder.first_index)
+            self._motion, self._feeder = motion, feeder
+            self._is_paused, self._active = False, True
+            self._tell(EventKind.MOTION_STARTED, f"{motion.duration:.3f} s")
+            return self._number
+
+    def enable(self) -> None:
+        """Make the device follow; it holds where it is."""
+        self._servo().ask(Command.ENABLE)
+
+    def disable(self) -> None:
+        """Let the device no longer follow; it must be holding."""
+        self._servo().ask(Command.DISABLE)
+
+    def stop(self) -> None:
+        """Stop on the path; nothing happens to a device at rest."""
+        self._servo().ask(Command.STOP)
+
+    def pause(self) -> None:
+        """Come to rest on the path, to be resumed."""
+        self._servo().ask(Command.SPEED, speed=0.0)
+        self._is_paused = True
+
+    def resume(self) -> None:
+        """Go on after :meth:`pause`, at the speed that was set."""
+        self._servo().ask(Command.SPEED, speed=self._speed)
+        self._is_paused = False
+
+    def set_speed(self, speed: float) -> None:
+        """Run at *speed* times as fast as planned, now and from now on.
+
+        Raises:
+            ValueError: *speed* is not in (0, 1].
+        """
+        if not 0.0 < speed <= 1.0:
+            raise ValueError(f"speed must be above 0 and at most 1, got {speed!r}")
+        with self._lock:
+            link = self._servo()
+            cycle = link.newest()
+            if cycle is not None and cycle.state is State.STREAMING and not self._is_paused:
+                link.ask(Command.SPEED, speed=speed)
+            self._speed = speed
+
+    def reset(self) -> None:
+        """Leave a fault; start the servo again where it has died; enable if so configured.
+
+        Raises:
+            DaemonError: the servo cannot be started.
+        """
+        with self._lock:
+            if self._link is None or not self._link.is_alive:
+                if self._link is not None:
+                    self._link.close()
+                self._start_servo()
+            else:
+                self._link.ask(Command.RESET)
+                self._fault, self._fault_text = Fault.NONE, ""
+                if self._settings.auto_enable:
+                    self._link.ask(Command.ENABLE)
+                return
+        if not self.wait_ready(10.0):
+            raise DaemonError(self._failure or "the servo did not become ready within 10 s")
+
+    # What there is to see
+
+    def snapshot(self) -> DeviceSnapshot:
+        """Return the device as it is now."""
+        link = self._link
+        is_alive = link is not None and link.is_alive
+        cycle = link.newest() if link is not None and is_alive else None
+        fault = self._fault
+        if cycle is not None and cycle.state is State.FAULT and fault is Fault.NONE:
+            fault = Fault(cycle.fault)
+        path_time = 0.0
+        if cycle is not None and self._feeder is not None and cycle.motion == self._number:
+            records = cycle.path_index - self._feeder.first_index + cycle.path_fraction
+            path_time = max(0.0, records * self._feeder.motion.period)
+        state = cycle.state if cycle is not None else State.IDLE
+        return DeviceSnapshot(
+            cycle=cycle,
+            state=State.FAULT if fault is not Fault.NONE else state,
+            fault=fault,
+            fault_text=self._fault_text,
+            is_paused=self._is_paused and state is State.STREAMING,
+            speed=self._speed,
+            motion=self._motion,
+            motion_number=self._number,
+            path_time=path_time,
+            servo_pid=link.process.pid if link is not None and is_alive else None,
+            scheduling=self._scheduling,
+            memory_locked=self._memory_locked,
+        )
+
+    def cycles(self, since: int, limit: int = 4096) -> list[Cycle]:
+        """Return cycles from number *since* on, oldest first, as far as they are still known."""
+        link = self._link
+        if link is None:
+            return []
+        return [unpack_cycle(record) for record in link.cycle_records(since, limit)]
+
+    def statistics(self, motion_number: int) -> MotionStatistics | None:
+        """Return what was measured of a motion; ``None`` unless it is the newest."""
+        meter = self._meter
+        if meter is None or meter.number != motion_number:
+            return None
+        with self._lock:
+            if self._active:
+                self._measure()
+            return meter.statistics()
+
+    # The thread
+
+    def _watch(self) -> None:
+        while not self._closing.wait(TICK):
+            with self._lock:
+                link = self._link
+                if link is None or self._closing.is_set():
+                    continue
+                if not self._failure:
+                    self._tick(link)
+
+    def _tick(self, link: ServoLink) -> None:
+        link.beat()
+        is_alive = link.is_alive
+        for note in link.words():
+            if note.kind is NoteKind.READY:
+                self._become_ready(link, note.text)
+            elif note.kind is NoteKind.FAULT:
+                self._fault, self._fault_text = Fault(note.code), note.text
+                self._tell(EventKind.FAULT, f"{self._fault.name.lower()}: {note.text}")
+            elif note.kind is NoteKind.ENDING:
+                self._failure = note.text
+        if not is_alive:
+            self._lose(link)
+            return
+        if self._feeder is not None and not self._feeder.is_done:
+            while self._active and self._feeder.feed(BLOCK) == BLOCK:
+                link.beat()
+        if not self._active:
+            return
+        cycle = link.newest()
+        self._measure()
+        if (
+            cycle is not None
+            and cycle.motion == self._number
+            and cycle.state not in (State.STREAMING, State.STOPPING)
+        ):
+            self._conclude(cycle)
+
+    def _become_ready(self, link: ServoLink, text: str) -> None:
+        got = json.loads(text)
+        self._scheduling, self._memory_locked = got["scheduling"], got["memory_locked"]
+        if self._settings.auto_enable:
+            try:
+                link.ask(Command.ENABLE)
+            except (StateError, DaemonError) as error:
+                self._fault, self._fault_text = Fault.DEVICE_FAULT, str(error)
+                self._tell(EventKind.FAULT, str(error))
+        self._tell(EventKind.READY, self._scheduling)
+        self._ready.set()
+
+    def _conclude(self, cycle: Cycle) -> None:
+        self._active = False
+        self._is_paused = False
+        if self._feeder is not None and cycle.path_index == self._feeder.final_index:
+            self._tell(EventKind.MOTION_DONE, "")
+        elif cycle.state is State.FAULT:
+            self._tell(EventKind.MOTION_STOPPED, self._fault_text)
+        else:
+            self._tell(EventKind.MOTION_STOPPED, "stopped on its path")
+
+    def _lose(self, link: ServoLink) -> None:
+        """Say that the servo has ended, whatever ended it."""
+        code = link.process.returncode
+        ended = f"by signal {-code}" if code < 0 else f"with status {code}"
+        self._failure = self._failure or f"the servo process was ended {ended}"
+        self._fault, self._fault_text = Fault.SERVO_DIED, self._failure
+        was_active, self._active = self._active, False
+        self._ready.set()
+        self._tell(EventKind.SERVO_DIED, self._failure)
+        if was_active:
+            self._tell(EventKind.MOTION_STOPPED, self._failure)
+
+    def _measure(self) -> None:
+        """Add the cycles since the last look to the motion's measurements."""
+        meter, link = self._meter, self._link
+        if meter is None or link is None:
+            return
+        while records := link.cycle_records(self._metered, _METER_BLOCK):
+            meter.add(records)
+            self._metered = int.from_bytes(records[-1][:8], "little") + 1
+
+    def _tell(self, kind: EventKind, text: str) -> None:
+        number = self._number if kind.value.startswith("motion") or self._active else 0
+        self._on_event(DeviceEvent(self.name, kind, number, text, time.monotonic_ns()))
+
+    def _servo(self) -> ServoLink:
+        link = self._link
+        if link is None or not link.is_alive:
+            raise DaemonError(
+                f"device {self.name} has no servo process"
+                + (f": {self._failure}" if self._failure else "")
+                + "; reset it first"
+            )
+        return link

@@ -1,0 +1,258 @@
+"""Measure a motion from the cycles the servo has published: what was sent, not what was planned.
+
+The figures grow no memory: lateness goes into a histogram with bins 1 % wide, peaks are kept as
+they pass.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orientd import rotation
+from orientd.planner import Motion
+from orientd.rotation import Floats
+from orientd.servo.segment import PathPoint, Segment
+from orientd.stream import State
+
+CYCLE_LAYOUT = np.dtype(
+    [
+        ("index", "u8"),
+        ("deadline_ns", "i8"),
+        ("lateness_ns", "i8"),
+        ("work_ns", "i8"),
+        ("feedback_time_ns", "i8"),
+        ("path_index", "u8"),
+        ("state", "u4"),
+        ("fault", "u4"),
+        ("motion", "u4"),
+        ("flags", "u4"),
+        ("overruns", "u4"),
+        ("missed", "u4"),
+        ("path_fraction", "f8"),
+        ("speed", "f8"),
+        ("q", "f8", (4,)),
+        ("omega_body", "f8", (3,)),
+        ("alpha_body", "f8", (3,)),
+        ("position", "f8", (3,)),
+        ("feedback_q", "f8", (4,)),
+        ("feedback_omega_body", "f8", (3,)),
+        ("feedback_position", "f8", (3,)),
+    ],
+    align=True,
+)
+
+_BIN = np.log(1.01)
+_BINS = 2200
+"""From 1 ns to 3.2 s."""
+
+
+class Histogram:
+    """Durations in bins 1 % wide, of constant size."""
+
+    def __init__(self) -> None:
+        self._counts = np.zeros(_BINS, dtype=np.int64)
+        self.largest_ns = 0
+
+    def add(self, durations_ns: NDArray[np.int64]) -> None:
+        """Count *durations_ns*; what is not positive counts as 1 ns."""
+        if durations_ns.size:
+            bins = np.log(np.maximum(durations_ns, 1)) / _BIN
+            np.add.at(self._counts, np.minimum(bins.astype(np.int64), _BINS - 1), 1)
+            self.largest_ns = max(self.largest_ns, int(durations_ns.max()))
+
+    def percentile_ns(self, percent: float) -> float:
+        """Return the duration that *percent* of those counted do not exceed, to 1 %."""
+        total = int(self._counts.sum())
+        if total == 0:
+            return 0.0
+        rank = percent / 100.0 * total
+        place = int(np.searchsorted(np.cumsum(self._counts), rank))
+        return float(min(np.exp((place + 0.5) * _BIN), self.largest_ns))
+
+
+@dataclass(frozen=True, slots=True)
+class Lateness:
+    """How late cycles began, or how long they worked, in nanoseconds."""
+
+    p50_ns: float = 0.0
+    p99_ns: float = 0.0
+    p99_9_ns: float = 0.0
+    largest_ns: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class MotionStatistics:
+    """What was measured of a motion so far.
+
+    Attributes:
+        cycles: setpoints sent.
+        overruns: cycles that began more than half a period late.
+        missed: deadlines that passed altogether.
+        lateness: how late the cycles began.
+        work: how long the cycles worked.
+        velocity: largest angular velocity sent, rad/s, by backward differences.
+        acceleration: largest angular acceleration sent, rad/s^2.
+        jerk: largest angular jerk sent, rad/s^3.
+        path_error: largest angle between what was sent and the plan at that path time, rad.
+        tracking_error: largest angle between what was sent and the feedback in the same cycle, rad.
+        start_velocity_error: error of the angular velocity at the first keyframe, rad/s.
+        end_velocity_error: the same at the last keyframe; ``None`` where it was not reached.
+    """
+
+    cycles: int = 0
+    overruns: int = 0
+    missed: int = 0
+    lateness: Lateness = field(default_factory=Lateness)
+    work: Lateness = field(default_factory=Lateness)
+    velocity: float = 0.0
+    acceleration: float = 0.0
+    jerk: float = 0.0
+    path_error: float = 0.0
+    tracking_error: float = 0.0
+    start_velocity_error: float | None = None
+    end_velocity_error: float | None = None
+
+
+class MotionMeter:
+    """Measure one motion, block of cycles by block.
+
+    Attributes:
+        number: the motion's number.
+    """
+
+    def __init__(self, motion: Motion, number: int, first_index: int) -> None:
+        """Expect the motion's records in the path ring from *first_index* on."""
+        self.number = number
+        self._motion = motion
+        self._first = first_index
+        self._lateness, self._work = Histogram(), Histogram()
+        self._cycles = 0
+        self._counters: tuple[int, int] | None = None
+        self._overruns = self._missed = 0
+        self._peaks = [0.0, 0.0, 0.0]
+        self._path_error = self._tracking_error = 0.0
+        self._before: NDArray[np.void] | None = None
+        self._omega = np.zeros(3)
+        self._alpha = np.zeros(3)
+        self._start_error: float | None = None
+        self._end_error: float | None = None
+        self._carried: tuple[NDArray[np.void], NDArray[np.float64]] | None = None
+        self._last_q = np.zeros(4)
+
+    def add(self, records: list[bytes]) -> None:
+        """Measure further cycles, in order; those that are not of the motion are left out."""
+        cycles = np.frombuffer(b"".join(records), dtype=CYCLE_LAYOUT)
+        moving = (cycles["state"] == State.STREAMING) | (cycles["state"] == State.STOPPING)
+        # The first cycle at rest belongs to the motion too: it is the last setpoint of it.
+        moving[1:] |= moving[:-1]
+        if self._before is not None:
+            moving[0] |= self._before["state"] in (State.STREAMING, State.STOPPING)
+        previous, self._before = self._before, cycles[-1]
+        chosen = moving & (cycles["motion"] == self.number)
+        if not chosen.any():
+            return
+        first = int(np.argmax(chosen))
+        block = cycles[chosen]
+        self._cycles += len(block)
+        self._lateness.add(block["lateness_ns"])
+        self._work.add(block["work_ns"][1:])
+        if self._counters is None:
+            one = cycles[first - 1] if first else previous
+            base = one if one is not None else block[0]
+            self._counters = (int(base["overruns"]), int(base["missed"]))
+            start_q = base["q"]
+        else:
+            start_q = self._last_q
+        self._overruns = int(block["overruns"][-1]) - self._counters[0]
+        self._missed = int(block["missed"][-1]) - self._counters[1]
+        self._differentiate(np.vstack([start_q, block["q"]]))
+        self._compare(block)
+        self._last_q = block["q"][-1]
+
+    def statistics(self) -> MotionStatistics:
+        """Return the figures so far."""
+        return MotionStatistics(
+            cycles=self._cycles,
+            overruns=self._overruns,
+            missed=self._missed,
+            lateness=_lateness(self._lateness),
+            work=_lateness(self._work),
+            velocity=self._peaks[0],
+            acceleration=self._peaks[1],
+            jerk=self._peaks[2],
+            path_error=self._path_error,
+            tracking_error=self._tracking_error,
+            start_velocity_error=self._start_error,
+            end_velocity_error=self._end_error,
+        )
+
+    def _differentiate(self, q: NDArray[np.float64]) -> None:
+        h = self._motion.period
+        omega = rotation.log(rotation.multiply(rotation.conjugate(q[:-1]), q[1:])) / h
+        alpha = np.diff(np.vstack([self._omega, omega]), axis=0) / h
+        jerk = np.diff(np.vstack([self._alpha, alpha]), axis=0) / h
+        self._omega, self._alpha = omega[-1], alpha[-1]
+        for k, derivative in enumerate((omega, alpha, jerk)):
+            largest = float(np.sqrt((derivative**2).sum(axis=1).max()))
+            self._peaks[k] = max(self._peaks[k], largest)
+
+    def _compare(self, block: NDArray[np.void]) -> None:
+        motion = self._motion
+        index = (block["path_index"] - np.uint64(self._first)).astype(np.float64)
+        times = (index + block["path_fraction"]) * motion.period
+        planned = motion.sample(times)
+        self._path_error = max(self._path_error, float(rotation.angle(planned.q, block["q"]).max()))
+        measured = (block["flags"] & 1) == 1
+        if measured.any():
+            gap = rotation.angle(block["q"][measured], block["feedback_q"][measured])
+            self._tracking_error = max(self._tracking_error, float(gap.max()))
+        if self._carried is not None:
+            block = np.concatenate([self._carried[0], block])
+            times = np.concatenate([self._carried[1], times])
+        self._carried = (block[-1:], times[-1:])
+        full = block["speed"] == 1.0
+        block, times = block[full], times[full]
+        request = motion.request
+        if self._start_error is None and request.omega_start is not None:
+            self._start_error = self._velocity_error(
+                block, times, motion.start_time, request.omega_start
+            )
+        if self._end_error is None and request.omega_end is not None:
+            self._end_error = self._velocity_error(block, times, motion.end_time, request.omega_end)
+
+    def _velocity_error(
+        self, block: NDArray[np.void], times: NDArray[np.float64], instant: float, wanted: Floats
+    ) -> float | None:
+        """Return the error of the velocity sent at *instant*, where the block spans it."""
+        h = self._motion.period
+        k = int(np.searchsorted(times, instant - 1e-9 * h, side="left"))
+        if k >= len(times):
+            return None
+        if abs(times[k] - instant) <= 1e-6 * h:
+            sent = block["omega_body"][k]
+        elif k > 0 and times[k] - times[k - 1] <= 1.5 * h:
+            span = times[k] - times[k - 1]
+            segment = Segment(_point(block[k - 1]), _point(block[k]), float(span))
+            sent = np.array(segment.at(float((instant - times[k - 1]) / span)).omega_body)
+        else:
+            return None
+        return float(np.linalg.norm(sent - np.asarray(wanted)))
+
+
+def _point(cycle: np.void) -> PathPoint:
+    q, omega, alpha, position = (
+        tuple(cycle[name].tolist()) for name in ("q", "omega_body", "alpha_body", "position")
+    )
+    return PathPoint(q, omega, alpha, position, (0.0, 0.0, 0.0))
+
+
+def _lateness(histogram: Histogram) -> Lateness:
+    return Lateness(
+        histogram.percentile_ns(50.0),
+        histogram.percentile_ns(99.0),
+        histogram.percentile_ns(99.9),
+        float(histogram.largest_ns),
+    )

@@ -1,0 +1,195 @@
+"""The daemon's end of one servo process: start it, ask it, hear it, see it end.
+
+Nothing here waits for longer than an answer takes, and the servo waits for nothing here.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections import deque
+
+from orientd.errors import DaemonError, StateError
+from orientd.servo.process import ProcessSettings
+from orientd.stream import (
+    Answer,
+    Command,
+    Cycle,
+    Note,
+    NoteKind,
+    SharedMemory,
+    Terms,
+    unpack_cycle,
+    unpack_note,
+)
+
+ANSWER_TIMEOUT = 0.5
+"""How long an ordinary command may take, s."""
+
+SLOW_ANSWER_TIMEOUT = 20.0
+"""How long a command may take for which the driver talks to the device at length, s."""
+
+_SLOW = (Command.ENABLE, Command.DISABLE, Command.RESET)
+_POLL = 0.0005
+_NO_TERMS = Terms(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+class ServoLink:
+    """One servo process and the memory shared with it.
+
+    Attributes:
+        memory: the rings.
+        process: the process.
+    """
+
+    def __init__(self, settings: ProcessSettings) -> None:
+        """Start the process; :meth:`notes` will say when it is ready."""
+        self.memory = SharedMemory.create(settings.path_capacity, settings.cycle_capacity)
+        self.memory.beat(time.monotonic_ns())
+        self._lock = threading.Lock()
+        self._note_index = 0
+        self._answers: dict[int, Note] = {}
+        self._words: deque[Note] = deque(maxlen=256)
+        self._is_closed = False
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "orientd.servo", str(self.memory.descriptor)],
+            stdin=subprocess.PIPE,
+            pass_fds=[self.memory.descriptor],
+            start_new_session=True,
+            cwd="/",
+        )
+        if self.process.stdin is not None:
+            with contextlib.suppress(BrokenPipeError):
+                self.process.stdin.write(settings.to_json().encode())
+                self.process.stdin.close()
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether the process runs."""
+        return self.process.poll() is None
+
+    def beat(self) -> None:
+        """Tell the servo that the daemon is alive."""
+        self.memory.beat(time.monotonic_ns())
+
+    def ask(
+        self,
+        command: Command,
+        *,
+        motion: int = 0,
+        path_index: int = 0,
+        speed: float = 0.0,
+        terms: Terms = _NO_TERMS,
+    ) -> None:
+        """Send a command and wait until the servo has taken it.
+
+        Raises:
+            StateError: the servo's state does not allow it, or it was refused.
+            DaemonError: the servo does not answer, or is not there.
+        """
+        with self._lock:
+            index = self.memory.commands.head
+            self.memory.commands.publish(
+                command,
+                motion,
+                path_index,
+                speed,
+                terms.velocity,
+                terms.acceleration,
+                terms.jerk,
+                terms.linear_velocity,
+                terms.linear_acceleration,
+                terms.brake_rate,
+            )
+        timeout = SLOW_ANSWER_TIMEOUT if command in _SLOW else ANSWER_TIMEOUT
+        end = time.monotonic() + timeout
+        while True:
+            self._hear()
+            answer = self._answers.pop(index, None)
+            if answer is not None:
+                break
+            if not self.is_alive:
+                raise DaemonError(f"the servo process has ended, it cannot {command.name.lower()}")
+            if time.monotonic() > end:
+                raise DaemonError(
+                    f"the servo did not answer {command.name.lower()} within {timeout:g} s"
+                )
+            time.sleep(_POLL)
+        if answer.code in (Answer.WRONG_STATE, Answer.REFUSED):
+            raise StateError(answer.text)
+        if answer.code != Answer.DONE:
+            raise DaemonError(f"{command.name.lower()} failed: {answer.text}")
+
+    def words(self) -> list[Note]:
+        """Return what the servo has said, apart from answers, since this was last called."""
+        self._hear()
+        with self._lock:
+            heard = list(self._words)
+            self._words.clear()
+        return heard
+
+    def newest(self) -> Cycle | None:
+        """Return the newest cycle, or ``None`` before the first."""
+        ring = self.memory.cycles
+        while ring.head:
+            head = ring.head
+            record = ring.read_bytes(head - 1)
+            if record is not None:
+                return unpack_cycle(record)
+        return None
+
+    def cycle_records(self, since: int, limit: int) -> list[bytes]:
+        """Return the records of cycles ``since, since + 1, ...``, as far as still in the ring."""
+        ring = self.memory.cycles
+        head = ring.head
+        first = max(since, head - ring.capacity + 16, 0)
+        found = (ring.read_bytes(index) for index in range(first, min(head, first + limit)))
+        return [record for record in found if record is not None]
+
+    def end(self, timeout: float) -> None:
+        """Have the process stop on its path and end; kill it when it has not after *timeout* s."""
+        if self.is_alive:
+            with contextlib.suppress(DaemonError, StateError):
+                self.ask(Command.SHUTDOWN)
+            deadline = time.monotonic() + timeout
+            while self.is_alive and time.monotonic() < deadline:
+                self.beat()
+                time.sleep(0.005)
+            if self.is_alive:
+                self.process.kill()
+        self.process.wait()
+
+    def close(self) -> None:
+        """Release the shared memory; the process has ended."""
+        if not self._is_closed:
+            self._is_closed = True
+            self.memory.close()
+
+    def _hear(self) -> None:
+        with self._lock:
+            ring = self.memory.notes
+            while self._note_index < ring.head:
+                record = ring.read_bytes(self._note_index)
+                if record is None:
+                    if ring.head - self._note_index <= ring.capacity:
+                        return  # being written
+                    self._note_index = ring.head - ring.capacity
+                    continue
+                self._note_index += 1
+                note = unpack_note(record)
+                if note.kind is NoteKind.ANSWER:
+                    self._answers[note.command] = note
+                else:
+                    self._words.append(note)
+
+
+def report_directory() -> str:
+    """Return where servo processes write down why they ended (the XDG state directory)."""
+    home = os.environ.get("XDG_STATE_HOME") or os.path.expanduser("~/.local/state")  # noqa: PTH111
+    directory = os.path.join(home, "orientd")  # noqa: PTH118
+    os.makedirs(directory, mode=0o700, exist_ok=True)  # noqa: PTH103
+    return directory

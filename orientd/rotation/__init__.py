@@ -1,0 +1,72 @@
+"""Rotations as unit quaternions: algebra, exponential map, Jacobians and conversions.
+
+Quaternions are ``(w, x, y, z)`` in the last axis, with Hamilton's product; everything broadcasts
+over the leading axes and works in float64.  A quaternion and its negative are one orientation:
+functions that return an orientation say which of the two they return.
+"""
+
+from orientd.rotation.convert import (
+    from_axis_angle,
+    from_euler,
+    from_matrix,
+    from_rotation_vector,
+    from_scipy,
+    to_axis_angle,
+    to_euler,
+    to_matrix,
+    to_rotation_vector,
+    to_scipy,
+)
+from orientd.rotation.jacobian import (
+    left_jacobian,
+    left_jacobian_inverse,
+    right_jacobian,
+    right_jacobian_inverse,
+)
+from orientd.rotation.quaternion import (
+    Floats,
+    align,
+    angle,
+    check_unit,
+    conjugate,
+    exp,
+    exp_half,
+    log,
+    log_half,
+    multiply,
+    normalize,
+    power,
+    rotate,
+    slerp,
+)
+
+__all__ = [
+    "Floats",
+    "align",
+    "angle",
+    "check_unit",
+    "conjugate",
+    "exp",
+    "exp_half",
+    "from_axis_angle",
+    "from_euler",
+    "from_matrix",
+    "from_rotation_vector",
+    "from_scipy",
+    "left_jacobian",
+    "left_jacobian_inverse",
+    "log",
+    "log_half",
+    "multiply",
+    "normalize",
+    "power",
+    "right_jacobian",
+    "right_jacobian_inverse",
+    "rotate",
+    "slerp",
+    "to_axis_angle",
+    "to_euler",
+    "to_matrix",
+    "to_rotation_vector",
+    "to_scipy",
+]

@@ -1,0 +1,289 @@
+"""The algebra of unit quaternions: product, exponential, logarithm, slerp, sign alignment.
+
+Two scalings of the tangent space live here.  :func:`exp` and :func:`log` take rotation vectors
+(the physical angle times the axis); :func:`exp_half` and :func:`log_half` are the exponential and
+the logarithm of the quaternion algebra itself, with half the physical angle, as Kim, Kim and Shin
+(1995) use them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+
+
+def _components(values: ArrayLike, length: int, name: str) -> Floats:
+    array = np.asarray(values, dtype=np.float64)
+    if array.ndim == 0 or array.shape[-1] != length:
+        raise ValueError(
+            f"{name} must have {length} components in its last axis, got shape {array.shape}"
+        )
+    return array
+
+
+def multiply(p: ArrayLike, q: ArrayLike) -> Floats:
+    """Return Hamilton's product of two quaternions.
+
+    The product rotates by *q* first and by *p* second: ``R(pq) = R(p) R(q)`` on column vectors.
+    Nielson (1993) prints the last component with the wrong sign of ``q_z r_z``; this is Hamilton's.
+
+    Args:
+        p: quaternions ``(w, x, y, z)``, shape ``(..., 4)``.
+        q: quaternions, shape ``(..., 4)``, broadcast against *p*.
+
+    Returns:
+        The products, shape ``(..., 4)``.  Not normalised.
+
+    Raises:
+        ValueError: a last axis does not have length 4.
+    """
+    p = _components(p, 4, "p")
+    q = _components(q, 4, "q")
+    pw, px, py, pz = p[..., 0], p[..., 1], p[..., 2], p[..., 3]
+    qw, qx, qy, qz = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    product: Floats = np.empty(np.broadcast_shapes(p.shape, q.shape))
+    product[..., 0] = pw * qw - px * qx - py * qy - pz * qz
+    product[..., 1] = pw * qx + px * qw + py * qz - pz * qy
+    product[..., 2] = pw * qy - px * qz + py * qw + pz * qx
+    product[..., 3] = pw * qz + px * qy - py * qx + pz * qw
+    return product
+
+
+def conjugate(q: ArrayLike) -> Floats:
+    """Return the conjugate, which is the inverse of a unit quaternion.
+
+    Raises:
+        ValueError: the last axis of *q* does not have length 4.
+    """
+    opposite: Floats = _components(q, 4, "q") * np.array([1.0, -1.0, -1.0, -1.0])
+    return opposite
+
+
+def normalize(q: ArrayLike) -> Floats:
+    """Return quaternions scaled to unit norm, with their signs kept.
+
+    Raises:
+        ValueError: the last axis does not have length 4, or a norm is zero or not finite.
+    """
+    q = _components(q, 4, "q")
+    scale = np.max(np.abs(q), axis=-1, keepdims=True)
+    if not np.all(np.isfinite(scale) & (scale > 0.0)):
+        raise ValueError("q must be finite and not zero to be normalised")
+    scaled = q / scale
+    unit: Floats = scaled / np.sqrt(np.sum(scaled * scaled, axis=-1, keepdims=True))
+    return unit
+
+
+def check_unit(q: ArrayLike, tolerance: float = 1e-6) -> Floats:
+    """Return quaternions normalised, refusing those that were not unit ones to begin with.
+
+    Args:
+        q: quaternions, shape ``(..., 4)``.
+        tolerance: how far a norm may be from one.
+
+    Returns:
+        The quaternions scaled to unit norm to rounding, shape ``(..., 4)``.
+
+    Raises:
+        ValueError: a component is not finite, or a norm is off by more than *tolerance*.
+    """
+    q = _components(q, 4, "q")
+    if not np.all(np.isfinite(q)):
+        raise ValueError("quaternion components must be finite")
+    norm = np.sqrt(np.sum(q * q, axis=-1))
+    error = np.abs(norm - 1.0)
+    if np.any(error > tolerance):
+        worst = float(norm.flat[int(np.argmax(error))])
+        raise ValueError(f"quaternion norm must be 1 within {tolerance:g}, got {worst:.9g}")
+    return normalize(q)
+
+
+def rotate(q: ArrayLike, v: ArrayLike) -> Floats:
+    """Return vectors rotated by unit quaternions, the vector part of ``q v q*``.
+
+    Args:
+        q: unit quaternions, shape ``(..., 4)``.
+        v: vectors, shape ``(..., 3)``, broadcast against *q*.
+
+    Returns:
+        The rotated vectors, shape ``(..., 3)``.
+
+    Raises:
+        ValueError: a last axis has the wrong length.
+    """
+    q = _components(q, 4, "q")
+    v = _components(v, 3, "v")
+    twist = 2.0 * np.cross(q[..., 1:], v)
+    rotated: Floats = v + q[..., :1] * twist + np.cross(q[..., 1:], twist)
+    return rotated
+
+
+def exp_half(v: ArrayLike) -> Floats:
+    r"""Return the quaternion exponential of pure quaternions.
+
+    .. math:: \exp(v) = (\cos\|v\|,\; \sin\|v\| \; v / \|v\|)
+
+    The rotation it stands for has twice the angle :math:`\|v\|` (Kim, Kim and Shin, 1995, sec. 3).
+
+    Args:
+        v: half-angle vectors, shape ``(..., 3)``; any length.
+
+    Returns:
+        Unit quaternions, shape ``(..., 4)``.
+
+    Raises:
+        ValueError: the last axis does not have length 3.
+    """
+    v = _components(v, 3, "v")
+    length = np.sqrt(np.sum(v * v, axis=-1))
+    q: Floats = np.empty((*v.shape[:-1], 4))
+    q[..., 0] = np.cos(length)
+    sinc = np.divide(np.sin(length), length, out=np.ones_like(length), where=length > 0.0)
+    q[..., 1:] = sinc[..., None] * v
+    return q
+
+
+def log_half(q: ArrayLike) -> Floats:
+    r"""Return the principal quaternion logarithm, taking the quaternion with the sign it has.
+
+    .. math:: \log(q) = \operatorname{atan2}(\|v\|, w) \; v / \|v\|
+
+    No sign is flipped, so the length is in :math:`[0, \pi]` and the physical angle in
+    :math:`[0, 2\pi]` (Kim, Kim and Shin, 1995, sec. 3).  The scale of *q* does not matter.
+
+    Args:
+        q: quaternions, shape ``(..., 4)``.
+
+    Returns:
+        Half-angle vectors, shape ``(..., 3)``.  The logarithm of ``(-1, 0, 0, 0)``, whose axis is
+        not defined, is :math:`(\pi, 0, 0)`.
+
+    Raises:
+        ValueError: the last axis does not have length 4.
+    """
+    q = _components(q, 4, "q")
+    w, v = q[..., 0], q[..., 1:]
+    length = np.sqrt(np.sum(v * v, axis=-1))
+    half_angle = np.arctan2(length, w)
+    at_zero = np.divide(1.0, w, out=np.zeros_like(w), where=w > 0.0)
+    factor = np.divide(half_angle, length, out=at_zero, where=length > 0.0)
+    vector: Floats = factor[..., None] * v
+    vector[..., 0] = np.where((length == 0.0) & (w < 0.0), np.pi, vector[..., 0])
+    return vector
+
+
+def exp(rotation_vector: ArrayLike) -> Floats:
+    """Return the unit quaternion of a rotation vector.
+
+    Args:
+        rotation_vector: axis times physical angle in radians, shape ``(..., 3)``; any length.
+
+    Returns:
+        Unit quaternions, shape ``(..., 4)``, with non-negative scalar part for angles up to pi.
+
+    Raises:
+        ValueError: the last axis does not have length 3.
+    """
+    return exp_half(0.5 * _components(rotation_vector, 3, "rotation_vector"))
+
+
+def log(q: ArrayLike) -> Floats:
+    r"""Return the rotation vector of a unit quaternion.
+
+    Of the rotation vectors of :math:`\pm q` this is the shorter one, so its length is in
+    :math:`[0, \pi]`.  The arc tangent, unlike the arc cosine, keeps full relative precision at
+    both ends, so no series expansion is needed.
+
+    .. math:: r = 2 \operatorname{atan2}(\|v\|, |w|) \; \operatorname{sgn}(w) \; v / \|v\|
+
+    Args:
+        q: unit quaternions ``(w, x, y, z)``, shape ``(..., 4)``.  Their scale does not matter.
+
+    Returns:
+        Rotation vectors in radians, shape ``(..., 3)``.  For a half turn the axis is ``+v``.
+
+    Raises:
+        ValueError: the last axis does not have length 4.
+    """
+    q = _components(q, 4, "q")
+    return 2.0 * log_half(np.where(q[..., :1] < 0.0, -q, q))
+
+
+def power(q: ArrayLike, exponent: ArrayLike) -> Floats:
+    """Return a real power of unit quaternions, ``exp_half(exponent * log_half(q))``.
+
+    Args:
+        q: unit quaternions, shape ``(..., 4)``, taken with the sign they have.
+        exponent: real numbers, broadcast against the leading axes of *q*.
+
+    Returns:
+        Unit quaternions, shape ``(..., 4)``.
+
+    Raises:
+        ValueError: the last axis of *q* does not have length 4.
+    """
+    return exp_half(np.asarray(exponent, dtype=np.float64)[..., None] * log_half(q))
+
+
+def slerp(p: ArrayLike, q: ArrayLike, u: ArrayLike) -> Floats:
+    r"""Return the point at *u* of the great arc from *p* (``u = 0``) to *q* (``u = 1``).
+
+    .. math:: p \exp(u \log(p^{-1} q))
+
+    Both quaternions are taken with the signs they have, and *u* may be any real number: a slerp
+    that flips signs inside makes every construction built from it discontinuous (Schlag, 1991,
+    needs *u* outside ``[0, 1]`` too).
+
+    Args:
+        p: unit quaternions, shape ``(..., 4)``.
+        q: unit quaternions, shape ``(..., 4)``.
+        u: parameters, broadcast against the leading axes.
+
+    Returns:
+        Unit quaternions, shape ``(..., 4)``.
+
+    Raises:
+        ValueError: a last axis does not have length 4.
+    """
+    return multiply(p, power(multiply(conjugate(p), q), u))
+
+
+def angle(p: ArrayLike, q: ArrayLike) -> Floats:
+    """Return the angle in radians, in ``[0, pi]``, between two orientations, whatever their signs.
+
+    Raises:
+        ValueError: a last axis does not have length 4.
+    """
+    relative = multiply(conjugate(p), q)
+    length = np.sqrt(np.sum(relative[..., 1:] ** 2, axis=-1))
+    between: Floats = 2.0 * np.arctan2(length, np.abs(relative[..., 0]))
+    return between
+
+
+def align(qs: ArrayLike) -> Floats:
+    """Return a sequence with signs chosen so that each quaternion is near the one before it.
+
+    Walks from the first quaternion, which keeps its sign, and negates each one whose dot product
+    with its (already aligned) predecessor is negative.  At a tie, a half turn, the quaternion
+    stays as it was given.
+
+    Args:
+        qs: quaternions, shape ``(..., n, 4)``.
+
+    Returns:
+        The aligned sequence, same shape.
+
+    Raises:
+        ValueError: the last axis does not have length 4, or there is no sequence axis.
+    """
+    qs = _components(qs, 4, "qs")
+    if qs.ndim < 2:
+        raise ValueError(f"qs must be a sequence of quaternions, got shape {qs.shape}")
+    dots = np.zeros(qs.shape[:-1])
+    dots[..., 1:] = np.sum(qs[..., 1:, :] * qs[..., :-1, :], axis=-1)
+    signs = np.cumprod(np.where(dots < 0.0, -1.0, 1.0), axis=-1)
+    last_tie = np.maximum.accumulate(np.where(dots == 0.0, np.arange(qs.shape[-2]), 0), axis=-1)
+    signs *= np.take_along_axis(signs, last_tie, axis=-1)
+    return qs * signs[..., None]

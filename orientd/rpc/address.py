@@ -1,0 +1,46 @@
+"""Where the control socket is, and whether a path can be one."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from orientd.errors import DaemonError
+
+# struct sockaddr_un has 108 bytes for the path and its terminating zero.
+MAX_PATH_BYTES = 107
+
+# A motion of 100,000 keyframes takes some 8 MiB.
+MAX_MESSAGE_BYTES = 64 * 1024 * 1024
+
+
+def runtime_directory() -> Path:
+    """Return the directory of the user's sockets; it may not be there yet.
+
+    ``$XDG_RUNTIME_DIR/orientd``, or ``/tmp/orientd-<uid>`` where that is not set.
+    """
+    runtime = os.environ.get("XDG_RUNTIME_DIR")
+    if runtime:
+        return Path(runtime) / "orientd"
+    return Path(f"/tmp/orientd-{os.getuid()}")
+
+
+def default_socket() -> Path:
+    """Return where the daemon is unless the configuration says otherwise."""
+    named = os.environ.get("ORIENTD_SOCKET")
+    return Path(named).expanduser() if named else runtime_directory() / "control.sock"
+
+
+def target(socket: Path) -> str:
+    """Return what gRPC calls the Unix domain socket at *socket*.
+
+    Raises:
+        DaemonError: the path is too long for a socket.
+    """
+    path = socket.absolute()
+    size = len(os.fsencode(path))
+    if size > MAX_PATH_BYTES:
+        raise DaemonError(
+            f"the path of a socket has at most {MAX_PATH_BYTES} bytes, {path} has {size}"
+        )
+    return f"unix:{path}"

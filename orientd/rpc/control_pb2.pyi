@@ -1,0 +1,685 @@
+from google.protobuf import struct_pb2 as _struct_pb2
+from google.protobuf.internal import containers as _containers
+from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
+from google.protobuf import descriptor as _descriptor
+from google.protobuf import message as _message
+from collections.abc import Iterable as _Iterable, Mapping as _Mapping
+from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
+
+DESCRIPTOR: _descriptor.FileDescriptor
+
+class Frame(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    FRAME_UNSPECIFIED: _ClassVar[Frame]
+    FRAME_BODY: _ClassVar[Frame]
+    FRAME_WORLD: _ClassVar[Frame]
+
+class State(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    STATE_UNSPECIFIED: _ClassVar[State]
+    STATE_IDLE: _ClassVar[State]
+    STATE_HOLDING: _ClassVar[State]
+    STATE_STREAMING: _ClassVar[State]
+    STATE_STOPPING: _ClassVar[State]
+    STATE_FAULT: _ClassVar[State]
+
+class Fault(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    FAULT_NONE: _ClassVar[Fault]
+    FAULT_LINK_LOST: _ClassVar[Fault]
+    FAULT_FEEDBACK_STALE: _ClassVar[Fault]
+    FAULT_DEVICE_FAULT: _ClassVar[Fault]
+    FAULT_LIMIT_GUARD: _ClassVar[Fault]
+    FAULT_PATH_STARVED: _ClassVar[Fault]
+    FAULT_HEARTBEAT_LOST: _ClassVar[Fault]
+    FAULT_SERVO_DIED: _ClassVar[Fault]
+    FAULT_INTERNAL: _ClassVar[Fault]
+
+class Outcome(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    OUTCOME_UNSPECIFIED: _ClassVar[Outcome]
+    OUTCOME_DONE: _ClassVar[Outcome]
+    OUTCOME_STOPPED: _ClassVar[Outcome]
+    OUTCOME_FAULT: _ClassVar[Outcome]
+FRAME_UNSPECIFIED: Frame
+FRAME_BODY: Frame
+FRAME_WORLD: Frame
+STATE_UNSPECIFIED: State
+STATE_IDLE: State
+STATE_HOLDING: State
+STATE_STREAMING: State
+STATE_STOPPING: State
+STATE_FAULT: State
+FAULT_NONE: Fault
+FAULT_LINK_LOST: Fault
+FAULT_FEEDBACK_STALE: Fault
+FAULT_DEVICE_FAULT: Fault
+FAULT_LIMIT_GUARD: Fault
+FAULT_PATH_STARVED: Fault
+FAULT_HEARTBEAT_LOST: Fault
+FAULT_SERVO_DIED: Fault
+FAULT_INTERNAL: Fault
+OUTCOME_UNSPECIFIED: Outcome
+OUTCOME_DONE: Outcome
+OUTCOME_STOPPED: Outcome
+OUTCOME_FAULT: Outcome
+
+class Vector3(_message.Message):
+    __slots__ = ("x", "y", "z")
+    X_FIELD_NUMBER: _ClassVar[int]
+    Y_FIELD_NUMBER: _ClassVar[int]
+    Z_FIELD_NUMBER: _ClassVar[int]
+    x: float
+    y: float
+    z: float
+    def __init__(self, x: _Optional[float] = ..., y: _Optional[float] = ..., z: _Optional[float] = ...) -> None: ...
+
+class Quaternion(_message.Message):
+    __slots__ = ("w", "x", "y", "z")
+    W_FIELD_NUMBER: _ClassVar[int]
+    X_FIELD_NUMBER: _ClassVar[int]
+    Y_FIELD_NUMBER: _ClassVar[int]
+    Z_FIELD_NUMBER: _ClassVar[int]
+    w: float
+    x: float
+    y: float
+    z: float
+    def __init__(self, w: _Optional[float] = ..., x: _Optional[float] = ..., y: _Optional[float] = ..., z: _Optional[float] = ...) -> None: ...
+
+class EulerAngles(_message.Message):
+    __slots__ = ("axes", "degrees")
+    AXES_FIELD_NUMBER: _ClassVar[int]
+    DEGREES_FIELD_NUMBER: _ClassVar[int]
+    axes: str
+    degrees: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, axes: _Optional[str] = ..., degrees: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class Matrix(_message.Message):
+    __slots__ = ("elements",)
+    ELEMENTS_FIELD_NUMBER: _ClassVar[int]
+    elements: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, elements: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class Limits(_message.Message):
+    __slots__ = ("velocity", "acceleration", "jerk", "linear_velocity", "linear_acceleration")
+    VELOCITY_FIELD_NUMBER: _ClassVar[int]
+    ACCELERATION_FIELD_NUMBER: _ClassVar[int]
+    JERK_FIELD_NUMBER: _ClassVar[int]
+    LINEAR_VELOCITY_FIELD_NUMBER: _ClassVar[int]
+    LINEAR_ACCELERATION_FIELD_NUMBER: _ClassVar[int]
+    velocity: float
+    acceleration: float
+    jerk: float
+    linear_velocity: float
+    linear_acceleration: float
+    def __init__(self, velocity: _Optional[float] = ..., acceleration: _Optional[float] = ..., jerk: _Optional[float] = ..., linear_velocity: _Optional[float] = ..., linear_acceleration: _Optional[float] = ...) -> None: ...
+
+class Keyframe(_message.Message):
+    __slots__ = ("time", "quaternion", "rotation_vector", "euler", "matrix", "position", "turns")
+    TIME_FIELD_NUMBER: _ClassVar[int]
+    QUATERNION_FIELD_NUMBER: _ClassVar[int]
+    ROTATION_VECTOR_FIELD_NUMBER: _ClassVar[int]
+    EULER_FIELD_NUMBER: _ClassVar[int]
+    MATRIX_FIELD_NUMBER: _ClassVar[int]
+    POSITION_FIELD_NUMBER: _ClassVar[int]
+    TURNS_FIELD_NUMBER: _ClassVar[int]
+    time: float
+    quaternion: Quaternion
+    rotation_vector: Vector3
+    euler: EulerAngles
+    matrix: Matrix
+    position: Vector3
+    turns: int
+    def __init__(self, time: _Optional[float] = ..., quaternion: _Optional[_Union[Quaternion, _Mapping]] = ..., rotation_vector: _Optional[_Union[Vector3, _Mapping]] = ..., euler: _Optional[_Union[EulerAngles, _Mapping]] = ..., matrix: _Optional[_Union[Matrix, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., turns: _Optional[int] = ...) -> None: ...
+
+class MotionRequest(_message.Message):
+    __slots__ = ("method", "keyframes", "velocity_frame", "start_velocity", "end_velocity", "approach", "limits", "options")
+    METHOD_FIELD_NUMBER: _ClassVar[int]
+    KEYFRAMES_FIELD_NUMBER: _ClassVar[int]
+    VELOCITY_FRAME_FIELD_NUMBER: _ClassVar[int]
+    START_VELOCITY_FIELD_NUMBER: _ClassVar[int]
+    END_VELOCITY_FIELD_NUMBER: _ClassVar[int]
+    APPROACH_FIELD_NUMBER: _ClassVar[int]
+    LIMITS_FIELD_NUMBER: _ClassVar[int]
+    OPTIONS_FIELD_NUMBER: _ClassVar[int]
+    method: str
+    keyframes: _containers.RepeatedCompositeFieldContainer[Keyframe]
+    velocity_frame: Frame
+    start_velocity: Vector3
+    end_velocity: Vector3
+    approach: bool
+    limits: Limits
+    options: _struct_pb2.Struct
+    def __init__(self, method: _Optional[str] = ..., keyframes: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., start_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., end_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., approach: bool = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ...) -> None: ...
+
+class Peak(_message.Message):
+    __slots__ = ("value", "time", "limit")
+    VALUE_FIELD_NUMBER: _ClassVar[int]
+    TIME_FIELD_NUMBER: _ClassVar[int]
+    LIMIT_FIELD_NUMBER: _ClassVar[int]
+    value: float
+    time: float
+    limit: float
+    def __init__(self, value: _Optional[float] = ..., time: _Optional[float] = ..., limit: _Optional[float] = ...) -> None: ...
+
+class Certificate(_message.Message):
+    __slots__ = ("rate_hz", "duration", "lead_in", "lead_out", "velocity", "acceleration", "jerk", "linear_velocity", "linear_acceleration", "start_velocity_error", "end_velocity_error", "keyframe_error", "brake_rate", "stop_time")
+    RATE_HZ_FIELD_NUMBER: _ClassVar[int]
+    DURATION_FIELD_NUMBER: _ClassVar[int]
+    LEAD_IN_FIELD_NUMBER: _ClassVar[int]
+    LEAD_OUT_FIELD_NUMBER: _ClassVar[int]
+    VELOCITY_FIELD_NUMBER: _ClassVar[int]
+    ACCELERATION_FIELD_NUMBER: _ClassVar[int]
+    JERK_FIELD_NUMBER: _ClassVar[int]
+    LINEAR_VELOCITY_FIELD_NUMBER: _ClassVar[int]
+    LINEAR_ACCELERATION_FIELD_NUMBER: _ClassVar[int]
+    START_VELOCITY_ERROR_FIELD_NUMBER: _ClassVar[int]
+    END_VELOCITY_ERROR_FIELD_NUMBER: _ClassVar[int]
+    KEYFRAME_ERROR_FIELD_NUMBER: _ClassVar[int]
+    BRAKE_RATE_FIELD_NUMBER: _ClassVar[int]
+    STOP_TIME_FIELD_NUMBER: _ClassVar[int]
+    rate_hz: float
+    duration: float
+    lead_in: float
+    lead_out: float
+    velocity: Peak
+    acceleration: Peak
+    jerk: Peak
+    linear_velocity: Peak
+    linear_acceleration: Peak
+    start_velocity_error: float
+    end_velocity_error: float
+    keyframe_error: float
+    brake_rate: float
+    stop_time: float
+    def __init__(self, rate_hz: _Optional[float] = ..., duration: _Optional[float] = ..., lead_in: _Optional[float] = ..., lead_out: _Optional[float] = ..., velocity: _Optional[_Union[Peak, _Mapping]] = ..., acceleration: _Optional[_Union[Peak, _Mapping]] = ..., jerk: _Optional[_Union[Peak, _Mapping]] = ..., linear_velocity: _Optional[_Union[Peak, _Mapping]] = ..., linear_acceleration: _Optional[_Union[Peak, _Mapping]] = ..., start_velocity_error: _Optional[float] = ..., end_velocity_error: _Optional[float] = ..., keyframe_error: _Optional[float] = ..., brake_rate: _Optional[float] = ..., stop_time: _Optional[float] = ...) -> None: ...
+
+class Plan(_message.Message):
+    __slots__ = ("motion_id", "duration", "start_time", "end_time", "keyframe_times", "certificate")
+    MOTION_ID_FIELD_NUMBER: _ClassVar[int]
+    DURATION_FIELD_NUMBER: _ClassVar[int]
+    START_TIME_FIELD_NUMBER: _ClassVar[int]
+    END_TIME_FIELD_NUMBER: _ClassVar[int]
+    KEYFRAME_TIMES_FIELD_NUMBER: _ClassVar[int]
+    CERTIFICATE_FIELD_NUMBER: _ClassVar[int]
+    motion_id: str
+    duration: float
+    start_time: float
+    end_time: float
+    keyframe_times: _containers.RepeatedScalarFieldContainer[float]
+    certificate: Certificate
+    def __init__(self, motion_id: _Optional[str] = ..., duration: _Optional[float] = ..., start_time: _Optional[float] = ..., end_time: _Optional[float] = ..., keyframe_times: _Optional[_Iterable[float]] = ..., certificate: _Optional[_Union[Certificate, _Mapping]] = ...) -> None: ...
+
+class MotionSample(_message.Message):
+    __slots__ = ("path_time", "orientation", "omega_body", "alpha_body", "position", "velocity")
+    PATH_TIME_FIELD_NUMBER: _ClassVar[int]
+    ORIENTATION_FIELD_NUMBER: _ClassVar[int]
+    OMEGA_BODY_FIELD_NUMBER: _ClassVar[int]
+    ALPHA_BODY_FIELD_NUMBER: _ClassVar[int]
+    POSITION_FIELD_NUMBER: _ClassVar[int]
+    VELOCITY_FIELD_NUMBER: _ClassVar[int]
+    path_time: float
+    orientation: Quaternion
+    omega_body: Vector3
+    alpha_body: Vector3
+    position: Vector3
+    velocity: Vector3
+    def __init__(self, path_time: _Optional[float] = ..., orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., alpha_body: _Optional[_Union[Vector3, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., velocity: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
+
+class Cycle(_message.Message):
+    __slots__ = ("index", "deadline_ns", "lateness_ns", "work_ns", "feedback_age_ns", "state", "fault", "motion_number", "is_written", "overruns", "missed", "path_index", "path_fraction", "speed", "orientation", "omega_body", "alpha_body", "position", "feedback_orientation", "feedback_omega_body", "feedback_position", "tracking_error")
+    INDEX_FIELD_NUMBER: _ClassVar[int]
+    DEADLINE_NS_FIELD_NUMBER: _ClassVar[int]
+    LATENESS_NS_FIELD_NUMBER: _ClassVar[int]
+    WORK_NS_FIELD_NUMBER: _ClassVar[int]
+    FEEDBACK_AGE_NS_FIELD_NUMBER: _ClassVar[int]
+    STATE_FIELD_NUMBER: _ClassVar[int]
+    FAULT_FIELD_NUMBER: _ClassVar[int]
+    MOTION_NUMBER_FIELD_NUMBER: _ClassVar[int]
+    IS_WRITTEN_FIELD_NUMBER: _ClassVar[int]
+    OVERRUNS_FIELD_NUMBER: _ClassVar[int]
+    MISSED_FIELD_NUMBER: _ClassVar[int]
+    PATH_INDEX_FIELD_NUMBER: _ClassVar[int]
+    PATH_FRACTION_FIELD_NUMBER: _ClassVar[int]
+    SPEED_FIELD_NUMBER: _ClassVar[int]
+    ORIENTATION_FIELD_NUMBER: _ClassVar[int]
+    OMEGA_BODY_FIELD_NUMBER: _ClassVar[int]
+    ALPHA_BODY_FIELD_NUMBER: _ClassVar[int]
+    POSITION_FIELD_NUMBER: _ClassVar[int]
+    FEEDBACK_ORIENTATION_FIELD_NUMBER: _ClassVar[int]
+    FEEDBACK_OMEGA_BODY_FIELD_NUMBER: _ClassVar[int]
+    FEEDBACK_POSITION_FIELD_NUMBER: _ClassVar[int]
+    TRACKING_ERROR_FIELD_NUMBER: _ClassVar[int]
+    index: int
+    deadline_ns: int
+    lateness_ns: int
+    work_ns: int
+    feedback_age_ns: int
+    state: State
+    fault: Fault
+    motion_number: int
+    is_written: bool
+    overruns: int
+    missed: int
+    path_index: int
+    path_fraction: float
+    speed: float
+    orientation: Quaternion
+    omega_body: Vector3
+    alpha_body: Vector3
+    position: Vector3
+    feedback_orientation: Quaternion
+    feedback_omega_body: Vector3
+    feedback_position: Vector3
+    tracking_error: float
+    def __init__(self, index: _Optional[int] = ..., deadline_ns: _Optional[int] = ..., lateness_ns: _Optional[int] = ..., work_ns: _Optional[int] = ..., feedback_age_ns: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., motion_number: _Optional[int] = ..., is_written: bool = ..., overruns: _Optional[int] = ..., missed: _Optional[int] = ..., path_index: _Optional[int] = ..., path_fraction: _Optional[float] = ..., speed: _Optional[float] = ..., orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., alpha_body: _Optional[_Union[Vector3, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., feedback_orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., feedback_omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., feedback_position: _Optional[_Union[Vector3, _Mapping]] = ..., tracking_error: _Optional[float] = ...) -> None: ...
+
+class Device(_message.Message):
+    __slots__ = ("name", "driver", "rate_hz", "limits")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    DRIVER_FIELD_NUMBER: _ClassVar[int]
+    RATE_HZ_FIELD_NUMBER: _ClassVar[int]
+    LIMITS_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    driver: str
+    rate_hz: float
+    limits: Limits
+    def __init__(self, name: _Optional[str] = ..., driver: _Optional[str] = ..., rate_hz: _Optional[float] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ...) -> None: ...
+
+class DeviceReport(_message.Message):
+    __slots__ = ("device", "state", "fault", "fault_text", "is_paused", "speed", "motion_number", "motion_id", "path_time", "duration", "servo_pid", "scheduling", "is_memory_locked", "cycle")
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    STATE_FIELD_NUMBER: _ClassVar[int]
+    FAULT_FIELD_NUMBER: _ClassVar[int]
+    FAULT_TEXT_FIELD_NUMBER: _ClassVar[int]
+    IS_PAUSED_FIELD_NUMBER: _ClassVar[int]
+    SPEED_FIELD_NUMBER: _ClassVar[int]
+    MOTION_NUMBER_FIELD_NUMBER: _ClassVar[int]
+    MOTION_ID_FIELD_NUMBER: _ClassVar[int]
+    PATH_TIME_FIELD_NUMBER: _ClassVar[int]
+    DURATION_FIELD_NUMBER: _ClassVar[int]
+    SERVO_PID_FIELD_NUMBER: _ClassVar[int]
+    SCHEDULING_FIELD_NUMBER: _ClassVar[int]
+    IS_MEMORY_LOCKED_FIELD_NUMBER: _ClassVar[int]
+    CYCLE_FIELD_NUMBER: _ClassVar[int]
+    device: Device
+    state: State
+    fault: Fault
+    fault_text: str
+    is_paused: bool
+    speed: float
+    motion_number: int
+    motion_id: str
+    path_time: float
+    duration: float
+    servo_pid: int
+    scheduling: str
+    is_memory_locked: bool
+    cycle: Cycle
+    def __init__(self, device: _Optional[_Union[Device, _Mapping]] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., fault_text: _Optional[str] = ..., is_paused: bool = ..., speed: _Optional[float] = ..., motion_number: _Optional[int] = ..., motion_id: _Optional[str] = ..., path_time: _Optional[float] = ..., duration: _Optional[float] = ..., servo_pid: _Optional[int] = ..., scheduling: _Optional[str] = ..., is_memory_locked: bool = ..., cycle: _Optional[_Union[Cycle, _Mapping]] = ...) -> None: ...
+
+class LeaseReport(_message.Message):
+    __slots__ = ("holder", "remaining")
+    HOLDER_FIELD_NUMBER: _ClassVar[int]
+    REMAINING_FIELD_NUMBER: _ClassVar[int]
+    holder: str
+    remaining: float
+    def __init__(self, holder: _Optional[str] = ..., remaining: _Optional[float] = ...) -> None: ...
+
+class DaemonReport(_message.Message):
+    __slots__ = ("version", "pid", "uptime", "socket", "configuration", "lease")
+    VERSION_FIELD_NUMBER: _ClassVar[int]
+    PID_FIELD_NUMBER: _ClassVar[int]
+    UPTIME_FIELD_NUMBER: _ClassVar[int]
+    SOCKET_FIELD_NUMBER: _ClassVar[int]
+    CONFIGURATION_FIELD_NUMBER: _ClassVar[int]
+    LEASE_FIELD_NUMBER: _ClassVar[int]
+    version: str
+    pid: int
+    uptime: float
+    socket: str
+    configuration: str
+    lease: LeaseReport
+    def __init__(self, version: _Optional[str] = ..., pid: _Optional[int] = ..., uptime: _Optional[float] = ..., socket: _Optional[str] = ..., configuration: _Optional[str] = ..., lease: _Optional[_Union[LeaseReport, _Mapping]] = ...) -> None: ...
+
+class GetStateRequest(_message.Message):
+    __slots__ = ("device",)
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    device: str
+    def __init__(self, device: _Optional[str] = ...) -> None: ...
+
+class GetStateResponse(_message.Message):
+    __slots__ = ("daemon", "devices")
+    DAEMON_FIELD_NUMBER: _ClassVar[int]
+    DEVICES_FIELD_NUMBER: _ClassVar[int]
+    daemon: DaemonReport
+    devices: _containers.RepeatedCompositeFieldContainer[DeviceReport]
+    def __init__(self, daemon: _Optional[_Union[DaemonReport, _Mapping]] = ..., devices: _Optional[_Iterable[_Union[DeviceReport, _Mapping]]] = ...) -> None: ...
+
+class WatchStateRequest(_message.Message):
+    __slots__ = ("device", "rate_hz", "decimation")
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    RATE_HZ_FIELD_NUMBER: _ClassVar[int]
+    DECIMATION_FIELD_NUMBER: _ClassVar[int]
+    device: str
+    rate_hz: float
+    decimation: int
+    def __init__(self, device: _Optional[str] = ..., rate_hz: _Optional[float] = ..., decimation: _Optional[int] = ...) -> None: ...
+
+class WatchStateResponse(_message.Message):
+    __slots__ = ("cycles", "lost")
+    CYCLES_FIELD_NUMBER: _ClassVar[int]
+    LOST_FIELD_NUMBER: _ClassVar[int]
+    cycles: _containers.RepeatedCompositeFieldContainer[Cycle]
+    lost: int
+    def __init__(self, cycles: _Optional[_Iterable[_Union[Cycle, _Mapping]]] = ..., lost: _Optional[int] = ...) -> None: ...
+
+class ListMethodsRequest(_message.Message):
+    __slots__ = ()
+    def __init__(self) -> None: ...
+
+class Method(_message.Message):
+    __slots__ = ("name", "summary", "source", "continuity", "interpolates", "is_local", "meets_end_velocities")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    SUMMARY_FIELD_NUMBER: _ClassVar[int]
+    SOURCE_FIELD_NUMBER: _ClassVar[int]
+    CONTINUITY_FIELD_NUMBER: _ClassVar[int]
+    INTERPOLATES_FIELD_NUMBER: _ClassVar[int]
+    IS_LOCAL_FIELD_NUMBER: _ClassVar[int]
+    MEETS_END_VELOCITIES_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    summary: str
+    source: str
+    continuity: int
+    interpolates: bool
+    is_local: bool
+    meets_end_velocities: bool
+    def __init__(self, name: _Optional[str] = ..., summary: _Optional[str] = ..., source: _Optional[str] = ..., continuity: _Optional[int] = ..., interpolates: bool = ..., is_local: bool = ..., meets_end_velocities: bool = ...) -> None: ...
+
+class ListMethodsResponse(_message.Message):
+    __slots__ = ("methods",)
+    METHODS_FIELD_NUMBER: _ClassVar[int]
+    methods: _containers.RepeatedCompositeFieldContainer[Method]
+    def __init__(self, methods: _Optional[_Iterable[_Union[Method, _Mapping]]] = ...) -> None: ...
+
+class ListDevicesRequest(_message.Message):
+    __slots__ = ()
+    def __init__(self) -> None: ...
+
+class ListDevicesResponse(_message.Message):
+    __slots__ = ("devices",)
+    DEVICES_FIELD_NUMBER: _ClassVar[int]
+    devices: _containers.RepeatedCompositeFieldContainer[Device]
+    def __init__(self, devices: _Optional[_Iterable[_Union[Device, _Mapping]]] = ...) -> None: ...
+
+class PlanRequest(_message.Message):
+    __slots__ = ("device", "motion", "sample_rate_hz")
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    MOTION_FIELD_NUMBER: _ClassVar[int]
+    SAMPLE_RATE_HZ_FIELD_NUMBER: _ClassVar[int]
+    device: str
+    motion: MotionRequest
+    sample_rate_hz: float
+    def __init__(self, device: _Optional[str] = ..., motion: _Optional[_Union[MotionRequest, _Mapping]] = ..., sample_rate_hz: _Optional[float] = ...) -> None: ...
+
+class PlanResponse(_message.Message):
+    __slots__ = ("plan", "samples")
+    PLAN_FIELD_NUMBER: _ClassVar[int]
+    SAMPLES_FIELD_NUMBER: _ClassVar[int]
+    plan: Plan
+    samples: _containers.RepeatedCompositeFieldContainer[MotionSample]
+    def __init__(self, plan: _Optional[_Union[Plan, _Mapping]] = ..., samples: _Optional[_Iterable[_Union[MotionSample, _Mapping]]] = ...) -> None: ...
+
+class MoveRequest(_message.Message):
+    __slots__ = ("lease_token", "device", "motion", "motion_id", "progress_rate_hz")
+    LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    MOTION_FIELD_NUMBER: _ClassVar[int]
+    MOTION_ID_FIELD_NUMBER: _ClassVar[int]
+    PROGRESS_RATE_HZ_FIELD_NUMBER: _ClassVar[int]
+    lease_token: str
+    device: str
+    motion: MotionRequest
+    motion_id: str
+    progress_rate_hz: float
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., motion: _Optional[_Union[MotionRequest, _Mapping]] = ..., motion_id: _Optional[str] = ..., progress_rate_hz: _Optional[float] = ...) -> None: ...
+
+class MoveStarted(_message.Message):
+    __slots__ = ("motion_number", "plan")
+    MOTION_NUMBER_FIELD_NUMBER: _ClassVar[int]
+    PLAN_FIELD_NUMBER: _ClassVar[int]
+    motion_number: int
+    plan: Plan
+    def __init__(self, motion_number: _Optional[int] = ..., plan: _Optional[_Union[Plan, _Mapping]] = ...) -> None: ...
+
+class MoveProgress(_message.Message):
+    __slots__ = ("path_time", "duration", "state", "is_paused", "speed", "orientation", "omega_body", "position", "lateness", "tracking_error", "overruns")
+    PATH_TIME_FIELD_NUMBER: _ClassVar[int]
+    DURATION_FIELD_NUMBER: _ClassVar[int]
+    STATE_FIELD_NUMBER: _ClassVar[int]
+    IS_PAUSED_FIELD_NUMBER: _ClassVar[int]
+    SPEED_FIELD_NUMBER: _ClassVar[int]
+    ORIENTATION_FIELD_NUMBER: _ClassVar[int]
+    OMEGA_BODY_FIELD_NUMBER: _ClassVar[int]
+    POSITION_FIELD_NUMBER: _ClassVar[int]
+    LATENESS_FIELD_NUMBER: _ClassVar[int]
+    TRACKING_ERROR_FIELD_NUMBER: _ClassVar[int]
+    OVERRUNS_FIELD_NUMBER: _ClassVar[int]
+    path_time: float
+    duration: float
+    state: State
+    is_paused: bool
+    speed: float
+    orientation: Quaternion
+    omega_body: Vector3
+    position: Vector3
+    lateness: float
+    tracking_error: float
+    overruns: int
+    def __init__(self, path_time: _Optional[float] = ..., duration: _Optional[float] = ..., state: _Optional[_Union[State, str]] = ..., is_paused: bool = ..., speed: _Optional[float] = ..., orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., lateness: _Optional[float] = ..., tracking_error: _Optional[float] = ..., overruns: _Optional[int] = ...) -> None: ...
+
+class Durations(_message.Message):
+    __slots__ = ("p50", "p99", "p99_9", "largest")
+    P50_FIELD_NUMBER: _ClassVar[int]
+    P99_FIELD_NUMBER: _ClassVar[int]
+    P99_9_FIELD_NUMBER: _ClassVar[int]
+    LARGEST_FIELD_NUMBER: _ClassVar[int]
+    p50: float
+    p99: float
+    p99_9: float
+    largest: float
+    def __init__(self, p50: _Optional[float] = ..., p99: _Optional[float] = ..., p99_9: _Optional[float] = ..., largest: _Optional[float] = ...) -> None: ...
+
+class MotionStatistics(_message.Message):
+    __slots__ = ("cycles", "overruns", "missed", "lateness", "work", "velocity", "acceleration", "jerk", "path_error", "tracking_error", "start_velocity_error", "end_velocity_error")
+    CYCLES_FIELD_NUMBER: _ClassVar[int]
+    OVERRUNS_FIELD_NUMBER: _ClassVar[int]
+    MISSED_FIELD_NUMBER: _ClassVar[int]
+    LATENESS_FIELD_NUMBER: _ClassVar[int]
+    WORK_FIELD_NUMBER: _ClassVar[int]
+    VELOCITY_FIELD_NUMBER: _ClassVar[int]
+    ACCELERATION_FIELD_NUMBER: _ClassVar[int]
+    JERK_FIELD_NUMBER: _ClassVar[int]
+    PATH_ERROR_FIELD_NUMBER: _ClassVar[int]
+    TRACKING_ERROR_FIELD_NUMBER: _ClassVar[int]
+    START_VELOCITY_ERROR_FIELD_NUMBER: _ClassVar[int]
+    END_VELOCITY_ERROR_FIELD_NUMBER: _ClassVar[int]
+    cycles: int
+    overruns: int
+    missed: int
+    lateness: Durations
+    work: Durations
+    velocity: float
+    acceleration: float
+    jerk: float
+    path_error: float
+    tracking_error: float
+    start_velocity_error: float
+    end_velocity_error: float
+    def __init__(self, cycles: _Optional[int] = ..., overruns: _Optional[int] = ..., missed: _Optional[int] = ..., lateness: _Optional[_Union[Durations, _Mapping]] = ..., work: _Optional[_Union[Durations, _Mapping]] = ..., velocity: _Optional[float] = ..., acceleration: _Optional[float] = ..., jerk: _Optional[float] = ..., path_error: _Optional[float] = ..., tracking_error: _Optional[float] = ..., start_velocity_error: _Optional[float] = ..., end_velocity_error: _Optional[float] = ...) -> None: ...
+
+class MoveSummary(_message.Message):
+    __slots__ = ("motion_number", "outcome", "text", "statistics")
+    MOTION_NUMBER_FIELD_NUMBER: _ClassVar[int]
+    OUTCOME_FIELD_NUMBER: _ClassVar[int]
+    TEXT_FIELD_NUMBER: _ClassVar[int]
+    STATISTICS_FIELD_NUMBER: _ClassVar[int]
+    motion_number: int
+    outcome: Outcome
+    text: str
+    statistics: MotionStatistics
+    def __init__(self, motion_number: _Optional[int] = ..., outcome: _Optional[_Union[Outcome, str]] = ..., text: _Optional[str] = ..., statistics: _Optional[_Union[MotionStatistics, _Mapping]] = ...) -> None: ...
+
+class MoveResponse(_message.Message):
+    __slots__ = ("started", "progress", "summary")
+    STARTED_FIELD_NUMBER: _ClassVar[int]
+    PROGRESS_FIELD_NUMBER: _ClassVar[int]
+    SUMMARY_FIELD_NUMBER: _ClassVar[int]
+    started: MoveStarted
+    progress: MoveProgress
+    summary: MoveSummary
+    def __init__(self, started: _Optional[_Union[MoveStarted, _Mapping]] = ..., progress: _Optional[_Union[MoveProgress, _Mapping]] = ..., summary: _Optional[_Union[MoveSummary, _Mapping]] = ...) -> None: ...
+
+class StopRequest(_message.Message):
+    __slots__ = ("device", "caller")
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    CALLER_FIELD_NUMBER: _ClassVar[int]
+    device: str
+    caller: str
+    def __init__(self, device: _Optional[str] = ..., caller: _Optional[str] = ...) -> None: ...
+
+class StopResponse(_message.Message):
+    __slots__ = ("devices",)
+    DEVICES_FIELD_NUMBER: _ClassVar[int]
+    devices: _containers.RepeatedCompositeFieldContainer[DeviceReport]
+    def __init__(self, devices: _Optional[_Iterable[_Union[DeviceReport, _Mapping]]] = ...) -> None: ...
+
+class PauseRequest(_message.Message):
+    __slots__ = ("lease_token", "device")
+    LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    lease_token: str
+    device: str
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ...) -> None: ...
+
+class PauseResponse(_message.Message):
+    __slots__ = ("device",)
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    device: DeviceReport
+    def __init__(self, device: _Optional[_Union[DeviceReport, _Mapping]] = ...) -> None: ...
+
+class ResumeRequest(_message.Message):
+    __slots__ = ("lease_token", "device")
+    LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    lease_token: str
+    device: str
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ...) -> None: ...
+
+class ResumeResponse(_message.Message):
+    __slots__ = ("device",)
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    device: DeviceReport
+    def __init__(self, device: _Optional[_Union[DeviceReport, _Mapping]] = ...) -> None: ...
+
+class SetSpeedRequest(_message.Message):
+    __slots__ = ("lease_token", "device", "speed")
+    LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    SPEED_FIELD_NUMBER: _ClassVar[int]
+    lease_token: str
+    device: str
+    speed: float
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., speed: _Optional[float] = ...) -> None: ...
+
+class SetSpeedResponse(_message.Message):
+    __slots__ = ("device",)
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    device: DeviceReport
+    def __init__(self, device: _Optional[_Union[DeviceReport, _Mapping]] = ...) -> None: ...
+
+class EnableRequest(_message.Message):
+    __slots__ = ("lease_token", "device")
+    LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    lease_token: str
+    device: str
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ...) -> None: ...
+
+class EnableResponse(_message.Message):
+    __slots__ = ("device",)
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    device: DeviceReport
+    def __init__(self, device: _Optional[_Union[DeviceReport, _Mapping]] = ...) -> None: ...
+
+class DisableRequest(_message.Message):
+    __slots__ = ("lease_token", "device")
+    LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    lease_token: str
+    device: str
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ...) -> None: ...
+
+class DisableResponse(_message.Message):
+    __slots__ = ("device",)
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    device: DeviceReport
+    def __init__(self, device: _Optional[_Union[DeviceReport, _Mapping]] = ...) -> None: ...
+
+class ResetRequest(_message.Message):
+    __slots__ = ("lease_token", "device")
+    LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    lease_token: str
+    device: str
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ...) -> None: ...
+
+class ResetResponse(_message.Message):
+    __slots__ = ("device",)
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    device: DeviceReport
+    def __init__(self, device: _Optional[_Union[DeviceReport, _Mapping]] = ...) -> None: ...
+
+class Lease(_message.Message):
+    __slots__ = ("token", "holder", "seconds")
+    TOKEN_FIELD_NUMBER: _ClassVar[int]
+    HOLDER_FIELD_NUMBER: _ClassVar[int]
+    SECONDS_FIELD_NUMBER: _ClassVar[int]
+    token: str
+    holder: str
+    seconds: float
+    def __init__(self, token: _Optional[str] = ..., holder: _Optional[str] = ..., seconds: _Optional[float] = ...) -> None: ...
+
+class AcquireLeaseRequest(_message.Message):
+    __slots__ = ("holder",)
+    HOLDER_FIELD_NUMBER: _ClassVar[int]
+    holder: str
+    def __init__(self, holder: _Optional[str] = ...) -> None: ...
+
+class AcquireLeaseResponse(_message.Message):
+    __slots__ = ("lease",)
+    LEASE_FIELD_NUMBER: _ClassVar[int]
+    lease: Lease
+    def __init__(self, lease: _Optional[_Union[Lease, _Mapping]] = ...) -> None: ...
+
+class RenewLeaseRequest(_message.Message):
+    __slots__ = ("token",)
+    TOKEN_FIELD_NUMBER: _ClassVar[int]
+    token: str
+    def __init__(self, token: _Optional[str] = ...) -> None: ...
+
+class RenewLeaseResponse(_message.Message):
+    __slots__ = ("lease",)
+    LEASE_FIELD_NUMBER: _ClassVar[int]
+    lease: Lease
+    def __init__(self, lease: _Optional[_Union[Lease, _Mapping]] = ...) -> None: ...
+
+class ReleaseLeaseRequest(_message.Message):
+    __slots__ = ("token",)
+    TOKEN_FIELD_NUMBER: _ClassVar[int]
+    token: str
+    def __init__(self, token: _Optional[str] = ...) -> None: ...
+
+class ReleaseLeaseResponse(_message.Message):
+    __slots__ = ()
+    def __init__(self) -> None: ...

@@ -1,0 +1,146 @@
+"""Errors on the wire: orientd's exceptions as ``google.rpc.Status``, and back.
+
+What a caller of the client catches is the class that the daemon raised, with the same one line and
+the same attributes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import grpc
+from google.protobuf.message import DecodeError, Message
+from google.rpc import code_pb2, error_details_pb2, status_pb2
+
+from orientd.errors import (
+    DaemonError,
+    LeaseError,
+    LimitError,
+    OrientdError,
+    PlanError,
+    RequestError,
+    StartError,
+    StateError,
+    UnknownNameError,
+)
+
+DETAILS_KEY = "grpc-status-details-bin"
+DOMAIN = "orientd"
+
+# gRPC sends a status as headers, which are few kilobytes at the most.
+MAX_MESSAGE_LENGTH = 1000
+
+_PRECONDITIONS: Mapping[str, type[OrientdError]] = {
+    "LIMIT": LimitError,
+    "START": StartError,
+    "PLAN": PlanError,
+    "STATE": StateError,
+    "LEASE": LeaseError,
+}
+
+
+def to_status(error: OrientdError) -> status_pb2.Status:
+    """Return *error* as a status; the first line of its message is the status' message."""
+    message = (str(error).splitlines() or [type(error).__name__])[0][:MAX_MESSAGE_LENGTH]
+    if isinstance(error, RequestError):
+        is_unknown = isinstance(error, UnknownNameError)
+        status = status_pb2.Status(
+            code=code_pb2.NOT_FOUND if is_unknown else code_pb2.INVALID_ARGUMENT, message=message
+        )
+        bad_request = error_details_pb2.BadRequest()
+        bad_request.field_violations.add(
+            field=error.field, description=error.problem[:MAX_MESSAGE_LENGTH]
+        )
+        status.details.add().Pack(bad_request)
+        return status
+    for kind, exception in _PRECONDITIONS.items():
+        if isinstance(error, exception):
+            return _failed_precondition(error, kind, message)
+    code = code_pb2.UNAVAILABLE if isinstance(error, DaemonError) else code_pb2.INTERNAL
+    return status_pb2.Status(code=code, message=message)
+
+
+def from_status(status: status_pb2.Status) -> OrientdError:
+    """Return the exception that *status* was made of."""
+    bad_request = error_details_pb2.BadRequest()
+    if _find(status, bad_request) and bad_request.field_violations:
+        is_unknown = status.code == code_pb2.NOT_FOUND
+        first = bad_request.field_violations[0]
+        return (UnknownNameError if is_unknown else RequestError)(first.field, first.description)
+    precondition = error_details_pb2.PreconditionFailure()
+    if _find(status, precondition) and precondition.violations:
+        exception = _PRECONDITIONS.get(precondition.violations[0].type, OrientdError)
+        return _limit_error(status) if exception is LimitError else exception(status.message)
+    is_daemon = status.code == code_pb2.UNAVAILABLE
+    return (DaemonError if is_daemon else OrientdError)(status.message)
+
+
+def from_call(error: grpc.RpcError, *, where: str) -> OrientdError:
+    """Return the exception for a call that failed.
+
+    Args:
+        error: what gRPC raised.
+        where: the socket, for the message when nobody answers there.
+    """
+    if not isinstance(error, grpc.Call):
+        return DaemonError(f"the call to the daemon at {where} failed: {error}")
+    for key, content in error.trailing_metadata() or ():
+        if key == DETAILS_KEY:
+            status = status_pb2.Status()
+            try:
+                status.ParseFromString(content)
+            except DecodeError:
+                break
+            return from_status(status)
+    code, text = error.code(), " ".join((error.details() or "").split())
+    if code is grpc.StatusCode.UNAVAILABLE:
+        return DaemonError(f"no daemon answers at {where}; start one with `orientd run`")
+    if code is grpc.StatusCode.DEADLINE_EXCEEDED:
+        return DaemonError(f"the daemon at {where} did not answer in time")
+    if code is grpc.StatusCode.CANCELLED:
+        return DaemonError("the call was cancelled")
+    if code is grpc.StatusCode.RESOURCE_EXHAUSTED:
+        return RequestError("", f"the message is too large: {text}")
+    if code is grpc.StatusCode.UNIMPLEMENTED:
+        return DaemonError(f"the daemon at {where} is of another version: {text}")
+    return OrientdError(f"the daemon at {where} failed: {text}")
+
+
+def _failed_precondition(error: OrientdError, kind: str, message: str) -> status_pb2.Status:
+    status = status_pb2.Status(code=code_pb2.FAILED_PRECONDITION, message=message)
+    subject = kind.lower()
+    cause = error_details_pb2.ErrorInfo(reason=kind, domain=DOMAIN)
+    if isinstance(error, LimitError):
+        subject = error.quantity
+        cause.metadata["quantity"] = error.quantity
+        cause.metadata["value"] = repr(float(error.value))
+        cause.metadata["limit"] = repr(float(error.limit))
+        cause.metadata["time"] = repr(float(error.time))
+        cause.metadata["unit"] = error.unit
+    precondition = error_details_pb2.PreconditionFailure()
+    precondition.violations.add(type=kind, subject=subject, description=message)
+    status.details.add().Pack(precondition)
+    status.details.add().Pack(cause)
+    return status
+
+
+def _limit_error(status: status_pb2.Status) -> OrientdError:
+    cause = error_details_pb2.ErrorInfo()
+    if not _find(status, cause):
+        return PlanError(status.message)
+    known = cause.metadata
+    error = LimitError(
+        known["quantity"],
+        float(known["value"]),
+        float(known["limit"]),
+        float(known["time"]),
+        known["unit"],
+    )
+    # The daemon's own line: it may carry advice, which has no field.
+    error.args = (status.message,)
+    return error
+
+
+def _find(status: status_pb2.Status, wanted: Message) -> bool:
+    """Fill *wanted* from the first detail of its kind; say whether there was one."""
+    return any(detail.Unpack(wanted) for detail in status.details)

@@ -1,0 +1,140 @@
+"""The servo process: set up, run one cycle at every deadline, leave the device holding, end.
+
+Started by the daemon as ``python -m orientd.servo DESCRIPTOR`` with its :class:`ProcessSettings` as
+JSON on standard input, in a session of its own, so that a Ctrl-C for the daemon does not reach it.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import signal
+import sys
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from orientd.clock import MonotonicClock
+from orientd.driver import Driver
+from orientd.servo.realtime import DeadlineTimer, freeze_garbage, lock_memory, set_scheduling
+from orientd.servo.servo import Servo, Watch
+from orientd.stream import NoteKind, SharedMemory, pack_note
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessSettings:
+    """What a servo process is told when it is started.
+
+    Attributes:
+        device: the device's name.
+        driver: where its driver class is, ``module:Class``.
+        options: the driver's options.
+        period_ns: cycle period.
+        path_capacity: size of the path ring.
+        cycle_capacity: size of the ring of cycles.
+        heartbeat_timeout_ns: longest silence of the daemon in motion.
+        feedback_timeout_ns: largest age of feedback.
+        priority: SCHED_FIFO priority to ask for; 0 for none.
+        spin_ns: busy-wait before each deadline.
+        daemon_pid: the process that started this one.
+        report_path: where to write down why the process ended.
+    """
+
+    device: str
+    driver: str
+    options: dict[str, Any]
+    period_ns: int
+    path_capacity: int
+    cycle_capacity: int
+    heartbeat_timeout_ns: int
+    feedback_timeout_ns: int
+    priority: int
+    spin_ns: int
+    daemon_pid: int
+    report_path: str
+
+    def to_json(self) -> str:
+        """Return the settings as the process reads them."""
+        return json.dumps(asdict(self))
+
+
+def load_driver(target: str) -> type[Driver]:
+    """Import the class that *target*, ``module:Class``, names."""
+    module, _, name = target.partition(":")
+    driver: type[Driver] = getattr(importlib.import_module(module), name)
+    return driver
+
+
+def run(descriptor: int, settings: ProcessSettings) -> int:
+    """Be the servo process of one device, from opening to closing it.
+
+    Returns:
+        The exit status: 0 after an orderly end, 1 where the device could not be opened.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    memory = SharedMemory(descriptor, settings.path_capacity, settings.cycle_capacity)
+    clock = MonotonicClock()
+    try:
+        driver = load_driver(settings.driver)(
+            settings.options, period_ns=settings.period_ns, clock=clock
+        )
+        driver.open()
+    except Exception as error:  # noqa: BLE001 - whatever it is, the daemon must hear of it
+        text = f"{type(error).__name__}: {error}"
+        memory.notes.publish(*pack_note(0, NoteKind.ENDING, 1, text))
+        return 1
+    servo = Servo(
+        driver,
+        memory,
+        period_ns=settings.period_ns,
+        watch=Watch(settings.heartbeat_timeout_ns, settings.feedback_timeout_ns),
+        clock=clock,
+        parent_is_alive=lambda: os.getppid() == settings.daemon_pid,
+    )
+    signal.signal(signal.SIGTERM, lambda *_: servo.request_end("SIGTERM"))
+    is_locked = lock_memory()
+    scheduling = set_scheduling(settings.priority)
+    freeze_garbage()
+    ready = json.dumps({"scheduling": scheduling, "memory_locked": is_locked})
+    memory.notes.publish(*pack_note(0, NoteKind.READY, 0, ready))
+    try:
+        run_cycles(servo, DeadlineTimer(settings.spin_ns), settings.period_ns)
+    finally:
+        servo.close()
+        _write_report(Path(settings.report_path), servo.report())
+        memory.notes.publish(*pack_note(0, NoteKind.ENDING, 0, servo.ending))
+        memory.close()
+    return 0
+
+
+def run_cycles(servo: Servo, timer: DeadlineTimer, period_ns: int) -> None:
+    """Call ``servo.cycle`` at every deadline until the servo has ended.
+
+    A deadline that has passed altogether is counted and skipped; path time is not, so that a late
+    cycle never makes the device jump.
+    """
+    overrun_ns = period_ns // 2
+    deadline = time.monotonic_ns() + period_ns
+    while not servo.has_ended:
+        woken = timer.wait(deadline)
+        lateness = woken - deadline
+        if lateness > overrun_ns:
+            servo.overruns += 1
+        servo.cycle(deadline, lateness)
+        done = time.monotonic_ns()
+        servo.work_ns = done - woken
+        deadline += period_ns
+        if done > deadline:
+            skipped = (done - deadline) // period_ns + 1
+            servo.missed += skipped
+            deadline += skipped * period_ns
+
+
+def _write_report(path: Path, report: dict[str, object]) -> None:
+    """Write down why the process ended; there may be nobody left to tell."""
+    try:
+        path.write_text(json.dumps({"time": time.time(), **report}) + "\n")
+    except OSError as error:
+        print(f"cannot write {path}: {error}", file=sys.stderr)  # noqa: T201 - the last words

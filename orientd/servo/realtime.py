@@ -1,0 +1,88 @@
+"""Real time on Linux: scheduling, locked memory, absolute deadlines, through the C library.
+
+``SCHED_FIFO`` and locked memory need a permission (``RLIMIT_RTPRIO``, ``RLIMIT_MEMLOCK``).  Without
+the first, a scheduler slice of 0.1 ms, which needs none, halves the worst delays; what the process
+has got is reported, never assumed.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import os
+import platform
+import struct
+import time
+
+SLICE_NS = 100_000
+"""Scheduler slice asked for without SCHED_FIFO: the shortest the kernel grants."""
+
+_CLOCK_MONOTONIC = 1
+_TIMER_ABSTIME = 1
+_PR_SET_TIMERSLACK = 29
+_MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
+_SCHED_SETATTR = {"x86_64": 314, "aarch64": 274}
+_SCHED_ATTR = struct.Struct("@IIQiIQQQ")  # size policy flags nice priority runtime deadline period
+
+
+class _Timespec(ctypes.Structure):
+    _fields_ = (("seconds", ctypes.c_long), ("nanoseconds", ctypes.c_long))
+
+
+class DeadlineTimer:
+    """Sleep until absolute instants of the monotonic clock."""
+
+    def __init__(self, spin_ns: int = 0) -> None:
+        """Busy-wait through the last *spin_ns* nanoseconds before a deadline."""
+        self._spin_ns = spin_ns
+        self._timespec = _Timespec()
+        self._pointer = ctypes.byref(self._timespec)
+        self._nanosleep = ctypes.CDLL(None).clock_nanosleep
+
+    def wait(self, deadline_ns: int) -> int:
+        """Return the time at which it woke, at or after *deadline_ns*."""
+        timespec = self._timespec
+        timespec.seconds, timespec.nanoseconds = divmod(deadline_ns - self._spin_ns, 1_000_000_000)
+        while self._nanosleep(_CLOCK_MONOTONIC, _TIMER_ABSTIME, self._pointer, None) != 0:
+            pass  # interrupted by a signal; the deadline is absolute
+        now = time.monotonic_ns()
+        while now < deadline_ns:
+            now = time.monotonic_ns()
+        return now
+
+
+def set_scheduling(priority: int) -> str:
+    """Ask for ``SCHED_FIFO`` at *priority* (0: do not ask), else for a short slice.
+
+    Returns:
+        What the process has got, in words.
+    """
+    ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
+    if priority > 0:
+        try:
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+        except OSError:
+            pass
+        else:
+            return f"SCHED_FIFO {priority}"
+    number = _SCHED_SETATTR.get(platform.machine())
+    if number is not None:
+        attributes = ctypes.create_string_buffer(
+            _SCHED_ATTR.pack(_SCHED_ATTR.size, os.SCHED_OTHER, 0, 0, 0, SLICE_NS, 0, 0)
+        )
+        if ctypes.CDLL(None).syscall(number, 0, attributes, 0) == 0:
+            return f"SCHED_OTHER, slice {SLICE_NS / 1e6:g} ms"
+    return "SCHED_OTHER"
+
+
+def lock_memory() -> bool:
+    """Keep every page in memory once it was touched; return whether the system permits it."""
+    flags = _MCL_CURRENT | _MCL_FUTURE | _MCL_ONFAULT
+    return bool(ctypes.CDLL(None).mlockall(flags) == 0)
+
+
+def freeze_garbage() -> None:
+    """Collect once, then never again: the cycle path makes no cycles of objects."""
+    gc.collect()
+    gc.freeze()
+    gc.disable()

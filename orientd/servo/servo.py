@@ -1,0 +1,414 @@
+"""The servo: what happens in one cycle, whichever clock drives it.
+
+Read the device, take a command, look whether everybody is still alive, move the setpoint along the
+path, let the guard look at it, write it, publish the cycle.  Nothing here waits, and nothing grows.
+:mod:`orientd.servo.process` calls :meth:`Servo.cycle` on time; tests call it as fast as they like.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from orientd.clock import Clock
+from orientd.driver import IDENTITY, ZERO, Driver, Feedback, Quaternion, Setpoint, Vector3
+from orientd.driver.floats import difference, norm
+from orientd.errors import (
+    DeviceFaultError,
+    Fault,
+    FeedbackError,
+    LinkError,
+    StateError,
+)
+from orientd.servo.guard import Guard
+from orientd.servo.path_clock import PathClock
+from orientd.servo.path_follower import PathFollower, StarvedError
+from orientd.servo.segment import PathPoint
+from orientd.servo.table import Event, advance
+from orientd.stream import (
+    Answer,
+    Command,
+    CycleFlag,
+    NoteKind,
+    SharedMemory,
+    State,
+    Terms,
+    pack_note,
+)
+
+_NO_TERMS = Terms(1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 1.0)
+_START_TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Watch:
+    """How long the servo waits for signs of life.
+
+    Attributes:
+        heartbeat_ns: longest silence of the daemon while something moves.
+        feedback_ns: largest age of the device's feedback.
+    """
+
+    heartbeat_ns: int
+    feedback_ns: int
+
+
+class Servo:
+    """One device: its state, its path and its last setpoint.
+
+    Args:
+        driver: an opened driver.
+        memory: the rings shared with the daemon.
+        period_ns: cycle period.
+        watch: time limits.
+        clock: the clock that feedback and heartbeat are stamped with.
+        parent_is_alive: whether the daemon that started this process still is.
+    """
+
+    def __init__(
+        self,
+        driver: Driver,
+        memory: SharedMemory,
+        *,
+        period_ns: int,
+        watch: Watch,
+        clock: Clock,
+        parent_is_alive: Callable[[], bool],
+    ) -> None:
+        self.state = State.IDLE
+        self.ending = ""
+        self.overruns = 0
+        self.missed = 0
+        self.work_ns = 0
+        self._driver = driver
+        self._memory = memory
+        self._watch = watch
+        self._clock = clock
+        self._parent_is_alive = parent_is_alive
+        period = period_ns * 1e-9
+        self._path_clock = PathClock(period)
+        self._follower = PathFollower(memory.path, period)
+        self._guard = Guard(period)
+        self._terms = _NO_TERMS
+        self._escape: Iterator[tuple[Quaternion, Vector3]] | None = None
+        self._fault = Fault.NONE
+        self._fault_text = ""
+        self._is_enabled = False
+        self._feedback: Feedback | None = None
+        self._enabled_ns = 0
+        self._motion = 0
+        self._held = PathPoint(IDENTITY, ZERO, ZERO, ZERO, ZERO)
+        self._taken = memory.commands.head
+        self._cycle_count = 0
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether setpoints change."""
+        return self.state in (State.STREAMING, State.STOPPING)
+
+    def cycle(self, deadline_ns: int, lateness_ns: int) -> None:
+        """Do the work of one cycle.
+
+        Args:
+            deadline_ns: when it was due.
+            lateness_ns: how much later it began.
+        """
+        self._read()
+        self._take_command()
+        self._look_for_life(deadline_ns)
+        point = self._move() if self.is_moving else self._held
+        written = self._is_enabled and self._write(Setpoint(deadline_ns, *point))
+        self._held = PathPoint(point.q, ZERO, ZERO, point.position, ZERO)
+        self._publish(deadline_ns, lateness_ns, point, written)
+
+    def request_end(self, reason: str) -> None:
+        """Stop on the path if something moves; the process ends once it holds."""
+        if not self.ending:
+            self.ending = reason
+            if self.state is State.STREAMING:
+                self._path_clock.target = 0.0
+                self.state = advance(self.state, Event.STOP)
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether the end was asked for and nothing moves any more."""
+        return bool(self.ending) and not self.is_moving
+
+    def close(self) -> None:
+        """Leave the device holding, and let go of it."""
+        try:
+            if self._is_enabled:
+                self._driver.disable()
+        except Exception as error:  # noqa: BLE001 - whatever a driver raises, the process ends
+            self.ending += f"; disable failed: {error}"
+        self._is_enabled = False
+        self._driver.close()
+
+    def report(self) -> dict[str, object]:
+        """Return what the process writes down when it ends."""
+        return {
+            "reason": self.ending,
+            "state": self.state.name.lower(),
+            "fault": self._fault.name.lower(),
+            "fault_text": self._fault_text,
+            "motion": self._motion,
+            "cycles": self._cycle_count,
+            "overruns": self.overruns,
+            "missed": self.missed,
+            "orientation": dict(zip("wxyz", self._held.q, strict=True)),
+            "position": list(self._held.position),
+        }
+
+    # The device
+
+    def _read(self) -> None:
+        try:
+            feedback = self._driver.read()
+        except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
+            self._take_fault(error)
+            return
+        if feedback is not None:
+            self._feedback = feedback
+
+    def _write(self, setpoint: Setpoint) -> bool:
+        try:
+            self._driver.write(setpoint)
+        except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
+            self._take_fault(error)
+            return False
+        return True
+
+    def _take_fault(self, error: Exception) -> None:
+        """Turn what a driver raised into a fault: at once, or after a stop on the path."""
+        if isinstance(error, FeedbackError):
+            self._brake(Fault.FEEDBACK_STALE, str(error))
+        elif isinstance(error, LinkError):
+            self._fail(Fault.LINK_LOST, str(error))
+        elif isinstance(error, DeviceFaultError):
+            self._fail(Fault.DEVICE_FAULT, str(error))
+        else:
+            self._fail(Fault.INTERNAL, f"{type(error).__name__}: {error}")
+
+    # Commands
+
+    def _take_command(self) -> None:
+        ring = self._memory.commands
+        if self._taken == ring.head:
+            return
+        fields = ring.read(self._taken)
+        if fields is None:
+            return  # still being written; it is there in the next cycle
+        self._taken += 1
+        index, code, motion, path_index, speed, *terms = fields
+        try:
+            text = self._obey(Command(code), motion, path_index, speed, Terms(*terms))
+            answer = Answer.REFUSED if text else Answer.DONE
+        except StateError as error:
+            answer, text = Answer.WRONG_STATE, str(error)
+        except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
+            answer, text = Answer.FAILED, str(error) or type(error).__name__
+        self._memory.notes.publish(*pack_note(index, NoteKind.ANSWER, answer, text))
+
+    def _obey(
+        self, command: Command, motion: int, path_index: int, speed: float, terms: Terms
+    ) -> str:
+        """Carry out one command; return why it was refused, or nothing."""
+        if command is Command.STOP:
+            following = advance(self.state, Event.STOP)
+            self._path_clock.target = 0.0
+            self.state = following
+        elif command is Command.SPEED:
+            following = advance(self.state, Event.SPEED)
+            if not 0.0 <= speed <= 1.0:
+                return f"speed must be between 0 and 1, got {speed!r}"
+            self._path_clock.target = speed
+            self.state = following
+        elif command is Command.START:
+            return self._start(motion, path_index, speed, terms)
+        elif command is Command.ENABLE:
+            self._enable()
+        elif command is Command.DISABLE:
+            following = advance(self.state, Event.DISABLE)
+            self._is_enabled = False
+            self._driver.disable()
+            self.state = following
+        elif command is Command.RESET:
+            following = advance(self.state, Event.RESET)
+            if self._is_enabled:
+                self._is_enabled = False
+                self._driver.disable()
+            self._driver.reset()
+            self._fault, self._fault_text = Fault.NONE, ""
+            self.state = following
+        elif command is Command.SHUTDOWN:
+            self.request_end("the daemon asked for it")
+        return ""
+
+    def _enable(self) -> None:
+        following = advance(self.state, Event.ENABLE)
+        if self._is_enabled:
+            return
+        feedback = self._driver.enable()
+        self._feedback = feedback
+        self._held = PathPoint(feedback.q, ZERO, ZERO, feedback.position, ZERO)
+        self._guard.anchor(feedback.q, feedback.position)
+        self._path_clock.halt()
+        self._enabled_ns = self._clock.now_ns()
+        self._is_enabled = True
+        self.state = following
+
+    def _start(self, motion: int, path_index: int, speed: float, terms: Terms) -> str:
+        following = advance(self.state, Event.START)
+        first = self._follower.peek(path_index)
+        if first is None:
+            return f"path record {path_index} is not in the ring"
+        gap = norm(difference(self._held.q, first.q))
+        if not gap <= _START_TOLERANCE:
+            return f"the path begins {gap:.3g} rad from the commanded orientation"
+        if not (terms.brake_rate > 0.0 and 0.0 <= speed <= 1.0):
+            return f"brake rate and speed must be positive, got {terms.brake_rate!r} and {speed!r}"
+        self._terms = terms
+        self._motion = motion
+        self._path_clock.begin(terms.brake_rate, speed)
+        self._follower.begin(path_index)
+        self.state = following
+        return ""
+
+    # Motion
+
+    def _move(self) -> PathPoint:
+        """Return the next setpoint of a motion or of a stop."""
+        if self._escape is not None:
+            return self._step_off_path()
+        clock, follower = self._path_clock, self._follower
+        if self.state is State.STREAMING and not follower.reaches(clock.braking_cycles()):
+            self._brake(Fault.PATH_STARVED, "the daemon did not deliver the path in time")
+        before = clock.rate
+        rate = clock.advance()
+        try:
+            path = follower.advance(rate)
+        except StarvedError as error:
+            return self._leave_path(Fault.PATH_STARVED, str(error))
+        problem = self._guard.admit(path.q, path.position, self._terms)
+        if problem:
+            return self._leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")
+        if follower.is_at_end:
+            clock.halt()
+            self._finish(Event.FINISH if self.state is State.STREAMING else Event.REST)
+            return path
+        if self.state is State.STOPPING and clock.is_at_rest and before == 0.0:
+            self._finish(Event.REST)
+        if rate == 1.0 == before:
+            return path
+        change = (rate - before) / clock.period
+        return PathPoint(
+            path.q,
+            _combine(path.omega_body, rate, path.omega_body, 0.0),
+            _combine(path.alpha_body, rate * rate, path.omega_body, change),
+            path.position,
+            _combine(path.velocity, rate, path.velocity, 0.0),
+        )
+
+    def _leave_path(self, fault: Fault, text: str) -> PathPoint:
+        """Begin to come to rest without the path."""
+        self._brake(fault, text)
+        self._escape = self._guard.soft_stop(self._terms)
+        return self._step_off_path()
+
+    def _step_off_path(self) -> PathPoint:
+        guard = self._guard
+        step = next(self._escape, None) if self._escape is not None else None
+        if step is None:
+            self._escape = None
+            self._path_clock.halt()
+            self._finish(Event.REST)
+            return PathPoint(guard.q, ZERO, ZERO, guard.position, ZERO)
+        return PathPoint(step[0], guard.omega, guard.alpha, step[1], guard.velocity)
+
+    def _finish(self, event: Event) -> None:
+        """Go to rest: into holding, or into the fault that made the stop necessary."""
+        self._path_clock.halt()
+        if self._fault is not Fault.NONE:
+            self._fail(self._fault, self._fault_text, is_enabled=self._is_enabled)
+        else:
+            self.state = advance(self.state, event)
+
+    # Faults
+
+    def _look_for_life(self, now_ns: int) -> None:
+        if not self._parent_is_alive():
+            self.request_end("the daemon is gone")
+        if (
+            self.state is State.STREAMING
+            and now_ns - self._memory.heartbeat_ns > self._watch.heartbeat_ns
+        ):
+            silence = (now_ns - self._memory.heartbeat_ns) * 1e-9
+            self._brake(Fault.HEARTBEAT_LOST, f"no heartbeat from the daemon for {silence:.3f} s")
+        if self._is_enabled and self._fault is Fault.NONE:
+            measured_ns = self._feedback.time_ns if self._feedback else self._enabled_ns
+            age_ns = now_ns - max(measured_ns, self._enabled_ns)
+            if age_ns > self._watch.feedback_ns:
+                self._brake(
+                    Fault.FEEDBACK_STALE,
+                    f"feedback is {age_ns * 1e-6:.1f} ms old, "
+                    f"at most {self._watch.feedback_ns * 1e-6:.1f} ms are allowed",
+                )
+
+    def _brake(self, fault: Fault, text: str) -> None:
+        """Stop on the path, then be in *fault*; the first reason is the one that is kept."""
+        if self._fault is not Fault.NONE:
+            return
+        if self.is_moving:
+            self._fault, self._fault_text = fault, text
+            self._path_clock.target = 0.0
+            self.state = advance(self.state, Event.BRAKE)
+        else:
+            self._fail(fault, text, is_enabled=self._is_enabled)
+
+    def _fail(self, fault: Fault, text: str, *, is_enabled: bool = False) -> None:
+        """Be in *fault* now; unless *is_enabled*, nothing more is written to the device."""
+        if self.state is State.FAULT and self._fault is fault:
+            return
+        self._fault, self._fault_text = fault, text
+        self._escape = None
+        self._path_clock.halt()
+        self.state = advance(self.state, Event.FAIL)
+        self._memory.notes.publish(*pack_note(0, NoteKind.FAULT, fault, text))
+        if self._is_enabled and not is_enabled:
+            self._is_enabled = False
+            try:
+                self._driver.disable()
+            except Exception as error:  # noqa: BLE001 - the fault stands, whatever disable raises
+                self._fault_text = f"{text}; disable failed: {error}"
+
+    def _publish(self, deadline_ns: int, lateness_ns: int, point: PathPoint, written: bool) -> None:
+        feedback = self._feedback
+        flags = (CycleFlag.WRITTEN if written else 0) | (CycleFlag.FEEDBACK if feedback else 0)
+        follower = self._follower
+        self._memory.cycles.publish(
+            deadline_ns,
+            lateness_ns,
+            self.work_ns,
+            feedback.time_ns if feedback else 0,
+            follower.index,
+            self.state,
+            self._fault,
+            self._motion,
+            flags,
+            self.overruns,
+            self.missed,
+            follower.fraction,
+            self._path_clock.rate,
+            *point.q,
+            *point.omega_body,
+            *point.alpha_body,
+            *point.position,
+            *(feedback.q if feedback else IDENTITY),
+            *(feedback.omega_body if feedback else ZERO),
+            *(feedback.position if feedback else ZERO),
+        )
+        self._cycle_count += 1
+
+
+def _combine(a: Vector3, s: float, b: Vector3, t: float) -> Vector3:
+    return (a[0] * s + b[0] * t, a[1] * s + b[1] * t, a[2] * s + b[2] * t)

@@ -1,0 +1,35 @@
+"""What crosses the boundary between the daemon and a servo process, over shared memory."""
+
+from orientd.stream.memory import SharedMemory
+from orientd.stream.records import (
+    Answer,
+    Command,
+    Cycle,
+    CycleFlag,
+    Note,
+    NoteKind,
+    PathFlag,
+    State,
+    Terms,
+    pack_note,
+    unpack_cycle,
+    unpack_note,
+)
+from orientd.stream.ring import RecordRing
+
+__all__ = [
+    "Answer",
+    "Command",
+    "Cycle",
+    "CycleFlag",
+    "Note",
+    "NoteKind",
+    "PathFlag",
+    "RecordRing",
+    "SharedMemory",
+    "State",
+    "Terms",
+    "pack_note",
+    "unpack_cycle",
+    "unpack_note",
+]

@@ -1,0 +1,108 @@
+"""The shared memory between the daemon and one servo process: a file in /dev/shm with no name.
+
+A file that never had a name cannot be left behind: whichever way the two processes end, the kernel
+frees it.  The daemon creates it and hands the servo its descriptor.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+
+from orientd.stream.records import (
+    COMMAND_RECORD,
+    CYCLE_RECORD,
+    NOTE_RECORD,
+    PATH_RECORD,
+)
+from orientd.stream.ring import RecordRing
+
+PAGE = 4096
+COMMANDS = 16
+NOTES = 64
+DIRECTORY = "/dev/shm"
+
+
+class SharedMemory:
+    """The four rings between daemon and servo, and the heartbeat.
+
+    ========  ===============  ==========================================================
+    ring      written by       holds
+    ========  ===============  ==========================================================
+    path      daemon           the motion, on a uniform grid of path time
+    commands  daemon           enable, start, stop, ...
+    cycles    servo            every cycle: setpoint, feedback, state, timing
+    notes     servo            answers to commands, faults, in words
+    ========  ===============  ==========================================================
+
+    Attributes:
+        descriptor: the file; pass it to the servo process.
+    """
+
+    def __init__(self, descriptor: int, path_capacity: int, cycle_capacity: int) -> None:
+        """Map an existing file; use :meth:`create` to make one."""
+        self.descriptor = descriptor
+        self.path_capacity = path_capacity
+        self.cycle_capacity = cycle_capacity
+        layouts = (
+            (PATH_RECORD, path_capacity),
+            (COMMAND_RECORD, COMMANDS),
+            (CYCLE_RECORD, cycle_capacity),
+            (NOTE_RECORD, NOTES),
+        )
+        sizes = [_pages(RecordRing.bytes_needed(layout, count)) for layout, count in layouts]
+        self._map = mmap.mmap(descriptor, PAGE + sum(sizes))
+        self._view = memoryview(self._map)
+        self._words = self._view[:PAGE].cast("Q")
+        rings, offset = [], PAGE
+        for (layout, count), size in zip(layouts, sizes, strict=True):
+            rings.append(RecordRing(self._view[offset : offset + size], layout, count))
+            offset += size
+        self.path, self.commands, self.cycles, self.notes = rings
+
+    @classmethod
+    def create(cls, path_capacity: int, cycle_capacity: int) -> SharedMemory:
+        """Make the file and map it.
+
+        Args:
+            path_capacity: path records the ring can hold.
+            cycle_capacity: cycles the daemon may fall behind.
+        """
+        descriptor = os.open(DIRECTORY, os.O_TMPFILE | os.O_RDWR | os.O_CLOEXEC, 0o600)
+        os.ftruncate(descriptor, cls.size(path_capacity, cycle_capacity))
+        return cls(descriptor, path_capacity, cycle_capacity)
+
+    @staticmethod
+    def size(path_capacity: int, cycle_capacity: int) -> int:
+        """Return the length of the file in bytes."""
+        return PAGE + sum(
+            _pages(RecordRing.bytes_needed(layout, count))
+            for layout, count in (
+                (PATH_RECORD, path_capacity),
+                (COMMAND_RECORD, COMMANDS),
+                (CYCLE_RECORD, cycle_capacity),
+                (NOTE_RECORD, NOTES),
+            )
+        )
+
+    @property
+    def heartbeat_ns(self) -> int:
+        """When the daemon last said that it is alive, monotonic clock."""
+        return self._words[0]
+
+    def beat(self, now_ns: int) -> None:
+        """Say that the daemon is alive."""
+        self._words[0] = now_ns
+
+    def close(self) -> None:
+        """Unmap and close; the file is gone when both processes have done so."""
+        for ring in (self.path, self.commands, self.cycles, self.notes):
+            ring.release()
+        self._words.release()
+        self._view.release()
+        self._map.close()
+        os.close(self.descriptor)
+
+
+def _pages(size: int) -> int:
+    return (size + PAGE - 1) // PAGE * PAGE

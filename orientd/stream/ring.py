@@ -1,0 +1,96 @@
+"""A ring of checked records in shared memory: one writer, any number of readers, no locks.
+
+A slot holds a record (its first field is its index) and the CRC-32 of its bytes.  The writer fills
+the slot, then advances ``head``.  A reader takes a record only if the slot still holds the index it
+asked for and the checksum agrees: a torn or overwritten slot reads as ``None``, never as a record.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import Any
+from zlib import crc32
+
+HEADER_BYTES = 64
+_CHECK = struct.Struct("@I")
+
+
+class RecordRing:
+    """Records of one layout in a block of shared memory.
+
+    Args:
+        view: writable block of at least :meth:`bytes_needed` bytes, aligned to 8.
+        layout: native struct layout whose first field is the index, ``Q``.
+        capacity: number of slots.
+    """
+
+    def __init__(self, view: memoryview, layout: struct.Struct, capacity: int) -> None:
+        self.layout = layout
+        self.capacity = capacity
+        self._stride = self.stride(layout)
+        self._words = view[:HEADER_BYTES].cast("Q")
+        self._slots = view[HEADER_BYTES : HEADER_BYTES + capacity * self._stride]
+        self._size = layout.size
+        self._end = layout.size + _CHECK.size
+
+    @staticmethod
+    def stride(layout: struct.Struct) -> int:
+        """Return the bytes from one slot to the next: record and checksum, a multiple of 8."""
+        return (layout.size + _CHECK.size + 7) // 8 * 8
+
+    @classmethod
+    def bytes_needed(cls, layout: struct.Struct, capacity: int) -> int:
+        """Return how large a block the ring needs."""
+        return HEADER_BYTES + cls.stride(layout) * capacity
+
+    @property
+    def head(self) -> int:
+        """Index that the next record will have; the number of records published so far."""
+        return self._words[0]
+
+    def word(self, number: int) -> int:
+        """Return one of the seven words beside the head (1 to 7)."""
+        return self._words[number]
+
+    def set_word(self, number: int, content: int) -> None:
+        """Store one of the seven words beside the head; each word is written in one piece."""
+        self._words[number] = content
+
+    def put(self, record: bytes, index: int) -> None:
+        """Fill the slot of *index* without publishing it."""
+        offset = index % self.capacity * self._stride
+        self._slots[offset : offset + self._end] = record + _CHECK.pack(crc32(record))
+
+    def publish(self, *fields: Any) -> None:  # noqa: ANN401 - whatever the layout holds
+        """Write the next record; *fields* are those of the layout after the index."""
+        index = self._words[0]
+        self.put(self.layout.pack(index, *fields), index)
+        self._words[0] = index + 1
+
+    def advance(self, head: int) -> None:
+        """Publish everything that was put below *head*."""
+        self._words[0] = head
+
+    def read_bytes(self, index: int) -> bytes | None:
+        """Return the bytes of record *index*, or ``None`` where it is not (or no longer) there."""
+        offset = index % self.capacity * self._stride
+        slot = bytes(self._slots[offset : offset + self._end])
+        record = slot[: self._size]
+        if _CHECK.unpack_from(slot, self._size)[0] != crc32(record):
+            return None
+        if int.from_bytes(record[:8], _BYTE_ORDER) != index:
+            return None
+        return record
+
+    def read(self, index: int) -> tuple[Any, ...] | None:
+        """Return the fields of record *index*, or ``None`` where it is not (or no longer) there."""
+        record = self.read_bytes(index)
+        return None if record is None else self.layout.unpack(record)
+
+    def release(self) -> None:
+        """Let go of the shared memory, so that it can be unmapped."""
+        self._words.release()
+        self._slots.release()
+
+
+_BYTE_ORDER: Any = "little" if struct.pack("@H", 1) == b"\x01\x00" else "big"

@@ -1,0 +1,84 @@
+"""The lease: one holder, a token, an end."""
+
+import pytest
+
+from orientd.clock import ManualClock
+from orientd.daemon.lease import LeaseDesk
+from orientd.errors import LeaseError
+
+SECOND = 1_000_000_000
+
+
+@pytest.fixture
+def clock():
+    return ManualClock(123)
+
+
+@pytest.fixture
+def desk(clock):
+    return LeaseDesk(seconds=5.0, clock=clock)
+
+
+def test_a_free_lease_goes_to_who_asks(desk):
+    lease = desk.acquire("ana")
+    assert desk.check(lease.token) == lease
+    assert desk.current() == lease
+    assert desk.remaining(lease) == 5.0
+
+
+def test_a_taken_lease_is_refused_with_holder_and_time_left(desk, clock):
+    desk.acquire("ana")
+    clock.advance(2 * SECOND)
+    with pytest.raises(LeaseError, match=r"held by 'ana', for another 3\.0 s"):
+        desk.acquire("ben")
+
+
+def test_tokens_differ(desk):
+    first = desk.acquire("ana")
+    desk.release(first.token)
+    assert desk.acquire("ana").token != first.token
+
+
+def test_a_renewed_lease_lasts_its_full_time_again(desk, clock):
+    lease = desk.acquire("ana")
+    clock.advance(4 * SECOND)
+    assert desk.renew(lease.token).token == lease.token
+    clock.advance(4 * SECOND)
+    assert desk.check(lease.token).holder == "ana"
+
+
+def test_an_expired_lease_is_free_and_its_token_worthless(desk, clock):
+    lease = desk.acquire("ana")
+    clock.advance(5 * SECOND)
+    assert desk.current() is None
+    for use in (desk.check, desk.renew, desk.release):
+        with pytest.raises(LeaseError, match="lease of 'ana' has expired or was released"):
+            use(lease.token)
+    assert desk.acquire("ben").holder == "ben"
+
+
+def test_an_expired_lease_is_collected_once(desk, clock):
+    lease = desk.acquire("ana")
+    assert desk.collect_expired() is None
+    clock.advance(5 * SECOND)
+    assert desk.collect_expired() == lease
+    assert desk.collect_expired() is None
+    with pytest.raises(LeaseError, match="has expired"):
+        desk.check(lease.token)
+
+
+def test_a_released_lease_is_free(desk):
+    lease = desk.acquire("ana")
+    assert desk.release(lease.token) == lease
+    assert desk.current() is None
+    with pytest.raises(LeaseError, match="was released"):
+        desk.check(lease.token)
+
+
+@pytest.mark.parametrize("token", ["", "nonsense", "é"])
+def test_without_the_token_nothing_is_allowed(desk, token):
+    with pytest.raises(LeaseError, match="acquire"):
+        desk.check(token)
+    desk.acquire("ana")
+    with pytest.raises(LeaseError):
+        desk.check(token)

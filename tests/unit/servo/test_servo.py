@@ -1,0 +1,262 @@
+import numpy as np
+import pytest
+from rig import PERIOD, TERMS, Rig, distance_to_path, peaks, turn
+
+from orientd.errors import Fault
+from orientd.servo.table import TRANSITIONS, Event, advance
+from orientd.stream import Answer, Command, NoteKind, State
+
+
+@pytest.fixture
+def rig():
+    return Rig()
+
+
+def assert_limits_kept(rig):
+    velocity, acceleration, jerk = peaks(rig.sent())
+    assert velocity <= TERMS.velocity * 1.001
+    assert acceleration <= TERMS.acceleration * 1.001
+    assert jerk <= TERMS.jerk * 1.001
+
+
+def test_a_motion_as_planned_sends_exactly_its_records(rig):
+    path = turn()
+    rig.start(path)
+    rig.run_until(lambda servo: servo.state is State.HOLDING)
+    sent = rig.sent()
+    moving = sent[np.any(sent != sent[0], axis=1).argmax() - 1 :][: len(path[0])]
+    np.testing.assert_array_equal(moving, path[0])
+    assert rig.cycle.q == tuple(path[0][-1])
+
+
+def test_setpoints_carry_the_planned_velocity_and_acceleration(rig):
+    path = turn()
+    first = rig.start(path)
+    cycle = rig.run(300)
+    k = cycle.path_index - first
+    assert cycle.path_fraction == 0.0
+    assert cycle.omega_body == tuple(path[1][k])
+    assert cycle.alpha_body == tuple(path[2][k])
+
+
+@pytest.mark.parametrize("moment", [5, 150, 500, 700, 900, 995])
+def test_stop_comes_to_rest_on_the_path_inside_the_limits(rig, moment):
+    path = turn()
+    rig.start(path)
+    rig.run(moment)
+    assert rig.ask(Command.STOP)[0] is Answer.DONE
+    cycles = rig.run_until(lambda servo: servo.state is State.HOLDING)
+    rig.run(5)
+    assert cycles * PERIOD <= 1.0 / TERMS.brake_rate + 3 * PERIOD
+    assert_limits_kept(rig)
+    assert distance_to_path(rig.sent(), path) < 1e-12
+
+
+def test_pause_and_resume_stay_on_the_path_and_reach_its_end(rig):
+    path = turn()
+    rig.start(path)
+    rig.run(400)
+    assert rig.ask(Command.SPEED, speed=0.0)[0] is Answer.DONE
+    rig.run(200)
+    assert rig.cycle.speed == 0.0
+    assert rig.cycle.state is State.STREAMING
+    assert rig.ask(Command.SPEED, speed=1.0)[0] is Answer.DONE
+    rig.run_until(lambda servo: servo.state is State.HOLDING)
+    assert_limits_kept(rig)
+    assert distance_to_path(rig.sent(), path) < 1e-11
+    assert rig.cycle.q == tuple(path[0][-1])
+
+
+def test_half_speed_takes_twice_as_long(rig):
+    path = turn()
+    rig.ask(Command.ENABLE)
+    first = rig.lay(*path)
+    rig.ask(Command.START, path_index=first, speed=0.5)
+    cycles = rig.run_until(lambda servo: servo.state is State.HOLDING)
+    assert cycles == pytest.approx(2 * (len(path[0]) - 1), abs=2)
+    velocity, _, _ = peaks(rig.sent())
+    assert velocity == pytest.approx(0.5 * np.linalg.norm(path[1], axis=1).max(), rel=1e-3)
+
+
+def test_random_speed_changes_keep_the_limits_and_the_path(rig):
+    random = np.random.default_rng(5)
+    path = turn(duration=4.0, angle=2.5)
+    rig.start(path)
+    for _ in range(200):
+        if rig.servo.state is not State.STREAMING:
+            break
+        rig.ask(Command.SPEED, speed=float(random.choice([0.0, 1.0, random.random()])))
+        rig.run(int(random.integers(1, 60)))
+    if rig.servo.state is State.STREAMING:
+        rig.ask(Command.SPEED, speed=1.0)
+        rig.run_until(lambda servo: servo.state is State.HOLDING)
+    assert_limits_kept(rig)
+    assert distance_to_path(rig.sent(), path) < 1e-10
+    assert rig.cycle.q == tuple(path[0][-1])
+
+
+def test_a_starved_path_is_a_stop_on_the_path_and_a_fault(rig):
+    path = turn(duration=4.0)
+    rig.start(path, most=1000, is_whole=False)
+    rig.run_until(lambda servo: servo.state is State.FAULT)
+    assert rig.cycle.fault == Fault.PATH_STARVED
+    assert rig.cycle.path_index < 1000
+    assert_limits_kept(rig)
+    assert distance_to_path(rig.sent(), path) < 1e-12
+
+
+def test_without_heartbeat_it_stops_on_the_path(rig):
+    path = turn()
+    rig.start(path)
+    rig.run(300)
+    rig.beats = False
+    rig.run_until(lambda servo: servo.state is State.FAULT)
+    assert rig.cycle.fault == Fault.HEARTBEAT_LOST
+    assert_limits_kept(rig)
+    assert distance_to_path(rig.sent(), path) < 1e-12
+
+
+def test_without_its_daemon_it_stops_on_the_path_and_ends(rig):
+    path = turn()
+    rig.start(path)
+    rig.run(500)
+    rig.parent_is_alive = False
+    rig.run_until(lambda servo: servo.has_ended)
+    assert rig.servo.report()["reason"] == "the daemon is gone"
+    assert_limits_kept(rig)
+    assert distance_to_path(rig.sent(), path) < 1e-12
+
+
+@pytest.mark.parametrize("size", [1e-4, 0.01, 0.5, 3.0])
+def test_a_jump_in_the_path_is_never_written(rig, size):
+    path = turn(duration=4.0)
+    from orientd import rotation
+
+    path[0][700:] = rotation.multiply(path[0][700:], rotation.exp([size, 0.0, 0.0]))
+    rig.start(path)
+    rig.run_until(lambda servo: servo.state is State.FAULT)
+    rig.run(5)
+    assert rig.cycle.fault == Fault.LIMIT_GUARD
+    assert "limit" in rig.notes(NoteKind.FAULT)[0].text
+    assert_limits_kept(rig)
+
+
+def test_a_nan_in_the_path_is_never_written(rig):
+    path = turn()
+    path[0][600] = np.nan
+    rig.start(path)
+    rig.run_until(lambda servo: servo.state is State.FAULT)
+    assert rig.cycle.fault == Fault.LIMIT_GUARD
+    assert np.isfinite(rig.sent()).all()
+    assert_limits_kept(rig)
+
+
+def test_a_jump_in_position_is_never_written(rig):
+    path = turn()
+    position = np.zeros((len(path[0]), 3))
+    position[500:, 1] = 0.1
+    rig.start(path, position=position)
+    rig.run_until(lambda servo: servo.state is State.FAULT)
+    assert rig.cycle.fault == Fault.LIMIT_GUARD
+    assert rig.cycle.position == (0.0, 0.0, 0.0)
+
+
+def test_after_a_fault_of_the_path_it_goes_on_holding(rig):
+    rig.start(turn(duration=4.0), most=1000, is_whole=False)
+    rig.run_until(lambda servo: servo.state is State.FAULT)
+    written = len(rig.driver.setpoints)
+    rig.run(10)
+    assert len(rig.driver.setpoints) == written + 10
+    assert rig.driver.setpoints[-1].q == rig.driver.setpoints[-5].q
+
+
+def test_reset_leads_back_to_a_moving_device(rig):
+    rig.start(turn(duration=4.0), most=1000, is_whole=False)
+    rig.run_until(lambda servo: servo.state is State.FAULT)
+    assert rig.ask(Command.RESET)[0] is Answer.DONE
+    assert rig.cycle.state is State.IDLE
+    held = rig.cycle.q
+    assert rig.ask(Command.ENABLE)[0] is Answer.DONE
+    assert rig.cycle.q == held
+    from orientd import rotation
+
+    q, omega, alpha = turn()
+    first = rig.lay(rotation.multiply(np.array(held), q), omega, alpha)
+    assert rig.ask(Command.START, path_index=first)[0] is Answer.DONE
+    rig.run_until(lambda servo: servo.state is State.HOLDING)
+    assert_limits_kept(rig)
+
+
+def test_a_path_that_begins_elsewhere_is_refused(rig):
+    rig.ask(Command.ENABLE)
+    q, omega, alpha = turn()
+    first = rig.lay(q[200:], omega[200:], alpha[200:])
+    answer, text = rig.ask(Command.START, path_index=first)
+    assert answer is Answer.REFUSED
+    assert "rad from the commanded orientation" in text
+    assert rig.cycle.state is State.HOLDING
+
+
+def test_stale_feedback_is_a_stop_on_the_path_and_a_fault(tmp_path):
+    fault = tmp_path / "fault"
+    rig = Rig({"fault_file": str(fault)})
+    path = turn()
+    rig.start(path)
+    rig.run(300)
+    fault.write_text("feedback_stale")
+    rig.run_until(lambda servo: servo.state is State.FAULT)
+    assert rig.cycle.fault == Fault.FEEDBACK_STALE
+    assert "ms old" in rig.notes(NoteKind.FAULT)[0].text
+    assert_limits_kept(rig)
+    assert distance_to_path(rig.sent(), path) < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("kind", "fault"), [("link_lost", Fault.LINK_LOST), ("device_fault", Fault.DEVICE_FAULT)]
+)
+def test_after_a_device_fault_nothing_is_written_until_reset(tmp_path, kind, fault):
+    file = tmp_path / "fault"
+    rig = Rig({"fault_file": str(file)})
+    rig.start(turn())
+    rig.run(300)
+    file.write_text(kind)
+    rig.run()
+    assert rig.cycle.state is State.FAULT
+    assert rig.cycle.fault == fault
+    written = len(rig.driver.setpoints)
+    rig.run(10)
+    assert len(rig.driver.setpoints) == written
+    assert rig.ask(Command.RESET)[0] is Answer.DONE
+    assert rig.ask(Command.ENABLE)[0] is not Answer.DONE
+    file.unlink()
+    rig.ask(Command.RESET)
+    assert rig.ask(Command.ENABLE)[0] is Answer.DONE
+
+
+def test_a_defect_of_a_driver_is_a_fault_and_not_the_end(rig):
+    rig.start(turn())
+    rig.driver.write = lambda setpoint: 1 / 0
+    rig.run()
+    assert rig.cycle.fault == Fault.INTERNAL
+    assert "ZeroDivisionError" in rig.notes(NoteKind.FAULT)[0].text
+
+
+def test_feedback_lags_by_delay_cycles():
+    rig = Rig({"delay_cycles": 7})
+    rig.start(turn())
+    cycle = rig.run(300)
+    assert cycle.feedback_q == rig.driver.setpoints[-1 - 8].q
+    assert cycle.feedback_age_ns == 8 * 2_000_000
+
+
+def test_commands_are_refused_in_the_wrong_state(rig):
+    answer, text = rig.ask(Command.START)
+    assert answer is Answer.WRONG_STATE
+    assert text == "start is not possible while idle, only while holding"
+    assert rig.ask(Command.SPEED)[0] is Answer.WRONG_STATE
+
+
+def test_every_event_has_a_place_in_the_table_and_every_state_can_fail():
+    assert {event for _, event in TRANSITIONS} == set(Event)
+    for state in State:
+        assert advance(state, Event.FAIL) is State.FAULT

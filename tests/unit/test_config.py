@@ -1,0 +1,124 @@
+"""The daemon's settings: what is read, what is refused, and how it is said."""
+
+from pathlib import Path
+
+import pytest
+
+from orientd import config
+from orientd.errors import ConfigError
+
+EXAMPLES = sorted((Path(__file__).parents[2] / "config").glob("*.toml"))
+
+
+def write(directory: Path, text: str) -> Path:
+    path = directory / "orientd.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.name)
+def test_every_example_loads(path):
+    assert config.load(path).devices
+
+
+def test_the_loopback_example_says_the_defaults():
+    path = next(path for path in EXAMPLES if path.name == "loopback.toml")
+    example = config.load(path)
+    plain = config.default_settings()
+    assert example.daemon == plain.daemon
+    arm = example.devices["arm"]
+    assert (
+        arm.model_copy(update={"options": {}, "limits": config.LimitSettings()})
+        == (plain.devices["arm"])
+    )
+
+
+def test_what_is_given_is_kept(tmp_path):
+    settings = config.load(
+        write(
+            tmp_path,
+            """
+            [daemon]
+            socket = "/run/x/control.sock"
+            lease_seconds = 2
+            [devices.gimbal]
+            driver = "loopback"
+            rate_hz = 1000
+            priority = 0
+            [devices.gimbal.limits]
+            velocity = 1
+            [devices.gimbal.options]
+            anything = [1, 2]
+            """,
+        )
+    )
+    device = settings.devices["gimbal"]
+    assert settings.daemon.socket == Path("/run/x/control.sock")
+    assert settings.daemon.lease_seconds == 2.0
+    assert (device.name, device.rate_hz, device.period_ns) == ("gimbal", 1000.0, 1_000_000)
+    assert device.limits.velocity == 1.0
+    assert device.limits.jerk is None
+    assert device.options == {"anything": [1, 2]}
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("", "devices: missing"),
+        ("[devices]", "devices: expected at least one table [devices.NAME], got {}"),
+        ("[devices.arm]", "devices.arm.driver: missing"),
+        ("[devices.arm]\ndriver = 5", "devices.arm.driver: expected a text, got 5"),
+        ("devices = 3", "devices: expected a table, got 3"),
+        ("[devices]\narm = 3", "devices.arm: expected a table, got 3"),
+        (
+            "[devices.arm]\ndriver = 'x'\nrate_hz = -5",
+            "devices.arm.rate_hz: expected greater than or equal to 1, got -5",
+        ),
+        (
+            "[devices.arm]\ndriver = 'x'\nrate_hz = true",
+            "devices.arm.rate_hz: expected a number, got True",
+        ),
+        ("[devices.arm]\ndriver = 'x'\nrat_hz = 5", "devices.arm.rat_hz: unknown key"),
+        (
+            "[devices.arm]\ndriver = 'x'\nlimits = {velocity = nan}",
+            "devices.arm.limits.velocity: expected a finite number, got nan",
+        ),
+        (
+            "[devices.arm]\ndriver = 'x'\nname = 'y'",
+            "devices.arm.name: the table's own name is the device's name",
+        ),
+        ("[devices.'a b']\ndriver = 'x'", "devices.a b.name: expected a letter, then at most"),
+        ("[daemon]\nsocket = 3\n[devices.arm]\ndriver = 'x'", "daemon.socket: expected a path"),
+        ("[daemons]\n[devices.arm]\ndriver = 'x'", "daemons: unknown key"),
+        ("[devices.arm", "not TOML: "),
+    ],
+)
+def test_a_bad_file_is_refused_in_one_line_that_names_the_key(tmp_path, text, complaint):
+    path = write(tmp_path, text)
+    with pytest.raises(ConfigError) as caught:
+        config.load(path)
+    assert str(caught.value).startswith(f"{path}: {complaint}")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_file_is_refused(tmp_path):
+    with pytest.raises(ConfigError, match=r"cannot read .*absent\.toml: No such file"):
+        config.load(tmp_path / "absent.toml")
+
+
+def test_a_file_that_is_not_text_is_refused(tmp_path):
+    path = tmp_path / "orientd.toml"
+    path.write_bytes(b"\xff\xfe")
+    with pytest.raises(ConfigError, match="not UTF-8"):
+        config.load(path)
+
+
+def test_the_environment_names_the_file_before_the_users_directory(tmp_path, monkeypatch):
+    monkeypatch.delenv("ORIENTD_CONFIG", raising=False)
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    assert config.find() is None
+    (tmp_path / "orientd").mkdir()
+    write(tmp_path / "orientd", "")
+    assert config.find() == tmp_path / "orientd" / "orientd.toml"
+    monkeypatch.setenv("ORIENTD_CONFIG", "/elsewhere.toml")
+    assert config.find() == Path("/elsewhere.toml")
