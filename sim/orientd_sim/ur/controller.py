@@ -74,7 +74,8 @@ class Controller:
         self.is_remote = True
         self.loaded_program = ""
         self.speed_slider = 1.0
-        self.speed_scaling = 1.0
+        self.speed_fraction = 1.0
+        self.speed_limiter = 1.0
         self.tool = Tool(self.arm)
         self.payload = 0.0
         self.payload_cog: tuple[float, ...] = (0.0, 0.0, 0.0)
@@ -104,7 +105,7 @@ class Controller:
         self.tool.forget_poses()
         while self._due and self._due[0][0] <= self.ticks:
             self._due.pop(0)[1]()
-        self._scale_speed()
+        self._move_slider()
         self._run_program()
         breach = self.arm.step(self.speed_scaling)
         if breach is not None and self.behaviour.stops_on_breach and self.is_powered:
@@ -117,11 +118,16 @@ class Controller:
         self._due.append((self.ticks + max(1, round(seconds / TICK)), action))
         self._due.sort(key=lambda entry: entry[0])
 
-    def _scale_speed(self) -> None:
+    @property
+    def speed_scaling(self) -> float:
+        """How fast a program's time runs: the slider's fraction times what the limiter leaves."""
+        return self.speed_fraction * self.speed_limiter
+
+    def _move_slider(self) -> None:
         # A full change of the slider takes half a second.
         step = TICK / 0.5
-        change = self.speed_slider - self.speed_scaling
-        self.speed_scaling += max(-step, min(step, change))
+        change = self.speed_slider - self.speed_fraction
+        self.speed_fraction += max(-step, min(step, change))
 
     def _run_program(self) -> None:
         if self.program is None or self.runtime_state is not RuntimeState.PLAYING:

@@ -15,6 +15,7 @@ Not part of any real robot.  The server answers it at all times, a frozen contro
 ``release``                let go of the emergency button or the safeguard
 ``stop``, ``pause``, ``play``  the buttons of the pendant
 ``slider FRACTION``        the speed slider
+``limiter FRACTION``       slow programs down as the controller's own limiter does
 ``local`` / ``remote``     local or remote control
 ``limit JOINT SPEED``      lower the speed limit of joint 1 to 6, rad/s
 ``record on|off|clear``, ``record write STEM``  see `orientd_sim.ur.recording`
@@ -77,6 +78,10 @@ def _set_remote(is_remote: bool) -> Callable[[Server, Sequence[str]], None]:
     return ask
 
 
+def _limiter(server: Server, words: Sequence[str]) -> None:
+    server.robot.speed_limiter = max(0.0, min(1.0, float(words[0])))
+
+
 def _silence(is_silent: bool) -> Callable[[Server, Sequence[str]], None]:
     def ask(server: Server, _words: Sequence[str]) -> None:
         server.is_silent = is_silent
@@ -110,6 +115,7 @@ _VERBS: dict[str, Callable[[Server, Sequence[str]], str | None]] = {
     "pause": lambda server, _words: server.robot.pause(),
     "play": lambda server, _words: server.robot.play(),
     "slider": lambda server, words: server.robot.set_slider(float(words[0])),
+    "limiter": _limiter,
     "local": _set_remote(False),
     "remote": _set_remote(True),
     "limit": _limit,

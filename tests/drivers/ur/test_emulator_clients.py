@@ -98,7 +98,8 @@ def test_kinematics_answer_through_the_registers(ur_robot):
 def test_io_client_moves_the_speed_slider(ur_robot):
     with connected(rtde_io.RTDEIOInterface(ur_robot.host)) as io:
         assert io.setSpeedSlider(0.5)
-        ur_robot.wait_until(lambda s: abs(s["speed_scaling"] - 0.5) < 1e-9)
+        with receive_of(ur_robot.host) as receive:
+            until(lambda: abs(receive.getSpeedScalingCombined() - 0.5) < 1e-9)
 
 
 def test_dashboard_client_reads_and_orders(ur_robot):
