@@ -4,6 +4,7 @@ import itertools
 import os
 
 import pytest
+
 from orientd_sim.ur import EmulatedRobot
 
 _numbers = itertools.count(1)

@@ -8,6 +8,7 @@ import time
 from contextlib import closing, contextmanager
 
 import pytest
+
 from orientd_sim.ur import EmulatedRobot, LaunchError
 from orientd_sim.ur.recording import read_arm, read_setpoints
 

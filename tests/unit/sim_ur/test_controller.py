@@ -3,6 +3,7 @@
 import math
 
 import pytest
+
 from orientd_sim.ur import dashboard
 from orientd_sim.ur.arm import HOME, Arm, Breach, Mode
 from orientd_sim.ur.commands import Command

@@ -4,6 +4,7 @@ import math
 import random
 
 import pytest
+
 from orientd_sim.ur import kinematics
 from orientd_sim.ur.transforms import from_pose, inverse, multiply, rotation_between, to_pose
 

@@ -3,6 +3,7 @@
 import struct
 
 import pytest
+
 from orientd_sim.ur import wire
 from orientd_sim.ur.controller import Controller
 from orientd_sim.ur.session import Session
