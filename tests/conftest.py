@@ -1,4 +1,6 @@
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent / "unit" / "servo"))
+# The rigs that several test modules share.
+for folder in ("unit/servo", "system"):
+    sys.path.insert(0, str(Path(__file__).parent / folder))

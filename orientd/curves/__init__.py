@@ -8,11 +8,29 @@ Numba.
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from orientd.curves.c2_cumulative import C2Cumulative
 from orientd.curves.contract import Curve, Samples
+from orientd.curves.kks_bezier import KksBezier
+from orientd.curves.kks_bspline import KksBspline
+from orientd.curves.kks_hermite import KksHermite
+from orientd.curves.kks_hermite_spline import KksHermiteSpline
+from orientd.curves.kks_quintic_hermite import KksQuinticHermite
+from orientd.curves.kks_uniform import KksUniform
 from orientd.curves.piecewise_slerp import PiecewiseSlerp
+from orientd.curves.slerp import Slerp
 
-METHODS: Mapping[str, type[Curve]] = MappingProxyType(
-    {family.name: family for family in (PiecewiseSlerp,)}
+_FAMILIES: tuple[type[Curve], ...] = (
+    Slerp,
+    PiecewiseSlerp,
+    KksBezier,
+    KksHermite,
+    KksQuinticHermite,
+    KksHermiteSpline,
+    KksBspline,
+    KksUniform,
+    C2Cumulative,
 )
+
+METHODS: Mapping[str, type[Curve]] = MappingProxyType({family.name: family for family in _FAMILIES})
 
 __all__ = ["METHODS", "Curve", "Samples"]

@@ -228,9 +228,12 @@ def rates(q: Jet) -> tuple[Floats, Floats, Floats]:
     .. math:: \Omega = 2\,\mathrm{vec}(q^* q'), \qquad \dot\Omega = 2\,\mathrm{vec}(q^* q'')
 
     Returns:
-        ``q`` of shape ``(..., 4)``, body rates in rad/s and rad/s^2, shape ``(..., 3)``.
+        ``q`` of shape ``(..., 4)``, normalised to rounding; body rates in rad/s and rad/s^2, of
+        shape ``(..., 3)``.
     """
-    back = conjugate(q.value)
-    omega_body = 2.0 * multiply(back, q.first)[..., 1:]
-    alpha_body = 2.0 * multiply(back, q.second)[..., 1:]
-    return q.value, omega_body, alpha_body
+    length = np.sqrt(np.sum(q.value * q.value, axis=-1, keepdims=True))
+    orientation: Floats = q.value / length
+    back = conjugate(orientation)
+    omega_body: Floats = 2.0 * multiply(back, q.first)[..., 1:] / length
+    alpha_body: Floats = 2.0 * multiply(back, q.second)[..., 1:] / length
+    return orientation, omega_body, alpha_body

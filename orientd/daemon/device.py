@@ -233,6 +233,19 @@ class Device:
             raise StateError(f"device {self.name} is {state}, not holding{advice}")
         return PlannedState.at_rest(cycle.q, cycle.position)
 
+    def next_start(self) -> PlannedState:
+        """Return the state in which the next motion will begin, if the present one reaches its end.
+
+        Raises:
+            StateError: the device is neither holding nor moving.
+        """
+        with self._lock:
+            if self._active and self._motion is not None:
+                motion = self._motion
+                end = motion.sample([(motion.record_count - 1) * motion.period])
+                return PlannedState.at_rest(end.q[0], end.position[0])
+        return self.commanded()
+
     def start(self, motion: Motion) -> int:
         """Begin to stream *motion* and return its number, once the servo has taken it up.
 

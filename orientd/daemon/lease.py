@@ -53,6 +53,12 @@ class LeaseDesk:
         with self._lock:
             return self._valid()
 
+    @property
+    def has_expired(self) -> bool:
+        """Whether there is a lease for :meth:`collect_expired`."""
+        with self._lock:
+            return self._lease is not None and self._valid() is None
+
     def remaining(self, lease: Lease) -> float:
         """Return for how many seconds *lease* still lasts; never negative."""
         return max(0, lease.expires_ns - self._clock.now_ns()) / NANOSECONDS

@@ -140,7 +140,8 @@ class MotionMeter:
         self._start_error: float | None = None
         self._end_error: float | None = None
         self._carried: tuple[NDArray[np.void], NDArray[np.float64]] | None = None
-        self._last_q = np.zeros(4)
+        # The device holds there before the first cycle of the motion.
+        self._last_q = motion.sample(np.zeros(1)).q[0]
 
     def add(self, records: list[bytes]) -> None:
         """Measure further cycles, in order; those that are not of the motion are left out."""
@@ -163,12 +164,9 @@ class MotionMeter:
             one = cycles[first - 1] if first else previous
             base = one if one is not None else block[0]
             self._counters = (int(base["overruns"]), int(base["missed"]))
-            start_q = base["q"]
-        else:
-            start_q = self._last_q
         self._overruns = int(block["overruns"][-1]) - self._counters[0]
         self._missed = int(block["missed"][-1]) - self._counters[1]
-        self._differentiate(np.vstack([start_q, block["q"]]))
+        self._differentiate(np.vstack([self._last_q, block["q"]]))
         self._compare(block)
         self._last_q = block["q"][-1]
 

@@ -3,15 +3,15 @@
 A driver lives in the servo process, on its one thread.  It is constructed with its options,
 opened once, enabled and disabled by command, then called every cycle: first :meth:`Driver.read`,
 then :meth:`Driver.write`.  Both must return well within a period and never wait for anything
-but the device.  No NumPy here: a cycle is plain Python floats.
+but the device.  No NumPy here: a cycle is plain Python floats, and the values are named tuples,
+which are made in a quarter of the time of a frozen dataclass.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 from orientd.clock import Clock
 
@@ -22,8 +22,7 @@ ZERO: Vector3 = (0.0, 0.0, 0.0)
 IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True, slots=True)
-class Setpoint:
+class Setpoint(NamedTuple):
     """What the device is asked to do in one cycle.
 
     Attributes:
@@ -43,8 +42,7 @@ class Setpoint:
     velocity: Vector3 = ZERO
 
 
-@dataclass(frozen=True, slots=True)
-class Feedback:
+class Feedback(NamedTuple):
     """What the device reported.
 
     Attributes:

@@ -379,22 +379,20 @@ class ListMethodsRequest(_message.Message):
     def __init__(self) -> None: ...
 
 class Method(_message.Message):
-    __slots__ = ("name", "summary", "source", "continuity", "interpolates", "is_local", "meets_end_velocities")
+    __slots__ = ("name", "summary", "source", "interpolates", "is_local", "meets_end_velocities")
     NAME_FIELD_NUMBER: _ClassVar[int]
     SUMMARY_FIELD_NUMBER: _ClassVar[int]
     SOURCE_FIELD_NUMBER: _ClassVar[int]
-    CONTINUITY_FIELD_NUMBER: _ClassVar[int]
     INTERPOLATES_FIELD_NUMBER: _ClassVar[int]
     IS_LOCAL_FIELD_NUMBER: _ClassVar[int]
     MEETS_END_VELOCITIES_FIELD_NUMBER: _ClassVar[int]
     name: str
     summary: str
     source: str
-    continuity: int
     interpolates: bool
     is_local: bool
     meets_end_velocities: bool
-    def __init__(self, name: _Optional[str] = ..., summary: _Optional[str] = ..., source: _Optional[str] = ..., continuity: _Optional[int] = ..., interpolates: bool = ..., is_local: bool = ..., meets_end_velocities: bool = ...) -> None: ...
+    def __init__(self, name: _Optional[str] = ..., summary: _Optional[str] = ..., source: _Optional[str] = ..., interpolates: bool = ..., is_local: bool = ..., meets_end_velocities: bool = ...) -> None: ...
 
 class ListMethodsResponse(_message.Message):
     __slots__ = ("methods",)

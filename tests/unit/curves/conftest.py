@@ -18,7 +18,85 @@ def keyframed(keys, times):
     return {"keys": keys, "times": times}
 
 
-EXAMPLES = {}
+def controlled(keys, times):
+    return {"control": keys}
+
+
+def slerped(keys, times):
+    return {"q0": keys[0], "q1": keys[1], "t0": times[0], "t1": times[-1]}
+
+
+def spun(keys, times):
+    return {**slerped(keys, times), "path": "long", "spins": 2}
+
+
+def hermite(keys, times):
+    return {**slerped(keys, times), "omega0": [1.0, -2.0, 0.5], "omega1": [0.3, 1.5, 2.0]}
+
+
+def hermite_world(keys, times):
+    return {**hermite(keys, times), "frame": "world", "revolutions": 1}
+
+
+def hermite_global(keys, times):
+    return {**hermite(keys, times), "product": "global"}
+
+
+def quintic(keys, times):
+    return {**hermite(keys, times), "alpha0": [3.0, 0.0, -1.0], "alpha1": [0.0, -2.0, 4.0]}
+
+
+def quintic_world(keys, times):
+    return {**quintic(keys, times), "frame": "world", "revolutions": -1}
+
+
+def ends_given(keys, times):
+    return {**keyframed(keys, times), "omega_start": [1.0, 0.5, 0.0], "omega_end": [0.0, 0.0, -1.0]}
+
+
+def clamped(keys, times):
+    return {**ends_given(keys, times), "start": "clamped", "end": "clamped"}
+
+
+def state(keys, times):
+    accelerations = {"alpha_start": [4.0, 0.0, -3.0], "alpha_end": [1.0, 2.0, 2.0]}
+    return {**ends_given(keys, times), **accelerations, "start": "state", "end": "state"}
+
+
+def state_natural(keys, times):
+    given = {"omega_start": [0.0, 1.0, 0.0], "alpha_start": [2.0, 2.0, 2.0]}
+    return {**keyframed(keys, times), **given, "start": "state"}
+
+
+def clamped_state(keys, times):
+    given = {"omega_start": [0.0, 0.0, 1.0], "omega_end": [0.0, 1.0, 0.0], "alpha_end": [1, 2, 3]}
+    return {**keyframed(keys, times), **given, "start": "clamped", "end": "state"}
+
+
+def turned(keys, times):
+    return {**keyframed(keys, times), "turns": [1, 0, -1] + [0] * (len(keys) - 4)}
+
+
+def order_three(keys, times):
+    return {"control": keys, "order": 3}
+
+
+def clamped_knots(keys, times):
+    inner = times[: len(keys) - 3]
+    vector = np.concatenate([np.repeat(inner[0], 3), inner, np.repeat(inner[-1], 3)])
+    return {"control": keys, "order": 4, "knots": np.insert(vector, 4, 0.5 * (inner[0] + inner[1]))}
+
+
+EXAMPLES = {
+    "slerp": (slerped, spun),
+    "kks_bezier": (controlled,),
+    "kks_hermite": (hermite, hermite_world, hermite_global),
+    "kks_quintic_hermite": (quintic, quintic_world),
+    "kks_hermite_spline": (keyframed, ends_given),
+    "kks_bspline": (controlled, order_three, clamped_knots),
+    "c2_cumulative": (keyframed, clamped, state, state_natural, clamped_state, turned),
+    "kks_uniform": (controlled,),
+}
 """Family name -> tuple of makers of parameters from keyframes and their times."""
 
 

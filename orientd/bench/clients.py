@@ -1,0 +1,50 @@
+"""Clients that keep a daemon busy: four watchers, and one that has motions planned without pause.
+
+Run as ``python -m orientd.bench.clients SOCKET`` until it is killed.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import threading
+
+import grpc
+
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc.control_pb2_grpc import ControlStub
+
+WATCHERS = 4
+KEYFRAMES = 200
+
+
+def motion(count: int = KEYFRAMES, step: float = 0.1) -> pb.MotionRequest:
+    """Return a timed motion of *count* keyframes, *step* seconds apart."""
+    keyframes = []
+    for k in range(count):
+        t = step * k
+        tilt, turn = 0.2 * math.sin(0.9 * t), 0.3 * (1.0 - math.cos(0.5 * t))
+        vector = pb.Vector3(x=tilt, y=0.1 * math.sin(0.4 * t), z=turn)
+        keyframes.append(pb.Keyframe(time=t, rotation_vector=vector))
+    return pb.MotionRequest(keyframes=keyframes, approach=True)
+
+
+def watch(stub: ControlStub, device: str) -> None:
+    """Read every cycle of *device* as it comes."""
+    for _ in stub.WatchState(pb.WatchStateRequest(device=device, rate_hz=20.0)):
+        pass
+
+
+def main(socket: str, device: str) -> None:
+    """Keep the daemon at *socket* busy until this process is killed."""
+    channel = grpc.insecure_channel(f"unix:{socket}")
+    stub = ControlStub(channel)
+    for _ in range(WATCHERS):
+        threading.Thread(target=watch, args=(stub, device), daemon=True).start()
+    request = pb.PlanRequest(device=device, motion=motion())
+    while True:
+        stub.Plan(request)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], sys.argv[2])

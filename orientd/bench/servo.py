@@ -1,0 +1,176 @@
+"""How punctual the servo is, against a bare C loop at the same priority in the same run.
+
+Slots alternate, so that both meet the same machine.  A slot of the servo is a real daemon with the
+loopback driver and a motion that streams; under load it also plans without pause and streams its
+state to four watchers, and every core has a busy process.  The C loop meets the busy processes
+only.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import grpc
+
+from orientd.bench.clients import motion
+from orientd.bench.lateness import Slot, bare_loop, busy_cores, processes, run_bare_loop
+from orientd.errors import OrientdError
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc.control_pb2_grpc import ControlStub
+
+PRIORITY = 80
+DEVICE = "bench"
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """The servo and the C loop under the same conditions.
+
+    Attributes:
+        rate_hz: cycles a second.
+        is_loaded: whether the daemon and every core were busy.
+        priority: SCHED_FIFO priority, 0 for the ordinary scheduler.
+        servo: slots of the servo.
+        bare: slots of the C loop, each taken beside the one of the servo.
+    """
+
+    rate_hz: float
+    is_loaded: bool
+    priority: int
+    servo: tuple[Slot, ...]
+    bare: tuple[Slot, ...]
+
+    @property
+    def p99_ratio(self) -> float:
+        """Median over the pairs of slots of the servo's p99 lateness over the C loop's."""
+        return statistics.median(
+            a.p99_us / b.p99_us for a, b in zip(self.servo, self.bare, strict=True)
+        )
+
+    @property
+    def work_p99_us(self) -> float:
+        """Median over the slots of the p99 of a cycle's work."""
+        return statistics.median(slot.work_p99_us for slot in self.servo)
+
+    @property
+    def overruns(self) -> tuple[int, int]:
+        """Overruns of the servo and of the C loop, over all slots."""
+        return sum(s.overruns for s in self.servo), sum(s.overruns for s in self.bare)
+
+
+def compare(
+    *,
+    rate_hz: float,
+    is_loaded: bool,
+    priority: int = PRIORITY,
+    slots: int = 6,
+    seconds: float = 5.0,
+    on_slot: Callable[[str, Slot], None] = lambda _name, _slot: None,
+) -> Comparison:
+    """Measure *slots* pairs of slots of *seconds* each.
+
+    Raises:
+        OrientdError: there is no C compiler, or no permission for the priority.
+    """
+    servo: list[Slot] = []
+    bare: list[Slot] = []
+    with bare_loop() as program:
+        for number in range(slots):
+            order = [("servo", servo), ("bare", bare)]
+            for name, found in order if number % 2 == 0 else reversed(order):
+                with processes(busy_cores() if is_loaded else []):
+                    slot = (
+                        _servo_slot(rate_hz, seconds, priority, is_loaded=is_loaded)
+                        if name == "servo"
+                        else run_bare_loop(program, rate_hz, seconds, priority)
+                    )
+                found.append(slot)
+                on_slot(name, slot)
+    return Comparison(rate_hz, is_loaded, priority, tuple(servo), tuple(bare))
+
+
+def _servo_slot(rate_hz: float, seconds: float, priority: int, *, is_loaded: bool) -> Slot:
+    with tempfile.TemporaryDirectory(prefix="orientd-bench-") as folder:
+        with _daemon(Path(folder), rate_hz, priority) as socket:
+            load = [[sys.executable, "-m", "orientd.bench.clients", str(socket), DEVICE]]
+            with processes(load if is_loaded else []):
+                return _stream(socket, seconds, priority, is_loaded=is_loaded)
+
+
+@contextlib.contextmanager
+def _daemon(folder: Path, rate_hz: float, priority: int) -> Iterator[Path]:
+    """Run a daemon with one loopback device for as long as the context lasts."""
+    socket = folder / "control.sock"
+    config = folder / "config.toml"
+    config.write_text(
+        f'[daemon]\nsocket = "{socket}"\n[devices.{DEVICE}]\ndriver = "loopback"\n'
+        f"rate_hz = {rate_hz!r}\npriority = {priority}\n"
+    )
+    environment = {**os.environ, "XDG_STATE_HOME": str(folder)}
+    process = subprocess.Popen(
+        [sys.executable, "-m", "orientd.cli.main", "run", "--config", str(config)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        env=environment,
+    )
+    try:
+        line = process.stdout.readline() if process.stdout else ""
+        if not line.startswith("ready"):
+            raise OrientdError(f"the daemon did not become ready, it said {line.strip()!r}")
+        yield socket
+    finally:
+        process.terminate()
+        process.wait()
+
+
+def _stream(socket: Path, seconds: float, priority: int, *, is_loaded: bool) -> Slot:
+    """Move for *seconds* and return what was measured of the motion."""
+    with grpc.insecure_channel(f"unix:{socket}") as channel:
+        stub = ControlStub(channel)
+        token = stub.AcquireLease(pb.AcquireLeaseRequest(holder="orientd bench")).lease.token
+        scheduling = stub.GetState(pb.GetStateRequest(device=DEVICE)).devices[0].scheduling
+        if priority and not scheduling.startswith("SCHED_FIFO"):
+            raise OrientdError(f"SCHED_FIFO {priority} is not permitted here; see `orientd doctor`")
+        request = pb.MoveRequest(
+            lease_token=token,
+            device=DEVICE,
+            motion=motion(count=round(seconds / 0.1) + 1),
+            progress_rate_hz=20.0 if is_loaded else 1.0,
+        )
+        summary = None
+        for answer in stub.Move(request):
+            stub.RenewLease(pb.RenewLeaseRequest(token=token))
+            if answer.HasField("summary"):
+                summary = answer.summary
+    if summary is None or summary.outcome != pb.OUTCOME_DONE:
+        raise OrientdError(f"the motion did not end well: {summary.text if summary else 'no end'}")
+    found = summary.statistics
+    return Slot(
+        cycles=found.cycles,
+        p50_us=found.lateness.p50 * 1e6,
+        p99_us=found.lateness.p99 * 1e6,
+        p99_9_us=found.lateness.p99_9 * 1e6,
+        largest_us=found.lateness.largest * 1e6,
+        overruns=found.overruns,
+        missed=found.missed,
+        work_p99_us=found.work.p99 * 1e6,
+    )
+
+
+def conditions(rates_hz: Sequence[float] = (500.0, 1000.0)) -> list[tuple[float, bool, int]]:
+    """Return rate, load and priority of every comparison that a full report makes."""
+    return [
+        (rate, is_loaded, priority)
+        for rate in rates_hz
+        for is_loaded in (False, True)
+        for priority in (PRIORITY, 0)
+    ]

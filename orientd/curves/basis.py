@@ -1,0 +1,183 @@
+r"""B-spline bases on their knot spans, summed to the cumulative bases of Kim, Kim and Shin (1995).
+
+Every basis function is held, span by span, by its Bernstein coefficients: the recurrence of Cox
+and de Boor only ever adds positive terms there, so the values are good to the last digits for any
+order and any ratio of knot intervals.  Derivatives come from their own formulas, not from
+differences of the values, which would cancel on spans much shorter than their neighbours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orientd.rotation import Floats
+
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class CumulativeBasis:
+    r"""The cumulative basis functions that vary on each knot span, with two derivatives.
+
+    On span *s* they are the *m* functions :math:`\tilde B_{i,k}` with *i* from ``first[s]`` to
+    ``first[s] + m - 1`` (*i* counts from 1, as in the paper); earlier ones are 1 and later ones
+    0 there.
+
+    Attributes:
+        starts: where the spans begin, in seconds, shape ``(S,)``.
+        widths: their lengths in seconds, shape ``(S,)``.
+        first: index of the first function that varies, shape ``(S,)``.
+        values: Bernstein coefficients of the functions, shape ``(S, m, m + 1)``.
+        rates: Bernstein coefficients of their derivatives, in 1/s, shape ``(S, m, m)``.
+        curvatures: those of their second derivatives, in 1/s^2, shape ``(S, m, max(m - 1, 1))``.
+    """
+
+    starts: Floats
+    widths: Floats
+    first: Indices
+    values: Floats
+    rates: Floats
+    curvatures: Floats
+
+    def at(self, span: Indices, times: Floats) -> Floats:
+        """Return values, first and second derivatives at instants in given spans.
+
+        Args:
+            span: index of the span of each instant, shape ``(n,)``.
+            times: instants in seconds, shape ``(n,)``.
+
+        Returns:
+            Shape ``(3, m, n)``.
+        """
+        u = (times - self.starts[span]) / self.widths[span]
+        found: Floats = np.empty((3, self.values.shape[1], len(times)))
+        for order, coefficients in enumerate((self.values, self.rates, self.curvatures)):
+            weights = bernstein(coefficients.shape[-1] - 1, u)
+            np.einsum("nmd,dn->mn", coefficients[span], weights, out=found[order])
+        return found
+
+    def reversed(self) -> CumulativeBasis:
+        """Return the same functions in the opposite order on every span."""
+        return replace(
+            self,
+            values=self.values[:, ::-1],
+            rates=self.rates[:, ::-1],
+            curvatures=self.curvatures[:, ::-1],
+        )
+
+    def taylor(self) -> Floats:
+        """Return value, first, second and third derivative at the start of each span.
+
+        Raises:
+            ValueError: a function is of higher degree than three.
+        """
+        if self.values.shape[1] > 3:
+            raise ValueError("only functions of degree 3 and less have four Taylor coefficients")
+        change = self.curvatures[..., -1] - self.curvatures[..., 0]
+        return np.stack(
+            [
+                self.values[..., 0],
+                self.rates[..., 0],
+                self.curvatures[..., 0],
+                change / self.widths[:, None],
+            ],
+            axis=-1,
+        )
+
+
+def bernstein(degree: int, u: Floats) -> Floats:
+    """Return the Bernstein polynomials of a degree.
+
+    Args:
+        degree: not negative.
+        u: parameters in ``[0, 1]``, shape ``(n,)``.
+
+    Returns:
+        ``C(degree, j) u^j (1 - u)^(degree - j)`` in row *j*, shape ``(degree + 1, n)``.
+    """
+    weights: Floats = np.zeros((degree + 1, len(u)))
+    weights[0] = 1.0
+    rest = 1.0 - u
+    for level in range(1, degree + 1):
+        weights[1 : level + 1] = u * weights[:level] + rest * weights[1 : level + 1]
+        weights[0] *= rest
+    return weights
+
+
+def cumulative_basis(knots: Floats, order: int) -> CumulativeBasis:
+    r"""Return the cumulative B-spline basis of an order over a knot vector.
+
+    .. math:: \tilde B_{i,k} = \sum_{j \ge i} B_{j,k}, \qquad
+              \tilde B_{i,k}' = \frac{k - 1}{t_{i+k-1} - t_i} B_{i,k-1}
+
+    Kim, Kim and Shin (1995), sec. 5.3, after de Boor (1978).  Three readings of the text: the
+    intervals of :math:`B_{i,1}` are half-open (open ones sum to 0 at a knot), the last one
+    closed; the sum runs to *i + k - 2* on the support, not to *i + k*; and the "further
+    reduction" of the derivative to :math:`B_{i,k-1}` holds for knots one apart only.
+
+    Args:
+        knots: non-decreasing, at least ``2 * order`` of them.
+        order: degree plus one, at least 2.
+
+    Returns:
+        The basis on the spans of non-zero length between ``knots[order - 1]`` and
+        ``knots[-order]``.
+    """
+    last = len(knots) - order
+    spans = np.arange(order - 1, last)
+    spans = spans[knots[spans + 1] > knots[spans]]
+    left, right = knots[spans], knots[spans + 1]
+    stages = [np.ones((len(spans), 1, 1))]
+    for degree in range(1, order):
+        stages.append(_raised(stages[-1], knots, spans, degree))
+    summed = np.cumsum(stages[-1][:, ::-1], axis=1)[:, ::-1][:, 1:]
+    index = spans[:, None] - order + 2 + np.arange(order - 1)
+    support = knots[index + order - 1] - knots[index]
+    rates = (order - 1) / support[..., None] * stages[-2]
+    curvatures: Floats = np.zeros((len(spans), order - 1, max(order - 2, 1)))
+    if order > 2:
+        index = index[:, 1:]
+        support_below = knots[index + order - 2] - knots[index]
+        slopes = (order - 2) / support_below[..., None] * stages[-3]
+        curvatures[:, 1:] += slopes
+        curvatures[:, :-1] -= slopes
+        curvatures *= (order - 1) / support[..., None]
+    return CumulativeBasis(
+        starts=left,
+        widths=right - left,
+        first=spans - order + 2,
+        values=summed,
+        rates=rates,
+        curvatures=curvatures,
+    )
+
+
+def _raised(lower: Floats, knots: Floats, spans: Indices, degree: int) -> Floats:
+    """Take the non-zero B-splines of each span from one degree to the next.
+
+    Row *a* of *lower* is the B-spline of degree ``degree - 1`` that begins at knot
+    ``span - degree + 1 + a``, in Bernstein coefficients on the span.
+    """
+    higher: Floats = np.zeros((len(spans), degree + 1, degree + 1))
+    here, there = knots[spans], knots[spans + 1]
+    for row in range(degree):
+        begin = spans - degree + 1 + row
+        start, stop = knots[begin], knots[begin + degree]
+        width = stop - start
+        part = lower[:, row]
+        higher[:, row + 1] += _times_line(part, (here - start) / width, (there - start) / width)
+        higher[:, row] += _times_line(part, (stop - here) / width, (stop - there) / width)
+    return higher
+
+
+def _times_line(coefficients: Floats, at_start: Floats, at_end: Floats) -> Floats:
+    """Multiply polynomials in Bernstein form by straight lines given by their end values."""
+    degree = coefficients.shape[-1]
+    share = np.arange(1, degree + 1) / degree
+    product: Floats = np.zeros((len(coefficients), degree + 1))
+    product[:, :-1] += (1.0 - np.arange(degree) / degree) * at_start[:, None] * coefficients
+    product[:, 1:] += share * at_end[:, None] * coefficients
+    return product

@@ -1,0 +1,97 @@
+"""A quintic Hermite curve: orientation, velocity and acceleration prescribed at both ends."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from orientd.curves.cumulative import CumulativeCurve
+from orientd.curves.hermite import FRAMES, in_body_frame, with_revolutions
+from orientd.curves.keyframes import (
+    check_bool,
+    check_choice,
+    check_integer,
+    check_interval,
+    check_quaternion,
+)
+from orientd.rotation import align as align_signs
+from orientd.rotation import conjugate, exp_half, log_half, multiply, rotate
+
+
+class KksQuinticHermite(CumulativeCurve):
+    r"""Join two complete states of motion: orientation, angular velocity and acceleration.
+
+    An extension of the cubic Hermite curve of Kim, Kim and Shin (1995), sec. 5.2, which they do
+    not give: the cumulative Bernstein basis of degree 5, with
+
+    .. math::
+        q(t) &= q_0 \prod_{i=1}^5 \exp(w_i \tilde\beta_{i,5}(u)), \\
+        w_1 &= \tfrac{h}{10} \Omega_0, \quad w_2 = w_1 + \tfrac{h^2}{40} \alpha_0, \\
+        w_5 &= \tfrac{h}{10} \Omega_1, \quad
+        w_4 = R(\exp w_5) \bigl(w_5 - \tfrac{h^2}{40} \alpha_1\bigr), \\
+        w_3 &= \log\bigl(\exp(-w_2) \exp(-w_1) q_0^{-1} q_1 \exp(-w_5) \exp(-w_4)\bigr).
+
+    At the start only :math:`\tilde\beta_1' = 5/h` and :math:`\tilde\beta_2'' = -\tilde\beta_1'' =
+    20/h^2` differ from zero, so velocity and acceleration there are :math:`2 (5/h) w_1` and
+    :math:`2 (20/h^2) (w_2 - w_1)`; at the end the same holds of the last two factors, with the
+    turn of the last one between them.
+
+    Args:
+        q0: first orientation.
+        q1: last orientation.
+        omega0: angular velocity at *t0*, rad/s, in *frame*.
+        omega1: angular velocity at *t1*, rad/s, in *frame*.
+        alpha0: angular acceleration at *t0*, rad/s^2, in *frame*.
+        alpha1: angular acceleration at *t1*, rad/s^2, in *frame*.
+        t0: first instant, s.
+        t1: last instant, s.
+        frame: ``"body"`` or ``"world"``: what velocities and accelerations are given in.
+        revolutions: whole turns added about the axis of the middle factor.
+        align: whether *q1* takes the sign nearer to *q0*.
+
+    Raises:
+        ValueError: a parameter is not as said, or *revolutions* has no axis to turn about.
+    """
+
+    name = "kks_quintic_hermite"
+    summary = "two orientations with velocities and accelerations at both ends"
+    source = "extension of Kim, Kim and Shin 1995, sec. 5.2"
+    interpolates = True
+    meets_end_velocities = True
+
+    def __init__(
+        self,
+        *,
+        q0: ArrayLike,
+        q1: ArrayLike,
+        omega0: ArrayLike,
+        omega1: ArrayLike,
+        alpha0: ArrayLike = (0.0, 0.0, 0.0),
+        alpha1: ArrayLike = (0.0, 0.0, 0.0),
+        t0: float = 0.0,
+        t1: float = 1.0,
+        frame: str = "body",
+        revolutions: int = 0,
+        align: bool = True,
+    ) -> None:
+        ends = np.stack([check_quaternion(q0, "q0"), check_quaternion(q1, "q1")])
+        start, end = align_signs(ends) if check_bool(align, "align") else ends
+        interval = check_interval(t0, t1)
+        frame = check_choice(frame, "frame", FRAMES)
+        turns = check_integer(revolutions, "revolutions")
+        h = interval[1] - interval[0]
+        first = h / 10.0 * in_body_frame(omega0, "omega0", start, frame)
+        second = first + h * h / 40.0 * in_body_frame(alpha0, "alpha0", start, frame)
+        fifth = h / 10.0 * in_body_frame(omega1, "omega1", end, frame)
+        towards_end = fifth - h * h / 40.0 * in_body_frame(alpha1, "alpha1", end, frame)
+        fourth = rotate(exp_half(fifth), towards_end)
+        before = multiply(start, multiply(exp_half(first), exp_half(second)))
+        after = multiply(end, multiply(exp_half(-fifth), exp_half(-fourth)))
+        third = with_revolutions(log_half(multiply(conjugate(before), after)), turns)
+        super().__init__(
+            knot_vector=np.repeat(interval, 6),
+            order=6,
+            controls=start[None],
+            increments=np.stack([first, second, third, fourth, fifth]),
+            continuity=2,
+        )

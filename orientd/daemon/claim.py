@@ -1,0 +1,99 @@
+"""One daemon for each socket: a lock that dies with its process, and no stale sockets."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import os
+import socket as sockets
+import stat
+from collections.abc import Iterator
+from pathlib import Path
+
+from orientd.errors import DaemonError
+
+
+@contextlib.contextmanager
+def claimed(path: Path) -> Iterator[None]:
+    """Hold the right to listen at *path*; nothing is left there in the end.
+
+    The directory is made if need be, for its owner only.  A socket that a daemon left behind when
+    it was killed is removed.
+
+    Raises:
+        DaemonError: a daemon listens there, something else is there, or it is not permitted.
+    """
+    _make_directory(path.parent)
+    lock_path = path.with_name(f"{path.name}.lock")
+    descriptor = _lock(lock_path, path)
+    try:
+        _remove_stale(path)
+        try:
+            yield
+        finally:
+            path.unlink(missing_ok=True)
+    finally:
+        # While it is still locked: nobody can hold a lock on a file that is no longer there.
+        lock_path.unlink(missing_ok=True)
+        os.close(descriptor)
+
+
+def _make_directory(directory: Path) -> None:
+    try:
+        directory.mkdir(mode=0o700, parents=True, exist_ok=True)
+        owner = directory.stat().st_uid
+    except OSError as error:
+        raise DaemonError(f"cannot make {directory}: {error.strerror}") from error
+    if owner not in (os.getuid(), 0):
+        raise DaemonError(f"{directory} belongs to another user (uid {owner})")
+
+
+def _lock(lock_path: Path, path: Path) -> int:
+    """Return the descriptor of the locked file, with this process' id in it."""
+    flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
+    while True:
+        try:
+            descriptor = os.open(lock_path, flags, 0o600)
+        except OSError as error:
+            raise DaemonError(f"cannot lock {lock_path}: {error.strerror}") from error
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            holder = os.read(descriptor, 32).decode(errors="replace").strip()
+            os.close(descriptor)
+            if error.errno not in (errno.EAGAIN, errno.EACCES):
+                raise DaemonError(f"cannot lock {lock_path}: {error.strerror}") from error
+            who = f"process {holder}" if holder else "another process"
+            raise DaemonError(f"a daemon listens at {path} already ({who})") from error
+        if _is_same_file(descriptor, lock_path):
+            os.ftruncate(descriptor, 0)
+            os.write(descriptor, f"{os.getpid()}\n".encode())
+            return descriptor
+        os.close(descriptor)  # removed by its last holder in between
+
+
+def _is_same_file(descriptor: int, path: Path) -> bool:
+    try:
+        there = path.stat()
+    except FileNotFoundError:
+        return False
+    return os.path.samestat(os.fstat(descriptor), there)
+
+
+def _remove_stale(path: Path) -> None:
+    try:
+        mode = path.lstat().st_mode
+    except FileNotFoundError:
+        return
+    if not stat.S_ISSOCK(mode):
+        raise DaemonError(f"{path} is there already, and is no socket")
+    with sockets.socket(sockets.AF_UNIX, sockets.SOCK_STREAM) as probe:
+        try:
+            probe.connect(str(path))
+        except ConnectionRefusedError:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            raise DaemonError(f"cannot use the socket {path}: {error.strerror}") from error
+        else:
+            raise DaemonError(f"something that is no orientd listens at {path} already")

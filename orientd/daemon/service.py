@@ -1,0 +1,365 @@
+"""The gRPC service ``orientd.v1.Control`` in front of a cell: messages in, messages out.
+
+Nothing that plans, commands or waits for a device happens in the event loop.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import AsyncIterator, Awaitable, Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any, NoReturn, Protocol, TypeVar
+
+import grpc
+
+from orientd.daemon import report
+from orientd.daemon.cell import Cell, Run
+from orientd.daemon.device import Device
+from orientd.daemon.lease import Lease
+from orientd.errors import OrientdError, RequestError
+from orientd.planner import Motion
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc.control_pb2_grpc import ControlServicer
+from orientd.rpc.motion_wire import to_mapping
+from orientd.rpc.move_wire import (
+    plan_to_message,
+    progress_to_message,
+    samples_to_messages,
+    summary_to_message,
+)
+from orientd.rpc.reports import DaemonReport
+from orientd.rpc.state_wire import (
+    cycle_to_message,
+    daemon_to_message,
+    device_to_message,
+    limits_to_message,
+    method_to_message,
+)
+from orientd.rpc.status import DETAILS_KEY, to_status
+
+_log = logging.getLogger(__name__)
+
+DEFAULT_REPORTS_HZ = 20.0
+SLOWEST_REPORTS_HZ = 0.1
+FASTEST_REPORTS_HZ = 100.0
+
+PLANNERS = 2
+"""Motions planned at the same time; more would only take turns."""
+
+COMMANDERS = 8
+"""Commands under way at the same time; a device may take its time over one."""
+
+MOST_SAMPLES = 400_000
+"""In the answer to one Plan, which must fit a message."""
+
+_GONE = "its caller has gone away"
+
+Result = TypeVar("Result")
+Context = grpc.aio.ServicerContext[Any, Any]
+
+
+class _CommandRequest(Protocol):
+    """What every command to a device says."""
+
+    @property
+    def lease_token(self) -> str: ...
+
+    @property
+    def device(self) -> str: ...
+
+
+class ControlService(ControlServicer):
+    """What the control socket offers."""
+
+    def __init__(self, cell: Cell, describe: Callable[[], DaemonReport]) -> None:
+        """Serve *cell*; *describe* says what there is to say about the daemon itself."""
+        self._cell = cell
+        self._describe = describe
+        self._planners = ThreadPoolExecutor(PLANNERS, thread_name_prefix="plan")
+        self._commanders = ThreadPoolExecutor(COMMANDERS, thread_name_prefix="command")
+        self._closing = asyncio.Event()
+
+    def end_watches(self) -> None:
+        """Let every WatchState come to its end."""
+        self._closing.set()
+
+    def close(self) -> None:
+        """Take on no more work."""
+        self._planners.shutdown(wait=False, cancel_futures=True)
+        self._commanders.shutdown(wait=False, cancel_futures=True)
+
+    # What there is
+
+    async def GetState(self, request: pb.GetStateRequest, context: Context) -> pb.GetStateResponse:
+        """Report on the daemon and its devices."""
+        try:
+            devices = (
+                [self._cell.device(request.device)]
+                if request.device
+                else self._cell.devices.values()
+            )
+        except OrientdError as error:
+            await _refuse(context, error)
+        return pb.GetStateResponse(
+            daemon=daemon_to_message(self._describe()),
+            devices=[_device_message(device) for device in devices],
+        )
+
+    async def WatchState(
+        self, request: pb.WatchStateRequest, context: Context
+    ) -> AsyncIterator[pb.WatchStateResponse]:
+        """Report cycles until the caller goes."""
+        try:
+            device = self._cell.device(request.device)
+            interval = _interval("rate_hz", request.rate_hz)
+        except OrientdError as error:
+            await _refuse(context, error)
+        reader = report.CycleReader(device)
+        step = max(1, request.decimation)
+        while not await self._is_closing_within(interval):
+            cycles, lost = reader.read()
+            if cycles or lost:
+                chosen = [cycle_to_message(cycle) for cycle in cycles if cycle.index % step == 0]
+                yield pb.WatchStateResponse(cycles=chosen, lost=lost)
+
+    async def ListMethods(
+        self, request: pb.ListMethodsRequest, context: Context
+    ) -> pb.ListMethodsResponse:
+        """List the families of curves."""
+        del request, context
+        return pb.ListMethodsResponse(methods=[method_to_message(m) for m in report.methods()])
+
+    async def ListDevices(
+        self, request: pb.ListDevicesRequest, context: Context
+    ) -> pb.ListDevicesResponse:
+        """List the devices."""
+        del request, context
+        return pb.ListDevicesResponse(
+            devices=[
+                pb.Device(
+                    name=device.name,
+                    driver=device.driver,
+                    rate_hz=device.rate_hz,
+                    limits=limits_to_message(device.limits),
+                )
+                for device in self._cell.devices.values()
+            ]
+        )
+
+    # Motions
+
+    async def Plan(self, request: pb.PlanRequest, context: Context) -> pb.PlanResponse:
+        """Plan a motion and keep it."""
+
+        def work() -> pb.PlanResponse:
+            device = self._cell.device(request.device)
+            rate_hz = request.sample_rate_hz
+            if not 0.0 <= rate_hz <= device.rate_hz:
+                raise RequestError(
+                    "sample_rate_hz", f"expected 0 to {device.rate_hz:g}, got {rate_hz:g}"
+                )
+            motion = self._cell.plan(device, to_mapping(request.motion), keep=True)
+            if rate_hz * motion.duration > MOST_SAMPLES:
+                raise RequestError(
+                    "sample_rate_hz",
+                    f"{motion.duration:.6g} s make more than {MOST_SAMPLES} samples at "
+                    f"{rate_hz:g} Hz",
+                )
+            samples = samples_to_messages(report.samples(motion, rate_hz)) if rate_hz else []
+            return pb.PlanResponse(plan=plan_to_message(report.plan(motion)), samples=samples)
+
+        return await self._do(context, work, self._planners)
+
+    async def Move(
+        self, request: pb.MoveRequest, context: Context
+    ) -> AsyncIterator[pb.MoveResponse]:
+        """Run a motion and report until it ends; a caller that goes away stops it."""
+        run: Run | None = None
+        try:
+            interval = _interval("progress_rate_hz", request.progress_rate_hz)
+            device = self._cell.device(request.device)
+            self._cell.desk.check(request.lease_token)
+            stops = self._cell.stops(device)
+            motion = await self._in(self._planners, lambda: self._motion(device, request))
+            run = await self._start(request.lease_token, device, motion, stops)
+            yield pb.MoveResponse(
+                started=pb.MoveStarted(
+                    motion_number=run.number, plan=plan_to_message(report.plan(motion))
+                )
+            )
+            reader = report.ProgressReader(run)
+            ended = asyncio.wrap_future(run.ended)
+            while not (await asyncio.wait({ended}, timeout=interval))[0]:
+                progress = reader.read()
+                if progress is not None:
+                    yield pb.MoveResponse(progress=progress_to_message(progress))
+            summary = await self._in(self._commanders, lambda: report.summary(run))
+            yield pb.MoveResponse(summary=summary_to_message(summary))
+        except OrientdError as error:
+            await _refuse(context, error)
+        finally:
+            if run is not None and not run.ended.done():
+                self._commanders.submit(self._cell.abandon, run, _GONE)
+
+    def _motion(self, device: Device, request: pb.MoveRequest) -> Motion:
+        what = request.WhichOneof("what")
+        if what == "motion":
+            return self._cell.plan(device, to_mapping(request.motion))
+        if what == "motion_id":
+            return self._cell.kept(device, request.motion_id)
+        raise RequestError("motion", "expected a motion or a motion_id, got neither")
+
+    async def _start(self, token: str, device: Device, motion: Motion, stops: int) -> Run:
+        """Start *motion*; if the caller goes away meanwhile, stop it again."""
+        starting = self._commanders.submit(self._cell.start, token, device, motion, stops=stops)
+        try:
+            return await asyncio.wrap_future(starting)
+        except asyncio.CancelledError:
+            starting.add_done_callback(self._abandon)
+            raise
+
+    def _abandon(self, starting: Future[Run]) -> None:
+        """Stop what was started for a caller who has gone away meanwhile."""
+        if not starting.cancelled() and starting.exception() is None:
+            self._cell.abandon(starting.result(), _GONE)
+
+    # Commands
+
+    async def Stop(self, request: pb.StopRequest, context: Context) -> pb.StopResponse:
+        """Stop devices on their paths."""
+
+        def work() -> pb.StopResponse:
+            devices = self._cell.stop(request.device, request.caller)
+            return pb.StopResponse(devices=[_device_message(device) for device in devices])
+
+        return await self._do(context, work)
+
+    async def Pause(self, request: pb.PauseRequest, context: Context) -> pb.PauseResponse:
+        """Pause a motion."""
+        device = await self._command(context, request, "pause", lambda device: device.pause())
+        return pb.PauseResponse(device=device)
+
+    async def Resume(self, request: pb.ResumeRequest, context: Context) -> pb.ResumeResponse:
+        """Go on with a paused motion."""
+        device = await self._command(context, request, "resume", lambda device: device.resume())
+        return pb.ResumeResponse(device=device)
+
+    async def SetSpeed(self, request: pb.SetSpeedRequest, context: Context) -> pb.SetSpeedResponse:
+        """Set the rate at which motions run."""
+        speed = request.speed
+        if not 0.0 < speed <= 1.0:
+            problem = f"expected more than 0 and at most 1, got {speed:g}"
+            await _refuse(context, RequestError("speed", problem))
+        device = await self._command(
+            context, request, f"speed {speed:g}", lambda device: device.set_speed(speed)
+        )
+        return pb.SetSpeedResponse(device=device)
+
+    async def Enable(self, request: pb.EnableRequest, context: Context) -> pb.EnableResponse:
+        """Make a device follow."""
+        device = await self._command(context, request, "enable", lambda device: device.enable())
+        return pb.EnableResponse(device=device)
+
+    async def Disable(self, request: pb.DisableRequest, context: Context) -> pb.DisableResponse:
+        """Leave a device at rest, no longer following."""
+        device = await self._command(context, request, "disable", lambda device: device.disable())
+        return pb.DisableResponse(device=device)
+
+    async def Reset(self, request: pb.ResetRequest, context: Context) -> pb.ResetResponse:
+        """Clear a fault."""
+        device = await self._command(context, request, "reset", lambda device: device.reset())
+        return pb.ResetResponse(device=device)
+
+    # The lease
+
+    async def AcquireLease(
+        self, request: pb.AcquireLeaseRequest, context: Context
+    ) -> pb.AcquireLeaseResponse:
+        """Take the lease if it is free."""
+        lease = await self._do(context, lambda: self._cell.acquire(request.holder))
+        return pb.AcquireLeaseResponse(lease=self._lease_message(lease))
+
+    async def RenewLease(
+        self, request: pb.RenewLeaseRequest, context: Context
+    ) -> pb.RenewLeaseResponse:
+        """Hold the lease for its full time again."""
+        try:
+            # At once and not in a worker, which might be busy until the lease has run out.
+            lease = self._cell.desk.renew(request.token)
+        except OrientdError as error:
+            await _refuse(context, error)
+        return pb.RenewLeaseResponse(lease=self._lease_message(lease))
+
+    async def ReleaseLease(
+        self, request: pb.ReleaseLeaseRequest, context: Context
+    ) -> pb.ReleaseLeaseResponse:
+        """Give the lease back."""
+        await self._do(context, lambda: self._cell.release(request.token))
+        return pb.ReleaseLeaseResponse()
+
+    def _lease_message(self, lease: Lease) -> pb.Lease:
+        return pb.Lease(
+            token=lease.token, holder=lease.holder, seconds=self._cell.desk.remaining(lease)
+        )
+
+    # How
+
+    async def _command(
+        self,
+        context: Context,
+        request: _CommandRequest,
+        what: str,
+        act: Callable[[Device], None],
+    ) -> pb.DeviceReport:
+        def work() -> pb.DeviceReport:
+            device = self._cell.command(request.lease_token, request.device, what, act)
+            return _device_message(device)
+
+        return await self._do(context, work)
+
+    async def _is_closing_within(self, seconds: float) -> bool:
+        try:
+            await asyncio.wait_for(self._closing.wait(), seconds)
+        except TimeoutError:
+            return False
+        return True
+
+    async def _do(
+        self,
+        context: Context,
+        work: Callable[[], Result],
+        pool: ThreadPoolExecutor | None = None,
+    ) -> Result:
+        try:
+            return await self._in(pool or self._commanders, work)
+        except OrientdError as error:
+            await _refuse(context, error)
+
+    def _in(self, pool: ThreadPoolExecutor, work: Callable[[], Result]) -> Awaitable[Result]:
+        return asyncio.get_running_loop().run_in_executor(pool, work)
+
+
+def _device_message(device: Device) -> pb.DeviceReport:
+    return device_to_message(report.device_report(device))
+
+
+def _interval(field: str, rate_hz: float) -> float:
+    """Return the seconds between reports, of which *rate_hz* are wanted; 0 is the default."""
+    if rate_hz == 0.0:
+        return 1.0 / DEFAULT_REPORTS_HZ
+    if not SLOWEST_REPORTS_HZ <= rate_hz <= FASTEST_REPORTS_HZ:
+        raise RequestError(
+            field, f"expected {SLOWEST_REPORTS_HZ:g} to {FASTEST_REPORTS_HZ:g}, got {rate_hz:g}"
+        )
+    return 1.0 / rate_hz
+
+
+async def _refuse(context: Context, error: OrientdError) -> NoReturn:
+    """End the call with *error*, in full."""
+    status = to_status(error)
+    codes = {code.value[0]: code for code in grpc.StatusCode}
+    await context.abort(
+        codes[status.code], status.message, ((DETAILS_KEY, status.SerializeToString()),)
+    )
+    raise AssertionError

@@ -1,0 +1,155 @@
+r"""How fast a motion may be slowed down on its own path without breaking a limit.
+
+The servo advances path time at a rate :math:`\sigma \in [0, 1]`.  With the path's own rates
+:math:`\omega, \alpha` and jerk :math:`j` at :math:`\sigma = 1`, the device sees
+
+.. math::
+    \alpha_t = \alpha \sigma^2 + \omega \dot\sigma, \qquad
+    j_t = j \sigma^3 + 3 \alpha \sigma \dot\sigma + \omega \ddot\sigma .
+
+For a brake rate *x* the servo keeps :math:`|\dot\sigma| \le 2x` and :math:`|\ddot\sigma| \le 4x^2`:
+a stop from full speed takes :math:`1/x` with a triangular :math:`\dot\sigma`.  Since the rate must
+be able to end at 0 and at 1 without passing them, :math:`|\dot\sigma| \le x\,g(\sigma)` with
+:math:`g = \min(2, \sqrt{8(1-\sigma)}, \sqrt{8\sigma})`, whatever the sequence of stops, resumptions
+and changes of speed.  A point of the path is safe if for every :math:`\sigma`
+
+.. math::
+    |\alpha\sigma^2 \pm \omega x g| \le A, \qquad
+    |j|\sigma^2 + 3|\alpha|\sigma x g + 4|\omega|x^2 \le J .
+
+(:math:`\sigma^2` for the jerk, where :math:`\sigma^3` would do on a smooth path: a step of the
+acceleration, as a C1 curve has at its knots, falls only with the square of the rate.)  Both are
+quadratic in *x*.  Near :math:`\sigma = 1` the first one leaves :math:`x \approx \sqrt r A/\omega`
+where the acceleration keeps a reserve *r* below *A*: no reserve, no brake.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orientd.planner.limits import Limits
+from orientd.rotation import Floats
+
+FASTEST_BRAKE_RATE = 20.0
+"""1/s; a stop never takes less than 50 ms, however slow the motion is."""
+
+SLOWEST_STOP = 4.0
+"""Seconds that a stop on the path may take where the timing is the user's."""
+
+_MARGIN = 0.99  # the nodes lie between the worst rates; this covers what they miss
+_BLOCK = 2048
+
+
+def _nodes() -> Floats:
+    # The worst rate lies at 1 - r/2 for a reserve r, so the nodes crowd towards 1.
+    near_one = np.geomspace(1e-5, 0.5, 23)
+    return np.concatenate([1.0 - near_one, [0.4, 0.3, 0.2, 0.12, 0.06, 0.02]])
+
+
+_SIGMA = _nodes()
+_G = np.minimum(2.0, np.sqrt(8.0 * np.minimum(1.0 - _SIGMA, _SIGMA)))
+
+
+def brake_rate(omega: Floats, alpha: Floats, jerk: Floats, limits: Limits) -> tuple[float, int]:
+    """Return the largest safe brake rate for the angular part of a path.
+
+    Args:
+        omega: angular velocities of the path, rad/s, shape ``(n, 3)``.
+        alpha: angular accelerations, rad/s^2, shape ``(n, 3)``.
+        jerk: sizes of the angular jerk, rad/s^3, shape ``(n,)``.
+        limits: what the device may see.
+
+    Returns:
+        The rate in 1/s, in ``[0, FASTEST_BRAKE_RATE]``, and the index of the point that sets it.
+    """
+    speed = _norm(omega)
+    return _least(
+        speed,
+        _norm(alpha),
+        np.abs(np.einsum("ij,ij->i", omega, alpha)),
+        jerk,
+        limits.acceleration,
+        limits.jerk,
+    )
+
+
+def linear_brake_rate(velocity: Floats, acceleration: Floats, limits: Limits) -> tuple[float, int]:
+    """Return the largest safe brake rate for the linear part of a path, which has no jerk limit.
+
+    Args:
+        velocity: velocities of the position, m/s, shape ``(n, 3)``.
+        acceleration: its accelerations, m/s^2, shape ``(n, 3)``.
+        limits: what the device may see.
+
+    Returns:
+        As :func:`brake_rate`.
+    """
+    along = np.abs(np.einsum("ij,ij->i", velocity, acceleration))
+    return _least(
+        _norm(velocity),
+        _norm(acceleration),
+        along,
+        np.zeros(len(velocity)),
+        limits.linear_acceleration,
+        np.inf,
+    )
+
+
+def _norm(vectors: Floats) -> Floats:
+    norm: Floats = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+    return norm
+
+
+def _least(
+    speed: Floats, size: Floats, along: Floats, jerk: Floats, most: float, most_jerk: float
+) -> tuple[float, int]:
+    """Return the least rate over all points, looking closely only at those that could set it."""
+    best, place = FASTEST_BRAKE_RATE, 0
+    if not len(speed):
+        return best, place
+    # The point with the least by a crude bound first; most others are then ruled out by it.
+    for index in (int(np.argmax(size)), int(np.argmax(speed * size)), int(np.argmax(jerk))):
+        one = slice(index, index + 1)
+        rate = _rates(speed[one], size[one], along[one], jerk[one], most, most_jerk)[0]
+        if rate < best:
+            best, place = float(rate), index
+    at_risk = np.flatnonzero(
+        (size + 2.0 * speed * best > most)
+        | (jerk + 6.0 * size * best + 4.0 * speed * best * best > most_jerk)
+    )
+    for first in range(0, len(at_risk), _BLOCK):
+        some = at_risk[first : first + _BLOCK]
+        rates = _rates(speed[some], size[some], along[some], jerk[some], most, most_jerk)
+        index = int(np.argmin(rates))
+        if rates[index] < best:
+            best, place = float(rates[index]), int(some[index])
+    return best, place
+
+
+def _rates(
+    speed: Floats, size: Floats, along: Floats, jerk: Floats, most: float, most_jerk: float
+) -> Floats:
+    """Return the largest safe rate of each point, shape ``(n,)``."""
+    square = _SIGMA[:, None] ** 2
+    g = _G[:, None]
+    rates = np.full(speed.shape, FASTEST_BRAKE_RATE / _MARGIN)
+    # P x^2 + 2 H x <= R: the root in the form that does not cancel.
+    if np.isfinite(most):
+        rest = most * most - (size * square) ** 2
+        half = g * square * along
+        rates = np.minimum(rates, _root(rest, half, (g * speed) ** 2))
+    if np.isfinite(most_jerk):
+        rest = most_jerk - jerk * square
+        half = 1.5 * _SIGMA[:, None] * g * size
+        rates = np.minimum(rates, _root(rest, half, 4.0 * speed))
+    is_hopeless = (size > most) | (jerk > most_jerk)
+    safe: Floats = np.where(is_hopeless, 0.0, _MARGIN * rates)
+    return safe
+
+
+def _root(rest: Floats, half: Floats, leading: Floats) -> Floats:
+    rest = np.maximum(rest, 0.0)
+    divisor = half + np.sqrt(half * half + leading * rest)
+    roots = np.divide(rest, divisor, out=np.full(divisor.shape, np.inf), where=divisor > 0.0)
+    least: Floats = roots.min(axis=0)
+    return least

@@ -1,0 +1,212 @@
+"""The certificate of a motion: what a device sees of it, differentiated as the device does it.
+
+A device knows setpoints, not derivatives.  It takes the rotation vector from one setpoint to the
+next over a period for the velocity, the change of that for the acceleration and the change of that
+for the jerk, so this is what is held against the limits, on the very records that are sent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from orientd.planner.brake import FASTEST_BRAKE_RATE, brake_rate, linear_brake_rate
+from orientd.planner.limits import Limits
+from orientd.rotation import Floats, conjugate, log, multiply
+
+CHUNK = 8192
+"""Records looked at in one go, so that a long motion needs no more memory than a short one."""
+
+HISTORY = 3
+"""Setpoints before the first that a third difference reaches back to."""
+
+Setpoints = Callable[[int, int], tuple[Floats, Floats]]
+
+
+@dataclass(frozen=True, slots=True)
+class Peak:
+    """The largest value of a quantity.
+
+    Attributes:
+        value: in SI units.
+        time: path time of the record where it occurs, s.
+        limit: what was allowed.
+    """
+
+    value: float
+    time: float
+    limit: float
+
+    @property
+    def ratio(self) -> float:
+        """The value as a share of the limit."""
+        return self.value / self.limit
+
+
+@dataclass(frozen=True, slots=True)
+class Peaks:
+    """The largest rates over a stretch of records, by backward differences.
+
+    Attributes:
+        velocity: angular, rad/s.
+        acceleration: angular, rad/s^2.
+        jerk: angular, rad/s^3.
+        linear_velocity: of the position, m/s.
+        linear_acceleration: of the position, m/s^2.
+        brake_rate: largest safe brake rate, 1/s.
+        brake_time: path time of the record that sets it, s.
+    """
+
+    velocity: Peak
+    acceleration: Peak
+    jerk: Peak
+    linear_velocity: Peak
+    linear_acceleration: Peak
+    brake_rate: float
+    brake_time: float
+
+
+@dataclass(frozen=True, slots=True)
+class Certificate:
+    """What a motion was checked for; what has none is not streamed.
+
+    Attributes:
+        rate_hz: the device's cycles a second, at which all this holds.
+        duration: from hold to hold, s.
+        lead_in: the part of it before the first keyframe, s.
+        lead_out: the part of it after the last keyframe, s.
+        peak_velocity: angular, rad/s.
+        peak_acceleration: angular, rad/s^2.
+        peak_jerk: angular, rad/s^3.
+        peak_linear_velocity: m/s.
+        peak_linear_acceleration: m/s^2.
+        start_velocity_error: between the velocity asked for at the first keyframe and the
+            motion's, rad/s; zero where none was asked for.
+        end_velocity_error: the same at the last keyframe, rad/s.
+        keyframe_error: largest angle between a keyframe and the motion at its time, rad; not small
+            for methods that do not interpolate.
+        brake_rate: how fast the servo may change speed on the path, 1/s.
+        stop_time: how long a stop from full speed takes then, s.
+    """
+
+    rate_hz: float
+    duration: float
+    lead_in: float
+    lead_out: float
+    peak_velocity: Peak
+    peak_acceleration: Peak
+    peak_jerk: Peak
+    peak_linear_velocity: Peak
+    peak_linear_acceleration: Peak
+    start_velocity_error: float
+    end_velocity_error: float
+    keyframe_error: float
+    brake_rate: float
+    stop_time: float
+
+
+class _Largest:
+    """A running maximum with the index where it was reached."""
+
+    def __init__(self, power: int, period: float) -> None:
+        self._unit = period**power
+        self._period = period
+        self._square = 0.0
+        self._index = 0
+
+    def see(self, squares: Floats, first: int) -> None:
+        """Take in squared values of the records from *first* on, in units of ``period**-power``."""
+        if not len(squares):
+            return
+        place = int(np.argmax(squares))
+        # Not `>`: a NaN must not pass for small.
+        if not squares[place] <= self._square:
+            self._square, self._index = float(squares[place]), first + place
+
+    def peak(self, limit: float) -> Peak:
+        return Peak(float(np.sqrt(self._square)) / self._unit, self._index * self._period, limit)
+
+
+def measure(
+    setpoints: Setpoints,
+    count: int,
+    period: float,
+    limits: Limits,
+    *,
+    before: tuple[Floats, Floats] | None,
+    holds_after: bool,
+    brake_limits: Limits | None = None,
+) -> Peaks:
+    """Return the largest backward differences over the records 0 to *count* - 1.
+
+    Args:
+        setpoints: gives orientations ``(m, 4)`` and positions ``(m, 3)`` of the records from an
+            index on.
+        count: number of records.
+        period: time between them, s.
+        limits: what the peaks are held against.
+        before: the three setpoints before the first, ``(3, 4)`` and ``(3, 3)``; ``None`` looks at
+            differences inside the records only.
+        holds_after: whether the device stays where the last record is.
+        brake_limits: limits for the brake rate; ``None`` leaves the brake rate out.
+    """
+    turn, bend, twist = (_Largest(power, period) for power in (1, 2, 3))
+    move, push = (_Largest(power, period) for power in (1, 2))
+    slowest, slowest_index = FASTEST_BRAKE_RATE, 0
+    q_tail, p_tail = before if before is not None else (np.empty((0, 4)), np.empty((0, 3)))
+    is_still = False
+    for first in range(0, count, CHUNK):
+        size = min(CHUNK, count - first)
+        q, p = setpoints(first, size)
+        if holds_after and first + size == count:
+            q = np.concatenate([q, np.repeat(q[-1:], HISTORY, axis=0)])
+            p = np.concatenate([p, np.repeat(p[-1:], HISTORY, axis=0)])
+        q, p = np.concatenate([q_tail, q]), np.concatenate([p_tail, p])
+        index = first - len(q_tail)
+        q_tail, p_tail = q[-HISTORY:].copy(), p[-HISTORY:].copy()
+
+        # In units of rad a period: the powers of the period come in once, at the end.
+        omega = log(multiply(conjugate(q[:-1]), q[1:]))
+        alpha = np.diff(omega, axis=0)
+        jerk = np.diff(alpha, axis=0)
+        turn.see(_squares(omega), index + 1)
+        bend.see(_squares(alpha), index + 2)
+        jerk_squares = _squares(jerk)
+        twist.see(jerk_squares, index + 3)
+        # A device that keeps its place is the ordinary case; see whether it moves at all.
+        is_still = bool(np.all(p == p[0]))
+        if not is_still:
+            v = np.diff(p, axis=0)
+            a = np.diff(v, axis=0)
+            move.see(_squares(v), index + 1)
+            push.see(_squares(a), index + 2)
+        if brake_limits is None:
+            continue
+        rate, place = brake_rate(
+            omega[2:] / period,
+            alpha[1:] / period**2,
+            np.sqrt(jerk_squares) / period**3,
+            brake_limits,
+        )
+        if rate < slowest:
+            slowest, slowest_index = rate, index + 3 + place
+        if not is_still:
+            rate, place = linear_brake_rate(v[1:] / period, a / period**2, brake_limits)
+            if rate < slowest:
+                slowest, slowest_index = rate, index + 2 + place
+    return Peaks(
+        turn.peak(limits.velocity),
+        bend.peak(limits.acceleration),
+        twist.peak(limits.jerk),
+        move.peak(limits.linear_velocity),
+        push.peak(limits.linear_acceleration),
+        slowest,
+        slowest_index * period,
+    )
+
+
+def _squares(vectors: Floats) -> Floats:
+    squares: Floats = np.einsum("ij,ij->i", vectors, vectors)
+    return squares

@@ -1,0 +1,137 @@
+"""The course of a motion: its keyframes in the planner's terms, and the core made of them.
+
+The **core** is the part of a motion from the first keyframe to the last; leads come before and
+after it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orientd.planner.certificate import HISTORY, Peaks, measure
+from orientd.planner.lead import is_still
+from orientd.planner.limits import Limits
+from orientd.planner.methods import Ends, Method, build
+from orientd.planner.path import Stretch
+from orientd.planner.position import PositionPath, position_path
+from orientd.planner.request import MotionRequest
+from orientd.planner.timing import Indices
+from orientd.rotation import Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Core:
+    """A curve through the keyframes, its clock starting at 0.
+
+    Attributes:
+        stretch: the curve.
+        positions: what the position does.
+        times: of all keyframes of the request, s.
+    """
+
+    stretch: Stretch
+    positions: PositionPath
+    times: Floats
+
+    @property
+    def duration(self) -> float:
+        """From the first keyframe to the last, s."""
+        return self.stretch.end
+
+    @property
+    def is_smooth(self) -> bool:
+        """Whether the acceleration is continuous."""
+        return self.stretch.curve.continuity >= 2
+
+    def slowed(self, duration: float) -> Core:
+        """Return the same curve taking *duration* seconds."""
+        factor = duration / self.duration
+        return Core(
+            replace(self.stretch, end=duration, rate=self.stretch.rate / factor),
+            self.positions.slowed(factor),
+            self.times * factor,
+        )
+
+    def peaks(self, period: float, limits: Limits) -> Peaks:
+        """Return the largest backward differences of the core alone.
+
+        Where it begins or ends at rest the device is held before or after; elsewhere a lead, which
+        has limits of its own, goes on with the same acceleration.
+        """
+        count = round(self.duration / period) + 1
+
+        def setpoints(first: int, size: int) -> tuple[Floats, Floats]:
+            times = np.minimum(period * np.arange(first, first + size, dtype=float), self.duration)
+            return self.stretch.sample(times)[0], self.positions.sample(times)[0]
+
+        start, end = self.stretch.ends()
+        before = None
+        if is_still(start.omega_body, start.alpha_body, limits):
+            q, p = setpoints(0, 1)
+            before = np.repeat(q, HISTORY, axis=0), np.repeat(p, HISTORY, axis=0)
+        return measure(
+            setpoints,
+            count,
+            period,
+            limits,
+            before=before,
+            holds_after=is_still(end.omega_body, end.alpha_body, limits),
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Course:
+    """What a core is made from.
+
+    Attributes:
+        request: what was asked for.
+        method: the row of its method.
+        ends: velocities at the first and last keyframe.
+        times: of all keyframes of the request, from 0 on, in any unit.
+        kept: indices of those that the curve passes; the others repeat one of them.
+        held: the position that is kept where nothing asks for another, m.
+    """
+
+    request: MotionRequest
+    method: Method
+    ends: Ends
+    times: Floats
+    kept: Indices
+    held: Floats
+
+    @property
+    def has_one_shape(self) -> bool:
+        """Whether another duration is the same curve at another rate: nothing moves at its ends."""
+        ends = (self.ends.omega_start, self.ends.omega_end, self.ends.alpha_start)
+        return not any(np.any(vector) for vector in ends if vector is not None)
+
+    def core(self, duration: float) -> Core:
+        """Return the core that takes *duration* seconds.
+
+        Raises:
+            PlanError: the method cannot join these keyframes.
+        """
+        times = self.times * (duration / self.times[-1])
+        times[-1] = duration
+        keys, turns = self.request.keys[self.kept], self.request.turns[self.kept]
+        curve = build(self.request, keys, times[self.kept], turns, self.ends)
+        first, last = curve.domain
+        return Core(
+            Stretch(curve, 0.0, duration, rate=(last - first) / duration),
+            position_path(times[self.kept], self._positions(), self.held),
+            times,
+        )
+
+    def _positions(self) -> Floats | None:
+        """Return the positions of the kept keyframes, taken from their repetitions if need be."""
+        positions = self.request.positions
+        if positions is None or len(self.kept) == len(positions):
+            return positions
+        kept: Floats = positions[self.kept].copy()
+        owner = np.searchsorted(self.kept, np.arange(len(positions)), side="right") - 1
+        for index in np.flatnonzero(np.isfinite(positions[:, 0])):
+            if not np.isfinite(kept[owner[index], 0]):
+                kept[owner[index]] = positions[index]
+        return kept

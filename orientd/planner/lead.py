@@ -1,0 +1,205 @@
+r"""Leads: how a device gets from rest into a motion, and from a motion to rest.
+
+A **lead-out** begins in the state :math:`(q, \omega, \alpha)` of a motion's end and comes to rest.
+It is the quintic quaternion curve with velocity and acceleration given at both ends
+(``kks_quintic_hermite``) to :math:`q \exp(\omega T/2 + \alpha T^2/12)`.  With that end and parallel
+vectors the velocity is the cubic
+
+.. math:: \Omega(u) = \omega (1 - 3u^2 + 2u^3) + \alpha T (u - 2u^2 + u^3), \quad u = t/T,
+
+which falls to rest with no acceleration left.  Without velocity it returns to *q* itself,
+:math:`\Omega(u) = \tfrac12 \alpha T (2u - 9u^2 + 12u^3 - 5u^4)`.  A **run-up** is the mirror image
+in time of a lead-out from :math:`(q, -\omega, \alpha)`, and an **approach** turns about one axis,
+from rest to rest.  The duration is the shortest whole number of periods that keeps the limits.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orientd.curves import METHODS, Curve
+from orientd.errors import PlanError
+from orientd.planner.limits import Limits
+from orientd.planner.position import UNIT_ACCELERATION, UNIT_JERK, UNIT_VELOCITY
+from orientd.rotation import Floats, angle, exp_half, multiply
+
+Booleans = NDArray[np.bool_]
+
+STILL = 1e-9
+"""Angular velocity, rad/s, and share of the acceleration limit that count as rest."""
+
+_SAME = 1e-12  # rad and m
+_GRID = 160
+_FINEST_SHARES = np.linspace(0.0, 1.0, 65)
+_SHARES = np.linspace(0.0, 1.0, 33)
+_VELOCITY_MARGIN = 0.9999  # of the limit, for peaks between the points that are looked at
+
+
+def is_still(omega: Floats, alpha: Floats, limits: Limits) -> bool:
+    """Return whether a motion in this state needs no lead."""
+    return bool(
+        np.linalg.norm(omega) <= STILL and np.linalg.norm(alpha) <= STILL * limits.acceleration
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Bounds:
+    """What a lead keeps: the limits with their reserve, but never less than what it begins with."""
+
+    velocity: float
+    acceleration: float
+    jerk: float
+
+    @classmethod
+    def of(cls, limits: Limits, omega: Floats, alpha: Floats) -> _Bounds:
+        reserved = limits.with_reserve()
+        rounding = 1.0 + 1e-9
+        return cls(
+            max(_VELOCITY_MARGIN * limits.velocity, rounding * float(np.linalg.norm(omega))),
+            max(reserved.acceleration, rounding * float(np.linalg.norm(alpha))),
+            reserved.jerk,
+        )
+
+    def keeps(self, velocity: Floats, acceleration: Floats, jerk: Floats) -> Booleans:
+        kept: Booleans = np.all(
+            (_norm(velocity) <= self.velocity)
+            & (_norm(acceleration) <= self.acceleration)
+            & (_norm(jerk) <= self.jerk),
+            axis=-1,
+        )
+        return kept
+
+
+def _norm(vectors: Floats) -> Floats:
+    norm: Floats = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
+    return norm
+
+
+def lead_out(q: Floats, omega: Floats, alpha: Floats, *, limits: Limits, period: float) -> Curve:
+    """Return the curve from a state to rest, over ``[0, T]``.
+
+    Args:
+        q: orientation, shape ``(4,)``.
+        omega: angular velocity, body frame, rad/s.
+        alpha: angular acceleration in body components, rad/s^2.
+        limits: to keep, with their reserve.
+        period: the duration is a whole multiple of it, s.
+
+    Raises:
+        PlanError: no duration keeps the limits.
+    """
+    bounds = _Bounds.of(limits, omega, alpha)
+    for cycles in _candidates(omega, alpha, bounds, period):
+        curve = _lead(q, omega, alpha, cycles * period)
+        if _curve_keeps(curve, bounds):
+            return curve
+    raise PlanError(
+        f"no way to come from {np.linalg.norm(omega):.4g} rad/s and "
+        f"{np.linalg.norm(alpha):.4g} rad/s^2 to rest inside the limits of "
+        f"{limits.velocity:g} rad/s, {limits.acceleration:g} rad/s^2 and {limits.jerk:g} rad/s^3"
+    )
+
+
+def _lead(q: Floats, omega: Floats, alpha: Floats, duration: float) -> Curve:
+    if np.linalg.norm(omega) > STILL:
+        turn = omega * (duration / 2.0) + alpha * (duration**2 / 12.0)
+        end = multiply(q, exp_half(0.5 * turn))
+    else:
+        end = q
+    # The signs carry the whole turn, which may be more than half of one: they must stay.
+    return _quintic(q, end, omega, alpha, duration, align=False)
+
+
+def _quintic(
+    q0: Floats, q1: Floats, omega0: Floats, alpha0: Floats, duration: float, *, align: bool
+) -> Curve:
+    parameters: dict[str, Any] = {
+        "q0": q0,
+        "q1": q1,
+        "omega0": omega0,
+        "omega1": np.zeros(3),
+        "alpha0": alpha0,
+        "alpha1": np.zeros(3),
+        "t0": 0.0,
+        "t1": duration,
+        "align": align,
+    }
+    return METHODS["kks_quintic_hermite"](**parameters)
+
+
+def _candidates(omega: Floats, alpha: Floats, bounds: _Bounds, period: float) -> list[int]:
+    """Return numbers of cycles to try, in order, by the closed form of parallel vectors."""
+    speed, size = float(np.linalg.norm(omega)), float(np.linalg.norm(alpha))
+    scale = (
+        1.5 * speed / bounds.acceleration
+        + math.sqrt(6.0 * speed / bounds.jerk)
+        + 9.0 * size / bounds.jerk
+    )
+    most = math.ceil(10.0 * scale / period) + 8
+    grid = np.unique(np.round(np.geomspace(1.0, most, _GRID)).astype(np.int64))
+    is_kept = _closed_form_keeps(omega, alpha, period * grid.astype(np.float64), bounds)
+    if not is_kept.any():
+        return []
+    first = int(np.argmax(is_kept))
+    low, high = int(grid[first - 1]) if first else 0, int(grid[first])
+    while high - low > 1:
+        middle = (low + high) // 2
+        if _closed_form_keeps(omega, alpha, np.array([middle * period]), bounds)[0]:
+            high = middle
+        else:
+            low = middle
+    # Vectors that are not parallel need a little longer.
+    rest = [int(n) for n in grid[is_kept] if n > high]
+    near = [high + math.ceil(high * share) for share in (0.005, 0.01, 0.02, 0.04)]
+    return sorted({high, *near, *rest})
+
+
+def _closed_form_keeps(
+    omega: Floats, alpha: Floats, durations: Floats, bounds: _Bounds
+) -> Booleans:
+    u = _SHARES[:, None]
+    t = durations[:, None, None]
+    if np.linalg.norm(omega) > STILL:
+        velocity = omega * (1 - 3 * u**2 + 2 * u**3) + alpha * t * (u - 2 * u**2 + u**3)
+        acceleration = omega * (6 * u**2 - 6 * u) / t + alpha * (1 - 4 * u + 3 * u**2)
+        jerk = omega * (12 * u - 6) / t**2 + alpha * (6 * u - 4) / t
+    else:
+        velocity = 0.5 * alpha * t * (2 * u - 9 * u**2 + 12 * u**3 - 5 * u**4)
+        acceleration = 0.5 * alpha * (2 - 18 * u + 36 * u**2 - 20 * u**3) + 0.0 * t
+        jerk = 0.5 * alpha * (72 * u - 18 - 60 * u**2) / t
+    return bounds.keeps(velocity, acceleration, jerk)
+
+
+def _curve_keeps(curve: Curve, bounds: _Bounds) -> bool:
+    duration = curve.domain[1]
+    _, velocity, acceleration = curve.evaluate(_FINEST_SHARES * duration)
+    jerk = np.diff(acceleration, axis=0) / (_FINEST_SHARES[1] * duration)
+    return bool(bounds.keeps(velocity, acceleration, np.concatenate([jerk, jerk[-1:]])))
+
+
+def approach_cycles(
+    q0: Floats, q1: Floats, p0: Floats, p1: Floats, *, limits: Limits, period: float
+) -> int:
+    """Return the fewest periods for a turn and a move from rest to rest; 0 if neither is needed."""
+    reserved = limits.with_reserve()
+    turn, move = float(angle(q0, q1)), float(np.linalg.norm(p1 - p0))
+    if turn <= _SAME and move <= _SAME:
+        return 0
+    duration = max(
+        UNIT_VELOCITY * turn / limits.velocity,
+        math.sqrt(UNIT_ACCELERATION * turn / reserved.acceleration),
+        math.cbrt(UNIT_JERK * turn / reserved.jerk),
+        UNIT_VELOCITY * move / limits.linear_velocity,
+        math.sqrt(UNIT_ACCELERATION * move / reserved.linear_acceleration),
+    )
+    return math.ceil(duration / period)
+
+
+def approach(q0: Floats, q1: Floats, duration: float) -> Curve:
+    """Return the turn from rest at *q0* to rest at *q1*, the short way round, over ``[0, T]``."""
+    return _quintic(q0, q1, np.zeros(3), np.zeros(3), duration, align=True)

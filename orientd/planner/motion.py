@@ -1,0 +1,97 @@
+"""The motion: a planned path with its certificate, which nothing can change any more."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from orientd.planner.certificate import Certificate
+from orientd.planner.limits import Limits
+from orientd.planner.path import Path, Samples
+from orientd.planner.request import MotionRequest, State
+from orientd.rotation import Floats
+
+RECORD_FLOATS = 16
+"""q (4), omega_body (3), alpha_body (3), position (3), velocity (3): a record in the path ring."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """A motion that keeps its limits, from hold to hold.
+
+    Attributes:
+        id: names it.
+        request: what it was made for.
+        limits: what it keeps.
+        period: path time from one record to the next, which is the device's cycle, s.
+        path: orientation and position by path time, which begins at 0.
+        start_time: path time of the first keyframe, s; a whole number of periods.
+        end_time: path time of the last keyframe, s.
+        keyframe_times: path times of all keyframes, s, shape ``(n,)``.
+        record_count: number of records; the last one is at rest.
+        certificate: what it was checked for.
+    """
+
+    id: str
+    request: MotionRequest
+    limits: Limits
+    period: float
+    path: Path
+    start_time: float
+    end_time: float
+    keyframe_times: Floats
+    record_count: int
+    certificate: Certificate
+
+    @property
+    def duration(self) -> float:
+        """Path time from hold to hold, s."""
+        return self.path.duration
+
+    @property
+    def start_state(self) -> State:
+        """The state it begins in, at path time 0."""
+        return self.path.state(0.0)
+
+    @property
+    def end_state(self) -> State:
+        """The state at the last keyframe, which a successor would continue."""
+        return self.path.state(self.end_time)
+
+    def sample(self, path_times: ArrayLike) -> Samples:
+        """Return the motion at *path_times* (s, shape ``(n,)``, any order); held beyond its ends.
+
+        Raises:
+            ValueError: *path_times* is not one-dimensional.
+        """
+        times = np.asarray(path_times, dtype=np.float64)
+        if times.ndim != 1:
+            raise ValueError(f"path_times must be one-dimensional, got shape {times.shape}")
+        return self.path.sample(times)
+
+    def records(self, first: int, count: int) -> Floats:
+        """Return records for the path ring, in order of their index.
+
+        Args:
+            first: index of the first one; record *k* is at path time ``k * period``.
+            count: how many.
+
+        Returns:
+            A new C-contiguous array of shape ``(count, RECORD_FLOATS)``.
+
+        Raises:
+            ValueError: there are no such records.
+        """
+        if first < 0 or count < 0 or first + count > self.record_count:
+            raise ValueError(
+                f"records must be within 0 to {self.record_count}, got {first} to {first + count}"
+            )
+        samples = self.path.sample(self.period * np.arange(first, first + count, dtype=np.float64))
+        block: Floats = np.empty((count, RECORD_FLOATS))
+        column = 0
+        for part in samples:
+            block[:, column : column + part.shape[1]] = part
+            column += part.shape[1]
+        return block

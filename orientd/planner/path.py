@@ -1,0 +1,149 @@
+"""A path: stretches of curves laid end to end in time, with the position that goes along.
+
+A stretch is a curve run at a constant rate, backwards where the rate is negative.  So one class
+serves a curve as it is, a curve whose timing was found by the planner, and a run-up, which is a
+lead-out run backwards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from orientd.curves import Curve
+from orientd.planner.position import PositionPath
+from orientd.planner.request import State
+from orientd.rotation import Floats
+
+
+_AT_REST = 1e-9
+"""Seconds before its end that a path counts as ended: its last record is at rest, to rounding."""
+
+
+class Samples(NamedTuple):
+    """A path at some instants, one row each.
+
+    Attributes:
+        q: orientations ``(w, x, y, z)``, tool to world, shape ``(n, 4)``; the sign is continuous
+            along the path.
+        omega_body: angular velocities in the body frame, rad/s, shape ``(n, 3)``.
+        alpha_body: their derivatives in body components, rad/s^2, shape ``(n, 3)``.
+        position: of the tool in the world, m, shape ``(n, 3)``.
+        velocity: its derivative, m/s, shape ``(n, 3)``.
+    """
+
+    q: Floats
+    omega_body: Floats
+    alpha_body: Floats
+    position: Floats
+    velocity: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stretch:
+    """A curve over an interval of path time.
+
+    Attributes:
+        curve: the geometry.
+        begin: path time where it begins, s.
+        end: path time where it ends, s.
+        rate: curve seconds for a second of path time; negative runs the curve backwards.
+        sign: of the quaternions, to make them continuous with the stretch before.
+    """
+
+    curve: Curve
+    begin: float
+    end: float
+    rate: float = 1.0
+    sign: float = 1.0
+
+    def sample(self, times: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return orientation, velocity and acceleration at path *times* inside the stretch."""
+        first, last = self.curve.domain
+        origin = first if self.rate > 0.0 else last
+        instants = np.clip(origin + self.rate * (times - self.begin), first, last)
+        q, omega, alpha = self.curve.evaluate(instants)
+        if self.sign < 0.0:
+            q = -q
+        if self.rate != 1.0:
+            omega, alpha = omega * self.rate, alpha * self.rate**2
+        return q, omega, alpha
+
+    def ends(self) -> tuple[State, State]:
+        """Return the states at both ends; their positions are left at the origin."""
+        q, omega, alpha = self.sample(np.array([self.begin, self.end]))
+        zero = np.zeros(3)
+        return (
+            State(q[0], omega[0], alpha[0], zero),
+            State(q[1], omega[1], alpha[1], zero),
+        )
+
+    def shifted(self, delay: float) -> Stretch:
+        """Return the same stretch *delay* seconds later."""
+        return replace(self, begin=self.begin + delay, end=self.end + delay)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Path:
+    """Orientation and position as functions of path time, held before and after.
+
+    Attributes:
+        stretches: end to end, from path time 0 on.
+        positions: what the position does.
+        first: orientation before path time 0.
+        last: orientation after the end.
+    """
+
+    stretches: tuple[Stretch, ...]
+    positions: PositionPath
+    first: Floats
+    last: Floats
+
+    @classmethod
+    def joined(cls, stretches: Sequence[Stretch], positions: PositionPath) -> Path:
+        """Return the path of *stretches*, with the signs of the quaternions made continuous."""
+        lined_up: list[Stretch] = []
+        before: Floats | None = None
+        for stretch in stretches:
+            start, end = stretch.ends()
+            flip = -1.0 if before is not None and float(start.q @ before) < 0.0 else 1.0
+            lined_up.append(replace(stretch, sign=flip * stretch.sign))
+            before = flip * end.q
+            if len(lined_up) == 1:
+                first = start.q
+        if before is None:
+            raise ValueError("stretches must not be empty")
+        return cls(tuple(lined_up), positions, first, before)
+
+    @property
+    def duration(self) -> float:
+        """Path time from the first instant to the last, s."""
+        return self.stretches[-1].end
+
+    def sample(self, times: Floats) -> Samples:
+        """Return the path at *times*, in any order; beyond its ends it is held."""
+        position, velocity = self.positions.sample(times)
+        starts = [stretch.begin for stretch in self.stretches[1:]]
+        is_held = (times < 0.0) | (times >= self.duration - _AT_REST)
+        where = np.searchsorted(starts, times, side="right")
+        if len(times) and not is_held.any() and where[0] == where[-1] and np.all(where == where[0]):
+            q, omega, alpha = self.stretches[where[0]].sample(times)
+            return Samples(q, omega, alpha, position, velocity)
+        q = np.where((times < 0.0)[:, None], self.first, self.last)
+        omega, alpha = np.zeros((len(times), 3)), np.zeros((len(times), 3))
+        for index, stretch in enumerate(self.stretches):
+            is_here = (where == index) & ~is_held
+            if is_here.any():
+                q[is_here], omega[is_here], alpha[is_here] = stretch.sample(times[is_here])
+        return Samples(q, omega, alpha, position, velocity)
+
+    def state(self, time: float) -> State:
+        """Return the state at *time*, with the derivatives of the stretch that begins there."""
+        for stretch in self.stretches:
+            if time < stretch.end or stretch is self.stretches[-1]:
+                break
+        q, omega, alpha = stretch.sample(np.array([time]))
+        return State(q[0], omega[0], alpha[0], self.positions.sample(np.array([time]))[0][0])

@@ -1,0 +1,226 @@
+"""From a request to a motion: geometry, timing, leads, certificate."""
+
+from __future__ import annotations
+
+import math
+import uuid
+from dataclasses import dataclass
+
+import numpy as np
+
+from orientd.errors import PlanError, StartError
+from orientd.planner import refusal
+from orientd.planner.certificate import HISTORY, Certificate, Peaks, measure
+from orientd.planner.course import Core, Course
+from orientd.planner.draft import Draft, with_leads
+from orientd.planner.limits import GUARD_TOLERANCE, Limits
+from orientd.planner.methods import Ends, Method, check_method
+from orientd.planner.motion import Motion
+from orientd.planner.request import MotionRequest, State
+from orientd.planner.timing import LONGEST, Indices, chord_knots, excess, shortest
+from orientd.rotation import Floats, angle, exp, multiply
+
+_LEAD_STEP = 1.02  # how much longer to try when the core is fine but its leads are not
+_END_SLACK = 1e-9  # of a period
+
+
+def plan(
+    request: MotionRequest,
+    *,
+    start: State,
+    limits: Limits,
+    period: float,
+    motion_id: str | None = None,
+) -> Motion:
+    """Return the motion that a request asks for, or refuse it.
+
+    Keyframes with times are passed at those times, or not at all; keyframes without are passed
+    as quickly as the limits permit, with a reserve for a stop on the path.  The motion begins in
+    the state the device is commanded to be in and ends at rest: in front of the keyframes goes a
+    lead-in where the request says ``approach``, behind them a lead-out where they end with a
+    velocity or an acceleration.
+
+    Args:
+        request: what to do.
+        start: where the device is commanded to be.
+        limits: the device's.
+        period: the device's cycle, s.
+        motion_id: names the motion; by default a new random name.
+
+    Raises:
+        RequestError: the request is not one that its method or the device allows.
+        LimitError: the motion would break a limit.
+        StartError: it does not begin where the device is commanded to be.
+        PlanError: it cannot be planned for another reason.
+        ValueError: *period* is not positive.
+    """
+    if not (math.isfinite(period) and period > 0.0):
+        raise ValueError(f"period must be positive, got {period} s")
+    job = _Job.of(request, start, limits.narrowed(request.limits), period)
+    draft = job.as_timed() if request.times is not None else job.as_quick_as_possible()
+    return job.certified(draft, motion_id or uuid.uuid4().hex[:12])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Job:
+    """One call of :func:`plan`.
+
+    Attributes:
+        request: what was asked for.
+        start: where the device is commanded to be.
+        limits: to keep.
+        period: of the device, s.
+        method: the row of the request's method.
+        ends: velocities at the first and last keyframe.
+    """
+
+    request: MotionRequest
+    start: State
+    limits: Limits
+    period: float
+    method: Method
+    ends: Ends
+
+    @classmethod
+    def of(cls, request: MotionRequest, start: State, limits: Limits, period: float) -> _Job:
+        """Check what can be checked before a curve is made."""
+        method = check_method(request)
+        omega_start, alpha_start = request.omega_start, None
+        if not start.is_at_rest:
+            # The motion takes over from another one that is still moving.
+            if method.has_velocities and omega_start is None:
+                omega_start = start.omega_body
+            if method.has_accelerations:
+                alpha_start = start.alpha_body
+        refusal.check_end_velocities(omega_start, request.omega_end, limits)
+        if not (request.approach and start.is_at_rest):
+            # Every curve begins at its first keyframe: none need be made to see that it is not
+            # where the device is.
+            first = State(request.keys[0], start.omega_body, start.alpha_body, start.position)
+            refusal.check_start(start, first, limits)
+        ends = Ends(omega_start, request.omega_end, alpha_start)
+        return cls(request, start, limits, period, method, ends)
+
+    def as_timed(self) -> Draft:
+        """Return the path with the times of the request."""
+        if self.request.times is None:
+            raise ValueError("request must have times")
+        times = self.request.times - self.request.times[0]
+        duration = float(times[-1])
+        refusal.check_duration(duration)
+        return self._with_leads(self._course(times, np.arange(len(times))).core(duration))
+
+    def as_quick_as_possible(self) -> Draft:
+        """Return the path with the shortest times that keep the limits, in whole periods."""
+        period, reserved = self.period, self.limits.with_reserve()
+        refusal.check_continuity(self.request)
+        is_uniform = not self.method.is_interpolating
+        knots = chord_knots(self.request, self.limits, is_uniform=is_uniform)
+        course = self._course(knots.times, knots.kept)
+        first = max(2, math.ceil(knots.first_guess(reserved) / period))
+        # The same curve at another rate need not be made again.
+        shape = course.core(first * period) if course.has_one_shape else None
+        drafts: dict[int, Draft] = {}
+        refusals: list[PlanError] = []
+
+        def attempt(cycles: int) -> float:
+            try:
+                core = shape.slowed(cycles * period) if shape else course.core(cycles * period)
+                factor = excess(core.peaks(period, reserved), is_smooth=core.is_smooth)
+                if factor <= 1.0:
+                    drafts[cycles] = self._with_leads(core)
+            except StartError:
+                raise
+            except PlanError as error:
+                refusals.append(error)
+                return _LEAD_STEP
+            return factor
+
+        cycles = shortest(attempt, first, most=int(LONGEST / period))
+        if cycles is None:
+            raise (
+                refusals[-1]
+                if refusals
+                else PlanError(f"no duration keeps the limits of {self.limits}")
+            )
+        return drafts[cycles]
+
+    def certified(self, draft: Draft, motion_id: str) -> Motion:
+        """Return the motion, held against its limits on the records that will be sent.
+
+        Raises:
+            LimitError: it breaks one.
+        """
+        request, period, path = self.request, self.period, draft.path
+        count = math.ceil(path.duration / period - _END_SLACK) + 1
+
+        def setpoints(first: int, size: int) -> tuple[Floats, Floats]:
+            samples = path.sample(period * np.arange(first, first + size, dtype=np.float64))
+            return samples.q, samples.position
+
+        # A timing of the user's may go up to the limits, where the guard's tolerance is all that
+        # is left to brake with.
+        is_users = request.times is not None
+        peaks = measure(
+            setpoints,
+            count,
+            period,
+            self.limits,
+            before=_before(self.start, period),
+            holds_after=True,
+            brake_limits=self.limits.scaled(GUARD_TOLERANCE) if is_users else self.limits,
+        )
+        place = refusal.Place(request, draft.begin, draft.end, draft.keyframe_times)
+        refusal.check_limits(peaks, place)
+        if is_users:
+            refusal.check_stop(peaks, place)
+        return Motion(
+            id=motion_id,
+            request=request,
+            limits=self.limits,
+            period=period,
+            path=path,
+            start_time=draft.begin,
+            end_time=draft.end,
+            keyframe_times=draft.keyframe_times,
+            record_count=count,
+            certificate=self._certificate(draft, peaks),
+        )
+
+    def _course(self, times: Floats, kept: Indices) -> Course:
+        return Course(self.request, self.method, self.ends, times, kept, self.start.position)
+
+    def _with_leads(self, core: Core) -> Draft:
+        return with_leads(core, self.request, self.start, self.limits, self.period)
+
+    def _certificate(self, draft: Draft, peaks: Peaks) -> Certificate:
+        path = draft.path
+        at_start, at_end = (path.state(time).omega_body for time in (draft.begin, draft.end))
+        keyframes = path.sample(draft.keyframe_times).q
+        return Certificate(
+            rate_hz=1.0 / self.period,
+            duration=path.duration,
+            lead_in=draft.begin,
+            lead_out=path.duration - draft.end,
+            peak_velocity=peaks.velocity,
+            peak_acceleration=peaks.acceleration,
+            peak_jerk=peaks.jerk,
+            peak_linear_velocity=peaks.linear_velocity,
+            peak_linear_acceleration=peaks.linear_acceleration,
+            start_velocity_error=_distance(at_start, self.request.omega_start),
+            end_velocity_error=_distance(at_end, self.request.omega_end),
+            keyframe_error=float(np.max(angle(keyframes, self.request.keys))),
+            brake_rate=peaks.brake_rate,
+            stop_time=1.0 / peaks.brake_rate if peaks.brake_rate > 0.0 else math.inf,
+        )
+
+
+def _distance(omega: Floats, wanted: Floats | None) -> float:
+    return 0.0 if wanted is None else float(np.linalg.norm(omega - wanted))
+
+
+def _before(start: State, period: float) -> tuple[Floats, Floats]:
+    """Return the setpoints the device had before path time 0, the oldest first."""
+    back = -period * np.arange(HISTORY, 0, -1.0)[:, None]
+    turn = start.omega_body * back + 0.5 * start.alpha_body * back**2
+    return multiply(start.q, exp(turn)), np.repeat(start.position[None], HISTORY, axis=0)

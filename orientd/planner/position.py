@@ -1,0 +1,147 @@
+r"""The position that goes along with an orientation: a quintic spline, from rest to rest.
+
+Through the keyframes that have a position runs the quintic spline with continuous derivatives up
+to the fourth that starts and ends at rest without acceleration; before and after it the position is
+held.  A move between two points is the single piece of it,
+:math:`p_0 + (p_1 - p_0)(10u^3 - 15u^4 + 6u^5)`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from orientd.rotation import Floats
+
+DEGREE = 5
+
+# Peaks of the derivatives of 10u^3 - 15u^4 + 6u^5 on [0, 1].
+UNIT_VELOCITY = 1.875
+UNIT_ACCELERATION = 10.0 / np.sqrt(3.0)
+UNIT_JERK = 60.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PositionPath:
+    """A piecewise quintic in time, constant outside its breaks.
+
+    Attributes:
+        breaks: increasing instants, s, shape ``(m + 1,)``.
+        coefficients: of the powers of the time since a piece's own break, shape ``(m, 6, 3)``.
+        first: the position before the breaks.
+        last: the position after them.
+    """
+
+    breaks: Floats
+    coefficients: Floats
+    first: Floats
+    last: Floats
+
+    @classmethod
+    def held(cls, position: ArrayLike) -> PositionPath:
+        """Return the path that stays at *position*."""
+        point = np.asarray(position, dtype=np.float64)
+        return cls(np.empty(0), np.empty((0, DEGREE + 1, 3)), point, point)
+
+    @property
+    def is_held(self) -> bool:
+        """Whether nothing moves."""
+        return len(self.coefficients) == 0
+
+    def sample(self, times: Floats) -> tuple[Floats, Floats]:
+        """Return positions and velocities at *times*, ``(n, 3)`` each."""
+        if self.is_held:
+            positions: Floats = np.empty((len(times), 3))
+            positions[:] = self.first
+            return positions, np.zeros((len(times), 3))
+        begin, end = self.breaks[0], self.breaks[-1]
+        inside = np.clip(times, begin, end)
+        piece = np.searchsorted(self.breaks[1:-1], inside, side="right")
+        elapsed = (inside - self.breaks[piece])[:, None]
+        c = self.coefficients[piece]
+        positions = np.zeros((len(times), 3))
+        velocities = np.zeros((len(times), 3))
+        for power in range(DEGREE, -1, -1):
+            velocities = velocities * elapsed + positions
+            positions = positions * elapsed + c[:, power]
+        is_before, is_after = times <= begin, times >= end
+        # Held means held: to the last digit, and without velocity.
+        positions[is_before], positions[is_after] = self.first, self.last
+        velocities[is_before | is_after] = 0.0
+        return positions, velocities
+
+    def slowed(self, factor: float) -> PositionPath:
+        """Return the same path *factor* times as slow."""
+        powers = factor ** -np.arange(DEGREE + 1.0)
+        coefficients = self.coefficients * powers[:, None]
+        return replace(self, breaks=self.breaks * factor, coefficients=coefficients)
+
+    def delayed(self, delay: float) -> PositionPath:
+        """Return the same path *delay* seconds later."""
+        return replace(self, breaks=self.breaks + delay)
+
+    def after_move_from(self, position: Floats, begin: float, end: float) -> PositionPath:
+        """Return this path with a move from *position* to its first point put before it.
+
+        Args:
+            position: where it starts.
+            begin: when the move begins, s.
+            end: when it ends, not later than this path's first break.
+        """
+        if np.array_equal(position, self.first):
+            return self
+        move = _quintic_move(position, self.first, end - begin)
+        if self.is_held:
+            return PositionPath(np.array([begin, end]), move[None], position, self.last)
+        hold: Floats = np.zeros((1, DEGREE + 1, 3))
+        hold[0, 0] = self.first
+        return PositionPath(
+            np.concatenate([[begin, end], self.breaks]),
+            np.concatenate([move[None], hold, self.coefficients]),
+            position,
+            self.last,
+        )
+
+
+def _quintic_move(start: Floats, end: Floats, duration: float) -> Floats:
+    coefficients: Floats = np.zeros((DEGREE + 1, 3))
+    coefficients[0] = start
+    for power, factor in ((3, 10.0), (4, -15.0), (5, 6.0)):
+        coefficients[power] = factor * (end - start) / duration**power
+    return coefficients
+
+
+def position_path(times: Floats, positions: Floats | None, held: Floats) -> PositionPath:
+    """Return the path through positions at their times.
+
+    Args:
+        times: increasing, s, shape ``(n,)``.
+        positions: shape ``(n, 3)``, not a number where there is none; ``None`` for none at all.
+        held: the position that is kept where nothing asks for another.
+    """
+    if positions is None:
+        return PositionPath.held(held)
+    is_given = np.isfinite(positions[:, 0])
+    instants, points = times[is_given], positions[is_given]
+    if len(points) == 1:
+        return PositionPath.held(points[0])
+    if len(points) == 2:
+        move = _quintic_move(points[0], points[1], float(instants[1] - instants[0]))
+        return PositionPath(instants, move[None], points[0], points[1])
+    return PositionPath(instants, _spline(instants, points), points[0], points[-1])
+
+
+def _spline(instants: Floats, points: Floats) -> Floats:
+    """Return the pieces of the quintic spline, shape ``(n - 1, 6, 3)``."""
+    # SciPy takes half a second to import: only who moves the position through several points pays.
+    from scipy.interpolate import make_interp_spline
+
+    at_rest = [(1, np.zeros(3)), (2, np.zeros(3))]
+    spline = make_interp_spline(instants, points, k=DEGREE, bc_type=(at_rest, at_rest))
+    coefficients: Floats = np.empty((len(instants) - 1, DEGREE + 1, 3))
+    for power in range(DEGREE + 1):
+        coefficients[:, power] = spline(instants[:-1], nu=power) / math.factorial(power)
+    return coefficients

@@ -1,0 +1,186 @@
+"""Refusals: what is wrong with a motion, by how much, where, and what would help."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from orientd.errors import LimitError, PlanError, StartError
+from orientd.planner.brake import SLOWEST_STOP
+from orientd.planner.certificate import Peak, Peaks
+from orientd.planner.limits import UNITS, Limits
+from orientd.planner.request import DEFAULT_METHOD, MotionRequest, State
+from orientd.planner.timing import LONGEST
+from orientd.rotation import Floats, angle
+
+SAME_ORIENTATION = 1e-6  # rad
+SAME_POSITION = 1e-6  # m
+SAME_VELOCITY = 1e-6  # rad/s
+SAME_ACCELERATION = 1e-4  # of the limit
+_ROUNDING = 1e-6  # relative, of a peak against its limit
+
+_QUANTITIES = {
+    "velocity": "angular velocity",
+    "acceleration": "angular acceleration",
+    "jerk": "angular jerk",
+    "linear_velocity": "velocity of the position",
+    "linear_acceleration": "acceleration of the position",
+}
+
+
+def check_end_velocities(
+    omega_start: Floats | None, omega_end: Floats | None, limits: Limits
+) -> None:
+    """Refuse velocities at the ends that are above the limit by themselves.
+
+    Raises:
+        LimitError: one of them is.
+    """
+    for name, omega in (("start_velocity", omega_start), ("end_velocity", omega_end)):
+        speed = 0.0 if omega is None else float(np.linalg.norm(omega))
+        if speed > limits.velocity * (1.0 + _ROUNDING):
+            raise LimitError(
+                "angular velocity",
+                speed,
+                limits.velocity,
+                0.0,
+                UNITS["velocity"],
+                f"{name} asks for it",
+            )
+
+
+def check_duration(duration: float) -> None:
+    """Refuse motions that would take days.
+
+    Raises:
+        PlanError: it is longer than allowed.
+    """
+    if duration > LONGEST:
+        raise PlanError(f"the keyframes take {duration:.6g} s, at most {LONGEST:g} s is planned")
+
+
+def check_continuity(request: MotionRequest) -> None:
+    """Refuse to find times for a curve whose velocity jumps: only standing still would do.
+
+    Raises:
+        PlanError: the method is such a one.
+    """
+    if _has_jumps(request):
+        raise PlanError(f"no duration keeps the limits: {_JUMPS}")
+
+
+def check_start(start: State, first: State, limits: Limits) -> None:
+    """Refuse a motion that does not begin where the device is commanded to be.
+
+    Args:
+        start: where the device is commanded to be.
+        first: the state at the first keyframe.
+        limits: for what counts as the same acceleration.
+
+    Raises:
+        StartError: they differ; the message names what differs and by how much.
+    """
+    turn = float(angle(start.q, first.q))
+    move = float(np.linalg.norm(start.position - first.position))
+    velocity = float(np.linalg.norm(start.omega_body - first.omega_body))
+    acceleration = float(np.linalg.norm(start.alpha_body - first.alpha_body))
+    different = []
+    if not turn <= SAME_ORIENTATION:
+        different.append(f"orientation by {turn:.6g} rad ({math.degrees(turn):.4g} deg)")
+    if not move <= SAME_POSITION:
+        different.append(f"position by {move:.6g} m")
+    if not velocity <= SAME_VELOCITY:
+        different.append(f"angular velocity by {velocity:.6g} rad/s")
+    if not acceleration <= max(SAME_ACCELERATION * min(limits.acceleration, 1e3), SAME_VELOCITY):
+        different.append(f"angular acceleration by {acceleration:.6g} rad/s^2")
+    if not different:
+        return
+    advice = "`approach: true` would lead in"
+    if not start.is_at_rest:
+        advice = "the device is moving; an approach can begin once it holds"
+    raise StartError(
+        "the first keyframe differs from the state the device is commanded to be in: "
+        f"{', '.join(different)}; {advice}"
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Place:
+    """Where the parts of a motion are in its path time.
+
+    Attributes:
+        request: what it was made for.
+        begin: path time of the first keyframe, s.
+        end: path time of the last keyframe, s.
+        times: path times of all keyframes, s.
+    """
+
+    request: MotionRequest
+    begin: float
+    end: float
+    times: Floats
+
+    def name(self, time: float) -> str:
+        """Return what the user would call a path time."""
+        if time < self.begin:
+            return "in the lead-in"
+        if time > self.end:
+            return "in the lead-out"
+        index = int(np.searchsorted(self.times, time, side="right")) - 1
+        index = min(index, len(self.times) - 2)
+        place = f"between keyframes[{index}] and keyframes[{index + 1}]"
+        if self.request.times is None:
+            return place
+        return f"{place}, at {time - self.begin + self.request.times[0]:.6g} s of their time"
+
+
+def check_limits(peaks: Peaks, place: Place) -> None:
+    """Refuse a motion that breaks a limit.
+
+    Raises:
+        LimitError: it does; of several broken ones the one that is broken most is named.
+    """
+    broken: list[tuple[float, str, Peak]] = []
+    for name in UNITS:
+        peak: Peak = getattr(peaks, name)
+        # Written so that a NaN counts as broken.
+        if not peak.ratio <= 1.0 + _ROUNDING:
+            broken.append((peak.ratio if math.isfinite(peak.ratio) else math.inf, name, peak))
+    if not broken:
+        return
+    _, name, peak = max(broken, key=lambda entry: entry[0])
+    advice = place.name(peak.time)
+    if _has_jumps(place.request):
+        advice = f"{advice}; {_JUMPS}"
+    raise LimitError(_QUANTITIES[name], peak.value, peak.limit, peak.time, UNITS[name], advice)
+
+
+def check_stop(peaks: Peaks, place: Place) -> None:
+    """Refuse a motion so near its limits that it could hardly be stopped on its path.
+
+    Raises:
+        LimitError: a stop would take too long.
+    """
+    stop_time = 1.0 / peaks.brake_rate if peaks.brake_rate > 0.0 else math.inf
+    if stop_time > SLOWEST_STOP:
+        raise LimitError(
+            "the time that a stop on the path takes",
+            stop_time,
+            SLOWEST_STOP,
+            peaks.brake_time,
+            "s",
+            f"{place.name(peaks.brake_time)}, where too little is left below the limits to slow "
+            "down with",
+        )
+
+
+def _has_jumps(request: MotionRequest) -> bool:
+    return request.method == "piecewise_slerp" and len(request.keyframes) > 2
+
+
+_JUMPS = (
+    "piecewise_slerp is only C0, its velocity jumps at every keyframe; "
+    f"{DEFAULT_METHOD} is C2 and passes the same keyframes"
+)

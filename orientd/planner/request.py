@@ -1,0 +1,254 @@
+"""What a planner is asked for: keyframes, velocities at the ends, limits, and where to start.
+
+Every value is checked when it is made, so that a request that exists is well formed whether it
+came from a file, from a socket or from Python; :class:`~orientd.errors.RequestError` names the
+field.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from orientd.errors import RequestError
+from orientd.planner.limits import Limits
+from orientd.rotation import Floats, check_unit, conjugate, rotate
+
+NORM_TOLERANCE = 1e-6
+MOST_TURNS = 1000
+DEFAULT_METHOD = "c2_cumulative"
+
+Vector3 = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+Turns = np.ndarray[Any, np.dtype[np.int64]]
+VelocityFrame = Literal["body", "world"]
+
+
+@dataclass(frozen=True, slots=True)
+class Keyframe:
+    """An orientation to pass, with what goes along with it.
+
+    Attributes:
+        q: orientation ``(w, x, y, z)``, tool to world, of unit norm within 1e-6.
+        time: when, in seconds on the request's own axis; ``None`` leaves it to the planner.
+        position: of the tool in the world, m; ``None`` where the position is left alone.
+        turns: whole turns to make on the way from the previous keyframe to this one.
+    """
+
+    q: Quaternion
+    time: float | None = None
+    position: Vector3 | None = None
+    turns: int = 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class State:
+    """Where a device is commanded to be, and how it is moving there.
+
+    Attributes:
+        q: orientation ``(w, x, y, z)``, tool to world.
+        omega_body: angular velocity, body frame, rad/s.
+        alpha_body: its derivative in body components, rad/s^2.
+        position: of the tool in the world, m, at rest.
+    """
+
+    q: Floats
+    omega_body: Floats
+    alpha_body: Floats
+    position: Floats
+
+    @classmethod
+    def at_rest(cls, q: ArrayLike, position: ArrayLike = (0.0, 0.0, 0.0)) -> State:
+        """Return the state of holding at *q* and *position*."""
+        zero = np.zeros(3)
+        return cls(check_unit(q), zero, zero, np.asarray(position, dtype=np.float64))
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether neither velocity nor acceleration is there."""
+        return not (np.any(self.omega_body) or np.any(self.alpha_body))
+
+
+@dataclass(frozen=True, eq=False)
+class MotionRequest:
+    """A motion that somebody asks for.
+
+    Attributes:
+        keyframes: at least two.
+        method: a name in :data:`orientd.curves.METHODS`.
+        start_velocity: angular velocity at the first keyframe, rad/s; ``None`` leaves it to the
+            method, which is rest where the method can choose.
+        end_velocity: the same at the last keyframe.
+        velocity_frame: in which frame these two are given.
+        approach: whether to lead in from wherever the device is.
+        limits: narrower than the device's own, or ``None``; infinite ones are left to the device.
+        options: of the method.
+        keys: the orientations, unit to rounding, shape ``(n, 4)``.
+        times: the keyframes' times in seconds, shape ``(n,)``, or ``None``.
+        positions: shape ``(n, 3)``, not a number where a keyframe has none; or ``None``.
+        turns: shape ``(n,)``.
+
+    Raises:
+        RequestError: something is not well formed.
+    """
+
+    keyframes: Sequence[Keyframe]
+    method: str = DEFAULT_METHOD
+    start_velocity: Vector3 | None = None
+    end_velocity: Vector3 | None = None
+    velocity_frame: VelocityFrame = "body"
+    approach: bool = False
+    limits: Limits | None = None
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    keys: Floats = field(init=False, repr=False)
+    times: Floats | None = field(init=False, repr=False)
+    positions: Floats | None = field(init=False, repr=False)
+    turns: Turns = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        keyframes = tuple(self.keyframes)
+        if len(keyframes) < 2:
+            raise RequestError("keyframes", f"expected at least 2, got {len(keyframes)}")
+        if self.velocity_frame not in ("body", "world"):
+            raise RequestError(
+                "velocity_frame", f"expected 'body' or 'world', got {self.velocity_frame!r}"
+            )
+        for name in ("start_velocity", "end_velocity"):
+            velocity = getattr(self, name)
+            if velocity is not None:
+                object.__setattr__(self, name, _vector(velocity, name))
+        # The class is frozen for everybody but its own constructor.
+        object.__setattr__(self, "keyframes", keyframes)
+        object.__setattr__(self, "options", MappingProxyType(dict(self.options)))
+        object.__setattr__(self, "keys", _orientations(keyframes))
+        object.__setattr__(self, "times", _times(keyframes))
+        object.__setattr__(self, "positions", _positions(keyframes))
+        object.__setattr__(self, "turns", _turns(keyframes))
+
+    @property
+    def omega_start(self) -> Floats | None:
+        """The start velocity in the body frame of the first keyframe, rad/s."""
+        return self._to_body(self.start_velocity, 0)
+
+    @property
+    def omega_end(self) -> Floats | None:
+        """The end velocity in the body frame of the last keyframe, rad/s."""
+        return self._to_body(self.end_velocity, -1)
+
+    def _to_body(self, velocity: Vector3 | None, index: int) -> Floats | None:
+        if velocity is None:
+            return None
+        omega = np.array(velocity)
+        if self.velocity_frame == "body":
+            return omega
+        return rotate(conjugate(self.keys[index]), omega)
+
+
+def _vector(components: ArrayLike, name: str) -> Vector3:
+    try:
+        array = np.asarray(components, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise RequestError(name, f"expected three numbers, got {components!r}") from error
+    if array.shape != (3,):
+        raise RequestError(name, f"expected three numbers, got {components!r}")
+    if not np.all(np.isfinite(array)):
+        raise RequestError(name, f"expected finite numbers, got {array.tolist()}")
+    x, y, z = array.tolist()
+    return x, y, z
+
+
+def _orientations(keyframes: Sequence[Keyframe]) -> Floats:
+    keys = _table([k.q for k in keyframes], 4, "quaternion", "four numbers w, x, y, z")
+    norm = np.sqrt(np.sum(keys * keys, axis=-1))
+    wrong = np.abs(norm - 1.0) > NORM_TOLERANCE
+    if np.any(wrong):
+        index = int(np.argmax(wrong))
+        raise RequestError(
+            f"keyframes[{index}].quaternion",
+            f"norm must be 1 within {NORM_TOLERANCE:g}, got {norm[index]:.9g}",
+        )
+    return check_unit(keys)
+
+
+def _table(rows: Sequence[Any], width: int, name: str, expected: str) -> Floats:
+    """Return *rows* as an array, naming the first one that is not *width* finite numbers."""
+    try:
+        table = np.asarray(rows, dtype=np.float64)
+        is_regular = table.shape == (len(rows), width)
+    except (TypeError, ValueError):
+        is_regular = False
+    if not is_regular:
+        for index, row in enumerate(rows):
+            try:
+                fits = np.asarray(row, dtype=np.float64).shape == (width,)
+            except (TypeError, ValueError):
+                fits = False
+            if not fits:
+                raise RequestError(f"keyframes[{index}].{name}", f"expected {expected}, got {row}")
+    bad = ~np.all(np.isfinite(table), axis=-1)
+    if np.any(bad):
+        index = int(np.argmax(bad))
+        raise RequestError(
+            f"keyframes[{index}].{name}", f"expected finite numbers, got {table[index].tolist()}"
+        )
+    return table
+
+
+def _times(keyframes: Sequence[Keyframe]) -> Floats | None:
+    given = [k.time for k in keyframes]
+    if all(time is None for time in given):
+        return None
+    if None in given:
+        index = given.index(None) if given[0] is not None else 0
+        other = next(i for i, time in enumerate(given) if time is not None)
+        raise RequestError(
+            f"keyframes[{index}].time",
+            f"missing: keyframes[{other}] has one, so every keyframe needs one (or none)",
+        )
+    times = _table([(time,) for time in given], 1, "time", "a number of seconds")[:, 0]
+    steps = np.diff(times)
+    if np.any(steps <= 0.0):
+        index = int(np.argmax(steps <= 0.0)) + 1
+        now, before = times[index], times[index - 1]
+        raise RequestError(
+            f"keyframes[{index}].time",
+            f"{now:.9g} s is the time of keyframes[{index - 1}] too: an interval of length zero"
+            if now == before
+            else f"must be later than keyframes[{index - 1}] at {before:.9g} s, got {now:.9g} s",
+        )
+    return times
+
+
+def _positions(keyframes: Sequence[Keyframe]) -> Floats | None:
+    indices = [i for i, k in enumerate(keyframes) if k.position is not None]
+    if not indices:
+        return None
+    positions = np.full((len(keyframes), 3), math.nan)
+    for index in indices:
+        position = keyframes[index].position
+        if position is not None:
+            positions[index] = _vector(position, f"keyframes[{index}].position")
+    return positions
+
+
+def _turns(keyframes: Sequence[Keyframe]) -> Turns:
+    turns = [k.turns for k in keyframes]
+    for index, count in enumerate(turns):
+        if isinstance(count, bool) or not isinstance(count, (int, np.integer)):
+            raise RequestError(f"keyframes[{index}].turns", f"expected whole turns, got {count!r}")
+        if abs(count) > MOST_TURNS:
+            raise RequestError(
+                f"keyframes[{index}].turns", f"expected at most {MOST_TURNS} turns, got {count}"
+            )
+    if turns[0]:
+        raise RequestError(
+            "keyframes[0].turns", f"there is no keyframe before the first, got {turns[0]} turns"
+        )
+    return np.array(turns, dtype=np.int64)

@@ -1,0 +1,159 @@
+r"""Times for keyframes that come without: chord lengths, made as short as the limits allow.
+
+The intervals are proportional to the angles between keyframes (Nielson 1993, eq. 23),
+:math:`t_i = t_{i-1} + \arccos\langle q_{i-1}, q_i\rangle`, with the angle taken by an arc tangent,
+which keeps its digits, and whole turns added.  Where a position has further to go than the
+orientation, measured in time at the limits, the position sets the interval.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from orientd.errors import RequestError
+from orientd.planner.certificate import Peaks
+from orientd.planner.limits import Limits
+from orientd.planner.request import MotionRequest
+from orientd.rotation import Floats, angle
+
+LONGEST = 86_400.0
+"""Seconds that a motion may take, so that a slip of a unit does not plan for ever."""
+
+_SAME = 1e-9  # rad and m; keyframes nearer than this are one
+_PRECISION = 1e-3
+_MOST_ATTEMPTS = 60
+_MOST_FAILURES = 14  # attempts until the first that keeps the limits
+_MOST_PREDICTIONS = 6  # attempts that trust the laws of scaling; then bisection
+_LONGEST_STEP = 1e4
+
+
+Indices = np.ndarray[Any, np.dtype[np.intp]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Knots:
+    """Keyframes with times up to a factor.
+
+    Attributes:
+        times: from 0 to 1, one for every keyframe of the request.
+        kept: indices of the keyframes that the curve passes; the others repeat one of them.
+    """
+
+    times: Floats
+    kept: Indices
+    length: float
+
+    def first_guess(self, limits: Limits) -> float:
+        """Return about how long the motion takes, s: a place to begin a search."""
+        count = len(self.kept) - 1
+        step = self.length / count
+        return max(
+            1.2 * self.length / limits.velocity,
+            count * math.sqrt(3.0 * step / limits.acceleration),
+            count * math.cbrt(12.0 * step / limits.jerk),
+        )
+
+
+def chord_knots(request: MotionRequest, limits: Limits, *, is_uniform: bool) -> Knots:
+    """Return times for the keyframes of a request that gives none.
+
+    Args:
+        request: without times.
+        limits: weigh turns against moves.
+        is_uniform: equal intervals instead, for curves that do not interpolate.
+
+    Raises:
+        RequestError: the keyframes are all the same.
+    """
+    lengths = angle(request.keys[:-1], request.keys[1:]) + 2.0 * np.pi * np.abs(request.turns[1:])
+    if request.positions is not None and math.isfinite(limits.linear_velocity):
+        lengths = np.maximum(lengths, _moves(request.positions) * _radians_per_metre(limits))
+    is_repeated = lengths <= _SAME
+    if is_repeated.all():
+        raise RequestError("keyframes", "are all the same; give them times to make the device wait")
+    length = float(lengths.sum())
+    count = len(request.keyframes)
+    if is_uniform:
+        return Knots(np.linspace(0.0, 1.0, count), np.arange(count), length)
+    lengths[is_repeated] = 0.0
+    times = np.concatenate([[0.0], np.cumsum(lengths)])
+    kept = np.flatnonzero(np.concatenate([[True], ~is_repeated]))
+    return Knots(times / times[-1], kept, length)
+
+
+def _radians_per_metre(limits: Limits) -> float:
+    return limits.velocity / limits.linear_velocity if math.isfinite(limits.velocity) else 1.0
+
+
+def _moves(positions: Floats) -> Floats:
+    """Return how far the position has to go in each interval, spread over those without one."""
+    lengths = np.zeros(len(positions) - 1)
+    given = np.flatnonzero(np.isfinite(positions[:, 0]))
+    for first, last in pairwise(given):
+        distance = float(np.linalg.norm(positions[last] - positions[first]))
+        lengths[first:last] = distance / (last - first)
+    return lengths
+
+
+def excess(peaks: Peaks, *, is_smooth: bool) -> float:
+    """Return by which factor a motion should take longer to just keep its limits.
+
+    A motion made *f* times as slow turns *f* times as slowly, with accelerations :math:`f^2` and
+    jerks :math:`f^3` times as small; jerks of a curve whose acceleration has steps are steps over a
+    period, which shrink with :math:`f^2`.
+
+    Args:
+        peaks: of the motion.
+        is_smooth: whether the acceleration is continuous.
+    """
+    return max(
+        peaks.velocity.ratio,
+        math.sqrt(peaks.acceleration.ratio),
+        (math.cbrt if is_smooth else math.sqrt)(peaks.jerk.ratio),
+        peaks.linear_velocity.ratio,
+        math.sqrt(peaks.linear_acceleration.ratio),
+    )
+
+
+def shortest(attempt: Callable[[int], float], first: int, most: int) -> int | None:
+    """Return the fewest cycles that keep the limits, to 0.1 %.
+
+    Args:
+        attempt: plans with a number of cycles and returns by which factor it should be longer; at
+            most 1 keeps the limits.
+        first: where to begin.
+        most: cycles not to go beyond.
+
+    Returns:
+        The number of cycles, for which *attempt* has returned at most 1; ``None`` if nothing was
+        found.
+    """
+    low, high = 0, most + 1
+    cycles, growth = min(max(first, 1), most), 1.01
+    for count in range(_MOST_ATTEMPTS):
+        factor = attempt(cycles)
+        if factor <= 1.0:
+            high = cycles
+            if factor >= 1.0 - _PRECISION:
+                break
+        else:
+            low = cycles
+        if high - low <= max(1.0, _PRECISION * high):
+            break
+        guess = cycles * min(factor, _LONGEST_STEP) * (1.0 + 0.1 * _PRECISION)
+        if high > most:
+            if count >= _MOST_FAILURES:
+                break
+            # Nothing has worked yet: no ever smaller steps.
+            guess = max(guess, cycles * growth)
+            growth = min(growth**2, 2.0)
+        elif count >= _MOST_PREDICTIONS or not low < guess < high:
+            guess = math.sqrt(low * high) if low else 0.5 * high
+        cycles = min(max(math.ceil(guess), low + 1), high - 1)
+    return high if high <= most else None

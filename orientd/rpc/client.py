@@ -1,0 +1,332 @@
+"""The Python client: ``with orientd.connect() as robot: robot.move(...)``.
+
+The client talks to the daemon over its control socket and holds the lease while it commands: the
+lease is taken by the first command, renewed in the background, and given back at the end.  What
+goes wrong is raised as the exception that the daemon raised.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+import grpc
+
+from orientd.errors import OrientdError
+from orientd.planner import MotionRequest
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc.address import MAX_MESSAGE_BYTES, default_socket, target
+from orientd.rpc.control_pb2_grpc import ControlStub
+from orientd.rpc.lease_keeper import LeaseKeeper
+from orientd.rpc.motion_request import motion_request
+from orientd.rpc.motion_wire import from_request
+from orientd.rpc.move_handle import MoveHandle
+from orientd.rpc.move_wire import plan_from_message, samples_from_messages
+from orientd.rpc.reports import CellReport, Device, DeviceReport, Method, Plan
+from orientd.rpc.state_wire import (
+    cycle_from_message,
+    daemon_from_message,
+    device_from_message,
+    limits_from_message,
+    method_from_message,
+)
+from orientd.rpc.status import from_call
+from orientd.stream import Cycle
+
+_OPTIONS = (
+    ("grpc.max_receive_message_length", MAX_MESSAGE_BYTES),
+    ("grpc.max_send_message_length", MAX_MESSAGE_BYTES),
+    ("grpc.keepalive_time_ms", 10_000),
+    ("grpc.keepalive_timeout_ms", 5_000),
+)
+
+Answer = TypeVar("Answer")
+
+
+def connect(socket: str | Path | None = None, *, holder: str = "", timeout: float = 30.0) -> Robot:
+    """Connect to the daemon.
+
+    Args:
+        socket: where it listens; by default ``$ORIENTD_SOCKET``, or the user's runtime directory.
+        holder: what others are told when they are refused because of this client.
+        timeout: how long the daemon may take to answer a command, s.  Planning has no limit.
+
+    Raises:
+        DaemonError: no daemon answers there.
+    """
+    path = Path(socket).expanduser() if socket is not None else default_socket()
+    program = Path(sys.argv[0]).name or "python"
+    robot = Robot(path, holder=holder or f"{program}, process {os.getpid()}", timeout=timeout)
+    try:
+        robot.state()
+    except OrientdError:
+        robot.close()
+        raise
+    return robot
+
+
+class Robot:
+    """A connection to the daemon; a context manager that gives everything back at its end.
+
+    A motion that still runs then is stopped on its path: it belongs to the lease.
+
+    ``device`` may be left out wherever the daemon has one device only.
+    """
+
+    def __init__(self, socket: Path, *, holder: str, timeout: float, lease_token: str = "") -> None:
+        """Prepare to talk to the daemon at *socket*; see :func:`connect`.
+
+        Args:
+            socket: where the daemon listens.
+            holder: what others are told.
+            timeout: how long an answer may take, s.
+            lease_token: of a lease that somebody else keeps, to command under.
+        """
+        self.socket = socket
+        self.holder = holder
+        self._timeout = timeout
+        self._borrowed = lease_token
+        self._channel = grpc.insecure_channel(target(socket), options=_OPTIONS)
+        self._stub: Any = ControlStub(self._channel)  # type: ignore[no-untyped-call] # generated
+        self._moves: list[MoveHandle] = []
+        self._keeper = LeaseKeeper(acquire=self._acquire, renew=self._renew, release=self._release)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give the lease back, which stops what still runs, and hang up."""
+        self._keeper.release()
+        for move in self._moves:
+            move.abandon()
+        self._moves.clear()
+        self._channel.close()
+
+    # What there is
+
+    def state(self) -> CellReport:
+        """Return the daemon and its devices as they are now."""
+        answer = self._ask(self._stub.GetState, pb.GetStateRequest())
+        reports = [device_from_message(device) for device in answer.devices]
+        return CellReport(
+            daemon=daemon_from_message(answer.daemon),
+            devices={report.name: report for report in reports},
+        )
+
+    def watch(
+        self, device: str = "", *, rate_hz: float = 20.0, decimation: int = 1
+    ) -> Iterator[list[Cycle]]:
+        """Yield the cycles of a device in batches, as they happen, for as long as wanted.
+
+        Args:
+            device: its name.
+            rate_hz: batches a second, 0.1 to 100.
+            decimation: one cycle in so many is reported.
+
+        Raises:
+            UnknownNameError: there is no such device.
+            DaemonError: the daemon is lost.
+        """
+        request = pb.WatchStateRequest(device=device, rate_hz=rate_hz, decimation=decimation)
+        stream = self._stub.WatchState(request)
+        try:
+            for batch in stream:
+                yield [cycle_from_message(cycle) for cycle in batch.cycles]
+        except grpc.RpcError as error:
+            raise self._explain(error) from error
+        finally:
+            stream.cancel()
+
+    def methods(self) -> list[Method]:
+        """Return the families of curves that motions can be made of."""
+        answer = self._ask(self._stub.ListMethods, pb.ListMethodsRequest())
+        return [method_from_message(method) for method in answer.methods]
+
+    def devices(self) -> list[Device]:
+        """Return the devices of the daemon's configuration."""
+        answer = self._ask(self._stub.ListDevices, pb.ListDevicesRequest())
+        return [
+            Device(
+                name=device.name,
+                driver=device.driver,
+                rate_hz=device.rate_hz,
+                limits=limits_from_message(device.limits),
+            )
+            for device in answer.devices
+        ]
+
+    # Motions
+
+    def plan(
+        self,
+        keyframes: Iterable[object] | MotionRequest,
+        *,
+        device: str = "",
+        sample_rate_hz: float = 0.0,
+        **wishes: Any,  # noqa: ANN401 - see motion_request
+    ) -> Plan:
+        """Plan a motion from where the device is commanded to be, without running it.
+
+        Args:
+            keyframes: see :func:`motion_request`, or a whole request.
+            device: what is to move.
+            sample_rate_hz: how often to sample the motion for :attr:`Plan.samples`, up to the
+                device's own rate; 0 for not at all.
+            wishes: the other arguments of :func:`motion_request`.
+
+        Raises:
+            RequestError: the motion is not well formed.
+            StateError: the device is not at rest, ready to move.
+            PlanError: it cannot be planned, or would break a limit.
+        """
+        request = motion_request(keyframes, **wishes)
+        answer = self._call(
+            self._stub.Plan,
+            pb.PlanRequest(
+                device=device, motion=from_request(request), sample_rate_hz=sample_rate_hz
+            ),
+            None,
+        )
+        samples = samples_from_messages(answer.samples) if sample_rate_hz else None
+        return plan_from_message(answer.plan, samples)
+
+    def move(
+        self,
+        keyframes: Iterable[object] | MotionRequest | Plan,
+        *,
+        device: str = "",
+        progress_rate_hz: float = 20.0,
+        **wishes: Any,  # noqa: ANN401 - see motion_request
+    ) -> MoveHandle:
+        """Plan a motion, start it, and return once it has begun.
+
+        Args:
+            keyframes: see :func:`motion_request`; or a whole request; or what :meth:`plan`
+                returned, if the device is still where it was then.
+            device: what is to move.
+            progress_rate_hz: reports a second, 0.1 to 100.
+            wishes: the other arguments of :func:`motion_request`.
+
+        Raises:
+            RequestError: the motion is not well formed.
+            LeaseError: somebody else holds the lease.
+            StateError: the device is not at rest, ready to move.
+            PlanError: it cannot be planned, or would break a limit.
+        """
+        request = pb.MoveRequest(device=device, progress_rate_hz=progress_rate_hz)
+        if isinstance(keyframes, Plan):
+            request.motion_id = keyframes.motion_id
+        else:
+            request.motion.CopyFrom(from_request(motion_request(keyframes, **wishes)))
+        request.lease_token = self._token()
+        self._moves = [move for move in self._moves if not move.is_done]
+        handle = MoveHandle(
+            self._stub.Move(request),
+            explain=self._explain,
+            stop=lambda: self.stop(device),
+        )
+        self._moves.append(handle)
+        return handle
+
+    def stop(self, device: str = "") -> list[DeviceReport]:
+        """Bring a device, or all of them, to rest on the path.  Needs no lease."""
+        answer = self._ask(self._stub.Stop, pb.StopRequest(device=device, caller=self.holder))
+        return [device_from_message(report) for report in answer.devices]
+
+    # Commands
+
+    def pause(self, device: str = "") -> DeviceReport:
+        """Come to rest on the path, to be resumed."""
+        return self._command(self._stub.Pause, pb.PauseRequest, device)
+
+    def resume(self, device: str = "") -> DeviceReport:
+        """Go on with a paused motion."""
+        return self._command(self._stub.Resume, pb.ResumeRequest, device)
+
+    def set_speed(self, speed: float, device: str = "") -> DeviceReport:
+        """Run motions at *speed*, above 0 and at most 1 as planned, now and from now on."""
+        return self._command(self._stub.SetSpeed, pb.SetSpeedRequest, device, speed=speed)
+
+    def enable(self, device: str = "") -> DeviceReport:
+        """Make a device follow; it does not move by this."""
+        return self._command(self._stub.Enable, pb.EnableRequest, device)
+
+    def disable(self, device: str = "") -> DeviceReport:
+        """Leave a device at rest, no longer following."""
+        return self._command(self._stub.Disable, pb.DisableRequest, device)
+
+    def reset(self, device: str = "") -> DeviceReport:
+        """Clear a fault; starts the servo process anew if it has ended."""
+        return self._command(self._stub.Reset, pb.ResetRequest, device)
+
+    # The lease
+
+    @property
+    def lease_token(self) -> str:
+        """The token of the lease that is held; empty before the first command."""
+        return self._keeper.token() if self._keeper.is_held else ""
+
+    def acquire_lease(self) -> None:
+        """Take the lease now, rather than with the first command.
+
+        Raises:
+            LeaseError: somebody else holds it.
+        """
+        self._token()
+
+    def release_lease(self) -> None:
+        """Give the lease back now, rather than at the end; what still runs is stopped."""
+        self._keeper.release()
+
+    def _token(self) -> str:
+        return self._borrowed or self._keeper.token()
+
+    def _acquire(self) -> pb.Lease:
+        request = pb.AcquireLeaseRequest(holder=self.holder)
+        lease: pb.Lease = self._ask(self._stub.AcquireLease, request).lease
+        return lease
+
+    def _renew(self, token: str) -> pb.Lease:
+        lease: pb.Lease = self._ask(self._stub.RenewLease, pb.RenewLeaseRequest(token=token)).lease
+        return lease
+
+    def _release(self, token: str) -> None:
+        self._call(self._stub.ReleaseLease, pb.ReleaseLeaseRequest(token=token), 2.0)
+
+    # How
+
+    def _command(
+        self,
+        method: Callable[..., Any],
+        request: Callable[..., Any],
+        device: str,
+        **more: Any,  # noqa: ANN401
+    ) -> DeviceReport:
+        message = request(lease_token=self._token(), device=device, **more)
+        return device_from_message(self._ask(method, message).device)
+
+    def _ask(self, method: Callable[..., Answer], request: object) -> Answer:
+        return self._call(method, request, self._timeout)
+
+    def _call(
+        self, method: Callable[..., Answer], request: object, timeout: float | None
+    ) -> Answer:
+        try:
+            return method(request, timeout=timeout)
+        except grpc.RpcError as error:
+            raise self._explain(error) from error
+
+    def _explain(self, error: grpc.RpcError) -> OrientdError:
+        return from_call(error, where=str(self.socket))

@@ -1,0 +1,96 @@
+"""The client's side of the lease: take it when it is first needed, renew it, give it back."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+from orientd.errors import LeaseError, OrientdError
+from orientd.rpc import control_pb2 as pb
+
+RENEWALS = 3
+"""Renewals within the time that a lease lasts."""
+
+
+class LeaseKeeper:
+    """Hold the lease for as long as it is needed."""
+
+    def __init__(
+        self,
+        *,
+        acquire: Callable[[], pb.Lease],
+        renew: Callable[[str], pb.Lease],
+        release: Callable[[str], object],
+    ) -> None:
+        """Hold nothing yet.
+
+        Args:
+            acquire: asks the daemon for the lease.
+            renew: renews the one of a token.
+            release: gives the one of a token back.
+        """
+        self._acquire = acquire
+        self._renew = renew
+        self._release = release
+        self._lock = threading.Lock()
+        self._token = ""
+        self._lost: OrientdError | None = None
+        self._done = threading.Event()
+
+    @property
+    def is_held(self) -> bool:
+        """Whether the lease is held."""
+        return bool(self._token)
+
+    def token(self) -> str:
+        """Return the token of the lease, which is taken if it is not held yet.
+
+        Raises:
+            LeaseError: somebody else holds it, or it was lost since it was last used; then the
+                next call asks for it again.
+            DaemonError: the daemon does not answer.
+        """
+        with self._lock:
+            if self._lost is not None:
+                lost, self._lost = self._lost, None
+                raise LeaseError(f"the lease was lost: {lost}") from lost
+            if not self._token:
+                lease = self._acquire()
+                self._token = lease.token
+                self._done = threading.Event()
+                interval = lease.seconds / RENEWALS
+                threading.Thread(
+                    target=self._keep,
+                    args=(lease.token, interval, self._done),
+                    name="orientd lease",
+                    daemon=True,
+                ).start()
+            return self._token
+
+    def release(self) -> None:
+        """Give the lease back, if it is held; it does not matter whether the daemon still knows."""
+        with self._lock:
+            token, self._token = self._token, ""
+            self._done.set()
+            self._lost = None
+        if token:
+            try:
+                self._release(token)
+            except OrientdError:
+                return
+
+    def _keep(self, token: str, interval: float, done: threading.Event) -> None:
+        failures = 0
+        while not done.wait(interval):
+            try:
+                self._renew(token)
+            except OrientdError as error:
+                failures += 1
+                # A daemon that is only slow may still answer in time.
+                if isinstance(error, LeaseError) or failures == RENEWALS:
+                    with self._lock:
+                        if self._token == token:
+                            self._token, self._lost = "", error
+                    return
+            else:
+                failures = 0

@@ -1,0 +1,165 @@
+"""Motion requests as people write them in Python, by way of the mapping of a motion file.
+
+An orientation says what it is: a ``scipy.spatial.transform.Rotation``, a :class:`Quaternion` with
+its components by name, or one of the forms of a motion file.  Four bare numbers are refused,
+because nothing says which of them is the scalar.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from orientd import motion_file
+from orientd.errors import RequestError
+from orientd.planner import MotionRequest
+
+EXPECTED = (
+    "expected a scipy Rotation, Quaternion(w=, x=, y=, z=), or a mapping with quaternion, "
+    "rotation_vector, euler or matrix"
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Quaternion:
+    """A unit quaternion, tool to world, Hamilton's product, with its components by name.
+
+    >>> Quaternion(w=1, x=0, y=0, z=0)
+    Quaternion(w=1, x=0, y=0, z=0)
+    """
+
+    w: float
+    x: float
+    y: float
+    z: float
+
+
+def motion_request(
+    keyframes: Iterable[object] | MotionRequest,
+    *,
+    times: Sequence[float] | None = None,
+    positions: Sequence[Sequence[float]] | None = None,
+    method: str | None = None,
+    start_velocity: Sequence[float] | None = None,
+    end_velocity: Sequence[float] | None = None,
+    velocity_frame: Literal["body", "world"] = "body",
+    approach: bool = False,
+    limits: Mapping[str, float] | None = None,
+    options: Mapping[str, Any] | None = None,
+) -> MotionRequest:
+    """Return the request that says all this; it is that of a motion file, key by key.
+
+    Args:
+        keyframes: two at the least, each a ``Rotation`` of SciPy, a
+            :class:`Quaternion`, or a mapping as in a motion file.
+        times: when each keyframe is passed, s; without them as quickly as the limits permit.
+        positions: of the tool at each keyframe, in the world, m.
+        method: a name in :data:`orientd.curves.METHODS`.
+        start_velocity: angular velocity at the first keyframe, rad/s, in *velocity_frame*.
+        end_velocity: the same at the last keyframe.
+        velocity_frame: coordinates of these two, of the tool or of the world.
+        approach: whether to lead in from wherever the device is.
+        limits: narrower than the device's own: ``velocity``, ``acceleration``, ``jerk``,
+            ``linear_velocity``, ``linear_acceleration``.
+        options: of the method.
+
+    Raises:
+        RequestError: something is not well formed; the message names the field.
+    """
+    if isinstance(keyframes, MotionRequest):
+        return keyframes
+    wishes = {
+        "method": method,
+        "start_velocity": start_velocity,
+        "end_velocity": end_velocity,
+        "velocity_frame": velocity_frame,
+        "approach": approach,
+        "limits": limits,
+        "options": options,
+    }
+    mapping = {key: plain(wish) for key, wish in wishes.items() if wish is not None}
+    mapping["keyframes"] = keyframe_mappings(keyframes, times=times, positions=positions)
+    return motion_file.parse(mapping)
+
+
+def keyframe_mappings(
+    keyframes: Iterable[object],
+    *,
+    times: Sequence[float] | None = None,
+    positions: Sequence[Sequence[float]] | None = None,
+) -> list[dict[str, Any]]:
+    """Return keyframes as a motion file has them.
+
+    Args:
+        keyframes: each an orientation, or a mapping as in a motion file.  A ``Rotation`` of many
+            rotations is as many keyframes.
+        times: one for each, s; ``None`` where the mappings have them, or nobody does.
+        positions: one for each, m.
+
+    Raises:
+        RequestError: an item is none of these, or *times* or *positions* are not as many.
+
+    >>> keyframe_mappings([Quaternion(w=1, x=0, y=0, z=0)], times=[0.5])
+    [{'quaternion': {'w': 1.0, 'x': 0.0, 'y': 0.0, 'z': 0.0}, 'time': 0.5}]
+    """
+    if isinstance(keyframes, Mapping | str | Quaternion):
+        raise RequestError("keyframes", f"expected a sequence, got {type(keyframes).__name__}")
+    mappings = [_mapping(keyframe, f"keyframes[{k}]") for k, keyframe in enumerate(keyframes)]
+    for key, column in (("time", times), ("position", positions)):
+        if column is None:
+            continue
+        if len(column) != len(mappings):
+            raise RequestError(
+                f"{key}s", f"expected {len(mappings)}, one for each keyframe, got {len(column)}"
+            )
+        for k, (mapping, entry) in enumerate(zip(mappings, column, strict=True)):
+            if mapping.get(key) is not None:
+                raise RequestError(f"keyframes[{k}].{key}", f"given twice, in {key}s too")
+            mapping[key] = plain(entry)
+    return mappings
+
+
+def plain(content: object) -> Any:  # noqa: ANN401 - whatever a motion file holds
+    """Return *content* with NumPy's arrays and numbers, and tuples, turned into plain ones."""
+    if isinstance(content, np.ndarray | np.generic):
+        return content.tolist()
+    if isinstance(content, Quaternion):
+        return {part: plain(getattr(content, part)) for part in "wxyz"}
+    if isinstance(content, Mapping):
+        return {key: plain(inner) for key, inner in content.items()}
+    if isinstance(content, list | tuple):
+        return [plain(inner) for inner in content]
+    return content
+
+
+def _mapping(keyframe: object, place: str) -> dict[str, Any]:
+    if isinstance(keyframe, Mapping):
+        return {str(key): plain(content) for key, content in keyframe.items()}
+    if isinstance(keyframe, Quaternion):
+        parts = {part: getattr(keyframe, part) for part in "wxyz"}
+    elif _is_rotation(keyframe):
+        if not keyframe.single:  # type: ignore[attr-defined]
+            raise RequestError(place, "expected one rotation, got a Rotation of many")
+        # SciPy's own order is scalar last.
+        x, y, z, w = keyframe.as_quat(canonical=False).tolist()  # type: ignore[attr-defined]
+        parts = {"w": w, "x": x, "y": y, "z": z}
+    elif isinstance(keyframe, np.ndarray | list | tuple):
+        raise RequestError(place, f"{EXPECTED}; a bare sequence does not say its order")
+    else:
+        raise RequestError(place, f"{EXPECTED}; got {type(keyframe).__name__}")
+    return {"quaternion": {name: _number(part) for name, part in parts.items()}}
+
+
+def _is_rotation(keyframe: object) -> bool:
+    # Whoever has a Rotation has imported SciPy; nobody else needs it.
+    transform = sys.modules.get("scipy.spatial.transform")
+    return transform is not None and isinstance(keyframe, transform.Rotation)
+
+
+def _number(part: object) -> object:
+    part = plain(part)
+    return float(part) if isinstance(part, int) and not isinstance(part, bool) else part

@@ -1,0 +1,146 @@
+"""A motion under way, as its client sees it."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from typing import Protocol
+
+import grpc
+
+from orientd.errors import DaemonError, OrientdError
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc.move_wire import plan_from_message, progress_from_message, summary_from_message
+from orientd.rpc.reports import Plan, Progress, Summary
+
+
+class Stream(Protocol):
+    """The messages of a call, and the end of it."""
+
+    def __iter__(self) -> Iterator[pb.MoveResponse]: ...
+
+    def cancel(self) -> object:
+        """End the call."""
+
+
+class MoveHandle:
+    """A motion that a device runs: watch it, wait for it, cancel it.
+
+    Attributes:
+        plan: what is run.
+        motion_number: 1 for the first motion of the device.
+    """
+
+    def __init__(
+        self,
+        stream: Stream,
+        *,
+        explain: Callable[[grpc.RpcError], OrientdError],
+        stop: Callable[[], object],
+    ) -> None:
+        """Wait until the motion has begun.
+
+        Args:
+            stream: the call, whose messages are read here.
+            explain: makes an exception of a failed call.
+            stop: stops the device on its path.
+
+        Raises:
+            OrientdError: the motion was refused.
+        """
+        self._stream = stream
+        self._explain = explain
+        self._stop = stop
+        self._news = threading.Condition()
+        self._progress: Progress | None = None
+        self._reports = 0
+        self._summary: Summary | None = None
+        self._error: OrientdError | None = None
+        try:
+            first = next(iter(stream)).started
+        except grpc.RpcError as error:
+            raise explain(error) from error
+        self.plan: Plan = plan_from_message(first.plan)
+        self.motion_number: int = first.motion_number
+        self._reader = threading.Thread(target=self._read, name="orientd move", daemon=True)
+        self._reader.start()
+
+    @property
+    def progress(self) -> Progress | None:
+        """The newest report; ``None`` before the first, which comes within a twentieth second."""
+        return self._progress
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the motion has ended, however it did."""
+        return self._summary is not None or self._error is not None
+
+    def wait(self, timeout: float | None = None) -> Summary:
+        """Wait until the motion has ended and return how.
+
+        A motion that was stopped, or ended by a fault, has a summary too: see its ``outcome``.
+
+        Args:
+            timeout: for how long to wait at the most, s; the motion goes on after it.
+
+        Raises:
+            TimeoutError: it has not ended.
+            OrientdError: the daemon was lost.
+        """
+        with self._news:
+            if not self._news.wait_for(lambda: self.is_done, timeout):
+                raise TimeoutError(f"motion {self.motion_number} goes on after {timeout:g} s")
+        if self._summary is None:
+            raise self._error or DaemonError("the daemon did not say how the motion ended")
+        return self._summary
+
+    def cancel(self) -> None:
+        """Stop the motion on its path; :meth:`wait` says when it has come to rest.
+
+        Raises:
+            DaemonError: the daemon or the servo does not answer.
+        """
+        if not self.is_done:
+            self._stop()
+
+    def abandon(self) -> None:
+        """Hear no more of the motion, which makes the daemon stop it on its path."""
+        self._stream.cancel()
+        self._reader.join()
+
+    def __iter__(self) -> Iterator[Progress]:
+        """Yield the reports as they come, until the motion has ended; slow readers miss some."""
+        seen = 0
+        while True:
+            with self._news:
+                while self._reports == seen and not self.is_done:
+                    self._news.wait()
+                seen, progress = self._reports, self._progress
+            if self.is_done:
+                return
+            if progress is not None:
+                yield progress
+
+    def _read(self) -> None:
+        try:
+            for message in self._stream:
+                self._take(message)
+        except grpc.RpcError as error:
+            self._end(self._explain(error))
+        else:
+            self._end(DaemonError("the daemon did not say how the motion ended"))
+
+    def _take(self, message: pb.MoveResponse) -> None:
+        event = message.WhichOneof("event")
+        with self._news:
+            if event == "progress":
+                self._progress = progress_from_message(message.progress)
+                self._reports += 1
+            elif event == "summary":
+                self._summary = summary_from_message(message.summary)
+            self._news.notify_all()
+
+    def _end(self, error: OrientdError) -> None:
+        with self._news:
+            self._error = error
+            self._news.notify_all()

@@ -1,0 +1,282 @@
+"""What the daemon reports to its clients, as plain values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+
+from orientd.driver import Quaternion, Vector3
+from orientd.errors import Fault
+from orientd.planner import Certificate, Limits
+from orientd.rotation import Floats
+from orientd.stream import Cycle, State
+
+
+class Outcome(Enum):
+    """How a motion ended."""
+
+    DONE = "done"
+    STOPPED = "stopped"
+    FAULT = "fault"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """A planned motion at many instants.
+
+    Attributes:
+        times: s from the beginning of the motion, shape ``(n,)``.
+        q: orientations ``(w, x, y, z)``, tool to world, shape ``(n, 4)``.
+        omega_body: angular velocities, rad/s, shape ``(n, 3)``.
+        alpha_body: their derivatives, rad/s^2, shape ``(n, 3)``.
+        position: of the tool in the world, m, shape ``(n, 3)``.
+        velocity: their derivatives, m/s, shape ``(n, 3)``.
+    """
+
+    times: Floats
+    q: Floats
+    omega_body: Floats
+    alpha_body: Floats
+    position: Floats
+    velocity: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A planned motion.
+
+    Attributes:
+        motion_id: names it for a move.
+        duration: from rest to rest, s.
+        start_time: when the first keyframe is reached, s from the beginning.
+        end_time: when the last keyframe is reached.
+        keyframe_times: when each of them is reached.
+        certificate: what was computed of it before any of it is sent.
+        samples: the motion itself, where it was asked for.
+    """
+
+    motion_id: str
+    duration: float
+    start_time: float
+    end_time: float
+    keyframe_times: tuple[float, ...]
+    certificate: Certificate
+    samples: Samples | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How far a motion is.
+
+    Attributes:
+        path_time: s from the beginning of the motion.
+        duration: the whole of it, s.
+        state: what the servo is doing.
+        is_paused: whether it stands, or comes to stand, on its path.
+        speed: rate of the path clock; 1 is as planned.
+        q: orientation sent last, ``(w, x, y, z)``.
+        omega_body: angular velocity sent last, rad/s.
+        position: position sent last, m.
+        lateness: the largest one of the cycles since the report before, s.
+        tracking_error: angle between what was sent and what was reported, rad; ``None`` without
+            feedback.
+        overruns: cycles of this motion so far that began more than half a period late.
+    """
+
+    path_time: float
+    duration: float
+    state: State
+    is_paused: bool
+    speed: float
+    q: Quaternion
+    omega_body: Vector3
+    position: Vector3
+    lateness: float
+    tracking_error: float | None
+    overruns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Durations:
+    """How long something took or how late it was, over many cycles; s.
+
+    Attributes:
+        p50: half the cycles were no worse than this.
+        p99: 99 percent of them.
+        p99_9: 99.9 percent of them.
+        largest: none was worse.
+    """
+
+    p50: float
+    p99: float
+    p99_9: float
+    largest: float
+
+
+@dataclass(frozen=True, slots=True)
+class Statistics:
+    """What was measured of a motion, all of it from what was sent.
+
+    Attributes:
+        cycles: setpoints sent.
+        overruns: cycles that began more than half a period late.
+        missed: deadlines that were left out altogether.
+        lateness: how late the cycles began.
+        work: how long they worked.
+        velocity: largest backward difference of the orientations sent, rad/s.
+        acceleration: largest second difference, rad/s^2.
+        jerk: largest third difference, rad/s^3.
+        path_error: largest angle between what was sent and the planned path, rad.
+        tracking_error: largest angle between what was sent and what was reported, rad.
+        start_velocity_error: velocity sent at the first keyframe against what was asked, rad/s;
+            ``None`` where none was asked for, or it was not passed at full speed.
+        end_velocity_error: the same at the last keyframe.
+    """
+
+    cycles: int
+    overruns: int
+    missed: int
+    lateness: Durations
+    work: Durations
+    velocity: float
+    acceleration: float
+    jerk: float
+    path_error: float
+    tracking_error: float
+    start_velocity_error: float | None
+    end_velocity_error: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """How a motion ended.
+
+    Attributes:
+        motion_number: 1 for the first motion of a device.
+        outcome: in one word.
+        text: why, where it was not run to its end.
+        statistics: what was measured of it; ``None`` where the device has forgotten it.
+    """
+
+    motion_number: int
+    outcome: Outcome
+    text: str
+    statistics: Statistics | None
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceReport:
+    """A device as it is.
+
+    Attributes:
+        name: as in the configuration.
+        driver: name of its driver.
+        rate_hz: cycles a second.
+        limits: what no motion of it may exceed.
+        state: what its servo is doing.
+        fault: why it is in the state ``FAULT``.
+        fault_text: in words.
+        is_paused: whether a motion is paused.
+        speed: the speed that is set.
+        motion_number: of the newest motion; 0 before the first.
+        motion_id: of the newest motion.
+        path_time: how far along it, s.
+        duration: its length, s.
+        servo_pid: process id of the servo; ``None`` where there is none.
+        scheduling: what the operating system granted it.
+        is_memory_locked: whether its memory cannot be paged out.
+        cycle: the newest one; ``None`` before the first.
+    """
+
+    name: str
+    driver: str
+    rate_hz: float
+    limits: Limits
+    state: State
+    fault: Fault
+    fault_text: str
+    is_paused: bool
+    speed: float
+    motion_number: int
+    motion_id: str
+    path_time: float
+    duration: float
+    servo_pid: int | None
+    scheduling: str
+    is_memory_locked: bool
+    cycle: Cycle | None
+
+
+@dataclass(frozen=True, slots=True)
+class DaemonReport:
+    """The daemon as it is.
+
+    Attributes:
+        version: of orientd.
+        pid: its process id.
+        uptime: s since it started.
+        socket: where it listens.
+        configuration: path of its file; empty for the built-in one.
+        lease_holder: who holds the lease; empty when it is free.
+        lease_remaining: how long the lease lasts unless renewed, s.
+    """
+
+    version: str
+    pid: int
+    uptime: float
+    socket: str
+    configuration: str
+    lease_holder: str
+    lease_remaining: float
+
+
+@dataclass(frozen=True, slots=True)
+class CellReport:
+    """The daemon and its devices as they are.
+
+    Attributes:
+        daemon: the process, its socket and the lease.
+        devices: by name.
+    """
+
+    daemon: DaemonReport
+    devices: Mapping[str, DeviceReport]
+
+
+@dataclass(frozen=True, slots=True)
+class Device:
+    """A device of the configuration.
+
+    Attributes:
+        name: what requests call it.
+        driver: name of its driver.
+        rate_hz: cycles a second.
+        limits: what no motion of it may exceed.
+    """
+
+    name: str
+    driver: str
+    rate_hz: float
+    limits: Limits
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """A family of curves.
+
+    Attributes:
+        name: what a request calls it.
+        summary: one line.
+        source: where the mathematics is from.
+        interpolates: whether it passes through the keyframes.
+        is_local: whether a keyframe moves only the part of the curve near it.
+        meets_end_velocities: whether velocities asked for at the ends are met.
+    """
+
+    name: str
+    summary: str
+    source: str
+    interpolates: bool
+    is_local: bool
+    meets_end_velocities: bool

@@ -1,0 +1,38 @@
+"""Small values on the wire: vectors, quaternions, states."""
+
+from __future__ import annotations
+
+from orientd.driver import Quaternion, Vector3
+from orientd.rpc import control_pb2 as pb
+from orientd.stream import State
+
+STATES = {
+    State.IDLE: pb.STATE_IDLE,
+    State.HOLDING: pb.STATE_HOLDING,
+    State.STREAMING: pb.STATE_STREAMING,
+    State.STOPPING: pb.STATE_STOPPING,
+    State.FAULT: pb.STATE_FAULT,
+}
+STATES_BACK = {number: state for state, number in STATES.items()}
+
+RATES = ("velocity", "acceleration", "jerk", "linear_velocity", "linear_acceleration")
+
+
+def vector(vector: Vector3) -> pb.Vector3:
+    """Return the message of a vector."""
+    return pb.Vector3(x=vector[0], y=vector[1], z=vector[2])
+
+
+def to_vector(message: pb.Vector3) -> Vector3:
+    """Return the vector of a message."""
+    return (message.x, message.y, message.z)
+
+
+def quaternion(q: Quaternion) -> pb.Quaternion:
+    """Return the message of a quaternion."""
+    return pb.Quaternion(w=q[0], x=q[1], y=q[2], z=q[3])
+
+
+def to_quaternion(message: pb.Quaternion) -> Quaternion:
+    """Return the quaternion of a message."""
+    return (message.w, message.x, message.y, message.z)

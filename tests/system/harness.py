@@ -1,0 +1,164 @@
+"""A real daemon in a process of its own, on a socket of its own."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import grpc
+import numpy as np
+
+from orientd import rotation
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc.control_pb2_grpc import ControlStub
+from orientd_loopback import read_recording
+
+DEVICE = "arm"
+VELOCITY, ACCELERATION, JERK = 2.5, 17.0, 8500.0
+
+
+def until(condition, what, seconds=10.0):
+    """Wait until *condition* returns something true, and return that."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        found = condition()
+        if found:
+            return found
+        time.sleep(0.002)
+    raise AssertionError(f"{what}: not within {seconds} s")
+
+
+class DaemonProcess:
+    """``orientd run`` with one loopback device that records what it is sent."""
+
+    def __init__(self, folder: Path, *, rate_hz: float = 500.0, options: str = "") -> None:
+        folder.mkdir(exist_ok=True)
+        self.folder = folder
+        self.socket = folder / "control.sock"
+        self.recording = folder / "sent"
+        self.report = folder / "state" / "orientd" / f"servo-{DEVICE}.json"
+        self.config = folder / "config.toml"
+        self.config.write_text(
+            f'[daemon]\nsocket = "{self.socket}"\n'
+            f'[devices.{DEVICE}]\ndriver = "loopback"\nrate_hz = {rate_hz!r}\n'
+            f'[devices.{DEVICE}.options]\nrecord = "{self.recording}"\n{options}\n'
+        )
+        self.period = round(1e9 / rate_hz) * 1e-9
+
+    def __enter__(self) -> DaemonProcess:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.end()
+
+    def start(self) -> None:
+        """Start it and wait until it is ready."""
+        self.log = (self.folder / "log").open("ab")
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "orientd.cli.main", "run", "--config", str(self.config)],
+            stdout=subprocess.PIPE,
+            stderr=self.log,
+            text=True,
+            env={**os.environ, "XDG_STATE_HOME": str(self.folder / "state")},
+        )
+        line = self.process.stdout.readline()
+        assert line.startswith("ready"), (line, (self.folder / "log").read_text())
+        self.channel = grpc.insecure_channel(f"unix:{self.socket}")
+        self.stub = ControlStub(self.channel)
+        self.token = self.stub.AcquireLease(pb.AcquireLeaseRequest(holder="test")).lease.token
+
+    def end(self) -> int:
+        """Have it end in order and return its status."""
+        self.channel.close()
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGTERM)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self.process.wait(10.0)
+        if self.process.poll() is None:
+            self.process.kill()
+            raise AssertionError("the daemon did not end within 10 s")
+        self.process.stdout.close()
+        self.log.close()
+        return self.process.returncode
+
+    def device(self) -> pb.DeviceReport:
+        """Return the device's state as the daemon tells it."""
+        return self.stub.GetState(pb.GetStateRequest(device=DEVICE)).devices[0]
+
+    def move(self, motion: pb.MotionRequest):
+        """Begin a motion and return the stream of its progress, once it has started."""
+        request = pb.MoveRequest(lease_token=self.token, device=DEVICE, motion=motion)
+        stream = self.stub.Move(request)
+        self.started = next(iter(stream)).started
+        return stream
+
+    def renew(self) -> None:
+        """Hold the lease for its full time again."""
+        self.stub.RenewLease(pb.RenewLeaseRequest(token=self.token))
+
+    def sent(self) -> np.ndarray:
+        """Return the orientations the driver has recorded so far, shape (n, 4)."""
+        return np.array([setpoint.q for setpoint in read_recording(self.recording)])
+
+
+def spin(seconds: float, *, start=(0.0, 0.0, 0.4), end=(0.3, 0.0, 0.5)) -> pb.MotionRequest:
+    """Return a timed motion about changing axes, with velocity at both ends."""
+    times = np.linspace(0.0, seconds, max(3, round(seconds / 0.4) + 1))
+    keyframes = [
+        pb.Keyframe(
+            time=t,
+            rotation_vector=pb.Vector3(
+                x=0.3 * np.sin(0.8 * t), y=0.2 * np.sin(1.1 * t), z=0.4 * t + 0.1 * np.sin(t)
+            ),
+        )
+        for t in times
+    ]
+    return pb.MotionRequest(
+        keyframes=keyframes,
+        velocity_frame=pb.FRAME_BODY,
+        start_velocity=pb.Vector3(x=start[0], y=start[1], z=start[2]),
+        end_velocity=pb.Vector3(x=end[0], y=end[1], z=end[2]),
+        approach=True,
+    )
+
+
+def peaks(q: np.ndarray, period: float) -> tuple[float, float, float]:
+    """Return the largest velocity, acceleration and jerk by backward differences, from rest."""
+    q = np.vstack([q[:1], q[:1], q[:1], q])
+    omega = rotation.log(rotation.multiply(rotation.conjugate(q[:-1]), q[1:])) / period
+    alpha = np.diff(omega, axis=0) / period
+    jerk = np.diff(alpha, axis=0) / period
+    velocity, acceleration, jerk = (
+        float(np.linalg.norm(derivative, axis=1).max()) for derivative in (omega, alpha, jerk)
+    )
+    return velocity, acceleration, jerk
+
+
+def assert_limits_kept(q: np.ndarray, period: float) -> None:
+    """Check that what was sent kept the default limits."""
+    velocity, acceleration, jerk = peaks(q, period)
+    assert velocity <= VELOCITY * 1.001
+    assert acceleration <= ACCELERATION * 1.001
+    assert jerk <= JERK * 1.001
+
+
+def is_alive(pid: int) -> bool:
+    """Whether a process runs; one that has ended and is not yet waited for does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+def resident_kib(pid: int) -> int:
+    """Return a process's resident memory."""
+    for line in Path(f"/proc/{pid}/status").read_text().splitlines():
+        if line.startswith("VmRSS:"):
+            return int(line.split()[1])
+    raise AssertionError(f"no process {pid}")

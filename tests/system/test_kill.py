@@ -1,0 +1,197 @@
+"""What is left of a motion when a process is killed in the midst of it."""
+
+import json
+import os
+import random
+import signal
+import time
+
+import grpc
+import numpy as np
+import pytest
+from harness import (
+    DEVICE,
+    DaemonProcess,
+    assert_limits_kept,
+    is_alive,
+    resident_kib,
+    spin,
+    until,
+)
+
+from orientd import motion_file, planner, rotation
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc.motion_wire import to_mapping
+
+MOMENTS = [round(random.Random(7).uniform(0.02, 3.2), 3) for _ in range(10)]
+
+
+def planned_path(daemon, request):
+    """Return the motion as the daemon has planned it, from the loopback's first orientation."""
+    return planner.plan(
+        motion_file.parse(to_mapping(request)),
+        start=planner.State.at_rest((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+        limits=planner.DEFAULT_LIMITS,
+        period=daemon.period,
+    )
+
+
+def largest_deviation(sent, motion):
+    """Return how far off the planned path what was sent lies, rad.
+
+    The setpoints come in the order of the path, so each is looked for beyond the one before it.
+    """
+    time, worst = 0.0, 0.0
+    for q in sent:
+        low, high = time, min(time + 1.5 * motion.period, motion.duration)
+        for _ in range(60):
+            a, b = low + (high - low) / 3, high - (high - low) / 3
+            gap_a, gap_b = rotation.angle(motion.sample([a, b]).q, q)
+            low, high = (low, b) if gap_a <= gap_b else (a, high)
+        time = 0.5 * (low + high)
+        worst = max(worst, float(rotation.angle(motion.sample([time]).q, q)[0]))
+    return worst
+
+
+def moving_part(sent):
+    """Return the setpoints from the last one at the start to the first at the final rest."""
+    changes = np.flatnonzero(np.any(sent[1:] != sent[:-1], axis=1))
+    return sent[changes[0] : changes[-1] + 2] if len(changes) else sent[:1]
+
+
+@pytest.mark.parametrize("moment", MOMENTS)
+def test_a_killed_daemon_leaves_a_stop_on_the_path_and_nothing_else(tmp_path, moment):
+    shared_before = set(os.listdir("/dev/shm"))
+    daemon = DaemonProcess(tmp_path)
+    daemon.start()
+    request = spin(3.0)
+    daemon.move(request)
+    servo = daemon.device().servo_pid
+    time.sleep(moment)
+    os.kill(daemon.process.pid, signal.SIGKILL)
+    daemon.process.wait()
+    until(lambda: not is_alive(servo), "the servo process ends")
+    daemon.end()
+
+    report = json.loads(daemon.report.read_text())
+    assert report["reason"] == "the daemon is gone"
+    assert report["state"] == "holding"
+    assert set(os.listdir("/dev/shm")) == shared_before
+    sent = daemon.sent()
+    assert_limits_kept(sent, daemon.period)
+    assert np.array_equal(sent[-1], sent[-2])  # it ends at rest
+    # Every tenth setpoint, and all of the stop.
+    path = moving_part(sent)
+    motion = planned_path(daemon, request)
+    exact = motion.sample(np.arange(len(path)) * daemon.period).q
+    off_grid = np.flatnonzero(rotation.angle(exact, path) > 1e-12)
+    first = off_grid[0] if len(off_grid) else len(path)
+    stop = path[first:]
+    if len(stop):
+        begin = max(0.0, (first - 2) * daemon.period)
+        tail = _shifted(motion, begin)
+        assert largest_deviation(stop, tail) < 1e-8
+
+    with DaemonProcess(tmp_path) as successor:  # the same socket, at once
+        assert successor.device().state == pb.STATE_HOLDING
+
+
+def _shifted(motion, begin):
+    """Return *motion* with its path time beginning at *begin*."""
+
+    class Rest:
+        period = motion.period
+        duration = motion.duration - begin
+
+        @staticmethod
+        def sample(times):
+            return motion.sample(np.asarray(times) + begin)
+
+    return Rest
+
+
+def test_a_killed_servo_is_told_within_100_ms_and_reset_brings_it_back(tmp_path):
+    with DaemonProcess(tmp_path) as daemon:
+        stream = daemon.move(spin(3.0))
+        servo = daemon.device().servo_pid
+        time.sleep(0.5)
+        os.kill(servo, signal.SIGKILL)
+        killed = time.monotonic()
+        report = until(
+            lambda: (found := daemon.device()).state == pb.STATE_FAULT and found, "the fault"
+        )
+        assert time.monotonic() - killed < 0.1
+        assert report.fault == pb.FAULT_SERVO_DIED
+        assert "signal 9" in report.fault_text
+        summary = [answer for answer in stream if answer.HasField("summary")][-1].summary
+        assert summary.outcome == pb.OUTCOME_FAULT
+        assert "signal 9" in summary.text
+
+        daemon.renew()
+        daemon.stub.Reset(pb.ResetRequest(lease_token=daemon.token, device=DEVICE))
+        assert daemon.device().state == pb.STATE_HOLDING
+        assert daemon.device().servo_pid not in (0, servo)
+        *_, last = daemon.move(spin(1.0))
+        assert last.summary.outcome == pb.OUTCOME_DONE
+
+
+def test_sigterm_stops_on_the_path_before_the_daemon_leaves(tmp_path):
+    daemon = DaemonProcess(tmp_path)
+    daemon.start()
+    stream = daemon.move(spin(3.0))
+    servo = daemon.device().servo_pid
+    time.sleep(0.7)
+    daemon.process.send_signal(signal.SIGTERM)
+    answers = []
+    try:
+        answers.extend(stream)
+    except grpc.RpcError as error:
+        raise AssertionError(f"the stream broke: {error}") from error
+    assert answers[-1].summary.outcome == pb.OUTCOME_STOPPED
+    assert daemon.end() == 0
+    assert not is_alive(servo)
+    assert not daemon.socket.exists()
+    sent = daemon.sent()
+    assert_limits_kept(sent, daemon.period)
+    assert np.array_equal(sent[-1], sent[-2])
+
+
+def test_a_stopped_daemon_process_is_a_lost_heartbeat(tmp_path):
+    """SIGSTOP: the daemon is there but does nothing; when it goes on, it tells the fault."""
+    with DaemonProcess(tmp_path) as daemon:
+        daemon.move(spin(12.0))
+        time.sleep(0.5)
+        daemon.process.send_signal(signal.SIGSTOP)
+        time.sleep(1.2)
+        stopped = daemon.sent()
+        daemon.process.send_signal(signal.SIGCONT)
+        assert np.array_equal(stopped[-1], stopped[-2])
+        assert_limits_kept(stopped, daemon.period)
+        report = until(
+            lambda: (found := daemon.device()).state == pb.STATE_FAULT and found, "the fault"
+        )
+        assert report.fault == pb.FAULT_HEARTBEAT_LOST
+        assert "no heartbeat from the daemon" in report.fault_text
+
+
+def nudge(angle):
+    """Return a small turn, as fast as the limits allow."""
+    vectors = (pb.Vector3(), pb.Vector3(x=0.5 * angle), pb.Vector3(x=angle, z=angle))
+    keyframes = [pb.Keyframe(rotation_vector=vector) for vector in vectors]
+    return pb.MotionRequest(keyframes=keyframes, approach=True)
+
+
+def test_a_hundred_motions_in_a_row_leave_the_memory_as_it_was(tmp_path):
+    with DaemonProcess(tmp_path) as daemon:
+        sizes = []
+        for number in range(100):
+            daemon.renew()
+            *_, last = daemon.move(nudge(0.002 if number % 2 else -0.002))
+            assert last.summary.outcome == pb.OUTCOME_DONE, last
+            if number in (19, 99):
+                servo = daemon.device().servo_pid
+                sizes.append((resident_kib(daemon.process.pid), resident_kib(servo)))
+        (daemon_before, servo_before), (daemon_after, servo_after) = sizes
+        assert daemon_after - daemon_before < 2048
+        # The rings are touched for the first time as they fill: that is not growth.
+        assert servo_after - servo_before < 2048
