@@ -32,13 +32,7 @@ _REASON_TIMEOUT = 0.02
 
 
 class UrDriver(Driver):
-    """One arm.
-
-    Attributes:
-        speed_scaling: how fast the controller lets a program's time run, 0 to 1: the speed slider
-            times what its own limiter leaves.
-        is_spent: whether the process must end before the arm can be reached again.
-    """
+    """One arm."""
 
     name: ClassVar[str] = "ur"
     default_rate_hz: ClassVar[float] = 500.0
@@ -57,7 +51,12 @@ class UrDriver(Driver):
         self._kicked_ns = 0
         self._rotation: Vector3 = (0.0, 0.0, 0.0)
         self._feedback: Feedback | None = None
-        self.speed_scaling = 1.0
+        self._speed_scaling = 1.0
+
+    @property
+    def speed_scaling(self) -> float:
+        """The speed slider times what the controller's own limiter leaves, 0 to 1."""
+        return self._speed_scaling
 
     @property
     def is_spent(self) -> bool:
@@ -208,7 +207,8 @@ class UrDriver(Driver):
     # Parts of reading
 
     def _measure(self, timestamp: float, now_ns: int) -> Feedback:
-        pose, speed, joints, self.speed_scaling = self._link.motion()
+        pose, speed, joints, scaling = self._link.motion()
+        self._speed_scaling = max(0.0, min(1.0, scaling))
         q = exp((pose[3], pose[4], pose[5]))
         return Feedback(
             self._clock.measured_ns(timestamp, now_ns),

@@ -456,7 +456,9 @@ class Device:
         code = link.process.returncode
         ended = f"by signal {-code}" if code < 0 else f"with status {code}"
         self._failure = self._failure or f"the servo process was ended {ended}"
-        self._fault, self._fault_text = Fault.SERVO_DIED, self._failure
+        if self._fault is not Fault.LINK_LOST:
+            # A driver whose link is spent takes its process with it; the link is the reason.
+            self._fault, self._fault_text = Fault.SERVO_DIED, self._failure
         was_active, self._active = self._active, False
         self._ready.set()
         self._tell(EventKind.SERVO_DIED, self._failure)

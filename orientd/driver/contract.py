@@ -87,6 +87,16 @@ class Driver(ABC):
         self.period_ns = period_ns
         self.clock = clock
 
+    @property
+    def speed_scaling(self) -> float:
+        """How fast the device itself lets motions run, 0 to 1; the path clock follows it."""
+        return 1.0
+
+    @property
+    def is_spent(self) -> bool:
+        """Whether only a new process can reach the device again; the servo then ends this one."""
+        return False
+
     @abstractmethod
     def open(self) -> None:
         """Connect.  May take long; no cycle runs yet.
