@@ -330,18 +330,29 @@ class Device:
             DaemonError: the servo cannot be started.
         """
         with self._lock:
-            if self._link is None or not self._link.is_alive:
-                if self._link is not None:
-                    self._link.close()
-                self._start_servo()
-            else:
-                self._link.ask(Command.RESET)
-                self._fault, self._fault_text = Fault.NONE, ""
-                if self._settings.auto_enable:
-                    self._link.ask(Command.ENABLE)
+            if self._link is not None and self._reset_servo(self._link):
                 return
+            if self._link is not None:
+                self._link.close()
+            self._start_servo()
         if not self.wait_ready(10.0):
             raise DaemonError(self._failure or "the servo did not become ready within 10 s")
+
+    def _reset_servo(self, link: ServoLink) -> bool:
+        """Have the servo leave its fault; return whether there was a servo to do it."""
+        try:
+            if not link.is_alive:
+                return False
+            link.ask(Command.RESET)
+            self._fault, self._fault_text = Fault.NONE, ""
+            if self._settings.auto_enable:
+                link.ask(Command.ENABLE)
+        except DaemonError:
+            # A servo whose device is lost may be on its way out when it is asked.
+            if link.is_alive:
+                raise
+            return False
+        return True
 
     # What there is to see
 

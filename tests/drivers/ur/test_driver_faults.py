@@ -1,0 +1,273 @@
+"""Every fault of a UR controller, through a real servo process: typed, in time, recovered from."""
+
+import math
+import time
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from orientd import rotation
+from orientd.config import DeviceSettings
+from orientd.daemon.device import Device
+from orientd.errors import DaemonError, Fault, StateError
+from orientd.planner import Keyframe, MotionRequest, plan
+from orientd.stream import State
+from orientd_sim.ur import EmulatedRobot
+
+pytest.importorskip("rtde_control")
+
+
+def until(claim, what, seconds=10.0):
+    ends = time.monotonic() + seconds
+    while not (found := claim()):
+        assert time.monotonic() < ends, f"{what}: not within {seconds} s"
+        time.sleep(0.001)
+    return found
+
+
+@contextmanager
+def device_of(host, **options):
+    """A device of the daemon, enabled, with its servo process."""
+    settings = DeviceSettings(
+        name="arm",
+        driver="ur",
+        priority=0,
+        options={"host": host, "lookahead": 0.03, **options},
+    )
+    device = Device(settings, on_event=lambda _event: None)
+    device.launch()
+    try:
+        assert device.wait_ready(20.0), device.failure
+        until(lambda: device.snapshot().state is State.HOLDING, "holding")
+        yield device
+    finally:
+        device.shutdown()
+
+
+def swing(device, *, angle=0.3, seconds=3.0):
+    """Start a turn about the tool's axis and back, and return its number."""
+    start = device.commanded()
+    axis = np.array([0.0, 0.6, 0.8])
+    keyframes = [
+        Keyframe(rotation.multiply(start.q, rotation.exp(a * axis)), t)
+        for a, t in ((0.0, 0.0), (angle, seconds / 2), (0.0, seconds))
+    ]
+    request = MotionRequest(keyframes=keyframes)
+    motion = plan(request, start=start, limits=device.limits, period=device.period_ns * 1e-9)
+    return device.start(motion)
+
+
+def finished(device):
+    return device.snapshot().state is State.HOLDING
+
+
+def streaming(device):
+    """Wait until setpoints have moved for a while."""
+    until(lambda: device.snapshot().path_time > 0.3, "streaming")
+
+
+def fault_of(device, seconds=2.0):
+    """Wait for a fault; return it, its text and how long it took."""
+    begun = time.monotonic()
+    until(lambda: device.snapshot().fault is not Fault.NONE, "a fault", seconds)
+    took = time.monotonic() - begun
+    # The words come by another way than the state, up to 10 ms later.
+    until(lambda: device.snapshot().fault_text, "the fault in words")
+    snapshot = device.snapshot()
+    return snapshot.fault, snapshot.fault_text, took
+
+
+def recover(device):
+    """Reset, then move again."""
+    device.reset()
+    until(lambda: device.snapshot().state is State.HOLDING, "holding after reset")
+    swing(device, angle=0.1, seconds=1.0)
+    streaming(device)
+    until(lambda: finished(device), "the motion after the reset")
+    assert device.snapshot().fault is Fault.NONE
+
+
+def test_motion_is_followed_to_its_end(ur_robot):
+    with device_of(ur_robot.host) as device:
+        swing(device)
+        streaming(device)
+        until(lambda: finished(device), "the end")
+        assert device.snapshot().fault is Fault.NONE
+
+
+@pytest.mark.parametrize(
+    ("order", "release", "words"),
+    [
+        ("protective_stop", "", "protective stop"),
+        ("emergency_stop", "release", "emergency stop"),
+        ("safeguard", "release", "safeguard"),
+        ("stop", "", "control program was stopped"),
+        ("pause", "", "control program is paused"),
+    ],
+)
+def test_stop_is_a_device_fault_and_reset_moves_the_arm_again(ur_robot, order, release, words):
+    with device_of(ur_robot.host) as device:
+        swing(device)
+        streaming(device)
+        ur_robot.ask(order)
+        fault, text, took = fault_of(device)
+        assert fault is Fault.DEVICE_FAULT
+        assert words in text
+        assert took < 0.1
+        ur_robot.wait_until(lambda s: s["is_still"])
+        if release:
+            ur_robot.ask(release)
+        recover(device)
+
+
+@pytest.mark.parametrize("leaves", ["paused", "playing", "stopped"])
+def test_protective_stop_is_recovered_whatever_the_program_becomes(ur_host, leaves):
+    robot = EmulatedRobot(ur_host, "--unlock-after", "0.3", "--protective-stop-leaves", leaves)
+    with robot, device_of(ur_host) as device:
+        swing(device)
+        streaming(device)
+        robot.ask("protective_stop")
+        fault, text, _ = fault_of(device)
+        assert fault is Fault.DEVICE_FAULT
+        assert "protective stop" in text
+        recover(device)
+
+
+def test_joint_over_its_limit_is_a_protective_stop(ur_robot):
+    with device_of(ur_robot.host) as device:
+        for joint in range(1, 7):
+            ur_robot.ask(f"limit {joint} 0.02")
+        swing(device)
+        fault, text, _ = fault_of(device)
+        assert fault is Fault.DEVICE_FAULT
+        assert "protective stop" in text
+
+
+def test_reset_says_which_hand_is_needed(ur_robot):
+    with device_of(ur_robot.host) as device:
+        ur_robot.ask("safeguard")
+        fault_of(device)
+        with pytest.raises(DaemonError, match="close the safeguard"):
+            device.reset()
+
+
+def test_local_control_is_named_when_enabling(ur_robot):
+    with device_of(ur_robot.host) as device:
+        device.disable()
+        ur_robot.ask("stop")
+        ur_robot.ask("local")
+        with pytest.raises((DaemonError, StateError), match="remote control"):
+            device.enable()
+
+
+def test_frozen_controller_is_stale_feedback_then_a_lost_link(ur_robot):
+    with device_of(ur_robot.host) as device:
+        swing(device)
+        streaming(device)
+        pid = device.snapshot().servo_pid
+        ur_robot.ask("freeze")
+        fault, _text, took = fault_of(device)
+        assert fault in (Fault.FEEDBACK_STALE, Fault.LINK_LOST)
+        assert took < 1.0
+        until(lambda: device.snapshot().servo_pid != pid, "the servo's end", 2.0)
+        assert device.snapshot().fault is Fault.LINK_LOST
+        assert "clock" in device.snapshot().fault_text
+        ur_robot.ask("thaw")
+        recover(device)
+
+
+def test_short_freeze_costs_no_process(ur_robot):
+    with device_of(ur_robot.host) as device:
+        pid = device.snapshot().servo_pid
+        ur_robot.ask("freeze 0.2")
+        fault, _, _ = fault_of(device)
+        assert fault is Fault.FEEDBACK_STALE
+        until(lambda: "0" not in ur_robot.state()["runtime_state"], "thawed")
+        recover(device)
+        assert device.snapshot().servo_pid == pid
+
+
+@pytest.mark.parametrize("what", ["control", "receive", "rtde"])
+def test_closed_connection_is_a_lost_link(ur_robot, what):
+    with device_of(ur_robot.host) as device:
+        swing(device)
+        streaming(device)
+        ur_robot.ask(f"drop {what}")
+        fault, _, took = fault_of(device)
+        assert fault in (Fault.LINK_LOST, Fault.SERVO_DIED)
+        assert took < 1.0
+        recover(device)
+
+
+def test_dead_controller_is_a_lost_link_and_the_next_one_is_found(ur_robot):
+    with device_of(ur_robot.host) as device:
+        swing(device)
+        streaming(device)
+        ur_robot.ask("die")
+        fault, _, took = fault_of(device)
+        assert fault in (Fault.LINK_LOST, Fault.SERVO_DIED)
+        assert took < 1.0
+        with pytest.raises(DaemonError, match=r"no dashboard server|nothing answers"):
+            device.reset()
+        ur_robot.end()
+        ur_robot.start()
+        recover(device)
+
+
+def test_second_client_with_the_registers_is_named(ur_robot):
+    rtde_control = pytest.importorskip("rtde_control")
+    other = rtde_control.RTDEControlInterface(ur_robot.host)
+    try:
+        settings = DeviceSettings(name="arm", driver="ur", options={"host": ur_robot.host})
+        device = Device(settings, on_event=lambda _event: None)
+        device.launch()
+        try:
+            assert device.wait_ready(20.0), device.failure
+            _fault, text, _ = fault_of(device, 5.0)
+            assert "another client holds the registers" in text
+        finally:
+            device.shutdown()
+        assert other.isProgramRunning()
+    finally:
+        other.disconnect()
+
+
+def test_silent_controller_is_named_when_opening(ur_robot):
+    ur_robot.ask("silence")
+    settings = DeviceSettings(name="arm", driver="ur", options={"host": ur_robot.host})
+    device = Device(settings, on_event=lambda _event: None)
+    device.launch()
+    try:
+        assert not device.wait_ready(20.0)
+        assert "data packages did not come" in device.failure
+    finally:
+        device.shutdown()
+
+
+def test_half_slider_slows_the_motion_and_keeps_its_path(ur_robot):
+    with device_of(ur_robot.host) as device:
+        ur_robot.ask("slider 0.5")
+        ur_robot.wait_until(lambda s: s["speed_scaling"] < 0.5001)
+        swing(device, seconds=2.0)
+        until(lambda: device.snapshot().path_time > 0.5, "streaming")
+        assert device.snapshot().cycle.speed == pytest.approx(0.5, abs=1e-3)
+        until(lambda: finished(device), "the end")
+
+
+def test_fault_of_one_robot_leaves_the_other_moving(ur_robot):
+    other_host = ur_robot.host.rsplit(".", 1)[0] + ".253"
+    with (
+        EmulatedRobot(other_host) as other,
+        device_of(ur_robot.host) as first,
+        device_of(other.host) as second,
+    ):
+        swing(first)
+        number = swing(second)
+        streaming(second)
+        ur_robot.ask("die")
+        fault_of(first)
+        until(lambda: finished(second), "the other's end")
+        assert second.snapshot().fault is Fault.NONE
+        assert second.snapshot().motion_number == number
+        assert math.isfinite(second.snapshot().path_time)
