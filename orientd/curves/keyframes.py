@@ -87,15 +87,15 @@ def check_aligned(
     return align(keys) if check_bool(align_signs, "align") else keys
 
 
-def check_vector(value: object, name: str) -> Floats:
-    """Return one finite vector, shape ``(3,)``.
+def check_vector(value: object, name: str, length: int = 3) -> Floats:
+    """Return one finite vector, shape ``(length,)``.
 
     Raises:
-        ValueError: it is not three finite numbers.
+        ValueError: it is not *length* finite numbers.
     """
-    array = _numbers(value, name, "a vector of 3 numbers")
-    if array.shape != (3,) or not np.all(np.isfinite(array)):
-        raise ValueError(f"{name} must be a vector of 3 finite numbers, got {value!r}")
+    array = _numbers(value, name, f"a vector of {length} numbers")
+    if array.shape != (length,) or not np.all(np.isfinite(array)):
+        raise ValueError(f"{name} must be a vector of {length} finite numbers, got {value!r}")
     return array
 
 

@@ -194,7 +194,10 @@ class Cell:
         return self.devices[name]
 
     def plan(self, device: Device, mapping: Mapping[str, Any], *, keep: bool = False) -> Motion:
-        """Plan what *mapping*, the content of a motion file, asks of *device*, from where it is.
+        """Plan what *mapping*, the content of a motion file, asks of *device*.
+
+        It begins where the device is commanded to be; a plan that is kept for later, where the
+        device will be once its present motion has ended.
 
         Args:
             device: what is to move.
@@ -207,7 +210,7 @@ class Cell:
             PlanError: it cannot be planned, or would break a limit.
         """
         request = motion_file.parse(mapping)
-        start = device.commanded()
+        start = device.next_start() if keep else device.commanded()
         period = device.period_ns * 1e-9
         motion = planner.plan(request, start=start, limits=device.limits, period=period)
         if keep:

@@ -361,6 +361,8 @@ class Device:
         link = self._link
         is_alive = link is not None and link.is_alive
         cycle = link.newest() if link is not None and is_alive else None
+        if link is not None and cycle is not None and cycle.state is State.FAULT:
+            self._learn_why(link)
         fault = self._fault
         if cycle is not None and cycle.state is State.FAULT and fault is Fault.NONE:
             fault = Fault(cycle.fault)
@@ -415,14 +417,7 @@ class Device:
     def _tick(self, link: ServoLink) -> None:
         link.beat()
         is_alive = link.is_alive
-        for note in link.words():
-            if note.kind is NoteKind.READY:
-                self._become_ready(link, note.text)
-            elif note.kind is NoteKind.FAULT:
-                self._fault, self._fault_text = Fault(note.code), note.text
-                self._tell(EventKind.FAULT, f"{self._fault.name.lower()}: {note.text}")
-            elif note.kind is NoteKind.ENDING:
-                self._failure = note.text
+        self._hear(link)
         if not is_alive:
             self._lose(link)
             return
@@ -439,6 +434,24 @@ class Device:
             and cycle.state not in (State.STREAMING, State.STOPPING)
         ):
             self._conclude(cycle)
+
+    def _hear(self, link: ServoLink) -> None:
+        for note in link.words():
+            if note.kind is NoteKind.READY:
+                self._become_ready(link, note.text)
+            elif note.kind is NoteKind.FAULT:
+                self._fault, self._fault_text = Fault(note.code), note.text
+                self._tell(EventKind.FAULT, f"{self._fault.name.lower()}: {note.text}")
+            elif note.kind is NoteKind.ENDING:
+                self._failure = note.text
+
+    def _learn_why(self, link: ServoLink) -> None:
+        """Hear what the servo has said of its fault, where the device's thread has not yet."""
+        if self._fault is Fault.NONE and self._lock.acquire(timeout=TICK):
+            try:
+                self._hear(link)
+            finally:
+                self._lock.release()
 
     def _become_ready(self, link: ServoLink, text: str) -> None:
         got = json.loads(text)

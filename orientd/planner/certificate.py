@@ -22,6 +22,14 @@ CHUNK = 8192
 HISTORY = 3
 """Setpoints before the first that a third difference reaches back to."""
 
+OFF_GRID = {0: (2.0, 2.0), 1: (1.0, 1.5), 2: (1.0, 1.0)}
+"""By how much acceleration and jerk can be larger between the records of a curve, by continuity.
+
+A stop on the path leaves the grid of records.  A step of the acceleration then falls elsewhere
+between two setpoints, and its share in the third difference, the quadratic B-spline at that place,
+varies from 1/2 to 3/4; that of a step of the velocity in second and third varies from 1/2 to 1.
+"""
+
 Setpoints = Callable[[int, int], tuple[Floats, Floats]]
 
 
@@ -129,6 +137,33 @@ class _Largest:
         return Peak(float(np.sqrt(self._square)) / self._unit, self._index * self._period, limit)
 
 
+@dataclass(frozen=True, slots=True)
+class Rough:
+    """A part of a path that is less than twice continuously differentiable.
+
+    Attributes:
+        begin: path time where it begins, s.
+        end: path time where it ends, s.
+        continuity: how many derivatives of the orientation are continuous.
+    """
+
+    begin: float
+    end: float
+    continuity: int
+
+
+def _off_grid(
+    rough: Rough | None, first: float, period: float, count: int
+) -> tuple[Floats, Floats]:
+    """Return by how much to scale accelerations and jerks of records from time *first* on."""
+    bends, twists = np.ones(count), np.ones(count)
+    if rough is not None and rough.continuity < 2:
+        times = first + period * np.arange(count)
+        is_rough = (times > rough.begin) & (times < rough.end + HISTORY * period)
+        bends[is_rough], twists[is_rough] = OFF_GRID[rough.continuity]
+    return bends, twists
+
+
 def measure(
     setpoints: Setpoints,
     count: int,
@@ -138,6 +173,7 @@ def measure(
     before: tuple[Floats, Floats] | None,
     holds_after: bool,
     brake_limits: Limits | None = None,
+    rough: Rough | None = None,
 ) -> Peaks:
     """Return the largest backward differences over the records 0 to *count* - 1.
 
@@ -151,12 +187,12 @@ def measure(
             differences inside the records only.
         holds_after: whether the device stays where the last record is.
         brake_limits: limits for the brake rate; ``None`` leaves the brake rate out.
+        rough: where the brake rate must expect more between the records than on them.
     """
     turn, bend, twist = (_Largest(power, period) for power in (1, 2, 3))
     move, push = (_Largest(power, period) for power in (1, 2))
     slowest, slowest_index = FASTEST_BRAKE_RATE, 0
     q_tail, p_tail = before if before is not None else (np.empty((0, 4)), np.empty((0, 3)))
-    is_still = False
     for first in range(0, count, CHUNK):
         size = min(CHUNK, count - first)
         q, p = setpoints(first, size)
@@ -184,10 +220,11 @@ def measure(
             push.see(_squares(a), index + 2)
         if brake_limits is None:
             continue
+        bends, twists = _off_grid(rough, period * (index + 3), period, len(jerk))
         rate, place = brake_rate(
             omega[2:] / period,
-            alpha[1:] / period**2,
-            np.sqrt(jerk_squares) / period**3,
+            alpha[1:] / period**2 * bends[:, None],
+            np.sqrt(jerk_squares) / period**3 * twists,
             brake_limits,
         )
         if rate < slowest:

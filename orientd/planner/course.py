@@ -41,9 +41,9 @@ class Core:
         return self.stretch.end
 
     @property
-    def is_smooth(self) -> bool:
-        """Whether the acceleration is continuous."""
-        return self.stretch.curve.continuity >= 2
+    def continuity(self) -> int:
+        """How many derivatives of the orientation are continuous."""
+        return self.stretch.curve.continuity
 
     def slowed(self, duration: float) -> Core:
         """Return the same curve taking *duration* seconds."""

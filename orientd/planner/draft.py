@@ -24,12 +24,14 @@ class Draft:
         begin: path time of the first keyframe, s; a whole number of periods.
         end: path time of the last keyframe, s.
         keyframe_times: path times of all keyframes, s.
+        continuity: how many derivatives of the orientation are continuous.
     """
 
     path: Path
     begin: float
     end: float
     keyframe_times: Floats
+    continuity: int
 
 
 def with_leads(
@@ -84,4 +86,4 @@ def with_leads(
     if not is_still(last.omega_body, last.alpha_body, limits):
         curve = lead_out(last.q, last.omega_body, last.alpha_body, limits=limits, period=period)
         stretches.append(Stretch(curve, end, end + curve.domain[1]))
-    return Draft(Path.joined(stretches, positions), begin, end, core.times + begin)
+    return Draft(Path.joined(stretches, positions), begin, end, core.times + begin, core.continuity)

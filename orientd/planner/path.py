@@ -18,7 +18,6 @@ from orientd.planner.position import PositionPath
 from orientd.planner.request import State
 from orientd.rotation import Floats
 
-
 _AT_REST = 1e-9
 """Seconds before its end that a path counts as ended: its last record is at rest, to rounding."""
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from orientd.errors import PlanError, StartError
 from orientd.planner import refusal
-from orientd.planner.certificate import HISTORY, Certificate, Peaks, measure
+from orientd.planner.certificate import HISTORY, Certificate, Peaks, Rough, measure
 from orientd.planner.course import Core, Course
 from orientd.planner.draft import Draft, with_leads
 from orientd.planner.limits import GUARD_TOLERANCE, Limits
@@ -94,9 +94,12 @@ class _Job:
                 alpha_start = start.alpha_body
         refusal.check_end_velocities(omega_start, request.omega_end, limits)
         if not (request.approach and start.is_at_rest):
-            # Every curve begins at its first keyframe: none need be made to see that it is not
-            # where the device is.
-            first = State(request.keys[0], start.omega_body, start.alpha_body, start.position)
+            # Every curve begins at its first keyframe, with the velocity that was asked for: none
+            # need be made to see that the device is elsewhere.
+            omega = start.omega_body
+            if method.has_velocities:
+                omega = np.zeros(3) if omega_start is None else omega_start
+            first = State(request.keys[0], omega, start.alpha_body, start.position)
             refusal.check_start(start, first, limits)
         ends = Ends(omega_start, request.omega_end, alpha_start)
         return cls(request, start, limits, period, method, ends)
@@ -126,7 +129,7 @@ class _Job:
         def attempt(cycles: int) -> float:
             try:
                 core = shape.slowed(cycles * period) if shape else course.core(cycles * period)
-                factor = excess(core.peaks(period, reserved), is_smooth=core.is_smooth)
+                factor = excess(core.peaks(period, reserved), core.continuity)
                 if factor <= 1.0:
                     drafts[cycles] = self._with_leads(core)
             except StartError:
@@ -169,6 +172,7 @@ class _Job:
             before=_before(self.start, period),
             holds_after=True,
             brake_limits=self.limits.scaled(GUARD_TOLERANCE) if is_users else self.limits,
+            rough=Rough(draft.begin, draft.end, draft.continuity),
         )
         place = refusal.Place(request, draft.begin, draft.end, draft.keyframe_times)
         refusal.check_limits(peaks, place)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from orientd.errors import RequestError
-from orientd.planner.certificate import Peaks
+from orientd.planner.certificate import OFF_GRID, Peaks
 from orientd.planner.limits import Limits
 from orientd.planner.request import MotionRequest
 from orientd.rotation import Floats, angle
@@ -101,7 +101,7 @@ def _moves(positions: Floats) -> Floats:
     return lengths
 
 
-def excess(peaks: Peaks, *, is_smooth: bool) -> float:
+def excess(peaks: Peaks, continuity: int) -> float:
     """Return by which factor a motion should take longer to just keep its limits.
 
     A motion made *f* times as slow turns *f* times as slowly, with accelerations :math:`f^2` and
@@ -110,12 +110,13 @@ def excess(peaks: Peaks, *, is_smooth: bool) -> float:
 
     Args:
         peaks: of the motion.
-        is_smooth: whether the acceleration is continuous.
+        continuity: of the curve.
     """
+    bend, twist = OFF_GRID[continuity]
     return max(
         peaks.velocity.ratio,
-        math.sqrt(peaks.acceleration.ratio),
-        (math.cbrt if is_smooth else math.sqrt)(peaks.jerk.ratio),
+        math.sqrt(bend * peaks.acceleration.ratio),
+        (math.cbrt if continuity >= 2 else math.sqrt)(twist * peaks.jerk.ratio),
         peaks.linear_velocity.ratio,
         math.sqrt(peaks.linear_acceleration.ratio),
     )

@@ -94,9 +94,10 @@ class DaemonProcess:
     def move(self, motion: pb.MotionRequest):
         """Begin a motion and return the stream of its progress, once it has started."""
         request = pb.MoveRequest(lease_token=self.token, device=DEVICE, motion=motion)
-        stream = self.stub.Move(request)
-        self.started = next(iter(stream)).started
-        return stream
+        # A call that nobody refers to is cancelled, and with it the motion.
+        self.stream = self.stub.Move(request)
+        self.started = next(iter(self.stream)).started
+        return self.stream
 
     def renew(self) -> None:
         """Hold the lease for its full time again."""
