@@ -9,19 +9,20 @@ from __future__ import annotations
 
 import importlib.util
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 from orientd.clock import Clock
-from orientd.driver import Driver, Feedback, Setpoint, Vector3
+from orientd.driver import Driver, Feedback, Quaternion, Setpoint, Vector3
 from orientd.driver.floats import exp, rotate_back
-from orientd.errors import DeviceFaultError, FeedbackError, LinkError
+from orientd.errors import DeviceFaultError, FeedbackError, LinkError, PlanError
 from orientd_ur import options as ur_options
 from orientd_ur.controller_clock import ControllerClock
 from orientd_ur.dashboard import Dashboard
+from orientd_ur.joint_path import examine, tool_in_flange
 from orientd_ur.link import Link
 from orientd_ur.pose import continued
-from orientd_ur.probe import look
+from orientd_ur.probe import look, whereabouts
 from orientd_ur.states import PROTECTIVE_STOP, RUNNING, RuntimeState, interruption, obstacle
 
 _POLL = 0.005
@@ -62,6 +63,18 @@ class UrDriver(Driver):
     def is_spent(self) -> bool:
         """Whether the link was lost: the library can then neither be used nor be destroyed."""
         return self._link.is_lost
+
+    def examine(self, times: Sequence[float], poses: Sequence[tuple[Quaternion, Vector3]]) -> None:
+        """Refuse a path on which a joint would be too fast, or a singularity too near.
+
+        Raises:
+            PlanError: the time and the joint; or the robot does not say where it is.
+        """
+        try:
+            joints, pose = whereabouts(self._options.host)
+        except LinkError as error:
+            raise PlanError(f"cannot predict the joints: {error}") from error
+        examine(times, poses, joints, tcp_offset=tool_in_flange(joints, pose))
 
     def open(self) -> None:
         """Look at the robot, then connect; the arm need not be running yet.

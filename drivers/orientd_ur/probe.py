@@ -95,6 +95,18 @@ def look(host: str, *, timeout: float = 2.0, packages: int = 5) -> Probe:
     )
 
 
+def whereabouts(host: str, *, timeout: float = 2.0) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the joints (rad) and the tool's pose that the controller at *host* commands.
+
+    Raises:
+        LinkError: it does not answer.
+    """
+    with _Client(host, timeout) as client:
+        client.ask(rtde.outputs_request(125.0, rtde.PLACE))
+        client.ask(rtde.package(rtde.START))
+        return rtde.place(client.await_kind(rtde.DATA))
+
+
 class _Client:
     """An RTDE connection that gives up after a while."""
 

@@ -6,6 +6,7 @@ Version 2 of the protocol, from the client's side, big endian: ``u16 size, u8 ki
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 
 VERSION = ord("V")
 CONTROLLER_VERSION = ord("v")
@@ -18,6 +19,8 @@ DATA = ord("U")
 _HEADER = struct.Struct(">HB")
 
 PROBED = ("timestamp", "robot_mode", "safety_mode", "runtime_state")
+PLACE = ("target_q", "target_TCP_pose")
+_PLACE = struct.Struct(">B6d6d")
 _SAMPLE = struct.Struct(">BdiiI")
 
 
@@ -31,9 +34,9 @@ def version_request() -> bytes:
     return package(VERSION, struct.pack(">H", 2))
 
 
-def outputs_request(frequency: float) -> bytes:
-    """Ask for the variables :data:`PROBED`, *frequency* times a second."""
-    return package(OUTPUTS, struct.pack(">d", frequency) + ",".join(PROBED).encode())
+def outputs_request(frequency: float, names: Sequence[str] = PROBED) -> bytes:
+    """Ask for the variables *names*, *frequency* times a second."""
+    return package(OUTPUTS, struct.pack(">d", frequency) + ",".join(names).encode())
 
 
 def inputs_request(*names: str) -> bytes:
@@ -78,3 +81,15 @@ def sample(payload: bytes) -> tuple[float, int, int, int]:
         raise ValueError(f"a sample is {_SAMPLE.size} bytes, got {len(payload)}")
     _, timestamp, robot_mode, safety_mode, runtime_state = _SAMPLE.unpack(payload)
     return timestamp, robot_mode, safety_mode, runtime_state
+
+
+def place(payload: bytes) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the joints and the tool's pose of a data package of :data:`PLACE`.
+
+    Raises:
+        ValueError: the payload is not as asked for.
+    """
+    if len(payload) != _PLACE.size:
+        raise ValueError(f"a place is {_PLACE.size} bytes, got {len(payload)}")
+    numbers = _PLACE.unpack(payload)
+    return numbers[1:7], numbers[7:13]

@@ -15,6 +15,8 @@ from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 
+import numpy as np
+
 from orientd.clock import MonotonicClock
 from orientd.config import DeviceSettings
 from orientd.daemon.feeder import BLOCK, Feeder
@@ -32,6 +34,9 @@ TICK = 0.01
 
 _READ_AHEAD = 8.0
 """Path time that the ring can hold, s."""
+
+_EXAMINED_EVERY = 0.008
+"""How far apart in path time the poses are that a driver looks at, s."""
 
 _METER_BLOCK = 256
 
@@ -131,7 +136,9 @@ class Device:
         self._on_event = on_event
         driver = load_driver(settings.driver)
         try:
-            driver(settings.options, period_ns=settings.period_ns, clock=MonotonicClock())
+            self._examiner = driver(
+                settings.options, period_ns=settings.period_ns, clock=MonotonicClock()
+            )
         except ValueError as error:
             raise ConfigError(f"devices.{self.name}.options: {error}") from error
         self._target = driver_target(settings.driver)
@@ -245,6 +252,18 @@ class Device:
                 end = motion.sample([(motion.record_count - 1) * motion.period])
                 return PlannedState.at_rest(end.q[0], end.position[0])
         return self.commanded()
+
+    def examine(self, motion: Motion) -> None:
+        """Have the driver look at a motion that keeps the limits.
+
+        Raises:
+            PlanError: the device could not follow it.
+        """
+        step = max(1, round(_EXAMINED_EVERY / motion.period))
+        times = motion.period * np.arange(0, motion.record_count, step)
+        samples = motion.sample(times)
+        poses = zip(samples.q.tolist(), samples.position.tolist(), strict=True)
+        self._examiner.examine(times.tolist(), list(poses))
 
     def start(self, motion: Motion) -> int:
         """Begin to stream *motion* and return its number, once the servo has taken it up.
