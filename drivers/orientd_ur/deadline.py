@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import faulthandler
+import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,3 +22,20 @@ def process_ends_after(seconds: float) -> Iterator[None]:
         yield
     finally:
         faulthandler.cancel_dump_traceback_later()
+
+
+def arm(seconds: float) -> tuple[float, float]:
+    """Have the kernel end the process after *seconds*; for calls made every cycle.
+
+    A timer of the kernel costs a microsecond.  Its signal, SIGALRM, ends the process unless
+    somebody handles it, whatever the library is doing.
+
+    Returns:
+        What was armed before, for :func:`disarm`.
+    """
+    return signal.setitimer(signal.ITIMER_REAL, seconds)
+
+
+def disarm(before: tuple[float, float]) -> None:
+    """Put back what was armed before."""
+    signal.setitimer(signal.ITIMER_REAL, *before)

@@ -19,6 +19,7 @@ from orientd.errors import DeviceFaultError, FeedbackError, LinkError, PlanError
 from orientd_ur import options as ur_options
 from orientd_ur.controller_clock import ControllerClock
 from orientd_ur.dashboard import Dashboard
+from orientd_ur.deadline import arm, disarm
 from orientd_ur.joint_path import examine, tool_in_flange
 from orientd_ur.link import Link
 from orientd_ur.pose import continued
@@ -30,6 +31,11 @@ _POWER_UP = 15.0
 # After this many looks the receiving thread has had its turn, however busy the machine.
 _LOOKS_BEFORE_STALE = 3
 _REASON_TIMEOUT = 0.02
+# A setpoint takes some 30 us to send, and a tenth of a second when the library connects anew.
+_SLOW_CALL_NS = 20_000_000
+# The library can hang in any call, when it connects anew at the wrong moment.
+_LONGEST_CYCLE = 0.9
+_COMPARE_EVERY_NS = 1_000_000_000
 
 
 class UrDriver(Driver):
@@ -50,6 +56,7 @@ class UrDriver(Driver):
         self._changed_ns = 0
         self._looks = 0
         self._kicked_ns = 0
+        self._compared_ns = 0
         self._rotation: Vector3 = (0.0, 0.0, 0.0)
         self._feedback: Feedback | None = None
         self._speed_scaling = 1.0
@@ -98,6 +105,7 @@ class UrDriver(Driver):
             LinkError: the link is lost, or another client holds the robot.
         """
         self._link.require()
+        self._link.require_same()
         self._require_readiness()
         if not self._link.has_control:
             self._link.take_control()
@@ -133,6 +141,26 @@ class UrDriver(Driver):
             FeedbackError: the controller's clock has stood still for the feedback's timeout.
             DeviceFaultError: a stop, a fault, or the end of the control program.
         """
+        armed = arm(_LONGEST_CYCLE)
+        try:
+            return self._read()
+        finally:
+            disarm(armed)
+
+    def write(self, setpoint: Setpoint) -> None:
+        """Send the pose of *setpoint* with ``servoL``.
+
+        Raises:
+            LinkError: the connection is closed.
+            DeviceFaultError: the control program does not take it.
+        """
+        armed = arm(_LONGEST_CYCLE)
+        try:
+            self._write(setpoint)
+        finally:
+            disarm(armed)
+
+    def _read(self) -> Feedback | None:
         link, now_ns = self._link, self.clock.now_ns()
         link.require()
         timestamp = link.timestamp()
@@ -141,6 +169,9 @@ class UrDriver(Driver):
         else:
             self._timestamp, self._changed_ns, self._looks = timestamp, now_ns, 0
             self._feedback = self._measure(timestamp, now_ns)
+        if now_ns - self._compared_ns > _COMPARE_EVERY_NS:
+            self._compared_ns = now_ns
+            link.require_same()
         if self._is_enabled:
             reason = self._reason()
             if reason:
@@ -152,18 +183,15 @@ class UrDriver(Driver):
                 link.kick()
         return self._feedback
 
-    def write(self, setpoint: Setpoint) -> None:
-        """Send the pose of *setpoint* with ``servoL``.
-
-        Raises:
-            LinkError: the connection is closed.
-            DeviceFaultError: the control program does not take it.
-        """
+    def _write(self, setpoint: Setpoint) -> None:
         self._link.require()
         self._rotation = continued(setpoint.q, self._rotation)
         pose = [*setpoint.position, *self._rotation]
-        chosen = self._options
-        if self._link.servo(pose, chosen.servo_time, chosen.lookahead, chosen.gain):
+        chosen, begun_ns = self._options, self.clock.now_ns()
+        is_taken = self._link.servo(pose, chosen.servo_time, chosen.lookahead, chosen.gain)
+        if self.clock.now_ns() - begun_ns > _SLOW_CALL_NS:
+            self._link.require_same()
+        if is_taken:
             return
         # The program's end is known here before the state that explains it has arrived.
         ends = time.monotonic() + _REASON_TIMEOUT
@@ -191,6 +219,7 @@ class UrDriver(Driver):
             LinkError: the link is lost; a new process is needed.
         """
         self._link.require()
+        self._link.require_same()
         self._clock.reset()
         self._await_package(LinkError(f"{self._options.host} sends no data packages"))
         with Dashboard(self._options.host) as dashboard:

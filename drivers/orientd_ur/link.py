@@ -51,6 +51,7 @@ class Link:
         self.is_lost = False
         self._receive: Any = None
         self._control: Any = None
+        self._ports: frozenset[int] = frozenset()
 
     @property
     def has_control(self) -> bool:
@@ -70,7 +71,7 @@ class Link:
         except RuntimeError as error:
             raise LinkError(f"{self.host}: {error}") from error
         _KEPT.append(self._receive)
-        send_at_once(self.host)
+        self._ports = send_at_once(self.host)
 
     def take_control(self) -> None:
         """Make the controlling connection, which uploads the control program and plays it.
@@ -96,7 +97,7 @@ class Link:
                 # A controller gives registers back a moment after their holder has gone.
                 time.sleep(0.1)
         _KEPT.append(self._control)
-        send_at_once(self.host)
+        self._ports = send_at_once(self.host)
 
     def problem(self) -> str:
         """Return why the link counts as lost; nothing while it lives."""
@@ -120,6 +121,19 @@ class Link:
         if problem:
             self.is_lost = self.is_lost or self._receive is not None
             raise LinkError(problem)
+
+    def require_same(self) -> None:
+        """Do nothing while the connections are those that were made.
+
+        The library may have connected anew within one slow call, and uploaded and played its
+        program again, without a word: without our watchdog, and with the arm anywhere.
+
+        Raises:
+            LinkError: it has.
+        """
+        if send_at_once(self.host) != self._ports:
+            self.is_lost = True
+            raise LinkError(f"{self.host} closed the connection, and the library made another")
 
     # What the controller says; called every cycle.
 
@@ -182,7 +196,7 @@ class Link:
             self.order("reuploadScript")
         except RuntimeError as error:
             raise DeviceFaultError(f"{self.host} takes no program: {error}") from error
-        send_at_once(self.host)
+        self._ports = send_at_once(self.host)
         ends = time.monotonic() + timeout
         while self.modes()[2] != RuntimeState.PLAYING or not self._control.isProgramRunning():
             self.require()

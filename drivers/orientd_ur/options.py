@@ -16,7 +16,7 @@
 ``watchdog_hz``
     1 to 100, default 10: the robot ends the program when it hears less often.
 ``feedback_timeout``
-    s, 0.01 to 1, default 0.05: how long the controller's clock may stand still before feedback
+    s, 0.01 to 1, default 0.1: how long the controller's clock may stand still before feedback
     counts as missing.
 ``link_timeout``
     s, up to 2, default 0.5: how long before the link counts as lost.  The client library closes
@@ -46,7 +46,7 @@ _NUMBERS: dict[str, tuple[float, float, float]] = {
     "gain": (100.0, 2000.0, 300.0),
     "servo_time": (0.002, 0.1, 0.002),
     "watchdog_hz": (1.0, 100.0, 10.0),
-    "feedback_timeout": (0.01, 1.0, 0.05),
+    "feedback_timeout": (0.01, 1.0, 0.1),
     "link_timeout": (0.05, 2.0, 0.5),
     "stop_deceleration": (0.1, 40.0, 10.0),
     "unlock_timeout": (0.1, 15.0, 8.0),

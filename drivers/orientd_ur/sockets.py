@@ -12,17 +12,17 @@ DASHBOARD_PORT = 29999
 SCRIPT_PORT = 30003
 
 
-def send_at_once(host: str) -> int:
+def send_at_once(host: str) -> frozenset[int]:
     """Set ``TCP_NODELAY`` on every connection to the robot's RTDE and script ports.
 
     The library sets it and then connects in a way that opens the socket anew, which loses it: then
     a setpoint waits for the acknowledgement of the one before.
 
     Returns:
-        How many connections there are.
+        The local ports of these connections, by which they can be told from later ones.
     """
     addresses = {info[4][0] for info in socket.getaddrinfo(host, None, socket.AF_INET)}
-    found = 0
+    found: set[int] = set()
     for entry in os.listdir("/proc/self/fd"):  # noqa: PTH208 - names are all that is needed
         # What is no socket, or gone since it was listed, is none of ours.
         with contextlib.suppress(OSError):
@@ -32,5 +32,5 @@ def send_at_once(host: str) -> int:
                 peer = copy.getpeername() if copy.family == socket.AF_INET else ("", 0)
                 if peer[0] in addresses and peer[1] in (RTDE_PORT, SCRIPT_PORT):
                     copy.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                    found += 1
-    return found
+                    found.add(copy.getsockname()[1])
+    return frozenset(found)

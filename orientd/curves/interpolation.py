@@ -16,6 +16,7 @@ also makes the result the branch connected with small rotations, a choice a call
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,16 +25,56 @@ from orientd.curves.basis import Indices
 from orientd.errors import PlanError
 from orientd.rotation import Floats, conjugate, exp_half, log_half, multiply, right_jacobian, rotate
 
+_BLOCK = 1024
+"""Rows linearised at a time, so that intermediate results stay in the cache."""
+
 _CONTRACTION = 0.25
-"""A Newton correction must shrink at least so fast, or the continuation step is halved."""
+"""A Newton correction must shrink at least so fast, or the scale grows by less."""
 
-_LARGEST_GUESS_ERROR = 0.75
-"""The first Newton correction of a continuation step must not be longer, in rad of half angle."""
+_LARGEST_GUESS_ERROR = 0.4
+"""The first correction of predicted increments must not be longer, in rad of half angle."""
 
-_SMALLEST_STEP = 1e-4
-_ITERATIONS = 8
+_REACH = 10
+"""How many keyframes away a correction may be forgotten: it decays by 0.27 with each."""
+
+_LARGEST_SHARE_OF_ROWS = 0.2
+_POLISHINGS = 5
+_SMALLEST_GROWTH = 1e-5
 _ROUNDING = 1e-7
 """After a correction as small as this one the next, its square, is lost in rounding."""
+
+_ON_THE_WAY = 1e-2
+"""How small a correction has to be before the full scale is reached."""
+
+_DESCENT_ITERATIONS = 300
+_SMALLEST_SHARE = 1e-6
+
+
+@dataclass(frozen=True)
+class _Path:
+    """The last points of a continuation path, and its direction at the first."""
+
+    scales: list[float]
+    points: list[Floats]
+    tangent: Floats
+
+    def at(self, scale: float) -> Floats:
+        """Return the polynomial through the points, carried on to another scale, as a new array.
+
+        From the first point, where nothing turns yet, the path goes along the tangent.
+        """
+        if len(self.points) == 1:
+            return self.points[0] + (scale - self.scales[0]) * self.tangent
+        total = np.zeros_like(self.tangent)
+        for i, point in enumerate(self.points):
+            others = [other for j, other in enumerate(self.scales) if j != i]
+            weight = math.prod((scale - other) / (self.scales[i] - other) for other in others)
+            total += weight * point
+        return total
+
+    def extended(self, scale: float, point: Floats) -> _Path:
+        """Return the path with one more point, the oldest of four dropped."""
+        return _Path([*self.scales[-2:], scale], [*self.points[-2:], point], self.tangent)
 
 
 @dataclass(frozen=True)
@@ -76,96 +117,193 @@ class KeyframeEquations:
         """Return all increments, shape ``(N + settled by the end conditions, 3)``.
 
         Raises:
-            PlanError: the continuation cannot be carried to the full size of the steps.
+            PlanError: neither continuation nor the descent from the Euclidean spline arrives.
         """
-        unknown = np.zeros_like(self.steps)
-        reached, step = 0.0, 1.0
-        tangent = self._linear_solution()
-        while reached < 1.0:
-            target = min(1.0, reached + step)
-            found = self._newton(unknown + (target - reached) * tangent, target)
-            if found is None:
-                step *= 0.5
-                if step < _SMALLEST_STEP:
-                    raise PlanError(
-                        "no twice differentiable interpolant was found through the keyframes; "
-                        f"the search stopped at {100 * reached:.1f} % of the step sizes: add "
-                        "keyframes or lower the end velocities"
-                    )
-                continue
-            tangent = (found - unknown) / (target - reached)
-            unknown, reached, step = found, target, 2.0 * (target - reached)
-        return self._complete(unknown, 1.0)
+        found = self._continue()
+        if found is None:
+            found = self._descend()
+        if found is None:
+            raise PlanError(
+                "no twice differentiable interpolant was found through the keyframes: add "
+                "keyframes, lower the end velocities or make neighbouring intervals more alike"
+            )
+        return self._complete(found, 1.0)
 
-    def _newton(self, unknown: Floats, scale: float) -> Floats | None:
-        """Return the solution at a scale near *unknown*, or nothing if it is not near enough."""
-        targets = exp_half(scale * self.steps)
-        previous = _LARGEST_GUESS_ERROR / _CONTRACTION
-        for _ in range(_ITERATIONS):
-            correction = self._correction(self._complete(unknown, scale), targets)
-            size = float(np.max(np.abs(correction)))
-            if not size <= max(_CONTRACTION * previous, _ROUNDING):
-                return None
-            unknown = unknown + correction
-            if size <= _ROUNDING:
-                return unknown
-            previous = size
+    def _continue(self) -> Floats | None:
+        """Return the solution that is connected with small rotations, if there is a path to it."""
+        everything = np.arange(len(self.steps))
+        start = _Path([0.0], [np.zeros_like(self.steps)], self._linear_solution())
+        found = self._march(everything, start, 1.0, growth=1.0)
+        for _ in range(_POLISHINGS):
+            if found is None:
+                break
+            correction = self._correction(found, 1.0, everything)
+            found = found + correction
+            if np.max(np.abs(correction)) <= _ROUNDING:
+                return found
         return None
+
+    def _march(self, rows: Indices, path: _Path, target: float, growth: float) -> Floats | None:
+        """Return the increments with those of some rows carried on to a target scale.
+
+        The increments of the other rows follow the polynomial through the path so far.
+        """
+        while path.scales[-1] < target:
+            scale = min(target, path.scales[-1] + growth)
+            found = self._attempt(rows, path, scale)
+            if found is None:
+                growth *= 0.5
+                if growth < _SMALLEST_GROWTH:
+                    return None
+                continue
+            growth = 2.0 * (scale - path.scales[-1])
+            path = path.extended(scale, found)
+        return path.points[-1]
+
+    def _attempt(self, rows: Indices, path: _Path, scale: float) -> Floats | None:
+        """Return the increments at a scale, if Newton's method converges to them quickly.
+
+        Where a few rows are in the way, they are carried there in smaller steps by themselves: a
+        correction decays by 0.27 with each keyframe, so the others hardly take notice.
+        """
+        here = path.at(scale)
+        found, bad = self._newton(here, scale, rows)
+        if not len(bad):
+            return found
+        window = self._around(bad, rows)
+        if len(window) > _LARGEST_SHARE_OF_ROWS * len(rows):
+            return None
+        carried = self._march(window, path, scale, growth=0.5 * (scale - path.scales[-1]))
+        if carried is None:
+            return None
+        here[window] = carried[window]
+        found, bad = self._newton(here, scale, rows)
+        return None if len(bad) else found
+
+    def _newton(self, here: Floats, scale: float, rows: Indices) -> tuple[Floats, Indices]:
+        """Return improved increments, and the rows at which the corrections shrink too slowly."""
+        here = here.copy()
+        limit = _LARGEST_GUESS_ERROR
+        enough = _ROUNDING if scale == 1.0 else _ON_THE_WAY
+        while True:
+            correction = self._correction(here, scale, rows)
+            size = np.max(np.abs(correction), axis=1)
+            is_bad = ~(size <= limit)
+            if np.any(is_bad):
+                return here, rows[is_bad]
+            here[rows] += correction
+            is_moving = size > enough
+            limit = max(_CONTRACTION * float(np.max(size)), _ROUNDING)
+            if not np.any(is_moving):
+                return here, rows[:0]
+            rows = self._around(rows[is_moving], rows)
+
+    def _around(self, some: Indices, rows: Indices) -> Indices:
+        """Return those rows that are within reach of some of them."""
+        changes = np.zeros(len(self.steps) + 1, dtype=np.intp)
+        np.add.at(changes, np.maximum(some - _REACH, 0), 1)
+        np.add.at(changes, np.minimum(some + _REACH + 1, len(self.steps)), -1)
+        return rows[np.cumsum(changes)[rows] > 0]
+
+    def _descend(self) -> Floats | None:
+        """Return a solution near the Euclidean spline, by Newton's method with step control.
+
+        It serves where the continuation path folds back before it arrives: intervals of very
+        different lengths with large steps.  The solution is one of several then.
+        """
+        everything = np.arange(len(self.steps))
+        here = self._linear_solution()
+        error = self._error(here)
+        for _ in range(_DESCENT_ITERATIONS):
+            correction = self._correction(here, 1.0, everything)
+            share = 1.0
+            while True:
+                tried = here + share * correction
+                error_there = self._error(tried)
+                if error_there <= (1.0 - 0.1 * share) * error or error_there < _ROUNDING**2:
+                    break
+                share *= 0.5
+                if share < _SMALLEST_SHARE:
+                    return None
+            here, error = tried, error_there
+            if share == 1.0 and np.max(np.abs(correction)) <= _ROUNDING:
+                return here
+        return None
+
+    def _error(self, unknown: Floats) -> float:
+        """Return the sum of the squared half angles by which the keyframes are missed."""
+        factors = exp_half(self.share[..., None] * self._complete(unknown, 1.0)[self.index])
+        product = factors[:, 0]
+        for f in range(1, factors.shape[1]):
+            product = multiply(product, factors[:, f])
+        return float(np.sum(log_half(multiply(conjugate(exp_half(self.steps)), product)) ** 2))
 
     def _complete(self, unknown: Floats, scale: float) -> Floats:
         """Return all increments, the settled ones at both ends included."""
-        heads = (
-            scale * self.start.known if len(self.start.known) else self.start.ratio * unknown[:1]
-        )
-        tails = scale * self.end.known if len(self.end.known) else self.end.ratio * unknown[-1:]
-        return np.concatenate([heads, unknown, tails[::-1]])
+        heads, tails = self.start.ratio * unknown[:1], self.end.ratio * unknown[-1:]
+        if len(self.start.known):
+            heads = scale * self.start.known
+        if len(self.end.known):
+            tails = scale * self.end.known[::-1]
+        return np.concatenate([heads, unknown, tails])
 
-    def _correction(self, increments: Floats, targets: Floats) -> Floats:
-        r"""Return one Newton step.
+    def _correction(self, unknown: Floats, scale: float, rows: Indices) -> Floats:
+        r"""Return one Newton step of some rows, the other unknowns staying as they are.
 
         With :math:`P` the product of a row and :math:`e = \log(E^{-1} P)` its error, the row says
         :math:`\sum_f c_f R(S_f)^T J_r(2 c_f w_f)\, \delta w_f = -e`, where :math:`S_f` is the
         product of the factors after *f*: the right Jacobian leaves a multiple of its own axis
         as it is, so it need not be applied to *e*.
         """
-        turns = self.share[..., None] * increments[self.index]
-        factors = exp_half(turns)
-        jacobians = self.share[..., None, None] * right_jacobian(2.0 * turns)
-        count, width = self.index.shape
-        blocks: Floats = np.zeros((count, 3, 3, 3))
-        after = np.zeros((count, 4))
-        after[:, 0] = 1.0
-        for f in reversed(range(width)):
-            turned = rotate(conjugate(after)[:, None], np.swapaxes(jacobians[:, f], 1, 2))
-            self._add(blocks, self.index[:, f], np.swapaxes(turned, 1, 2))
-            after = multiply(factors[:, f], after)
-        error = log_half(multiply(conjugate(targets), after))
+        increments = self._complete(unknown, scale)
+        blocks: Floats = np.zeros((len(rows), 3, 3, 3))
+        error: Floats = np.empty((len(rows), 3))
+        for begin in range(0, len(rows), _BLOCK):
+            part = slice(begin, begin + _BLOCK)
+            self._linearise(rows[part], increments, scale, blocks[part], error[part])
+        is_apart = np.diff(rows) > 1
+        blocks[1:, 0][is_apart] = 0.0
+        blocks[:-1, 2][is_apart] = 0.0
         return _solve_block_tridiagonal(blocks, -error)
 
-    def _add(self, blocks: Floats, index: Indices, derivative: Floats) -> None:
-        """Add a factor's derivative to the block of the unknown it depends on, if any."""
-        count = len(blocks)
-        rows = np.arange(count)
+    def _linearise(
+        self, rows: Indices, increments: Floats, scale: float, blocks: Floats, error: Floats
+    ) -> None:
+        """Write the errors of some rows and their derivatives by the unknowns around each."""
+        index, share = self.index[rows], self.share[rows]
+        turns = share[..., None] * increments[index]
+        factors = exp_half(turns)
+        jacobians = share[..., None, None] * right_jacobian(2.0 * turns)
+        after = np.zeros((len(index), 4))
+        after[:, 0] = 1.0
+        for f in reversed(range(index.shape[1])):
+            turned = rotate(conjugate(after)[:, None], np.swapaxes(jacobians[:, f], 1, 2))
+            self._add(blocks, rows, index[:, f], np.swapaxes(turned, 1, 2))
+            after = multiply(factors[:, f], after)
+        targets = exp_half(scale * self.steps[rows])
+        error[:] = log_half(multiply(conjugate(targets), after))
+
+    def _add(self, blocks: Floats, rows: Indices, index: Indices, derivative: Floats) -> None:
+        """Add the derivatives of a factor to the blocks of the unknowns it depends on, if any."""
+        last = len(self.steps) - 1
         unknown = index - self.start.count
-        if not len(self.start.known):
-            derivative = np.where(
-                (unknown == -1)[:, None, None], self.start.ratio * derivative, derivative
-            )
-            unknown = np.where(unknown == -1, 0, unknown)
-        if not len(self.end.known):
-            derivative = np.where(
-                (unknown == count)[:, None, None], self.end.ratio * derivative, derivative
-            )
-            unknown = np.where(unknown == count, count - 1, unknown)
-        is_free = (unknown >= 0) & (unknown < count)
-        blocks[rows[is_free], (unknown - rows)[is_free] + 1] += derivative[is_free]
+        for end, outside, inside in ((self.start, -1, 0), (self.end, last + 1, last)):
+            if not len(end.known):
+                is_outside = unknown == outside
+                factor = np.where(is_outside, end.ratio, 1.0)
+                derivative = factor[:, None, None] * derivative
+                unknown = np.where(is_outside, inside, unknown)
+        is_free = np.flatnonzero((unknown >= 0) & (unknown <= last))
+        blocks[is_free, unknown[is_free] - rows[is_free] + 1] += derivative[is_free]
 
     def _linear_solution(self) -> Floats:
         """Return the increments of the spline in Euclidean space with the same steps."""
         count = len(self.steps)
         blocks: Floats = np.zeros((count, 3, 3, 3))
         for f in range(self.index.shape[1]):
-            self._add(blocks, self.index[:, f], self.share[:, f, None, None] * np.eye(3))
+            self._add(
+                blocks, np.arange(count), self.index[:, f], self.share[:, f, None, None] * np.eye(3)
+            )
         settled = self._complete(np.zeros_like(self.steps), 1.0)
         rest = self.steps - np.sum(self.share[..., None] * settled[self.index], axis=1)
         return _solve_block_tridiagonal(blocks, rest)

@@ -153,7 +153,7 @@ def check_chords(q: Floats) -> Floats:
     Raises:
         ValueError: two neighbours are the same, or opposite points of the sphere.
     """
-    chords = np.sqrt(np.sum((q[1:] - q[:-1]) ** 2, axis=-1))
+    chords: Floats = np.sqrt(np.sum((q[1:] - q[:-1]) ** 2, axis=-1))
     for is_bad, said in ((chords < 1e-14, "the same"), (chords > 2.0 - 1e-14, "opposite")):
         if np.any(is_bad):
             place = int(np.argmax(is_bad))

@@ -8,20 +8,20 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor, wait
 from typing import Any
 
 from orientd import motion_file, planner
 from orientd.clock import Clock, MonotonicClock
-from orientd.config import DeviceSettings, Settings
-from orientd.daemon.device import Device, DeviceEvent, EventKind
+from orientd.config import Settings
+from orientd.daemon.device import Device
 from orientd.daemon.lease import Lease, LeaseDesk
+from orientd.daemon.runs import Run, Runs
 from orientd.errors import (
     DaemonError,
-    OrientdError,
     RequestError,
     StartError,
     StateError,
@@ -40,27 +40,11 @@ KEPT_PLANS = 4
 START_TOLERANCE = 1e-6
 """How far from where the device is commanded to be a kept plan may begin, rad and m."""
 
+_READY_STEP = 0.1
+
+_READY_STEP = 0.1
+
 MakeDevice = Callable[..., Device]
-Ended = tuple[Outcome, str]
-
-
-@dataclass(eq=False)
-class Run:
-    """One motion of one device, from its start to its end.
-
-    Attributes:
-        device: what runs it.
-        number: of the motion, 1 for the first of the device.
-        motion: what is run.
-        token: the lease that it was started with.
-        ended: how it ended and why, once it has.
-    """
-
-    device: Device
-    number: int
-    motion: Motion
-    token: str
-    ended: Future[Ended] = field(default_factory=Future)
 
 
 class Cell:
@@ -87,18 +71,12 @@ class Cell:
             seconds=settings.daemon.lease_seconds, clock=clock or MonotonicClock()
         )
         self._lock = threading.Lock()
-        self._runs: dict[str, Run] = {}
-        self._ends: dict[str, tuple[int, Ended]] = {}
-        self._stops: dict[str, int] = {}
-        self._reasons: dict[str, str] = {}
         self._plans: OrderedDict[str, tuple[str, Motion]] = OrderedDict()
         self._is_closing = False
-        self.devices: Mapping[str, Device] = {
-            name: self._make(make_device, device) for name, device in settings.devices.items()
-        }
-
-    def _make(self, make_device: MakeDevice, settings: DeviceSettings) -> Device:
-        return make_device(settings, on_event=self._hear)
+        self.devices: dict[str, Device] = {}
+        self.runs = Runs(self.devices)
+        for name, device in settings.devices.items():
+            self.devices[name] = make_device(device, on_event=self.runs.hear)
 
     # Life
 
@@ -107,30 +85,38 @@ class Cell:
         for device in self.devices.values():
             device.launch()
 
-    def wait_ready(self, timeout: float) -> list[str]:
-        """Wait until every device is ready or has failed; return what is wrong, if anything."""
-        with ThreadPoolExecutor(len(self.devices)) as pool:
-            answers = pool.map(lambda device: device.wait_ready(timeout), self.devices.values())
-            are_ready = dict(zip(self.devices.values(), answers, strict=True))
-        return [
-            f"device {device.name}: {device.failure or f'not ready after {timeout:g} s'}"
-            for device, is_ready in are_ready.items()
-            if not is_ready
-        ]
+    def wait_ready(
+        self, timeout: float, *, is_cancelled: Callable[[], bool] = lambda: False
+    ) -> list[str]:
+        """Wait until every device is ready or has failed; return what is wrong, if anything.
+
+        Args:
+            timeout: for how long at the most, s.
+            is_cancelled: whether nobody wants to know any more.
+        """
+        deadline = time.monotonic() + timeout
+        problems = []
+        for device in self.devices.values():
+            while not (is_ready := device.wait_ready(_READY_STEP)):
+                if device.failure or time.monotonic() > deadline or is_cancelled():
+                    break
+            if not is_ready:
+                reason = device.failure or f"not ready after {timeout:g} s"
+                problems.append(f"device {device.name}: {reason}")
+        return problems
 
     def shutdown(self, reason: str) -> None:
         """Stop every device on its path, let the motions end, and release everything."""
         with self._lock:
             self._is_closing = True
-        self._halt(self.devices.values(), reason)
-        with self._lock:
-            runs = [run for run in self._runs.values() if not run.ended.done()]
-        for run in runs:
+        self.runs.halt(self.devices.values(), reason)
+        unfinished = self.runs.unfinished()
+        for run in unfinished:
             wait([run.ended], timeout=run.motion.certificate.stop_time + 1.0)
         with ThreadPoolExecutor(len(self.devices)) as pool:
             list(pool.map(lambda device: device.shutdown(), self.devices.values()))
-        for run in runs:
-            self._conclude(run, (Outcome.STOPPED, reason))
+        for run in unfinished:
+            self.runs.conclude(run, (Outcome.STOPPED, reason))
 
     # The lease
 
@@ -167,13 +153,8 @@ class Cell:
             self._disown(lease, "has expired")
 
     def _disown(self, lease: Lease, what: str) -> None:
-        with self._lock:
-            owned = [
-                run.device
-                for run in self._runs.values()
-                if run.token == lease.token and not run.ended.done()
-            ]
-        self._halt(owned, f"the lease of {lease.holder!r} {what}")
+        owned = [run.device for run in self.runs.unfinished(lease.token)]
+        self.runs.halt(owned, f"the lease of {lease.holder!r} {what}")
 
     # Motions
 
@@ -235,11 +216,6 @@ class Cell:
             )
         return motion
 
-    def stops(self, device: Device) -> int:
-        """Return how often *device* was told to stop, to give to :meth:`start` later on."""
-        with self._lock:
-            return self._stops.get(device.name, 0)
-
     def start(self, token: str, device: Device, motion: Motion, *, stops: int) -> Run:
         """Begin to run *motion*.
 
@@ -247,36 +223,22 @@ class Cell:
             token: the lease.
             device: what is to move.
             motion: planned for it.
-            stops: what :meth:`stops` returned before the motion was planned: whoever stopped the
-                device since then stopped this motion too.
+            stops: what :meth:`Runs.stops` returned before the motion was planned.
 
         Raises:
             LeaseError: *token* is not that of the lease.
             StateError: the device is not at rest, ready to move, or was stopped meanwhile.
             StartError: the motion does not begin where the device is commanded to be.
         """
-        lease = self.desk.check(token)
+        lease = self._check(token)
         self._check_start(device, motion)
-        with self._lock:
-            if self._is_closing:
-                raise DaemonError("the daemon is going down")
-            if self._stops.get(device.name, 0) != stops:
-                reason = self._reasons.get(device.name, "stopped")
-                raise StateError(f"device {device.name!r} was stopped before it began: {reason}")
-            self._reasons.pop(device.name, None)
-        number = device.start(motion)
-        run = Run(device, number, motion, token)
-        with self._lock:
-            self._runs[device.name] = run
-            ended = self._ends.get(device.name, (0, None))
-            is_stopped = self._stops.get(device.name, 0) != stops
-        owner = self.desk.current()
-        if ended[0] == number and ended[1] is not None:
-            self._conclude(run, ended[1])
-        elif is_stopped or owner is None or owner.token != token:
-            # Told to stop, or disowned, between the checks above and the start.
-            device.stop()
-        _log.info("%s: motion %d is commanded by %r", device.name, number, lease.holder)
+
+        def is_owned() -> bool:
+            held = self.desk.current()
+            return held is not None and held.token == token
+
+        run = self.runs.begin(device, motion, token=token, stops=stops, is_owned=is_owned)
+        _log.info("%s: motion %d is commanded by %r", device.name, run.number, lease.holder)
         return run
 
     def _check_start(self, device: Device, motion: Motion) -> None:
@@ -297,7 +259,7 @@ class Cell:
     def abandon(self, run: Run, reason: str) -> None:
         """Stop *run* on its path, unless it has ended."""
         if not run.ended.done():
-            self._halt([run.device], reason)
+            self.runs.halt([run.device], reason)
 
     # Commands
 
@@ -310,7 +272,7 @@ class Cell:
         """
         devices = [self.device(name)] if name else list(self.devices.values())
         caller = " ".join(caller.split())[:200] or "somebody"
-        failures = self._halt(devices, f"stopped by {caller}")
+        failures = self.runs.halt(devices, f"stopped by {caller}")
         if failures:
             raise failures[0]
         return devices
@@ -331,62 +293,40 @@ class Cell:
             DaemonError: the servo does not answer.
         """
         device = self.device(name)
-        lease = self.desk.check(token)
-        with self._lock:
-            if self._is_closing:
-                raise DaemonError("the daemon is going down")
+        lease = self._check(token)
         act(device)
         _log.info("%s: %s by %r", device.name, what, lease.holder)
         return device
 
-    def _halt(self, devices: Iterable[Device], reason: str) -> list[OrientdError]:
-        """Stop *devices*, all of them even where one fails, and return the failures."""
-        failures: list[OrientdError] = []
-        for device in devices:
-            with self._lock:
-                self._stops[device.name] = self._stops.get(device.name, 0) + 1
-                self._reasons[device.name] = reason
-            _log.info("%s: stop: %s", device.name, reason)
-            try:
-                device.stop()
-            except OrientdError as error:
-                _log.warning("%s: stop failed: %s", device.name, error)
-                failures.append(error)
-        return failures
-
-    # Events
-
-    def _hear(self, event: DeviceEvent) -> None:
-        """Note what a device reports; called from the device's own thread, or within its start."""
-        level = logging.INFO
-        if event.kind in (EventKind.FAULT, EventKind.SERVO_DIED):
-            level = logging.ERROR
-        number = f" {event.motion_number}" if event.motion_number else ""
-        about = f"{event.kind.value}{number}"
-        if event.kind is EventKind.MOTION_DONE:
-            self._end(event, (Outcome.DONE, ""))
-        elif event.kind is EventKind.MOTION_STOPPED:
-            ended = self._why(event)
-            self._end(event, ended)
-            _log.log(level, "%s: %s: %s", event.device, about, ended[1])
-            return
-        _log.log(level, "%s: %s%s", event.device, about, f": {event.text}" if event.text else "")
-
-    def _why(self, event: DeviceEvent) -> Ended:
-        snapshot = self.devices[event.device].snapshot()
-        if snapshot.state is State.FAULT:
-            return Outcome.FAULT, snapshot.fault_text or event.text
+    def _check(self, token: str) -> Lease:
+        lease = self.desk.check(token)
         with self._lock:
-            return Outcome.STOPPED, self._reasons.get(event.device, event.text)
+            if self._is_closing:
+                raise DaemonError("the daemon is going down")
+        return lease
 
-    def _end(self, event: DeviceEvent, ended: Ended) -> None:
-        with self._lock:
-            self._ends[event.device] = (event.motion_number, ended)
-            run = self._runs.get(event.device)
-        if run is not None and run.number == event.motion_number:
-            self._conclude(run, ended)
 
-    def _conclude(self, run: Run, ended: Ended) -> None:
-        with self._lock:
-            if not run.ended.done():
-                run.ended.set_result(ended)
+def pause(device: Device) -> None:
+    """Pause the motion that *device* runs.
+
+    Raises:
+        StateError: it runs none.
+    """
+    _check_moving(device, "pause")
+    device.pause()
+
+
+def resume(device: Device) -> None:
+    """Go on with the motion that *device* has paused.
+
+    Raises:
+        StateError: it has none.
+    """
+    _check_moving(device, "resume")
+    device.resume()
+
+
+def _check_moving(device: Device, what: str) -> None:
+    state = device.snapshot().state
+    if state is not State.STREAMING:
+        raise StateError(f"device {device.name} is {state.name.lower()}: no motion to {what}")

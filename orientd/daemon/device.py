@@ -38,6 +38,9 @@ _READ_AHEAD = 8.0
 _EXAMINED_EVERY = 0.008
 """How far apart in path time the poses are that a driver looks at, s."""
 
+_ENDING = 0.3
+"""How long a servo may take to end that has lost its device, s."""
+
 _METER_BLOCK = 256
 
 
@@ -368,8 +371,11 @@ class Device:
                 link.ask(Command.ENABLE)
         except DaemonError:
             # A servo whose device is lost may be on its way out when it is asked.
-            if link.is_alive:
-                raise
+            end = time.monotonic() + _ENDING
+            while link.is_alive:
+                if time.monotonic() > end:
+                    raise
+                time.sleep(0.005)
             return False
         return True
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from orientd.curves import METHODS
-from orientd.daemon.cell import Run
 from orientd.daemon.device import Device
 from orientd.daemon.meter import Lateness, MotionStatistics
+from orientd.daemon.runs import Run
 from orientd.planner import Motion
 from orientd.rpc.reports import (
     DeviceReport,

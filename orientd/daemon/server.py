@@ -126,13 +126,11 @@ class _Daemon:
 
     async def _announce(self, on_ready: Callable[[DaemonReport, list[str]], None]) -> None:
         """Say that the daemon is ready once its devices are, or have failed to be."""
-        waiting = asyncio.create_task(asyncio.to_thread(self._cell.wait_ready, READY_TIMEOUT))
-        stopping = asyncio.create_task(self._stopping.wait())
-        await asyncio.wait({waiting, stopping}, return_when=asyncio.FIRST_COMPLETED)
-        stopping.cancel()
+        problems = await asyncio.to_thread(
+            self._cell.wait_ready, READY_TIMEOUT, is_cancelled=self._stopping.is_set
+        )
         if self._stopping.is_set():
             return
-        problems = waiting.result()
         for problem in problems:
             _log.error("%s", problem)
         on_ready(self.describe(), problems)

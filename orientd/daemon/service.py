@@ -14,9 +14,10 @@ from typing import Any, NoReturn, Protocol, TypeVar
 import grpc
 
 from orientd.daemon import report
-from orientd.daemon.cell import Cell, Run
+from orientd.daemon.cell import Cell, pause, resume
 from orientd.daemon.device import Device
 from orientd.daemon.lease import Lease
+from orientd.daemon.runs import Run
 from orientd.errors import OrientdError, RequestError
 from orientd.planner import Motion
 from orientd.rpc import control_pb2 as pb
@@ -180,7 +181,7 @@ class ControlService(ControlServicer):
             interval = _interval("progress_rate_hz", request.progress_rate_hz)
             device = self._cell.device(request.device)
             self._cell.desk.check(request.lease_token)
-            stops = self._cell.stops(device)
+            stops = self._cell.runs.stops(device)
             motion = await self._in(self._planners, lambda: self._motion(device, request))
             run = await self._start(request.lease_token, device, motion, stops)
             yield pb.MoveResponse(
@@ -237,12 +238,12 @@ class ControlService(ControlServicer):
 
     async def Pause(self, request: pb.PauseRequest, context: Context) -> pb.PauseResponse:
         """Pause a motion."""
-        device = await self._command(context, request, "pause", lambda device: device.pause())
+        device = await self._command(context, request, "pause", pause)
         return pb.PauseResponse(device=device)
 
     async def Resume(self, request: pb.ResumeRequest, context: Context) -> pb.ResumeResponse:
         """Go on with a paused motion."""
-        device = await self._command(context, request, "resume", lambda device: device.resume())
+        device = await self._command(context, request, "resume", resume)
         return pb.ResumeResponse(device=device)
 
     async def SetSpeed(self, request: pb.SetSpeedRequest, context: Context) -> pb.SetSpeedResponse:

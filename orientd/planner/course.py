@@ -54,30 +54,45 @@ class Core:
             self.times * factor,
         )
 
-    def peaks(self, period: float, limits: Limits) -> Peaks:
-        """Return the largest backward differences of the core alone.
+    def record_count(self, period: float) -> int:
+        """Return how many records a period apart it has."""
+        return round(self.duration / period) + 1
+
+    def peaks(
+        self, period: float, limits: Limits, first: int = 0, last: int | None = None
+    ) -> Peaks:
+        """Return the largest backward differences of the core alone, or of a part of it.
 
         Where it begins or ends at rest the device is held before or after; elsewhere a lead, which
         has limits of its own, goes on with the same acceleration.
-        """
-        count = round(self.duration / period) + 1
 
-        def setpoints(first: int, size: int) -> tuple[Floats, Floats]:
-            times = np.minimum(period * np.arange(first, first + size, dtype=float), self.duration)
+        Args:
+            period: time between the records, s.
+            limits: what the peaks are held against.
+            first: the first record to look at.
+            last: the last one; ``None`` is the end of the core.
+        """
+        final = self.record_count(period) - 1
+        last = final if last is None else last
+
+        def setpoints(begin: int, size: int) -> tuple[Floats, Floats]:
+            indices = np.arange(first + begin, first + begin + size, dtype=np.float64)
+            times = np.minimum(period * indices, self.duration)
             return self.stretch.sample(times)[0], self.positions.sample(times)[0]
 
         start, end = self.stretch.ends()
         before = None
-        if is_still(start.omega_body, start.alpha_body, limits):
+        if first == 0 and is_still(start.omega_body, start.alpha_body, limits):
             q, p = setpoints(0, 1)
             before = np.repeat(q, HISTORY, axis=0), np.repeat(p, HISTORY, axis=0)
+        holds_after = last == final and is_still(end.omega_body, end.alpha_body, limits)
         return measure(
             setpoints,
-            count,
+            last - first + 1,
             period,
             limits,
             before=before,
-            holds_after=is_still(end.omega_body, end.alpha_body, limits),
+            holds_after=holds_after,
         )
 
 

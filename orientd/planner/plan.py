@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orientd.errors import PlanError, StartError
+from orientd.errors import LimitError, PlanError, StartError
 from orientd.planner import refusal
 from orientd.planner.certificate import HISTORY, Certificate, Peaks, Rough, measure
 from orientd.planner.course import Core, Course
@@ -17,10 +17,11 @@ from orientd.planner.limits import GUARD_TOLERANCE, Limits
 from orientd.planner.methods import Ends, Method, check_method
 from orientd.planner.motion import Motion
 from orientd.planner.request import MotionRequest, State
-from orientd.planner.timing import LONGEST, Indices, chord_knots, excess, shortest
+from orientd.planner.survey import Survey
+from orientd.planner.timing import LONGEST, Indices, chord_knots, shortest
 from orientd.rotation import Floats, angle, exp, multiply
 
-_LEAD_STEP = 1.02  # how much longer to try when the core is fine but its leads are not
+_LEAD_STEP = 1.02  # how much longer to try where there is no core, or no lead for it
 _END_SLACK = 1e-9  # of a period
 
 
@@ -57,8 +58,14 @@ def plan(
     if not (math.isfinite(period) and period > 0.0):
         raise ValueError(f"period must be positive, got {period} s")
     job = _Job.of(request, start, limits.narrowed(request.limits), period)
-    draft = job.as_timed() if request.times is not None else job.as_quick_as_possible()
-    return job.certified(draft, motion_id or uuid.uuid4().hex[:12])
+    name = motion_id or uuid.uuid4().hex[:12]
+    if request.times is not None:
+        return job.certified(job.as_timed(), name)
+    try:
+        return job.certified(job.as_quick_as_possible(everywhere=False), name)
+    except LimitError:
+        # A peak where none was expected: look at every record then.
+        return job.certified(job.as_quick_as_possible(everywhere=True), name)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,23 +120,29 @@ class _Job:
         refusal.check_duration(duration)
         return self._with_leads(self._course(times, np.arange(len(times))).core(duration))
 
-    def as_quick_as_possible(self) -> Draft:
-        """Return the path with the shortest times that keep the limits, in whole periods."""
+    def as_quick_as_possible(self, *, everywhere: bool) -> Draft:
+        """Return the path with the shortest times that keep the limits, in whole periods.
+
+        Args:
+            everywhere: whether to look at every record at every attempt.
+        """
         period, reserved = self.period, self.limits.with_reserve()
         refusal.check_continuity(self.request)
         is_uniform = not self.method.is_interpolating
         knots = chord_knots(self.request, self.limits, is_uniform=is_uniform)
         course = self._course(knots.times, knots.kept)
-        first = max(2, math.ceil(knots.first_guess(reserved) / period))
-        # The same curve at another rate need not be made again.
-        shape = course.core(first * period) if course.has_one_shape else None
+        shape = course.core(max(knots.first_guess(reserved), 2.0 * period))
+        survey = Survey.of(shape, reserved, period)
+        first = math.ceil(shape.duration * survey.factor / period)
         drafts: dict[int, Draft] = {}
         refusals: list[PlanError] = []
 
         def attempt(cycles: int) -> float:
+            duration = cycles * period
             try:
-                core = shape.slowed(cycles * period) if shape else course.core(cycles * period)
-                factor = excess(core.peaks(period, reserved), core.continuity)
+                # The same curve at another rate need not be made again.
+                core = shape.slowed(duration) if course.has_one_shape else course.core(duration)
+                factor = survey.look(core, reserved, period, everywhere=everywhere)
                 if factor <= 1.0:
                     drafts[cycles] = self._with_leads(core)
             except StartError:

@@ -28,8 +28,9 @@ LONGEST = 86_400.0
 _SAME = 1e-9  # rad and m; keyframes nearer than this are one
 _PRECISION = 1e-3
 _MOST_ATTEMPTS = 60
-_MOST_FAILURES = 14  # attempts until the first that keeps the limits
-_MOST_PREDICTIONS = 6  # attempts that trust the laws of scaling; then bisection
+_PATIENCE = 4  # attempts that trust the prediction before any has kept the limits
+_MOST_FAILURES = 16  # attempts until the first that keeps the limits
+_MOST_PREDICTIONS = 8  # attempts that trust the prediction; then bisection
 _LONGEST_STEP = 1e4
 
 
@@ -136,7 +137,8 @@ def shortest(attempt: Callable[[int], float], first: int, most: int) -> int | No
         found.
     """
     low, high = 0, most + 1
-    cycles, growth = min(max(first, 1), most), 1.01
+    cycles, growth = min(max(first, 1), most), 1.02
+    before: tuple[float, float] | None = None
     for count in range(_MOST_ATTEMPTS):
         factor = attempt(cycles)
         if factor <= 1.0:
@@ -147,14 +149,28 @@ def shortest(attempt: Callable[[int], float], first: int, most: int) -> int | No
             low = cycles
         if high - low <= max(1.0, _PRECISION * high):
             break
-        guess = cycles * min(factor, _LONGEST_STEP) * (1.0 + 0.1 * _PRECISION)
+        here = math.log(cycles), math.log(min(max(factor, 1e-9), _LONGEST_STEP))
+        guess = math.exp(_secant(before, here))
+        before = here
         if high > most:
             if count >= _MOST_FAILURES:
                 break
-            # Nothing has worked yet: no ever smaller steps.
-            guess = max(guess, cycles * growth)
-            growth = min(growth**2, 2.0)
+            if count >= _PATIENCE:
+                # Nothing has worked yet: no ever smaller steps.
+                guess, growth = max(guess, cycles * growth), min(growth**2, 2.0)
         elif count >= _MOST_PREDICTIONS or not low < guess < high:
             guess = math.sqrt(low * high) if low else 0.5 * high
         cycles = min(max(math.ceil(guess), low + 1), high - 1)
     return high if high <= most else None
+
+
+def _secant(before: tuple[float, float] | None, here: tuple[float, float]) -> float:
+    """Return the logarithm of the duration where the factor should be just below 1.
+
+    Where the ends are at rest the factor is inversely proportional to the duration; otherwise it
+    falls more slowly, as the last two attempts show.
+    """
+    slope = -1.0
+    if before is not None and abs(here[0] - before[0]) > 1e-9:
+        slope = (here[1] - before[1]) / (here[0] - before[0])
+    return here[0] - (here[1] + 0.5 * _PRECISION) / min(max(slope, -1.5), -0.3)

@@ -16,7 +16,7 @@ from typing import Any, Self, TypeVar
 
 import grpc
 
-from orientd.errors import OrientdError
+from orientd.errors import LeaseError, OrientdError
 from orientd.planner import MotionRequest
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.address import MAX_MESSAGE_BYTES, default_socket, target
@@ -77,19 +77,18 @@ class Robot:
     ``device`` may be left out wherever the daemon has one device only.
     """
 
-    def __init__(self, socket: Path, *, holder: str, timeout: float, lease_token: str = "") -> None:
+    def __init__(self, socket: Path, *, holder: str, timeout: float) -> None:
         """Prepare to talk to the daemon at *socket*; see :func:`connect`.
 
         Args:
             socket: where the daemon listens.
             holder: what others are told.
             timeout: how long an answer may take, s.
-            lease_token: of a lease that somebody else keeps, to command under.
         """
         self.socket = socket
         self.holder = holder
         self._timeout = timeout
-        self._borrowed = lease_token
+        self._borrowed = ""
         self._channel = grpc.insecure_channel(target(socket), options=_OPTIONS)
         self._stub: Any = ControlStub(self._channel)  # type: ignore[no-untyped-call] # generated
         self._moves: list[MoveHandle] = []
@@ -177,7 +176,9 @@ class Robot:
         sample_rate_hz: float = 0.0,
         **wishes: Any,  # noqa: ANN401 - see motion_request
     ) -> Plan:
-        """Plan a motion from where the device is commanded to be, without running it.
+        """Plan a motion without running it.
+
+        It begins where the device is commanded to be, or will be once its present motion has ended.
 
         Args:
             keyframes: see :func:`motion_request`, or a whole request.
@@ -285,6 +286,19 @@ class Robot:
             LeaseError: somebody else holds it.
         """
         self._token()
+
+    def borrow_lease(self, token: str) -> bool:
+        """Command under a lease that somebody else keeps; return whether it is the present one.
+
+        Args:
+            token: from :attr:`lease_token` of whoever keeps it.
+        """
+        try:
+            self._renew(token)
+        except LeaseError:
+            return False
+        self._borrowed = token
+        return True
 
     def release_lease(self) -> None:
         """Give the lease back now, rather than at the end; what still runs is stopped."""

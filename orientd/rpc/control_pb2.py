@@ -4,15 +4,18 @@
 # source: orientd/rpc/control.proto
 # Protobuf Python Version: 6.31.1
 """Generated protocol buffer code."""
-
 from google.protobuf import descriptor as _descriptor
 from google.protobuf import descriptor_pool as _descriptor_pool
 from google.protobuf import runtime_version as _runtime_version
 from google.protobuf import symbol_database as _symbol_database
 from google.protobuf.internal import builder as _builder
-
 _runtime_version.ValidateProtobufRuntimeVersion(
-    _runtime_version.Domain.PUBLIC, 6, 31, 1, "", "orientd/rpc/control.proto"
+    _runtime_version.Domain.PUBLIC,
+    6,
+    31,
+    1,
+    '',
+    'orientd/rpc/control.proto'
 )
 # @@protoc_insertion_point(imports)
 
@@ -22,133 +25,131 @@ _sym_db = _symbol_database.Default()
 from google.protobuf import struct_pb2 as google_dot_protobuf_dot_struct__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(
-    b'\n\x19orientd/rpc/control.proto\x12\norientd.v1\x1a\x1cgoogle/protobuf/struct.proto"*\n\x07Vector3\x12\t\n\x01x\x18\x01 \x01(\x01\x12\t\n\x01y\x18\x02 \x01(\x01\x12\t\n\x01z\x18\x03 \x01(\x01"8\n\nQuaternion\x12\t\n\x01w\x18\x01 \x01(\x01\x12\t\n\x01x\x18\x02 \x01(\x01\x12\t\n\x01y\x18\x03 \x01(\x01\x12\t\n\x01z\x18\x04 \x01(\x01",\n\x0b\x45ulerAngles\x12\x0c\n\x04\x61xes\x18\x01 \x01(\t\x12\x0f\n\x07\x64\x65grees\x18\x02 \x03(\x01"\x1a\n\x06Matrix\x12\x10\n\x08\x65lements\x18\x01 \x03(\x01"\xe0\x01\n\x06Limits\x12\x15\n\x08velocity\x18\x01 \x01(\x01H\x00\x88\x01\x01\x12\x19\n\x0c\x61\x63\x63\x65leration\x18\x02 \x01(\x01H\x01\x88\x01\x01\x12\x11\n\x04jerk\x18\x03 \x01(\x01H\x02\x88\x01\x01\x12\x1c\n\x0flinear_velocity\x18\x04 \x01(\x01H\x03\x88\x01\x01\x12 \n\x13linear_acceleration\x18\x05 \x01(\x01H\x04\x88\x01\x01\x42\x0b\n\t_velocityB\x0f\n\r_accelerationB\x07\n\x05_jerkB\x12\n\x10_linear_velocityB\x16\n\x14_linear_acceleration"\xa8\x02\n\x08Keyframe\x12\x11\n\x04time\x18\x01 \x01(\x01H\x01\x88\x01\x01\x12,\n\nquaternion\x18\x02 \x01(\x0b\x32\x16.orientd.v1.QuaternionH\x00\x12.\n\x0frotation_vector\x18\x03 \x01(\x0b\x32\x13.orientd.v1.Vector3H\x00\x12(\n\x05\x65uler\x18\x04 \x01(\x0b\x32\x17.orientd.v1.EulerAnglesH\x00\x12$\n\x06matrix\x18\x05 \x01(\x0b\x32\x12.orientd.v1.MatrixH\x00\x12%\n\x08position\x18\x06 \x01(\x0b\x32\x13.orientd.v1.Vector3\x12\x12\n\x05turns\x18\x07 \x01(\x11H\x02\x88\x01\x01\x42\r\n\x0borientationB\x07\n\x05_timeB\x08\n\x06_turns"\xbd\x02\n\rMotionRequest\x12\x0e\n\x06method\x18\x01 \x01(\t\x12\'\n\tkeyframes\x18\x02 \x03(\x0b\x32\x14.orientd.v1.Keyframe\x12)\n\x0evelocity_frame\x18\x03 \x01(\x0e\x32\x11.orientd.v1.Frame\x12+\n\x0estart_velocity\x18\x04 \x01(\x0b\x32\x13.orientd.v1.Vector3\x12)\n\x0c\x65nd_velocity\x18\x05 \x01(\x0b\x32\x13.orientd.v1.Vector3\x12\x15\n\x08\x61pproach\x18\x06 \x01(\x08H\x00\x88\x01\x01\x12"\n\x06limits\x18\x07 \x01(\x0b\x32\x12.orientd.v1.Limits\x12(\n\x07options\x18\x08 \x01(\x0b\x32\x17.google.protobuf.StructB\x0b\n\t_approach"2\n\x04Peak\x12\r\n\x05value\x18\x01 \x01(\x01\x12\x0c\n\x04time\x18\x02 \x01(\x01\x12\r\n\x05limit\x18\x03 \x01(\x01"\x92\x03\n\x0b\x43\x65rtificate\x12\x0f\n\x07rate_hz\x18\x01 \x01(\x01\x12\x10\n\x08\x64uration\x18\x02 \x01(\x01\x12\x0f\n\x07lead_in\x18\x03 \x01(\x01\x12\x10\n\x08lead_out\x18\x04 \x01(\x01\x12"\n\x08velocity\x18\x05 \x01(\x0b\x32\x10.orientd.v1.Peak\x12&\n\x0c\x61\x63\x63\x65leration\x18\x06 \x01(\x0b\x32\x10.orientd.v1.Peak\x12\x1e\n\x04jerk\x18\x07 \x01(\x0b\x32\x10.orientd.v1.Peak\x12)\n\x0flinear_velocity\x18\x08 \x01(\x0b\x32\x10.orientd.v1.Peak\x12-\n\x13linear_acceleration\x18\t \x01(\x0b\x32\x10.orientd.v1.Peak\x12\x1c\n\x14start_velocity_error\x18\n \x01(\x01\x12\x1a\n\x12\x65nd_velocity_error\x18\x0b \x01(\x01\x12\x16\n\x0ekeyframe_error\x18\x0c \x01(\x01\x12\x12\n\nbrake_rate\x18\r \x01(\x01\x12\x11\n\tstop_time\x18\x0e \x01(\x01"\x97\x01\n\x04Plan\x12\x11\n\tmotion_id\x18\x01 \x01(\t\x12\x10\n\x08\x64uration\x18\x02 \x01(\x01\x12\x12\n\nstart_time\x18\x03 \x01(\x01\x12\x10\n\x08\x65nd_time\x18\x04 \x01(\x01\x12\x16\n\x0ekeyframe_times\x18\x05 \x03(\x01\x12,\n\x0b\x63\x65rtificate\x18\x06 \x01(\x0b\x32\x17.orientd.v1.Certificate"\xee\x01\n\x0cMotionSample\x12\x11\n\tpath_time\x18\x01 \x01(\x01\x12+\n\x0borientation\x18\x02 \x01(\x0b\x32\x16.orientd.v1.Quaternion\x12\'\n\nomega_body\x18\x03 \x01(\x0b\x32\x13.orientd.v1.Vector3\x12\'\n\nalpha_body\x18\x04 \x01(\x0b\x32\x13.orientd.v1.Vector3\x12%\n\x08position\x18\x05 \x01(\x0b\x32\x13.orientd.v1.Vector3\x12%\n\x08velocity\x18\x06 \x01(\x0b\x32\x13.orientd.v1.Vector3"\x8b\x05\n\x05\x43ycle\x12\r\n\x05index\x18\x01 \x01(\x04\x12\x13\n\x0b\x64\x65\x61\x64line_ns\x18\x02 \x01(\x03\x12\x13\n\x0blateness_ns\x18\x03 \x01(\x03\x12\x0f\n\x07work_ns\x18\x04 \x01(\x03\x12\x17\n\x0f\x66\x65\x65\x64\x62\x61\x63k_age_ns\x18\x05 \x01(\x03\x12 \n\x05state\x18\x06 \x01(\x0e\x32\x11.orientd.v1.State\x12 \n\x05\x66\x61ult\x18\x07 \x01(\x0e\x32\x11.orientd.v1.Fault\x12\x15\n\rmotion_number\x18\x08 \x01(\r\x12\x12\n\nis_written\x18\t \x01(\x08\x12\x10\n\x08overruns\x18\n \x01(\r\x12\x0e\n\x06missed\x18\x0b \x01(\r\x12\x12\n\npath_index\x18\x0c \x01(\x04\x12\x15\n\rpath_fraction\x18\r \x01(\x01\x12\r\n\x05speed\x18\x0e \x01(\x01\x12+\n\x0borientation\x18\x0f \x01(\x0b\x32\x16.orientd.v1.Quaternion\x12\'\n\nomega_body\x18\x10 \x01(\x0b\x32\x13.orientd.v1.Vector3\x12\'\n\nalpha_body\x18\x11 \x01(\x0b\x32\x13.orientd.v1.Vector3\x12%\n\x08position\x18\x12 \x01(\x0b\x32\x13.orientd.v1.Vector3\x12\x34\n\x14\x66\x65\x65\x64\x62\x61\x63k_orientation\x18\x13 \x01(\x0b\x32\x16.orientd.v1.Quaternion\x12\x30\n\x13\x66\x65\x65\x64\x62\x61\x63k_omega_body\x18\x14 \x01(\x0b\x32\x13.orientd.v1.Vector3\x12.\n\x11\x66\x65\x65\x64\x62\x61\x63k_position\x18\x15 \x01(\x0b\x32\x13.orientd.v1.Vector3\x12\x16\n\x0etracking_error\x18\x16 \x01(\x01"[\n\x06\x44\x65vice\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x0e\n\x06\x64river\x18\x02 \x01(\t\x12\x0f\n\x07rate_hz\x18\x03 \x01(\x01\x12"\n\x06limits\x18\x04 \x01(\x0b\x32\x12.orientd.v1.Limits"\xde\x02\n\x0c\x44\x65viceReport\x12"\n\x06\x64\x65vice\x18\x01 \x01(\x0b\x32\x12.orientd.v1.Device\x12 \n\x05state\x18\x02 \x01(\x0e\x32\x11.orientd.v1.State\x12 \n\x05\x66\x61ult\x18\x03 \x01(\x0e\x32\x11.orientd.v1.Fault\x12\x12\n\nfault_text\x18\x04 \x01(\t\x12\x11\n\tis_paused\x18\x05 \x01(\x08\x12\r\n\x05speed\x18\x06 \x01(\x01\x12\x15\n\rmotion_number\x18\x07 \x01(\r\x12\x11\n\tmotion_id\x18\x08 \x01(\t\x12\x11\n\tpath_time\x18\t \x01(\x01\x12\x10\n\x08\x64uration\x18\n \x01(\x01\x12\x11\n\tservo_pid\x18\x0b \x01(\x05\x12\x12\n\nscheduling\x18\x0c \x01(\t\x12\x18\n\x10is_memory_locked\x18\r \x01(\x08\x12 \n\x05\x63ycle\x18\x0e \x01(\x0b\x32\x11.orientd.v1.Cycle"0\n\x0bLeaseReport\x12\x0e\n\x06holder\x18\x01 \x01(\t\x12\x11\n\tremaining\x18\x02 \x01(\x01"\x8b\x01\n\x0c\x44\x61\x65monReport\x12\x0f\n\x07version\x18\x01 \x01(\t\x12\x0b\n\x03pid\x18\x02 \x01(\x05\x12\x0e\n\x06uptime\x18\x03 \x01(\x01\x12\x0e\n\x06socket\x18\x04 \x01(\t\x12\x15\n\rconfiguration\x18\x05 \x01(\t\x12&\n\x05lease\x18\x06 \x01(\x0b\x32\x17.orientd.v1.LeaseReport"!\n\x0fGetStateRequest\x12\x0e\n\x06\x64\x65vice\x18\x01 \x01(\t"g\n\x10GetStateResponse\x12(\n\x06\x64\x61\x65mon\x18\x01 \x01(\x0b\x32\x18.orientd.v1.DaemonReport\x12)\n\x07\x64\x65vices\x18\x02 \x03(\x0b\x32\x18.orientd.v1.DeviceReport"H\n\x11WatchStateRequest\x12\x0e\n\x06\x64\x65vice\x18\x01 \x01(\t\x12\x0f\n\x07rate_hz\x18\x02 \x01(\x01\x12\x12\n\ndecimation\x18\x03 \x01(\r"E\n\x12WatchStateResponse\x12!\n\x06\x63ycles\x18\x01 \x03(\x0b\x32\x11.orientd.v1.Cycle\x12\x0c\n\x04lost\x18\x02 \x01(\x04"\x14\n\x12ListMethodsRequest"}\n\x06Method\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x0f\n\x07summary\x18\x02 \x01(\t\x12\x0e\n\x06source\x18\x03 \x01(\t\x12\x14\n\x0cinterpolates\x18\x04 \x01(\x08\x12\x10\n\x08is_local\x18\x05 \x01(\x08\x12\x1c\n\x14meets_end_velocities\x18\x06 \x01(\x08":\n\x13ListMethodsResponse\x12#\n\x07methods\x18\x01 \x03(\x0b\x32\x12.orientd.v1.Method"\x14\n\x12ListDevicesRequest":\n\x13ListDevicesResponse\x12#\n\x07\x64\x65vices\x18\x01 \x03(\x0b\x32\x12.orientd.v1.Device"`\n\x0bPlanRequest\x12\x0e\n\x06\x64\x65vice\x18\x01 \x01(\t\x12)\n\x06motion\x18\x02 \x01(\x0b\x32\x19.orientd.v1.MotionRequest\x12\x16\n\x0esample_rate_hz\x18\x03 \x01(\x01"Y\n\x0cPlanResponse\x12\x1e\n\x04plan\x18\x01 \x01(\x0b\x32\x10.orientd.v1.Plan\x12)\n\x07samples\x18\x02 \x03(\x0b\x32\x18.orientd.v1.MotionSample"\x96\x01\n\x0bMoveRequest\x12\x13\n\x0blease_token\x18\x01 \x01(\t\x12\x0e\n\x06\x64\x65vice\x18\x02 \x01(\t\x12+\n\x06motion\x18\x03 \x01(\x0b\x32\x19.orientd.v1.MotionRequestH\x00\x12\x13\n\tmotion_id\x18\x04 \x01(\tH\x00\x12\x18\n\x10progress_rate_hz\x18\x05 \x01(\x01\x42\x06\n\x04what"D\n\x0bMoveStarted\x12\x15\n\rmotion_number\x18\x01 \x01(\r\x12\x1e\n\x04plan\x18\x02 \x01(\x0b\x32\x10.orientd.v1.Plan"\xc8\x02\n\x0cMoveProgress\x12\x11\n\tpath_time\x18\x01 \x01(\x01\x12\x10\n\x08\x64uration\x18\x02 \x01(\x01\x12 \n\x05state\x18\x03 \x01(\x0e\x32\x11.orientd.v1.State\x12\x11\n\tis_paused\x18\x04 \x01(\x08\x12\r\n\x05speed\x18\x05 \x01(\x01\x12+\n\x0borientation\x18\x06 \x01(\x0b\x32\x16.orientd.v1.Quaternion\x12\'\n\nomega_body\x18\x07 \x01(\x0b\x32\x13.orientd.v1.Vector3\x12%\n\x08position\x18\x08 \x01(\x0b\x32\x13.orientd.v1.Vector3\x12\x10\n\x08lateness\x18\t \x01(\x01\x12\x1b\n\x0etracking_error\x18\n \x01(\x01H\x00\x88\x01\x01\x12\x10\n\x08overruns\x18\x0b \x01(\rB\x11\n\x0f_tracking_error"E\n\tDurations\x12\x0b\n\x03p50\x18\x01 \x01(\x01\x12\x0b\n\x03p99\x18\x02 \x01(\x01\x12\r\n\x05p99_9\x18\x03 \x01(\x01\x12\x0f\n\x07largest\x18\x04 \x01(\x01"\xe8\x02\n\x10MotionStatistics\x12\x0e\n\x06\x63ycles\x18\x01 \x01(\x04\x12\x10\n\x08overruns\x18\x02 \x01(\x04\x12\x0e\n\x06missed\x18\x03 \x01(\x04\x12\'\n\x08lateness\x18\x04 \x01(\x0b\x32\x15.orientd.v1.Durations\x12#\n\x04work\x18\x05 \x01(\x0b\x32\x15.orientd.v1.Durations\x12\x10\n\x08velocity\x18\x06 \x01(\x01\x12\x14\n\x0c\x61\x63\x63\x65leration\x18\x07 \x01(\x01\x12\x0c\n\x04jerk\x18\x08 \x01(\x01\x12\x12\n\npath_error\x18\t \x01(\x01\x12\x16\n\x0etracking_error\x18\n \x01(\x01\x12!\n\x14start_velocity_error\x18\x0b \x01(\x01H\x00\x88\x01\x01\x12\x1f\n\x12\x65nd_velocity_error\x18\x0c \x01(\x01H\x01\x88\x01\x01\x42\x17\n\x15_start_velocity_errorB\x15\n\x13_end_velocity_error"\x8a\x01\n\x0bMoveSummary\x12\x15\n\rmotion_number\x18\x01 \x01(\r\x12$\n\x07outcome\x18\x02 \x01(\x0e\x32\x13.orientd.v1.Outcome\x12\x0c\n\x04text\x18\x03 \x01(\t\x12\x30\n\nstatistics\x18\x04 \x01(\x0b\x32\x1c.orientd.v1.MotionStatistics"\x9d\x01\n\x0cMoveResponse\x12*\n\x07started\x18\x01 \x01(\x0b\x32\x17.orientd.v1.MoveStartedH\x00\x12,\n\x08progress\x18\x02 \x01(\x0b\x32\x18.orientd.v1.MoveProgressH\x00\x12*\n\x07summary\x18\x03 \x01(\x0b\x32\x17.orientd.v1.MoveSummaryH\x00\x42\x07\n\x05\x65vent"-\n\x0bStopRequest\x12\x0e\n\x06\x64\x65vice\x18\x01 \x01(\t\x12\x0e\n\x06\x63\x61ller\x18\x02 \x01(\t"9\n\x0cStopResponse\x12)\n\x07\x64\x65vices\x18\x01 \x03(\x0b\x32\x18.orientd.v1.DeviceReport"3\n\x0cPauseRequest\x12\x13\n\x0blease_token\x18\x01 \x01(\t\x12\x0e\n\x06\x64\x65vice\x18\x02 \x01(\t"9\n\rPauseResponse\x12(\n\x06\x64\x65vice\x18\x01 \x01(\x0b\x32\x18.orientd.v1.DeviceReport"4\n\rResumeRequest\x12\x13\n\x0blease_token\x18\x01 \x01(\t\x12\x0e\n\x06\x64\x65vice\x18\x02 \x01(\t":\n\x0eResumeResponse\x12(\n\x06\x64\x65vice\x18\x01 \x01(\x0b\x32\x18.orientd.v1.DeviceReport"E\n\x0fSetSpeedRequest\x12\x13\n\x0blease_token\x18\x01 \x01(\t\x12\x0e\n\x06\x64\x65vice\x18\x02 \x01(\t\x12\r\n\x05speed\x18\x03 \x01(\x01"<\n\x10SetSpeedResponse\x12(\n\x06\x64\x65vice\x18\x01 \x01(\x0b\x32\x18.orientd.v1.DeviceReport"4\n\rEnableRequest\x12\x13\n\x0blease_token\x18\x01 \x01(\t\x12\x0e\n\x06\x64\x65vice\x18\x02 \x01(\t":\n\x0e\x45nableResponse\x12(\n\x06\x64\x65vice\x18\x01 \x01(\x0b\x32\x18.orientd.v1.DeviceReport"5\n\x0e\x44isableRequest\x12\x13\n\x0blease_token\x18\x01 \x01(\t\x12\x0e\n\x06\x64\x65vice\x18\x02 \x01(\t";\n\x0f\x44isableResponse\x12(\n\x06\x64\x65vice\x18\x01 \x01(\x0b\x32\x18.orientd.v1.DeviceReport"3\n\x0cResetRequest\x12\x13\n\x0blease_token\x18\x01 \x01(\t\x12\x0e\n\x06\x64\x65vice\x18\x02 \x01(\t"9\n\rResetResponse\x12(\n\x06\x64\x65vice\x18\x01 \x01(\x0b\x32\x18.orientd.v1.DeviceReport"7\n\x05Lease\x12\r\n\x05token\x18\x01 \x01(\t\x12\x0e\n\x06holder\x18\x02 \x01(\t\x12\x0f\n\x07seconds\x18\x03 \x01(\x01"%\n\x13\x41\x63quireLeaseRequest\x12\x0e\n\x06holder\x18\x01 \x01(\t"8\n\x14\x41\x63quireLeaseResponse\x12 \n\x05lease\x18\x01 \x01(\x0b\x32\x11.orientd.v1.Lease""\n\x11RenewLeaseRequest\x12\r\n\x05token\x18\x01 \x01(\t"6\n\x12RenewLeaseResponse\x12 \n\x05lease\x18\x01 \x01(\x0b\x32\x11.orientd.v1.Lease"$\n\x13ReleaseLeaseRequest\x12\r\n\x05token\x18\x01 \x01(\t"\x16\n\x14ReleaseLeaseResponse*?\n\x05\x46rame\x12\x15\n\x11\x46RAME_UNSPECIFIED\x10\x00\x12\x0e\n\nFRAME_BODY\x10\x01\x12\x0f\n\x0b\x46RAME_WORLD\x10\x02*{\n\x05State\x12\x15\n\x11STATE_UNSPECIFIED\x10\x00\x12\x0e\n\nSTATE_IDLE\x10\x01\x12\x11\n\rSTATE_HOLDING\x10\x02\x12\x13\n\x0fSTATE_STREAMING\x10\x03\x12\x12\n\x0eSTATE_STOPPING\x10\x04\x12\x0f\n\x0bSTATE_FAULT\x10\x05*\xd1\x01\n\x05\x46\x61ult\x12\x0e\n\nFAULT_NONE\x10\x00\x12\x13\n\x0f\x46\x41ULT_LINK_LOST\x10\x01\x12\x18\n\x14\x46\x41ULT_FEEDBACK_STALE\x10\x02\x12\x16\n\x12\x46\x41ULT_DEVICE_FAULT\x10\x03\x12\x15\n\x11\x46\x41ULT_LIMIT_GUARD\x10\x04\x12\x16\n\x12\x46\x41ULT_PATH_STARVED\x10\x05\x12\x18\n\x14\x46\x41ULT_HEARTBEAT_LOST\x10\x06\x12\x14\n\x10\x46\x41ULT_SERVO_DIED\x10\x07\x12\x12\n\x0e\x46\x41ULT_INTERNAL\x10\x08*\\\n\x07Outcome\x12\x17\n\x13OUTCOME_UNSPECIFIED\x10\x00\x12\x10\n\x0cOUTCOME_DONE\x10\x01\x12\x13\n\x0fOUTCOME_STOPPED\x10\x02\x12\x11\n\rOUTCOME_FAULT\x10\x03\x32\xee\x08\n\x07\x43ontrol\x12\x45\n\x08GetState\x12\x1b.orientd.v1.GetStateRequest\x1a\x1c.orientd.v1.GetStateResponse\x12M\n\nWatchState\x12\x1d.orientd.v1.WatchStateRequest\x1a\x1e.orientd.v1.WatchStateResponse0\x01\x12N\n\x0bListMethods\x12\x1e.orientd.v1.ListMethodsRequest\x1a\x1f.orientd.v1.ListMethodsResponse\x12N\n\x0bListDevices\x12\x1e.orientd.v1.ListDevicesRequest\x1a\x1f.orientd.v1.ListDevicesResponse\x12\x39\n\x04Plan\x12\x17.orientd.v1.PlanRequest\x1a\x18.orientd.v1.PlanResponse\x12;\n\x04Move\x12\x17.orientd.v1.MoveRequest\x1a\x18.orientd.v1.MoveResponse0\x01\x12\x39\n\x04Stop\x12\x17.orientd.v1.StopRequest\x1a\x18.orientd.v1.StopResponse\x12<\n\x05Pause\x12\x18.orientd.v1.PauseRequest\x1a\x19.orientd.v1.PauseResponse\x12?\n\x06Resume\x12\x19.orientd.v1.ResumeRequest\x1a\x1a.orientd.v1.ResumeResponse\x12\x45\n\x08SetSpeed\x12\x1b.orientd.v1.SetSpeedRequest\x1a\x1c.orientd.v1.SetSpeedResponse\x12?\n\x06\x45nable\x12\x19.orientd.v1.EnableRequest\x1a\x1a.orientd.v1.EnableResponse\x12\x42\n\x07\x44isable\x12\x1a.orientd.v1.DisableRequest\x1a\x1b.orientd.v1.DisableResponse\x12<\n\x05Reset\x12\x18.orientd.v1.ResetRequest\x1a\x19.orientd.v1.ResetResponse\x12Q\n\x0c\x41\x63quireLease\x12\x1f.orientd.v1.AcquireLeaseRequest\x1a .orientd.v1.AcquireLeaseResponse\x12K\n\nRenewLease\x12\x1d.orientd.v1.RenewLeaseRequest\x1a\x1e.orientd.v1.RenewLeaseResponse\x12Q\n\x0cReleaseLease\x12\x1f.orientd.v1.ReleaseLeaseRequest\x1a .orientd.v1.ReleaseLeaseResponseb\x06proto3'
-)
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x19orientd/rpc/control.proto\x12\norientd.v1\x1a\x1cgoogle/protobuf/struct.proto\"*\n\x07Vector3\x12\t\n\x01x\x18\x01 \x01(\x01\x12\t\n\x01y\x18\x02 \x01(\x01\x12\t\n\x01z\x18\x03 \x01(\x01\"8\n\nQuaternion\x12\t\n\x01w\x18\x01 \x01(\x01\x12\t\n\x01x\x18\x02 \x01(\x01\x12\t\n\x01y\x18\x03 \x01(\x01\x12\t\n\x01z\x18\x04 \x01(\x01\",\n\x0b\x45ulerAngles\x12\x0c\n\x04\x61xes\x18\x01 \x01(\t\x12\x0f\n\x07\x64\x65grees\x18\x02 \x03(\x01\"\x1a\n\x06Matrix\x12\x10\n\x08\x65lements\x18\x01 \x03(\x01\"\xe0\x01\n\x06Limits\x12\x15\n\x08velocity\x18\x01 \x01(\x01H\x00\x88\x01\x01\x12\x19\n\x0c\x61\x63\x63\x65leration\x18\x02 \x01(\x01H\x01\x88\x01\x01\x12\x11\n\x04jerk\x18\x03 \x01(\x01H\x02\x88\x01\x01\x12\x1c\n\x0flinear_velocity\x18\x04 \x01(\x01H\x03\x88\x01\x01\x12 \n\x13linear_acceleration\x18\x05 \x01(\x01H\x04\x88\x01\x01\x42\x0b\n\t_velocityB\x0f\n\r_accelerationB\x07\n\x05_jerkB\x12\n\x10_linear_velocityB\x16\n\x14_linear_acceleration\"\xa8\x02\n\x08Keyframe\x12\x11\n\x04time\x18\x01 \x01(\x01H\x01\x88\x01\x01\x12,\n\nquaternion\x18\x02 \x01(\x0b\x32\x16.orientd.v1.QuaternionH\x00\x12.\n\x0frotation_vector\x18\x03 \x01(\x0b\x32\x13.orientd.v1.Vector3H\x00\x12(\n\x05\x65uler\x18\x04 \x01(\x0b\x32\x17.orientd.v1.EulerAnglesH\x00\x12$\n\x06matrix\x18\x05 \x01(\x0b\x32\x12.orientd.v1.MatrixH\x00\x12%\n\x08position\x18\x06 \x01(\x0b\x32\x13.orientd.v1.Vector3\x12\x12\n\x05turns\x18\x07 \x01(\x11H\x02\x88\x01\x01\x42\r\n\x0borientationB\x07\n\x05_timeB\x08\n\x06_turns\"\xbd\x02\n\rMotionRequest\x12\x0e\n\x06method\x18\x01 \x01(\t\x12\'\n\tkeyframes\x18\x02 \x03(\x0b\x32\x14.orientd.v1.Keyframe\x12)\n\x0evelocity_frame\x18\x03 \x01(\x0e\x32\x11.orientd.v1.Frame\x12+\n\x0estart_velocity\x18\x04 \x01(\x0b\x32\x13.orientd.v1.Vector3\x12)\n\x0c\x65nd_velocity\x18\x05 \x01(\x0b\x32\x13.orientd.v1.Vector3\x12\x15\n\x08\x61pproach\x18\x06 \x01(\x08H\x00\x88\x01\x01\x12\"\n\x06limits\x18\x07 \x01(\x0b\x32\x12.orientd.v1.Limits\x12(\n\x07options\x18\x08 \x01(\x0b\x32\x17.google.protobuf.StructB\x0b\n\t_approach\"2\n\x04Peak\x12\r\n\x05value\x18\x01 \x01(\x01\x12\x0c\n\x04time\x18\x02 \x01(\x01\x12\r\n\x05limit\x18\x03 \x01(\x01\"\x92\x03\n\x0b\x43\x65rtificate\x12\x0f\n\x07rate_hz\x18\x01 \x01(\x01\x12\x10\n\x08\x64uration\x18\x02 \x01(\x01\x12\x0f\n\x07lead_in\x18\x03 \x01(\x01\x12\x10\n\x08lead_out\x18\x04 \x01(\x01\x12\"\n\x08velocity\x18\x05 \x01(\x0b\x32\x10.orientd.v1.Peak\x12&\n\x0c\x61\x63\x63\x65leration\x18\x06 \x01(\x0b\x32\x10.orientd.v1.Peak\x12\x1e\n\x04jerk\x18\x07 \x01(\x0b\x32\x10.orientd.v1.Peak\x12)\n\x0flinear_velocity\x18\x08 \x01(\x0b\x32\x10.orientd.v1.Peak\x12-\n\x13linear_acceleration\x18\t \x01(\x0b\x32\x10.orientd.v1.Peak\x12\x1c\n\x14start_velocity_error\x18\n \x01(\x01\x12\x1a\n\x12\x65nd_velocity_error\x18\x0b \x01(\x01\x12\x16\n\x0ekeyframe_error\x18\x0c \x01(\x01\x12\x12\n\nbrake_rate\x18\r \x01(\x01\x12\x11\n\tstop_time\x18\x0e \x01(\x01\"\x97\x01\n\x04Plan\x12\x11\n\tmotion_id\x18\x01 \x01(\t\x12\x10\n\x08\x64uration\x18\x02 \x01(\x01\x12\x12\n\nstart_time\x18\x03 \x01(\x01\x12\x10\n\x08\x65nd_time\x18\x04 \x01(\x01\x12\x16\n\x0ekeyframe_times\x18\x05 \x03(\x01\x12,\n\x0b\x63\x65rtificate\x18\x06 \x01(\x0b\x32\x17.orientd.v1.Certificate\"\xee\x01\n\x0cMotionSample\x12\x11\n\tpath_time\x18\x01 \x01(\x01\x12+\n\x0borientation\x18\x02 \x01(\x0b\x32\x16.orientd.v1.Quaternion\x12\'\n\nomega_body\x18\x03 \x01(\x0b\x32\x13.orientd.v1.Vector3\x12\'\n\nalpha_body\x18\x04 \x01(\x0b\x32\x13.orientd.v1.Vector3\x12%\n\x08position\x18\x05 \x01(\x0b\x32\x13.orientd.v1.Vector3\x12%\n\x08velocity\x18\x06 \x01(\x0b\x32\x13.orientd.v1.Vector3\"\x8b\x05\n\x05\x43ycle\x12\r\n\x05index\x18\x01 \x01(\x04\x12\x13\n\x0b\x64\x65\x61\x64line_ns\x18\x02 \x01(\x03\x12\x13\n\x0blateness_ns\x18\x03 \x01(\x03\x12\x0f\n\x07work_ns\x18\x04 \x01(\x03\x12\x17\n\x0f\x66\x65\x65\x64\x62\x61\x63k_age_ns\x18\x05 \x01(\x03\x12 \n\x05state\x18\x06 \x01(\x0e\x32\x11.orientd.v1.State\x12 \n\x05\x66\x61ult\x18\x07 \x01(\x0e\x32\x11.orientd.v1.Fault\x12\x15\n\rmotion_number\x18\x08 \x01(\r\x12\x12\n\nis_written\x18\t \x01(\x08\x12\x10\n\x08overruns\x18\n \x01(\r\x12\x0e\n\x06missed\x18\x0b \x01(\r\x12\x12\n\npath_index\x18\x0c \x01(\x04\x12\x15\n\rpath_fraction\x18\r \x01(\x01\x12\r\n\x05speed\x18\x0e \x01(\x01\x12+\n\x0borientation\x18\x0f \x01(\x0b\x32\x16.orientd.v1.Quaternion\x12\'\n\nomega_body\x18\x10 \x01(\x0b\x32\x13.orientd.v1.Vector3\x12\'\n\nalpha_body\x18\x11 \x01(\x0b\x32\x13.orientd.v1.Vector3\x12%\n\x08position\x18\x12 \x01(\x0b\x32\x13.orientd.v1.Vector3\x12\x34\n\x14\x66\x65\x65\x64\x62\x61\x63k_orientation\x18\x13 \x01(\x0b\x32\x16.orientd.v1.Quaternion\x12\x30\n\x13\x66\x65\x65\x64\x62\x61\x63k_omega_body\x18\x14 \x01(\x0b\x32\x13.orientd.v1.Vector3\x12.\n\x11\x66\x65\x65\x64\x62\x61\x63k_position\x18\x15 \x01(\x0b\x32\x13.orientd.v1.Vector3\x12\x16\n\x0etracking_error\x18\x16 \x01(\x01\"[\n\x06\x44\x65vice\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x0e\n\x06\x64river\x18\x02 \x01(\t\x12\x0f\n\x07rate_hz\x18\x03 \x01(\x01\x12\"\n\x06limits\x18\x04 \x01(\x0b\x32\x12.orientd.v1.Limits\"\xde\x02\n\x0c\x44\x65viceReport\x12\"\n\x06\x64\x65vice\x18\x01 \x01(\x0b\x32\x12.orientd.v1.Device\x12 \n\x05state\x18\x02 \x01(\x0e\x32\x11.orientd.v1.State\x12 \n\x05\x66\x61ult\x18\x03 \x01(\x0e\x32\x11.orientd.v1.Fault\x12\x12\n\nfault_text\x18\x04 \x01(\t\x12\x11\n\tis_paused\x18\x05 \x01(\x08\x12\r\n\x05speed\x18\x06 \x01(\x01\x12\x15\n\rmotion_number\x18\x07 \x01(\r\x12\x11\n\tmotion_id\x18\x08 \x01(\t\x12\x11\n\tpath_time\x18\t \x01(\x01\x12\x10\n\x08\x64uration\x18\n \x01(\x01\x12\x11\n\tservo_pid\x18\x0b \x01(\x05\x12\x12\n\nscheduling\x18\x0c \x01(\t\x12\x18\n\x10is_memory_locked\x18\r \x01(\x08\x12 \n\x05\x63ycle\x18\x0e \x01(\x0b\x32\x11.orientd.v1.Cycle\"0\n\x0bLeaseReport\x12\x0e\n\x06holder\x18\x01 \x01(\t\x12\x11\n\tremaining\x18\x02 \x01(\x01\"\x8b\x01\n\x0c\x44\x61\x65monReport\x12\x0f\n\x07version\x18\x01 \x01(\t\x12\x0b\n\x03pid\x18\x02 \x01(\x05\x12\x0e\n\x06uptime\x18\x03 \x01(\x01\x12\x0e\n\x06socket\x18\x04 \x01(\t\x12\x15\n\rconfiguration\x18\x05 \x01(\t\x12&\n\x05lease\x18\x06 \x01(\x0b\x32\x17.orientd.v1.LeaseReport\"!\n\x0fGetStateRequest\x12\x0e\n\x06\x64\x65vice\x18\x01 \x01(\t\"g\n\x10GetStateResponse\x12(\n\x06\x64\x61\x65mon\x18\x01 \x01(\x0b\x32\x18.orientd.v1.DaemonReport\x12)\n\x07\x64\x65vices\x18\x02 \x03(\x0b\x32\x18.orientd.v1.DeviceReport\"H\n\x11WatchStateRequest\x12\x0e\n\x06\x64\x65vice\x18\x01 \x01(\t\x12\x0f\n\x07rate_hz\x18\x02 \x01(\x01\x12\x12\n\ndecimation\x18\x03 \x01(\r\"E\n\x12WatchStateResponse\x12!\n\x06\x63ycles\x18\x01 \x03(\x0b\x32\x11.orientd.v1.Cycle\x12\x0c\n\x04lost\x18\x02 \x01(\x04\"\x14\n\x12ListMethodsRequest\"}\n\x06Method\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x0f\n\x07summary\x18\x02 \x01(\t\x12\x0e\n\x06source\x18\x03 \x01(\t\x12\x14\n\x0cinterpolates\x18\x04 \x01(\x08\x12\x10\n\x08is_local\x18\x05 \x01(\x08\x12\x1c\n\x14meets_end_velocities\x18\x06 \x01(\x08\":\n\x13ListMethodsResponse\x12#\n\x07methods\x18\x01 \x03(\x0b\x32\x12.orientd.v1.Method\"\x14\n\x12ListDevicesRequest\":\n\x13ListDevicesResponse\x12#\n\x07\x64\x65vices\x18\x01 \x03(\x0b\x32\x12.orientd.v1.Device\"`\n\x0bPlanRequest\x12\x0e\n\x06\x64\x65vice\x18\x01 \x01(\t\x12)\n\x06motion\x18\x02 \x01(\x0b\x32\x19.orientd.v1.MotionRequest\x12\x16\n\x0esample_rate_hz\x18\x03 \x01(\x01\"Y\n\x0cPlanResponse\x12\x1e\n\x04plan\x18\x01 \x01(\x0b\x32\x10.orientd.v1.Plan\x12)\n\x07samples\x18\x02 \x03(\x0b\x32\x18.orientd.v1.MotionSample\"\x96\x01\n\x0bMoveRequest\x12\x13\n\x0blease_token\x18\x01 \x01(\t\x12\x0e\n\x06\x64\x65vice\x18\x02 \x01(\t\x12+\n\x06motion\x18\x03 \x01(\x0b\x32\x19.orientd.v1.MotionRequestH\x00\x12\x13\n\tmotion_id\x18\x04 \x01(\tH\x00\x12\x18\n\x10progress_rate_hz\x18\x05 \x01(\x01\x42\x06\n\x04what\"D\n\x0bMoveStarted\x12\x15\n\rmotion_number\x18\x01 \x01(\r\x12\x1e\n\x04plan\x18\x02 \x01(\x0b\x32\x10.orientd.v1.Plan\"\xc8\x02\n\x0cMoveProgress\x12\x11\n\tpath_time\x18\x01 \x01(\x01\x12\x10\n\x08\x64uration\x18\x02 \x01(\x01\x12 \n\x05state\x18\x03 \x01(\x0e\x32\x11.orientd.v1.State\x12\x11\n\tis_paused\x18\x04 \x01(\x08\x12\r\n\x05speed\x18\x05 \x01(\x01\x12+\n\x0borientation\x18\x06 \x01(\x0b\x32\x16.orientd.v1.Quaternion\x12\'\n\nomega_body\x18\x07 \x01(\x0b\x32\x13.orientd.v1.Vector3\x12%\n\x08position\x18\x08 \x01(\x0b\x32\x13.orientd.v1.Vector3\x12\x10\n\x08lateness\x18\t \x01(\x01\x12\x1b\n\x0etracking_error\x18\n \x01(\x01H\x00\x88\x01\x01\x12\x10\n\x08overruns\x18\x0b \x01(\rB\x11\n\x0f_tracking_error\"E\n\tDurations\x12\x0b\n\x03p50\x18\x01 \x01(\x01\x12\x0b\n\x03p99\x18\x02 \x01(\x01\x12\r\n\x05p99_9\x18\x03 \x01(\x01\x12\x0f\n\x07largest\x18\x04 \x01(\x01\"\xe8\x02\n\x10MotionStatistics\x12\x0e\n\x06\x63ycles\x18\x01 \x01(\x04\x12\x10\n\x08overruns\x18\x02 \x01(\x04\x12\x0e\n\x06missed\x18\x03 \x01(\x04\x12\'\n\x08lateness\x18\x04 \x01(\x0b\x32\x15.orientd.v1.Durations\x12#\n\x04work\x18\x05 \x01(\x0b\x32\x15.orientd.v1.Durations\x12\x10\n\x08velocity\x18\x06 \x01(\x01\x12\x14\n\x0c\x61\x63\x63\x65leration\x18\x07 \x01(\x01\x12\x0c\n\x04jerk\x18\x08 \x01(\x01\x12\x12\n\npath_error\x18\t \x01(\x01\x12\x16\n\x0etracking_error\x18\n \x01(\x01\x12!\n\x14start_velocity_error\x18\x0b \x01(\x01H\x00\x88\x01\x01\x12\x1f\n\x12\x65nd_velocity_error\x18\x0c \x01(\x01H\x01\x88\x01\x01\x42\x17\n\x15_start_velocity_errorB\x15\n\x13_end_velocity_error\"\x8a\x01\n\x0bMoveSummary\x12\x15\n\rmotion_number\x18\x01 \x01(\r\x12$\n\x07outcome\x18\x02 \x01(\x0e\x32\x13.orientd.v1.Outcome\x12\x0c\n\x04text\x18\x03 \x01(\t\x12\x30\n\nstatistics\x18\x04 \x01(\x0b\x32\x1c.orientd.v1.MotionStatistics\"\x9d\x01\n\x0cMoveResponse\x12*\n\x07started\x18\x01 \x01(\x0b\x32\x17.orientd.v1.MoveStartedH\x00\x12,\n\x08progress\x18\x02 \x01(\x0b\x32\x18.orientd.v1.MoveProgressH\x00\x12*\n\x07summary\x18\x03 \x01(\x0b\x32\x17.orientd.v1.MoveSummaryH\x00\x42\x07\n\x05\x65vent\"-\n\x0bStopRequest\x12\x0e\n\x06\x64\x65vice\x18\x01 \x01(\t\x12\x0e\n\x06\x63\x61ller\x18\x02 \x01(\t\"9\n\x0cStopResponse\x12)\n\x07\x64\x65vices\x18\x01 \x03(\x0b\x32\x18.orientd.v1.DeviceReport\"3\n\x0cPauseRequest\x12\x13\n\x0blease_token\x18\x01 \x01(\t\x12\x0e\n\x06\x64\x65vice\x18\x02 \x01(\t\"9\n\rPauseResponse\x12(\n\x06\x64\x65vice\x18\x01 \x01(\x0b\x32\x18.orientd.v1.DeviceReport\"4\n\rResumeRequest\x12\x13\n\x0blease_token\x18\x01 \x01(\t\x12\x0e\n\x06\x64\x65vice\x18\x02 \x01(\t\":\n\x0eResumeResponse\x12(\n\x06\x64\x65vice\x18\x01 \x01(\x0b\x32\x18.orientd.v1.DeviceReport\"E\n\x0fSetSpeedRequest\x12\x13\n\x0blease_token\x18\x01 \x01(\t\x12\x0e\n\x06\x64\x65vice\x18\x02 \x01(\t\x12\r\n\x05speed\x18\x03 \x01(\x01\"<\n\x10SetSpeedResponse\x12(\n\x06\x64\x65vice\x18\x01 \x01(\x0b\x32\x18.orientd.v1.DeviceReport\"4\n\rEnableRequest\x12\x13\n\x0blease_token\x18\x01 \x01(\t\x12\x0e\n\x06\x64\x65vice\x18\x02 \x01(\t\":\n\x0e\x45nableResponse\x12(\n\x06\x64\x65vice\x18\x01 \x01(\x0b\x32\x18.orientd.v1.DeviceReport\"5\n\x0e\x44isableRequest\x12\x13\n\x0blease_token\x18\x01 \x01(\t\x12\x0e\n\x06\x64\x65vice\x18\x02 \x01(\t\";\n\x0f\x44isableResponse\x12(\n\x06\x64\x65vice\x18\x01 \x01(\x0b\x32\x18.orientd.v1.DeviceReport\"3\n\x0cResetRequest\x12\x13\n\x0blease_token\x18\x01 \x01(\t\x12\x0e\n\x06\x64\x65vice\x18\x02 \x01(\t\"9\n\rResetResponse\x12(\n\x06\x64\x65vice\x18\x01 \x01(\x0b\x32\x18.orientd.v1.DeviceReport\"7\n\x05Lease\x12\r\n\x05token\x18\x01 \x01(\t\x12\x0e\n\x06holder\x18\x02 \x01(\t\x12\x0f\n\x07seconds\x18\x03 \x01(\x01\"%\n\x13\x41\x63quireLeaseRequest\x12\x0e\n\x06holder\x18\x01 \x01(\t\"8\n\x14\x41\x63quireLeaseResponse\x12 \n\x05lease\x18\x01 \x01(\x0b\x32\x11.orientd.v1.Lease\"\"\n\x11RenewLeaseRequest\x12\r\n\x05token\x18\x01 \x01(\t\"6\n\x12RenewLeaseResponse\x12 \n\x05lease\x18\x01 \x01(\x0b\x32\x11.orientd.v1.Lease\"$\n\x13ReleaseLeaseRequest\x12\r\n\x05token\x18\x01 \x01(\t\"\x16\n\x14ReleaseLeaseResponse*?\n\x05\x46rame\x12\x15\n\x11\x46RAME_UNSPECIFIED\x10\x00\x12\x0e\n\nFRAME_BODY\x10\x01\x12\x0f\n\x0b\x46RAME_WORLD\x10\x02*{\n\x05State\x12\x15\n\x11STATE_UNSPECIFIED\x10\x00\x12\x0e\n\nSTATE_IDLE\x10\x01\x12\x11\n\rSTATE_HOLDING\x10\x02\x12\x13\n\x0fSTATE_STREAMING\x10\x03\x12\x12\n\x0eSTATE_STOPPING\x10\x04\x12\x0f\n\x0bSTATE_FAULT\x10\x05*\xd1\x01\n\x05\x46\x61ult\x12\x0e\n\nFAULT_NONE\x10\x00\x12\x13\n\x0f\x46\x41ULT_LINK_LOST\x10\x01\x12\x18\n\x14\x46\x41ULT_FEEDBACK_STALE\x10\x02\x12\x16\n\x12\x46\x41ULT_DEVICE_FAULT\x10\x03\x12\x15\n\x11\x46\x41ULT_LIMIT_GUARD\x10\x04\x12\x16\n\x12\x46\x41ULT_PATH_STARVED\x10\x05\x12\x18\n\x14\x46\x41ULT_HEARTBEAT_LOST\x10\x06\x12\x14\n\x10\x46\x41ULT_SERVO_DIED\x10\x07\x12\x12\n\x0e\x46\x41ULT_INTERNAL\x10\x08*\\\n\x07Outcome\x12\x17\n\x13OUTCOME_UNSPECIFIED\x10\x00\x12\x10\n\x0cOUTCOME_DONE\x10\x01\x12\x13\n\x0fOUTCOME_STOPPED\x10\x02\x12\x11\n\rOUTCOME_FAULT\x10\x03\x32\xee\x08\n\x07\x43ontrol\x12\x45\n\x08GetState\x12\x1b.orientd.v1.GetStateRequest\x1a\x1c.orientd.v1.GetStateResponse\x12M\n\nWatchState\x12\x1d.orientd.v1.WatchStateRequest\x1a\x1e.orientd.v1.WatchStateResponse0\x01\x12N\n\x0bListMethods\x12\x1e.orientd.v1.ListMethodsRequest\x1a\x1f.orientd.v1.ListMethodsResponse\x12N\n\x0bListDevices\x12\x1e.orientd.v1.ListDevicesRequest\x1a\x1f.orientd.v1.ListDevicesResponse\x12\x39\n\x04Plan\x12\x17.orientd.v1.PlanRequest\x1a\x18.orientd.v1.PlanResponse\x12;\n\x04Move\x12\x17.orientd.v1.MoveRequest\x1a\x18.orientd.v1.MoveResponse0\x01\x12\x39\n\x04Stop\x12\x17.orientd.v1.StopRequest\x1a\x18.orientd.v1.StopResponse\x12<\n\x05Pause\x12\x18.orientd.v1.PauseRequest\x1a\x19.orientd.v1.PauseResponse\x12?\n\x06Resume\x12\x19.orientd.v1.ResumeRequest\x1a\x1a.orientd.v1.ResumeResponse\x12\x45\n\x08SetSpeed\x12\x1b.orientd.v1.SetSpeedRequest\x1a\x1c.orientd.v1.SetSpeedResponse\x12?\n\x06\x45nable\x12\x19.orientd.v1.EnableRequest\x1a\x1a.orientd.v1.EnableResponse\x12\x42\n\x07\x44isable\x12\x1a.orientd.v1.DisableRequest\x1a\x1b.orientd.v1.DisableResponse\x12<\n\x05Reset\x12\x18.orientd.v1.ResetRequest\x1a\x19.orientd.v1.ResetResponse\x12Q\n\x0c\x41\x63quireLease\x12\x1f.orientd.v1.AcquireLeaseRequest\x1a .orientd.v1.AcquireLeaseResponse\x12K\n\nRenewLease\x12\x1d.orientd.v1.RenewLeaseRequest\x1a\x1e.orientd.v1.RenewLeaseResponse\x12Q\n\x0cReleaseLease\x12\x1f.orientd.v1.ReleaseLeaseRequest\x1a .orientd.v1.ReleaseLeaseResponseb\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
-_builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, "orientd.rpc.control_pb2", _globals)
+_builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'orientd.rpc.control_pb2', _globals)
 if not _descriptor._USE_C_DESCRIPTORS:
-    DESCRIPTOR._loaded_options = None
-    _globals["_FRAME"]._serialized_start = 6406
-    _globals["_FRAME"]._serialized_end = 6469
-    _globals["_STATE"]._serialized_start = 6471
-    _globals["_STATE"]._serialized_end = 6594
-    _globals["_FAULT"]._serialized_start = 6597
-    _globals["_FAULT"]._serialized_end = 6806
-    _globals["_OUTCOME"]._serialized_start = 6808
-    _globals["_OUTCOME"]._serialized_end = 6900
-    _globals["_VECTOR3"]._serialized_start = 71
-    _globals["_VECTOR3"]._serialized_end = 113
-    _globals["_QUATERNION"]._serialized_start = 115
-    _globals["_QUATERNION"]._serialized_end = 171
-    _globals["_EULERANGLES"]._serialized_start = 173
-    _globals["_EULERANGLES"]._serialized_end = 217
-    _globals["_MATRIX"]._serialized_start = 219
-    _globals["_MATRIX"]._serialized_end = 245
-    _globals["_LIMITS"]._serialized_start = 248
-    _globals["_LIMITS"]._serialized_end = 472
-    _globals["_KEYFRAME"]._serialized_start = 475
-    _globals["_KEYFRAME"]._serialized_end = 771
-    _globals["_MOTIONREQUEST"]._serialized_start = 774
-    _globals["_MOTIONREQUEST"]._serialized_end = 1091
-    _globals["_PEAK"]._serialized_start = 1093
-    _globals["_PEAK"]._serialized_end = 1143
-    _globals["_CERTIFICATE"]._serialized_start = 1146
-    _globals["_CERTIFICATE"]._serialized_end = 1548
-    _globals["_PLAN"]._serialized_start = 1551
-    _globals["_PLAN"]._serialized_end = 1702
-    _globals["_MOTIONSAMPLE"]._serialized_start = 1705
-    _globals["_MOTIONSAMPLE"]._serialized_end = 1943
-    _globals["_CYCLE"]._serialized_start = 1946
-    _globals["_CYCLE"]._serialized_end = 2597
-    _globals["_DEVICE"]._serialized_start = 2599
-    _globals["_DEVICE"]._serialized_end = 2690
-    _globals["_DEVICEREPORT"]._serialized_start = 2693
-    _globals["_DEVICEREPORT"]._serialized_end = 3043
-    _globals["_LEASEREPORT"]._serialized_start = 3045
-    _globals["_LEASEREPORT"]._serialized_end = 3093
-    _globals["_DAEMONREPORT"]._serialized_start = 3096
-    _globals["_DAEMONREPORT"]._serialized_end = 3235
-    _globals["_GETSTATEREQUEST"]._serialized_start = 3237
-    _globals["_GETSTATEREQUEST"]._serialized_end = 3270
-    _globals["_GETSTATERESPONSE"]._serialized_start = 3272
-    _globals["_GETSTATERESPONSE"]._serialized_end = 3375
-    _globals["_WATCHSTATEREQUEST"]._serialized_start = 3377
-    _globals["_WATCHSTATEREQUEST"]._serialized_end = 3449
-    _globals["_WATCHSTATERESPONSE"]._serialized_start = 3451
-    _globals["_WATCHSTATERESPONSE"]._serialized_end = 3520
-    _globals["_LISTMETHODSREQUEST"]._serialized_start = 3522
-    _globals["_LISTMETHODSREQUEST"]._serialized_end = 3542
-    _globals["_METHOD"]._serialized_start = 3544
-    _globals["_METHOD"]._serialized_end = 3669
-    _globals["_LISTMETHODSRESPONSE"]._serialized_start = 3671
-    _globals["_LISTMETHODSRESPONSE"]._serialized_end = 3729
-    _globals["_LISTDEVICESREQUEST"]._serialized_start = 3731
-    _globals["_LISTDEVICESREQUEST"]._serialized_end = 3751
-    _globals["_LISTDEVICESRESPONSE"]._serialized_start = 3753
-    _globals["_LISTDEVICESRESPONSE"]._serialized_end = 3811
-    _globals["_PLANREQUEST"]._serialized_start = 3813
-    _globals["_PLANREQUEST"]._serialized_end = 3909
-    _globals["_PLANRESPONSE"]._serialized_start = 3911
-    _globals["_PLANRESPONSE"]._serialized_end = 4000
-    _globals["_MOVEREQUEST"]._serialized_start = 4003
-    _globals["_MOVEREQUEST"]._serialized_end = 4153
-    _globals["_MOVESTARTED"]._serialized_start = 4155
-    _globals["_MOVESTARTED"]._serialized_end = 4223
-    _globals["_MOVEPROGRESS"]._serialized_start = 4226
-    _globals["_MOVEPROGRESS"]._serialized_end = 4554
-    _globals["_DURATIONS"]._serialized_start = 4556
-    _globals["_DURATIONS"]._serialized_end = 4625
-    _globals["_MOTIONSTATISTICS"]._serialized_start = 4628
-    _globals["_MOTIONSTATISTICS"]._serialized_end = 4988
-    _globals["_MOVESUMMARY"]._serialized_start = 4991
-    _globals["_MOVESUMMARY"]._serialized_end = 5129
-    _globals["_MOVERESPONSE"]._serialized_start = 5132
-    _globals["_MOVERESPONSE"]._serialized_end = 5289
-    _globals["_STOPREQUEST"]._serialized_start = 5291
-    _globals["_STOPREQUEST"]._serialized_end = 5336
-    _globals["_STOPRESPONSE"]._serialized_start = 5338
-    _globals["_STOPRESPONSE"]._serialized_end = 5395
-    _globals["_PAUSEREQUEST"]._serialized_start = 5397
-    _globals["_PAUSEREQUEST"]._serialized_end = 5448
-    _globals["_PAUSERESPONSE"]._serialized_start = 5450
-    _globals["_PAUSERESPONSE"]._serialized_end = 5507
-    _globals["_RESUMEREQUEST"]._serialized_start = 5509
-    _globals["_RESUMEREQUEST"]._serialized_end = 5561
-    _globals["_RESUMERESPONSE"]._serialized_start = 5563
-    _globals["_RESUMERESPONSE"]._serialized_end = 5621
-    _globals["_SETSPEEDREQUEST"]._serialized_start = 5623
-    _globals["_SETSPEEDREQUEST"]._serialized_end = 5692
-    _globals["_SETSPEEDRESPONSE"]._serialized_start = 5694
-    _globals["_SETSPEEDRESPONSE"]._serialized_end = 5754
-    _globals["_ENABLEREQUEST"]._serialized_start = 5756
-    _globals["_ENABLEREQUEST"]._serialized_end = 5808
-    _globals["_ENABLERESPONSE"]._serialized_start = 5810
-    _globals["_ENABLERESPONSE"]._serialized_end = 5868
-    _globals["_DISABLEREQUEST"]._serialized_start = 5870
-    _globals["_DISABLEREQUEST"]._serialized_end = 5923
-    _globals["_DISABLERESPONSE"]._serialized_start = 5925
-    _globals["_DISABLERESPONSE"]._serialized_end = 5984
-    _globals["_RESETREQUEST"]._serialized_start = 5986
-    _globals["_RESETREQUEST"]._serialized_end = 6037
-    _globals["_RESETRESPONSE"]._serialized_start = 6039
-    _globals["_RESETRESPONSE"]._serialized_end = 6096
-    _globals["_LEASE"]._serialized_start = 6098
-    _globals["_LEASE"]._serialized_end = 6153
-    _globals["_ACQUIRELEASEREQUEST"]._serialized_start = 6155
-    _globals["_ACQUIRELEASEREQUEST"]._serialized_end = 6192
-    _globals["_ACQUIRELEASERESPONSE"]._serialized_start = 6194
-    _globals["_ACQUIRELEASERESPONSE"]._serialized_end = 6250
-    _globals["_RENEWLEASEREQUEST"]._serialized_start = 6252
-    _globals["_RENEWLEASEREQUEST"]._serialized_end = 6286
-    _globals["_RENEWLEASERESPONSE"]._serialized_start = 6288
-    _globals["_RENEWLEASERESPONSE"]._serialized_end = 6342
-    _globals["_RELEASELEASEREQUEST"]._serialized_start = 6344
-    _globals["_RELEASELEASEREQUEST"]._serialized_end = 6380
-    _globals["_RELEASELEASERESPONSE"]._serialized_start = 6382
-    _globals["_RELEASELEASERESPONSE"]._serialized_end = 6404
-    _globals["_CONTROL"]._serialized_start = 6903
-    _globals["_CONTROL"]._serialized_end = 8037
+  DESCRIPTOR._loaded_options = None
+  _globals['_FRAME']._serialized_start=6406
+  _globals['_FRAME']._serialized_end=6469
+  _globals['_STATE']._serialized_start=6471
+  _globals['_STATE']._serialized_end=6594
+  _globals['_FAULT']._serialized_start=6597
+  _globals['_FAULT']._serialized_end=6806
+  _globals['_OUTCOME']._serialized_start=6808
+  _globals['_OUTCOME']._serialized_end=6900
+  _globals['_VECTOR3']._serialized_start=71
+  _globals['_VECTOR3']._serialized_end=113
+  _globals['_QUATERNION']._serialized_start=115
+  _globals['_QUATERNION']._serialized_end=171
+  _globals['_EULERANGLES']._serialized_start=173
+  _globals['_EULERANGLES']._serialized_end=217
+  _globals['_MATRIX']._serialized_start=219
+  _globals['_MATRIX']._serialized_end=245
+  _globals['_LIMITS']._serialized_start=248
+  _globals['_LIMITS']._serialized_end=472
+  _globals['_KEYFRAME']._serialized_start=475
+  _globals['_KEYFRAME']._serialized_end=771
+  _globals['_MOTIONREQUEST']._serialized_start=774
+  _globals['_MOTIONREQUEST']._serialized_end=1091
+  _globals['_PEAK']._serialized_start=1093
+  _globals['_PEAK']._serialized_end=1143
+  _globals['_CERTIFICATE']._serialized_start=1146
+  _globals['_CERTIFICATE']._serialized_end=1548
+  _globals['_PLAN']._serialized_start=1551
+  _globals['_PLAN']._serialized_end=1702
+  _globals['_MOTIONSAMPLE']._serialized_start=1705
+  _globals['_MOTIONSAMPLE']._serialized_end=1943
+  _globals['_CYCLE']._serialized_start=1946
+  _globals['_CYCLE']._serialized_end=2597
+  _globals['_DEVICE']._serialized_start=2599
+  _globals['_DEVICE']._serialized_end=2690
+  _globals['_DEVICEREPORT']._serialized_start=2693
+  _globals['_DEVICEREPORT']._serialized_end=3043
+  _globals['_LEASEREPORT']._serialized_start=3045
+  _globals['_LEASEREPORT']._serialized_end=3093
+  _globals['_DAEMONREPORT']._serialized_start=3096
+  _globals['_DAEMONREPORT']._serialized_end=3235
+  _globals['_GETSTATEREQUEST']._serialized_start=3237
+  _globals['_GETSTATEREQUEST']._serialized_end=3270
+  _globals['_GETSTATERESPONSE']._serialized_start=3272
+  _globals['_GETSTATERESPONSE']._serialized_end=3375
+  _globals['_WATCHSTATEREQUEST']._serialized_start=3377
+  _globals['_WATCHSTATEREQUEST']._serialized_end=3449
+  _globals['_WATCHSTATERESPONSE']._serialized_start=3451
+  _globals['_WATCHSTATERESPONSE']._serialized_end=3520
+  _globals['_LISTMETHODSREQUEST']._serialized_start=3522
+  _globals['_LISTMETHODSREQUEST']._serialized_end=3542
+  _globals['_METHOD']._serialized_start=3544
+  _globals['_METHOD']._serialized_end=3669
+  _globals['_LISTMETHODSRESPONSE']._serialized_start=3671
+  _globals['_LISTMETHODSRESPONSE']._serialized_end=3729
+  _globals['_LISTDEVICESREQUEST']._serialized_start=3731
+  _globals['_LISTDEVICESREQUEST']._serialized_end=3751
+  _globals['_LISTDEVICESRESPONSE']._serialized_start=3753
+  _globals['_LISTDEVICESRESPONSE']._serialized_end=3811
+  _globals['_PLANREQUEST']._serialized_start=3813
+  _globals['_PLANREQUEST']._serialized_end=3909
+  _globals['_PLANRESPONSE']._serialized_start=3911
+  _globals['_PLANRESPONSE']._serialized_end=4000
+  _globals['_MOVEREQUEST']._serialized_start=4003
+  _globals['_MOVEREQUEST']._serialized_end=4153
+  _globals['_MOVESTARTED']._serialized_start=4155
+  _globals['_MOVESTARTED']._serialized_end=4223
+  _globals['_MOVEPROGRESS']._serialized_start=4226
+  _globals['_MOVEPROGRESS']._serialized_end=4554
+  _globals['_DURATIONS']._serialized_start=4556
+  _globals['_DURATIONS']._serialized_end=4625
+  _globals['_MOTIONSTATISTICS']._serialized_start=4628
+  _globals['_MOTIONSTATISTICS']._serialized_end=4988
+  _globals['_MOVESUMMARY']._serialized_start=4991
+  _globals['_MOVESUMMARY']._serialized_end=5129
+  _globals['_MOVERESPONSE']._serialized_start=5132
+  _globals['_MOVERESPONSE']._serialized_end=5289
+  _globals['_STOPREQUEST']._serialized_start=5291
+  _globals['_STOPREQUEST']._serialized_end=5336
+  _globals['_STOPRESPONSE']._serialized_start=5338
+  _globals['_STOPRESPONSE']._serialized_end=5395
+  _globals['_PAUSEREQUEST']._serialized_start=5397
+  _globals['_PAUSEREQUEST']._serialized_end=5448
+  _globals['_PAUSERESPONSE']._serialized_start=5450
+  _globals['_PAUSERESPONSE']._serialized_end=5507
+  _globals['_RESUMEREQUEST']._serialized_start=5509
+  _globals['_RESUMEREQUEST']._serialized_end=5561
+  _globals['_RESUMERESPONSE']._serialized_start=5563
+  _globals['_RESUMERESPONSE']._serialized_end=5621
+  _globals['_SETSPEEDREQUEST']._serialized_start=5623
+  _globals['_SETSPEEDREQUEST']._serialized_end=5692
+  _globals['_SETSPEEDRESPONSE']._serialized_start=5694
+  _globals['_SETSPEEDRESPONSE']._serialized_end=5754
+  _globals['_ENABLEREQUEST']._serialized_start=5756
+  _globals['_ENABLEREQUEST']._serialized_end=5808
+  _globals['_ENABLERESPONSE']._serialized_start=5810
+  _globals['_ENABLERESPONSE']._serialized_end=5868
+  _globals['_DISABLEREQUEST']._serialized_start=5870
+  _globals['_DISABLEREQUEST']._serialized_end=5923
+  _globals['_DISABLERESPONSE']._serialized_start=5925
+  _globals['_DISABLERESPONSE']._serialized_end=5984
+  _globals['_RESETREQUEST']._serialized_start=5986
+  _globals['_RESETREQUEST']._serialized_end=6037
+  _globals['_RESETRESPONSE']._serialized_start=6039
+  _globals['_RESETRESPONSE']._serialized_end=6096
+  _globals['_LEASE']._serialized_start=6098
+  _globals['_LEASE']._serialized_end=6153
+  _globals['_ACQUIRELEASEREQUEST']._serialized_start=6155
+  _globals['_ACQUIRELEASEREQUEST']._serialized_end=6192
+  _globals['_ACQUIRELEASERESPONSE']._serialized_start=6194
+  _globals['_ACQUIRELEASERESPONSE']._serialized_end=6250
+  _globals['_RENEWLEASEREQUEST']._serialized_start=6252
+  _globals['_RENEWLEASEREQUEST']._serialized_end=6286
+  _globals['_RENEWLEASERESPONSE']._serialized_start=6288
+  _globals['_RENEWLEASERESPONSE']._serialized_end=6342
+  _globals['_RELEASELEASEREQUEST']._serialized_start=6344
+  _globals['_RELEASELEASEREQUEST']._serialized_end=6380
+  _globals['_RELEASELEASERESPONSE']._serialized_start=6382
+  _globals['_RELEASELEASERESPONSE']._serialized_end=6404
+  _globals['_CONTROL']._serialized_start=6903
+  _globals['_CONTROL']._serialized_end=8037
 # @@protoc_insertion_point(module_scope)

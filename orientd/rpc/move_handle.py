@@ -60,6 +60,9 @@ class MoveHandle:
             first = next(iter(stream)).started
         except grpc.RpcError as error:
             raise explain(error) from error
+        except BaseException:
+            stream.cancel()
+            raise
         self.plan: Plan = plan_from_message(first.plan)
         self.motion_number: int = first.motion_number
         self._reader = threading.Thread(target=self._read, name="orientd move", daemon=True)

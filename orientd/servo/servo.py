@@ -36,6 +36,14 @@ from orientd.stream import (
     pack_note,
 )
 
+# Looking a member up in its enumeration takes longer than comparing it.
+_STREAMING, _STOPPING = State.STREAMING, State.STOPPING
+_NO_FAULT = Fault.NONE
+_WRITTEN, _FEEDBACK = int(CycleFlag.WRITTEN), int(CycleFlag.FEEDBACK)
+
+PARENT_CHECK = 8
+"""Cycles from one look at whether the daemon lives to the next; it is a system call."""
+
 _NO_TERMS = Terms(1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 1.0)
 _START_TOLERANCE = 1e-9
 
@@ -105,7 +113,7 @@ class Servo:
     @property
     def is_moving(self) -> bool:
         """Whether setpoints change."""
-        return self.state in (State.STREAMING, State.STOPPING)
+        return self.state is _STREAMING or self.state is _STOPPING
 
     def cycle(self, deadline_ns: int, lateness_ns: int) -> None:
         """Do the work of one cycle.
@@ -126,7 +134,7 @@ class Servo:
         """Stop on the path if something moves; the process ends once it holds."""
         if not self.ending:
             self.ending = reason
-            if self.state is State.STREAMING:
+            if self.state is _STREAMING:
                 self._path_clock.target = 0.0
                 self.state = advance(self.state, Event.STOP)
 
@@ -283,10 +291,10 @@ class Servo:
         if self._escape is not None:
             return self._step_off_path()
         clock, follower = self._path_clock, self._follower
-        if self.state is State.STREAMING:
+        if self.state is _STREAMING:
             clock.target = self._speed * self._driver.speed_scaling
-        if self.state is State.STREAMING and not follower.reaches(clock.braking_cycles()):
-            self._brake(Fault.PATH_STARVED, "the daemon did not deliver the path in time")
+            if not follower.reaches(clock.braking_cycles()):
+                self._brake(Fault.PATH_STARVED, "the daemon did not deliver the path in time")
         before = clock.rate
         rate = clock.advance()
         try:
@@ -298,9 +306,9 @@ class Servo:
             return self._leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")
         if follower.is_at_end:
             clock.halt()
-            self._finish(Event.FINISH if self.state is State.STREAMING else Event.REST)
+            self._finish(Event.FINISH if self.state is _STREAMING else Event.REST)
             return path
-        if self.state is State.STOPPING and clock.is_at_rest and before == 0.0:
+        if self.state is _STOPPING and clock.is_at_rest and before == 0.0:
             self._finish(Event.REST)
         if rate == 1.0 == before:
             return path
@@ -332,7 +340,7 @@ class Servo:
     def _finish(self, event: Event) -> None:
         """Go to rest: into holding, or into the fault that made the stop necessary."""
         self._path_clock.halt()
-        if self._fault is not Fault.NONE:
+        if self._fault is not _NO_FAULT:
             self._fail(self._fault, self._fault_text, is_enabled=self._is_enabled)
         else:
             self.state = advance(self.state, event)
@@ -340,15 +348,15 @@ class Servo:
     # Faults
 
     def _look_for_life(self, now_ns: int) -> None:
-        if not self._parent_is_alive():
+        if self._cycle_count % PARENT_CHECK == 0 and not self._parent_is_alive():
             self.request_end("the daemon is gone")
         if (
-            self.state is State.STREAMING
+            self.state is _STREAMING
             and now_ns - self._memory.heartbeat_ns > self._watch.heartbeat_ns
         ):
             silence = (now_ns - self._memory.heartbeat_ns) * 1e-9
             self._brake(Fault.HEARTBEAT_LOST, f"no heartbeat from the daemon for {silence:.3f} s")
-        if self._is_enabled and self._fault is Fault.NONE:
+        if self._is_enabled and self._fault is _NO_FAULT:
             measured_ns = self._feedback.time_ns if self._feedback else self._enabled_ns
             age_ns = now_ns - max(measured_ns, self._enabled_ns)
             if age_ns > self._watch.feedback_ns:
@@ -360,7 +368,7 @@ class Servo:
 
     def _brake(self, fault: Fault, text: str) -> None:
         """Stop on the path, then be in *fault*; the first reason is the one that is kept."""
-        if self._fault is not Fault.NONE:
+        if self._fault is not _NO_FAULT:
             return
         if self.is_moving:
             self._fault, self._fault_text = fault, text
@@ -389,7 +397,7 @@ class Servo:
 
     def _publish(self, deadline_ns: int, lateness_ns: int, point: PathPoint, written: bool) -> None:
         feedback = self._feedback
-        flags = (CycleFlag.WRITTEN if written else 0) | (CycleFlag.FEEDBACK if feedback else 0)
+        flags = (_WRITTEN if written else 0) | (_FEEDBACK if feedback else 0)
         follower = self._follower
         self._memory.cycles.publish(
             deadline_ns,

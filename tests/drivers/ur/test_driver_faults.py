@@ -1,98 +1,21 @@
 """Every fault of a UR controller, through a real servo process: typed, in time, recovered from."""
 
-import math
-import time
-from contextlib import contextmanager
-
-import numpy as np
 import pytest
+from ur_rig import device_of, fault_of, is_holding, recover, streaming, swing, until
 
-from orientd import rotation
 from orientd.config import DeviceSettings
 from orientd.daemon.device import Device
 from orientd.errors import DaemonError, Fault, StateError
-from orientd.planner import Keyframe, MotionRequest, plan
-from orientd.stream import State
 from orientd_sim.ur import EmulatedRobot
 
 pytest.importorskip("rtde_control")
 
 
-def until(claim, what, seconds=10.0):
-    ends = time.monotonic() + seconds
-    while not (found := claim()):
-        assert time.monotonic() < ends, f"{what}: not within {seconds} s"
-        time.sleep(0.001)
-    return found
-
-
-@contextmanager
-def device_of(host, **options):
-    """A device of the daemon, enabled, with its servo process."""
-    settings = DeviceSettings(
-        name="arm",
-        driver="ur",
-        priority=0,
-        options={"host": host, "lookahead": 0.03, **options},
-    )
-    device = Device(settings, on_event=lambda _event: None)
-    device.launch()
-    try:
-        assert device.wait_ready(20.0), device.failure
-        until(lambda: device.snapshot().state is State.HOLDING, "holding")
-        yield device
-    finally:
-        device.shutdown()
-
-
-def swing(device, *, angle=0.3, seconds=3.0):
-    """Start a turn about the tool's axis and back, and return its number."""
-    start = device.commanded()
-    axis = np.array([0.0, 0.6, 0.8])
-    keyframes = [
-        Keyframe(rotation.multiply(start.q, rotation.exp(a * axis)), t)
-        for a, t in ((0.0, 0.0), (angle, seconds / 2), (0.0, seconds))
-    ]
-    request = MotionRequest(keyframes=keyframes)
-    motion = plan(request, start=start, limits=device.limits, period=device.period_ns * 1e-9)
-    return device.start(motion)
-
-
-def finished(device):
-    return device.snapshot().state is State.HOLDING
-
-
-def streaming(device):
-    """Wait until setpoints have moved for a while."""
-    until(lambda: device.snapshot().path_time > 0.3, "streaming")
-
-
-def fault_of(device, seconds=2.0):
-    """Wait for a fault; return it, its text and how long it took."""
-    begun = time.monotonic()
-    until(lambda: device.snapshot().fault is not Fault.NONE, "a fault", seconds)
-    took = time.monotonic() - begun
-    # The words come by another way than the state, up to 10 ms later.
-    until(lambda: device.snapshot().fault_text, "the fault in words")
-    snapshot = device.snapshot()
-    return snapshot.fault, snapshot.fault_text, took
-
-
-def recover(device):
-    """Reset, then move again."""
-    device.reset()
-    until(lambda: device.snapshot().state is State.HOLDING, "holding after reset")
-    swing(device, angle=0.1, seconds=1.0)
-    streaming(device)
-    until(lambda: finished(device), "the motion after the reset")
-    assert device.snapshot().fault is Fault.NONE
-
-
 def test_motion_is_followed_to_its_end(ur_robot):
     with device_of(ur_robot.host) as device:
-        swing(device)
+        swing(device, seconds=1.2)
         streaming(device)
-        until(lambda: finished(device), "the end")
+        until(lambda: is_holding(device), "the end")
         assert device.snapshot().fault is Fault.NONE
 
 
@@ -178,9 +101,9 @@ def test_frozen_controller_is_stale_feedback_then_a_lost_link(ur_robot):
 
 
 def test_short_freeze_costs_no_process(ur_robot):
-    with device_of(ur_robot.host) as device:
+    with device_of(ur_robot.host, feedback_timeout=0.1, link_timeout=1.5) as device:
         pid = device.snapshot().servo_pid
-        ur_robot.ask("freeze 0.2")
+        ur_robot.ask("freeze 0.3")
         fault, _, _ = fault_of(device)
         assert fault is Fault.FEEDBACK_STALE
         until(lambda: "0" not in ur_robot.state()["runtime_state"], "thawed")
@@ -249,10 +172,10 @@ def test_half_slider_slows_the_motion_and_keeps_its_path(ur_robot):
     with device_of(ur_robot.host) as device:
         ur_robot.ask("slider 0.5")
         ur_robot.wait_until(lambda s: s["speed_scaling"] < 0.5001)
-        swing(device, seconds=2.0)
+        swing(device, seconds=1.2)
         until(lambda: device.snapshot().path_time > 0.5, "streaming")
         assert device.snapshot().cycle.speed == pytest.approx(0.5, abs=1e-3)
-        until(lambda: finished(device), "the end")
+        until(lambda: is_holding(device), "the end")
 
 
 def test_fault_of_one_robot_leaves_the_other_moving(ur_robot):
@@ -267,7 +190,6 @@ def test_fault_of_one_robot_leaves_the_other_moving(ur_robot):
         streaming(second)
         ur_robot.ask("die")
         fault_of(first)
-        until(lambda: finished(second), "the other's end")
+        until(lambda: is_holding(second), "the other's end")
         assert second.snapshot().fault is Fault.NONE
         assert second.snapshot().motion_number == number
-        assert math.isfinite(second.snapshot().path_time)

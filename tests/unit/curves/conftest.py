@@ -87,6 +87,66 @@ def clamped_knots(keys, times):
     return {"control": keys, "order": 4, "knots": np.insert(vector, 4, 0.5 * (inner[0] + inner[1]))}
 
 
+def aligned_controls(keys, times):
+    return {"control": keys, "align": True}
+
+
+def order_five(keys, times):
+    return {"control": keys, "order": 5}
+
+
+def uniform(keys, times):
+    return {"keys": keys, "times": "uniform"}
+
+
+def by_mean(keys, times):
+    return {**keyframed(keys, times), "rule": "mean"}
+
+
+def by_chord(keys, times):
+    return {**keyframed(keys, times), "rule": "chord"}
+
+
+def as_printed(keys, times):
+    return {**keyframed(keys, times), "s": 1.0}
+
+
+def reversed_order(keys, times):
+    return {**keyframed(keys, times), "order": "reversed"}
+
+
+def quadratic_angle(keys, times):
+    return {**keyframed(keys, times), "param": "quadratic"}
+
+
+def smooth_circles(keys, times):
+    return {**quadratic_angle(keys, times), "weight": "smooth"}
+
+
+def any_arcs(keys, times):
+    return {**keyframed(keys, times), "require_positive": False}
+
+
+def any_arcs_14(keys, times):
+    return {**any_arcs(keys, times), "criterion": 14, "a1": 1.5}
+
+
+def unparametrised(keys, times):
+    return {**any_arcs(keys, times), "reparam": False}
+
+
+def positive_arcs(keys, times):
+    return keyframed(keys[:3], times[:3])
+
+
+def polygon(keys, times):
+    return {**keyframed(keys, times), "criterion": 20}
+
+
+def tense(keys, times):
+    return {**keyframed(keys, times), "nu": 2.0}
+
+
 EXAMPLES = {
     "slerp": (slerped, spun),
     "kks_bezier": (controlled,),
@@ -96,6 +156,18 @@ EXAMPLES = {
     "kks_bspline": (controlled, order_three, clamped_knots),
     "c2_cumulative": (keyframed, clamped, state, state_natural, clamped_state, turned),
     "kks_uniform": (controlled,),
+    "squad": (keyframed, uniform, by_mean, by_chord),
+    "de_casteljau": (aligned_controls,),
+    "shoemake_bezier": (keyframed, uniform, as_printed),
+    "bezier_catmull_rom": (keyframed, uniform, reversed_order),
+    "schlag_catmull_rom": (keyframed, uniform),
+    "schlag_bspline": (controlled, order_three, order_five, clamped_knots),
+    "circular_blending": (keyframed, quadratic_angle, smooth_circles),
+    "nielson_shieh": (any_arcs, any_arcs_14, unparametrised, positive_arcs),
+    "spherical_quadratic": (keyframed, uniform, polygon),
+    "nielson_heiland": (keyframed, uniform),
+    "nu_spline": (keyframed, tense),
+    "rotation_vector_spline": (keyframed, clamped),
 }
 """Family name -> tuple of makers of parameters from keyframes and their times."""
 

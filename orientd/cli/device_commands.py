@@ -1,0 +1,93 @@
+"""Commands to a device: stop, pause, resume, speed, enable, disable, reset."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from orientd.cli.output import AsJson, DeviceName, Socket, command, say, say_json
+
+if TYPE_CHECKING:
+    from orientd.rpc.client import Robot
+    from orientd.rpc.reports import DeviceReport
+
+
+def holder(name: str) -> str:
+    """Return what others are told of who runs the command *name*."""
+    return f"orientd {name}, process {os.getpid()}"
+
+
+@command
+def stop(device: DeviceName = "", socket: Socket = None, as_json: AsJson = False) -> None:
+    """Bring a device, or all of them, to rest on the path.  Anybody may."""
+    from orientd.cli import texts
+    from orientd.rpc.client import connect
+
+    with connect(socket, holder=holder("stop")) as robot:
+        reports = robot.stop(device)
+    if as_json:
+        say_json({"devices": reports})
+    else:
+        say(*(f"{report.name}: {texts.state(report)}" for report in reports))
+
+
+@command
+def pause(device: DeviceName = "", socket: Socket = None, as_json: AsJson = False) -> None:
+    """Come to rest on the path, to be resumed."""
+    _command("pause", socket, as_json, lambda robot: robot.pause(device))
+
+
+@command
+def resume(device: DeviceName = "", socket: Socket = None, as_json: AsJson = False) -> None:
+    """Go on with a paused motion."""
+    _command("resume", socket, as_json, lambda robot: robot.resume(device))
+
+
+@command
+def speed(
+    factor: Annotated[
+        float, typer.Argument(metavar="X", help="More than 0, at most 1, which is as planned.")
+    ],
+    device: DeviceName = "",
+    socket: Socket = None,
+    as_json: AsJson = False,
+) -> None:
+    """Run motions X times as fast as planned, now and from now on."""
+    _command("speed", socket, as_json, lambda robot: robot.set_speed(factor, device))
+
+
+@command
+def enable(device: DeviceName = "", socket: Socket = None, as_json: AsJson = False) -> None:
+    """Make a device follow; it does not move by this."""
+    _command("enable", socket, as_json, lambda robot: robot.enable(device))
+
+
+@command
+def disable(device: DeviceName = "", socket: Socket = None, as_json: AsJson = False) -> None:
+    """Leave a device at rest, no longer following."""
+    _command("disable", socket, as_json, lambda robot: robot.disable(device))
+
+
+@command
+def reset(device: DeviceName = "", socket: Socket = None, as_json: AsJson = False) -> None:
+    """Clear a fault; starts the servo process anew if it has ended."""
+    _command("reset", socket, as_json, lambda robot: robot.reset(device))
+
+
+def _command(
+    name: str, socket: Path | None, as_json: bool, act: Callable[[Robot], DeviceReport]
+) -> None:
+    from orientd.cli import texts
+    from orientd.cli.shared_lease import commander
+
+    with commander(socket, holder(name)) as robot:
+        report = act(robot)
+    if as_json:
+        say_json(report)
+    else:
+        speed = "" if report.speed == 1.0 else f", speed {report.speed:g}"
+        say(f"{report.name}: {texts.state(report)}{speed}")

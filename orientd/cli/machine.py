@@ -1,0 +1,339 @@
+"""What on this machine stands in the way of real time: each look measures, none guesses.
+
+Scheduling, locked memory and lateness are measured in a process of its own, which does what a servo
+process does at its start.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import resource
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from enum import Enum
+from importlib import metadata
+from importlib.util import find_spec
+from pathlib import Path
+
+PRIORITY = 80
+PERIOD_NS = 2_000_000
+CYCLES = 500
+
+GOOD_LATENESS = 250e-6
+BAD_LATENESS = 1e-3
+"""Seconds of p99 lateness at 500 Hz: an eighth and a half of the period."""
+
+SHARED_MEMORY_NEEDED = 64 * 1024 * 1024
+"""Bytes; the rings of some ten devices at 1000 Hz."""
+
+_PROBE = """
+import json, sys
+from orientd.servo.realtime import DeadlineTimer, freeze_garbage, lock_memory, set_scheduling
+import time
+scheduling = set_scheduling(int(sys.argv[1]))
+is_locked = lock_memory()
+freeze_garbage()
+period, count = int(sys.argv[2]), int(sys.argv[3])
+timer = DeadlineTimer()
+deadline = time.monotonic_ns() + period
+lateness = []
+for _ in range(count):
+    lateness.append(timer.wait(deadline) - deadline)
+    deadline = max(deadline + period, time.monotonic_ns())
+lateness.sort()
+print(json.dumps({
+    "scheduling": scheduling,
+    "memory_locked": is_locked,
+    "p50": lateness[count // 2] * 1e-9,
+    "p99": lateness[count * 99 // 100] * 1e-9,
+    "largest": lateness[-1] * 1e-9,
+}))
+"""
+
+
+class Verdict(Enum):
+    """What a finding means for real time."""
+
+    OK = "ok"
+    IMPROVE = "improve"
+    PROBLEM = "problem"
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One look at the machine.
+
+    Attributes:
+        name: what was looked at.
+        found: what was found.
+        verdict: what that means.
+        mend: what to do about it; empty where it is well.
+    """
+
+    name: str
+    found: str
+    verdict: Verdict
+    mend: str = ""
+
+
+def findings() -> list[Finding]:
+    """Return every finding; takes two seconds."""
+    looks: Iterable[Callable[[], list[Finding]]] = (
+        _servo,
+        _kernel,
+        _throttling,
+        _cores,
+        _isolation,
+        _governor,
+        _latency_request,
+        _clock_source,
+        _swap,
+        _shared_memory,
+        _runtime_directory,
+        _python,
+        _numba,
+    )
+    return [finding for look in looks for finding in look()]
+
+
+def _servo() -> list[Finding]:
+    arguments = [sys.executable, "-c", _PROBE, str(PRIORITY), str(PERIOD_NS), str(CYCLES)]
+    done = subprocess.run(
+        arguments, capture_output=True, text=True, timeout=60, cwd="/", check=False
+    )
+    if done.returncode != 0:
+        last = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
+        return [Finding("servo process", f"does not run: {last}", Verdict.PROBLEM, "reinstall")]
+    probe = json.loads(done.stdout)
+    return [
+        _scheduling(probe["scheduling"]),
+        _memory(probe["memory_locked"]),
+        _lateness(probe["p50"], probe["p99"], probe["largest"]),
+    ]
+
+
+def _scheduling(got: str) -> Finding:
+    soft, hard = resource.getrlimit(resource.RLIMIT_RTPRIO)
+    if got.startswith("SCHED_FIFO"):
+        return Finding("scheduling", f"{got} granted", Verdict.OK)
+    return Finding(
+        "scheduling",
+        f"SCHED_FIFO {PRIORITY} refused (RLIMIT_RTPRIO is {soft}, at most {hard}); got {got}",
+        Verdict.IMPROVE,
+        f"`LimitRTPRIO={PRIORITY}` in the systemd unit, or `@GROUP - rtprio {PRIORITY}` in "
+        "/etc/security/limits.conf and a new login",
+    )
+
+
+def _memory(is_locked: bool) -> Finding:
+    soft, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
+    limit = "unlimited" if soft == resource.RLIM_INFINITY else f"{soft // 1024} KiB"
+    if is_locked:
+        return Finding("memory lock", f"granted (RLIMIT_MEMLOCK is {limit})", Verdict.OK)
+    return Finding(
+        "memory lock",
+        f"refused (RLIMIT_MEMLOCK is {limit})",
+        Verdict.IMPROVE,
+        "`LimitMEMLOCK=infinity` in the systemd unit, or `@GROUP - memlock unlimited` in "
+        "/etc/security/limits.conf and a new login",
+    )
+
+
+def _lateness(p50: float, p99: float, largest: float) -> Finding:
+    found = (
+        f"p50 {1e3 * p50:.3f} ms, p99 {1e3 * p99:.3f} ms, largest {1e3 * largest:.3f} ms in "
+        f"{CYCLES} cycles at 500 Hz"
+    )
+    if p99 <= GOOD_LATENESS:
+        return Finding("lateness", found, Verdict.OK)
+    verdict = Verdict.IMPROVE if p99 <= BAD_LATENESS else Verdict.PROBLEM
+    load = os.getloadavg()[0]
+    return Finding(
+        "lateness", found, verdict, f"see the other rows; the load is {load:.1f} at the moment"
+    )
+
+
+def _kernel() -> list[Finding]:
+    version = platform.version()
+    found = f"{platform.system()} {platform.release()} {version}"
+    if _read("/sys/kernel/realtime") == "1" or "PREEMPT_RT" in version:
+        return [Finding("kernel", found, Verdict.OK)]
+    if "PREEMPT" in version:
+        mode = _read("/sys/kernel/debug/sched/preempt")
+        chosen = f" ({mode})" if mode else ""
+        return [
+            Finding(
+                "kernel",
+                found + chosen,
+                Verdict.IMPROVE,
+                "a kernel with PREEMPT_RT; without one, boot with preempt=full",
+            )
+        ]
+    return [
+        Finding("kernel", found, Verdict.PROBLEM, "a kernel with PREEMPT_RT or PREEMPT_DYNAMIC")
+    ]
+
+
+def _throttling() -> list[Finding]:
+    runtime = _read("/proc/sys/kernel/sched_rt_runtime_us")
+    period = _read("/proc/sys/kernel/sched_rt_period_us")
+    if not runtime or not period:
+        return []
+    if runtime == "-1":
+        return [Finding("throttling", "none", Verdict.OK)]
+    share = 100.0 * int(runtime) / int(period)
+    found = f"real-time processes get {share:.0f} % of {int(period) / 1e6:g} s"
+    if share >= 50.0:
+        return [Finding("throttling", found, Verdict.OK)]
+    return [
+        Finding("throttling", found, Verdict.IMPROVE, "sysctl kernel.sched_rt_runtime_us=950000")
+    ]
+
+
+def _cores() -> list[Finding]:
+    usable = len(os.sched_getaffinity(0))
+    found = f"{usable} usable of {os.cpu_count()}"
+    if usable >= 2:
+        return [Finding("cores", found, Verdict.OK)]
+    return [
+        Finding("cores", found, Verdict.IMPROVE, "two at the least: one servo, one for the rest")
+    ]
+
+
+def _isolation() -> list[Finding]:
+    isolated = _read("/sys/devices/system/cpu/isolated")
+    if isolated:
+        return [Finding("isolated cores", isolated, Verdict.OK)]
+    if (os.cpu_count() or 1) < 4:
+        return [Finding("isolated cores", "none, with too few cores to spare one", Verdict.OK)]
+    return [
+        Finding(
+            "isolated cores",
+            "none",
+            Verdict.IMPROVE,
+            "boot with isolcpus= and nohz_full= for a core, and pin the servo to it",
+        )
+    ]
+
+
+def _governor() -> list[Finding]:
+    paths = sorted(Path("/sys/devices/system/cpu").glob("cpu[0-9]*/cpufreq/scaling_governor"))
+    governors = sorted({_read(path) for path in paths} - {""})
+    if not governors:
+        return [Finding("frequency", "not scaled by this kernel", Verdict.OK)]
+    found = f"governor {', '.join(governors)}"
+    if governors == ["performance"]:
+        return [Finding("frequency", found, Verdict.OK)]
+    return [Finding("frequency", found, Verdict.IMPROVE, "cpupower frequency-set -g performance")]
+
+
+def _latency_request() -> list[Finding]:
+    path = "/dev/cpu_dma_latency"
+    if not Path("/sys/devices/system/cpu/cpu0/cpuidle").is_dir():
+        return [Finding("idle states", "not entered by this kernel", Verdict.OK)]
+    try:
+        os.close(os.open(path, os.O_WRONLY))
+    except OSError as error:
+        return [
+            Finding(
+                "idle states",
+                f"{path} cannot be opened: {error.strerror}",
+                Verdict.IMPROVE,
+                "a udev rule that gives your group write access to it: a core that need not wake "
+                "from a deep state is less late",
+            )
+        ]
+    return [Finding("idle states", f"{path} can be held open", Verdict.OK)]
+
+
+def _clock_source() -> list[Finding]:
+    source = _read("/sys/devices/system/clocksource/clocksource0/current_clocksource")
+    if not source:
+        return []
+    if source in ("hpet", "acpi_pm", "jiffies", "refined-jiffies"):
+        return [Finding("clock", source, Verdict.IMPROVE, "boot with clocksource=tsc tsc=reliable")]
+    return [Finding("clock", source, Verdict.OK)]
+
+
+def _swap() -> list[Finding]:
+    areas = _read("/proc/swaps").splitlines()[1:]
+    if not areas:
+        return [Finding("swap", "none", Verdict.OK)]
+    used = sum(int(area.split()[3]) for area in areas)
+    found = f"{len(areas)} areas, {used // 1024} MiB used"
+    if used == 0:
+        return [Finding("swap", found, Verdict.OK)]
+    return [Finding("swap", found, Verdict.IMPROVE, "more memory, or sysctl vm.swappiness=1")]
+
+
+def _shared_memory() -> list[Finding]:
+    name, mend = "shared memory", "mount a tmpfs on /dev/shm"
+    try:
+        with tempfile.TemporaryFile(dir="/dev/shm") as file:
+            file.truncate(4096)
+        usage = os.statvfs("/dev/shm")
+    except OSError as error:
+        return [Finding(name, f"/dev/shm: {error.strerror}", Verdict.PROBLEM, mend)]
+    free = usage.f_bavail * usage.f_frsize
+    found = f"/dev/shm has {free // 2**20} MiB free"
+    if free < SHARED_MEMORY_NEEDED:
+        more = f"at least {SHARED_MEMORY_NEEDED // 2**20} MiB: mount -o remount,size=256M /dev/shm"
+        return [Finding(name, found, Verdict.PROBLEM, more)]
+    return [Finding(name, found, Verdict.OK)]
+
+
+def _runtime_directory() -> list[Finding]:
+    name = "runtime directory"
+    directory = os.environ.get("XDG_RUNTIME_DIR")
+    if not directory:
+        return [
+            Finding(
+                name,
+                f"XDG_RUNTIME_DIR is not set; the socket goes to /tmp/orientd-{os.getuid()}",
+                Verdict.IMPROVE,
+                "a login by systemd-logind, or `RuntimeDirectory=` in the systemd unit",
+            )
+        ]
+    if not os.access(directory, os.W_OK | os.X_OK):
+        return [
+            Finding(
+                name,
+                f"XDG_RUNTIME_DIR={directory} cannot be written to",
+                Verdict.PROBLEM,
+                "unset it, or have it point to a directory of yours",
+            )
+        ]
+    return [Finding(name, directory, Verdict.OK)]
+
+
+def _python() -> list[Finding]:
+    return [
+        Finding(
+            "python", f"{platform.python_implementation()} {platform.python_version()}", Verdict.OK
+        )
+    ]
+
+
+def _numba() -> list[Finding]:
+    if find_spec("numba") is None:
+        return [
+            Finding(
+                "fast sampling",
+                "Numba is not installed",
+                Verdict.IMPROVE,
+                "pip install 'orientd[fast]'",
+            )
+        ]
+    return [Finding("fast sampling", f"Numba {metadata.version('numba')}", Verdict.OK)]
+
+
+def _read(path: str | Path) -> str:
+    try:
+        return Path(path).read_text(encoding="utf-8").strip()
+    except OSError:
+        return ""

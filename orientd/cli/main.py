@@ -1,0 +1,69 @@
+"""The command `orientd`."""
+
+from __future__ import annotations
+
+import os
+from typing import Annotated
+
+import typer
+
+import orientd
+from orientd.cli import bench, daemon_commands, demo, device_commands, doctor, motion_commands
+from orientd.cli.output import say
+
+app = typer.Typer(
+    name="orientd",
+    help="Plan smooth orientation motion and stream it to robots.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+
+def _version(is_asked: bool) -> None:
+    if is_asked:
+        say(f"orientd {orientd.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_version, is_eager=True, help="Print the version."),
+    ] = False,
+) -> None:
+    del version
+
+
+for _command in (
+    demo.demo,
+    daemon_commands.run,
+    daemon_commands.status,
+    daemon_commands.devices,
+    daemon_commands.methods,
+    motion_commands.plan,
+    motion_commands.move,
+    device_commands.stop,
+    device_commands.pause,
+    device_commands.resume,
+    device_commands.speed,
+    device_commands.enable,
+    device_commands.disable,
+    device_commands.reset,
+    bench.bench,
+    doctor.doctor,
+):
+    app.command()(_command)
+
+
+def main() -> None:
+    """Run the command line."""
+    # gRPC's own log lines are about its connections, for which our errors have words.
+    os.environ.setdefault("GRPC_VERBOSITY", "NONE")
+    app()
+
+
+if __name__ == "__main__":
+    main()

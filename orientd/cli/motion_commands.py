@@ -1,0 +1,154 @@
+"""Motions: plan one without a daemon, move a device."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from orientd.cli.daemon_commands import ConfigFile
+from orientd.cli.device_commands import holder
+from orientd.cli.output import AsJson, DeviceName, Socket, command, say, say_json
+from orientd.errors import ConfigError, OrientdError
+
+if TYPE_CHECKING:
+    from orientd.cli.progress import View
+    from orientd.config import DeviceSettings
+    from orientd.rpc.move_handle import MoveHandle
+    from orientd.rpc.reports import Summary
+
+MotionFile = Annotated[Path, typer.Argument(metavar="FILE", help="A motion file, YAML or JSON.")]
+
+CANCEL_TIMEOUT = 15.0
+"""Seconds in which a motion that was cancelled comes to rest."""
+
+
+@command
+def plan(
+    file: MotionFile,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Write samples to a .csv, .npz or .json file."),
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", help="Draw the motion to an image file (extra plot).")
+    ] = None,
+    config: ConfigFile = None,
+    device: DeviceName = "",
+    as_json: AsJson = False,
+) -> None:
+    """Plan the motion of FILE for a device that stands at its first keyframe.  Needs no daemon.
+
+    Rate and limits are those of the device in the configuration; the samples are what its servo
+    would send.
+    """
+    from orientd import motion_file, planner
+    from orientd.cli import sample_files, texts
+    from orientd.daemon import report
+
+    if output is not None and output.suffix not in sample_files.ENDINGS:
+        raise typer.BadParameter(
+            f"expected a name that ends in {', '.join(sample_files.ENDINGS)}, got {output.name!r}",
+            param_hint="--output",
+        )
+    request = motion_file.load(file)
+    settings = _device_settings(config, device)
+    first = request.keyframes[0]
+    start = planner.State.at_rest(request.keys[0], first.position or (0.0, 0.0, 0.0))
+    motion = planner.plan(
+        request,
+        start=start,
+        limits=settings.limits.to_limits(),
+        period=settings.period_ns * 1e-9,
+    )
+    samples = report.samples(motion, settings.rate_hz)
+    if output is not None:
+        sample_files.write(output, samples, motion.certificate)
+    if plot is not None:
+        from orientd import plots
+
+        plots.draw_motion(plot, motion, title=f"{file.name}: {request.method}")
+    if as_json:
+        say_json({"plan": report.plan(motion), "output": output, "plot": plot})
+        return
+    say(f"{request.method} through {len(request.keyframes)} keyframes", "")
+    say(*texts.certificate(motion.certificate))
+    for written in (output, plot):
+        if written is not None:
+            say(f"wrote {written}")
+
+
+@command
+def move(
+    file: MotionFile,
+    device: DeviceName = "",
+    socket: Socket = None,
+    as_json: AsJson = False,
+) -> None:
+    """Move a device as FILE says, and show it until it has ended.
+
+    Ctrl-C stops the motion on its path.  Meanwhile `orientd pause`, `resume` and `speed` work from
+    another terminal.
+    """
+    from orientd import motion_file
+    from orientd.cli import progress, texts
+    from orientd.cli.shared_lease import shared
+    from orientd.rpc.client import connect
+
+    request = motion_file.load(file)
+    with connect(socket, holder=holder("move")) as robot, shared(robot):
+        handle = robot.move(request, device=device)
+        if not as_json:
+            plan = handle.plan
+            say(
+                f"motion {handle.motion_number}: {len(request.keyframes)} keyframes, "
+                f"{plan.duration:.3f} s with a lead-in of {plan.certificate.lead_in:.3f} s and a "
+                f"lead-out of {plan.certificate.lead_out:.3f} s"
+            )
+        with progress.view(f"motion {handle.motion_number}", is_silent=as_json) as view:
+            summary = follow(handle, view)
+    if as_json:
+        say_json({"plan": handle.plan, "summary": summary})
+    else:
+        say(*texts.summary(summary, handle.plan))
+    raise_unless_done(summary)
+
+
+def follow(handle: MoveHandle, view: View) -> Summary:
+    """Show a motion until it has ended; Ctrl-C stops it on its path.
+
+    Raises:
+        OrientdError: the daemon was lost, or the motion did not come to rest.
+    """
+    try:
+        for report in handle:
+            view.show(report)
+        return handle.wait()
+    except KeyboardInterrupt:
+        handle.cancel()
+        try:
+            return handle.wait(CANCEL_TIMEOUT)
+        except TimeoutError as error:
+            raise OrientdError(str(error)) from error
+
+
+def raise_unless_done(summary: Summary) -> None:
+    """Raise what makes a command fail after a motion that was not run to its end."""
+    from orientd.cli import texts
+    from orientd.rpc.reports import Outcome
+
+    if summary.outcome is not Outcome.DONE:
+        raise OrientdError(f"motion {summary.motion_number} {texts.ending(summary)}")
+
+
+def _device_settings(config: Path | None, device: str) -> DeviceSettings:
+    """Return the settings of the device that a plan without a daemon is made for."""
+    from orientd import config as configuration
+
+    path = config or configuration.find()
+    settings = configuration.load(path) if path else configuration.default_settings()
+    names = list(settings.devices)
+    if device and device not in names:
+        raise ConfigError(f"no device {device!r}, there is {', '.join(names)}")
+    return settings.devices[device or names[0]]

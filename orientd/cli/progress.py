@@ -1,0 +1,97 @@
+"""A motion under way, shown: a live line on a terminal, plain lines elsewhere."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Protocol
+
+from orientd.cli import texts
+from orientd.cli.output import is_terminal, say
+from orientd.rpc.reports import Progress
+
+if TYPE_CHECKING:
+    from rich.progress import Progress as Bar
+    from rich.progress import TaskID
+
+PLAIN_INTERVAL = 0.5
+"""Seconds between two plain lines."""
+
+
+class View(Protocol):
+    """Whatever shows progress."""
+
+    def show(self, progress: Progress) -> None:
+        """Show *progress*."""
+
+
+class Silence:
+    """Show nothing, where the answer is one JSON object."""
+
+    def show(self, progress: Progress) -> None:
+        """Show nothing."""
+
+
+class Lines:
+    """One line now and then."""
+
+    def __init__(self) -> None:
+        self._due = 0.0
+
+    def show(self, progress: Progress) -> None:
+        """Print a line, if the last one was long enough ago."""
+        now = time.monotonic()
+        if now >= self._due:
+            self._due = now + PLAIN_INTERVAL
+            say(f"{progress.path_time:.2f} of {progress.duration:.2f} s  {_figures(progress)}")
+
+
+class LiveLine:
+    """One line that changes, with a bar."""
+
+    def __init__(self, bar: Bar, task: TaskID) -> None:
+        self._bar = bar
+        self._task = task
+
+    def show(self, progress: Progress) -> None:
+        """Change the line."""
+        self._bar.update(
+            self._task,
+            total=progress.duration,
+            completed=progress.path_time,
+            times=f"{progress.path_time:.2f}/{progress.duration:.2f} s",
+            figures=_figures(progress),
+        )
+
+
+@contextlib.contextmanager
+def view(title: str, *, is_silent: bool) -> Iterator[View]:
+    """Show progress while the context lasts."""
+    if is_silent:
+        yield Silence()
+    elif not is_terminal():
+        yield Lines()
+    else:
+        # Rich takes its time to import, and most commands have no use for it.
+        from rich.progress import BarColumn, TextColumn
+        from rich.progress import Progress as Bar
+
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=20),
+            TextColumn("{task.fields[times]}"),
+            TextColumn("{task.fields[figures]}", style="dim"),
+        )
+        with Bar(*columns) as bar:
+            yield LiveLine(bar, bar.add_task(title, total=1.0, times="", figures=""))
+
+
+def _figures(progress: Progress) -> str:
+    speed = "" if progress.speed == 1.0 else f"  speed {progress.speed:.2f}"
+    paused = "  paused" if progress.is_paused else ""
+    return (
+        f"{texts.orientation(progress.q)}  {texts.rate(progress.omega_body):.3f} rad/s  "
+        f"late {texts.milliseconds(progress.lateness)}  "
+        f"tracking {texts.small_angle(progress.tracking_error)}{speed}{paused}"
+    )

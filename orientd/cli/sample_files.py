@@ -1,0 +1,72 @@
+"""A planned motion in a file: csv, npz or json, by the ending of its name."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from orientd.cli.output import plain
+from orientd.errors import OrientdError
+from orientd.planner import Certificate
+from orientd.rotation import Floats
+from orientd.rpc.reports import Samples
+
+ENDINGS = (".csv", ".npz", ".json")
+
+COLUMNS = (
+    "time_s",
+    *(f"q{axis}" for axis in "wxyz"),
+    *(f"omega_body_{axis}_rad_s" for axis in "xyz"),
+    *(f"alpha_body_{axis}_rad_s2" for axis in "xyz"),
+    *(f"position_{axis}_m" for axis in "xyz"),
+    *(f"velocity_{axis}_m_s" for axis in "xyz"),
+)
+
+
+def write(path: Path, samples: Samples, certificate: Certificate) -> None:
+    """Write *samples* to *path*; npz and json hold the certificate too.
+
+    Raises:
+        OrientdError: the file cannot be written.
+    """
+    try:
+        if path.suffix == ".csv":
+            table = _table(samples)
+            np.savetxt(
+                path, table, fmt="%.17g", delimiter=",", header=",".join(COLUMNS), comments=""
+            )
+        elif path.suffix == ".npz":
+            np.savez(
+                path,
+                time=samples.times,
+                q_wxyz=samples.q,
+                omega_body=samples.omega_body,
+                alpha_body=samples.alpha_body,
+                position=samples.position,
+                velocity=samples.velocity,
+                certificate=np.array(json.dumps(plain(certificate))),
+            )
+        else:
+            content = {
+                "certificate": plain(certificate),
+                "columns": COLUMNS,
+                "rows": _table(samples).tolist(),
+            }
+            path.write_text(json.dumps(content), encoding="utf-8")
+    except OSError as error:
+        raise OrientdError(f"cannot write {path}: {error.strerror}") from error
+
+
+def _table(samples: Samples) -> Floats:
+    return np.column_stack(
+        [
+            samples.times,
+            samples.q,
+            samples.omega_body,
+            samples.alpha_body,
+            samples.position,
+            samples.velocity,
+        ]
+    )

@@ -1,0 +1,149 @@
+"""Values in words: orientations, durations, certificates and summaries for people."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from orientd.planner import Certificate, Peak
+from orientd.rpc.reports import DeviceReport, Outcome, Plan, Statistics, Summary
+from orientd.stream import State
+
+
+def orientation(q: Sequence[float]) -> str:
+    """Return a quaternion with its components by name.
+
+    >>> orientation((1.0, 0.0, 0.0, 0.0))
+    'w +1.0000 x +0.0000 y +0.0000 z +0.0000'
+    """
+    return " ".join(f"{name} {part + 0.0:+.4f}" for name, part in zip("wxyz", q, strict=True))
+
+
+def milliseconds(seconds: float) -> str:
+    """Return a lateness.
+
+    >>> milliseconds(0.0000521)
+    '0.052 ms'
+    """
+    return f"{seconds * 1e3:.3f} ms"
+
+
+def small_angle(radians: float | None) -> str:
+    """Return a tracking error, which may not be known.
+
+    >>> small_angle(0.0123), small_angle(None)
+    ('12.30 mrad', 'unknown')
+    """
+    return "unknown" if radians is None else f"{radians * 1e3:.2f} mrad"
+
+
+def clock(seconds: float) -> str:
+    """Return how long something has lasted.
+
+    >>> clock(3723.4)
+    '1:02:03'
+    """
+    whole = int(seconds)
+    return f"{whole // 3600}:{whole // 60 % 60:02d}:{whole % 60:02d}"
+
+
+def state(device: DeviceReport) -> str:
+    """Return what a device is doing."""
+    if device.state is State.FAULT:
+        return f"fault {device.fault.name.lower()}: {device.fault_text}"
+    if device.is_paused:
+        return "paused"
+    return device.state.name.lower()
+
+
+def peak(measured: Peak, unit: str) -> str:
+    """Return a largest value against its limit.
+
+    >>> peak(Peak(1.5, 0.25, 2.5), "rad/s")
+    '1.5 of 2.5 rad/s (60.0 %) at 0.250 s'
+    """
+    share = 100.0 * measured.value / measured.limit
+    return (
+        f"{measured.value:.5g} of {measured.limit:.5g} {unit} ({share:.1f} %) "
+        f"at {measured.time:.3f} s"
+    )
+
+
+def certificate(of: Certificate) -> list[str]:
+    """Return what a motion promises, line by line."""
+    lines = [
+        f"duration             {of.duration:.3f} s at {of.rate_hz:g} Hz",
+        f"lead-in, lead-out    {of.lead_in:.3f} s, {of.lead_out:.3f} s",
+        f"velocity             {peak(of.peak_velocity, 'rad/s')}",
+        f"acceleration         {peak(of.peak_acceleration, 'rad/s^2')}",
+        f"jerk                 {peak(of.peak_jerk, 'rad/s^3')}",
+    ]
+    if of.peak_linear_velocity.value > 0.0:
+        lines += [
+            f"linear velocity      {peak(of.peak_linear_velocity, 'm/s')}",
+            f"linear acceleration  {peak(of.peak_linear_acceleration, 'm/s^2')}",
+        ]
+    lines += [
+        f"end velocities       met to {of.start_velocity_error:.1e} and "
+        f"{of.end_velocity_error:.1e} rad/s",
+        f"keyframes            met to {of.keyframe_error:.1e} rad",
+        f"a stop on the path   {of.stop_time:.3f} s at the most",
+    ]
+    return lines
+
+
+def summary(of: Summary, plan: Plan) -> list[str]:
+    """Return how a motion went, line by line."""
+    lines = [f"motion {of.motion_number}: {ending(of)}"]
+    if of.statistics is not None:
+        lines += [f"  {line}" for line in statistics(of.statistics, plan)]
+    return lines
+
+
+def ending(of: Summary) -> str:
+    """Return how a motion ended, in a few words."""
+    if of.outcome is Outcome.DONE:
+        return "done"
+    return f"{of.outcome.value}: {of.text}" if of.text else of.outcome.value
+
+
+def statistics(of: Statistics, plan: Plan) -> list[str]:
+    """Return what was measured of a motion, against what it promised."""
+    late, limits = of.lateness, plan.certificate
+    percentiles = " / ".join(f"{1e3 * part:.3f}" for part in (late.p50, late.p99, late.p99_9))
+
+    def against(measured: float, promised: Peak, unit: str) -> str:
+        share = 100.0 * measured / promised.limit
+        return f"{measured:.5g} of {promised.limit:.5g} {unit} ({share:.1f} %)"
+
+    return [
+        f"cycles               {of.cycles}, {of.overruns} overruns, {of.missed} missed",
+        f"lateness             {percentiles} / {milliseconds(late.largest)} "
+        "(p50 / p99 / p99.9 / max)",
+        f"velocity sent        {against(of.velocity, limits.peak_velocity, 'rad/s')}",
+        f"acceleration sent    {against(of.acceleration, limits.peak_acceleration, 'rad/s^2')}",
+        f"jerk sent            {against(of.jerk, limits.peak_jerk, 'rad/s^3')}",
+        f"error to the plan    {of.path_error:.1e} rad at the most",
+        f"end velocities       off by {_error(of.start_velocity_error)} at the start, "
+        f"{_error(of.end_velocity_error)} at the end",
+        f"tracking error       {small_angle(of.tracking_error)} at the most",
+    ]
+
+
+def _error(velocity: float | None) -> str:
+    return "(not measured)" if velocity is None else f"{velocity:.1e} rad/s"
+
+
+def rate(omega: Sequence[float]) -> float:
+    """Return the length of an angular velocity."""
+    return math.hypot(*omega)
+
+
+def motion(device: DeviceReport) -> str:
+    """Return which motion a device runs, or ran last."""
+    if device.motion_number == 0:
+        return "none yet"
+    return (
+        f"{device.motion_number}: {device.path_time:.3f} of {device.duration:.3f} s, "
+        f"speed {device.speed:g}"
+    )

@@ -1,0 +1,145 @@
+"""A quick look at a core: how much longer it should be, and where that is decided.
+
+Finding the shortest duration takes several looks at the records of a motion.  A motion of hours has
+millions of them, but only near its largest rates do they matter; these places are found from the
+derivatives at a few instants of every piece of the curve, and the search looks at nothing else.
+The certificate looks at everything in the end.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from orientd.planner.certificate import CHUNK, Peaks
+from orientd.planner.course import Core
+from orientd.planner.limits import Limits
+from orientd.planner.timing import excess
+from orientd.rotation import Floats
+
+_SHORT = 4 * CHUNK  # records that are looked at as a whole
+_PIECES = 256  # that a curve of fewer pieces is cut into
+_SHARES = np.array([1e-6, 0.25, 0.5, 0.75, 1.0 - 1e-6])  # of a piece
+_HOT = 0.97  # of the largest factor
+_END_KEYFRAMES = 10  # to which the ends of a curve reach, whatever the duration
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Survey:
+    """Where a core comes nearest to its limits.
+
+    Attributes:
+        factor: by which it should take longer to just keep them, about.
+        spots: parts of the duration where that is decided, from 0 to 1, in order, shape ``(m, 2)``.
+    """
+
+    factor: float
+    spots: Floats
+
+    @classmethod
+    def of(cls, core: Core, limits: Limits, period: float) -> Survey:
+        """Return the survey of a core."""
+        instants = _instants(core)
+        factors = _factors(core, instants, limits, period)
+        largest = float(factors.max())
+        hot = np.flatnonzero(factors >= _HOT * largest)
+        reach = min(_END_KEYFRAMES, len(core.times) - 1)
+        begins = np.concatenate([[0.0, core.times[-1 - reach]], instants[np.maximum(hot - 1, 0)]])
+        last = len(instants) - 1
+        ends = np.concatenate(
+            [[core.times[reach], core.duration], instants[np.minimum(hot + 1, last)]]
+        )
+        return cls(largest, _merged(begins, ends) / core.duration)
+
+    def look(self, core: Core, limits: Limits, period: float, *, everywhere: bool) -> float:
+        """Return by which factor a core should take longer, from its records.
+
+        Args:
+            core: the surveyed one or one like it, of another duration.
+            limits: to keep.
+            period: of the device, s.
+            everywhere: whether to look beyond the spots.
+        """
+        count = core.record_count(period)
+        if everywhere or count <= _SHORT:
+            return self._excess(core, core.peaks(period, limits))
+        return max(
+            self._excess(core, core.peaks(period, limits, first, last))
+            for first, last in _ranges(self.spots, count)
+        )
+
+    @staticmethod
+    def _excess(core: Core, peaks: Peaks) -> float:
+        return excess(peaks, core.continuity)
+
+
+def _instants(core: Core) -> Floats:
+    """Return instants on either side of every break of the core and between them, s."""
+    curve = core.stretch.curve
+    breaks = (curve.knots - curve.domain[0]) / core.stretch.rate
+    breaks = np.union1d(breaks, core.positions.breaks)
+    breaks = breaks[(breaks >= 0.0) & (breaks <= core.duration)]
+    if len(breaks) < _PIECES:
+        breaks = np.union1d(breaks, np.linspace(0.0, core.duration, _PIECES + 1))
+    widths = np.diff(breaks)
+    begins, widths = breaks[:-1][widths > 0.0], widths[widths > 0.0]
+    instants: Floats = (begins[:, None] + widths[:, None] * _SHARES).reshape(-1)
+    return instants
+
+
+def _factors(core: Core, instants: Floats, limits: Limits, period: float) -> Floats:
+    """Return, instant by instant, by which factor the core should take longer."""
+    factors: Floats = np.zeros(len(instants))
+    for first in range(0, len(instants), CHUNK):
+        # One more on either side, for differences.
+        some = slice(max(first - 1, 0), first + CHUNK)
+        times = instants[some]
+        _, omega, alpha = core.stretch.sample(times)
+        _, velocity = core.positions.sample(times)
+        # What lies within a period counts as a step of the acceleration over one.
+        steps = np.maximum(np.diff(times), period)
+        jerk = np.concatenate([[0.0], _norm(np.diff(alpha, axis=0)) / steps])
+        push = np.concatenate([[0.0], _norm(np.diff(velocity, axis=0)) / steps])
+        jerk_root = np.cbrt if core.continuity >= 2 else np.sqrt
+        factors[some] = np.maximum.reduce(
+            [
+                factors[some],
+                _norm(omega) / limits.velocity,
+                np.sqrt(_norm(alpha) / limits.acceleration),
+                jerk_root(jerk / limits.jerk),
+                _norm(velocity) / limits.linear_velocity,
+                np.sqrt(push / limits.linear_acceleration),
+            ]
+        )
+    return factors
+
+
+def _norm(vectors: Floats) -> Floats:
+    norm: Floats = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+    return norm
+
+
+def _merged(begins: Floats, ends: Floats) -> Floats:
+    """Return the union of intervals, as intervals in order, shape ``(m, 2)``."""
+    order = np.argsort(begins)
+    begins, ends = begins[order], np.maximum.accumulate(ends[order])
+    is_new = np.concatenate([[True], begins[1:] > ends[:-1]])
+    firsts = np.flatnonzero(is_new)
+    lasts = np.concatenate([firsts[1:] - 1, [len(begins) - 1]])
+    return np.stack([begins[firsts], ends[lasts]], axis=-1)
+
+
+def _ranges(spots: Floats, count: int) -> list[tuple[int, int]]:
+    """Return first and last record of every spot, neighbours joined."""
+    margin = 4
+    firsts = np.maximum(np.floor(spots[:, 0] * (count - 1)) - margin, 0).astype(int)
+    lasts = np.minimum(np.ceil(spots[:, 1] * (count - 1)) + margin, count - 1).astype(int)
+    ranges = [(int(firsts[0]), int(lasts[0]))]
+    for first, last in zip(firsts[1:].tolist(), lasts[1:].tolist(), strict=True):
+        # A short gap costs less than another call.
+        if first <= ranges[-1][1] + 256:
+            ranges[-1] = ranges[-1][0], max(last, ranges[-1][1])
+        else:
+            ranges.append((first, last))
+    return ranges
