@@ -182,7 +182,45 @@ def _draw(path: Path, cycles: list[Cycle], plan: Plan) -> dict[str, str | None]:
         from orientd import plots
     except ImportError:
         return {"path": None, "why_not": "none: pip install 'orientd[plot]' for one"}
-    plots.draw_sent(path, cycles, plan)
+    import numpy as np
+
+    from orientd.rpc.state_wire import tracking_error
+    from orientd.stream import State
+
+    moving = [cycle for cycle in cycles if cycle.state is State.STREAMING]
+    if not moving:
+        return {"path": None, "why_not": "none: no cycle of the motion was reported"}
+    period = 1.0 / RATE_HZ
+    first = moving[0].path_index
+    times = (
+        np.array([(cycle.path_index - first + cycle.path_fraction) for cycle in moving]) * period
+    )
+    q = np.array([cycle.q for cycle in moving])
+    keyframe_times = np.array(plan.keyframe_times)
+    nearest = np.clip(np.searchsorted(times, keyframe_times), 0, len(times) - 1)
+    certificate = plan.certificate
+    plots.draw_sent(
+        path,
+        plots.Traces(
+            times=times,
+            q=q,
+            omega_body=np.array([cycle.omega_body for cycle in moving]),
+            alpha_body=np.array([cycle.alpha_body for cycle in moving]),
+            keyframe_times=keyframe_times,
+            keyframe_q=q[nearest],
+            velocity_limit=certificate.peak_velocity.limit,
+            acceleration_limit=certificate.peak_acceleration.limit,
+        ),
+        plots.Timing(
+            times=times,
+            lateness=np.array([cycle.lateness_ns for cycle in moving]) * 1e-9,
+            tracking_error=np.array(
+                [np.nan if (error := tracking_error(c)) is None else error for c in moving]
+            ),
+            period=period,
+        ),
+        title=f"orientd demo: {len(keyframe_times)} keyframes at {RATE_HZ} Hz, as sent",
+    )
     return {"path": str(path.absolute()), "why_not": None}
 
 

@@ -19,6 +19,7 @@ from orientd.curves.kks_hermite import KksHermite
 from orientd.curves.kks_hermite_spline import KksHermiteSpline
 from orientd.curves.kks_quintic_hermite import KksQuinticHermite
 from orientd.curves.kks_uniform import KksUniform
+from orientd.curves.min_acceleration import MinAcceleration
 from orientd.curves.nielson_heiland import NielsonHeiland
 from orientd.curves.nielson_shieh import NielsonShieh
 from orientd.curves.normalized_cubic import NormalizedCubic
@@ -55,6 +56,7 @@ _FAMILIES: tuple[type[Curve], ...] = (
     NormalizedCubic,
     NuSpline,
     RotationVectorSpline,
+    MinAcceleration,
 )
 
 METHODS: Mapping[str, type[Curve]] = MappingProxyType({family.name: family for family in _FAMILIES})

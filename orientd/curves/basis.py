@@ -17,6 +17,9 @@ from orientd.rotation import Floats
 
 Indices = NDArray[np.intp]
 
+_PIECE = 1024
+"""Spans worked on at a time, so that intermediate results stay in the cache."""
+
 
 @dataclass(frozen=True)
 class CumulativeBasis:
@@ -27,16 +30,14 @@ class CumulativeBasis:
     0 there.
 
     Attributes:
-        starts: where the spans begin, in seconds, shape ``(S,)``.
-        widths: their lengths in seconds, shape ``(S,)``.
+        breaks: where the spans begin and end, in seconds, shape ``(S + 1,)``.
         first: index of the first function that varies, shape ``(S,)``.
         values: Bernstein coefficients of the functions, shape ``(S, m, m + 1)``.
         rates: Bernstein coefficients of their derivatives, in 1/s, shape ``(S, m, m)``.
         curvatures: those of their second derivatives, in 1/s^2, shape ``(S, m, max(m - 1, 1))``.
     """
 
-    starts: Floats
-    widths: Floats
+    breaks: Floats
     first: Indices
     values: Floats
     rates: Floats
@@ -52,7 +53,8 @@ class CumulativeBasis:
         Returns:
             Shape ``(3, m, n)``.
         """
-        u = (times - self.starts[span]) / self.widths[span]
+        start, end = self.breaks[span], self.breaks[span + 1]
+        u = (times - start) / (end - start)
         found: Floats = np.empty((3, self.values.shape[1], len(times)))
         for order, coefficients in enumerate((self.values, self.rates, self.curvatures)):
             weights = bernstein(coefficients.shape[-1] - 1, u)
@@ -82,7 +84,7 @@ class CumulativeBasis:
                 self.values[..., 0],
                 self.rates[..., 0],
                 self.curvatures[..., 0],
-                change / self.widths[:, None],
+                change / np.diff(self.breaks)[:, None],
             ],
             axis=-1,
         )
@@ -126,18 +128,35 @@ def cumulative_basis(knots: Floats, order: int) -> CumulativeBasis:
         The basis on the spans of non-zero length between ``knots[order - 1]`` and
         ``knots[-order]``.
     """
-    last = len(knots) - order
-    spans = np.arange(order - 1, last)
+    spans = np.arange(order - 1, len(knots) - order)
     spans = spans[knots[spans + 1] > knots[spans]]
-    left, right = knots[spans], knots[spans + 1]
+    count, functions = len(spans), order - 1
+    basis = CumulativeBasis(
+        breaks=np.append(knots[spans], knots[len(knots) - order]),
+        first=spans - order + 2,
+        values=np.empty((count, functions, order)),
+        rates=np.empty((count, functions, functions)),
+        curvatures=np.zeros((count, functions, max(functions - 1, 1))),
+    )
+    for begin in range(0, count, _PIECE):
+        part = slice(begin, begin + _PIECE)
+        _fill(
+            spans[part], knots, order, basis.values[part], basis.rates[part], basis.curvatures[part]
+        )
+    return basis
+
+
+def _fill(
+    spans: Indices, knots: Floats, order: int, values: Floats, rates: Floats, curvatures: Floats
+) -> None:
+    """Write the coefficients of some spans."""
     stages = [np.ones((len(spans), 1, 1))]
     for degree in range(1, order):
         stages.append(_raised(stages[-1], knots, spans, degree))
-    summed = np.cumsum(stages[-1][:, ::-1], axis=1)[:, ::-1][:, 1:]
+    values[:] = np.cumsum(stages[-1][:, ::-1], axis=1)[:, ::-1][:, 1:]
     index = spans[:, None] - order + 2 + np.arange(order - 1)
     support = knots[index + order - 1] - knots[index]
-    rates = (order - 1) / support[..., None] * stages[-2]
-    curvatures: Floats = np.zeros((len(spans), order - 1, max(order - 2, 1)))
+    rates[:] = (order - 1) / support[..., None] * stages[-2]
     if order > 2:
         index = index[:, 1:]
         support_below = knots[index + order - 2] - knots[index]
@@ -145,14 +164,6 @@ def cumulative_basis(knots: Floats, order: int) -> CumulativeBasis:
         curvatures[:, 1:] += slopes
         curvatures[:, :-1] -= slopes
         curvatures *= (order - 1) / support[..., None]
-    return CumulativeBasis(
-        starts=left,
-        widths=right - left,
-        first=spans - order + 2,
-        values=summed,
-        rates=rates,
-        curvatures=curvatures,
-    )
 
 
 def _raised(lower: Floats, knots: Floats, spans: Indices, degree: int) -> Floats:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.basis import CumulativeBasis, Indices, cumulative_basis
+from orientd.curves.continuation import solve
 from orientd.curves.cumulative import CumulativeCurve
 from orientd.curves.interpolation import EndCondition, KeyframeEquations
 from orientd.curves.keyframes import (
@@ -94,10 +95,9 @@ class C2Cumulative(CumulativeCurve):
             start=_start_condition(basis, start, omega_start, alpha_start),
             end=_end_condition(basis, end, omega_end, alpha_end),
         )
-        solved = equations.solve()
+        solved = solve(equations)
         super().__init__(
-            knot_vector=vector,
-            order=4,
+            basis=basis,
             controls=_controls(basis, places, orientations, solved),
             increments=solved,
             continuity=2,
@@ -149,7 +149,7 @@ def _factors(basis: CumulativeBasis, places: Indices) -> tuple[Indices, Floats]:
     are undone from the right, those up to *s'-1* are completed, and *s'* and *s'+1* begun.
     """
     here, there = places[:-1], places[1:]
-    begun: Floats = np.ones((len(basis.starts) + 1, 2))
+    begun: Floats = np.ones((len(basis.first) + 1, 2))
     begun[:-1] = basis.values[:, :2, 0]
     passed = int(np.max(there - here))
     index = [here + 1, here]
@@ -221,7 +221,7 @@ def _controls(basis: CumulativeBasis, places: Indices, keys: Floats, solved: Flo
     Each is reached from the keyframe its span begins at, so that no error accumulates along the
     curve; a span that begins between keyframes continues the one before it.
     """
-    count = len(basis.starts)
+    count = len(basis.first)
     begun = basis.values[:, :2, 0]
     controls: Floats = np.empty((count, 4))
     spans = places[:-1]

@@ -21,7 +21,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.basis import Indices, cumulative_basis
+from orientd.curves.basis import CumulativeBasis, Indices
 from orientd.curves.contract import Curve, Samples, check_out
 from orientd.rotation import Floats
 
@@ -91,33 +91,24 @@ class CumulativeCurve(Curve):
     """A cumulative product over a B-spline basis: what the families of Kim, Kim and Shin share.
 
     Args:
-        knot_vector: non-decreasing, in seconds.
-        order: degree of the basis plus one.
+        basis: the cumulative basis functions that vary on each span.
         controls: control quaternions, shape ``(n + 1, 4)``, the signs as the product needs them.
         increments: half-angle vectors from each control quaternion to the next, ``(n, 3)``.
         continuity: what holds at the knots.
-        reverse: whether the basis functions go to the increments in reverse order, which only
-            makes sense for a single span.
     """
 
     def __init__(
         self,
         *,
-        knot_vector: Floats,
-        order: int,
+        basis: CumulativeBasis,
         controls: Floats,
         increments: Floats,
         continuity: int,
-        reverse: bool = False,
     ) -> None:
-        basis = cumulative_basis(knot_vector, order)
-        self._basis = basis.reversed() if reverse else basis
-        super().__init__(
-            knots=np.append(self._basis.starts, knot_vector[len(knot_vector) - order]),
-            continuity=continuity,
-        )
+        super().__init__(knots=basis.breaks, continuity=continuity)
+        self._basis = basis
         self._increments = increments
-        window = self._basis.first[:, None] - 1 + np.arange(order - 1)
+        window = basis.first[:, None] - 1 + np.arange(basis.values.shape[1])
         lengths = np.sqrt(np.sum(increments**2, axis=-1))
         axes = increments / np.where(lengths > 0.0, lengths, 1.0)[:, None]
         self._base = np.ascontiguousarray(controls[window[:, 0]].T)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orientd.curves.basis import cumulative_basis
 from orientd.curves.cumulative import CumulativeCurve
 from orientd.curves.keyframes import check_aligned, check_interval, increments
 
@@ -39,8 +40,7 @@ class KksBezier(CumulativeCurve):
         controls = check_aligned(control, align, "control")
         interval = check_interval(t0, t1)
         super().__init__(
-            knot_vector=np.repeat(interval, len(controls)),
-            order=len(controls),
+            basis=cumulative_basis(np.repeat(interval, len(controls)), len(controls)),
             controls=controls,
             increments=increments(controls),
             continuity=2,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orientd.curves.basis import cumulative_basis
 from orientd.curves.cumulative import CumulativeCurve
 from orientd.curves.keyframes import check_aligned, check_integer, increments
 from orientd.curves.knots import check_knots, inner_multiplicity
@@ -55,8 +56,7 @@ class KksBspline(CumulativeCurve):
             else check_knots(knots, len(controls), order)
         )
         super().__init__(
-            knot_vector=vector,
-            order=order,
+            basis=cumulative_basis(vector, order),
             controls=controls,
             increments=increments(controls),
             continuity=order - 1 - inner_multiplicity(vector, order),

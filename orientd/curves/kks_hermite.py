@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orientd.curves.basis import cumulative_basis
 from orientd.curves.cumulative import CumulativeCurve
 from orientd.curves.hermite import FRAMES, in_body_frame, with_revolutions
 from orientd.curves.keyframes import (
@@ -82,18 +83,18 @@ class KksHermite(CumulativeCurve):
         sixth = (interval[1] - interval[0]) / 6.0
         first = sixth * in_body_frame(omega0, "omega0", start, frame)
         third = sixth * in_body_frame(omega1, "omega1", end, frame)
-        if check_choice(product, "product", PRODUCTS) == "global":
+        is_global = check_choice(product, "product", PRODUCTS) == "global"
+        if is_global:
             # Conjugating the world increments by q0 moves it to the left end of the product.
             towards = rotate(multiply(conjugate(start), end), third)
             first, third = towards, first
         middle = multiply(
             multiply(exp_half(-first), multiply(conjugate(start), end)), exp_half(-third)
         )
+        basis = cumulative_basis(np.repeat(interval, 4), 4)
         super().__init__(
-            knot_vector=np.repeat(interval, 4),
-            order=4,
+            basis=basis.reversed() if is_global else basis,
             controls=start[None],
             increments=np.stack([first, with_revolutions(log_half(middle), turns), third]),
             continuity=2,
-            reverse=product == "global",
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orientd.curves.basis import cumulative_basis
 from orientd.curves.cumulative import CumulativeCurve
 from orientd.curves.keyframes import check_aligned, check_choice, check_vector, resolve_times
 from orientd.curves.velocities import RULES, half_velocities
@@ -63,8 +64,9 @@ class KksHermiteSpline(CumulativeCurve):
         controls: Floats = np.empty((3 * len(first) + 1, 4))
         controls[::3], controls[1::3], controls[2::3] = aligned, leaving, arriving
         super().__init__(
-            knot_vector=np.concatenate([instants[:1], np.repeat(instants, 3), instants[-1:]]),
-            order=4,
+            basis=cumulative_basis(
+                np.concatenate([instants[:1], np.repeat(instants, 3), instants[-1:]]), 4
+            ),
             controls=controls,
             increments=np.stack([first, middle, last], axis=1).reshape(-1, 3),
             continuity=1,

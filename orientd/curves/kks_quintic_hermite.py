@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orientd.curves.basis import cumulative_basis
 from orientd.curves.cumulative import CumulativeCurve
 from orientd.curves.hermite import FRAMES, in_body_frame, with_revolutions
 from orientd.curves.keyframes import (
@@ -89,8 +90,7 @@ class KksQuinticHermite(CumulativeCurve):
         after = multiply(end, multiply(exp_half(-fifth), exp_half(-fourth)))
         third = with_revolutions(log_half(multiply(conjugate(before), after)), turns)
         super().__init__(
-            knot_vector=np.repeat(interval, 6),
-            order=6,
+            basis=cumulative_basis(np.repeat(interval, 6), 6),
             controls=start[None],
             increments=np.stack([first, second, third, fourth, fifth]),
             continuity=2,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orientd.curves.basis import cumulative_basis
 from orientd.curves.cumulative import CumulativeCurve
 from orientd.curves.keyframes import check_aligned, increments
 from orientd.rotation import conjugate, multiply
@@ -38,8 +39,7 @@ class KksUniform(CumulativeCurve):
         after = multiply(multiply(inner[-1], conjugate(inner[-2])), inner[-1])
         controls = np.concatenate([before[None], inner, after[None]])
         super().__init__(
-            knot_vector=np.arange(len(controls) + 4) - 3.0,
-            order=4,
+            basis=cumulative_basis(np.arange(len(controls) + 4) - 3.0, 4),
             controls=controls,
             increments=increments(controls),
             continuity=2,

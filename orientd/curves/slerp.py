@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orientd.curves.basis import cumulative_basis
 from orientd.curves.cumulative import CumulativeCurve
 from orientd.curves.keyframes import (
     check_choice,
@@ -85,8 +86,7 @@ class Slerp(CumulativeCurve):
             raise ValueError(f"axis must not be zero, got {axis!r}")
         increment = direction * (angle / length if length > 0.0 else 0.0)
         super().__init__(
-            knot_vector=np.repeat(interval, 2),
-            order=2,
+            basis=cumulative_basis(np.repeat(interval, 2), 2),
             controls=np.stack([start, end]),
             increments=increment[None],
             continuity=2,

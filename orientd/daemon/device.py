@@ -161,6 +161,7 @@ class Device:
         self._fault = Fault.NONE
         self._fault_text = ""
         self._failure = ""
+        self._last_words = ""
         self._scheduling = ""
         self._memory_locked = False
         self._speed = 1.0
@@ -468,7 +469,7 @@ class Device:
                 self._fault, self._fault_text = Fault(note.code), note.text
                 self._tell(EventKind.FAULT, f"{self._fault.name.lower()}: {note.text}")
             elif note.kind is NoteKind.ENDING:
-                self._failure = note.text
+                self._last_words = note.text
 
     def _learn_why(self, link: ServoLink) -> None:
         """Hear what the servo has said of its fault, where the device's thread has not yet."""
@@ -504,7 +505,7 @@ class Device:
         """Say that the servo has ended, whatever ended it."""
         code = link.process.returncode
         ended = f"by signal {-code}" if code < 0 else f"with status {code}"
-        self._failure = self._failure or f"the servo process was ended {ended}"
+        self._failure = self._last_words or f"the servo process was ended {ended}"
         if self._fault is not Fault.LINK_LOST:
             # A driver whose link is spent takes its process with it; the link is the reason.
             self._fault, self._fault_text = Fault.SERVO_DIED, self._failure

@@ -57,7 +57,18 @@ def log(q: Quaternion) -> Vector3:
 
 def difference(p: Quaternion, q: Quaternion) -> Vector3:
     """Return the rotation vector of ``p^-1 q``: how to turn from *p* to *q*, in p's frame, rad."""
-    return log(multiply(conjugate(p), q))
+    # multiply(conjugate(p), q) and log in one piece: it runs every cycle.
+    a, b, c, d = p
+    e, f, g, h = q
+    w = a * e + b * f + c * g + d * h
+    x = a * f - b * e - c * h + d * g
+    y = a * g + b * h - c * e - d * f
+    z = a * h - b * g + c * f - d * e
+    n = sqrt(x * x + y * y + z * z)
+    if n < 1e-150:
+        return log((w, x, y, z))
+    s = 2.0 * atan2(n, w) / n if w >= 0.0 else -2.0 * atan2(n, -w) / n
+    return (s * x, s * y, s * z)
 
 
 def rotate_back(q: Quaternion, v: Vector3) -> Vector3:

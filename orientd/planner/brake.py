@@ -41,9 +41,8 @@ _BLOCK = 2048
 
 
 def _nodes() -> Floats:
-    # The worst rate lies at 1 - r/2 for a reserve r, so the nodes crowd towards 1.
-    near_one = np.geomspace(1e-5, 0.5, 23)
-    return np.concatenate([1.0 - near_one, [0.4, 0.3, 0.2, 0.12, 0.06, 0.02]])
+    # For a reserve r the worst rate lies at 1 - r/2, so the nodes crowd towards 1.
+    return np.concatenate([1.0 - np.geomspace(1e-5, 0.04, 15), np.linspace(0.93, 0.0, 25)])
 
 
 _SIGMA = _nodes()

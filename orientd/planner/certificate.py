@@ -142,8 +142,8 @@ class Rough:
     """A part of a path that is less than twice continuously differentiable.
 
     Attributes:
-        begin: path time where it begins, s.
-        end: path time where it ends, s.
+        begin: path time of the first step of a derivative, s.
+        end: path time of the last one, s.
         continuity: how many derivatives of the orientation are continuous.
     """
 
@@ -157,9 +157,9 @@ def _off_grid(
 ) -> tuple[Floats, Floats]:
     """Return by how much to scale accelerations and jerks of records from time *first* on."""
     bends, twists = np.ones(count), np.ones(count)
-    if rough is not None and rough.continuity < 2:
+    if rough is not None:
         times = first + period * np.arange(count)
-        is_rough = (times > rough.begin) & (times < rough.end + HISTORY * period)
+        is_rough = (times >= rough.begin) & (times < rough.end + HISTORY * period)
         bends[is_rough], twists[is_rough] = OFF_GRID[rough.continuity]
     return bends, twists
 

@@ -131,7 +131,7 @@ class Course:
         times = self.times * (duration / self.times[-1])
         times[-1] = duration
         keys, turns = self.request.keys[self.kept], self.request.turns[self.kept]
-        curve = build(self.request, keys, times[self.kept], turns, self.ends)
+        curve = build(self.request, self.method, keys, times[self.kept], turns, self.ends)
         first, last = curve.domain
         return Core(
             Stretch(curve, 0.0, duration, rate=(last - first) / duration),

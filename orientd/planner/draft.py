@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orientd.planner import refusal
+from orientd.planner.certificate import Rough
 from orientd.planner.course import Core
 from orientd.planner.lead import approach, approach_cycles, is_still, lead_out
 from orientd.planner.limits import Limits
@@ -24,14 +25,14 @@ class Draft:
         begin: path time of the first keyframe, s; a whole number of periods.
         end: path time of the last keyframe, s.
         keyframe_times: path times of all keyframes, s.
-        continuity: how many derivatives of the orientation are continuous.
+        rough: the part whose acceleration has steps; ``None`` if there is none.
     """
 
     path: Path
     begin: float
     end: float
     keyframe_times: Floats
-    continuity: int
+    rough: Rough | None
 
 
 def with_leads(
@@ -86,4 +87,15 @@ def with_leads(
     if not is_still(last.omega_body, last.alpha_body, limits):
         curve = lead_out(last.q, last.omega_body, last.alpha_body, limits=limits, period=period)
         stretches.append(Stretch(curve, end, end + curve.domain[1]))
-    return Draft(Path.joined(stretches, positions), begin, end, core.times + begin, core.continuity)
+    return Draft(
+        Path.joined(stretches, positions), begin, end, core.times + begin, _rough(core, begin)
+    )
+
+
+def _rough(core: Core, begin: float) -> Rough | None:
+    """Return where the derivatives of a core have steps, from its first inner knot to its last."""
+    curve = core.stretch.curve
+    if core.continuity >= 2 or len(curve.knots) < 3:
+        return None
+    inner = (curve.knots[[1, -2]] - curve.domain[0]) / core.stretch.rate
+    return Rough(begin + float(inner[0]), begin + float(inner[1]), core.continuity)

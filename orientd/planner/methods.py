@@ -7,9 +7,10 @@ parameters takes whole turns, and which options the user may set.  Everything el
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
+from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,8 @@ from orientd.curves import METHODS, Curve
 from orientd.errors import PlanError, RequestError
 from orientd.planner.request import DEFAULT_METHOD, MotionRequest, Turns
 from orientd.rotation import Floats
+
+_EQUAL = 1e-9  # of the duration, by which equal intervals may differ
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,28 +38,43 @@ class Ends:
     alpha_start: Floats | None = None
 
 
-Parameters = Callable[[Floats, Floats, Ends], dict[str, Any]]
-"""From keyframes ``(n, 4)``, their times from 0 on ``(n,)`` and the ends to keyword arguments."""
+@dataclass(frozen=True, slots=True)
+class Given:
+    """What the parameters of a method are made from.
+
+    Attributes:
+        keys: the keyframes, shape ``(n, 4)``.
+        times: their times from 0 on, s, shape ``(n,)``.
+        ends: velocities at both ends.
+        options: what the user has set.
+    """
+
+    keys: Floats
+    times: Floats
+    ends: Ends
+    options: Mapping[str, Any]
 
 
-def _keys(keys: Floats, times: Floats, _: Ends) -> dict[str, Any]:
-    return {"keys": keys, "times": times}
+Parameters = Callable[[Given], dict[str, Any]]
 
 
-def _keys_with_velocities(keys: Floats, times: Floats, ends: Ends) -> dict[str, Any]:
+def _keys(given: Given) -> dict[str, Any]:
+    return {"keys": given.keys, "times": given.times}
+
+
+def _keys_with_velocities(given: Given) -> dict[str, Any]:
     return {
-        "keys": keys,
-        "times": times,
-        "omega_start": _or_zero(ends.omega_start),
-        "omega_end": _or_zero(ends.omega_end),
+        **_keys(given),
+        "omega_start": _or_zero(given.ends.omega_start),
+        "omega_end": _or_zero(given.ends.omega_end),
     }
 
 
-def _cumulative(keys: Floats, times: Floats, ends: Ends) -> dict[str, Any]:
+def _cumulative(given: Given) -> dict[str, Any]:
     # From rest a motion begins without a step in torque: velocity and acceleration both given.
     # With a velocity the run-up, or whatever comes before, supplies the acceleration.
-    parameters = _keys_with_velocities(keys, times, ends)
-    for end, alpha in (("start", ends.alpha_start), ("end", None)):
+    parameters = _keys_with_velocities(given)
+    for end, alpha in (("start", given.ends.alpha_start), ("end", None)):
         is_moving = bool(np.any(parameters[f"omega_{end}"]))
         if is_moving and alpha is None:
             parameters[end] = "clamped"
@@ -66,34 +84,39 @@ def _cumulative(keys: Floats, times: Floats, ends: Ends) -> dict[str, Any]:
     return parameters
 
 
-def _pair(keys: Floats, times: Floats, _: Ends) -> dict[str, Any]:
-    return {"q0": keys[0], "q1": keys[1], "t0": float(times[0]), "t1": float(times[-1])}
+def _interval(given: Given) -> dict[str, Any]:
+    return {"t0": float(given.times[0]), "t1": float(given.times[-1])}
 
 
-def _pair_with_velocities(keys: Floats, times: Floats, ends: Ends) -> dict[str, Any]:
+def _pair(given: Given) -> dict[str, Any]:
+    return {"q0": given.keys[0], "q1": given.keys[1], **_interval(given)}
+
+
+def _pair_with_velocities(given: Given) -> dict[str, Any]:
     return {
-        **_pair(keys, times, ends),
-        "omega0": _or_zero(ends.omega_start),
-        "omega1": _or_zero(ends.omega_end),
+        **_pair(given),
+        "omega0": _or_zero(given.ends.omega_start),
+        "omega1": _or_zero(given.ends.omega_end),
     }
 
 
-def _pair_with_accelerations(keys: Floats, times: Floats, ends: Ends) -> dict[str, Any]:
+def _pair_with_accelerations(given: Given) -> dict[str, Any]:
     return {
-        **_pair_with_velocities(keys, times, ends),
-        "alpha0": _or_zero(ends.alpha_start),
+        **_pair_with_velocities(given),
+        "alpha0": _or_zero(given.ends.alpha_start),
         "alpha1": np.zeros(3),
     }
 
 
-def _bezier(keys: Floats, times: Floats, _: Ends) -> dict[str, Any]:
-    # Keyframes come with either sign; the curve takes its control quaternions as they are.
-    return {"control": keys, "t0": float(times[0]), "t1": float(times[-1]), "align": True}
+def _bezier(given: Given) -> dict[str, Any]:
+    # Keyframes come with either sign.
+    return {"control": given.keys, "align": given.options.get("align", True), **_interval(given)}
 
 
-def _bspline(keys: Floats, times: Floats, _: Ends, *, order: int = 4) -> dict[str, Any]:
+def _bspline(given: Given) -> dict[str, Any]:
     """Return control quaternions with clamped knots that average the times (Piegl, Tiller 9.8)."""
-    order = min(order, len(keys))
+    keys, times = given.keys, given.times
+    order = min(_order(given.options.get("order", 4)), len(keys))
     degree = order - 1
     sums = np.concatenate([[0.0], np.cumsum(times)])
     inner = (sums[degree + 1 : len(keys)] - sums[1 : len(keys) - degree]) / degree
@@ -101,16 +124,22 @@ def _bspline(keys: Floats, times: Floats, _: Ends, *, order: int = 4) -> dict[st
     return {"control": keys, "order": order, "knots": knots}
 
 
-def _uniform(keys: Floats, times: Floats, _: Ends) -> dict[str, Any]:
-    steps = np.diff(times)
-    if np.ptp(steps) > 1e-9 * times[-1]:
+def _order(order: object) -> int:
+    if isinstance(order, bool) or not isinstance(order, int) or order < 2:
+        raise RequestError("options.order", f"expected a whole number from 2 on, got {order!r}")
+    return order
+
+
+def _uniform(given: Given) -> dict[str, Any]:
+    steps = np.diff(given.times)
+    if np.ptp(steps) > _EQUAL * given.times[-1]:
         index = int(np.argmax(np.abs(steps - steps[0]))) + 1
         raise RequestError(
             f"keyframes[{index}].time",
             f"kks_uniform needs equal intervals, got {steps[index - 1]:.6g} s after "
             f"{steps[0]:.6g} s; kks_bspline takes any",
         )
-    return {"control": keys}
+    return {"control": given.keys}
 
 
 def _or_zero(vector: Floats | None) -> Floats:
@@ -127,7 +156,6 @@ class Method:
         has_velocities: whether end velocities can be prescribed.
         has_accelerations: whether the acceleration at the start can be, too.
         turns: the parameter that takes whole turns; ``None`` if there is none.
-        is_interpolating: whether times say when a keyframe is passed.
         options: what the user may set.
     """
 
@@ -136,14 +164,13 @@ class Method:
     has_velocities: bool = False
     has_accelerations: bool = False
     turns: str | None = None
-    is_interpolating: bool = True
     options: tuple[str, ...] = ("align",)
 
 
 TABLE: dict[str, Method] = {
     "slerp": Method(_pair, is_pair=True, turns="spins", options=("path", "axis")),
     "piecewise_slerp": Method(_keys),
-    "kks_bezier": Method(_bezier, is_interpolating=False),
+    "kks_bezier": Method(_bezier),
     "kks_hermite": Method(
         _pair_with_velocities,
         is_pair=True,
@@ -161,12 +188,34 @@ TABLE: dict[str, Method] = {
     "kks_hermite_spline": Method(
         _keys_with_velocities, has_velocities=True, options=("rule", "align")
     ),
-    "kks_bspline": Method(_bspline, is_interpolating=False, options=("order", "align")),
-    "kks_uniform": Method(_uniform, is_interpolating=False),
+    "kks_bspline": Method(_bspline, options=("order", "align")),
+    "kks_uniform": Method(_uniform),
     "c2_cumulative": Method(
         _cumulative, has_velocities=True, has_accelerations=True, turns="turns"
     ),
 }
+
+
+def method_of(name: str) -> Method | None:
+    """Return the row of a method; ``None`` if there is no such method, or none for keyframes.
+
+    A family that takes keyframes at times and nothing else of the planner's needs no row.
+    """
+    family = METHODS.get(name)
+    if family is None:
+        return None
+    if name in TABLE:
+        return TABLE[name]
+    parameters = tuple(signature(family).parameters)
+    for roles, made in (
+        ({"keys", "times"}, _keys),
+        ({"control", "order", "knots"}, _bspline),
+        ({"control", "t0", "t1"}, _bezier),
+    ):
+        if roles <= set(parameters):
+            options = tuple(p for p in parameters if p == "order" or p not in roles)
+            return Method(made, options=options)
+    return None
 
 
 def check_method(request: MotionRequest) -> Method:
@@ -177,9 +226,10 @@ def check_method(request: MotionRequest) -> Method:
             turns or prescribe velocities that are asked for, or an option is not one of its own.
     """
     name = request.method
-    method = TABLE.get(name) if name in METHODS else None
+    method = method_of(name)
     if method is None:
-        raise RequestError("method", f"unknown method {name!r}{did_you_mean(name, _planned())}")
+        known = [other for other in METHODS if method_of(other) is not None]
+        raise RequestError("method", f"unknown method {name!r}{did_you_mean(name, known)}")
     if method.is_pair and len(request.keyframes) != 2:
         raise RequestError(
             "keyframes",
@@ -208,11 +258,14 @@ def check_method(request: MotionRequest) -> Method:
     return method
 
 
-def build(request: MotionRequest, keys: Floats, times: Floats, turns: Turns, ends: Ends) -> Curve:
+def build(
+    request: MotionRequest, method: Method, keys: Floats, times: Floats, turns: Turns, ends: Ends
+) -> Curve:
     """Return the curve of a request.
 
     Args:
-        request: for the method and its options.
+        request: for the options.
+        method: the row of the request's method.
         keys: the keyframes, shape ``(n, 4)``.
         times: their times from 0 on, s, shape ``(n,)``.
         turns: whole turns before each keyframe, shape ``(n,)``.
@@ -222,30 +275,17 @@ def build(request: MotionRequest, keys: Floats, times: Floats, turns: Turns, end
         RequestError: an option is not one that the method takes.
         PlanError: the method cannot join these keyframes.
     """
-    method = TABLE[request.method]
     options = dict(request.options)
-    if request.method == "kks_bspline":
-        parameters = _bspline(keys, times, ends, order=_order(options.pop("order", 4)))
-    else:
-        parameters = method.parameters(keys, times, ends)
+    parameters = method.parameters(Given(keys, times, ends, options))
     if method.turns is not None and np.any(turns):
         parameters[method.turns] = int(turns[-1]) if method.is_pair else turns[1:].tolist()
     try:
-        return METHODS[request.method](**{**parameters, **options})
+        return METHODS[request.method](**{**options, **parameters})
     except (ValueError, TypeError) as error:
         for option in options:
             if str(error).startswith(option):
                 raise RequestError(f"options.{option}", str(error)) from error
         raise PlanError(f"{request.method} cannot join these keyframes: {error}") from error
-
-
-def _order(order: object) -> int:
-    # Numbers of a protobuf Struct are floating ones.
-    if isinstance(order, bool) or not isinstance(order, (int, float)) or order != int(order):
-        raise RequestError("options.order", f"expected a whole number, got {order!r}")
-    if order < 2:
-        raise RequestError("options.order", f"must be at least 2, got {int(order)}")
-    return int(order)
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
@@ -254,10 +294,6 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     return f"; did you mean {near[0]!r}?" if near else ""
 
 
-def _planned() -> list[str]:
-    return [name for name in TABLE if name in METHODS]
-
-
 def _names(is_able: Callable[[Method], bool]) -> str:
-    *most, last = [name for name in _planned() if is_able(TABLE[name])]
+    *most, last = [name for name, method in TABLE.items() if is_able(method)]
     return f"{', '.join(most)} and {last}" if most else last

@@ -131,6 +131,8 @@ class Path:
         if len(times) and not is_held.any() and where[0] == where[-1] and np.all(where == where[0]):
             q, omega, alpha = self.stretches[where[0]].sample(times)
             return Samples(q, omega, alpha, position, velocity)
+        velocity[is_held] = 0.0
+        position[is_held & (times >= 0.0)] = self.positions.last
         q = np.where((times < 0.0)[:, None], self.first, self.last)
         omega, alpha = np.zeros((len(times), 3)), np.zeros((len(times), 3))
         for index, stretch in enumerate(self.stretches):

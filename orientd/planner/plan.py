@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orientd.curves import METHODS
 from orientd.errors import LimitError, PlanError, StartError
 from orientd.planner import refusal
-from orientd.planner.certificate import HISTORY, Certificate, Peaks, Rough, measure
+from orientd.planner.certificate import HISTORY, Certificate, Peaks, measure
 from orientd.planner.course import Core, Course
 from orientd.planner.draft import Draft, with_leads
 from orientd.planner.limits import GUARD_TOLERANCE, Limits
@@ -128,7 +129,7 @@ class _Job:
         """
         period, reserved = self.period, self.limits.with_reserve()
         refusal.check_continuity(self.request)
-        is_uniform = not self.method.is_interpolating
+        is_uniform = not METHODS[self.request.method].interpolates
         knots = chord_knots(self.request, self.limits, is_uniform=is_uniform)
         course = self._course(knots.times, knots.kept)
         shape = course.core(max(knots.first_guess(reserved), 2.0 * period))
@@ -185,7 +186,7 @@ class _Job:
             before=_before(self.start, period),
             holds_after=True,
             brake_limits=self.limits.scaled(GUARD_TOLERANCE) if is_users else self.limits,
-            rough=Rough(draft.begin, draft.end, draft.continuity),
+            rough=draft.rough,
         )
         place = refusal.Place(request, draft.begin, draft.end, draft.keyframe_times)
         refusal.check_limits(peaks, place)

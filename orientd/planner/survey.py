@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orientd.planner.certificate import CHUNK, Peaks
+from orientd.planner.certificate import CHUNK, OFF_GRID
 from orientd.planner.course import Core
 from orientd.planner.limits import Limits
 from orientd.planner.timing import excess
@@ -22,6 +22,7 @@ _SHORT = 4 * CHUNK  # records that are looked at as a whole
 _PIECES = 256  # that a curve of fewer pieces is cut into
 _SHARES = np.array([1e-6, 0.25, 0.5, 0.75, 1.0 - 1e-6])  # of a piece
 _HOT = 0.97  # of the largest factor
+_LARGEST_STEP = 0.75 * OFF_GRID[1][1]  # of what a step over a period is taken for
 _END_KEYFRAMES = 10  # to which the ends of a curve reach, whatever the duration
 
 
@@ -62,16 +63,18 @@ class Survey:
             everywhere: whether to look beyond the spots.
         """
         count = core.record_count(period)
+        ranges = _ranges(self.spots, count)
         if everywhere or count <= _SHORT:
-            return self._excess(core, core.peaks(period, limits))
-        return max(
-            self._excess(core, core.peaks(period, limits, first, last))
-            for first, last in _ranges(self.spots, count)
+            ranges = [(0, count - 1)]
+        factor = max(
+            excess(core.peaks(period, limits, first, last), core.continuity)
+            for first, last in ranges
         )
-
-    @staticmethod
-    def _excess(core: Core, peaks: Peaks) -> float:
-        return excess(peaks, core.continuity)
+        if core.continuity >= 2:
+            return factor
+        # What a step of the acceleration shows on the records changes with where it falls between
+        # them; the search needs something that depends on the duration smoothly.
+        return max(factor, float(_factors(core, _instants(core), limits, period).max()))
 
 
 def _instants(core: Core) -> Floats:
@@ -101,13 +104,16 @@ def _factors(core: Core, instants: Floats, limits: Limits, period: float) -> Flo
         steps = np.maximum(np.diff(times), period)
         jerk = np.concatenate([[0.0], _norm(np.diff(alpha, axis=0)) / steps])
         push = np.concatenate([[0.0], _norm(np.diff(velocity, axis=0)) / steps])
-        jerk_root = np.cbrt if core.continuity >= 2 else np.sqrt
+        if core.continuity < 2:
+            twist = np.sqrt(_LARGEST_STEP * jerk / limits.jerk)
+        else:
+            twist = np.cbrt(jerk / limits.jerk)
         factors[some] = np.maximum.reduce(
             [
                 factors[some],
                 _norm(omega) / limits.velocity,
                 np.sqrt(_norm(alpha) / limits.acceleration),
-                jerk_root(jerk / limits.jerk),
+                twist,
                 _norm(velocity) / limits.linear_velocity,
                 np.sqrt(push / limits.linear_acceleration),
             ]

@@ -115,8 +115,15 @@ def rotate(q: ArrayLike, v: ArrayLike) -> Floats:
     """
     q = _components(q, 4, "q")
     v = _components(v, 3, "v")
-    twist = 2.0 * np.cross(q[..., 1:], v)
-    rotated: Floats = v + q[..., :1] * twist + np.cross(q[..., 1:], twist)
+    w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    vx, vy, vz = v[..., 0], v[..., 1], v[..., 2]
+    tx = 2.0 * (y * vz - z * vy)
+    ty = 2.0 * (z * vx - x * vz)
+    tz = 2.0 * (x * vy - y * vx)
+    rotated: Floats = np.empty((*tx.shape, 3))
+    rotated[..., 0] = vx + w * tx + (y * tz - z * ty)
+    rotated[..., 1] = vy + w * ty + (z * tx - x * tz)
+    rotated[..., 2] = vz + w * tz + (x * ty - y * tx)
     return rotated
 
 

@@ -49,39 +49,42 @@ class Guard:
         Returns:
             An empty string, or what it would have broken, by how much; then nothing was taken.
         """
-        h = self.period
+        h, rounding = self.period, _ROUNDING / self.period
         x, y, z = difference(self.q, q)
-        omega = (x / h, y / h, z / h)
-        a, b, c = self.omega
-        alpha = ((omega[0] - a) / h, (omega[1] - b) / h, (omega[2] - c) / h)
-        a, b, c = self.alpha
-        jerk = sqrt((alpha[0] - a) ** 2 + (alpha[1] - b) ** 2 + (alpha[2] - c) ** 2) / h
-        rounding = _ROUNDING / h
-        problem = (
-            _excess("angular velocity", norm(omega), terms.velocity, rounding, "rad/s")
-            or _excess(
-                "angular acceleration", norm(alpha), terms.acceleration, rounding / h, "rad/s^2"
-            )
-            or _excess("angular jerk", jerk, terms.jerk, rounding / h / h, "rad/s^3")
+        omega = a, b, c = x / h, y / h, z / h
+        x, y, z = self.omega
+        alpha = u, v, w = (a - x) / h, (b - y) / h, (c - z) / h
+        x, y, z = self.alpha
+        x, y, z = (u - x) / h, (v - y) / h, (w - z) / h
+        reached = (
+            sqrt(a * a + b * b + c * c),
+            sqrt(u * u + v * v + w * w),
+            sqrt(x * x + y * y + z * z),
         )
-        p, v = self.position, self.velocity
-        velocity = ((position[0] - p[0]) / h, (position[1] - p[1]) / h, (position[2] - p[2]) / h)
-        if velocity != v:
-            change = (velocity[0] - v[0], velocity[1] - v[1], velocity[2] - v[2])
-            problem = (
-                problem
-                or _excess("velocity", norm(velocity), terms.linear_velocity, rounding, "m/s")
-                or _excess(
-                    "acceleration",
-                    norm(change) / h,
-                    terms.linear_acceleration,
-                    rounding / h,
-                    "m/s^2",
-                )
-            )
-        if problem:
-            return problem
+        # Written so that a NaN counts as a violation.
+        if not (
+            reached[0] <= terms.velocity * TOLERANCE + rounding
+            and reached[1] <= terms.acceleration * TOLERANCE + rounding / h
+            and reached[2] <= terms.jerk * TOLERANCE + rounding / h / h
+        ):
+            return _explain(reached, terms)
+        if position != self.position or self.velocity != ZERO:
+            problem = self._admit_position(position, terms)
+            if problem:
+                return problem
         self.q, self.omega, self.alpha = q, omega, alpha
+        return ""
+
+    def _admit_position(self, position: Vector3, terms: Terms) -> str:
+        h, rounding = self.period, _ROUNDING / self.period
+        velocity = _plus(_plus(ZERO, position, 1.0 / h), self.position, -1.0 / h)
+        speed = norm(velocity)
+        if not speed <= terms.linear_velocity * TOLERANCE + rounding:
+            return f"velocity {speed:.6g} m/s, the limit is {terms.linear_velocity:.6g} m/s"
+        change = norm(_plus(velocity, self.velocity, -1.0)) / h
+        if not change <= terms.linear_acceleration * TOLERANCE + rounding / h:
+            limit = terms.linear_acceleration
+            return f"acceleration {change:.6g} m/s^2, the limit is {limit:.6g} m/s^2"
         self.position, self.velocity = position, velocity
         return ""
 
@@ -127,8 +130,13 @@ def _plus(a: Vector3, b: Vector3, factor: float) -> Vector3:
     return (a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2])
 
 
-def _excess(quantity: str, reached: float, limit: float, rounding: float, unit: str) -> str:
-    # Written so that a NaN counts as a violation.
-    if reached <= limit * TOLERANCE + rounding:
-        return ""
-    return f"{quantity} {reached:.6g} {unit}, the limit is {limit:.6g} {unit}"
+def _explain(reached: tuple[float, float, float], terms: Terms) -> str:
+    """Say which quantity is too large: the lowest derivative, whose excess causes the others."""
+    for name, value, limit, unit in (
+        ("angular velocity", reached[0], terms.velocity, "rad/s"),
+        ("angular acceleration", reached[1], terms.acceleration, "rad/s^2"),
+        ("angular jerk", reached[2], terms.jerk, "rad/s^3"),
+    ):
+        if not value <= limit * TOLERANCE:
+            return f"{name} {value:.6g} {unit}, the limit is {limit:.6g} {unit}"
+    return "a limit by the rounding of its differences"

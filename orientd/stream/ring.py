@@ -64,7 +64,9 @@ class RecordRing:
     def publish(self, *fields: Any) -> None:  # noqa: ANN401 - whatever the layout holds
         """Write the next record; *fields* are those of the layout after the index."""
         index = self._words[0]
-        self.put(self.layout.pack(index, *fields), index)
+        record = self.layout.pack(index, *fields)
+        offset = index % self.capacity * self._stride
+        self._slots[offset : offset + self._end] = record + _CHECK.pack(crc32(record))
         self._words[0] = index + 1
 
     def advance(self, head: int) -> None:

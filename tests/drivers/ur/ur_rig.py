@@ -32,7 +32,13 @@ def device_of(host, **options):
         priority=0,
         # A busy machine may let nobody run for longer than a real controller ever pauses.
         feedback_timeout=0.4,
-        options={"host": host, "lookahead": 0.03, "feedback_timeout": 0.3, **options},
+        options={
+            "host": host,
+            "lookahead": 0.03,
+            "feedback_timeout": 0.3,
+            "watchdog_hz": 1.5,
+            **options,
+        },
     )
     device = Device(settings, on_event=lambda _event: None)
     device.launch()

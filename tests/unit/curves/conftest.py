@@ -168,6 +168,7 @@ EXAMPLES = {
     "nielson_heiland": (keyframed, uniform),
     "nu_spline": (keyframed, tense),
     "rotation_vector_spline": (keyframed, clamped),
+    "min_acceleration": (keyframed, clamped),
 }
 """Family name -> tuple of makers of parameters from keyframes and their times."""
 

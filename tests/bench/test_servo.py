@@ -1,0 +1,99 @@
+"""The servo's punctuality beside a bare C loop, and what the processes cost."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import grpc
+import pytest
+from grpc_health.v1 import health_pb2, health_pb2_grpc
+from harness import DEVICE, DaemonProcess, resident_kib, spin
+
+from orientd.bench.servo import PRIORITY, compare
+from orientd.rpc import control_pb2 as pb
+
+pytestmark = pytest.mark.bench
+
+# A client that looks again every 20 ms, where gRPC would wait for a second.
+EAGER = [
+    (f"grpc.{name}_reconnect_backoff_ms", milliseconds)
+    for name, milliseconds in (("initial", 20), ("min", 20), ("max", 50))
+]
+
+
+def show(title, **figures):
+    print(f"\n{title}: " + ", ".join(f"{name} {figure}" for name, figure in figures.items()))
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("priority", [PRIORITY, 0], ids=["fifo", "other"])
+@pytest.mark.parametrize("is_loaded", [True, False], ids=["busy", "idle"])
+@pytest.mark.parametrize("rate_hz", [500.0, 1000.0])
+def test_lateness_beside_a_bare_loop(rate_hz, is_loaded, priority):
+    found = compare(rate_hz=rate_hz, is_loaded=is_loaded, priority=priority, slots=6, seconds=5.0)
+    ours, bare = found.overruns
+    show(
+        f"{rate_hz:g} Hz, {'busy' if is_loaded else 'idle'}, priority {priority}",
+        p99_us=[round(slot.p99_us) for slot in found.servo],
+        bare_p99_us=[round(slot.p99_us) for slot in found.bare],
+        ratio=round(found.p99_ratio, 2),
+        overruns=f"{ours} (bare {bare}) of {sum(slot.cycles for slot in found.servo)}",
+        work_p99_us=round(found.work_p99_us),
+    )
+    if priority:
+        assert found.p99_ratio <= 1.5
+        assert ours <= 2 * bare + 5
+        assert found.work_p99_us <= 100.0
+
+
+def test_the_daemon_is_soon_healthy_and_small(tmp_path):
+    daemon = DaemonProcess(tmp_path)
+    environment = {**os.environ, "XDG_STATE_HOME": str(tmp_path)}
+    times = []
+    for _ in range(5):
+        began = time.monotonic()
+        process = subprocess.Popen(
+            [sys.executable, "-m", "orientd.cli.main", "run", "--config", str(daemon.config)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env=environment,
+        )
+        with grpc.insecure_channel(f"unix:{daemon.socket}", options=EAGER) as channel:
+            stub = health_pb2_grpc.HealthStub(channel)
+            request = health_pb2.HealthCheckRequest()
+            answer = stub.Check(request, wait_for_ready=True, timeout=10.0)
+            times.append(round(time.monotonic() - began, 3))
+            assert answer.status == health_pb2.HealthCheckResponse.SERVING
+        process.stdout.readline()
+        resident = resident_kib(process.pid) / 1024
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(10.0) == 0
+        process.stdout.close()
+    with DaemonProcess(tmp_path) as daemon:
+        for _ in daemon.move(spin(2.0)):
+            pass
+        servo = resident_kib(daemon.device().servo_pid) / 1024
+    show("start", health_s=times, daemon_mib=round(resident, 1), servo_mib=round(servo, 1))
+    assert sorted(times)[2] <= 1.0
+    assert resident <= 80.0
+    assert servo <= 30.0
+
+
+def test_a_killed_servo_is_told_soon(tmp_path):
+    times = []
+    for _ in range(10):
+        with DaemonProcess(tmp_path) as daemon:
+            stream = daemon.move(spin(3.0))
+            servo = daemon.device().servo_pid
+            time.sleep(0.3)
+            began = time.monotonic()
+            os.kill(servo, signal.SIGKILL)
+            while daemon.device().state != pb.STATE_FAULT:
+                pass
+            times.append(round((time.monotonic() - began) * 1e3, 1))
+            assert [a for a in stream if a.HasField("summary")][-1].summary.outcome
+            assert daemon.device().device.name == DEVICE
+    show("a killed servo is told after", ms=times)
+    assert max(times) <= 100.0

@@ -1,0 +1,51 @@
+"""The command line in processes of its own."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+COMMAND = (sys.executable, "-m", "orientd.cli.main")
+
+
+def environment(**more):
+    """Return the environment without what would lead a command elsewhere."""
+    kept = {key: value for key, value in os.environ.items() if not key.startswith("ORIENTD_")}
+    return {**kept, **more}
+
+
+def orientd(*arguments, cwd="/", env=None, timeout=60.0):
+    """Run a command to its end."""
+    return subprocess.run(
+        [*COMMAND, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=timeout,
+        cwd=cwd,
+        env=env or environment(),
+        check=False,
+    )
+
+
+def begin(*arguments, **more):
+    """Start a command and return its process."""
+    return subprocess.Popen(
+        [*COMMAND, *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd="/",
+        env=environment(),
+        **more,
+    )
+
+
+def assert_refused(done, *parts, status=1):
+    """Check that a command said what is wrong in one line on standard error, and nothing else."""
+    assert done.returncode == status, done
+    assert "Traceback" not in done.stderr
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("orientd: ")
+    for part in parts:
+        assert part in line

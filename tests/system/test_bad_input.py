@@ -1,0 +1,283 @@
+"""Bad input, each with one clear line: the field's path, what was expected and what came.
+
+The same motions go in as files through the command line, offline and to a daemon, and as messages
+through the socket, and the same field is named.
+"""
+
+import json
+
+import pytest
+from command_line import assert_refused, begin, orientd
+from harness import DaemonProcess, is_alive, until
+from typer.testing import CliRunner
+
+import orientd as package
+from orientd.cli.main import app
+from orientd.errors import OrientdError, RequestError
+from orientd.rpc import control_pb2 as pb
+
+UPRIGHT = {"quaternion": {"w": 1, "x": 0, "y": 0, "z": 0}}
+TURNED = {"rotation_vector": [0, 0, 0.5]}
+
+
+def motion(*keyframes, **more):
+    return {"keyframes": list(keyframes), **more}
+
+
+# What is wrong, the motion, what the line begins with, what else it says.
+BAD_MOTIONS = {
+    "unknown key": (
+        motion(UPRIGHT, TURNED, velocity_frmae="body"),
+        "velocity_frmae: unknown key; did you mean 'velocity_frame'?",
+    ),
+    "unknown key in a keyframe": (
+        motion(UPRIGHT, {"rotation_vektor": [0, 0, 1]}),
+        "keyframes[1].rotation_vektor: unknown key",
+    ),
+    "wrong type": (
+        motion(UPRIGHT, {**TURNED, "time": "soon"}),
+        "keyframes[1].time: expected a number, got the text 'soon'",
+    ),
+    "not a number": (
+        motion(UPRIGHT, {"rotation_vector": [0, 0, float("nan")]}),
+        "keyframes[1].rotation_vector[2]: expected a finite number, got nan",
+    ),
+    "norm": (
+        motion(UPRIGHT, {"quaternion": {"w": 1.1, "x": 0, "y": 0, "z": 0}}),
+        "keyframes[1].quaternion: norm must be 1 within 1e-06, got 1.1",
+    ),
+    "two forms": (
+        motion(UPRIGHT, {**UPRIGHT, **TURNED}),
+        "keyframes[1]: expected one of quaternion, rotation_vector, euler, matrix; got "
+        "quaternion and rotation_vector",
+    ),
+    "times not increasing": (
+        motion({**UPRIGHT, "time": 1.0}, {**TURNED, "time": 0.5}),
+        "keyframes[1].time: must be later than keyframes[0] at 1 s, got 0.5 s",
+    ),
+    "zero-length interval": (
+        motion({**UPRIGHT, "time": 1.0}, {**TURNED, "time": 1.0}),
+        "keyframes[1].time: 1 s is the time of keyframes[0] too: an interval of length zero",
+    ),
+    "one keyframe": (motion(UPRIGHT), "keyframes: expected at least 2, got 1"),
+    "unknown method": (
+        motion(UPRIGHT, TURNED, method="c2_cumulativ"),
+        "method: unknown method 'c2_cumulativ'; did you mean 'c2_cumulative'?",
+    ),
+    "limit broken": (
+        motion({**UPRIGHT, "time": 0.0}, {"rotation_vector": [0, 0, 3], "time": 0.2}),
+        "angular acceleration reaches",
+    ),
+    "limit above the device's": (
+        motion(UPRIGHT, TURNED, limits={"velocity": 99.0}),
+        "limits.velocity: must be at most the device's 2.5 rad/s, got 99",
+    ),
+}
+ON_THE_WIRE = set(BAD_MOTIONS) - {
+    # What a message has no way to say.
+    "unknown key",
+    "unknown key in a keyframe",
+    "wrong type",
+    "two forms",
+}
+each = pytest.mark.parametrize(
+    ("bad", "line"), BAD_MOTIONS.values(), ids=[name.replace(" ", "_") for name in BAD_MOTIONS]
+)
+
+
+@pytest.fixture(scope="module")
+def daemon(tmp_path_factory):
+    with DaemonProcess(tmp_path_factory.mktemp("daemon")) as process:
+        process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))
+        yield process
+
+
+@pytest.fixture(autouse=True)
+def _no_defaults(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    for name in ("ORIENTD_SOCKET", "ORIENTD_CONFIG"):
+        monkeypatch.delenv(name, raising=False)
+
+
+def write(folder, content):
+    path = folder / "motion.json"
+    path.write_text(json.dumps(content))
+    return path
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+@each
+def test_a_plan_of_a_bad_file_is_refused(tmp_path, bad, line):
+    result = run("plan", write(tmp_path, bad))
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert result.stderr.startswith(f"orientd: {line}")
+    assert result.stderr.count("\n") == 1
+
+
+@each
+def test_a_move_of_a_bad_file_is_refused(daemon, tmp_path, bad, line):
+    result = run("move", write(tmp_path, bad), "--socket", daemon.socket, "--json")
+    assert (result.exit_code, result.stdout) == (1, "")
+    error = json.loads(result.stderr)["error"]
+    assert error["message"].startswith(line)
+    assert error.get("field", "") == (line.split(":")[0] if error["kind"] == "RequestError" else "")
+
+
+@pytest.mark.parametrize("name", sorted(ON_THE_WIRE))
+def test_a_bad_message_is_refused_in_the_words_of_the_file(daemon, name):
+    bad, line = BAD_MOTIONS[name]
+    message = pb.MotionRequest(method=bad.get("method", ""))
+    for keyframe in bad["keyframes"]:
+        one = message.keyframes.add(time=keyframe.get("time"))
+        if "quaternion" in keyframe:
+            one.quaternion.CopyFrom(pb.Quaternion(**keyframe["quaternion"]))
+        else:
+            x, y, z = keyframe["rotation_vector"]
+            one.rotation_vector.CopyFrom(pb.Vector3(x=x, y=y, z=z))
+    for limit, value in bad.get("limits", {}).items():
+        setattr(message.limits, limit, value)
+    with package.connect(daemon.socket) as robot:
+        request = pb.PlanRequest(motion=message)
+        with pytest.raises((RequestError, OrientdError)) as caught:
+            robot._call(robot._stub.Plan, request, None)
+    assert str(caught.value).startswith(line)
+
+
+@pytest.mark.parametrize(
+    ("content", "line"),
+    [
+        (b"", "the file is empty"),
+        (b"keyframes: [1, 2", "not YAML"),
+        (b"\xff\xfe", "not UTF-8"),
+        (b"[1, 2]", "a motion must be a mapping"),
+        (b"keyframes: 5", "keyframes: expected a list"),
+    ],
+)
+def test_what_is_no_motion_file_is_refused(tmp_path, content, line):
+    path = tmp_path / "motion.yaml"
+    path.write_bytes(content)
+    result = run("plan", path)
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert line in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
+def test_a_file_that_is_not_there_is_refused(tmp_path):
+    assert_refused(orientd("plan", tmp_path / "absent.yaml"), "cannot read", "No such file")
+
+
+def test_a_motion_that_begins_elsewhere_is_refused(daemon, tmp_path):
+    path = write(tmp_path, motion({**TURNED, "time": 0}, {**UPRIGHT, "time": 5}))
+    assert_refused(orientd("move", path, "--socket", daemon.socket), "orientation by 0.5 rad")
+
+
+def test_a_bad_file_is_refused_in_a_process_of_its_own(daemon, tmp_path):
+    bad, line = BAD_MOTIONS["norm"]
+    path = write(tmp_path, bad)
+    assert_refused(orientd("plan", path), line)
+    assert_refused(orientd("move", path, "--socket", daemon.socket), line)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["status"],
+        ["devices"],
+        ["stop"],
+        ["pause"],
+        ["resume"],
+        ["speed", "0.5"],
+        ["enable"],
+        ["disable"],
+        ["reset"],
+    ],
+    ids=lambda arguments: arguments[0],
+)
+def test_a_command_without_a_daemon_says_so(tmp_path, arguments):
+    result = run(*arguments, "--socket", tmp_path / "control.sock")
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert result.stderr == (
+        f"orientd: no daemon answers at {tmp_path}/control.sock; start one with `orientd run`\n"
+    )
+
+
+def test_a_move_without_a_daemon_says_so(tmp_path):
+    path = write(tmp_path, motion(UPRIGHT, TURNED))
+    assert_refused(orientd("move", path, "--socket", tmp_path / "x.sock"), "no daemon answers")
+
+
+def test_a_taken_lease_is_said_with_its_holder(daemon, tmp_path):
+    path = write(tmp_path, motion(UPRIGHT, TURNED))
+    with package.connect(daemon.socket, holder="ana") as robot:
+        robot.acquire_lease()
+        for arguments in (["move", path], ["enable"], ["pause"], ["speed", "0.5"]):
+            result = run(*arguments, "--socket", daemon.socket)
+            assert (result.exit_code, result.stdout) == (1, "")
+            assert result.stderr.startswith("orientd: the lease is held by 'ana', for another ")
+
+
+@pytest.mark.parametrize(
+    "arguments", [["enable"], ["stop"], ["pause"], ["move"]], ids=lambda arguments: arguments[0]
+)
+def test_an_unknown_device_is_said_with_those_there_are(daemon, tmp_path, arguments):
+    file = [write(tmp_path, motion(UPRIGHT, TURNED))] if arguments == ["move"] else []
+    result = run(*arguments, *file, "--device", "leg", "--socket", daemon.socket)
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert result.stderr == "orientd: device: expected one of arm, got 'leg'\n"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["nonsense"],
+        ["plan"],
+        ["speed", "fast"],
+        ["status", "--nonsense"],
+        ["plan", "m.yaml", "-o", "m.txt"],
+    ],
+    ids=lambda arguments: " ".join(arguments),
+)
+def test_a_mistake_in_the_command_line_is_status_2(arguments):
+    result = run(*arguments)
+    assert result.exit_code == 2
+    assert "Traceback" not in result.output
+
+
+def test_ctrl_c_stops_a_motion_on_its_path(daemon, tmp_path):
+    path = write(
+        tmp_path,
+        motion(
+            {"rotation_vector": [0, 0, 0.2], "time": 0},
+            {"rotation_vector": [0, 0.4, 1], "time": 20},
+            approach=True,
+        ),
+    )
+    process = begin("move", path, "--socket", daemon.socket)
+    until(lambda: daemon.device().path_time > 0.5, "motion")
+    process.send_signal(2)
+    output, errors = process.communicate(timeout=20)
+    assert process.returncode == 1
+    assert "Traceback" not in errors
+    (line,) = errors.splitlines()
+    assert line.startswith("orientd: motion ")
+    assert "stopped: stopped by orientd move, process" in line
+    assert "stopped: stopped by orientd move" in output
+    device = daemon.device()
+    assert device.state == pb.STATE_HOLDING
+    assert device.path_time < device.duration
+    assert not daemon.stub.GetState(pb.GetStateRequest()).daemon.lease.holder
+    assert not daemon.socket.with_name("control.sock.lease").exists()
+
+
+def test_whoever_has_read_enough_hears_no_complaint(tmp_path):
+    path = write(tmp_path, motion(UPRIGHT, TURNED))
+    process = begin("plan", path)
+    process.stdout.close()
+    errors = process.stderr.read()
+    process.stderr.close()
+    assert process.wait(20) == 1
+    assert errors == ""
+    assert not is_alive(process.pid)

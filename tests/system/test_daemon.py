@@ -1,0 +1,235 @@
+"""The daemon as a process: how it starts, what it leaves behind, how it ends."""
+
+import os
+import signal
+import socket
+import stat
+import subprocess
+import sys
+
+import grpc
+import pytest
+from command_line import COMMAND, assert_refused, environment, orientd
+from grpc_health.v1 import health_pb2, health_pb2_grpc
+from grpc_reflection.v1alpha.proto_reflection_descriptor_database import (
+    ProtoReflectionDescriptorDatabase,
+)
+from harness import DEVICE, DaemonProcess, assert_limits_kept, is_alive, resident_kib, spin, until
+
+from orientd.rpc import control_pb2 as pb
+
+SERVICE = "orientd.v1.Control"
+MOST_KIB = 80 * 1024
+
+
+@pytest.fixture
+def daemon(tmp_path):
+    with DaemonProcess(tmp_path / "daemon") as process:
+        yield process
+
+
+def health(daemon):
+    return health_pb2_grpc.HealthStub(daemon.channel)
+
+
+def log(daemon):
+    return (daemon.folder / "log").read_text()
+
+
+def test_it_serves_the_standard_health_check(daemon):
+    for name in ("", SERVICE):
+        answer = health(daemon).Check(health_pb2.HealthCheckRequest(service=name))
+        assert answer.status == health_pb2.HealthCheckResponse.SERVING
+
+
+def test_it_says_by_reflection_what_it_offers(daemon):
+    database = ProtoReflectionDescriptorDatabase(daemon.channel)
+    assert SERVICE in database.get_services()
+    file = database.FindFileContainingSymbol(SERVICE)
+    assert [method.name for method in file.service[0].method] == [
+        "GetState",
+        "WatchState",
+        "ListMethods",
+        "ListDevices",
+        "Plan",
+        "Move",
+        "Stop",
+        "Pause",
+        "Resume",
+        "SetSpeed",
+        "Enable",
+        "Disable",
+        "Reset",
+        "AcquireLease",
+        "RenewLease",
+        "ReleaseLease",
+    ]
+
+
+def test_it_is_small_before_its_first_plan(daemon):
+    assert resident_kib(daemon.process.pid) <= MOST_KIB
+
+
+def test_starting_imports_nothing_that_is_slow():
+    code = (
+        "import sys, orientd.cli.main, orientd.daemon.server, orientd.config\n"
+        "slow = {'scipy', 'numba', 'matplotlib', 'rich'} & set(sys.modules)\n"
+        "print(', '.join(slow))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.stdout, done.stderr) == ("\n", "")
+
+
+def test_the_socket_is_for_its_user_alone(tmp_path):
+    process = subprocess.Popen(
+        [*COMMAND, "run"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd="/",
+        env=environment(XDG_RUNTIME_DIR=str(tmp_path), XDG_CONFIG_HOME=str(tmp_path)),
+    )
+    path = tmp_path / "orientd" / "control.sock"
+    assert process.stdout.readline() == f"ready at {path}: arm (loopback, 500 Hz)\n"
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    assert stat.S_IMODE(path.parent.stat().st_mode) == 0o700
+    process.terminate()
+    _, errors = process.communicate(timeout=20)
+    assert process.returncode == 0
+    assert "Traceback" not in errors
+    assert list(path.parent.iterdir()) == []
+
+
+def test_a_second_daemon_is_refused_and_the_first_goes_on(daemon):
+    done = orientd("run", "--config", daemon.config)
+    assert_refused(
+        done, f"a daemon listens at {daemon.socket} already (process {daemon.process.pid})"
+    )
+    assert daemon.device().state == pb.STATE_HOLDING
+
+
+def test_a_killed_daemon_does_not_keep_the_next_from_starting(tmp_path):
+    daemon = DaemonProcess(tmp_path / "daemon")
+    daemon.start()
+    servo = daemon.device().servo_pid
+    daemon.process.kill()
+    daemon.end()
+    assert daemon.socket.exists()
+    daemon.start()
+    assert daemon.device().state == pb.STATE_HOLDING
+    until(lambda: not is_alive(servo), "the first servo's end")
+    assert daemon.end() == 0
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_stops_the_motion_on_its_path_and_leaves_nothing(tmp_path, number):
+    daemon = DaemonProcess(tmp_path / "daemon")
+    daemon.start()
+    servo = daemon.device().servo_pid
+    watch = health(daemon).Watch(health_pb2.HealthCheckRequest(service=SERVICE))
+    assert next(watch).status == health_pb2.HealthCheckResponse.SERVING
+    stream = daemon.move(spin(20.0))
+    until(lambda: daemon.device().path_time > 1.0, "a second of motion")
+    daemon.process.send_signal(number)
+    daemon.process.send_signal(number)
+    assert next(watch).status == health_pb2.HealthCheckResponse.NOT_SERVING
+    *_, last = stream
+    assert last.summary.outcome == pb.OUTCOME_STOPPED
+    assert last.summary.text == "the daemon is going down"
+    assert daemon.end() == 0
+    assert not is_alive(servo)
+    assert not daemon.socket.exists()
+    assert not daemon.socket.with_name("control.sock.lock").exists()
+    sent = daemon.sent()
+    assert_limits_kept(sent, daemon.period)
+    assert (sent[-1] == sent[-2]).all()
+    assert "Traceback" not in log(daemon)
+
+
+def test_a_daemon_that_is_told_to_end_while_it_starts_ends(tmp_path):
+    daemon = DaemonProcess(tmp_path / "daemon")
+    process = subprocess.Popen(
+        [*COMMAND, "run", "--config", str(daemon.config)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment(XDG_STATE_HOME=str(tmp_path)),
+    )
+    until(lambda: process.poll() is not None or daemon.socket.exists(), "the socket")
+    process.terminate()
+    _, errors = process.communicate(timeout=20)
+    assert process.returncode == 0
+    assert "Traceback" not in errors
+
+
+def test_systemd_is_told_when_it_is_ready(tmp_path):
+    daemon = DaemonProcess(tmp_path / "daemon")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as receiver:
+        receiver.bind(str(tmp_path / "notify"))
+        receiver.settimeout(20.0)
+        os.environ["NOTIFY_SOCKET"] = str(tmp_path / "notify")
+        try:
+            daemon.start()
+        finally:
+            del os.environ["NOTIFY_SOCKET"]
+        assert receiver.recv(100) == b"READY=1"
+        assert daemon.end() == 0
+        assert receiver.recv(100) == b"STOPPING=1"
+
+
+def test_it_ends_with_its_input_where_it_is_told_to(tmp_path):
+    daemon = DaemonProcess(tmp_path / "daemon")
+    process = subprocess.Popen(
+        [*COMMAND, "run", "--config", str(daemon.config), "--until-end-of-input"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment(XDG_STATE_HOME=str(tmp_path)),
+    )
+    assert process.stdout.readline().startswith("ready")
+    process.communicate(timeout=20)
+    assert process.returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ('driver = "loopback"', 'driver = "lopback"', "unknown driver 'lopback', installed are"),
+        ("record =", "recrd =", "unknown option 'recrd'"),
+        ("rate_hz = 500.0", "rate_hz = 0", "devices.arm.rate_hz: expected greater than"),
+        ("[daemon]", "[deamon]", "deamon: unknown key"),
+    ],
+)
+def test_a_configuration_that_cannot_be_is_refused_in_one_line(tmp_path, old, new, complaint):
+    daemon = DaemonProcess(tmp_path / "daemon")
+    daemon.config.write_text(daemon.config.read_text().replace(old, new))
+    assert_refused(orientd("run", "--config", daemon.config), complaint)
+    assert not daemon.socket.exists()
+
+
+def test_a_device_that_cannot_be_opened_is_told_and_the_daemon_serves(tmp_path):
+    daemon = DaemonProcess(tmp_path / "daemon")
+    text = daemon.config.read_text().replace(str(daemon.recording), str(tmp_path / "no" / "where"))
+    daemon.config.write_text(text)
+    daemon.start()
+    device = daemon.device()
+    assert device.state == pb.STATE_FAULT
+    assert "cannot record to" in device.fault_text
+    assert "cannot record to" in log(daemon)
+    with pytest.raises(grpc.RpcError) as caught:
+        daemon.move(spin(2.0))
+    assert caught.value.code() in (
+        grpc.StatusCode.FAILED_PRECONDITION,
+        grpc.StatusCode.UNAVAILABLE,
+    )
+    (tmp_path / "no").mkdir()
+    daemon.renew()
+    daemon.stub.Reset(pb.ResetRequest(lease_token=daemon.token, device=DEVICE))
+    assert daemon.device().state == pb.STATE_HOLDING
+    assert daemon.end() == 0
+
+
+def test_a_path_that_no_socket_can_have_is_refused(tmp_path):
+    done = orientd("run", "--socket", tmp_path / ("x" * 120))
+    assert_refused(done, "the path of a socket has at most 107 bytes")

@@ -1,0 +1,370 @@
+"""The Python client and the control socket, against a daemon in a process of its own."""
+
+import signal
+import subprocess
+import sys
+import threading
+
+import grpc
+import numpy as np
+import pytest
+from google.rpc import error_details_pb2, status_pb2
+from harness import DEVICE, DaemonProcess, assert_limits_kept, spin, until
+from scipy.spatial.transform import Rotation
+
+import orientd
+from orientd import rotation
+from orientd.errors import (
+    DaemonError,
+    LeaseError,
+    LimitError,
+    RequestError,
+    StartError,
+    StateError,
+    UnknownNameError,
+)
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc.motion_request import Quaternion
+from orientd.rpc.reports import Outcome
+from orientd.stream import State
+
+LEASE_SECONDS = 1.0
+TURNS = [[0, 0, 0], [0.1, 0, 0.3], [0.2, -0.2, 0.4]]
+
+
+@pytest.fixture(scope="module")
+def daemon(tmp_path_factory):
+    process = DaemonProcess(tmp_path_factory.mktemp("daemon"))
+    text = process.config.read_text()
+    process.config.write_text(
+        text.replace("[daemon]", f"[daemon]\nlease_seconds = {LEASE_SECONDS}", 1)
+    )
+    process.start()
+    process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))
+    yield process
+    assert process.end() == 0
+    assert "Traceback" not in (process.folder / "log").read_text()
+
+
+@pytest.fixture
+def robot(daemon):
+    """A client, with the device brought back to where it began."""
+    with orientd.connect(daemon.socket, holder="ana") as client:
+        yield client
+        client.stop()
+        until(lambda: state(client) is State.HOLDING, "rest")
+
+
+def state(robot):
+    return robot.state().devices[DEVICE].state
+
+
+def here(robot):
+    """Return where the device is commanded to be, as a keyframe."""
+    w, x, y, z = robot.state().devices[DEVICE].cycle.q
+    return Quaternion(w=w, x=x, y=y, z=z)
+
+
+def long_motion(robot, seconds=20.0):
+    """Begin a motion that lasts, and return its handle once it moves."""
+    handle = robot.move(
+        Rotation.from_rotvec([[0, 0, 0], [0, 0, 1.5], [0.4, 0, 0]]),
+        times=[0.0, seconds / 2, seconds],
+        approach=True,
+    )
+    until(lambda: handle.progress is not None and handle.progress.path_time > 0.3, "motion")
+    return handle
+
+
+def test_a_motion_with_velocities_at_both_ends_is_run_as_asked(daemon, robot):
+    before = len(daemon.sent())
+    handle = robot.move(
+        Rotation.from_rotvec(TURNS),
+        start_velocity=(0.0, 0.0, 0.3),
+        end_velocity=(0.2, 0.0, 0.1),
+        approach=True,
+    )
+    reports = list(handle)
+    summary = handle.wait()
+    assert summary.outcome is Outcome.DONE
+    assert summary.statistics.start_velocity_error < 1e-6
+    assert summary.statistics.end_velocity_error < 1e-6
+    assert summary.statistics.path_error < 1e-9
+    times = [report.path_time for report in reports]
+    assert times == sorted(times)
+    assert all(report.duration == handle.plan.duration for report in reports)
+    sent = daemon.sent()[before:]
+    assert_limits_kept(sent, daemon.period)
+    for keyframe in Rotation.from_rotvec(TURNS).as_quat(scalar_first=True)[[0]]:
+        assert rotation.angle(sent, keyframe).min() < 1e-9
+
+
+def test_a_plan_can_be_looked_at_and_then_run(robot):
+    plan = robot.plan([here(robot), {"rotation_vector": [0.0, 0.0, 0.2]}], sample_rate_hz=100.0)
+    assert plan.samples.times[-1] == pytest.approx(plan.duration, abs=1e-9)
+    assert plan.certificate.peak_velocity.value <= plan.certificate.peak_velocity.limit
+    handle = robot.move(plan)
+    assert handle.plan.motion_id == plan.motion_id
+    assert handle.wait().outcome is Outcome.DONE
+    end = robot.state().devices[DEVICE].cycle.q
+    assert rotation.angle(end, plan.samples.q[-1]) < 1e-9
+
+
+def test_a_plan_from_elsewhere_is_refused(robot):
+    plan = robot.plan([here(robot), {"rotation_vector": [0.0, 0.3, 0.2]}])
+    robot.move([here(robot), {"rotation_vector": [0.1, 0.0, 0.0]}]).wait()
+    with pytest.raises(StartError, match="rad from where device 'arm' is commanded to be"):
+        robot.move(plan)
+
+
+def test_every_cycle_can_be_watched(robot):
+    watch = robot.watch(rate_hz=50.0)
+    cycles = [cycle for _, batch in zip(range(20), watch, strict=False) for cycle in batch]
+    watch.close()
+    indices = [cycle.index for cycle in cycles]
+    assert indices == list(range(indices[0], indices[0] + len(indices)))
+
+
+def test_some_cycles_can_be_watched(robot):
+    watch = robot.watch(rate_hz=50.0, decimation=10)
+    cycles = [cycle for _, batch in zip(range(10), watch, strict=False) for cycle in batch]
+    watch.close()
+    assert cycles
+    assert {cycle.index % 10 for cycle in cycles} == {0}
+
+
+def test_a_motion_can_be_paused_and_resumed_and_slowed(robot):
+    handle = long_motion(robot, seconds=3.0)
+    assert robot.pause().is_paused
+    until(lambda: robot.state().devices[DEVICE].cycle.speed == 0.0, "rest on the path")
+    assert not handle.is_done
+    assert not robot.resume().is_paused
+    assert robot.set_speed(0.5).speed == 0.5
+    until(lambda: handle.is_done or handle.progress.speed == 0.5, "half the speed")
+    assert robot.set_speed(1.0).speed == 1.0
+    assert handle.wait(30.0).outcome is Outcome.DONE
+
+
+def test_a_cancelled_motion_stops_on_its_path(daemon, robot):
+    handle = long_motion(robot)
+    handle.cancel()
+    summary = handle.wait(10.0)
+    assert (summary.outcome, summary.text) == (Outcome.STOPPED, "stopped by ana")
+    assert state(robot) is State.HOLDING
+    assert summary.statistics.path_error < 1e-6
+    assert_limits_kept(daemon.sent()[-5000:], daemon.period)
+
+
+def test_anybody_may_stop_and_is_named(daemon, robot):
+    handle = long_motion(robot)
+    with orientd.connect(daemon.socket, holder="ben") as other:
+        other.stop()
+    assert handle.wait(10.0).text == "stopped by ben"
+
+
+def test_a_motion_ends_with_the_client_that_began_it(daemon):
+    with orientd.connect(daemon.socket, holder="ana") as robot:
+        handle = long_motion(robot)
+    assert handle.is_done
+    device = until(lambda: rest(daemon), "rest")
+    assert device.path_time < device.duration
+
+
+def rest(daemon):
+    device = daemon.device()
+    return device if device.state == pb.STATE_HOLDING else None
+
+
+def test_a_client_that_is_killed_stops_its_motion(daemon):
+    code = (
+        "import sys, time, orientd\n"
+        "from orientd.rpc.motion_request import Quaternion as Q\n"
+        "robot = orientd.connect(sys.argv[1])\n"
+        "turn = {'rotation_vector': [0, 0, 1.5]}\n"
+        "back = {'rotation_vector': [0, 0.5, 0]}\n"
+        "handle = robot.move([turn, back], times=[0, 20], approach=True)\n"
+        "print('moving', flush=True)\n"
+        "time.sleep(60)\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, str(daemon.socket)], stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout.readline() == "moving\n"
+    until(lambda: daemon.device().path_time > 0.3, "motion")
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    device = until(lambda: rest(daemon), "rest")
+    assert device.path_time < device.duration
+    until(lambda: not daemon_lease(daemon), "the lease's end")
+
+
+def daemon_lease(daemon):
+    return daemon.stub.GetState(pb.GetStateRequest()).daemon.lease.holder
+
+
+def test_a_taken_lease_is_refused_but_not_a_look(daemon, robot):
+    robot.acquire_lease()
+    with orientd.connect(daemon.socket, holder="ben") as other:
+        assert other.state().daemon.lease_holder == "ana"
+        with pytest.raises(LeaseError, match=r"held by 'ana', for another [01]\.\d s"):
+            other.enable()
+        robot.release_lease()
+        assert other.enable().state is State.HOLDING
+
+
+def test_a_held_lease_is_renewed_for_as_long_as_it_is_needed(robot):
+    robot.acquire_lease()
+    token = robot.lease_token
+    handle = long_motion(robot, seconds=2.5 * LEASE_SECONDS)
+    assert handle.wait(30.0).outcome is Outcome.DONE
+    assert robot.lease_token == token
+
+
+def test_a_lease_that_is_not_renewed_stops_its_motion(daemon):
+    answer = daemon.stub.AcquireLease(pb.AcquireLeaseRequest(holder="ana"))
+    daemon.token = answer.lease.token
+    *_, last = daemon.move(spin(10.0))
+    assert last.summary.outcome == pb.OUTCOME_STOPPED
+    assert last.summary.text == "the lease of 'ana' has expired"
+    request = pb.EnableRequest(lease_token=answer.lease.token)
+    with pytest.raises(grpc.RpcError) as caught:
+        daemon.stub.Enable(request)
+    assert caught.value.code() is grpc.StatusCode.FAILED_PRECONDITION
+    assert "the lease of 'ana' has expired or was released" in caught.value.details()
+
+
+def test_a_lease_can_be_lent(daemon, robot):
+    robot.acquire_lease()
+    with orientd.connect(daemon.socket, holder="ben") as other:
+        assert not other.borrow_lease("nonsense")
+        assert other.borrow_lease(robot.lease_token)
+        other.enable()
+    assert robot.enable().state is State.HOLDING
+
+
+def test_devices_and_methods_are_listed(robot):
+    (device,) = robot.devices()
+    assert (device.name, device.driver, device.rate_hz) == (DEVICE, "loopback", 500.0)
+    assert device.limits.velocity == 2.5
+    names = [method.name for method in robot.methods()]
+    assert "c2_cumulative" in names
+
+
+def test_errors_arrive_as_what_they_are(robot):
+    with pytest.raises(UnknownNameError, match=r"^device: expected one of arm, got 'leg'"):
+        robot.enable("leg")
+    with pytest.raises(RequestError, match=r"^speed: expected more than 0"):
+        robot.set_speed(1.5)
+    with pytest.raises(StateError, match="no motion to pause"):
+        robot.pause()
+    with pytest.raises(LimitError) as caught:
+        robot.move([here(robot), {"rotation_vector": [0, 0, 3]}], times=[0, 0.1], approach=True)
+    assert caught.value.limit > 0.0
+    with pytest.raises(StartError):
+        robot.move([{"rotation_vector": [0, 0, 3]}, {"rotation_vector": [0, 0, 2]}], times=[0, 9])
+    with pytest.raises(RequestError, match=r"^progress_rate_hz: expected 0.1 to 100"):
+        robot.move([here(robot), here(robot)], progress_rate_hz=1e6)
+    with pytest.raises(RequestError, match=r"^rate_hz: expected 0.1 to 100"):
+        next(robot.watch(rate_hz=1e6))
+    with pytest.raises(RequestError, match=r"^sample_rate_hz: expected 0 to 500"):
+        robot.plan([here(robot), {"rotation_vector": [0, 0, 0.1]}], sample_rate_hz=1e6)
+
+
+def test_a_second_motion_waits_for_nobody(robot):
+    long_motion(robot)
+    with pytest.raises(StateError, match="streaming, not holding; stop the present motion first"):
+        robot.move([here(robot), {"rotation_vector": [0, 0, 0.1]}])
+
+
+def test_a_disabled_device_does_not_move(robot):
+    robot.disable()
+    try:
+        with pytest.raises(StateError, match="idle, not holding; enable it first"):
+            robot.move([here(robot), {"rotation_vector": [0, 0, 0.1]}])
+    finally:
+        robot.enable()
+
+
+def test_a_call_for_anything_else_is_refused(daemon):
+    with pytest.raises(grpc.RpcError) as caught:
+        daemon.stub.Move(pb.MoveRequest(lease_token="", device=DEVICE)).next()
+    assert caught.value.code() is grpc.StatusCode.FAILED_PRECONDITION
+    token = daemon.stub.AcquireLease(pb.AcquireLeaseRequest(holder="ana")).lease.token
+    try:
+        with pytest.raises(grpc.RpcError) as caught:
+            daemon.stub.Move(pb.MoveRequest(lease_token=token)).next()
+        details = dict(caught.value.trailing_metadata())["grpc-status-details-bin"]
+        status = status_pb2.Status.FromString(details)
+        bad_request = error_details_pb2.BadRequest()
+        assert status.details[0].Unpack(bad_request)
+        assert bad_request.field_violations[0].field == "motion"
+    finally:
+        daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=token))
+
+
+def test_a_hundred_thousand_keyframes_fit_through_the_socket(daemon):
+    keyframe = pb.Keyframe(
+        time=1.0, quaternion=pb.Quaternion(w=1.0), position=pb.Vector3(x=0.1, y=0.2, z=0.3)
+    )
+    keyframes = [keyframe] * 100_000
+    keyframes[-1] = pb.Keyframe(quaternion=pb.Quaternion(w=1.1))
+    request = pb.PlanRequest(motion=pb.MotionRequest(keyframes=keyframes))
+    with pytest.raises(grpc.RpcError) as caught:
+        daemon.stub.Plan(request)
+    assert caught.value.code() is grpc.StatusCode.INVALID_ARGUMENT
+    assert caught.value.details().startswith("keyframes[99999].")
+
+
+def test_more_than_a_message_holds_is_refused_in_one_line(daemon):
+    options = {"name": "x" * (65 * 1024 * 1024)}
+    request = pb.PlanRequest(motion=pb.MotionRequest())
+    request.motion.options.update(options)
+    with orientd.connect(daemon.socket) as robot, pytest.raises(RequestError, match="too large"):
+        robot._call(robot._stub.Plan, request, None)
+
+
+def test_looks_are_answered_while_a_motion_is_planned(daemon, robot):
+    """Planning holds up neither looks nor the renewal of the lease."""
+    rng = np.random.default_rng(1)
+    turns = np.cumsum(rng.normal(0.0, 0.05, (3000, 3)), axis=0)
+    failures = []
+
+    def plan():
+        try:
+            robot.plan(Rotation.from_rotvec(turns), approach=True)
+        except DaemonError as error:
+            failures.append(error)
+
+    planning = threading.Thread(target=plan)
+    planning.start()
+    answers = 0
+    with orientd.connect(daemon.socket, holder="ben", timeout=5.0) as other:
+        while planning.is_alive() and answers < 20:
+            other.state()
+            answers += 1
+    planning.join()
+    assert failures == []
+    assert answers
+
+
+def test_no_daemon_is_said_clearly(tmp_path):
+    path = tmp_path / "control.sock"
+    with pytest.raises(DaemonError) as caught:
+        orientd.connect(path)
+    assert str(caught.value) == f"no daemon answers at {path}; start one with `orientd run`"
+
+
+def test_a_daemon_that_goes_away_is_said_clearly(tmp_path):
+    process = DaemonProcess(tmp_path / "daemon")
+    process.start()
+    process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))
+    with orientd.connect(process.socket) as robot:
+        handle = long_motion(robot)
+        process.process.kill()
+        with pytest.raises(DaemonError, match="no daemon answers"):
+            handle.wait(20.0)
+        with pytest.raises((DaemonError, LeaseError)):
+            robot.enable()
+        with pytest.raises(DaemonError, match="no daemon answers"):
+            next(robot.watch())
+    process.end()

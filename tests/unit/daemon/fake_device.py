@@ -1,0 +1,131 @@
+"""A device without a servo process: what it is told happens at once, or when the test says so."""
+
+from __future__ import annotations
+
+import time
+
+from orientd.daemon.device import DeviceEvent, DeviceSnapshot, EventKind
+from orientd.daemon.meter import MotionStatistics
+from orientd.driver import IDENTITY, ZERO
+from orientd.errors import DaemonError, Fault, StateError
+from orientd.planner import DEFAULT_LIMITS, State
+from orientd.stream import Cycle
+from orientd.stream import State as ServoState
+
+
+def cycle(index=0, *, state=ServoState.HOLDING, lateness_ns=0, motion=0, overruns=0):
+    """Return a cycle at rest."""
+    return Cycle(
+        index, index * 2_000_000, lateness_ns, 0, 0, 0, state, 0, motion, 2, overruns, 0, 0.0, 1.0,
+        IDENTITY, ZERO, ZERO, ZERO, IDENTITY, ZERO, ZERO,
+    )  # fmt: skip
+
+
+class FakeDevice:
+    """The parts of a device that a cell needs."""
+
+    def __init__(self, settings, *, on_event):
+        self.name = settings.name
+        self.driver = settings.driver
+        self.rate_hz = settings.rate_hz
+        self.period_ns = settings.period_ns
+        self.limits = DEFAULT_LIMITS
+        self.failure = ""
+        self.calls = []
+        self.events = on_event
+        self.state = ServoState.HOLDING
+        self.fault = Fault.NONE
+        self.fault_text = ""
+        self.motion = None
+        self.number = 0
+        self.at = State.at_rest(IDENTITY)
+        self.published = [cycle()]
+        self.is_dead = False
+        self.during_start = lambda: None
+
+    def launch(self):
+        self.calls.append("launch")
+
+    def wait_ready(self, timeout):
+        return not self.failure
+
+    def shutdown(self):
+        self.calls.append("shutdown")
+
+    def commanded(self):
+        if self.state is not ServoState.HOLDING:
+            raise StateError(f"device {self.name} is {self.state.name.lower()}, not holding")
+        return self.at
+
+    next_start = commanded
+
+    def start(self, motion):
+        self.commanded()
+        self.number += 1
+        self.motion, self.state = motion, ServoState.STREAMING
+        self.calls.append(f"start {self.number}")
+        self.tell(EventKind.MOTION_STARTED, "")
+        self.during_start()
+        return self.number
+
+    def stop(self):
+        self.calls.append("stop")
+        if self.is_dead:
+            raise DaemonError("the servo did not answer stop within 0.5 s")
+        if self.state is ServoState.STREAMING:
+            self.state = ServoState.HOLDING
+            self.tell(EventKind.MOTION_STOPPED, "stopped on its path")
+
+    def finish(self):
+        """Let the motion reach its end."""
+        self.state = ServoState.HOLDING
+        self.tell(EventKind.MOTION_DONE, "")
+
+    def fail(self, fault, text):
+        """Let the device fall into a fault, whatever it does."""
+        self.state, self.fault, self.fault_text = ServoState.FAULT, fault, text
+        self.tell(EventKind.FAULT, text)
+        self.tell(EventKind.MOTION_STOPPED, text)
+
+    def enable(self):
+        self.calls.append("enable")
+
+    def disable(self):
+        self.calls.append("disable")
+
+    def pause(self):
+        self.calls.append("pause")
+
+    def resume(self):
+        self.calls.append("resume")
+
+    def set_speed(self, speed):
+        self.calls.append(f"speed {speed:g}")
+
+    def reset(self):
+        self.calls.append("reset")
+
+    def snapshot(self):
+        return DeviceSnapshot(
+            cycle=self.published[-1] if self.published else None,
+            state=self.state,
+            fault=self.fault,
+            fault_text=self.fault_text,
+            is_paused=False,
+            speed=1.0,
+            motion=self.motion,
+            motion_number=self.number,
+            path_time=0.5,
+            servo_pid=1,
+            scheduling="SCHED_OTHER",
+            memory_locked=False,
+        )
+
+    def cycles(self, since, limit=4096):
+        return [one for one in self.published if one.index >= since][:limit]
+
+    def statistics(self, number):
+        return MotionStatistics(cycles=7) if number == self.number else None
+
+    def tell(self, kind, text):
+        self.events(DeviceEvent(self.name, kind, self.number, text, time.monotonic_ns()))

@@ -1,0 +1,297 @@
+"""The cell: who may command which device, and what becomes of the motions."""
+
+import threading
+
+import pytest
+from fake_device import FakeDevice
+
+from orientd import config
+from orientd.clock import ManualClock
+from orientd.daemon.cell import KEPT_PLANS, Cell, pause, resume
+from orientd.errors import (
+    DaemonError,
+    Fault,
+    LeaseError,
+    LimitError,
+    RequestError,
+    StartError,
+    StateError,
+    UnknownNameError,
+)
+from orientd.planner import State
+from orientd.rpc.reports import Outcome
+from orientd.stream import State as ServoState
+
+SECOND = 1_000_000_000
+MOTION = {"keyframes": [{"rotation_vector": [0, 0, 0]}, {"rotation_vector": [0, 0, 0.1]}]}
+SETTINGS = {
+    "daemon": {"lease_seconds": 5.0},
+    "devices": {"arm": {"driver": "loopback"}, "leg": {"driver": "loopback"}},
+}
+
+
+@pytest.fixture
+def clock():
+    return ManualClock(1)
+
+
+@pytest.fixture
+def cell(clock):
+    return Cell(config.parse(SETTINGS, source="test"), make_device=FakeDevice, clock=clock)
+
+
+@pytest.fixture
+def arm(cell):
+    return cell.device("arm")
+
+
+def begin(cell, device, token):
+    stops = cell.runs.stops(device)
+    return cell.start(token, device, cell.plan(device, MOTION), stops=stops)
+
+
+def test_a_motion_runs_to_its_end(cell, arm):
+    run = begin(cell, arm, cell.acquire("ana").token)
+    assert not run.ended.done()
+    arm.finish()
+    assert run.ended.result(0) == (Outcome.DONE, "")
+
+
+def test_a_motion_that_ends_before_its_start_returns_has_ended(cell, arm):
+    arm.during_start = arm.finish
+    run = begin(cell, arm, cell.acquire("ana").token)
+    assert run.ended.result(0) == (Outcome.DONE, "")
+
+
+def test_a_motion_needs_the_lease(cell, arm):
+    motion = cell.plan(arm, MOTION)
+    with pytest.raises(LeaseError, match="needs the lease"):
+        cell.start("", arm, motion, stops=0)
+    cell.acquire("ana")
+    with pytest.raises(LeaseError, match="held by 'ana'"):
+        cell.start("nonsense", arm, motion, stops=0)
+    assert "start 1" not in arm.calls
+
+
+def test_a_motion_of_an_expired_lease_is_stopped(cell, arm, clock):
+    run = begin(cell, arm, cell.acquire("ana").token)
+    cell.expire()
+    assert not run.ended.done()
+    clock.advance(5 * SECOND)
+    cell.expire()
+    assert run.ended.result(0) == (Outcome.STOPPED, "the lease of 'ana' has expired")
+
+
+def test_a_motion_of_a_released_lease_is_stopped(cell, arm):
+    lease = cell.acquire("ana")
+    run = begin(cell, arm, lease.token)
+    cell.release(lease.token)
+    assert run.ended.result(0) == (Outcome.STOPPED, "the lease of 'ana' was released")
+
+
+def test_only_motions_of_that_lease_are_stopped_with_it(cell, arm):
+    lease = cell.acquire("ana")
+    begin(cell, arm, lease.token)
+    arm.finish()
+    cell.release(lease.token)
+    assert "stop" not in arm.calls
+
+
+def test_whoever_takes_an_expired_lease_finds_its_motion_stopped(cell, arm, clock):
+    run = begin(cell, arm, cell.acquire("ana").token)
+    clock.advance(5 * SECOND)
+    cell.acquire("ben")
+    assert run.ended.result(0)[0] is Outcome.STOPPED
+
+
+def test_anybody_may_stop_and_is_named(cell, arm):
+    run = begin(cell, arm, cell.acquire("ana").token)
+    cell.stop("arm", "ben")
+    assert run.ended.result(0) == (Outcome.STOPPED, "stopped by ben")
+
+
+def test_an_empty_name_stops_every_device(cell, arm):
+    cell.stop("", "ben")
+    assert "stop" in arm.calls
+    assert "stop" in cell.device("leg").calls
+
+
+def test_one_dead_servo_does_not_keep_the_others_from_stopping(cell, arm):
+    arm.is_dead = True
+    with pytest.raises(DaemonError, match="did not answer stop"):
+        cell.stop("", "ben")
+    assert "stop" in cell.device("leg").calls
+
+
+def test_a_stop_while_a_motion_is_planned_keeps_it_from_beginning(cell, arm):
+    token = cell.acquire("ana").token
+    stops = cell.runs.stops(arm)
+    motion = cell.plan(arm, MOTION)
+    cell.stop("arm", "ben")
+    with pytest.raises(StateError, match="stopped before it began: stopped by ben"):
+        cell.start(token, arm, motion, stops=stops)
+    assert "start 1" not in arm.calls
+
+
+def test_a_stop_while_a_motion_is_started_stops_it(cell, arm):
+    # The stop finds the device still at rest.
+    arm.during_start = lambda: cell.runs.halt([cell.device("arm")], "stopped by ben")
+    real_stop, arm.stop = arm.stop, lambda: None
+    arm.during_start = lambda: (
+        cell.runs.halt([arm], "stopped by ben"),
+        setattr(arm, "stop", real_stop),
+    )
+    run = begin(cell, arm, cell.acquire("ana").token)
+    assert run.ended.result(0) == (Outcome.STOPPED, "stopped by ben")
+
+
+def test_a_lease_that_is_lost_while_a_motion_is_started_stops_it(cell, arm, clock):
+    token = cell.acquire("ana").token
+    arm.during_start = lambda: clock.advance(5 * SECOND)
+    assert begin(cell, arm, token).ended.result(0)[0] is Outcome.STOPPED
+
+
+def test_a_fault_ends_a_motion_as_a_fault(cell, arm):
+    run = begin(cell, arm, cell.acquire("ana").token)
+    arm.fail(Fault.LIMIT_GUARD, "velocity of 3 rad/s")
+    assert run.ended.result(0) == (Outcome.FAULT, "velocity of 3 rad/s")
+
+
+def test_the_reason_of_a_stop_is_not_that_of_a_later_one(cell, arm):
+    token = cell.acquire("ana").token
+    begin(cell, arm, token)
+    cell.stop("arm", "ben")
+    run = begin(cell, arm, token)
+    arm.stop()
+    assert run.ended.result(0) == (Outcome.STOPPED, "stopped on its path")
+
+
+def test_an_abandoned_motion_is_stopped_but_not_the_one_after_it(cell, arm):
+    token = cell.acquire("ana").token
+    first = begin(cell, arm, token)
+    arm.finish()
+    second = begin(cell, arm, token)
+    cell.abandon(first, "gone")
+    assert not second.ended.done()
+    cell.abandon(second, "gone")
+    assert second.ended.result(0) == (Outcome.STOPPED, "gone")
+
+
+def test_a_device_that_is_not_ready_to_move_is_refused(cell, arm):
+    arm.state = ServoState.IDLE
+    with pytest.raises(StateError, match="idle, not holding"):
+        cell.plan(arm, MOTION)
+
+
+def test_a_bad_motion_is_refused_by_its_field(cell, arm):
+    with pytest.raises(RequestError, match=r"^keyframes: expected at least 2, got 0"):
+        cell.plan(arm, {"keyframes": []})
+    with pytest.raises(LimitError):
+        cell.plan(
+            arm,
+            {
+                "keyframes": [
+                    {"time": 0, "rotation_vector": [0, 0, 0]},
+                    {"time": 0.1, "rotation_vector": [0, 0, 1]},
+                ]
+            },
+        )
+
+
+def test_a_kept_plan_is_found_by_its_name_and_device(cell, arm):
+    motion = cell.plan(arm, MOTION, keep=True)
+    assert cell.kept(arm, motion.id) is motion
+    for device, name in ((cell.device("leg"), motion.id), (arm, "nonsense")):
+        with pytest.raises(UnknownNameError, match=r"^motion_id: device .* has no plan"):
+            cell.kept(device, name)
+
+
+def test_few_plans_are_kept(cell, arm):
+    plans = [cell.plan(arm, MOTION, keep=True) for _ in range(KEPT_PLANS + 1)]
+    with pytest.raises(UnknownNameError):
+        cell.kept(arm, plans[0].id)
+    assert cell.kept(arm, plans[1].id) is plans[1]
+
+
+@pytest.mark.parametrize(
+    ("where", "what"),
+    [
+        (State.at_rest((0.8, 0.6, 0.0, 0.0)), "rad from where device 'arm'"),
+        (State.at_rest((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.1)), "0.1 m from where device 'arm'"),
+    ],
+)
+def test_a_plan_that_begins_elsewhere_is_refused(cell, arm, where, what):
+    token = cell.acquire("ana").token
+    motion = cell.plan(arm, MOTION)
+    arm.at = where
+    with pytest.raises(StartError, match=what):
+        cell.start(token, arm, motion, stops=0)
+
+
+def test_a_name_may_be_left_out_where_there_is_one_device(cell):
+    with pytest.raises(RequestError, match=r"^device: expected one of arm, leg, got nothing"):
+        cell.device("")
+    with pytest.raises(UnknownNameError, match=r"^device: expected one of arm, leg, got 'tail'"):
+        cell.device("tail")
+    alone = Cell(config.default_settings(), make_device=FakeDevice)
+    assert alone.device("").name == "arm"
+
+
+def test_commands_need_the_lease(cell, arm):
+    with pytest.raises(LeaseError):
+        cell.command("", "arm", "enable", lambda device: device.enable())
+    token = cell.acquire("ana").token
+    assert cell.command(token, "arm", "enable", lambda device: device.enable()) is arm
+    assert arm.calls == ["enable"]
+
+
+def test_only_a_motion_can_be_paused_and_resumed(cell, arm):
+    for verb, name in ((pause, "pause"), (resume, "resume")):
+        with pytest.raises(StateError, match=f"device arm is holding: no motion to {name}"):
+            verb(arm)
+    begin(cell, arm, cell.acquire("ana").token)
+    pause(arm)
+    resume(arm)
+    assert arm.calls[-2:] == ["pause", "resume"]
+
+
+def test_a_holder_has_a_name_of_one_line(cell):
+    with pytest.raises(RequestError, match=r"^holder: "):
+        cell.acquire(" \n ")
+    assert cell.acquire("ana\nben " + "x" * 1000).holder.startswith("ana ben xxx")
+
+
+def test_shutdown_stops_what_runs_and_takes_no_more(cell, arm):
+    token = cell.acquire("ana").token
+    run = begin(cell, arm, token)
+    motion = run.motion
+    cell.shutdown("the daemon is going down")
+    assert run.ended.result(0) == (Outcome.STOPPED, "the daemon is going down")
+    assert arm.calls[-2:] == ["stop", "shutdown"]
+    with pytest.raises(DaemonError, match="going down"):
+        cell.start(token, arm, motion, stops=cell.runs.stops(arm))
+    with pytest.raises(DaemonError, match="going down"):
+        cell.command(token, "arm", "enable", lambda device: device.enable())
+
+
+def test_shutdown_ends_what_a_dead_servo_cannot(cell, arm):
+    run = begin(cell, arm, cell.acquire("ana").token)
+    run.ended.add_done_callback(lambda _: None)
+    arm.stop = lambda: arm.fail(Fault.SERVO_DIED, "the servo process was ended by signal 9")
+    cell.shutdown("the daemon is going down")
+    assert run.ended.result(0)[0] is Outcome.FAULT
+
+
+def test_what_keeps_a_device_from_being_ready_is_told(cell, arm):
+    assert cell.wait_ready(1.0) == []
+    arm.failure = "no such device"
+    assert cell.wait_ready(1.0) == ["device arm: no such device"]
+
+
+def test_nobody_waits_for_devices_of_a_daemon_that_ends(cell, arm):
+    arm.wait_ready = lambda timeout: False
+    stopping = threading.Event()
+    stopping.set()
+    assert cell.wait_ready(3600.0, is_cancelled=stopping.is_set) == [
+        "device arm: not ready after 3600 s"
+    ]

@@ -1,0 +1,85 @@
+"""One daemon for each socket."""
+
+import os
+import socket
+import stat
+
+import pytest
+
+from orientd.daemon.claim import claimed
+from orientd.errors import DaemonError
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "runtime" / "control.sock"
+
+
+def left_behind(path):
+    """Make a socket that nobody listens at, as a killed daemon leaves it."""
+    path.parent.mkdir(exist_ok=True)
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind(str(path))
+
+
+def test_the_directory_is_for_its_owner_only(path):
+    with claimed(path):
+        assert stat.S_IMODE(path.parent.stat().st_mode) == 0o700
+
+
+def test_nothing_is_left_at_the_end(path):
+    with claimed(path):
+        left_behind(path)
+    assert list(path.parent.iterdir()) == []
+
+
+def test_a_second_claim_is_refused_and_names_the_first(path):
+    with claimed(path):
+        with (
+            pytest.raises(DaemonError, match=rf"listens at .* already \(process {os.getpid()}\)"),
+            claimed(path),
+        ):
+            pass
+        assert path.with_name("control.sock.lock").exists()
+    with claimed(path):
+        pass
+
+
+def test_a_stale_socket_is_removed(path):
+    left_behind(path)
+    with claimed(path):
+        assert not path.exists()
+
+
+def test_a_stale_lock_is_taken_over(path):
+    path.parent.mkdir()
+    path.with_name("control.sock.lock").write_text("99999\n")
+    with claimed(path):
+        assert path.with_name("control.sock.lock").read_text() == f"{os.getpid()}\n"
+
+
+def test_a_socket_that_somebody_else_listens_at_is_left_alone(path):
+    path.parent.mkdir()
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind(str(path))
+        server.listen()
+        with pytest.raises(DaemonError, match="no orientd listens"), claimed(path):
+            pass
+        assert path.exists()
+
+
+def test_a_file_that_is_no_socket_is_left_alone(path):
+    path.parent.mkdir()
+    path.write_text("precious")
+    with pytest.raises(DaemonError, match="is no socket"), claimed(path):
+        pass
+    assert path.read_text() == "precious"
+
+
+def test_a_directory_that_cannot_be_made_is_refused(tmp_path):
+    (tmp_path / "file").write_text("")
+    with (
+        pytest.raises(DaemonError, match=r"cannot make .*: (Not a directory|File exists)"),
+        claimed(tmp_path / "file" / "control.sock"),
+    ):
+        pass

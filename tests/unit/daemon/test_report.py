@@ -1,0 +1,105 @@
+"""What the daemon says about its devices: no cycle twice, none invented."""
+
+import numpy as np
+import pytest
+from fake_device import FakeDevice, cycle
+
+from orientd import config, planner
+from orientd.daemon import report
+from orientd.daemon.runs import Run
+from orientd.rpc.reports import Outcome
+from orientd.stream import State
+
+SETTINGS = config.default_settings().devices["arm"]
+
+
+@pytest.fixture
+def device():
+    return FakeDevice(SETTINGS, on_event=lambda event: None)
+
+
+@pytest.fixture
+def motion():
+    request = planner.MotionRequest(
+        [planner.Keyframe((1.0, 0.0, 0.0, 0.0)), planner.Keyframe((0.8, 0.6, 0.0, 0.0))]
+    )
+    start = planner.State.at_rest((1.0, 0.0, 0.0, 0.0))
+    return planner.plan(request, start=start, limits=planner.DEFAULT_LIMITS, period=0.002)
+
+
+def test_cycles_are_read_once_and_in_order(device):
+    reader = report.CycleReader(device)
+    assert reader.read() == ([], 0)
+    device.published += [cycle(1), cycle(2)]
+    assert reader.read() == ([cycle(1), cycle(2)], 0)
+    device.published.append(cycle(3))
+    assert reader.read() == ([cycle(3)], 0)
+    assert reader.read() == ([], 0)
+
+
+def test_cycles_that_were_gone_are_counted(device):
+    reader = report.CycleReader(device)
+    device.published = [cycle(5), cycle(6)]
+    assert reader.read() == ([cycle(5), cycle(6)], 4)
+
+
+def test_a_new_servo_counts_from_the_beginning(device):
+    device.published = [cycle(1000)]
+    reader = report.CycleReader(device)
+    device.published = []
+    assert reader.read() == ([], 0)
+    device.published = [cycle(0), cycle(1)]
+    assert reader.read() == ([cycle(0), cycle(1)], 0)
+
+
+def test_more_cycles_than_one_reading_takes_are_all_read(device):
+    reader = report.CycleReader(device)
+    device.published = [cycle(k) for k in range(1, 10_001)]
+    cycles, lost = reader.read()
+    assert (len(cycles), lost) == (10_000, 0)
+
+
+def test_progress_tells_the_worst_lateness_since_the_last(device, motion):
+    device.motion = motion
+    reader = report.ProgressReader(Run(device, 1, motion, ""))
+    device.published += [cycle(1, lateness_ns=5), cycle(2, lateness_ns=900), cycle(3, overruns=2)]
+    progress = reader.read()
+    assert progress.lateness == pytest.approx(900e-9)
+    assert progress.overruns == 2
+    assert progress.duration == motion.duration
+    assert progress.tracking_error is None
+    assert reader.read().lateness == 0.0
+    device.published = []
+    assert reader.read() is None
+
+
+def test_samples_begin_and_end_with_the_motion(motion):
+    for rate_hz in (500.0, 33.3, 7.0):
+        samples = report.samples(motion, rate_hz)
+        assert samples.times[0] == 0.0
+        assert samples.times[-1] == pytest.approx(motion.duration, abs=1e-9)
+        assert np.all(np.diff(samples.times) > 1e-9)
+        np.testing.assert_array_equal(samples.q, motion.sample(samples.times).q)
+
+
+def test_a_summary_has_the_statistics_of_its_motion_only(device, motion):
+    device.number = 2
+    for number, cycles in ((2, 7), (1, None)):
+        run = Run(device, number, motion, "")
+        run.ended.set_result((Outcome.STOPPED, "why"))
+        summary = report.summary(run)
+        assert (summary.outcome, summary.text) == (Outcome.STOPPED, "why")
+        assert (summary.statistics and summary.statistics.cycles) == cycles
+
+
+def test_a_device_without_cycles_or_motion_can_be_told(device):
+    device.published = []
+    told = report.device_report(device)
+    assert (told.cycle, told.motion_id, told.duration) == (None, "", 0.0)
+    assert told.state is State.HOLDING
+
+
+def test_every_method_says_what_it_is():
+    for method in report.methods():
+        assert method.summary
+        assert method.source, method.name

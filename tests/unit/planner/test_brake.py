@@ -1,0 +1,135 @@
+import numpy as np
+import pytest
+from planned import LIMITS, PERIOD, differences, random_motions
+
+from orientd.planner import Limits
+from orientd.planner.brake import FASTEST_BRAKE_RATE, brake_rate, linear_brake_rate
+from orientd.servo.path_clock import PathClock
+
+SOFT = LIMITS["soft"]
+
+
+def points(random, count, limits):
+    """Return path points inside the limits, some of them right at one."""
+    omega, alpha = random.normal(size=(2, count, 3))
+    omega *= (limits.velocity * random.uniform(0, 1, count) / np.linalg.norm(omega, axis=1))[
+        :, None
+    ]
+    size = limits.acceleration * np.minimum(random.uniform(0, 1.1, count), 0.999)
+    alpha *= (size / np.linalg.norm(alpha, axis=1))[:, None]
+    return omega, alpha, limits.jerk * np.minimum(random.uniform(0, 1.1, count), 0.999)
+
+
+def excess(omega, alpha, jerk, limits, x):
+    """Return the largest share of a limit over all rates and their changes, by brute force."""
+    sigma = np.concatenate([np.linspace(0, 1, 2001), 1 - np.geomspace(1e-9, 1e-2, 400)])[:, None]
+    g = x * np.minimum(2, np.sqrt(8 * np.minimum(sigma, 1 - sigma)))
+    worst = 0.0
+    for sign in (-1, 1):
+        alpha_t = alpha * sigma**2 + sign * omega * g
+        worst = max(worst, np.linalg.norm(alpha_t, axis=1).max() / limits.acceleration)
+    a, w = np.linalg.norm(alpha), np.linalg.norm(omega)
+    jerk_t = jerk * sigma**2 + 3 * a * sigma * g + 4 * w * x * x
+    return max(worst, jerk_t.max() / limits.jerk)
+
+
+@pytest.mark.parametrize("name", sorted(LIMITS))
+def test_no_change_of_speed_breaks_a_limit_at_the_rate_returned(name):
+    limits = LIMITS[name]
+    for omega, alpha, jerk in zip(*points(np.random.default_rng(1), 60, limits), strict=True):
+        x, _ = brake_rate(omega[None], alpha[None], np.array([jerk]), limits)
+        assert excess(omega, alpha, jerk, limits, x) <= 1.0
+
+
+def test_the_rate_is_nearly_the_largest_that_is_safe():
+    for omega, alpha, jerk in zip(*points(np.random.default_rng(2), 60, SOFT), strict=True):
+        x, _ = brake_rate(omega[None], alpha[None], np.array([jerk]), SOFT)
+        if x < FASTEST_BRAKE_RATE:
+            assert excess(omega, alpha, jerk, SOFT, 1.03 * x) > 1.0
+
+
+def test_the_rate_of_many_points_is_the_least_of_them_with_its_place():
+    omega, alpha, jerk = points(np.random.default_rng(3), 3000, SOFT)
+    alone = [
+        brake_rate(omega[k : k + 1], alpha[k : k + 1], jerk[k : k + 1], SOFT)[0]
+        for k in range(3000)
+    ]
+    rate, place = brake_rate(omega, alpha, jerk, SOFT)
+    assert rate == min(alone)
+    assert alone[place] == rate
+
+
+def test_without_reserve_there_is_no_brake():
+    along = np.array([[0.5, 0.0, 0.0]])
+    alpha = np.array([[SOFT.acceleration, 0.0, 0.0]])
+    rate, _ = brake_rate(along, alpha, np.zeros(1), SOFT)
+    assert rate < 0.02
+    rate, _ = brake_rate(along, 1.01 * alpha, np.zeros(1), SOFT)
+    assert rate == 0.0
+
+
+def test_a_reserve_buys_its_square_root():
+    rates = []
+    for reserve in (0.01, 0.04):
+        alpha = np.array([[(1 - reserve) * SOFT.acceleration, 0.0, 0.0]])
+        rates.append(brake_rate(np.array([[1.0, 0, 0]]), alpha, np.zeros(1), SOFT)[0])
+    assert rates[1] / rates[0] == pytest.approx(2.0, rel=0.05)
+
+
+def test_a_motion_at_rest_brakes_at_the_fastest_rate():
+    zero = np.zeros((4, 3))
+    assert brake_rate(zero, zero, np.zeros(4), SOFT)[0] == FASTEST_BRAKE_RATE
+    assert brake_rate(zero[:0], zero[:0], np.zeros(0), SOFT)[0] == FASTEST_BRAKE_RATE
+
+
+def test_infinite_limits_do_not_slow_the_brake():
+    omega, alpha, jerk = points(np.random.default_rng(4), 10, SOFT)
+    assert brake_rate(omega, alpha, jerk, Limits.partial())[0] == FASTEST_BRAKE_RATE
+
+
+def test_the_linear_rate_looks_at_the_acceleration_of_the_position():
+    v, a = np.array([[0.5, 0.0, 0.0]]), np.array([[0.0, 4.0, 0.0]])
+    rate, _ = linear_brake_rate(v, a, SOFT)
+    wide = Limits(SOFT.velocity, SOFT.linear_acceleration, 1e9, 1.0, 1.0)
+    assert rate == brake_rate(v, a, np.zeros(1), wide)[0]
+    assert 0.0 < rate < FASTEST_BRAKE_RATE
+
+
+def drive(motion, random):
+    """Return the path times of the setpoints while the speed is changed at random."""
+    clock = PathClock(motion.period)
+    x = motion.certificate.brake_rate
+    clock.begin(x, 1.0)
+    path_time, path_times = 0.0, [0.0]
+    while path_time < motion.duration:
+        if random.random() < 2.0 * x * motion.period:
+            clock.target = float(random.choice([0.0, 1.0, random.random()]))
+        if clock.is_at_rest:
+            clock.target = 1.0
+        path_time = min(path_time + clock.advance() * motion.period, motion.duration)
+        path_times.append(path_time)
+    return np.array(path_times)
+
+
+@pytest.mark.parametrize(
+    ("name", "method", "count"),
+    [
+        ("arm", "c2_cumulative", 6),
+        ("arm", "kks_hermite_spline", 6),
+        ("soft", "c2_cumulative", 6),
+        ("soft", "kks_hermite_spline", 3),
+        ("slow", "c2_cumulative", 4),
+    ],
+)
+def test_stops_at_random_points_keep_the_limits_of_the_guard(name, method, count):
+    random = np.random.default_rng(len(name + method))
+    for motion in random_motions(len(method), count, LIMITS[name], method=method):
+        limits = motion.limits
+        samples = motion.sample(drive(motion, random))
+        velocity, acceleration, jerk = differences(samples.q, PERIOD)
+        assert velocity.max() <= limits.velocity * 1.001
+        assert acceleration.max() <= limits.acceleration * 1.001
+        assert jerk.max() <= limits.jerk * 1.001
+        p = np.concatenate([samples.position[:1], samples.position, samples.position[-1:]])
+        push = np.linalg.norm(np.diff(p, n=2, axis=0), axis=1) / PERIOD**2
+        assert push.max() <= limits.linear_acceleration * 1.001

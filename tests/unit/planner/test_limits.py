@@ -1,0 +1,43 @@
+import math
+
+import pytest
+
+from orientd.errors import RequestError
+from orientd.planner import DEFAULT_LIMITS, Limits
+
+ARM = DEFAULT_LIMITS
+
+
+@pytest.mark.parametrize("limit", [0.0, -1.0, math.nan])
+def test_a_limit_is_positive(limit):
+    with pytest.raises(ValueError, match="jerk must be positive"):
+        Limits.partial(jerk=limit)
+
+
+def test_limits_are_within_others_when_none_is_higher():
+    assert ARM.within(ARM)
+    assert ARM.scaled(0.5).within(ARM)
+    assert not ARM.scaled(1.5).within(ARM)
+    assert not Limits.partial(velocity=1.0).within(ARM)
+
+
+def test_a_request_lowers_the_limits_it_names_and_no_others():
+    lowered = ARM.narrowed(Limits.partial(velocity=1.0))
+    assert lowered.velocity == 1.0
+    assert lowered.jerk == ARM.jerk
+    assert lowered.within(ARM)
+    assert ARM.narrowed(None) is ARM
+
+
+def test_a_request_cannot_raise_a_limit():
+    with pytest.raises(RequestError, match=r"at most the device's 17 rad/s\^2, got 18") as caught:
+        ARM.narrowed(Limits.partial(acceleration=18.0))
+    assert caught.value.field == "limits.acceleration"
+
+
+def test_the_reserve_leaves_velocities_alone():
+    reserved = ARM.with_reserve()
+    assert (reserved.velocity, reserved.linear_velocity) == (ARM.velocity, ARM.linear_velocity)
+    assert reserved.acceleration == pytest.approx(0.95 * ARM.acceleration)
+    assert reserved.jerk == pytest.approx(0.95 * ARM.jerk)
+    assert reserved.linear_acceleration == pytest.approx(0.95 * ARM.linear_acceleration)

@@ -1,0 +1,138 @@
+import math
+
+import numpy as np
+import pytest
+
+from orientd.errors import RequestError
+from orientd.planner import Keyframe, Limits, MotionRequest, State
+from orientd.rotation import exp, rotate
+
+ONE = (1.0, 0.0, 0.0, 0.0)
+TWO = tuple(exp([0.0, 0.0, 1.0]).tolist())
+
+
+def refusal(*keyframes, **fields):
+    with pytest.raises(RequestError) as caught:
+        MotionRequest(keyframes, **fields)
+    return caught.value.field, caught.value.problem
+
+
+def test_a_request_has_its_keyframes_in_arrays():
+    request = MotionRequest([Keyframe(ONE, 1.0, (1, 2, 3)), Keyframe(TWO, 2.5, turns=2)])
+    assert request.keys == pytest.approx(np.array([ONE, TWO]))
+    assert request.times.tolist() == [1.0, 2.5]
+    assert request.positions[0].tolist() == [1, 2, 3]
+    assert np.isnan(request.positions[1]).all()
+    assert request.turns.tolist() == [0, 2]
+    assert request.method == "c2_cumulative"
+
+
+def test_times_and_positions_are_absent_where_no_keyframe_has_them():
+    request = MotionRequest([Keyframe(ONE), Keyframe(TWO)])
+    assert request.times is None
+    assert request.positions is None
+
+
+def test_a_request_cannot_be_changed():
+    request = MotionRequest([Keyframe(ONE), Keyframe(TWO)], options={"align": True})
+    with pytest.raises(AttributeError):
+        request.approach = True
+    with pytest.raises(TypeError):
+        request.options["align"] = False
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_at_least_two_keyframes_are_needed(count):
+    assert refusal(*[Keyframe(ONE)] * count) == ("keyframes", f"expected at least 2, got {count}")
+
+
+def test_a_norm_within_tolerance_is_accepted_and_made_exact():
+    off = tuple(1.0000009 * c for c in TWO)
+    request = MotionRequest([Keyframe(ONE), Keyframe(off)])
+    assert np.linalg.norm(request.keys[1]) == pytest.approx(1.0, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("q", "problem"),
+    [
+        ((1.1, 0, 0, 0), "norm must be 1 within 1e-06, got 1.1"),
+        ((1.000002, 0, 0, 0), "norm must be 1 within 1e-06, got 1.000002"),
+        ((math.nan, 0, 0, 1), "expected finite numbers, got [nan, 0.0, 0.0, 1.0]"),
+        ((math.inf, 0, 0, 1), "expected finite numbers, got [inf, 0.0, 0.0, 1.0]"),
+        ((1, 0, 0), "expected four numbers w, x, y, z, got (1, 0, 0)"),
+        ("north", "expected four numbers w, x, y, z, got north"),
+        (None, "expected four numbers w, x, y, z, got None"),
+    ],
+)
+def test_an_orientation_that_is_none_is_named(q, problem):
+    assert refusal(Keyframe(ONE), Keyframe(q)) == ("keyframes[1].quaternion", problem)
+
+
+@pytest.mark.parametrize(
+    ("times", "index", "words"),
+    [
+        ((0, 1, 1), 2, "interval of length zero"),
+        ((0, 2, 1), 2, r"must be later than keyframes\[1\] at 2 s, got 1"),
+        ((0, None, 1), 1, "every keyframe needs one"),
+        ((None, None, 1), 0, r"keyframes\[2\] has one"),
+        ((0, 1, math.nan), 2, "finite"),
+        ((0, 1, math.inf), 2, "finite"),
+        ((0, 1, "soon"), 2, "a number of seconds"),
+    ],
+)
+def test_a_time_that_does_not_fit_is_named(times, index, words):
+    import re
+
+    field, problem = refusal(*(Keyframe(ONE, t) for t in times))
+    assert field == f"keyframes[{index}].time"
+    assert re.search(words, problem)
+
+
+@pytest.mark.parametrize("position", [(1, 2), (1, 2, math.nan), "here", 3])
+def test_a_position_that_is_none_is_named(position):
+    field, _ = refusal(Keyframe(ONE), Keyframe(TWO, position=position))
+    assert field == "keyframes[1].position"
+
+
+@pytest.mark.parametrize("turns", [0.5, True, "once", 1001, -1001])
+def test_turns_are_whole_and_not_too_many(turns):
+    field, _ = refusal(Keyframe(ONE), Keyframe(TWO, turns=turns))
+    assert field == "keyframes[1].turns"
+
+
+def test_there_is_nothing_to_turn_before_the_first_keyframe():
+    field, problem = refusal(Keyframe(ONE, turns=1), Keyframe(TWO))
+    assert field == "keyframes[0].turns"
+    assert "no keyframe before the first" in problem
+
+
+@pytest.mark.parametrize("name", ["start_velocity", "end_velocity"])
+@pytest.mark.parametrize("velocity", [(1, 2), (1, 2, math.inf), "fast", 3.0])
+def test_a_velocity_that_is_none_is_named(name, velocity):
+    field, _ = refusal(Keyframe(ONE), Keyframe(TWO), **{name: velocity})
+    assert field == name
+
+
+def test_the_velocity_frame_is_body_or_world():
+    field, problem = refusal(Keyframe(ONE), Keyframe(TWO), velocity_frame="tool")
+    assert field == "velocity_frame"
+    assert problem == "expected 'body' or 'world', got 'tool'"
+
+
+def test_world_velocities_are_turned_into_the_frame_of_their_keyframe():
+    end = tuple(exp([0.3, -0.8, 0.4]).tolist())
+    request = MotionRequest(
+        [Keyframe(ONE), Keyframe(end)],
+        end_velocity=(0.1, 0.2, 0.3),
+        velocity_frame="world",
+        limits=Limits.partial(velocity=1.0),
+    )
+    assert rotate(np.array(end), request.omega_end) == pytest.approx([0.1, 0.2, 0.3])
+    assert request.omega_start is None
+
+
+def test_a_state_at_rest_says_so():
+    state = State.at_rest(TWO, (1, 2, 3))
+    assert state.is_at_rest
+    moving = State(state.q, np.array([0, 0, 1e-3]), state.alpha_body, state.position)
+    assert not moving.is_at_rest

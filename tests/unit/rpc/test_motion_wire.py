@@ -1,0 +1,106 @@
+"""A motion request says the same on the wire, in a file and in Python."""
+
+import math
+
+import numpy as np
+import pytest
+
+from orientd import motion_file
+from orientd.errors import RequestError
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc.motion_wire import from_request, to_mapping
+
+FILE = {
+    "method": "kks_hermite_spline",
+    "keyframes": [
+        {"time": 0.0, "quaternion": {"w": 1, "x": 0, "y": 0, "z": 0}},
+        {"time": 1.5, "rotation_vector": [0.1, 0.2, 0.3], "position": [1, 2, 3]},
+        {"time": 2.5, "euler": {"axes": "xyz", "degrees": [10, 20, 30]}},
+        {"time": 3.5, "matrix": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]},
+    ],
+    "velocity_frame": "world",
+    "start_velocity": [0.1, 0, 0.2],
+    "end_velocity": [0, 0, 0.1],
+    "approach": True,
+    "limits": {"velocity": 2.0, "jerk": 100},
+    "options": {"align": False},
+}
+
+
+def same(one, other):
+    np.testing.assert_array_equal(one.keys, other.keys)
+    np.testing.assert_array_equal(one.times, other.times)
+    np.testing.assert_array_equal(one.positions, other.positions)
+    np.testing.assert_array_equal(one.turns, other.turns)
+    for name in (
+        "method",
+        "start_velocity",
+        "end_velocity",
+        "velocity_frame",
+        "approach",
+        "limits",
+        "options",
+    ):
+        assert getattr(one, name) == getattr(other, name), name
+
+
+def test_a_request_survives_the_wire():
+    request = motion_file.parse(FILE)
+    same(motion_file.parse(to_mapping(from_request(request))), request)
+
+
+def test_what_is_not_set_is_not_there():
+    message = pb.MotionRequest(keyframes=[pb.Keyframe(), pb.Keyframe(quaternion=pb.Quaternion())])
+    assert to_mapping(message) == {
+        "keyframes": [{}, {"quaternion": {"w": 0.0, "x": 0.0, "y": 0.0, "z": 0.0}}]
+    }
+
+
+def test_every_form_of_an_orientation_becomes_that_of_a_file():
+    vector = pb.Vector3(x=1, y=2, z=3)
+    message = pb.MotionRequest(
+        keyframes=[
+            pb.Keyframe(rotation_vector=vector, time=0.5, turns=2, position=vector),
+            pb.Keyframe(euler=pb.EulerAngles(axes="ZYX", degrees=[1, 2, 3])),
+            pb.Keyframe(matrix=pb.Matrix(elements=range(9))),
+        ]
+    )
+    assert to_mapping(message)["keyframes"] == [
+        {"rotation_vector": [1, 2, 3], "time": 0.5, "turns": 2, "position": [1, 2, 3]},
+        {"euler": {"axes": "ZYX", "degrees": [1, 2, 3]}},
+        {"matrix": [[0, 1, 2], [3, 4, 5], [6, 7, 8]]},
+    ]
+
+
+def test_a_velocity_without_its_frame_is_refused():
+    message = pb.MotionRequest(end_velocity=pb.Vector3(z=1.0))
+    with pytest.raises(RequestError, match=r"^velocity_frame: expected body or world"):
+        to_mapping(message)
+
+
+@pytest.mark.parametrize(
+    ("keyframe", "field"),
+    [
+        (pb.Keyframe(), "keyframes[1]"),
+        (pb.Keyframe(quaternion=pb.Quaternion(w=1.1)), "keyframes[1].quaternion"),
+        (pb.Keyframe(quaternion=pb.Quaternion(w=math.nan)), "keyframes[1].quaternion.w"),
+        (pb.Keyframe(matrix=pb.Matrix(elements=[1.0] * 8)), "keyframes[1].matrix"),
+        (pb.Keyframe(euler=pb.EulerAngles(axes="xyz")), "keyframes[1].euler.degrees"),
+        (pb.Keyframe(euler=pb.EulerAngles(axes="xyq")), "keyframes[1].euler.axes"),
+    ],
+    ids=["nothing", "norm", "nan", "matrix", "angles", "axes"],
+)
+def test_a_bad_keyframe_is_named_as_in_a_file(keyframe, field):
+    good = pb.Keyframe(quaternion=pb.Quaternion(w=1.0))
+    with pytest.raises(RequestError) as caught:
+        motion_file.parse(to_mapping(pb.MotionRequest(keyframes=[good, keyframe])))
+    assert caught.value.field.startswith(field)
+
+
+def test_options_keep_whole_numbers_and_lists():
+    message = pb.MotionRequest()
+    options = {"order": 4, "ratio": 0.5, "name": "a", "on": True, "no": None, "list": [1, [2.5]]}
+    message.options.update(options)
+    read = to_mapping(message)["options"]
+    assert read == options
+    assert isinstance(read["order"], int)
