@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 import orientd
-from orientd.cli import bench, daemon_commands, demo, device_commands, doctor, motion_commands
+from orientd.cli import bench, daemon_commands, demo, device_commands, doctor, motion_commands, sim
 from orientd.cli.output import say
 
 app = typer.Typer(
@@ -56,6 +56,7 @@ for _command in (
     doctor.doctor,
 ):
     app.command()(_command)
+app.add_typer(sim.sim)
 
 
 def main() -> None:
