@@ -166,6 +166,8 @@ class Server:
             connection.send(dashboard.WELCOME.encode() + b"\n", time.monotonic_ns())
 
     def _serve(self, connection: Connection, now_ns: int) -> None:
+        if connection.sock.fileno() < 0:
+            return  # dropped a moment ago, by a fault that another connection asked for
         chunk = connection.take(now_ns)
         if chunk:
             if connection.kind == "rtde":

@@ -2,6 +2,7 @@
 
 import time
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 
@@ -98,3 +99,11 @@ def recover(device):
     streaming(device)
     until(lambda: is_holding(device), lambda: f"the end after the reset {device.snapshot()}")
     assert device.snapshot().fault is Fault.NONE
+
+
+def is_alive(pid):
+    """Whether a process runs; one that has ended and is not yet waited for does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return False
