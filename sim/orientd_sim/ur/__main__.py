@@ -20,6 +20,9 @@ def main() -> int:
     )  # fmt: skip
     parser.add_argument("--unlock-after", type=float, default=5.0, metavar="SECONDS")
     parser.add_argument("--no-breach-stop", action="store_true", help="clamp fast joints only")
+    parser.add_argument(
+        "--end-with-input", action="store_true", help="end when standard input does"
+    )
     arguments = parser.parse_args()
     behaviour = Behaviour(
         protective_stop_leaves=RuntimeState[arguments.protective_stop_leaves.upper()],
@@ -27,7 +30,7 @@ def main() -> int:
         stops_on_breach=not arguments.no_breach_stop,
     )
     try:
-        serve(arguments.host, behaviour)
+        serve(arguments.host, behaviour, lifeline=0 if arguments.end_with_input else None)
     except OSError as error:
         sys.stderr.write(f"cannot serve on {arguments.host}: {error}\n")
         return 1

@@ -69,8 +69,14 @@ class EmulatedRobot:
         Raises:
             LaunchError: it ended, or did not become ready in time.
         """
-        command = [sys.executable, "-m", "orientd_sim.ur", "--host", self.host, *self._options]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        command = [sys.executable, "-m", "orientd_sim.ur", "--host", self.host]
+        process = subprocess.Popen(
+            # With its input it ends even when whoever started it was killed.
+            [*command, "--end-with-input", *self._options],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        )
         self._process = process
         if process.stdout is None or process.stderr is None:
             raise LaunchError("the emulated robot has no output to read")
@@ -97,7 +103,7 @@ class EmulatedRobot:
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
-            for stream in (process.stdout, process.stderr):
+            for stream in (process.stdin, process.stdout, process.stderr):
                 if stream is not None:
                     stream.close()
 

@@ -60,6 +60,7 @@ class Server:
         self._setpoints_this_tick = 0
         self._frozen_until: float | None = None
         self._is_ending = False
+        self._lifeline: int | None = None
         self._owners: dict[str, Session] = {}
         self._sessions: dict[Connection, Session] = {}
         self._texts: dict[Connection, bytearray] = {}
@@ -80,8 +81,9 @@ class Server:
 
     # The loop.
 
-    def run(self) -> None:
-        """Serve until :meth:`end` is called."""
+    def run(self, lifeline: int | None = None) -> None:
+        """Serve until :meth:`end` is called, or until the descriptor *lifeline* is at its end."""
+        self._lifeline = lifeline
         deadline_ns = time.monotonic_ns() + TICK_NS
         while not self._is_ending:
             now_ns = time.monotonic_ns()
@@ -121,8 +123,12 @@ class Server:
         readable += [
             fd for fd, link in self._connections.items() if link.kind == "faults" or not is_frozen
         ]
+        if self._lifeline is not None:
+            readable.append(self._lifeline)
         ready, _, _ = select.select(readable, [], [], timeout)
         now_ns = time.monotonic_ns()
+        if self._lifeline in ready and not os.read(self._lifeline, 4096):
+            self.end()
         for fd in ready:
             if fd in self._listeners:
                 self._accept(fd)
@@ -302,8 +308,13 @@ class Server:
         )  # fmt: skip
 
 
-def serve(host: str, behaviour: Behaviour | None = None) -> None:
+def serve(host: str, behaviour: Behaviour | None = None, *, lifeline: int | None = None) -> None:
     """Run an emulated robot until SIGINT or SIGTERM; print a line when it can be used.
+
+    Args:
+        host: an address of this machine.
+        behaviour: what differs between robots.
+        lifeline: a descriptor whose end is the robot's too: a pipe from whoever started it.
 
     Raises:
         OSError: its ports cannot be had.
@@ -317,4 +328,4 @@ def serve(host: str, behaviour: Behaviour | None = None) -> None:
         f"script {SCRIPT_PORT}, faults {FAULTS_PORT})\n".encode(),
     )
     with contextlib.closing(server):
-        server.run()
+        server.run(lifeline)

@@ -4,8 +4,11 @@ import contextlib
 import random
 import socket
 import struct
+import subprocess
+import sys
 
 import pytest
+from ur_rig import is_alive, until
 
 from orientd_sim.ur import LaunchError
 
@@ -40,3 +43,16 @@ def test_unknown_fault_is_answered_with_those_that_are_known(ur_robot):
 
     with pytest.raises(LaunchError, match="known: freeze"):
         ur_robot.ask("explode")
+
+
+def test_emulator_ends_with_whoever_started_it(ur_host):
+    code = (
+        "import os, signal\n"
+        "from orientd_sim.ur import EmulatedRobot\n"
+        f"robot = EmulatedRobot({ur_host!r})\n"
+        "robot.start()\n"
+        "print(robot.process.pid, flush=True)\n"
+        "os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    pid = int(subprocess.run([sys.executable, "-c", code], stdout=subprocess.PIPE).stdout)
+    until(lambda: not is_alive(pid), "the emulator's end")

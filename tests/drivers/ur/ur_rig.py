@@ -33,6 +33,7 @@ def device_of(host, **options):
         priority=0,
         # A busy machine may let nobody run for longer than a real controller ever pauses.
         feedback_timeout=0.4,
+        heartbeat_timeout=3.0,
         options={
             "host": host,
             "lookahead": 0.03,
