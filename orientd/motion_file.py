@@ -13,6 +13,7 @@ orientd.errors.RequestError: keyframes: expected at least 2, got 1
 from __future__ import annotations
 
 import math
+import reprlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -302,7 +303,8 @@ def _shown(came: object) -> str:
         return text if len(text) <= 120 else f"{text[:117]}..."
     if isinstance(came, bool):
         return "true" if came else "false"
-    text = repr(came)
+    # Aliases can make a value that would take for ever to write out in full.
+    text = reprlib.repr(came)
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 

@@ -1,8 +1,9 @@
 """Read YAML or JSON strictly: plain values only, every key once, and errors with their line.
 
-PyYAML's own safe loader lets the later of two equal keys win, and reads ``1:30`` as ninety and
-``010`` as eight.  Here a repeated key is refused, and what is not plainly a number stays a text,
-for whoever expected a number to refuse with the field's name.
+PyYAML's own safe loader lets the later of two equal keys win, reads ``1:30`` as ninety and ``010``
+as eight, and with libyaml a deeply nested file takes the whole process down.  Here values are put
+together from the parser's events: a repeated key is refused, and what is not plainly a number stays
+a text, for whoever expected a number to refuse with the field's name.
 """
 
 from __future__ import annotations
@@ -10,9 +11,10 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import yaml
 
@@ -20,15 +22,22 @@ from orientd.errors import RequestError
 
 Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
+DEEPEST = 64
+"""Levels of nesting that are read; a motion file has five."""
+
+LARGEST = 20_000_000
+"""Values that are read, those repeated by aliases included."""
+
 _INT = re.compile(r"[-+]?(0|[1-9][0-9]*)\Z")
 _FLOAT = re.compile(r"[-+]?([0-9]+\.[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?\Z")
-_WORDS = {
-    ".inf": math.inf,
-    "+.inf": math.inf,
+_WORDS: dict[str, float | bool | None] = {
+    **dict.fromkeys(("", "~", "null"), None),
+    **dict.fromkeys(("true", "yes", "on"), True),
+    **dict.fromkeys(("false", "no", "off"), False),
+    **dict.fromkeys((".inf", "+.inf"), math.inf),
     "-.inf": -math.inf,
     ".nan": math.nan,
 }
-_TRUE = frozenset({"yes", "true", "on"})
 _PREFIX = "tag:yaml.org,2002:"
 
 
@@ -70,88 +79,150 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _read_yaml(text: str, source: str) -> object:
-    loader = Loader(text)
     try:
-        node = loader.get_single_node()
-        if node is None:
-            raise RequestError("", f"{source}: the file is empty")
-        return _Reader().value(node, "")
+        loader = Loader(text)
+    except yaml.YAMLError as error:
+        raise RequestError("", f"{source}: not YAML: {' '.join(str(error).split())}") from error
+    try:
+        return _Reader(source).read(iter(loader.get_event, None))
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = f"line {mark.line + 1}: " if mark else ""
         problem = error.problem or error.context or "cannot be read"
         raise RequestError("", f"{source}: {line}not YAML: {problem}") from error
     except yaml.YAMLError as error:
-        problem = " ".join(str(error).split())
-        raise RequestError("", f"{source}: not YAML: {problem}") from error
-    except RecursionError as error:
-        raise RequestError("", f"{source}: nested too deeply") from error
+        raise RequestError("", f"{source}: not YAML: {' '.join(str(error).split())}") from error
     finally:
         loader.dispose()
 
 
+@dataclass(slots=True)
+class _Level:
+    """A list or mapping that is being read, with the key its next value belongs to."""
+
+    content: Any
+    anchor: str | None
+    key: str | None = None
+    size: int = 1
+
+
 class _Reader:
-    """Turns the nodes of a YAML document into plain values."""
+    """Puts the events of one YAML document together to plain values."""
 
-    def __init__(self) -> None:
-        self._known: dict[int, Any] = {}
-        self._open: set[int] = set()
+    def __init__(self, source: str) -> None:
+        self._source = source
+        self._levels: list[_Level] = []
+        self._anchors: dict[str, tuple[Any, int]] = {}
+        self._roots: list[Any] = []
 
-    def value(self, node: Any, place: str) -> Any:  # noqa: ANN401 - PyYAML has no types
-        if isinstance(node, yaml.ScalarNode):
-            return _scalar(node, place)
-        # An alias is the node it stands for: read once, however often it is mentioned.
-        if id(node) in self._known:
-            return self._known[id(node)]
-        if id(node) in self._open:
-            raise RequestError(place, f"line {_line(node)}: contains itself")
-        self._open.add(id(node))
-        content: Any
-        if isinstance(node, yaml.SequenceNode):
-            content = [
-                self.value(item, f"{place}[{index}]") for index, item in enumerate(node.value)
-            ]
-        else:
-            content = self._mapping(node.value, place)
-        if node.tag not in (f"{_PREFIX}seq", f"{_PREFIX}map"):
-            raise RequestError(place, f"line {_line(node)}: the tag {node.tag} is not allowed")
-        self._open.discard(id(node))
-        self._known[id(node)] = content
-        return content
-
-    def _mapping(self, pairs: Iterable[tuple[Any, Any]], place: str) -> dict[str, Any]:
-        mapping: dict[str, Any] = {}
-        for key_node, value_node in pairs:
-            if not isinstance(key_node, yaml.ScalarNode):
-                raise RequestError(place, f"line {_line(key_node)}: a key must be a text")
-            key = key_node.value
-            field = f"{place}.{key}" if place else key
-            if key in mapping:
+    def read(self, events: Iterator[Any]) -> object:
+        for event in events:
+            if isinstance(event, yaml.ScalarEvent):
+                level = self._levels[-1] if self._levels else None
+                if level is not None and level.key is None and isinstance(level.content, dict):
+                    self._open_key(level, event)
+                    continue
+                content = self._scalar(event)
+                self._anchor(event.anchor, content, 1)
+                self._add(content, 1)
+            elif isinstance(event, (yaml.SequenceStartEvent, yaml.MappingStartEvent)):
+                self._open(event)
+            elif isinstance(event, (yaml.SequenceEndEvent, yaml.MappingEndEvent)):
+                closed = self._levels.pop()
+                self._anchor(closed.anchor, closed.content, closed.size)
+                self._add(closed.content, closed.size)
+            elif isinstance(event, yaml.AliasEvent):
+                self._add(*self._aliased(event))
+            elif isinstance(event, yaml.DocumentStartEvent) and self._roots:
                 raise RequestError(
-                    field, f"the key is given twice, again on line {_line(key_node)}"
+                    "", f"{self._source}: line {_line(event)}: not YAML: another document begins"
                 )
-            mapping[key] = self.value(value_node, field)
-        return mapping
+        if not self._roots or self._roots[0] is None:
+            raise RequestError("", f"{self._source}: the file is empty")
+        root: object = self._roots[0]
+        return root
 
+    def _open(self, event: Any) -> None:  # noqa: ANN401 - PyYAML has no types
+        self._refuse_as_key(event)
+        is_sequence = isinstance(event, yaml.SequenceStartEvent)
+        if event.tag not in (None, "!", f"{_PREFIX}{'seq' if is_sequence else 'map'}"):
+            self._refuse(f"the tag {event.tag} is not allowed", event)
+        if len(self._levels) == DEEPEST:
+            raise RequestError("", f"{self._source}: line {_line(event)}: nested too deeply")
+        if event.anchor is not None:
+            self._anchors.pop(event.anchor, None)
+        self._levels.append(_Level([] if is_sequence else {}, event.anchor))
 
-def _line(node: Any) -> int:  # noqa: ANN401 - PyYAML has no types
-    return int(node.start_mark.line) + 1
+    def _open_key(self, level: _Level, event: Any) -> None:  # noqa: ANN401 - as above
+        key: str = event.value
+        is_repeated = key in level.content
+        level.key = key
+        if is_repeated:
+            raise RequestError(
+                self._place(), f"the key is given twice, again on line {_line(event)}"
+            )
 
+    def _add(self, content: Any, size: int) -> None:  # noqa: ANN401 - whatever a file holds
+        if not self._levels:
+            self._roots.append(content)
+            return
+        level = self._levels[-1]
+        level.size += size
+        if level.size > LARGEST:
+            raise RequestError("", f"{self._source}: more than {LARGEST} values")
+        if isinstance(level.content, list):
+            level.content.append(content)
+        else:
+            level.content[level.key] = content
+            level.key = None
 
-def _scalar(node: Any, place: str) -> Any:  # noqa: ANN401 - PyYAML has no types
-    text: str = node.value
-    tag: str = node.tag
-    if not tag.startswith(_PREFIX):
-        raise RequestError(place, f"line {_line(node)}: the tag {tag} is not allowed")
-    kind = tag[len(_PREFIX) :]
-    if kind == "float":
+    def _anchor(self, name: str | None, content: Any, size: int) -> None:  # noqa: ANN401 - as above
+        if name is not None:
+            self._anchors[name] = content, size
+
+    def _aliased(self, event: Any) -> tuple[Any, int]:  # noqa: ANN401 - as above
+        self._refuse_as_key(event)
+        if any(level.anchor == event.anchor for level in self._levels):
+            self._refuse("contains itself", event)
+        if event.anchor not in self._anchors:
+            self._refuse(f"nothing before is named &{event.anchor}", event)
+        return self._anchors[event.anchor]
+
+    def _scalar(self, event: Any) -> Any:  # noqa: ANN401 - as above
+        text: str = event.value
+        if event.tag not in (None, "!", f"{_PREFIX}str"):
+            self._refuse(f"the tag {event.tag} is not allowed", event)
+        if event.tag is not None or not event.implicit[0]:
+            return text
         if _FLOAT.match(text):
             return float(text)
+        if _INT.match(text):
+            return _whole(text)
         return _WORDS.get(text.lower(), text)
-    if kind == "int":
-        return int(text) if _INT.match(text) else text
-    if kind == "bool":
-        return text.lower() in _TRUE
-    if kind == "null":
-        return None
-    return text
+
+    def _refuse_as_key(self, event: Any) -> None:  # noqa: ANN401 - as above
+        level = self._levels[-1] if self._levels else None
+        if level is not None and isinstance(level.content, dict) and level.key is None:
+            self._refuse("a key must be a text", event)
+
+    def _refuse(self, problem: str, event: Any) -> NoReturn:  # noqa: ANN401 - as above
+        raise RequestError(self._place(), f"line {_line(event)}: {problem}")
+
+    def _place(self) -> str:
+        """Return the path of the value that is being read."""
+        place = ""
+        for level in self._levels:
+            if isinstance(level.content, list):
+                place += f"[{len(level.content)}]"
+            elif level.key is not None:
+                place += f".{level.key}" if place else level.key
+        return place
+
+
+def _whole(text: str) -> int | float:
+    # Python refuses to read thousands of digits; as a number they are infinite.
+    return int(text) if len(text) < 300 else math.copysign(math.inf, -1 if text[0] == "-" else 1)
+
+
+def _line(event: Any) -> int:  # noqa: ANN401 - PyYAML has no types
+    return int(event.start_mark.line) + 1

@@ -178,9 +178,9 @@ class _Recorder:
 
 def _draw(path: Path, cycles: list[Cycle], plan: Plan) -> dict[str, str | None]:
     """Draw what was sent, where Matplotlib is installed; return where, or why not."""
-    try:
-        from orientd import plots
-    except ImportError:
+    from orientd import plots
+
+    if not plots.is_available():
         return {"path": None, "why_not": "none: pip install 'orientd[plot]' for one"}
     import numpy as np
 

@@ -1,0 +1,134 @@
+"""The sheet that pictures are drawn on: colours, strokes, figures, files.
+
+Three colours stand for the three axes of a body everywhere.  They differ in lightness as well as in
+hue, so that they stay apart for the colour-blind and in grey print, and each comes with a stroke
+and a mark of its own.  Matplotlib is imported when the first figure is made; no window and no
+global state is touched.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from orientd.errors import OrientdError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+INK = "#222222"
+QUIET = "#767676"
+GRID = "#dddddd"
+LIMIT = "#7d3c98"
+SHADE = "#f1eee6"
+PAPER = "#ffffff"
+
+Stroke = str | tuple[float, Sequence[float]]
+
+
+@dataclass(frozen=True, slots=True)
+class AxisStyle:
+    """How one axis of a body is drawn.
+
+    Attributes:
+        name: its letter.
+        colour: of lines and marks.
+        subdued: the same where it is hidden behind the sphere.
+        stroke: of its component in a chart, in Matplotlib's terms.
+        mark: of its keyframes, in Matplotlib's terms.
+    """
+
+    name: str
+    colour: str
+    subdued: str
+    stroke: Stroke
+    mark: str
+
+
+AXES = (
+    AxisStyle("x", "#c03a17", "#e6b3a4", "-", "o"),
+    AxisStyle("y", "#35a67c", "#b2dccc", (0.0, (6.0, 1.6)), "s"),
+    AxisStyle("z", "#183680", "#a5b0cf", (0.0, (5.0, 1.4, 1.2, 1.4)), "^"),
+)
+"""Vermilion, green and dark blue: lightness 44, 62 and 25 of 100."""
+
+FORMATS = ("png", "svg", "pdf")
+
+_SETTINGS: Any = {
+    "font.family": "DejaVu Sans",
+    # Names inside an SVG are made from this: the same picture is the same file.
+    "svg.hashsalt": "orientd",
+    "axes.edgecolor": INK,
+    "axes.labelcolor": INK,
+    "text.color": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
+}
+
+
+def is_available() -> bool:
+    """Return whether pictures can be drawn here: Matplotlib is installed (extra ``plot``)."""
+    return find_spec("matplotlib") is not None
+
+
+def new_figure(width: float, height: float, title: str = "") -> Figure:
+    """Return an empty figure of *width* by *height* inches, with a headline at its left.
+
+    Raises:
+        OrientdError: Matplotlib is not installed.
+    """
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise OrientdError(
+            "pictures need Matplotlib, which is not installed: pip install 'orientd[plot]'"
+        ) from error
+    figure = Figure(figsize=(width, height), layout="constrained", facecolor=PAPER)
+    if title:
+        figure.suptitle(title, x=0.012, ha="left", fontsize=13, color=INK, fontweight="bold")
+    return figure
+
+
+def check_format(path: Path) -> None:
+    """Refuse a name whose ending is no format of a picture, before anything is drawn.
+
+    Raises:
+        OrientdError: it is none.
+    """
+    ending = path.suffix.removeprefix(".").lower()
+    if ending not in FORMATS:
+        allowed = ", ".join(f".{name}" for name in FORMATS)
+        raise OrientdError(f"the name of a picture must end in {allowed}, got {path.name!r}")
+
+
+def save(figure: Figure, path: Path, *, dpi: int = 140) -> None:
+    """Write *figure* to *path*, whose ending names the format.
+
+    Raises:
+        OrientdError: the file cannot be written, or the ending names no format of a picture.
+    """
+    from matplotlib import rc_context
+
+    check_format(path)
+    # A date would make two files of the same picture.
+    undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+    try:
+        with rc_context(_SETTINGS):
+            figure.savefig(
+                path, dpi=dpi, metadata=undated.get(path.suffix.removeprefix(".").lower())
+            )
+    except OSError as error:
+        raise OrientdError(f"cannot write {path}: {error.strerror}") from error
+
+
+def tidy(axes: Axes, label: str = "", *, size: float = 9.0) -> None:
+    """Give a chart its common look: a quiet grid, no box, small ticks."""
+    axes.set_ylabel(label, fontsize=size, color=INK)
+    axes.grid(axis="y", color=GRID, linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.tick_params(labelsize=size - 1.0, colors=INK)
+    axes.spines[["top", "right"]].set_visible(False)

@@ -1,0 +1,292 @@
+"""The command line, end to end."""
+
+import csv
+import json
+import os
+import pty
+import re
+import subprocess
+
+import numpy as np
+import pytest
+from command_line import COMMAND, begin, environment, orientd
+from harness import DEVICE, DaemonProcess, is_alive, until
+
+from orientd import rotation
+from orientd.rpc import control_pb2 as pb
+
+MOTION = """
+keyframes:
+  - {rotation_vector: [0, 0, 0]}
+  - {rotation_vector: [0.2, 0, 0.4]}
+  - {euler: {axes: xyz, degrees: [10, 5, 40]}}
+start_velocity: [0, 0, 0.3]
+end_velocity: [0.1, 0, 0]
+approach: true
+"""
+SLOW = """
+keyframes:
+  - {time: 0, rotation_vector: [0, 0, 0.1]}
+  - {time: 20, rotation_vector: [0, 0.4, 1]}
+approach: true
+"""
+
+
+@pytest.fixture(scope="module")
+def daemon(tmp_path_factory):
+    with DaemonProcess(tmp_path_factory.mktemp("daemon")) as process:
+        process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))
+        yield process
+
+
+@pytest.fixture
+def motion(tmp_path):
+    path = tmp_path / "motion.yaml"
+    path.write_text(MOTION)
+    return path
+
+
+@pytest.fixture
+def slow(tmp_path):
+    path = tmp_path / "slow.yaml"
+    path.write_text(SLOW)
+    return path
+
+
+def told(done):
+    """Return the one JSON object that a command printed."""
+    assert (done.returncode, done.stderr) == (0, ""), done
+    (line,) = done.stdout.splitlines()
+    return json.loads(line)
+
+
+def test_status_tells_people_and_programs(daemon):
+    done = orientd("status", "--socket", daemon.socket)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert f"process {daemon.process.pid}" in done.stdout
+    assert "lease   free" in done.stdout
+    assert "arm  loopback at 500 Hz: holding" in done.stdout
+    status = told(orientd("status", "--json", env=environment(ORIENTD_SOCKET=str(daemon.socket))))
+    assert status["daemon"]["pid"] == daemon.process.pid
+    assert status["devices"][DEVICE]["state"] == "holding"
+    assert set(status["devices"][DEVICE]["cycle"]["q"]) == set("wxyz")
+
+
+def test_devices_and_methods_are_listed(daemon):
+    devices = told(orientd("devices", "--json", "--socket", daemon.socket))["devices"]
+    assert [device["name"] for device in devices] == [DEVICE]
+    methods = told(orientd("methods", "--json"))["methods"]
+    assert "c2_cumulative" in [method["name"] for method in methods]
+    lines = orientd("methods").stdout.splitlines()
+    assert len(lines) == len(methods) + 1
+
+
+def test_a_plan_needs_no_daemon_and_fills_a_table(motion, tmp_path):
+    path = tmp_path / "out.csv"
+    plan = told(orientd("plan", motion, "-o", path, "--json"))["plan"]
+    with path.open() as file:
+        rows = list(csv.DictReader(file))
+    times = np.array([float(row["time_s"]) for row in rows])
+    q = np.array([[float(row[f"q{axis}"]) for axis in "wxyz"] for row in rows])
+    assert times[-1] == pytest.approx(plan["duration"])
+    np.testing.assert_allclose(np.linalg.norm(q, axis=1), 1.0, atol=1e-15)
+    # Backward differences of the table are what the certificate says.
+    omega = rotation.log(rotation.multiply(rotation.conjugate(q[:-1]), q[1:])) / 0.002
+    largest = np.linalg.norm(omega, axis=1).max()
+    assert largest == pytest.approx(plan["certificate"]["peak_velocity"]["value"], rel=1e-9)
+
+
+def test_a_plan_is_the_same_in_every_kind_of_file(motion, tmp_path):
+    paths = [tmp_path / f"out{ending}" for ending in (".csv", ".npz", ".json")]
+    for path in paths:
+        assert orientd("plan", motion, "-o", path).returncode == 0
+    table = np.loadtxt(paths[0], delimiter=",", skiprows=1)
+    archive = np.load(paths[1])
+    content = json.loads(paths[2].read_text())
+    np.testing.assert_array_equal(table, content["rows"])
+    assert content["columns"] == paths[0].read_text().splitlines()[0].split(",")
+    np.testing.assert_array_equal(table[:, 0], archive["time"])
+    np.testing.assert_array_equal(table[:, 1:5], archive["q_wxyz"])
+    certificate = json.loads(str(archive["certificate"]))
+    assert certificate == content["certificate"]
+
+
+def test_a_plan_can_be_drawn(motion, tmp_path):
+    pytest.importorskip("matplotlib")
+    path = tmp_path / "plan.png"
+    assert orientd("plan", motion, "--plot", path).returncode == 0
+    assert path.read_bytes().startswith(b"\x89PNG")
+    done = orientd("plan", motion, "--plot", tmp_path / "plan.nonsense")
+    assert done.returncode == 1
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_a_plan_goes_by_the_device_of_the_configuration(motion, daemon):
+    plan = told(orientd("plan", motion, "--config", daemon.config, "--json"))["plan"]
+    assert plan["certificate"]["rate_hz"] == pytest.approx(500.0)
+    done = orientd("plan", motion, "--config", daemon.config, "--device", "leg")
+    assert (done.returncode, done.stderr) == (1, "orientd: no device 'leg', there is arm\n")
+
+
+def test_a_move_is_shown_in_plain_lines_where_nobody_looks(daemon, motion):
+    done = orientd("move", motion, "--socket", daemon.socket)
+    assert (done.returncode, done.stderr) == (0, "")
+    first, *lines = done.stdout.splitlines()
+    assert re.match(r"motion \d+: 3 keyframes, \d", first)
+    progress = [line for line in lines if " rad/s  late " in line]
+    assert progress
+    for line in progress:
+        assert re.match(r"\d+\.\d\d of \d+\.\d\d s  w [+-]", line)
+        assert "tracking" in line
+    assert "\x1b" not in done.stdout
+    assert any(line.strip().startswith("end velocities") for line in lines)
+
+
+def test_a_move_tells_programs_one_object(daemon, motion):
+    move = told(orientd("move", motion, "--socket", daemon.socket, "--json"))
+    summary, certificate = move["summary"], move["plan"]["certificate"]
+    assert summary["outcome"] == "done"
+    statistics = summary["statistics"]
+    assert statistics["velocity"] <= certificate["peak_velocity"]["limit"] * 1.001
+    assert statistics["start_velocity_error"] < 1e-6
+    assert statistics["end_velocity_error"] < 1e-6
+
+
+def test_a_move_on_a_terminal_is_a_live_line(daemon, motion):
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen(
+        [*COMMAND, "move", str(motion), "--socket", str(daemon.socket)],
+        stdout=theirs,
+        stderr=subprocess.PIPE,
+        env=environment(TERM="xterm", COLUMNS="160"),
+    )
+    os.close(theirs)
+    shown = b""
+    while True:
+        try:
+            more = os.read(ours, 4096)
+        except OSError:
+            break
+        if not more:
+            break
+        shown += more
+    os.close(ours)
+    errors = process.stderr.read()
+    process.stderr.close()
+    assert (process.wait(20), errors) == (0, b"")
+    assert b"\x1b[" in shown
+    assert b"rad/s  late" in shown
+
+
+def test_a_second_terminal_commands_what_a_move_runs(daemon, slow):
+    process = begin("move", slow, "--socket", daemon.socket, "--json")
+    until(lambda: daemon.device().path_time > 0.3, "motion")
+    try:
+        assert "paused" in orientd("pause", "--socket", daemon.socket).stdout
+        until(lambda: daemon.device().cycle.speed == 0.0, "rest on the path")
+        assert told(orientd("resume", "--socket", daemon.socket, "--json"))["is_paused"] is False
+        assert told(orientd("speed", "0.25", "--socket", daemon.socket, "--json"))["speed"] == 0.25
+        until(lambda: daemon.device().cycle.speed == 0.25, "a quarter of the speed")
+        orientd("speed", "1", "--socket", daemon.socket)
+        stopped = told(orientd("stop", "--socket", daemon.socket, "--json"))
+        assert [device["name"] for device in stopped["devices"]] == [DEVICE]
+    finally:
+        output, errors = process.communicate(timeout=20)
+    assert process.returncode == 1
+    assert json.loads(output)["summary"]["outcome"] == "stopped"
+    message = json.loads(errors)["error"]["message"]
+    assert "stopped by orientd stop, process" in message
+
+
+def test_a_move_that_was_killed_does_not_keep_others_from_commanding(daemon, slow):
+    process = begin("move", slow, "--socket", daemon.socket)
+    until(lambda: daemon.device().path_time > 0.3, "motion")
+    process.kill()
+    process.communicate()
+    until(lambda: daemon.device().state == pb.STATE_HOLDING, "rest")
+    state = pb.GetStateRequest()
+    until(lambda: not daemon.stub.GetState(state).daemon.lease.holder, "the lease's end")
+    done = orientd("enable", "--socket", daemon.socket)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "arm: holding\n", "")
+
+
+def test_a_device_is_disabled_and_enabled(daemon):
+    assert told(orientd("disable", "--socket", daemon.socket, "--json"))["state"] == "idle"
+    assert told(orientd("enable", "--socket", daemon.socket, "--json"))["state"] == "holding"
+    done = orientd("reset", "--socket", daemon.socket)
+    assert done.stderr == (
+        "orientd: reset is not possible while holding, only while fault or idle\n"
+    )
+
+
+def test_the_demo_moves_and_leaves_nothing_behind(tmp_path):
+    path = tmp_path / "demo.png"
+    environ = environment(TMPDIR=str(tmp_path))
+    demo = told(orientd("demo", "--plot", path, "--json", cwd=tmp_path, env=environ))
+    statistics, certificate = demo["summary"]["statistics"], demo["plan"]["certificate"]
+    assert demo["summary"]["outcome"] == "done"
+    assert certificate["lead_in"] > 0.0
+    assert certificate["lead_out"] > 0.0
+    for name in ("velocity", "acceleration", "jerk"):
+        assert statistics[name] <= certificate[f"peak_{name}"]["limit"] * 1.001
+    assert statistics["start_velocity_error"] < 1e-6
+    assert statistics["end_velocity_error"] < 1e-6
+    assert statistics["path_error"] < 1e-9
+    if demo["picture"]:
+        assert path.read_bytes().startswith(b"\x89PNG")
+        path.unlink()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_demo_that_is_interrupted_leaves_no_process(tmp_path):
+    process = subprocess.Popen(
+        [*COMMAND, "demo"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=tmp_path,
+        env=environment(TMPDIR=str(tmp_path)),
+    )
+    line = process.stdout.readline()
+    servo = int(re.search(r"servo process (\d+)", line)[1])
+    # The second line says what will be moved; the third is the first of the motion.
+    process.stdout.readline()
+    process.stdout.readline()
+    process.send_signal(2)
+    _, errors = process.communicate(timeout=30)
+    assert process.returncode == 1
+    (complaint,) = errors.splitlines()
+    assert complaint.startswith("orientd: motion 1 stopped")
+    until(lambda: not is_alive(servo), "the servo's end")
+
+
+def test_a_demo_that_is_killed_leaves_no_process(tmp_path):
+    process = subprocess.Popen(
+        [*COMMAND, "demo"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        cwd=tmp_path,
+        env=environment(TMPDIR=str(tmp_path)),
+    )
+    servo = int(re.search(r"servo process (\d+)", process.stdout.readline())[1])
+    process.kill()
+    process.communicate()
+    until(lambda: not is_alive(servo), "the servo's end")
+
+
+def test_the_doctor_measures_and_says_how_to_mend():
+    found = told(orientd("doctor", "--json"))
+    names = [finding["name"] for finding in found["findings"]]
+    for name in ("scheduling", "memory lock", "lateness", "kernel", "cores", "shared memory"):
+        assert name in names
+    for finding in found["findings"]:
+        assert finding["verdict"] in ("ok", "improve", "problem")
+        assert bool(finding["mend"]) == (finding["verdict"] != "ok")
+    assert sum(found["counts"].values()) == len(names)
+
+
+def test_the_version_is_told():
+    import orientd as package
+
+    assert orientd("--version").stdout == f"orientd {package.__version__}\n"

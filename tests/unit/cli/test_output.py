@@ -1,0 +1,119 @@
+"""How commands speak."""
+
+import json
+import math
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from orientd.cli.output import AsJson, command, plain, table
+from orientd.errors import LimitError, OrientdError, RequestError
+from orientd.stream import State
+
+
+class Colour(Enum):
+    DARK_RED = 1
+
+
+@dataclass
+class Inner:
+    q: tuple
+    position: tuple
+
+
+def test_everything_becomes_what_json_holds():
+    content = {
+        "dataclass": Inner((1.0, 0.0, 0.0, 0.0), (1.0, 2.0, 3.0)),
+        "enum": Colour.DARK_RED,
+        "number": State.HOLDING,
+        "array": np.arange(3.0),
+        "scalar": np.float64(2.5),
+        "path": Path("/x"),
+        "endless": math.inf,
+        "unknown": math.nan,
+        5: None,
+        "flag": True,
+    }
+    assert plain(content) == {
+        "dataclass": {
+            "q": {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0},
+            "position": [1.0, 2.0, 3.0],
+        },
+        "enum": "dark_red",
+        "number": "holding",
+        "array": [0.0, 1.0, 2.0],
+        "scalar": 2.5,
+        "path": "/x",
+        "endless": None,
+        "unknown": None,
+        "5": None,
+        "flag": True,
+    }
+    json.dumps(plain(content), allow_nan=False)
+
+
+def test_numbers_that_have_names_are_told_by_name():
+    class Count(IntEnum):
+        ONE = 1
+
+    assert plain(Count.ONE) == "one"
+
+
+def test_a_table_is_never_cut_off():
+    rows = [["a" * 300, "b"], ["c", "d" * 300]]
+    header, *lines = table(["one", "two"], rows)
+    assert header.split() == ["one", "two"]
+    assert [line.split() for line in lines] == rows
+
+
+def run(error, *arguments):
+    app = typer.Typer()
+
+    @app.command()
+    @command
+    def fail(as_json: AsJson = False) -> None:
+        raise error
+
+    return CliRunner().invoke(app, list(arguments))
+
+
+@pytest.mark.parametrize(
+    ("error", "line"),
+    [
+        (OrientdError("it is\nso"), "orientd: it is so\n"),
+        (RequestError("keyframes[1]", "missing"), "orientd: keyframes[1]: missing\n"),
+        (KeyboardInterrupt(), "orientd: interrupted\n"),
+    ],
+)
+def test_what_goes_wrong_is_one_line_and_status_1(error, line):
+    result = run(error)
+    assert (result.exit_code, result.stdout, result.stderr) == (1, "", line)
+
+
+def test_what_goes_wrong_is_one_object_for_programs():
+    error = LimitError("angular velocity", 3.0, 2.5, 0.5, "rad/s")
+    result = run(error, "--json")
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert json.loads(result.stderr) == {
+        "error": {
+            "kind": "LimitError",
+            "message": str(error),
+            "quantity": "angular velocity",
+            "value": 3.0,
+            "limit": 2.5,
+            "time": 0.5,
+            "unit": "rad/s",
+        }
+    }
+    field = json.loads(run(RequestError("device", "no"), "--json").stderr)["error"]["field"]
+    assert field == "device"
+
+
+def test_a_mistake_of_ours_is_not_hidden():
+    result = run(ZeroDivisionError())
+    assert isinstance(result.exception, ZeroDivisionError)

@@ -1,0 +1,55 @@
+"""Progress, shown."""
+
+import pytest
+
+from orientd.cli import progress
+from orientd.rpc.reports import Progress
+from orientd.stream import State
+
+REPORT = Progress(
+    path_time=1.0,
+    duration=4.0,
+    state=State.STREAMING,
+    is_paused=False,
+    speed=1.0,
+    q=(1.0, 0.0, 0.0, 0.0),
+    omega_body=(0.3, 0.0, 0.4),
+    position=(0.0, 0.0, 0.0),
+    lateness=0.00012,
+    tracking_error=0.0025,
+    overruns=0,
+)
+
+
+def test_a_line_has_orientation_rate_lateness_and_tracking_error(capsys):
+    with progress.view("motion 1", is_silent=False) as view:
+        view.show(REPORT)
+    assert capsys.readouterr().out == (
+        "1.00 of 4.00 s  w +1.0000 x +0.0000 y +0.0000 z +0.0000  0.500 rad/s  late 0.120 ms  "
+        "tracking 2.50 mrad\n"
+    )
+
+
+def test_plain_lines_come_now_and_then(capsys):
+    with progress.view("motion 1", is_silent=False) as view:
+        for _ in range(100):
+            view.show(REPORT)
+    assert len(capsys.readouterr().out.splitlines()) < 5
+
+
+def test_silence_says_nothing(capsys):
+    with progress.view("motion 1", is_silent=True) as view:
+        view.show(REPORT)
+    assert capsys.readouterr().out == ""
+
+
+@pytest.mark.parametrize(("speed", "is_paused"), [(0.5, False), (0.0, True)])
+def test_what_is_not_as_planned_is_said(capsys, speed, is_paused):
+    from dataclasses import replace
+
+    with progress.view("motion 1", is_silent=False) as view:
+        view.show(replace(REPORT, speed=speed, is_paused=is_paused, tracking_error=None))
+    line = capsys.readouterr().out
+    assert f"speed {speed:.2f}" in line
+    assert ("paused" in line) == is_paused
+    assert "tracking unknown" in line

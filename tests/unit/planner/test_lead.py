@@ -1,0 +1,158 @@
+import math
+
+import numpy as np
+import pytest
+from planned import LIMITS, PERIOD, differences, rotations, vector
+
+from orientd.errors import PlanError
+from orientd.planner import Limits
+from orientd.planner.lead import approach, approach_cycles, is_still, lead_out
+from orientd.rotation import angle, conjugate, exp, log, multiply
+
+ARM = LIMITS["arm"]
+
+
+def state(seed, speed, size, *, parallel=False):
+    random = np.random.default_rng(seed)
+    q = np.array(rotations(random, 2, 1.0)[0])
+    omega = np.array(vector(random, speed)) if speed else np.zeros(3)
+    alpha = np.array(vector(random, size)) if size else np.zeros(3)
+    if parallel:
+        alpha = omega * (size / speed)
+    return q, omega, alpha
+
+
+def lead(seed, speed, size, limits=ARM, **fields):
+    q, omega, alpha = state(seed, speed, size, **fields)
+    return q, omega, alpha, lead_out(q, omega, alpha, limits=limits, period=PERIOD)
+
+
+CASES = [(2.4, 0.0), (1.0, 10.0), (0.5, 16.9), (0.0, 12.0), (1e-3, 5.0), (1e-6, 1.0), (1.0, 1e-5)]
+
+
+@pytest.mark.parametrize(("speed", "size"), CASES)
+def test_a_lead_out_begins_in_the_state_it_was_given(speed, size):
+    for seed in range(4):
+        q, omega, alpha, curve = lead(seed, speed, size)
+        first, w, a = (part[0] for part in curve.evaluate(np.array([0.0])))
+        assert angle(first, q) < 1e-14
+        assert w == pytest.approx(omega, abs=1e-12)
+        assert a == pytest.approx(alpha, abs=1e-9)
+
+
+@pytest.mark.parametrize(("speed", "size"), CASES)
+def test_a_lead_out_ends_at_rest_without_acceleration(speed, size):
+    for seed in range(4):
+        *_, curve = lead(seed, speed, size)
+        _, w, a = (part[0] for part in curve.evaluate(np.array([curve.domain[1]])))
+        assert np.linalg.norm(w) < 1e-12
+        assert np.linalg.norm(a) < 1e-9
+
+
+@pytest.mark.parametrize("name", sorted(LIMITS))
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.8])
+def test_a_lead_out_keeps_the_limits_at_the_rate_of_the_device(name, share):
+    limits = LIMITS[name]
+    for seed in range(5):
+        *_, curve = lead(seed, share * limits.velocity, share * limits.acceleration, limits)
+        times = np.arange(round(curve.domain[1] / PERIOD) + 1) * PERIOD
+        q = curve.evaluate(np.minimum(times, curve.domain[1]))[0]
+        velocity, acceleration, jerk = (rates[4:-3] for rates in differences(q, PERIOD))
+        for rates, limit in (
+            (velocity, limits.velocity),
+            (acceleration, limits.acceleration),
+            (jerk, limits.jerk),
+        ):
+            if len(rates):
+                assert rates.max() <= limit
+
+
+def test_a_lead_out_takes_whole_periods():
+    for speed, size in CASES:
+        *_, curve = lead(1, speed, size)
+        cycles = curve.domain[1] / PERIOD
+        assert cycles == pytest.approx(round(cycles), abs=1e-9)
+
+
+def test_the_velocity_falls_along_the_cubic_where_vectors_are_parallel():
+    _, omega, alpha, curve = lead(3, 1.2, 6.0, parallel=True)
+    t = curve.domain[1]
+    u = np.linspace(0, 1, 21)[:, None]
+    expected = omega * (1 - 3 * u**2 + 2 * u**3) + alpha * t * (u - 2 * u**2 + u**3)
+    assert curve.evaluate(u[:, 0] * t)[1] == pytest.approx(expected, abs=1e-12)
+
+
+def test_the_shortest_fall_from_a_velocity_is_the_closed_form():
+    # The cubic falls with at most 1.5 |omega| / T and a jerk of 6 |omega| / T^2.
+    *_, curve = lead(4, 2.0, 0.0)
+    shortest = max(1.5 * 2.0 / (0.95 * ARM.acceleration), math.sqrt(6 * 2.0 / (0.95 * ARM.jerk)))
+    assert shortest <= curve.domain[1] < shortest + PERIOD
+
+
+def test_an_acceleration_without_velocity_returns_to_where_it_was():
+    q, _, _, curve = lead(5, 0.0, 8.0)
+    assert angle(curve.evaluate(np.array([curve.domain[1]]))[0][0], q) < 1e-12
+
+
+def test_a_fall_of_more_than_half_a_turn_keeps_its_way():
+    limits = Limits(3.0, 0.5, 100.0, 1.0, 1.0)
+    _, omega, _, curve = lead(6, 2.9, 0.0, limits)
+    assert np.linalg.norm(omega) * curve.domain[1] / 2 > math.pi
+    t = np.linspace(0.0, curve.domain[1], 4001)
+    path = curve.evaluate(t)[0]
+    turned = np.linalg.norm(log(multiply(conjugate(path[:-1]), path[1:])), axis=1).sum()
+    assert turned == pytest.approx(np.linalg.norm(omega) * curve.domain[1] / 2, rel=1e-5)
+
+
+def test_a_velocity_that_would_overshoot_its_limit_is_refused():
+    with pytest.raises(PlanError, match=r"no way to come from 2\.5 rad/s and 15 rad/s\^2 to rest"):
+        lead(7, 2.5, 15.0, parallel=True)
+
+
+def test_rest_needs_no_lead():
+    zero = np.zeros(3)
+    assert is_still(zero, zero, ARM)
+    assert not is_still(np.array([0, 0, 1e-6]), zero, ARM)
+    assert not is_still(zero, np.array([0, 0, 1e-3]), ARM)
+
+
+HERE = np.array([1.0, 0.0, 0.0, 0.0])
+ORIGIN = np.zeros(3)
+
+
+@pytest.mark.parametrize("turn", [1e-6, 0.01, 1.0, 3.1])
+@pytest.mark.parametrize("name", sorted(LIMITS))
+def test_an_approach_keeps_the_limits_and_one_period_less_would_not(turn, name):
+    limits = LIMITS[name].with_reserve()
+    there = exp([0.0, 0.0, turn])
+    cycles = approach_cycles(HERE, there, ORIGIN, ORIGIN, limits=LIMITS[name], period=PERIOD)
+    shares = []
+    for n in (cycles, cycles - 1):
+        t = max(n * PERIOD, 1e-9)
+        shares.append(
+            max(
+                1.875 * turn / t / limits.velocity,
+                5.7735027 * turn / t**2 / limits.acceleration,
+                60 * turn / t**3 / limits.jerk,
+            )
+        )
+    assert shares[0] <= 1.0 < shares[1]
+
+
+def test_an_approach_is_long_enough_for_the_position_too():
+    far = np.array([1.0, 0.0, 0.0])
+    cycles = approach_cycles(HERE, HERE, ORIGIN, far, limits=ARM, period=PERIOD)
+    assert cycles * PERIOD == pytest.approx(1.875 / ARM.linear_velocity, abs=PERIOD)
+
+
+def test_no_approach_is_needed_to_where_the_device_is():
+    assert approach_cycles(HERE, -HERE, ORIGIN, ORIGIN, limits=ARM, period=PERIOD) == 0
+
+
+def test_an_approach_takes_the_short_way_from_rest_to_rest():
+    there = -exp([0.0, 0.0, 2.0])
+    curve = approach(HERE, there, 1.5)
+    q, omega, alpha = curve.evaluate(np.array([0.0, 0.75, 1.5]))
+    assert angle(q[2], there) < 1e-14
+    assert np.linalg.norm(omega, axis=1) == pytest.approx([0, 1.875 * 2.0 / 1.5, 0], abs=1e-12)
+    assert np.linalg.norm(alpha[[0, 2]], axis=1) == pytest.approx([0, 0], abs=1e-12)

@@ -1,0 +1,179 @@
+import inspect
+
+import numpy as np
+import pytest
+from planned import LIMITS, PERIOD, differences, rotations
+
+from orientd.curves import METHODS
+from orientd.errors import LimitError, PlanError, RequestError, StartError
+from orientd.planner import Keyframe, MotionRequest, State, plan
+from orientd.planner.methods import TABLE, method_of
+from orientd.rotation import angle, exp
+
+ARM = LIMITS["arm"]
+START = State.at_rest(exp([0.1, 0.2, 0.3]))
+
+
+def request(name, count=None, *, step=0.5, times=None, turns=0, **fields):
+    count = count or (2 if method_of(name).is_pair else 5)
+    q = rotations(np.random.default_rng(21), count, step)
+    return MotionRequest(
+        [
+            Keyframe(key, None if times is None else times[k], turns=turns if k == 1 else 0)
+            for k, key in enumerate(q)
+        ],
+        method=name,
+        approach=True,
+        **fields,
+    )
+
+
+def made(name, *args, **fields):
+    return plan(request(name, *args, **fields), start=START, limits=ARM, period=PERIOD)
+
+
+def refusal(name, *args, **fields):
+    with pytest.raises(RequestError) as caught:
+        made(name, *args, **fields)
+    return caught.value.field, caught.value.problem
+
+
+def test_every_row_is_a_method():
+    assert set(TABLE) <= set(METHODS)
+
+
+def test_every_method_can_be_planned_with():
+    assert all(method_of(name) is not None for name in METHODS)
+
+
+@pytest.mark.parametrize("name", sorted(TABLE))
+def test_rows_say_what_their_families_say(name):
+    assert TABLE[name].has_velocities == METHODS[name].meets_end_velocities
+    parameters = inspect.signature(METHODS[name]).parameters
+    assert set(TABLE[name].options) <= set(parameters)
+    assert TABLE[name].turns is None or TABLE[name].turns in parameters
+
+
+@pytest.mark.parametrize("name", sorted(set(METHODS) - {"piecewise_slerp"}))
+def test_every_method_makes_motions_that_keep_the_limits(name):
+    motion = made(name, step=0.3)
+    found = differences(motion.records(0, motion.record_count)[:, :4], PERIOD)
+    for rates, limit in zip(found, (ARM.velocity, ARM.acceleration, ARM.jerk), strict=True):
+        assert rates.max() <= limit * (1 + 1e-6)
+    if METHODS[name].interpolates:
+        assert motion.certificate.keyframe_error < 1e-9
+    ends = motion.sample([motion.start_time, motion.end_time]).q
+    assert angle(ends, motion.request.keys[[0, -1]]).max() < 1e-9
+
+
+@pytest.mark.parametrize("name", [n for n in TABLE if TABLE[n].has_velocities])
+def test_every_method_that_can_meets_velocities_at_both_ends(name):
+    motion = made(name, start_velocity=(0.1, 0.2, 0.3), end_velocity=(-0.3, 0.2, 0.1))
+    omega = motion.sample([motion.start_time, motion.end_time]).omega_body
+    assert omega == pytest.approx(np.array([[0.1, 0.2, 0.3], [-0.3, 0.2, 0.1]]), abs=1e-9)
+
+
+@pytest.mark.parametrize("name", [n for n in TABLE if not TABLE[n].has_velocities])
+def test_every_method_that_cannot_refuses_velocities_and_says_who_can(name):
+    field, problem = refusal(name, end_velocity=(0, 0, 0.1))
+    assert field == "end_velocity"
+    assert "c2_cumulative" in problem
+    made_with_zero = request(name, start_velocity=(0, 0, 0))
+    assert made_with_zero.start_velocity == (0, 0, 0)
+
+
+@pytest.mark.parametrize("name", [n for n in TABLE if TABLE[n].turns])
+@pytest.mark.parametrize("turns", [1, -1, 2])
+def test_whole_turns_are_made(name, turns):
+    motion = made(name, 2, turns=turns)
+    times = np.linspace(motion.start_time, motion.end_time, 4001)
+    q = motion.sample(times).q
+    way = angle(q[1:], q[:-1]).sum()
+    short = angle(*motion.request.keys)
+    assert way == pytest.approx(abs(short + 2 * np.pi * turns), rel=0.02)
+    assert motion.certificate.keyframe_error < 1e-9
+
+
+@pytest.mark.parametrize("name", [n for n in TABLE if not TABLE[n].turns])
+def test_methods_that_cannot_turn_say_who_can(name):
+    field, problem = refusal(name, turns=1)
+    assert field == "keyframes[1].turns"
+    assert "c2_cumulative" in problem
+
+
+@pytest.mark.parametrize("name", [n for n in TABLE if TABLE[n].is_pair])
+def test_methods_of_two_keyframes_refuse_more(name):
+    assert refusal(name, 3) == (
+        "keyframes",
+        f"{name} takes exactly 2, got 3; c2_cumulative takes more",
+    )
+
+
+def test_an_unknown_method_is_named_with_the_nearest_known_one():
+    with pytest.raises(RequestError, match="did you mean 'c2_cumulative'") as caught:
+        made("c2_cumulativ", 2)
+    assert caught.value.field == "method"
+
+
+def test_an_unknown_option_is_named_with_those_there_are():
+    field, problem = refusal("kks_hermite_spline", options={"rul": "mean"})
+    assert field == "options.rul"
+    assert problem == (
+        "unknown option of kks_hermite_spline; did you mean 'rule'?; it takes rule, align"
+    )
+
+
+def test_options_reach_the_curve():
+    times = [0.0, 1.0, 3.0, 4.0, 6.0]
+    one = made("kks_hermite_spline", times=times)
+    other = made("kks_hermite_spline", times=times, options={"rule": "mean"})
+    middle = one.start_time + 2.0
+    assert angle(one.sample([middle]).q, other.sample([middle]).q)[0] > 1e-3
+    assert made("kks_bspline", options={"order": 3}).certificate.keyframe_error != (
+        made("kks_bspline").certificate.keyframe_error
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "field"),
+    [
+        ("kks_hermite_spline", {"rule": "wild"}, "options.rule"),
+        ("kks_bspline", {"order": 1}, "options.order"),
+        ("kks_bspline", {"order": "high"}, "options.order"),
+        ("kks_hermite", {"product": 3}, "options.product"),
+        ("c2_cumulative", {"align": "maybe"}, "options.align"),
+    ],
+)
+def test_an_option_with_a_wrong_value_is_named(name, options, field):
+    assert refusal(name, options=options)[0] == field
+
+
+def test_a_method_whose_velocity_jumps_is_refused_and_a_smooth_one_named():
+    with pytest.raises(LimitError, match=r"only C0.*c2_cumulative is C2") as caught:
+        made("piecewise_slerp", times=[0, 1, 2, 3, 4])
+    assert caught.value.quantity in ("angular acceleration", "angular jerk")
+    with pytest.raises(PlanError, match=r"only C0.*c2_cumulative is C2"):
+        made("piecewise_slerp")
+
+
+def test_a_uniform_curve_refuses_unequal_intervals():
+    field, problem = refusal("kks_uniform", times=[0, 1, 2, 3.5, 4])
+    assert field == "keyframes[3].time"
+    assert "equal intervals" in problem
+    assert made("kks_uniform", times=[1, 2, 3, 4, 5]).end_time
+
+
+def test_control_quaternions_are_near_their_times():
+    # With averaged knots the largest distance is that of the polygon's corners, not of the timing.
+    motion = made("kks_bspline", step=0.2, times=[0.0, 0.5, 2.0, 2.5, 4.0])
+    assert motion.certificate.keyframe_error < 0.2
+
+
+def test_a_method_at_rest_with_acceleration_needs_a_lead():
+    asked = request("kks_hermite", times=[0.0, 2.0])
+    still = MotionRequest(asked.keyframes, method="kks_hermite")
+    with pytest.raises(StartError, match="angular acceleration by"):
+        plan(still, start=State.at_rest(asked.keys[0]), limits=ARM, period=PERIOD)
+    motion = plan(asked, start=State.at_rest(asked.keys[0]), limits=ARM, period=PERIOD)
+    assert motion.certificate.lead_in > 0.0
+    assert motion.certificate.lead_out > 0.0

@@ -1,0 +1,363 @@
+"""The motion file: what it says becomes a request, and whatever is wrong is named in one line."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from orientd.errors import RequestError
+from orientd.motion_file import load, motion_schema, parse
+from orientd.planner import Limits
+from orientd.rotation import angle, exp, from_euler
+
+ONE = {"w": 1, "x": 0, "y": 0, "z": 0}
+SECOND = "  - {rotation_vector: [0, 0, 1]}\n"
+KEYFRAMES = "keyframes:\n  - {quaternion: {w: 1, x: 0, y: 0, z: 0}}\n" + SECOND
+
+EXAMPLE = """
+method: c2_cumulative          # any name in METHODS; this is the default
+keyframes:                     # orientation in exactly one of these forms; time optional as a whole
+  - {time: 0.0, quaternion: {w: 1, x: 0, y: 0, z: 0}}
+  - {time: 1.2, rotation_vector: [0, 0, 1.57]}
+  - {time: 2.0, euler: {axes: xyz, degrees: [10, 20, 30]}, position: [0.4, 0.1, 0.3]}
+  - {time: 3.0, matrix: [[1, 0, 0], [0, 1, 0], [0, 0, 1]], turns: 1}
+velocity_frame: body           # body | world
+start_velocity: [0, 0, 0.5]    # rad/s
+end_velocity: [0, 0, 0]
+approach: true                 # plan the lead-in from wherever the device is commanded to be
+limits: {velocity: 2.5, acceleration: 17, jerk: 8500}     # rad/s, rad/s^2, rad/s^3
+options: {}                    # of the method
+"""
+
+
+@pytest.fixture
+def written(tmp_path):
+    def write(text, name="motion.yaml"):
+        path = tmp_path / name
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def refusal(path):
+    with pytest.raises(RequestError) as caught:
+        load(path)
+    assert "\n" not in str(caught.value)
+    return caught.value.field, caught.value.problem
+
+
+def test_every_key_of_a_file_reaches_the_request(written):
+    request = load(written(EXAMPLE))
+    assert request.method == "c2_cumulative"
+    assert request.times.tolist() == [0.0, 1.2, 2.0, 3.0]
+    expected = [
+        exp([0, 0, 0.0]),
+        exp([0, 0, 1.57]),
+        from_euler("xyz", np.radians([10, 20, 30])),
+        exp([0, 0, 0.0]),
+    ]
+    assert angle(request.keys, np.array(expected)).max() < 1e-12
+    assert request.positions[2].tolist() == [0.4, 0.1, 0.3]
+    assert np.isnan(request.positions[[0, 1, 3]]).all()
+    assert request.turns.tolist() == [0, 0, 0, 1]
+    assert request.velocity_frame == "body"
+    assert request.start_velocity == (0, 0, 0.5)
+    assert request.end_velocity == (0, 0, 0)
+    assert request.approach is True
+    assert request.limits == Limits.partial(velocity=2.5, acceleration=17, jerk=8500)
+
+
+def test_only_keyframes_are_needed(written):
+    request = load(written(KEYFRAMES))
+    assert request.method == "c2_cumulative"
+    assert request.times is None
+    assert request.start_velocity is None
+    assert request.approach is False
+    assert request.limits is None
+
+
+@pytest.mark.parametrize("name", ["motion.json", "motion.yaml", "motion"])
+def test_json_says_the_same(written, name):
+    keyframes = [{"quaternion": ONE}, {"rotation_vector": [0, 0, 1]}]
+    path = written(json.dumps({"keyframes": keyframes, "approach": True}), name)
+    assert load(path).approach
+    assert load(path).keys == pytest.approx(load(written(KEYFRAMES, "other.yaml")).keys)
+
+
+def test_yaml_in_braces_is_read_as_yaml(written):
+    path = written("{keyframes: [{rotation_vector: [0, 0, 0]}, {rotation_vector: [0, 0, 1]}]}")
+    assert len(load(path).keyframes) == 2
+
+
+def test_euler_angles_take_any_order_fixed_or_turning():
+    keyframes = [
+        {"euler": {"axes": "zyx", "degrees": [10, 20, 30]}},
+        {"euler": {"axes": "XYZ", "degrees": [30, 20, 10]}},
+        {"euler": {"axes": "z", "degrees": [90]}},
+    ]
+    keys = parse({"keyframes": keyframes}).keys
+    assert angle(keys[0], keys[1]) < 1e-12
+    assert angle(keys[2], exp([0, 0, math.pi / 2])) < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("text", "field", "problem"),
+    [
+        # Keys
+        (KEYFRAMES + "limts: {}", "limts", "unknown key; did you mean 'limits'?"),
+        (KEYFRAMES + "limits: {velocty: 3}", "limits.velocty", "did you mean 'velocity'?"),
+        ("keyfrmes: []", "keyfrmes", "unknown key; did you mean 'keyframes'?"),
+        ("method: slerp", "keyframes", "missing"),
+        (
+            "keyframes:\n  - {tme: 1, quaternion: {w: 1, x: 0, y: 0, z: 0}}\n" + SECOND,
+            "keyframes[0].tme",
+            "unknown key; did you mean 'time'?; known are time, quaternion, rotation_vector, "
+            "euler, matrix, position, turns",
+        ),
+        (
+            "keyframes:\n  - {quaternion: {w: 1, x: 0, y: 0, q: 0}}\n" + SECOND,
+            "keyframes[0].quaternion.q",
+            "unknown key; known are w, x, y, z",
+        ),
+        (
+            "keyframes:\n  - {quaternion: {w: 1, x: 0, y: 0}}\n" + SECOND,
+            "keyframes[0].quaternion.z",
+            "missing",
+        ),
+        (
+            "keyframes:\n  - {time: 1, time: 2, rotation_vector: [0, 0, 0]}\n" + SECOND,
+            "keyframes[0].time",
+            "the key is given twice, again on line 2",
+        ),
+        (KEYFRAMES + "? [a]\n: 1", "", "line 4: a key must be a text"),
+        # Types
+        ("keyframes: 5", "keyframes", "expected a list, got 5"),
+        ("keyframes:", "keyframes", "expected a list, got nothing"),
+        ("keyframes: [3, 4]", "keyframes[0]", "expected a mapping, got 3"),
+        (KEYFRAMES + "method: 3", "method", "expected a text, got 3"),
+        (KEYFRAMES + "approach: maybe", "approach", "expected true or false, got the text 'maybe'"),
+        (KEYFRAMES + "approach: 1", "approach", "expected true or false, got 1"),
+        (KEYFRAMES + "start_velocity: 5", "start_velocity", "expected a list, got 5"),
+        (KEYFRAMES + "start_velocity: [1, 2]", "start_velocity", "expected 3 entries, got 2"),
+        (KEYFRAMES + "start_velocity: [1, 2, 3, 4]", "start_velocity", "expected 3 entries, got 4"),
+        (KEYFRAMES + "end_velocity: [1, 2, x]", "end_velocity[2]", "a number, got the text 'x'"),
+        (KEYFRAMES + "limits: 5", "limits", "expected a mapping, got 5"),
+        (KEYFRAMES + "limits: {jerk: true}", "limits.jerk", "expected a number, got true"),
+        (KEYFRAMES + "options: []", "options", "expected a mapping, got []"),
+        (
+            "keyframes:\n  - {quaternion: [1, 0, 0, 0]}\n" + SECOND,
+            "keyframes[0].quaternion",
+            "expected a mapping, got [1, 0, 0, 0]",
+        ),
+        (KEYFRAMES + "  - {turns: 0.5}", "keyframes[2].turns", "expected a whole number, got 0.5"),
+        # Numbers
+        (
+            KEYFRAMES + "limits: {jerk: 1e4}",
+            "limits.jerk",
+            "expected a number, got the text '1e4' (YAML takes it for a number when written with "
+            "a point and a sign: 1.0e+3)",
+        ),
+        (
+            KEYFRAMES + "limits: {jerk: '10'}",
+            "limits.jerk",
+            "expected a number, got the text '10' (without quotes it would be a number)",
+        ),
+        (KEYFRAMES + "limits: {jerk: 1:30}", "limits.jerk", "got the text '1:30'"),
+        (KEYFRAMES + "limits: {jerk: 010}", "limits.jerk", "got the text '010'"),
+        (KEYFRAMES + "limits: {jerk: 2020-01-01}", "limits.jerk", "got the text '2020-01-01'"),
+        (KEYFRAMES + "limits: {jerk: .nan}", "limits.jerk", "expected a finite number, got nan"),
+        (KEYFRAMES + "limits: {jerk: -.inf}", "limits.jerk", "expected a finite number, got -inf"),
+        (
+            KEYFRAMES + "limits: {velocity: -3}",
+            "limits.velocity",
+            "a number greater than 0, got -3",
+        ),
+        (KEYFRAMES + "limits: {velocity: 0}", "limits.velocity", "a number greater than 0, got 0"),
+        (
+            KEYFRAMES + "  - {time: .nan, rotation_vector: [0, 0, 1]}",
+            "keyframes[2].time",
+            "expected a finite number, got nan",
+        ),
+        # Orientations
+        ("keyframes:\n  - {rotation_vector: [0, 0, 1]}", "keyframes", "expected at least 2, got 1"),
+        ("keyframes: []", "keyframes", "expected at least 2, got 0"),
+        (
+            "keyframes:\n  - {quaternion: {w: 1.1, x: 0, y: 0, z: 0}}\n" + SECOND,
+            "keyframes[0].quaternion",
+            "norm must be 1 within 1e-06, got 1.1",
+        ),
+        (
+            KEYFRAMES + "  - {rotation_vector: [0, 0, 1], euler: {axes: x, degrees: [1]}}",
+            "keyframes[2]",
+            "expected one of quaternion, rotation_vector, euler, matrix; got rotation_vector and "
+            "euler",
+        ),
+        (KEYFRAMES + "  - {position: [0, 0, 1]}", "keyframes[2]", "got none of them"),
+        (
+            KEYFRAMES + "  - {matrix: [[1, 0, 0], [0, 1, 0], [0, 0, -1]]}",
+            "keyframes[2].matrix",
+            "must be a rotation, got a reflection (determinant -1)",
+        ),
+        (
+            KEYFRAMES + "  - {matrix: [[2, 0, 0], [0, 1, 0], [0, 0, 1]]}",
+            "keyframes[2].matrix",
+            "must be orthogonal within 1e-06",
+        ),
+        (
+            KEYFRAMES + "  - {matrix: [[1, 0, 0], [0, 1, 0]]}",
+            "keyframes[2].matrix",
+            "expected 3 entries, got 2",
+        ),
+        (
+            KEYFRAMES + "  - {euler: {axes: xyw, degrees: [1, 2, 3]}}",
+            "keyframes[2].euler.axes",
+            "got 'xyw'",
+        ),
+        (
+            KEYFRAMES + "  - {euler: {axes: xyz, degrees: [1, 2]}}",
+            "keyframes[2].euler.degrees",
+            "expected 3 angles for the axes 'xyz', got 2",
+        ),
+        (
+            KEYFRAMES + "  - {euler: {axes: xyz, radians: [1, 2, 3]}}",
+            "keyframes[2].euler.radians",
+            "unknown key; known are axes, degrees",
+        ),
+        # Times
+        (
+            "keyframes:\n  - {time: 1, rotation_vector: [0, 0, 0]}\n" + SECOND,
+            "keyframes[1].time",
+            "every keyframe needs one (or none)",
+        ),
+        (
+            "keyframes:\n  - {time: 1, rotation_vector: [0, 0, 0]}\n"
+            "  - {time: 1, rotation_vector: [0, 0, 1]}",
+            "keyframes[1].time",
+            "1 s is the time of keyframes[0] too: an interval of length zero",
+        ),
+        (
+            "keyframes:\n  - {time: 2, rotation_vector: [0, 0, 0]}\n"
+            "  - {time: 1, rotation_vector: [0, 0, 1]}",
+            "keyframes[1].time",
+            "must be later than keyframes[0] at 2 s, got 1 s",
+        ),
+        # Methods
+        (
+            KEYFRAMES + "method: c2_cumulativ",
+            "method",
+            "unknown method 'c2_cumulativ'; did you mean 'c2_cumulative'?",
+        ),
+        (KEYFRAMES + "options: {foo: 1}", "options.foo", "unknown option of c2_cumulative"),
+        (KEYFRAMES + "velocity_frame: tool", "velocity_frame", "expected 'body' or 'world'"),
+        # The file itself
+        ("- 1\n- 2", "", "a motion must be a mapping with the key 'keyframes', got [1, 2]"),
+        ("a: &a [*a]", "a[0]", "contains itself"),
+        ("a: !!python/object:os.system {}", "a", "is not allowed"),
+        ("a: *nobody", "a", "line 1: nothing before is named &nobody"),
+        ("a: !secret 5", "a", "the tag !secret is not allowed"),
+        ('{"a": 1, "a": 2}', "a", "the key is given twice"),
+    ],
+)
+def test_what_is_wrong_is_named_with_its_field(written, text, field, problem):
+    found = refusal(written(text))
+    assert found[0] == field
+    assert problem in found[1]
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("", "the file is empty"),
+        ("\n\n  \n", "the file is empty"),
+        ("# nothing but a comment\n", "the file is empty"),
+        ("a: [1, 2", "line 2: not YAML"),
+        ("a: 1\nb: 2\n c: 3", "line 3: not YAML"),
+        ("\ta: 1", "line 1: not YAML"),
+        ("a: 1\n---\nb: 2", "line 2: not YAML"),
+        ("a: \x00", "not YAML"),
+        ("[" * 100_000, "line 1: nested too deeply"),
+        ("{a: " * 20_000 + "1" + "}" * 20_000, "nested too deeply"),
+    ],
+)
+def test_a_file_that_is_no_yaml_is_named_with_the_line(written, text, problem):
+    path = written(text)
+    field, said = refusal(path)
+    assert field == ""
+    assert str(path) in said
+    assert problem in said
+
+
+def test_a_file_that_is_no_json_is_named_with_the_line(written):
+    assert "line 2: not JSON" in refusal(written('{"a": 1,\n oops}', "motion.json"))[1]
+
+
+def test_json_nested_too_deeply_is_refused(written):
+    text = '{"a": ' + "[" * 100_000 + "]" * 100_000 + "}"
+    assert "nested too deeply" in refusal(written(text, "motion.json"))[1]
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path):
+    assert refusal(tmp_path / "no.yaml") == (
+        "",
+        f"cannot read {tmp_path / 'no.yaml'}: No such file or directory",
+    )
+    assert "Is a directory" in refusal(tmp_path)[1]
+
+
+def test_a_file_that_is_no_text_is_refused(tmp_path):
+    path = tmp_path / "motion.yaml"
+    path.write_bytes(b"\xff\xfe\x00keyframes")
+    assert "not UTF-8 text" in refusal(path)[1]
+
+
+def test_aliases_repeat_what_they_name(written):
+    text = "keyframes:\n  - &first {rotation_vector: [0, 0, 0]}\n" + SECOND + "  - *first\n"
+    keys = load(written(text)).keys
+    assert keys[2] == pytest.approx(keys[0])
+
+
+@pytest.mark.parametrize("levels", [5, 30])
+def test_aliases_that_multiply_do_no_harm(written, levels):
+    lists = "\n".join(f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]" for k in range(1, levels))
+    text = f"a0: &a0 [1]\n{lists}\nkeyframes: *a{levels - 1}\n"
+    _, problem = refusal(written(text))
+    assert "more than 20000000 values" in problem or "expected a mapping" in problem
+
+
+def test_long_answers_are_cut(written):
+    assert len(str(refusal(written(KEYFRAMES + f"limits: {list(range(1000))}")))) < 200
+    assert len(str(refusal(written(KEYFRAMES + f"approach: {'x' * 5000}")))) < 200
+
+
+def test_the_schema_names_every_key_and_forbids_others():
+    schema = motion_schema()
+    assert set(schema["properties"]) == {
+        "method",
+        "keyframes",
+        "velocity_frame",
+        "start_velocity",
+        "end_velocity",
+        "approach",
+        "limits",
+        "options",
+    }
+    assert schema["required"] == ["keyframes"]
+    assert schema["additionalProperties"] is False
+    for model in schema["$defs"].values():
+        assert model["additionalProperties"] is False
+    json.dumps(schema)
+
+
+def test_a_mapping_need_not_come_from_a_file():
+    with pytest.raises(RequestError, match="a motion must be a mapping"):
+        parse([1, 2])
+    with pytest.raises(RequestError, match="a motion must be a mapping"):
+        parse(None)
+
+
+def test_many_keyframes_of_one_wrong_form_are_told_by_the_first(written):
+    good, bad = "  - {rotation_vector: [0, 0, 1]}\n", "  - {matrix: [[1,0,0],[0,1,0],[0,0,3]]}\n"
+    field, _ = refusal(written("keyframes:\n" + good * 50 + bad * 3))
+    assert field == "keyframes[50].matrix"

@@ -1,0 +1,55 @@
+"""Pictures of motions: they are drawn, whatever the motion; what cannot be written is said."""
+
+import numpy as np
+import pytest
+
+from orientd import planner
+from orientd.errors import OrientdError
+from orientd.rotation import from_rotation_vector
+
+plots = pytest.importorskip("orientd.plots")
+
+START = (1.0, 0.0, 0.0, 0.0)
+
+
+def motion(count=3):
+    turns = np.cumsum(np.tile([0.05, 0.02, 0.1], (count, 1)), axis=0)
+    keyframes = [planner.Keyframe(tuple(q)) for q in from_rotation_vector(turns)]
+    request = planner.MotionRequest(keyframes, approach=True)
+    return planner.plan(
+        request,
+        start=planner.State.at_rest(START),
+        limits=planner.DEFAULT_LIMITS,
+        period=0.002,
+    )
+
+
+@pytest.mark.parametrize("count", [2, 80])
+def test_a_motion_is_drawn(tmp_path, count):
+    path = tmp_path / "motion.png"
+    plots.draw_motion(path, motion(count), title="a motion")
+    assert path.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("has_feedback", [True, False])
+def test_what_was_sent_is_drawn(tmp_path, has_feedback):
+    times = np.arange(0.0, 1.0, 0.002)
+    q = from_rotation_vector(np.outer(times, [0.0, 0.0, 0.5]))
+    omega = np.tile([0.0, 0.0, 0.5], (len(times), 1))
+    traces = plots.Traces(
+        times, q, omega, 0.0 * omega, np.array([0.0, 0.998]), q[[0, -1]], 2.5, 17.0
+    )
+    error = np.full(len(times), 0.003 if has_feedback else np.nan)
+    timing = plots.Timing(times, np.zeros(len(times)), error, 0.002)
+    path = tmp_path / "sent.svg"
+    plots.draw_sent(path, traces, timing, title="sent")
+    assert "tracking error" in path.read_text() or not has_feedback
+
+
+@pytest.mark.parametrize(
+    ("name", "complaint"), [("motion.nonsense", "cannot draw"), ("no/where.png", "cannot write")]
+)
+def test_what_cannot_be_written_is_said_in_one_line(tmp_path, name, complaint):
+    with pytest.raises(OrientdError, match=complaint) as caught:
+        plots.draw_motion(tmp_path / name, motion(), title="a motion")
+    assert "\n" not in str(caught.value)
