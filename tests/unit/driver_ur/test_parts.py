@@ -1,10 +1,14 @@
 """The UR driver's parts without a robot: options, rotation vectors, clock, bytes, states."""
 
 import math
+import re
 import struct
+from dataclasses import fields
+from pathlib import Path
 
 import pytest
 
+from orientd import config
 from orientd.driver.floats import exp, multiply
 from orientd_ur import options, rtde, states
 from orientd_ur.controller_clock import ControllerClock
@@ -141,3 +145,12 @@ def test_sample_and_place_are_read_as_they_were_asked_for():
 def test_obstacle_is_named_and_reduced_mode_is_none(robot_mode, safety_mode, words):
     found = states.obstacle(robot_mode, safety_mode)
     assert words in found if words else not found
+
+
+def test_example_configuration_is_whole():
+    path = Path(__file__).parents[3] / "config" / "ur.toml"
+    device = config.load(path).devices["arm"]
+    checked = options.check(device.options, period=device.period_ns * 1e-9)
+    assert checked == options.check({"host": "127.0.0.2"}, period=0.002)
+    mentioned = set(re.findall(r"^#? ?(\w+) = ", path.read_text(), re.MULTILINE))
+    assert {field.name for field in fields(options.UrOptions)} <= mentioned
