@@ -44,7 +44,7 @@ def test_stop_is_a_device_fault_and_reset_moves_the_arm_again(ur_robot, order, r
         recover(device)
 
 
-@pytest.mark.parametrize("leaves", ["paused", "playing", "stopped"])
+@pytest.mark.parametrize("leaves", ["playing", pytest.param("stopped", marks=pytest.mark.slow)])
 def test_protective_stop_is_recovered_whatever_the_program_becomes(ur_host, leaves):
     robot = EmulatedRobot(ur_host, "--unlock-after", "0.3", "--protective-stop-leaves", leaves)
     with robot, device_of(ur_host) as device:
@@ -111,7 +111,14 @@ def test_short_freeze_costs_no_process(ur_robot):
         assert device.snapshot().servo_pid == pid
 
 
-@pytest.mark.parametrize("what", ["control", "receive", "rtde"])
+@pytest.mark.parametrize(
+    "what",
+    [
+        "control",
+        pytest.param("receive", marks=pytest.mark.slow),
+        pytest.param("rtde", marks=pytest.mark.slow),
+    ],
+)
 def test_closed_connection_is_a_lost_link(ur_robot, what):
     with device_of(ur_robot.host) as device:
         swing(device)

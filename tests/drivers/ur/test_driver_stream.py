@@ -33,9 +33,15 @@ def check_motion(robot, tmp_path, *, seconds, count):
         )
         robot.ask("record off")
         robot.ask(f"record write {tmp_path / 'run'}")
+        last = device.snapshot().cycle.index
+        woken = [c.deadline_ns + c.lateness_ns for c in device.cycles(last - 3000, 2500)]
         statistics = device.statistics(number)
         assert device.snapshot().fault is Fault.NONE
-    arrived = orientations([row.target for row in read_setpoints(tmp_path / "run")])
+    rows = list(read_setpoints(tmp_path / "run"))
+    arrived = orientations([row.target for row in rows])
+    times = np.array([row.time_ns for row in rows])
+    woken = np.array([w for w in woken if times[0] < w < times[-1]])
+    to_wire = (times[np.searchsorted(times, woken)] - woken) * 1e-3
     planned = motion.sample(motion.period * np.arange(motion.record_count)).q
     # Setpoints of the hold come before the motion and after it.
     lags = range(len(arrived) - motion.record_count + 1)
@@ -49,6 +55,7 @@ def check_motion(robot, tmp_path, *, seconds, count):
         "overwritten": after["overwritten"] - before["overwritten"],
         "stalls": after["stalls"] - before["stalls"],
         "moved_rad": float(angle_between(arm[:1], arm).max()),
+        "wake_to_robot_us": [round(float(np.percentile(to_wire, p))) for p in (50, 99)],
         "statistics": statistics,
     }
 

@@ -96,7 +96,7 @@ def recover(device):
     """Reset, then move again."""
     device.reset()
     until(lambda: is_holding(device), lambda: f"holding after the reset {device.snapshot()}")
-    swing(device, angle=0.1, seconds=0.8)
+    swing(device, angle=0.05, seconds=0.6)
     streaming(device)
     until(lambda: is_holding(device), lambda: f"the end after the reset {device.snapshot()}")
     assert device.snapshot().fault is Fault.NONE
