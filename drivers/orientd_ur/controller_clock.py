@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 _HALF_WINDOW_NS = 500_000_000
+_LATE_NS = 20_000_000
+_MANY = 25
 
 
 class ControllerClock:
@@ -10,7 +12,8 @@ class ControllerClock:
 
     A package that took the least time on its way tells the offset between the two clocks best, so
     the offset is the smallest seen in the last half to whole second.  What a package was late
-    beyond that is the age of its contents.
+    beyond that is the age of its contents.  Late ones in a row, and many of them, mean that the
+    controller's clock has stood still for a while: then the offset is theirs.
     """
 
     def __init__(self) -> None:
@@ -20,6 +23,8 @@ class ControllerClock:
         """Forget everything; the controller may have been frozen or started again."""
         self._current = self._previous = 0
         self._window_ends_ns = -1
+        self._late = 0
+        self._least_late = 0
         self._last_ns = 0
 
     def measured_ns(self, timestamp: float, now_ns: int) -> int:
@@ -37,6 +42,15 @@ class ControllerClock:
             self._window_ends_ns = now_ns + _HALF_WINDOW_NS
         else:
             self._current = min(self._current, offset)
-        measured = stamp_ns + min(self._current, self._previous)
+        least = min(self._current, self._previous)
+        if offset - least > _LATE_NS:
+            self._least_late = min(self._least_late, offset) if self._late else offset
+            self._late += 1
+            if self._late == _MANY:
+                self._current = self._previous = least = self._least_late
+                self._late = 0
+        else:
+            self._late = 0
+        measured = stamp_ns + least
         self._last_ns = max(self._last_ns, min(measured, now_ns))
         return self._last_ns

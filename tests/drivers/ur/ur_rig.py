@@ -32,7 +32,7 @@ def device_of(host, **options):
         driver="ur",
         priority=0,
         # A busy machine may let nobody run for longer than a real controller ever pauses.
-        feedback_timeout=0.4,
+        feedback_timeout=1.0,
         heartbeat_timeout=3.0,
         options={
             "host": host,

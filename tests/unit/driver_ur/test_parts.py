@@ -102,7 +102,7 @@ def test_clock_takes_the_fastest_package_for_the_offset():
 
 def test_clock_never_goes_back_and_recovers_from_a_freeze():
     clock, last, now, stamp = ControllerClock(), 0, 10**9, 100.0
-    for k in range(2000):
+    for k in range(530):
         now += 2_000_000 if k != 500 else 1_000_000_000
         stamp += 0.002
         measured = clock.measured_ns(stamp, now)
