@@ -1,0 +1,146 @@
+"""Every family on the same keyframes: the curves, or why there is none, and their figures."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from orientd.curves import METHODS
+from orientd.curves.contract import Curve
+from orientd.curves.measure import Figures, measure
+from orientd.curves.roles import Task, fit
+from orientd.errors import PlanError
+from orientd.rotation import Floats
+
+SAMPLES = 1000
+"""Instants at once, by which sampling is timed."""
+
+RUNS = 3
+"""The shortest of so many counts."""
+
+PATIENCE = 0.1
+"""Seconds after which no further run is made."""
+
+Timer = Callable[[], float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidate:
+    """A family on a task.
+
+    Attributes:
+        name: of the family.
+        curve: what it made, on the clock of the task; ``None`` where it does not apply.
+        figures: what was measured of it; ``None`` likewise.
+        why_not: why it does not apply; empty where it does.
+        build_time: s.
+        sample_time: s for one instant, among a thousand at once.
+    """
+
+    name: str
+    curve: Curve | None = None
+    figures: Figures | None = None
+    why_not: str = ""
+    build_time: float = 0.0
+    sample_time: float = 0.0
+
+
+def compare(
+    task: Task,
+    *,
+    inertia: Floats | None = None,
+    options: Mapping[str, Mapping[str, Any]] | None = None,
+    families: Mapping[str, type[Curve]] = METHODS,
+    timer: Timer = time.perf_counter,
+) -> list[Candidate]:
+    """Return every family on *task*, in the order of *families*.
+
+    Args:
+        task: keyframes, times and end velocities.
+        inertia: principal moments about the body's axes, kg m^2, shape ``(3,)``.
+        options: by family, further keyword arguments.
+        families: which.
+        timer: tells seconds.
+    """
+    return [
+        _tried(name, family, task, inertia, (options or {}).get(name, {}), timer)
+        for name, family in families.items()
+    ]
+
+
+def _tried(
+    name: str,
+    family: type[Curve],
+    task: Task,
+    inertia: Floats | None,
+    options: Mapping[str, Any],
+    timer: Timer,
+) -> Candidate:
+    try:
+        curve = fit(family, task, options)
+        figures = measure(curve, task, inertia=inertia)
+        build_time = _shortest(lambda: fit(family, task, options), timer)
+    except (ValueError, PlanError) as error:
+        return Candidate(name, why_not=str(error))
+    instants = np.linspace(*curve.domain, SAMPLES)
+    sample_time = _shortest(lambda: curve.evaluate(instants), timer) / SAMPLES
+    return Candidate(name, curve, figures, "", build_time, sample_time)
+
+
+def _shortest(run: Callable[[], object], timer: Timer) -> float:
+    shortest, begin = np.inf, timer()
+    for _ in range(RUNS):
+        start = timer()
+        run()
+        end = timer()
+        shortest = min(shortest, end - start)
+        if end - begin > PATIENCE:
+            break
+    return float(shortest)
+
+
+Key = Callable[[Candidate, Figures], float]
+
+COLUMNS: Mapping[str, Key] = {
+    "effort": lambda _, figures: figures.effort,
+    "torque": lambda _, figures: figures.torque_effort or 0.0,
+    "acceleration": lambda _, figures: figures.peak_acceleration,
+    "velocity": lambda _, figures: figures.peak_velocity,
+    "length": lambda _, figures: figures.path_length,
+    "continuity": lambda _, figures: -figures.continuity,
+    "keyframes": lambda _, figures: figures.keyframe_error,
+    "ends": lambda _, figures: figures.end_velocity_error or 0.0,
+    "build": lambda candidate, _: candidate.build_time,
+    "sample": lambda candidate, _: candidate.sample_time,
+}
+"""By what a comparison can be sorted, smallest first."""
+
+_WITHOUT_JUMPS = ("effort", "torque", "acceleration")
+
+
+def ranked(candidates: Sequence[Candidate], column: str = "effort") -> list[Candidate]:
+    """Return *candidates* with the best of a column first; those that do not apply come last.
+
+    For acceleration, effort and torque a curve whose velocity jumps, which takes an infinite
+    acceleration, comes after all others that apply.
+
+    Raises:
+        ValueError: there is no such column.
+    """
+    if column != "name" and column not in COLUMNS:
+        raise ValueError(f"column must be one of name, {', '.join(COLUMNS)}, got {column!r}")
+
+    def order(candidate: Candidate) -> tuple[bool, bool, float, str]:
+        figures = candidate.figures
+        if figures is None:
+            return True, False, 0.0, candidate.name
+        if column == "name":
+            return False, False, 0.0, candidate.name
+        is_infinite = column in _WITHOUT_JUMPS and figures.continuity == 0
+        return False, is_infinite, COLUMNS[column](candidate, figures), candidate.name
+
+    return sorted(candidates, key=order)
