@@ -209,7 +209,7 @@ class UrDriver(Driver):
         robot_mode, safety_mode, runtime_state = link.modes()
         if obstacle(robot_mode, safety_mode) or runtime_state != RuntimeState.PLAYING:
             return
-        link.order("servoStop", self._options.stop_deceleration)
+        link.order("servoStop", self._options.stop_deceleration, limit=_LONGEST_CYCLE)
 
     def reset(self) -> None:
         """Unlock, power up if so configured, and play the control program again.

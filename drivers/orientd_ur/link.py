@@ -175,14 +175,19 @@ class Link:
         """Keep the watchdog quiet while no setpoint does."""
         self._control.kickWatchdog()
 
-    def order(self, name: str, *arguments: Any) -> bool:  # noqa: ANN401 - the library's own
+    def order(self, name: str, *arguments: Any, limit: float = _CALL_LIMIT) -> bool:  # noqa: ANN401 - the library's own
         """Call a method of the controlling connection that waits for the robot.
+
+        Args:
+            name: of the method.
+            arguments: its arguments.
+            limit: s after which the process ends.
 
         Raises:
             LinkError: the link is lost.
         """
         self.require()
-        with process_ends_after(_CALL_LIMIT):
+        with process_ends_after(limit):
             return bool(getattr(self._control, name)(*arguments))
 
     def play(self, timeout: float = 2.0) -> None:

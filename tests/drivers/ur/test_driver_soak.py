@@ -46,7 +46,10 @@ def test_every_loss_ends_within_a_second_and_is_recovered_from(ur_robot, harm):
             swing(device, seconds=4.0)
             streaming(device)
             moment = device.snapshot().path_time + generator.uniform(0.0, 1.5)
-            until(lambda moment=moment: device.snapshot().path_time > moment, "the moment")
+            until(
+                lambda moment=moment: device.snapshot().path_time > moment,
+                lambda: f"the moment {device.snapshot()}",
+            )
             begun = time.monotonic()
             harm(ur_robot)
             fault, _, _ = fault_of(device)
