@@ -55,6 +55,7 @@ class UrDriver(Driver):
         self._timestamp = -1.0
         self._changed_ns = 0
         self._looks = 0
+        self._is_muted = False
         self._kicked_ns = 0
         self._compared_ns = 0
         self._rotation: Vector3 = (0.0, 0.0, 0.0)
@@ -129,7 +130,7 @@ class UrDriver(Driver):
             position=(pose[0], pose[1], pose[2]),
             joints=tuple(self._link.motion()[2]),
         )
-        self._is_enabled = True
+        self._is_enabled, self._is_muted = True, False
         return self._feedback
 
     def read(self) -> Feedback | None:
@@ -148,7 +149,7 @@ class UrDriver(Driver):
             disarm(armed)
 
     def write(self, setpoint: Setpoint) -> None:
-        """Send the pose of *setpoint* with ``servoL``.
+        """Send the pose of *setpoint* with ``servoL``; nothing more once feedback was missing.
 
         Raises:
             LinkError: the connection is closed.
@@ -185,6 +186,8 @@ class UrDriver(Driver):
 
     def _write(self, setpoint: Setpoint) -> None:
         self._link.require()
+        if self._is_muted:
+            return
         self._rotation = continued(setpoint.q, self._rotation)
         pose = [*setpoint.position, *self._rotation]
         chosen, begun_ns = self._options, self.clock.now_ns()
@@ -270,6 +273,8 @@ class UrDriver(Driver):
             self._link.is_lost = True
             raise LinkError(f"the controller's clock at {host} has stood still for {age:.3f} s")
         if age > chosen.feedback_timeout:
+            # What is sent from now on would pile up, and reach the arm as one jump.
+            self._is_muted = True
             raise FeedbackError(f"no feedback from {host} for {age:.3f} s")
 
     def _is_stale(self) -> bool:

@@ -360,6 +360,11 @@ class Device:
             self._start_servo()
         if not self.wait_ready(10.0):
             raise DaemonError(self._failure or "the servo did not become ready within 10 s")
+        link = self._link
+        if self._fault is Fault.DEVICE_FAULT and link is not None:
+            # The new servo found the device as stopped as the old one left it.
+            with self._lock:
+                self._reset_servo(link)
 
     def _reset_servo(self, link: ServoLink) -> bool:
         """Have the servo leave its fault; return whether there was a servo to do it."""

@@ -200,3 +200,13 @@ def test_fault_of_one_robot_leaves_the_other_moving(ur_robot):
         until(lambda: is_holding(second), "the other's end")
         assert second.snapshot().fault is Fault.NONE
         assert second.snapshot().motion_number == number
+
+
+def test_reset_after_a_lost_link_unlocks_a_protective_stop_too(ur_robot):
+    with device_of(ur_robot.host) as device:
+        swing(device)
+        streaming(device)
+        ur_robot.ask("drop rtde")
+        fault_of(device)
+        ur_robot.ask("protective_stop")
+        recover(device)
