@@ -176,6 +176,8 @@ class UrDriver(Driver):
         if self._is_enabled:
             reason = self._reason()
             if reason:
+                # The library stops the program itself when it connects anew.
+                link.require_same()
                 raise DeviceFaultError(reason)
         elif link.has_control and now_ns - self._kicked_ns > 0.2e9 / self._options.watchdog_hz:
             # No setpoint keeps the watchdog quiet now, and the program is to go on.
@@ -201,6 +203,7 @@ class UrDriver(Driver):
         while not (reason := self._reason()) and time.monotonic() < ends:
             self._link.require()
             time.sleep(0.001)
+        self._link.require_same()
         raise DeviceFaultError(reason or "the control program takes no setpoints")
 
     def disable(self) -> None:
