@@ -168,12 +168,27 @@ class Link:
     # Orders; each asks whether the link lives, and each is bounded.
 
     def servo(self, pose: list[float], servo_time: float, lookahead: float, gain: float) -> bool:
-        """Send one setpoint; return whether the program took it.  Does not wait for the robot."""
-        return bool(self._control.servoL(pose, 0.0, 0.0, servo_time, lookahead, gain))
+        """Send one setpoint; return whether the program took it.  Does not wait for the robot.
+
+        Raises:
+            LinkError: the connection is closed.
+        """
+        try:
+            return bool(self._control.servoL(pose, 0.0, 0.0, servo_time, lookahead, gain))
+        except RuntimeError as error:
+            raise self._loss(error) from error
 
     def kick(self) -> None:
         """Keep the watchdog quiet while no setpoint does."""
-        self._control.kickWatchdog()
+        try:
+            self._control.kickWatchdog()
+        except RuntimeError as error:
+            raise self._loss(error) from error
+
+    def _loss(self, error: RuntimeError) -> LinkError:
+        """Return what it means that the library failed to connect anew, which it says once."""
+        self.is_lost = True
+        return LinkError(f"{self.host} closed the connection: {' '.join(str(error).split())}")
 
     def order(self, name: str, *arguments: Any, limit: float = _CALL_LIMIT) -> bool:  # noqa: ANN401 - the library's own
         """Call a method of the controlling connection that waits for the robot.
@@ -185,10 +200,16 @@ class Link:
 
         Raises:
             LinkError: the link is lost.
+            DeviceFaultError: the robot refuses.
         """
         self.require()
         with process_ends_after(limit):
-            return bool(getattr(self._control, name)(*arguments))
+            try:
+                return bool(getattr(self._control, name)(*arguments))
+            except RuntimeError as error:
+                if self.problem():
+                    raise self._loss(error) from error
+                raise DeviceFaultError(f"{self.host}: {error}") from error
 
     def play(self, timeout: float = 2.0) -> None:
         """Upload the control program anew and wait until it plays.
@@ -197,10 +218,7 @@ class Link:
             LinkError: the link is lost.
             DeviceFaultError: the robot does not play it.
         """
-        try:
-            self.order("reuploadScript")
-        except RuntimeError as error:
-            raise DeviceFaultError(f"{self.host} takes no program: {error}") from error
+        self.order("reuploadScript")
         self._ports = send_at_once(self.host)
         ends = time.monotonic() + timeout
         while self.modes()[2] != RuntimeState.PLAYING or not self._control.isProgramRunning():

@@ -8,11 +8,14 @@ import signal
 import sys
 import threading
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from orientd.cli.output import AsJson, Socket, command, say, say_json, table
+
+if TYPE_CHECKING:
+    from orientd.rpc.reports import DaemonReport
 
 ConfigFile = Annotated[
     Path | None,
@@ -41,7 +44,6 @@ def run(
     from orientd import config as configuration
     from orientd.daemon import server
     from orientd.rpc.address import default_socket
-    from orientd.rpc.reports import DaemonReport
 
     logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.INFO)
     path = config or configuration.find()

@@ -8,7 +8,16 @@ from typing import Annotated
 import typer
 
 import orientd
-from orientd.cli import bench, daemon_commands, demo, device_commands, doctor, motion_commands, sim
+from orientd.cli import (
+    bench,
+    compare,
+    daemon_commands,
+    demo,
+    device_commands,
+    doctor,
+    motion_commands,
+    sim,
+)
 from orientd.cli.output import say
 
 app = typer.Typer(
@@ -45,6 +54,7 @@ for _command in (
     daemon_commands.methods,
     motion_commands.plan,
     motion_commands.move,
+    compare.compare,
     device_commands.stop,
     device_commands.pause,
     device_commands.resume,

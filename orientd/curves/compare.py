@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -22,10 +22,11 @@ SAMPLES = 1000
 RUNS = 3
 """The shortest of so many counts."""
 
-PATIENCE = 0.1
+PATIENCE = 1.0
 """Seconds after which no further run is made."""
 
 Timer = Callable[[], float]
+Made = TypeVar("Made")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,26 +82,29 @@ def _tried(
     timer: Timer,
 ) -> Candidate:
     try:
-        curve = fit(family, task, options)
-        figures = measure(curve, task, inertia=inertia)
-        build_time = _shortest(lambda: fit(family, task, options), timer)
+        curve, build_time = _timed(lambda: fit(family, task, options), timer)
     except (ValueError, PlanError) as error:
         return Candidate(name, why_not=str(error))
+    figures = measure(curve, task, inertia=inertia)
     instants = np.linspace(*curve.domain, SAMPLES)
-    sample_time = _shortest(lambda: curve.evaluate(instants), timer) / SAMPLES
+    sample_time = _timed(lambda: curve.evaluate(instants), timer)[1] / SAMPLES
     return Candidate(name, curve, figures, "", build_time, sample_time)
 
 
-def _shortest(run: Callable[[], object], timer: Timer) -> float:
-    shortest, begin = np.inf, timer()
-    for _ in range(RUNS):
+def _timed(run: Callable[[], Made], timer: Timer) -> tuple[Made, float]:
+    """Return what *run* makes, and the shortest time it took."""
+    begin = timer()
+    made = run()
+    end = timer()
+    shortest = end - begin
+    for _ in range(RUNS - 1):
+        if end - begin > PATIENCE:
+            break
         start = timer()
         run()
         end = timer()
         shortest = min(shortest, end - start)
-        if end - begin > PATIENCE:
-            break
-    return float(shortest)
+    return made, shortest
 
 
 Key = Callable[[Candidate, Figures], float]
@@ -123,10 +127,12 @@ _WITHOUT_JUMPS = ("effort", "torque", "acceleration")
 
 
 def ranked(candidates: Sequence[Candidate], column: str = "effort") -> list[Candidate]:
-    """Return *candidates* with the best of a column first; those that do not apply come last.
+    """Return *candidates* with the best of a column first.
 
-    For acceleration, effort and torque a curve whose velocity jumps, which takes an infinite
-    acceleration, comes after all others that apply.
+    Curves that meet the keyframes come before those that only approach them, which have an easy
+    life, and those before the families that do not apply.  For acceleration, effort and torque a
+    curve whose velocity jumps, which takes an infinite acceleration, comes after those whose does
+    not.
 
     Raises:
         ValueError: there is no such column.
@@ -134,13 +140,14 @@ def ranked(candidates: Sequence[Candidate], column: str = "effort") -> list[Cand
     if column != "name" and column not in COLUMNS:
         raise ValueError(f"column must be one of name, {', '.join(COLUMNS)}, got {column!r}")
 
-    def order(candidate: Candidate) -> tuple[bool, bool, float, str]:
+    def order(candidate: Candidate) -> tuple[int, bool, float, str]:
         figures = candidate.figures
-        if figures is None:
-            return True, False, 0.0, candidate.name
         if column == "name":
-            return False, False, 0.0, candidate.name
-        is_infinite = column in _WITHOUT_JUMPS and figures.continuity == 0
-        return False, is_infinite, COLUMNS[column](candidate, figures), candidate.name
+            return 0, False, 0.0, candidate.name
+        if figures is None:
+            return 2, False, 0.0, candidate.name
+        is_infinite = column in _WITHOUT_JUMPS and figures.has_velocity_jumps
+        value = COLUMNS[column](candidate, figures)
+        return int(not figures.interpolates), is_infinite, value, candidate.name
 
     return sorted(candidates, key=order)

@@ -275,7 +275,8 @@ class _Search:
     def _around(self, some: Indices, rows: Indices) -> Indices:
         """Return those rows that are within reach of some of them; both are increasing."""
         following = np.minimum(np.searchsorted(some, rows - _REACH), len(some) - 1)
-        return rows[np.abs(some[following] - rows) <= _REACH]
+        near: Indices = rows[np.abs(some[following] - rows) <= _REACH]
+        return near
 
     def _descend(self) -> Floats | None:
         """Return a solution near the Euclidean spline, by Newton's method with step control.

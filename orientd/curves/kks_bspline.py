@@ -51,7 +51,7 @@ class KksBspline(CumulativeCurve):
         order = check_integer(order, "order", minimum=2)
         controls = check_aligned(control, align, "control", minimum=order)
         vector = (
-            np.arange(len(controls) + order) - float(order - 1)
+            np.arange(1.0 - order, len(controls) + 1.0)
             if knots is None
             else check_knots(knots, len(controls), order)
         )

@@ -39,7 +39,7 @@ class KksUniform(CumulativeCurve):
         after = multiply(multiply(inner[-1], conjugate(inner[-2])), inner[-1])
         controls = np.concatenate([before[None], inner, after[None]])
         super().__init__(
-            basis=cumulative_basis(np.arange(len(controls) + 4) - 3.0, 4),
+            basis=cumulative_basis(np.arange(-3.0, len(controls) + 1.0), 4),
             controls=controls,
             increments=increments(controls),
             continuity=2,

@@ -7,11 +7,10 @@ derivative of the velocity stands still in the world frame.  With *p* the turn s
 .. math:: p' = \tfrac12 p\, \Omega, \quad \Omega' = \alpha, \quad \alpha' = J, \quad
           J' = J \times \Omega
 
-is polynomial, so its Taylor coefficients follow from each other by convolutions.  A segment is cut
-into pieces over which it turns by about a radian; there 28 terms miss the acceleration by less
-than 1e-11 of itself.
-The series carry tangents along, derivatives with respect to the state at the start,
-for the solver: of every array the last axis holds the value first and then the tangents.
+is polynomial, so its Taylor coefficients follow from each other by convolutions.  Over a piece in
+which it turns by about a radian, 28 terms miss the acceleration by less than 1e-11 of itself.  The
+series carry tangents along, derivatives with respect to the state at the start, for the solver: of
+every array the last axis holds the value first and then the tangents.
 """
 
 from __future__ import annotations
@@ -20,40 +19,31 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orientd.curves.basis import Indices
-from orientd.rotation import Floats, conjugate, multiply, normalize
+from orientd.rotation import Floats, conjugate, multiply
 
 TERMS = 28
-STRIDE = 1.5
-"""Bound on the turn over a piece, in rad."""
+STRIDE = 1.2
+"""How much may happen over a piece: velocity, root of acceleration and cube root of its rate,
+each times the duration, in rad."""
 
 TANGENTS = 9
 
 
 @dataclass(frozen=True)
 class State:
-    """Velocity, acceleration and its rate at the start of segments, of shape ``(n, 3)``."""
+    """Velocity, acceleration and its rate at instants, of shape ``(n, 3)`` each."""
 
     omega: Floats
     alpha: Floats
     jerk: Floats
 
-
-@dataclass(frozen=True)
-class Pieces:
-    """The series of consecutive pieces of curves.
-
-    Attributes:
-        segment: the segment a piece belongs to, shape ``(m,)``.
-        start: when the piece begins, in seconds since its segment does.
-        turn: Taylor coefficients of the turn since the segment began, shape ``(m, K, 4)``.
-        omega: Taylor coefficients of the body angular velocity, shape ``(m, K, 3)``.
-    """
-
-    segment: Indices
-    start: Floats
-    turn: Floats
-    omega: Floats
+    def pace(self) -> Floats:
+        """Return what, times a duration, ``STRIDE`` is compared with, in 1/s, shape ``(n,)``."""
+        omega, alpha, jerk = (
+            np.sqrt(np.sum(part * part, axis=-1)) for part in (self.omega, self.alpha, self.jerk)
+        )
+        fastest: Floats = np.maximum(np.maximum(omega, np.sqrt(alpha)), np.cbrt(jerk))
+        return fastest
 
 
 def series(omega: Floats, alpha: Floats, jerk: Floats) -> tuple[Floats, Floats, Floats, Floats]:
@@ -101,94 +91,34 @@ def series(omega: Floats, alpha: Floats, jerk: Floats) -> tuple[Floats, Floats, 
     return turn, rates, accelerations, jerks
 
 
-def pieces(state: State, h: Floats) -> Pieces:
-    """Return the series of all pieces of segments, in order.
-
-    Args:
-        state: at the start of each segment.
-        h: durations of the segments, in seconds.
-    """
-    counts = piece_counts(state, h)
-    step = h / counts
-    total: Floats = np.zeros((len(h), 4))
-    total[:, 0] = 1.0
-    now = [state.omega.copy(), state.alpha.copy(), state.jerk.copy()]
-    segment, start, turns, omegas = [], [], [], []
-    for number in range(int(counts.max())):
-        active = np.flatnonzero(counts > number)
-        turn, *rest = series(*(part[active, :, None] for part in now))
-        segment.append(active)
-        start.append(number * step[active])
-        turns.append(multiply(total[active][:, None], turn[..., 0]))
-        omegas.append(rest[0][..., 0])
-        powers = step[active][:, None] ** np.arange(TERMS)
-        total[active] = normalize(multiply(total[active], _summed(turn, powers)[..., 0]))
-        for part, coefficients in zip(now, rest, strict=True):
-            part[active] = _summed(coefficients, powers)[..., 0]
-    order = np.lexsort((np.concatenate(start), np.concatenate(segment)))
-    return Pieces(
-        np.concatenate(segment)[order],
-        np.concatenate(start)[order],
-        np.concatenate(turns)[order],
-        np.concatenate(omegas)[order],
-    )
-
-
 def shoot(state: State, h: Floats) -> tuple[Floats, State, Floats, State]:
-    """Return the state at the end of each segment and its derivatives.
+    """Return the state at the end of each piece and its derivatives.
 
     Args:
-        state: at the start of each segment.
-        h: durations of the segments, in seconds.
+        state: at the start of each piece.
+        h: durations of the pieces, in seconds.
 
     Returns:
         The turn ``(n, 4)`` and the state at the end; then, with respect to the nine components of
         velocity, acceleration and its rate at the start, the body increments of the turn as
         rotation vectors and the derivatives of the state, each of shape ``(n, 3, 9)``.
     """
-    counts = piece_counts(state, h)
-    step = h / counts
-    total: Floats = np.zeros((len(h), 4, 1 + TANGENTS))
-    total[:, 0, 0] = 1.0
-    now = []
+    starts = []
     for place, part in enumerate((state.omega, state.alpha, state.jerk)):
-        carried = np.zeros((len(h), 3, 1 + TANGENTS))
-        carried[:, :, 0] = part
-        carried[:, :, 1 + 3 * place : 4 + 3 * place] = np.eye(3)
-        now.append(carried)
-    for number in range(int(counts.max())):
-        active = np.flatnonzero(counts > number)
-        turn, *rest = series(*(part[active] for part in now))
-        powers = step[active][:, None] ** np.arange(TERMS)
-        piece = np.swapaxes(_summed(turn, powers), 1, 2)
-        before = np.swapaxes(total[active], 1, 2)
-        after = multiply(before, piece[:, :1])
-        after[:, 1:] += multiply(before[:, :1], piece[:, 1:])
-        total[active] = np.swapaxes(after, 1, 2)
-        for part, coefficients in zip(now, rest, strict=True):
-            part[active] = _summed(coefficients, powers)
-    columns = np.swapaxes(total, 1, 2)
+        start = np.zeros((len(h), 3, 1 + TANGENTS))
+        start[:, :, 0] = part
+        start[:, :, 1 + 3 * place : 4 + 3 * place] = np.eye(3)
+        starts.append(start)
+    powers = h[:, None] ** np.arange(TERMS)
+    turn, *ends = (np.einsum("nkcd,nk->ncd", part, powers) for part in series(*starts))
+    columns = np.swapaxes(turn, 1, 2)
     increments = 2.0 * multiply(conjugate(columns[:, :1]), columns[:, 1:])[..., 1:]
     return (
-        total[:, :, 0],
-        State(*(part[:, :, 0] for part in now)),
+        turn[:, :, 0],
+        State(*(end[:, :, 0] for end in ends)),
         np.swapaxes(increments, 1, 2),
-        State(*(part[:, :, 1:] for part in now)),
+        State(*(end[:, :, 1:] for end in ends)),
     )
-
-
-def piece_counts(state: State, h: Floats) -> Indices:
-    """Return into how many pieces each segment is cut, from bounds on its velocity.
-
-    The rate of the acceleration keeps its length, which bounds the rest.
-    """
-    omega, alpha, jerk = (
-        np.sqrt(np.sum(part * part, axis=-1)) for part in (state.omega, state.alpha, state.jerk)
-    )
-    turned = h * (omega + h * (alpha + 0.5 * h * jerk))
-    bent = np.cbrt(h**3 * jerk)
-    counts: Indices = np.ceil(np.maximum(turned, bent) / STRIDE).astype(np.intp)
-    return np.maximum(counts, 1)
 
 
 def horner(coefficients: Floats, x: Floats) -> tuple[Floats, Floats]:
@@ -218,11 +148,6 @@ def _convolved(matrices: Floats, vectors: Floats, back: int, k: int) -> Floats:
         vectors[:, : k + 1].reshape(n, (k + 1) * columns, -1),
     )
     return product
-
-
-def _summed(coefficients: Floats, powers: Floats) -> Floats:
-    total: Floats = np.einsum("nkcd,nk->ncd", coefficients, powers)
-    return total
 
 
 def _set_cross(out: Floats, v: Floats) -> None:

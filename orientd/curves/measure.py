@@ -57,6 +57,11 @@ class Figures:
         """Whether every keyframe is met."""
         return self.keyframe_error <= MET
 
+    @property
+    def has_velocity_jumps(self) -> bool:
+        """Whether the velocity jumps at a knot, which would take an infinite acceleration."""
+        return self.velocity_jump > MET * self.peak_velocity
+
 
 def measure(curve: Curve, task: Task, *, inertia: Floats | None = None) -> Figures:
     """Return the figures of a curve that does a task.

@@ -22,6 +22,9 @@ from orientd.rotation import Floats, conjugate, log, multiply
 EQUAL = 1e-9
 """Of the duration, by which equal intervals may differ."""
 
+MOST_CONTROLS = 24
+"""Of one segment: its cost grows with their square, and it stays ever further away from them."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Task:
@@ -123,6 +126,11 @@ def _from_controls(names: set[str], task: Task) -> dict[str, Any]:
         order = min(4, len(task.keys))
         made.update(order=order, knots=averaged_knots(task.times, order))
     elif "t0" in names:
+        if len(task.keys) > MOST_CONTROLS:
+            raise ValueError(
+                f"one segment of degree {len(task.keys) - 1} is drawn through at most "
+                f"{MOST_CONTROLS} control orientations"
+            )
         made.update(t0=float(task.times[0]), t1=float(task.times[-1]))
     else:
         steps = np.diff(task.times)

@@ -9,6 +9,7 @@ import signal
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import grpc
 from grpc_health.v1 import health, health_pb2, health_pb2_grpc
@@ -16,15 +17,18 @@ from grpc_reflection.v1alpha import reflection
 
 import orientd
 from orientd.config import Settings
-from orientd.daemon.cell import Cell
 from orientd.daemon.claim import claimed
+from orientd.daemon.gate import Gate
 from orientd.daemon.notify import notify
-from orientd.daemon.service import ControlService
 from orientd.errors import DaemonError
 from orientd.rpc import control_pb2
 from orientd.rpc.address import MAX_MESSAGE_BYTES, target
 from orientd.rpc.control_pb2_grpc import add_ControlServicer_to_server
-from orientd.rpc.reports import DaemonReport
+
+if TYPE_CHECKING:
+    from orientd.daemon.cell import Cell
+    from orientd.daemon.service import ControlService
+    from orientd.rpc.reports import DaemonReport
 
 _log = logging.getLogger(__name__)
 
@@ -68,24 +72,80 @@ def run(
         DaemonError: there is a daemon at *socket* already, or it cannot be listened at.
     """
     address = target(socket)
-    cell = Cell(settings)
     with claimed(socket):
-        daemon = _Daemon(cell, socket, configuration)
-        asyncio.run(daemon.run(address, on_ready))
+        asyncio.run(_Daemon(settings, socket, configuration, on_ready).run(address))
 
 
 class _Daemon:
-    def __init__(self, cell: Cell, socket: Path, configuration: str) -> None:
-        self._cell = cell
+    def __init__(
+        self,
+        settings: Settings,
+        socket: Path,
+        configuration: str,
+        on_ready: Callable[[DaemonReport, list[str]], None],
+    ) -> None:
+        self._settings = settings
         self._socket = socket
         self._configuration = configuration
+        self._on_ready = on_ready
         self._started = time.monotonic()
         self._stopping = asyncio.Event()
 
-    def describe(self) -> DaemonReport:
+    async def run(self, address: str) -> None:
+        """Serve until told to stop, then bring everything to rest."""
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGTERM, signal.SIGINT):
+            loop.add_signal_handler(number, self._stop, number)
+        gate = Gate(SERVICE)
+        checks = health.aio.HealthServicer()  # type: ignore[attr-defined] # not in the stubs
+        server = _server(gate, checks)
+        _bind(server, address, self._socket)
+        await server.start()
+        try:
+            for name in ("", SERVICE):
+                await checks.set(name, health_pb2.HealthCheckResponse.SERVING)
+            cell, service = await asyncio.to_thread(self._load)
+            try:
+                gate.open(lambda into: add_ControlServicer_to_server(service, into))  # type: ignore[no-untyped-call] # generated
+                await self._serve(cell)
+            finally:
+                await checks.enter_graceful_shutdown()
+                await asyncio.to_thread(cell.shutdown, "the daemon is going down")
+                service.end_watches()
+                await server.stop(GRACE)
+                service.close()
+                _log.info("daemon: ended")
+        finally:
+            await server.stop(None)
+
+    def _load(self) -> tuple[Cell, ControlService]:
+        """Import, and start, what takes its time."""
+        from orientd.daemon.cell import Cell
+        from orientd.daemon.service import ControlService
+
+        cell = Cell(self._settings)
+        cell.launch()
+        return cell, ControlService(cell, lambda: self._describe(cell))
+
+    async def _serve(self, cell: Cell) -> None:
+        expiry = asyncio.create_task(_expire_leases(cell))
+        problems = await asyncio.to_thread(
+            cell.wait_ready, READY_TIMEOUT, is_cancelled=self._stopping.is_set
+        )
+        if not self._stopping.is_set():
+            for problem in problems:
+                _log.error("%s", problem)
+            self._on_ready(self._describe(cell), problems)
+            notify("READY=1")
+        await self._stopping.wait()
+        notify("STOPPING=1")
+        expiry.cancel()
+
+    def _describe(self, cell: Cell) -> DaemonReport:
         """Return what there is to say about the daemon itself."""
-        desk = self._cell.desk
-        lease = desk.current()
+        from orientd.rpc.reports import DaemonReport
+
+        lease = cell.desk.current()
         return DaemonReport(
             version=orientd.__version__,
             pid=os.getpid(),
@@ -93,54 +153,8 @@ class _Daemon:
             socket=str(self._socket),
             configuration=self._configuration,
             lease_holder=lease.holder if lease else "",
-            lease_remaining=desk.remaining(lease) if lease else 0.0,
+            lease_remaining=cell.desk.remaining(lease) if lease else 0.0,
         )
-
-    async def run(self, address: str, on_ready: Callable[[DaemonReport, list[str]], None]) -> None:
-        """Serve until told to stop, then bring everything to rest."""
-        loop = asyncio.get_running_loop()
-        for number in (signal.SIGTERM, signal.SIGINT):
-            loop.add_signal_handler(number, self._stop, number)
-        service = ControlService(self._cell, self.describe)
-        checks = health.aio.HealthServicer()  # type: ignore[attr-defined] # not in the stubs
-        server = _server(service, checks)
-        expiry = asyncio.create_task(self._expire_leases())
-        try:
-            # The servo processes come up while the server does.
-            self._cell.launch()
-            _bind(server, address, self._socket)
-            await server.start()
-            for name in ("", SERVICE):
-                await checks.set(name, health_pb2.HealthCheckResponse.SERVING)
-            await self._announce(on_ready)
-            await self._stopping.wait()
-            notify("STOPPING=1")
-        finally:
-            await checks.enter_graceful_shutdown()
-            await asyncio.to_thread(self._cell.shutdown, "the daemon is going down")
-            expiry.cancel()
-            service.end_watches()
-            await server.stop(GRACE)
-            service.close()
-            _log.info("daemon: ended")
-
-    async def _announce(self, on_ready: Callable[[DaemonReport, list[str]], None]) -> None:
-        """Say that the daemon is ready once its devices are, or have failed to be."""
-        problems = await asyncio.to_thread(
-            self._cell.wait_ready, READY_TIMEOUT, is_cancelled=self._stopping.is_set
-        )
-        if self._stopping.is_set():
-            return
-        for problem in problems:
-            _log.error("%s", problem)
-        on_ready(self.describe(), problems)
-        notify("READY=1")
-
-    async def _expire_leases(self) -> None:
-        while True:
-            await asyncio.sleep(_LEASE_CHECKS)
-            if self._cell.desk.has_expired:
-                await asyncio.to_thread(self._cell.expire)
 
     def _stop(self, number: int) -> None:
         name = signal.Signals(number).name
@@ -151,9 +165,16 @@ class _Daemon:
         self._stopping.set()
 
 
-def _server(service: ControlService, checks: health_pb2_grpc.HealthServicer) -> grpc.aio.Server:
-    server = grpc.aio.server(options=_OPTIONS)
-    add_ControlServicer_to_server(service, server)  # type: ignore[no-untyped-call] # generated
+async def _expire_leases(cell: Cell) -> None:
+    while True:
+        await asyncio.sleep(_LEASE_CHECKS)
+        if cell.desk.has_expired:
+            await asyncio.to_thread(cell.expire)
+
+
+def _server(gate: Gate, checks: health_pb2_grpc.HealthServicer) -> grpc.aio.Server:
+    server = grpc.aio.server(interceptors=(gate,), options=_OPTIONS)
+    server.add_generic_rpc_handlers((gate,))
     health_pb2_grpc.add_HealthServicer_to_server(checks, server)
     names = (SERVICE, health.SERVICE_NAME, reflection.SERVICE_NAME)
     reflection.enable_server_reflection(names, server)

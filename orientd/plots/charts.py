@@ -120,7 +120,7 @@ def interrupted(times: Floats, values: Floats, breaks: Floats | None) -> tuple[F
     """
     if breaks is None or not len(breaks):
         return times, values
-    gaps = np.unique(np.searchsorted(times, breaks, side="right"))
+    gaps = np.unique(np.searchsorted(times, breaks))
     gaps = gaps[(gaps > 0) & (gaps < len(times))]
     return np.insert(times, gaps, times[gaps]), np.insert(values, gaps, np.nan, axis=0)
 

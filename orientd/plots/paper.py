@@ -75,8 +75,10 @@ def is_available() -> bool:
     return find_spec("matplotlib") is not None
 
 
-def new_figure(width: float, height: float, title: str = "") -> Figure:
+def new_figure(width: float, height: float, title: str = "", *, is_laid_out: bool = True) -> Figure:
     """Return an empty figure of *width* by *height* inches, with a headline at its left.
+
+    Where many charts have their places already, *is_laid_out* false saves looking for them.
 
     Raises:
         OrientdError: Matplotlib is not installed.
@@ -87,7 +89,8 @@ def new_figure(width: float, height: float, title: str = "") -> Figure:
         raise OrientdError(
             "pictures need Matplotlib, which is not installed: pip install 'orientd[plot]'"
         ) from error
-    figure = Figure(figsize=(width, height), layout="constrained", facecolor=PAPER)
+    layout: Any = "constrained" if is_laid_out else "none"
+    figure = Figure(figsize=(width, height), layout=layout, facecolor=PAPER)
     if title:
         figure.suptitle(title, x=0.012, ha="left", fontsize=13, color=INK, fontweight="bold")
     return figure

@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.text import Text
 
-STEP = np.radians(0.75)
-"""From one drawn point of a trace to the next; nobody sees a chord of less."""
-
 MOST_NUMBERED = 40
 """Keyframes that are numbered one by one; of more, only some are."""
 
@@ -39,6 +36,7 @@ class TriadStyle:
         mark: diameter of a keyframe's mark, points.
         number: size of a keyframe's number, points; 0 for none.
         reach: half of the width of the chart, in radii of the sphere.
+        step: from one drawn point of a trace to the next, degrees of turning.
     """
 
     view: View = STANDARD_VIEW
@@ -46,9 +44,10 @@ class TriadStyle:
     mark: float = 6.5
     number: float = 8.0
     reach: float = 1.13
+    step: float = 0.75
 
 
-SMALL = TriadStyle(line=1.3, mark=2.6, number=0.0, reach=1.05)
+SMALL = TriadStyle(line=1.3, mark=3.8, number=0.0, reach=1.05, step=2.0)
 """For a sphere among many."""
 
 
@@ -72,10 +71,10 @@ def draw_triads(
         is_met: whether the curve passes its keyframes; marks are hollow where it does not.
     """
     _sphere(axes, style.view)
-    turned = [style.view.project(rotate(thinned(q), tip)) for tip in np.eye(3)]
+    turned = [style.view.project(rotate(thinned(q, style.step), tip)) for tip in np.eye(3)]
     if ideal is not None:
         for axis, tip in zip(AXES, np.eye(3), strict=True):
-            _dotted(axes, style.view.project(rotate(thinned(ideal), tip)), axis, style)
+            _dotted(axes, style.view.project(rotate(thinned(ideal, style.step), tip)), axis, style)
     for axis, trace in zip(AXES, turned, strict=True):
         _trace(axes, trace, axis, style)
     marks = [style.view.project(rotate(keyframe_q, tip)) for tip in np.eye(3)]
@@ -89,10 +88,10 @@ def draw_triads(
     axes.set_axis_off()
 
 
-def thinned(q: Floats) -> Floats:
-    """Return enough of the orientations *q* to draw by, shape ``(m, 4)`` from ``(n, 4)``."""
+def thinned(q: Floats, step: float) -> Floats:
+    """Return of the orientations *q* about one every *step* degrees, ``(m, 4)`` from ``(n, 4)``."""
     travelled = np.concatenate([[0.0], np.cumsum(angle(q[1:], q[:-1]))])
-    wanted = np.arange(0.0, travelled[-1], STEP)
+    wanted = np.arange(0.0, travelled[-1], np.radians(step))
     kept = np.unique(np.append(np.searchsorted(travelled, wanted), [0, len(q) - 1]))
     chosen: Floats = q[kept]
     return chosen
@@ -236,7 +235,7 @@ def _width_in_points(axes: Axes) -> float:
 
 def turned_to_show(q: Floats, style: TriadStyle) -> TriadStyle:
     """Return *style* seen from where the most of the traces of *q* is in front."""
-    tips = np.concatenate([rotate(thinned(q), tip) for tip in np.eye(3)])
+    tips = np.concatenate([rotate(thinned(q, style.step), tip) for tip in np.eye(3)])
     views = [View(style.view.elevation, float(azimuth)) for azimuth in range(0, 360, 15)]
     seen = [np.count_nonzero(view.project(tips)[:, 2] > 0.0) for view in views]
     return replace(style, view=views[int(np.argmax(seen))])

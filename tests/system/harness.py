@@ -71,6 +71,7 @@ class DaemonProcess:
         assert line.startswith("ready"), (line, (self.folder / "log").read_text())
         self.channel = grpc.insecure_channel(f"unix:{self.socket}")
         self.stub = ControlStub(self.channel)
+        self._renewed = time.monotonic()
         self.token = self.stub.AcquireLease(pb.AcquireLeaseRequest(holder="test")).lease.token
 
     def end(self) -> int:
@@ -103,6 +104,12 @@ class DaemonProcess:
         """Hold the lease for its full time again."""
         self.stub.RenewLease(pb.RenewLeaseRequest(token=self.token))
 
+    def renew_sometimes(self) -> None:
+        """Hold the lease, without a call for every report of progress."""
+        if time.monotonic() - self._renewed > 1.0:
+            self._renewed = time.monotonic()
+            self.renew()
+
     def sent(self) -> np.ndarray:
         """Return the orientations the driver has recorded so far, shape (n, 4)."""
         return np.array([setpoint.q for setpoint in read_recording(self.recording)])
@@ -127,6 +134,13 @@ def spin(seconds: float, *, start=(0.0, 0.0, 0.4), end=(0.3, 0.0, 0.5)) -> pb.Mo
         end_velocity=pb.Vector3(x=end[0], y=end[1], z=end[2]),
         approach=True,
     )
+
+
+def nudge(angle: float) -> pb.MotionRequest:
+    """Return a small turn, as fast as the limits allow."""
+    vectors = (pb.Vector3(), pb.Vector3(x=0.5 * angle), pb.Vector3(x=angle, z=angle))
+    keyframes = [pb.Keyframe(rotation_vector=vector) for vector in vectors]
+    return pb.MotionRequest(keyframes=keyframes, approach=True)
 
 
 def peaks(q: np.ndarray, period: float) -> tuple[float, float, float]:

@@ -14,6 +14,7 @@ from harness import (
     DaemonProcess,
     assert_limits_kept,
     is_alive,
+    nudge,
     resident_kib,
     spin,
     until,
@@ -170,13 +171,6 @@ def test_a_stopped_daemon_process_is_a_lost_heartbeat(tmp_path):
         )
         assert report.fault == pb.FAULT_HEARTBEAT_LOST
         assert "no heartbeat from the daemon" in report.fault_text
-
-
-def nudge(angle):
-    """Return a small turn, as fast as the limits allow."""
-    vectors = (pb.Vector3(), pb.Vector3(x=0.5 * angle), pb.Vector3(x=angle, z=angle))
-    keyframes = [pb.Keyframe(rotation_vector=vector) for vector in vectors]
-    return pb.MotionRequest(keyframes=keyframes, approach=True)
 
 
 def test_a_hundred_motions_in_a_row_leave_the_memory_as_it_was(tmp_path):

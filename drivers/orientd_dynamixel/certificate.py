@@ -1,0 +1,164 @@
+"""What a gimbal path promises: limits of the axes, what the plan may do, and what it certifies."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from orientd.rotation.quaternion import Floats
+
+
+@dataclass(frozen=True, slots=True)
+class AxisLimits:
+    """What one axis may do.
+
+    Attributes:
+        low: least angle, rad, unwrapped: whole turns count.
+        high: largest angle, rad.
+        velocity: rad/s.  A servo's no-load speed is out of reach under load; take 80 % of it.
+        acceleration: rad/s^2.
+        name: for messages.
+    """
+
+    low: float = -math.pi
+    high: float = math.pi
+    velocity: float = 3.85
+    acceleration: float = 40.0
+    name: str = "axis"
+
+
+@dataclass(frozen=True, slots=True)
+class Policy:
+    """What a plan may do where the exact path is more than the axes can make.
+
+    Tried in this order: leave the path by a bounded angle, take longer, stop and reconfigure.
+
+    Attributes:
+        max_deviation: largest angle by which the path may be missed near a pole, rad.
+        max_stretch: largest factor by which the path may be slowed down as a whole.
+        allow_slews: whether the path may stop while the axes change branch or unwind; the tool
+            leaves the path meanwhile.
+    """
+
+    max_deviation: float = 0.0
+    max_stretch: float = 1.0
+    allow_slews: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Peak:
+    """A largest value, where it is reached, and what is allowed."""
+
+    value: float
+    time: float
+    limit: float
+
+
+@dataclass(frozen=True, slots=True)
+class Keyhole:
+    """A passage near the pole.
+
+    Attributes:
+        start: when the path begins to deviate, s.
+        end: when it is exact again, s.
+        kind: ``pass`` goes over the pole with the outer axis nearly still, ``flip`` turns it about
+            half a turn, ``deviation`` cuts the corner without either.
+        error: the largest angle by which the path is missed in it, rad.
+    """
+
+    start: float
+    end: float
+    kind: str
+    error: float
+
+
+@dataclass(frozen=True, slots=True)
+class Slew:
+    """A stop of the path in which the axes change branch or unwind.
+
+    Or a stretch of it that is gone along slowly, from rest to rest, because an axis would have to
+    hurry too much: then the path is not left.
+
+    Attributes:
+        start: s.
+        end: s.
+        path_time: where the path stops, in its own time, s.
+        before: axis angles, rad.
+        after: axis angles, rad.
+        is_on_path: whether the path is gone along slowly instead of being left.
+    """
+
+    start: float
+    end: float
+    path_time: float
+    before: tuple[float, ...]
+    after: tuple[float, ...]
+    is_on_path: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class AxisCertificate:
+    """What holds for a planned path, computed from its samples by backward differences.
+
+    Attributes:
+        velocity: peak of each axis, rad/s.
+        acceleration: peak of each axis, rad/s^2.
+        travel: ``(least, largest)`` angle of each axis, rad.
+        error: largest angle between path asked and path planned outside slews, rad.
+        manipulability: least singular value on the way.
+        keyholes: where the path is left by a bounded angle.
+        slews: where it stops.
+        stretch: factor by which it was slowed down as a whole.
+    """
+
+    velocity: tuple[Peak, ...]
+    acceleration: tuple[Peak, ...]
+    travel: tuple[tuple[float, float], ...]
+    error: Peak
+    manipulability: float
+    keyholes: tuple[Keyhole, ...]
+    slews: tuple[Slew, ...]
+    stretch: float
+
+
+@dataclass(frozen=True)
+class AxisPath:
+    """A path in axis angles.
+
+    Attributes:
+        times: s, shape ``(n,)``, uniform.
+        angles: rad, unwrapped, shape ``(n, axes)``.
+        q: orientation that they make, shape ``(n, 4)``; what is to be streamed.
+        certificate: what holds for it.
+    """
+
+    times: Floats
+    angles: Floats
+    q: Floats = field(repr=False)
+    certificate: AxisCertificate
+
+
+def rates(angles: Floats, period: float) -> tuple[Floats, Floats]:
+    """Return velocity and acceleration by backward differences.
+
+    Args:
+        angles: shape ``(n, axes)``.
+        period: s.
+
+    Returns:
+        Two arrays of the same shape; the acceleration's first two rows are 0, because a path in
+        the middle of a motion does not begin at rest.
+    """
+    velocity = np.zeros_like(angles)
+    velocity[1:] = np.diff(angles, axis=0) / period
+    acceleration = np.zeros_like(angles)
+    acceleration[2:] = np.diff(velocity[1:], axis=0) / period
+    return velocity, acceleration
+
+
+def peak(values: Floats, times: Floats, limit: float) -> Peak:
+    """Return the largest absolute value and when it is reached."""
+    at = int(np.argmax(np.abs(values)))
+    return Peak(float(np.abs(values[at])), float(times[at]), limit)

@@ -1,0 +1,335 @@
+"""A gimbal on Dynamixel servos, behind the driver contract.
+
+A cycle takes in the answers to the read of the cycle before, then sends one write of all goals and
+the next read.  Nothing in it waits for a servo.
+
+Readings are believed only where they can be (:mod:`orientd_dynamixel.group`), and a write of goals
+is never acknowledged, so torque, hardware error, watchdog and the distance between goal and
+position are watched instead.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, ClassVar
+
+from orientd.clock import Clock
+from orientd.driver import Driver, Feedback, Setpoint
+from orientd.errors import DeviceError, DeviceFaultError, LinkError
+from orientd_dynamixel import startup
+from orientd_dynamixel.axis import Axis
+from orientd_dynamixel.group import Group, Losses
+from orientd_dynamixel.options import GimbalOptions, parse
+from orientd_dynamixel.reading import WATCHDOG_TRIPPED, explain_error
+from orientd_dynamixel.servo_bus import READ_WAIT_S, OpenBus, ServoBus, open_bus
+from orientd_dynamixel.tracker import Tracker
+
+_LIMIT_SLACK = math.radians(0.5)
+_RATE_SLACK = 1.05
+_TICK = 2 * math.pi / 4096
+_BUSY_SHARE = 0.8
+
+
+class DynamixelDriver(Driver):
+    """Two or three servos that turn a tool.
+
+    Attributes:
+        advice: what was noticed at the start that costs speed.
+    """
+
+    name: ClassVar[str] = "dynamixel"
+    default_rate_hz: ClassVar[float] = 100.0
+
+    def __init__(
+        self,
+        options: Mapping[str, Any],
+        *,
+        period_ns: int,
+        clock: Clock,
+        open_bus: OpenBus = open_bus,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        super().__init__(options, period_ns=period_ns, clock=clock)
+        self.settings: GimbalOptions = parse(options)
+        self.advice: list[str] = []
+        self._open_bus = open_bus
+        self._sleep = sleep
+        self._bus: ServoBus | None = None
+        self._group: Group | None = None
+        self._axes = [Axis(axis) for axis in self.settings.axes]
+        self._tracker = Tracker(
+            self.settings.order, self.settings.mount, self.settings.tool,
+            is_pointing=self.settings.pointing,
+        )  # fmt: skip
+        self._is_enabled = False
+        self._feedback: Feedback | None = None
+        self._is_out_of_reach = False
+        self._written_ns = 0
+        self._apart_since_ns = [0] * len(self._axes)
+        self._known: list[float] | None = None
+
+    @property
+    def losses(self) -> Losses:
+        """What was not answered since the bus was opened."""
+        return self._group.losses if self._group else Losses(0, 0, {}, "")
+
+    def open(self) -> None:
+        """Find every servo, put its settings right, and begin to listen; nothing moves.
+
+        Raises:
+            LinkError: the port or a servo is not there.
+            DeviceFaultError: a servo is another model, or cannot be put right.
+        """
+        self._connect()
+
+    def enable(self) -> Feedback:
+        """Switch the torque on where the gimbal stands.
+
+        Raises:
+            LinkError: the bus is gone.
+            DeviceFaultError: a servo refuses, or the gimbal is outside its limits.
+        """
+        bus, group = self._connected()
+        self._settle(group)
+        for axis in self._axes:
+            servo = axis.options.id
+            if bits := bus.read(servo, startup.HARDWARE_ERROR, 1):
+                raise DeviceFaultError(
+                    f"servo {servo} ({axis.options.name}) reports {explain_error(bits)}; reset it"
+                )
+            position = bus.read(servo, startup.POSITION, 4, is_signed=True)
+            self._check_angle(axis, axis.angle(position))
+        begun: list[Axis] = []
+        try:
+            # One at a time: what was begun has to be known when the next one fails.
+            for axis in self._axes:
+                begun += [axis] if startup.engage(bus, axis) else []
+            group.forget()
+            group.synchronise(self.clock.now_ns)
+            startup.arm_watchdogs(bus, self._axes, self.settings.watchdog_ms)
+        except DeviceError:
+            # What held before goes on holding.
+            self._drop(bus, begun)
+            raise
+        angles = tuple(axis.angle(axis.goal) for axis in self._axes)
+        self._tracker.angles = angles
+        self._known = list(angles)
+        self._is_enabled = True
+        self._written_ns = self.clock.now_ns()
+        self._apart_since_ns = [0] * len(self._axes)
+        self._feedback = Feedback(self.clock.now_ns(), self._tracker.forward(angles), joints=angles)
+        return self._feedback
+
+    def read(self) -> Feedback | None:
+        """Take in the answers to the last request.
+
+        Raises:
+            LinkError: the port is gone.
+            FeedbackError: too many answers were lost in a row.
+            DeviceFaultError: a servo reports an error, has no torque, or does not follow.
+        """
+        _, group = self._connected()
+        now_ns = self.clock.now_ns()
+        try:
+            is_new = group.take(now_ns)
+        finally:
+            if not self._is_enabled and not group.is_waiting:
+                group.ask(self.clock.now_ns())
+        if is_new:
+            self._feedback = self._report(group)
+            if self._is_enabled:
+                self._supervise(group)
+        return self._feedback
+
+    def write(self, setpoint: Setpoint) -> None:
+        """Send the goals of *setpoint*, and the next request.
+
+        Raises:
+            LinkError: the port is gone.
+            DeviceFaultError: an axis would leave its limits or turn faster than it can.
+        """
+        bus, group = self._connected()
+        angles, missed = self._tracker.solve(setpoint.q)
+        if missed > self.settings.roll_tolerance:
+            raise DeviceFaultError(
+                f"the gimbal misses the orientation by {math.degrees(missed):.2f} deg, at most "
+                f"{math.degrees(self.settings.roll_tolerance):.2f} deg are allowed"
+            )
+        now_ns = self.clock.now_ns()
+        # Judged by the cycle, not by the clock: two writes may come closer together than that.
+        span = max(1, round((now_ns - self._written_ns) / self.period_ns)) * self.period_ns * 1e-9
+        goals = []
+        for axis, angle, last in zip(self._axes, angles, self._tracker.angles, strict=True):
+            self._check_angle(axis, angle)
+            if abs(angle - last) > axis.options.velocity * span * _RATE_SLACK + _TICK:
+                raise DeviceFaultError(
+                    f"{axis.options.name} would have to turn at "
+                    f"{math.degrees(abs(angle - last) / span):.0f} deg/s, at most "
+                    f"{math.degrees(axis.options.velocity):.0f} deg/s are allowed"
+                )
+            goals.append(axis.ticks(angle))
+        bus.sync_write(
+            startup.GOAL, 4,
+            [(axis.options.id, goal) for axis, goal in zip(self._axes, goals, strict=True)],
+        )  # fmt: skip
+        for axis, goal in zip(self._axes, goals, strict=True):
+            axis.goal = goal
+        self._tracker.angles = angles
+        self._known = list(angles)
+        self._written_ns = now_ns
+        group.ask(now_ns)
+
+    def disable(self) -> None:
+        """Hold the last goal, watchdogs off."""
+        self._is_enabled = False
+        bus, group = self._bus, self._group
+        if bus is None or group is None or self._is_out_of_reach:
+            return
+        try:
+            self._settle(group)
+            startup.hold(bus, self._axes)
+        except DeviceError:
+            # The watchdogs stop what cannot be reached; asking again would only take time.
+            self._is_out_of_reach = True
+            raise
+
+    def reset(self) -> None:
+        """Open the port again if it is gone, and start servos again that report an error.
+
+        Raises:
+            LinkError: the port or a servo is not there.
+            DeviceFaultError: a servo still reports an error.
+        """
+        self._is_enabled = False
+        if self._bus is not None:
+            self._bus.close()
+        self._connect()
+
+    def close(self) -> None:
+        """Park and switch the torque off, or leave it on, as the options say."""
+        self._is_enabled = False
+        bus, group = self._bus, self._group
+        self._bus = self._group = None
+        if bus is None:
+            return
+        try:
+            if group is not None:
+                self._settle(group)
+                startup.arm_watchdogs(bus, self._axes, 0)
+                if self.settings.at_end == "release":
+                    startup.release(bus, self.settings, self._axes, self._sleep)
+        except DeviceError:
+            if self.settings.at_end == "release":
+                self._drop(bus, self._axes)
+        finally:
+            bus.close()
+
+    def _connect(self) -> None:
+        options = self.settings
+        self._bus = self._group = None
+        glance_s = min(READ_WAIT_S, 0.2e-9 * self.period_ns)
+        bus = self._open_bus(
+            options.port, options.baud, wait_ms=options.latency_ms, glance_s=glance_s
+        )
+        try:
+            firmware = {axis.options.id: startup.identify(bus, axis.options) for axis in self._axes}
+            for axis in self._axes:
+                startup.clear_error(bus, axis.options, self._sleep)
+                startup.configure(bus, axis.options)
+            for number, axis in enumerate(self._axes):
+                axis.turns = 0
+                if self._known is not None:
+                    position = bus.read(axis.options.id, startup.POSITION, 4, is_signed=True)
+                    axis.resolve_turns(position, self._known[number])
+            self._group = self._listen(bus, firmware)
+            self._group.synchronise(self.clock.now_ns)
+        except DeviceError:
+            bus.close()
+            raise
+        self._bus = bus
+
+    def _listen(self, bus: ServoBus, firmware: Mapping[int, int]) -> Group:
+        options = self.settings
+        old = [
+            f"servo {axis.options.id} has firmware {firmware[axis.options.id]}, fast reads need "
+            f"{axis.options.model.fast_firmware}"
+            for axis in self._axes
+            if firmware[axis.options.id] < axis.options.model.fast_firmware
+        ]
+        if old and options.fast_read == "on":
+            raise DeviceFaultError("; ".join(old))
+        self.advice = old if options.fast_read == "auto" else []
+        group = Group(
+            bus, self._axes, is_fast=not old and options.fast_read != "off",
+            max_losses=options.max_losses, quiet_ns=round(options.latency_ms * 1e6),
+        )  # fmt: skip
+        need_ms = group.cycle_bytes * bus.byte_ms
+        if need_ms > _BUSY_SHARE * self.period_ns * 1e-6:
+            raise LinkError(
+                f"a cycle takes {need_ms:.2f} ms on the line at {options.baud} baud, the period "
+                f"is {self.period_ns * 1e-6:.2f} ms; lower the rate or set the servos to a higher "
+                "line speed"
+            )
+        return group
+
+    def _connected(self) -> tuple[ServoBus, Group]:
+        if self._bus is None or self._group is None:
+            raise LinkError(f"{self.settings.port} is not open")
+        return self._bus, self._group
+
+    def _settle(self, group: Group) -> None:
+        group.settle(self.clock.now_ns(), self.settings.latency_ms)
+
+    def _drop(self, bus: ServoBus, axes: Sequence[Axis]) -> None:
+        """Switch the torque of *axes* off where they can still be reached."""
+        for axis in axes:
+            try:
+                bus.write(axis.options.id, startup.TORQUE, 0, 1)
+            except DeviceError:
+                continue
+
+    def _report(self, group: Group) -> Feedback:
+        angles, rates = [], []
+        for axis, reading in zip(self._axes, group.readings, strict=True):
+            angles.append(axis.angle(reading.position))
+            rates.append(axis.rate(reading.velocity))
+        if not self._is_enabled:
+            self._known = list(angles)
+        return Feedback(
+            group.time_ns,
+            self._tracker.forward(angles),
+            self._tracker.omega_body(angles, rates),
+            joints=tuple(angles),
+        )
+
+    def _supervise(self, group: Group) -> None:
+        """Raise what a servo shows to be wrong."""
+        now_ns = group.time_ns
+        for number, (axis, reading) in enumerate(zip(self._axes, group.readings, strict=True)):
+            servo = f"servo {axis.options.id} ({axis.options.name})"
+            if reading.hardware_error:
+                raise DeviceFaultError(f"{servo} reports {explain_error(reading.hardware_error)}")
+            if reading.watchdog == WATCHDOG_TRIPPED:
+                raise DeviceFaultError(f"{servo} stopped because nothing was sent for too long")
+            if not reading.is_torque_on:
+                raise DeviceFaultError(f"{servo} has lost its torque")
+            apart = abs(axis.angle(reading.position) - axis.angle(axis.goal))
+            if apart <= self.settings.follow_tolerance:
+                self._apart_since_ns[number] = 0
+            elif not self._apart_since_ns[number]:
+                self._apart_since_ns[number] = now_ns
+            elif now_ns - self._apart_since_ns[number] > self.settings.follow_time * 1e9:
+                raise DeviceFaultError(
+                    f"{servo} does not follow: it is {math.degrees(apart):.1f} deg behind for "
+                    f"more than {self.settings.follow_time:g} s; is it jammed or overloaded?"
+                )
+
+    def _check_angle(self, axis: Axis, angle: float) -> None:
+        options = axis.options
+        if not options.low - _LIMIT_SLACK <= angle <= options.high + _LIMIT_SLACK:
+            raise DeviceFaultError(
+                f"{options.name} would be at {math.degrees(angle):.2f} deg, allowed are "
+                f"{math.degrees(options.low):.2f} to {math.degrees(options.high):.2f} deg"
+            )

@@ -1,0 +1,255 @@
+"""The cyclic read of all servos: asked for in one cycle, taken in the next, never waited for.
+
+An answer that is not there yet is taken in a later cycle; meanwhile goals are sent and nothing is
+asked.  One that has not come after the adapter's latency is lost, and the last good one grows old.
+A late answer must never pass for the answer to a later question, which the protocol itself cannot
+tell, so three things stand in its way: nothing is asked until the slowest answer would have come,
+and what came is thrown away; the order in which servos answer changes from request to request; and
+each block holds the servo's clock, which shows when it was measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import permutations
+
+from orientd.errors import DeviceFaultError, FeedbackError
+from orientd_dynamixel.axis import TICKS, Axis
+from orientd_dynamixel.reading import (
+    BLOCK,
+    REALTIME_TICK,
+    TICK_RANGE,
+    Reading,
+    behind_ms,
+    decode,
+)
+from orientd_dynamixel.servo_bus import ALERT, ServoBus
+
+STALE_MS = 8.0
+"""A block measured so much before it was asked for answers an earlier question."""
+DRIFT = 0.01
+"""How much faster than ours a servo's clock may run."""
+_SOUNDINGS = 3
+_TAIL_MS = 1.0
+"""Stuffing makes an answer longer than it must be; its last bytes are this close behind."""
+JUMP_TICKS = 24
+"""What a reading may jump on top of what the axis can turn: backlash and rounding."""
+JUMP_MARGIN = 1.5
+
+
+@dataclass(slots=True)
+class Losses:
+    """What was not answered.
+
+    Attributes:
+        total: group reads so far that failed.
+        in_a_row: since the last good one.
+        culprits: by servo id, how often it was the first one missing since then.
+        why: what was wrong the last time.
+    """
+
+    total: int
+    in_a_row: int
+    culprits: dict[int, int]
+    why: str
+
+
+class ServoClock:
+    """What a servo's millisecond clock says, seen from here.
+
+    Between a question and its measurement passes some time, never less than none, so the reading
+    that lies farthest behind the question is the one to go by.  The two clocks may drift apart.
+    """
+
+    def __init__(self) -> None:
+        self._asked_ns = 0
+        self._tick_ms = -1.0
+
+    def behind_ms(self, asked_ns: int, tick_ms: int) -> float:
+        """Return by how much *tick_ms* is behind what a prompt answer would show, at least."""
+        if self._tick_ms < 0.0:
+            return 0.0
+        elapsed_ms = (asked_ns - self._asked_ns) * 1e-6
+        return behind_ms(tick_ms, (self._tick_ms + elapsed_ms) % TICK_RANGE)
+
+    def learn(self, asked_ns: int, tick_ms: int) -> None:
+        """Take a believed reading into account."""
+        behind = self.behind_ms(asked_ns, tick_ms)
+        if self._tick_ms < 0.0 or behind >= 0.0:
+            self._tick_ms = float(tick_ms)
+        else:
+            elapsed_ms = (asked_ns - self._asked_ns) * 1e-6
+            drift_ms = min(-behind, DRIFT * elapsed_ms)
+            self._tick_ms = (self._tick_ms + elapsed_ms + drift_ms) % TICK_RANGE
+        self._asked_ns = asked_ns
+
+
+class Group:
+    """Read all servos once a cycle.
+
+    Attributes:
+        time_ns: when the newest good reading was asked for.
+        readings: by axis, the newest good ones.
+        losses: what was not answered.
+    """
+
+    def __init__(
+        self,
+        bus: ServoBus,
+        axes: Sequence[Axis],
+        *,
+        is_fast: bool,
+        max_losses: int,
+        quiet_ns: int,
+    ) -> None:
+        self.time_ns = 0
+        self.readings: tuple[Reading, ...] = ()
+        self.losses = Losses(0, 0, {}, "")
+        self._bus = bus
+        self._axes = list(axes)
+        self._is_fast = is_fast
+        self._max_losses = max_losses
+        self._quiet_ns = quiet_ns
+        rows = [(a.options.id, a.options.model.indirect_data, len(BLOCK)) for a in axes]
+        # Neighbours in this list differ, so that two requests in a row are never alike.
+        self._orders = [list(order) for order in permutations(rows)]
+        count, block = len(rows), len(BLOCK)
+        self._answer_bytes = 8 + count * (block + 4) if is_fast else count * (block + 11)
+        self._turn = 0
+        self._asked_ns = 0
+        self._is_waiting = False
+        self._quiet_until_ns = 0
+        self._clocks: dict[int, ServoClock] = {}
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether an answer is on its way."""
+        return self._is_waiting
+
+    @property
+    def cycle_bytes(self) -> int:
+        """Bytes on the line each cycle: goals out, request out, answers in."""
+        count = len(self._axes)
+        return 14 + 5 * count + 14 + count + self._answer_bytes
+
+    def ask(self, now_ns: int) -> None:
+        """Ask for the next reading, unless an answer is on its way or may still come."""
+        if self._is_waiting or now_ns < self._quiet_until_ns:
+            return
+        self._turn = (self._turn + 1) % len(self._orders)
+        self._bus.request(self._orders[self._turn], is_fast=self._is_fast)
+        self._asked_ns = now_ns
+        self._is_waiting = True
+
+    def take(self, now_ns: int) -> bool:
+        """Take the answer in if it is there; return whether there is a new good reading.
+
+        Raises:
+            FeedbackError: too many were lost in a row.
+            DeviceFaultError: a servo has started again.
+        """
+        if not self._is_waiting:
+            return False
+        is_there = self._bus.available >= self._answer_bytes
+        if not is_there and now_ns - self._asked_ns < self._quiet_ns:
+            return False
+        self._is_waiting = False
+        rows = self._orders[self._turn]
+        blocks, missing = self._bus.collect(
+            rows, _TAIL_MS if is_there else 0.0, is_fast=self._is_fast
+        )
+        if len(blocks) < len(rows):
+            self._lose(now_ns, missing, "no whole answer")
+            return False
+        for block in blocks:
+            if block.error & ~ALERT:
+                self._lose(now_ns, block.id, f"error {block.error & ~ALERT} instead of a reading")
+                return False
+        found = {block.id: decode(block.content) for block in blocks}
+        readings = tuple(found[axis.options.id] for axis in self._axes)
+        for axis, reading in zip(self._axes, readings, strict=True):
+            if problem := self._doubt(axis, reading):
+                self._lose(now_ns, axis.options.id, problem)
+                return False
+        self.readings = readings
+        self.time_ns = self._asked_ns
+        self.losses.in_a_row = 0
+        self.losses.culprits.clear()
+        for axis, reading in zip(self._axes, readings, strict=True):
+            self._clocks[axis.options.id].learn(self._asked_ns, reading.tick_ms)
+        return True
+
+    def settle(self, now_ns: int, wait_ms: float) -> None:
+        """Get the line free for single questions: take or await what is on its way."""
+        if self._is_waiting:
+            self._is_waiting = False
+            self._bus.collect(self._orders[self._turn], wait_ms, is_fast=self._is_fast)
+        self._quiet_until_ns = now_ns
+        self._bus.clear()
+
+    def forget(self) -> None:
+        """Begin anew: nothing read so far counts."""
+        self.readings = ()
+        self.losses.in_a_row = 0
+        self.losses.culprits.clear()
+        self._is_waiting = False
+        self._quiet_until_ns = 0
+
+    def synchronise(self, now_ns: Callable[[], int]) -> None:
+        """Learn what every servo's clock says, by asking each a few times alone.
+
+        Raises:
+            LinkError: one does not answer.
+        """
+        for axis in self._axes:
+            servo = axis.options.id
+            clock = ServoClock()
+            for _ in range(_SOUNDINGS):
+                asked_ns = now_ns()
+                clock.learn(asked_ns, self._bus.read(servo, REALTIME_TICK, 2))
+            self._clocks[servo] = clock
+
+    def _doubt(self, axis: Axis, reading: Reading) -> str:
+        """Return why a reading cannot be believed, or nothing.
+
+        Raises:
+            DeviceFaultError: it shows that the servo has started again.
+        """
+        servo, name = axis.options.id, axis.options.name
+        if not reading.has_map:
+            raise DeviceFaultError(
+                f"servo {servo} ({name}) has started again and lost its settings; was its supply "
+                "interrupted?"
+            )
+        late_ms = self._clocks[servo].behind_ms(self._asked_ns, reading.tick_ms)
+        if late_ms > STALE_MS:
+            return f"{name} answered an earlier question, {late_ms:.0f} ms old"
+        if not self.readings:
+            return ""
+        elapsed_ms = (self._asked_ns - self.time_ns) * 1e-6
+        previous = self.readings[self._axes.index(axis)]
+        most = axis.options.velocity * axis.options.gear * TICKS / 6.283185307179586
+        reach = JUMP_TICKS + JUMP_MARGIN * most * (elapsed_ms + STALE_MS) * 1e-3
+        jump = abs(reading.position - previous.position)
+        if jump > reach:
+            return f"{name} reports a jump of {jump} ticks in {elapsed_ms:.1f} ms"
+        return ""
+
+    def _lose(self, now_ns: int, servo: int | None, why: str) -> None:
+        losses = self.losses
+        losses.total += 1
+        losses.in_a_row += 1
+        losses.why = why
+        if servo is not None:
+            losses.culprits[servo] = losses.culprits.get(servo, 0) + 1
+        # What is late must have come, and be thrown away, before anything is asked again.
+        self._quiet_until_ns = self._asked_ns + self._quiet_ns
+        if losses.in_a_row >= self._max_losses:
+            age_ms = (now_ns - self.time_ns) * 1e-6 if self.time_ns else float("inf")
+            text = f"{losses.in_a_row} readings lost in a row, the last good is {age_ms:.0f} ms old"
+            if losses.culprits:
+                worst = max(losses.culprits, key=lambda key: losses.culprits[key])
+                name = next(a.options.name for a in self._axes if a.options.id == worst)
+                text += f"; most often servo {worst} ({name})"
+            raise FeedbackError(f"{text}: {why}")

@@ -1,0 +1,289 @@
+r"""Gimbal kinematics: axis angles to orientation and back, both branches, Jacobian, manipulability.
+
+A gimbal turns about two or three of the coordinate axes, named from the base to the tool by
+capital letters: ``ZYX`` is yaw, pitch, roll.  With rotation matrices
+:math:`R = R_i(a) R_j(b) R_k(c)`.  A two-axis gimbal points the axis that it cannot turn about.
+
+Everything follows from one observation.  Let :math:`d = R e_t` be the direction of the innermost
+axis, or of the pointing axis where there are two.  Once the outer angle *a* is chosen, the best
+*b* and *c* leave the error :math:`\arcsin |e_j \cdot R_i(-a) d|`, exactly, because what is missing
+is the middle angle of :math:`R_i(-a) R` taken apart in the order *j*, missing, *t*.  So the outer
+angle alone decides, and its exact values lie half a turn apart: those are the two branches.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from orientd.rotation import from_axis_angle, multiply, to_matrix
+from orientd.rotation.quaternion import Floats, check_unit, conjugate, normalize
+
+IDENTITY = (1.0, 0.0, 0.0, 0.0)
+_LOCK = 1e-6
+
+
+class Rest(NamedTuple):
+    """What the inner axes make of an orientation once the outer angle is chosen.
+
+    Attributes:
+        inner: angles of the inner axes, rad, shape ``(..., axes - 1)``.
+        error: angle that remains, rad, shape ``(...)``.
+    """
+
+    inner: Floats
+    error: Floats
+
+
+def _split(matrix: Floats, i: int, j: int, k: int) -> tuple[Floats, Floats, Floats]:
+    """Return the angles of ``R_i(a) R_j(b) R_k(c)`` with three different axes and |b| <= 90 deg."""
+    sign = 1.0 if (j - i) % 3 == 1 else -1.0
+    a = np.arctan2(-sign * matrix[..., j, k], matrix[..., k, k])
+    b = np.arctan2(sign * matrix[..., i, k], np.hypot(matrix[..., j, k], matrix[..., k, k]))
+    c = np.arctan2(-sign * matrix[..., i, j], matrix[..., i, i])
+    return a, b, c
+
+
+def _turned_back(matrix: Floats, i: int, angle: Floats) -> Floats:
+    """Return ``R_i(-angle) matrix``."""
+    u, v = (i + 1) % 3, (i + 2) % 3
+    cos, sin = np.cos(angle)[..., None], np.sin(angle)[..., None]
+    turned = np.array(np.broadcast_to(matrix, (*cos.shape[:-1], 3, 3)))
+    row_u, row_v = matrix[..., u, :], matrix[..., v, :]
+    turned[..., u, :] = cos * row_u + sin * row_v
+    turned[..., v, :] = cos * row_v - sin * row_u
+    return turned
+
+
+@dataclass(frozen=True)
+class Gimbal:
+    """A gimbal of two or three axes.
+
+    Attributes:
+        order: the axes from base to tool, for example ``ZYX``, ``ZXY`` or ``ZY``.
+        mount: orientation ``(w, x, y, z)`` of the base in the world.
+        tool: orientation of the tool on the innermost axis.
+
+    Raises:
+        ValueError: *order* is not one there is.
+    """
+
+    order: str = "ZYX"
+    mount: tuple[float, float, float, float] = IDENTITY
+    tool: tuple[float, float, float, float] = IDENTITY
+
+    def __post_init__(self) -> None:
+        letters = self.order
+        if len(letters) not in {2, 3} or any(letter not in "XYZ" for letter in letters):
+            raise ValueError(f"order must be two or three of X, Y and Z, got {letters!r}")
+        if any(a == b for a, b in pairwise(letters)):
+            raise ValueError(f"order must not name an axis twice in a row, got {letters!r}")
+        check_unit(self.mount)
+        check_unit(self.tool)
+
+    @property
+    def axes(self) -> tuple[int, ...]:
+        """The axes as numbers, 0 is X."""
+        return tuple("XYZ".index(letter) for letter in self.order)
+
+    @property
+    def inner_axis(self) -> int:
+        """The innermost axis of three, or the axis that two point."""
+        axes = self.axes
+        return axes[2] if len(axes) == 3 else 3 - axes[0] - axes[1]
+
+    def forward(self, angles: ArrayLike) -> Floats:
+        """Return the tool's orientation ``(w, x, y, z)`` in the world.
+
+        Args:
+            angles: axis angles in rad, shape ``(..., axes)``.
+        """
+        angles = self._angles(angles)
+        q: Floats = np.broadcast_to(np.array(self.mount), (*angles.shape[:-1], 4))
+        for number, axis in enumerate(self.axes):
+            q = multiply(q, from_axis_angle(np.eye(3)[axis], angles[..., number]))
+        return normalize(multiply(q, self.tool))
+
+    def matrix(self, q: ArrayLike) -> Floats:
+        """Return what the axes alone have to make of *q*, as a matrix, shape ``(..., 3, 3)``."""
+        return to_matrix(multiply(multiply(conjugate(self.mount), q), conjugate(self.tool)))
+
+    def pointing(self, matrix: Floats) -> tuple[Floats, Floats]:
+        """Return an exact outer angle, and the sine of the distance from the pole.
+
+        Args:
+            matrix: as from :meth:`matrix`.
+
+        Returns:
+            The angle in rad, arbitrary at the pole, and the sine, both of shape ``(...)``.  Every
+            half turn more is exact as well.
+        """
+        i, j = self.axes[:2]
+        d = matrix[..., :, self.inner_axis]
+        u, v = d[..., (i + 1) % 3], d[..., (i + 2) % 3]
+        outer = np.arctan2(v, u) if j == (i + 2) % 3 else np.arctan2(-u, v)
+        return outer, np.hypot(u, v)
+
+    def rest(self, matrix: Floats, outer: ArrayLike) -> Rest:
+        """Return the inner angles that are best for a chosen outer one, and the error left.
+
+        Args:
+            matrix: as from :meth:`matrix`.
+            outer: outer angle in rad, shape ``(...)``.
+        """
+        i, j = self.axes[:2]
+        t = self.inner_axis
+        turned = _turned_back(matrix, i, np.asarray(outer, dtype=np.float64))
+        if len(self.axes) == 3:
+            b, missing, c = _split(turned, j, 3 - j - t, t)
+            return Rest(np.stack([b, c], axis=-1), np.abs(missing))
+        d = turned[..., :, t]
+        u, v = d[..., (j + 1) % 3], d[..., (j + 2) % 3]
+        b = np.arctan2(v, u) if t == (j + 1) % 3 else np.arctan2(-u, v)
+        error = np.arctan2(np.abs(d[..., j]), np.hypot(u, v))
+        return Rest(b[..., None], error)
+
+    def inverse(self, q: ArrayLike, inner: ArrayLike | None = None) -> Floats:
+        """Return the axis angles of both branches.
+
+        A two-axis gimbal reproduces the direction of its pointing axis only; see :meth:`fit`.
+        Within 1e-6 of the pole outer and inner angle turn about one line: *inner* is then kept.
+
+        Args:
+            q: orientations ``(w, x, y, z)``, shape ``(..., 4)``.
+            inner: the innermost angle to keep at the pole, rad, shape ``(...)``; of two axes the
+                outer one.  Default 0.
+
+        Returns:
+            Angles in (-pi, pi], shape ``(..., 2, axes)``.
+
+        Raises:
+            ValueError: *q* is not of unit norm.
+        """
+        matrix = self.matrix(check_unit(q))
+        outer, sine = self.pointing(matrix)
+        kept = np.broadcast_to(np.asarray(0.0 if inner is None else inner), outer.shape)
+        outer = np.where(sine < _LOCK, self._outer_at_pole(matrix, kept), outer)
+        branches = []
+        for turn in (0.0, np.pi):
+            chosen = wrapped(outer + turn)
+            branches.append(
+                np.concatenate([chosen[..., None], self.rest(matrix, chosen).inner], axis=-1)
+            )
+        return np.stack(branches, axis=-2)
+
+    def fit(self, q: ArrayLike) -> tuple[Floats, Floats]:
+        """Return the angles of a two-axis gimbal that come nearest to a whole orientation.
+
+        Nearest by the angle of the rotation between.  It is what remains of the order outer,
+        missing, inner when the missing angle is dropped, and that angle is the error, exactly; so
+        the pole is as good as any other direction.
+
+        Args:
+            q: orientations ``(w, x, y, z)``, shape ``(..., 4)``.
+
+        Returns:
+            Angles in (-pi, pi], shape ``(..., 2, 2)`` with both branches, and the error of each in
+            rad, shape ``(..., 2)``.  The second branch is the farther one and seldom wanted.
+
+        Raises:
+            ValueError: *q* is not of unit norm, or the gimbal has three axes.
+        """
+        if len(self.axes) != 2:
+            raise ValueError(f"only a gimbal of two axes has to fit, this one is {self.order}")
+        i, j = self.axes
+        a, missing, b = _split(self.matrix(check_unit(q)), i, 3 - i - j, j)
+        near = np.stack([a, b], axis=-1)
+        far = wrapped(near + np.pi)
+        error = np.abs(missing)
+        return np.stack([near, far], axis=-2), np.stack([error, np.pi - error], axis=-1)
+
+    def jacobian(self, angles: ArrayLike) -> Floats:
+        """Return the matrix from axis rates to the angular velocity in the world, rad/s.
+
+        Args:
+            angles: axis angles in rad, shape ``(..., axes)``.
+
+        Returns:
+            Shape ``(..., 3, axes)``: the columns are the directions of the axes.
+        """
+        angles = self._angles(angles)
+        q: Floats = np.broadcast_to(np.array(self.mount), (*angles.shape[:-1], 4))
+        columns = []
+        for number, axis in enumerate(self.axes):
+            columns.append(to_matrix(q)[..., :, axis])
+            q = multiply(q, from_axis_angle(np.eye(3)[axis], angles[..., number]))
+        return np.stack(columns, axis=-1)
+
+    def manipulability(self, angles: ArrayLike) -> Floats:
+        """Return the least singular value of what the axis rates do; 0 is the pole.
+
+        Of three axes that is of the Jacobian; of two, of the part that moves the pointing axis.
+
+        Args:
+            angles: axis angles in rad, shape ``(..., axes)``.
+        """
+        jacobian = self.jacobian(angles)
+        if len(self.axes) == 2:
+            unrotated = multiply(self.forward(angles), conjugate(self.tool))
+            direction = to_matrix(unrotated)[..., :, self.inner_axis]
+            along = np.einsum("...ij,...i->...j", jacobian, direction)
+            jacobian = jacobian - direction[..., :, None] * along[..., None, :]
+        sigma = np.linalg.svd(jacobian, compute_uv=False)
+        return np.asarray(sigma[..., len(self.axes) - 1], dtype=np.float64)
+
+    def _outer_at_pole(self, matrix: Floats, kept: Floats) -> Floats:
+        if len(self.axes) == 2:
+            return kept
+        i, j = self.axes[:2]
+        t = self.inner_axis
+        # R R_k(-c) = R_i(a) R_j(b): where b leaves e_j alone, its image shows a.
+        transposed = np.swapaxes(matrix, -1, -2)
+        image = _turned_back(transposed, t, -kept)[..., j, :]
+        u, v = image[..., (i + 1) % 3], image[..., (i + 2) % 3]
+        return np.arctan2(v, u) if j == (i + 1) % 3 else np.arctan2(-u, v)
+
+    def _angles(self, angles: ArrayLike) -> Floats:
+        array = np.asarray(angles, dtype=np.float64)
+        if array.ndim == 0 or array.shape[-1] != len(self.axes):
+            raise ValueError(
+                f"angles must have {len(self.axes)} in their last axis, got shape {array.shape}"
+            )
+        return array
+
+
+def wrapped(angle: Floats) -> Floats:
+    """Return an angle less whole turns, in (-pi, pi]."""
+    less: Floats = np.asarray(angle - 2 * np.pi * np.ceil((angle - np.pi) / (2 * np.pi)))
+    return less
+
+
+def damped_rates(
+    jacobian: ArrayLike, omega: ArrayLike, *, epsilon: float = 0.12, damping: float = 0.12
+) -> Floats:
+    r"""Return axis rates by damped least squares, the usual way past a singularity.
+
+    .. math:: \dot q = J^T (J J^T + \lambda^2 I)^{-1} \omega,\quad
+        \lambda^2 = \lambda_{max}^2 (1 - (\sigma / \epsilon)^2) \text{ for } \sigma < \epsilon
+
+    Source: Nakamura and Hanafusa (1986); the variable damping is Chiaverini's (1994).  It looks one
+    step ahead only: :mod:`orientd_dynamixel.path` plans the whole path instead.
+
+    Args:
+        jacobian: shape ``(..., 3, axes)``.
+        omega: angular velocity wanted, rad/s, shape ``(..., 3)``.
+        epsilon: least singular value below which damping begins.
+        damping: its largest value.
+    """
+    jacobian = np.asarray(jacobian, dtype=np.float64)
+    u, sigma, vt = np.linalg.svd(jacobian, full_matrices=False)
+    share = np.minimum(1.0, sigma[..., -1] / epsilon)
+    square = damping**2 * (1.0 - share**2)
+    gains = sigma / (sigma**2 + square[..., None] + 1e-300)
+    wanted = np.einsum("...ji,...j->...i", u, np.asarray(omega, dtype=np.float64))
+    rates: Floats = np.einsum("...ij,...i->...j", vt, gains * wanted)
+    return rates

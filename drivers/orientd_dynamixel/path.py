@@ -1,0 +1,277 @@
+"""Map an orientation path to axis angles before it moves: branch, turns, keyholes, stops, limits.
+
+The whole path is known, so nothing has to be decided on the way: branch and winding are chosen by
+least cost over all of it, a passage near the pole deviates by the least angle that the axes need,
+and what cannot be done is refused with axis, value and time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from orientd.errors import LimitError, StartError
+from orientd.rotation.quaternion import Floats, angle, check_unit
+from orientd_dynamixel.branches import Choice, candidates, choose
+from orientd_dynamixel.certificate import (
+    AxisCertificate,
+    AxisLimits,
+    AxisPath,
+    Keyhole,
+    Peak,
+    Policy,
+    peak,
+    rates,
+)
+from orientd_dynamixel.keyhole import Passage, outer_line, passages, windows
+from orientd_dynamixel.kinematics import Gimbal, wrapped
+from orientd_dynamixel.stops import Timeline, with_stops
+
+_SLACK = 1 + 1e-3
+_ADVICE = "allow a deviation, a slower path or a slew, or choose another path"
+
+
+def plan_axes(
+    gimbal: Gimbal,
+    q: ArrayLike,
+    period: float,
+    limits: Sequence[AxisLimits],
+    *,
+    start: ArrayLike | None = None,
+    policy: Policy | None = None,
+) -> AxisPath:
+    """Return axis angles for a path of orientations.
+
+    A gimbal of two axes follows the direction of its pointing axis; the roll is what it is.
+
+    Args:
+        gimbal: which axes there are.
+        q: orientations ``(w, x, y, z)``, tool to world, on a uniform grid, shape ``(n, 4)``.
+        period: of the grid, s.
+        limits: of every axis.
+        start: axis angles from which the path begins, rad, shape ``(axes,)``; by default the plan
+            chooses.
+        policy: what may be done where the exact path is too much; by default nothing.
+
+    Raises:
+        LimitError: the path needs more than an axis has, and the policy allows no way round.
+        StartError: the path does not begin at *start*.
+        ValueError: a quaternion is not of unit norm, or the number of limits is not that of axes.
+    """
+    q = check_unit(q)
+    policy = policy or Policy()
+    if len(limits) != len(gimbal.axes):
+        raise ValueError(f"limits must be {len(gimbal.axes)}, got {len(limits)}")
+    origin = None if start is None else np.asarray(start, dtype=np.float64)
+    stretch = 1.0
+    choice = _choose(gimbal, q, period, limits, origin, policy)
+    need = _needed_stretch(choice, period, limits, has_slews=policy.allow_slews)
+    if need > 1.0 and policy.max_stretch > 1.0:
+        every = candidates(_principal(gimbal, q), limits)
+        exact = choose(every, _unhurried(limits), period, start=origin)
+        if exact.reached == len(q):
+            velocity, acceleration = rates(exact.angles, period)
+            shares = [1.0]
+            for a, limit in enumerate(limits):
+                shares.append(float(np.max(np.abs(velocity[:, a]))) / limit.velocity)
+                fastest = float(np.max(np.abs(acceleration[:, a])))
+                shares.append(math.sqrt(fastest / limit.acceleration))
+            stretch = max(shares) * (1 + 1e-9)
+            if stretch <= policy.max_stretch:
+                choice = exact
+                period = period * stretch
+            else:
+                stretch = 1.0
+    _refuse(choice, gimbal, q, period, limits, policy)
+    path = _path(gimbal, q, period, limits, choice, stretch)
+    _verify(path.certificate, limits)
+    return path
+
+
+def _choose(
+    gimbal: Gimbal,
+    q: Floats,
+    period: float,
+    limits: Sequence[AxisLimits],
+    start: Floats | None,
+    policy: Policy,
+) -> Choice:
+    every = candidates(_principal(gimbal, q), limits)
+    ways: list[Passage] = []
+    if policy.max_deviation > 0.0:
+        matrix = gimbal.matrix(q)
+        line, _ = outer_line(gimbal, matrix)
+        for window in windows(line, period, limits[0]):
+            ways += passages(gimbal, matrix, window, limits, period, policy.max_deviation)
+    choice = choose(every, limits, period, start=start, passages=ways)
+    if choice.reached < len(q) and policy.allow_slews:
+        choice = choose(every, limits, period, start=start, passages=ways, allow_slews=True)
+    return choice
+
+
+def _principal(gimbal: Gimbal, q: Floats) -> Floats:
+    """Return both branches along a path, the outer angle continuous through the pole itself."""
+    matrix = gimbal.matrix(q)
+    line, _ = outer_line(gimbal, matrix)
+    branches = []
+    for turn in (0.0, np.pi):
+        inner = gimbal.rest(matrix, line + turn).inner
+        branches.append(np.concatenate([wrapped(line + turn)[:, None], inner], axis=-1))
+    return np.stack(branches, axis=1)
+
+
+def _unhurried(limits: Sequence[AxisLimits]) -> list[AxisLimits]:
+    # Half a turn a sample tells one branch from the other and forbids nothing else.
+    return [AxisLimits(limit.low, limit.high, 1e4, np.inf, limit.name) for limit in limits]
+
+
+def _needed_stretch(
+    choice: Choice, period: float, limits: Sequence[AxisLimits], *, has_slews: bool
+) -> float:
+    if choice.reached < len(choice.angles):
+        return np.inf
+    if has_slews and choice.slews:
+        return 1.0
+    _, acceleration = rates(choice.angles, period)
+    shares = [
+        float(np.max(np.abs(acceleration[:, a]))) / limit.acceleration
+        for a, limit in enumerate(limits)
+    ]
+    return math.sqrt(max(shares))
+
+
+def _refuse(
+    choice: Choice,
+    gimbal: Gimbal,
+    q: Floats,
+    period: float,
+    limits: Sequence[AxisLimits],
+    policy: Policy,
+) -> None:
+    """Raise what is wrong with *choice*, if anything is."""
+    if choice.reached == 0:
+        principal = gimbal.inverse(q[:1])[0]
+        if np.all(np.isnan(candidates(principal[None], limits))):
+            _refuse_angle(principal, limits, 0.0)
+        raise StartError(
+            "the path does not begin at the axis angles the gimbal is commanded to be at; it "
+            f"begins at {np.rad2deg(principal[0]).round(3).tolist()} deg or its other branch"
+        )
+    if choice.reached < len(q):
+        at, time = choice.reached, choice.reached * period
+        principal = gimbal.inverse(q[at : at + 1])[0]
+        every = candidates(principal[None], limits)[0]
+        if np.all(np.isnan(every)):
+            _refuse_angle(principal, limits, time)
+        gaps = np.abs(every - choice.angles[at - 1])
+        share = gaps / (np.array([limit.velocity for limit in limits]) * period)
+        best = int(np.nanargmin(np.max(share, axis=-1)))
+        axis = int(np.argmax(share[best]))
+        rate = float(gaps[best, axis] / period)
+        raise LimitError(
+            f"velocity of {limits[axis].name}", rate, limits[axis].velocity, time, "rad/s", _ADVICE
+        )
+    _, acceleration = rates(choice.angles, period)
+    if policy.allow_slews and choice.slews:
+        return
+    for a, limit in enumerate(limits):
+        worst = peak(
+            acceleration[:, a], period * np.arange(len(q), dtype=np.float64), limit.acceleration
+        )
+        if worst.value > limit.acceleration * _SLACK:
+            raise LimitError(
+                f"acceleration of {limit.name}", worst.value, worst.limit, worst.time, "rad/s^2",
+                _ADVICE,
+            )  # fmt: skip
+
+
+def _refuse_angle(principal: Floats, limits: Sequence[AxisLimits], time: float) -> None:
+    """Raise for the axis that is farthest outside its limits on the better branch."""
+    turn = 2 * np.pi
+    worst = []
+    for branch in principal:
+        outside = []
+        for value, limit in zip(branch, limits, strict=True):
+            middle = (limit.low + limit.high) / 2
+            nearest = value - turn * np.round((value - middle) / turn)
+            outside.append(max(limit.low - nearest, nearest - limit.high, 0.0))
+        axis = int(np.argmax(outside))
+        worst.append((outside[axis], axis, float(branch[axis])))
+    _, axis, value = min(worst)
+    limit = limits[axis]
+    bound = limit.high if abs(value - limit.high) < abs(value - limit.low) else limit.low
+    raise LimitError(
+        f"angle of {limit.name}", value, bound, time, "rad", "no branch is inside the limits"
+    )
+
+
+def _path(
+    gimbal: Gimbal,
+    q: Floats,
+    period: float,
+    limits: Sequence[AxisLimits],
+    choice: Choice,
+    stretch: float,
+) -> AxisPath:
+    line = with_stops(choice.angles, period, choice.slews, limits)
+    reached = gimbal.forward(line.angles)
+    velocity, acceleration = rates(line.angles, period)
+    axes = range(len(limits))
+    certificate = AxisCertificate(
+        velocity=tuple(peak(velocity[:, a], line.times, limits[a].velocity) for a in axes),
+        acceleration=tuple(
+            peak(acceleration[:, a], line.times, limits[a].acceleration) for a in axes
+        ),
+        travel=tuple(
+            (float(np.min(line.angles[:, a])), float(np.max(line.angles[:, a]))) for a in axes
+        ),
+        error=_error(gimbal, q, period, choice, line),
+        manipulability=float(np.min(gimbal.manipulability(line.angles))),
+        keyholes=tuple(
+            Keyhole(
+                _when(line, way.first * period), _when(line, way.last * period), way.kind, way.error
+            )
+            for way in choice.passages
+        ),
+        slews=line.slews,
+        stretch=stretch,
+    )
+    return AxisPath(line.times, line.angles, reached, certificate)
+
+
+def _verify(certificate: AxisCertificate, limits: Sequence[AxisLimits]) -> None:
+    """Raise if the path as it came out breaks a limit after all."""
+    for limit, velocity, acceleration in zip(
+        limits, certificate.velocity, certificate.acceleration, strict=True
+    ):
+        for name, worst, unit in (
+            ("velocity", velocity, "rad/s"),
+            ("acceleration", acceleration, "rad/s^2"),
+        ):
+            if worst.value > worst.limit * _SLACK:
+                raise LimitError(
+                    f"{name} of {limit.name}", worst.value, worst.limit, worst.time, unit, _ADVICE
+                )
+
+
+def _when(line: Timeline, path_time: float) -> float:
+    return float(line.times[int(np.searchsorted(line.path_times, path_time - 1e-9))])
+
+
+def _error(gimbal: Gimbal, q: Floats, period: float, choice: Choice, line: Timeline) -> Peak:
+    """Return the largest angle missed, measured on the orientations that the axes make."""
+    reached = gimbal.forward(choice.angles)
+    if len(gimbal.axes) == 3:
+        missed = angle(reached, q)
+    else:
+        inner = gimbal.inner_axis
+        made = gimbal.matrix(reached)[:, :, inner]
+        asked = gimbal.matrix(q)[:, :, inner]
+        cross = np.linalg.norm(np.cross(made, asked), axis=1)
+        missed = np.arctan2(cross, np.sum(made * asked, axis=1))
+    limit = max((way.error for way in choice.passages), default=0.0)
+    at = int(np.argmax(missed))
+    return Peak(float(missed[at]), _when(line, at * period), limit)

@@ -1,0 +1,103 @@
+"""From a deployment's options to the gimbal that plans are made for.
+
+The driver answers every orientation by the nearest axis angles, so what is planned here comes out
+at the servos as it was planned, as long as the orientations streamed are those of the plan
+(:attr:`.AxisPath.q`) and the plan began where the gimbal is commanded to be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import degrees
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from orientd_dynamixel.certificate import AxisCertificate, AxisLimits, AxisPath, Policy
+from orientd_dynamixel.kinematics import Gimbal
+from orientd_dynamixel.options import GimbalOptions, parse
+from orientd_dynamixel.path import plan_axes
+
+DEFAULT_ACCELERATION = 40.0
+"""rad/s^2 of an axis where nothing else is said; an XM430 with a camera on it can do that."""
+
+
+def gimbal_of(options: GimbalOptions) -> Gimbal:
+    """Return the gimbal that *options* describe."""
+    return Gimbal(options.order, options.mount, options.tool)
+
+
+def limits_of(
+    options: GimbalOptions, acceleration: float = DEFAULT_ACCELERATION
+) -> list[AxisLimits]:
+    """Return what each axis may do.
+
+    Args:
+        options: of the deployment.
+        acceleration: of every axis, rad/s^2.
+    """
+    return [
+        AxisLimits(axis.low, axis.high, axis.velocity, acceleration, axis.name)
+        for axis in options.axes
+    ]
+
+
+def plan(
+    options: Mapping[str, Any],
+    q: ArrayLike,
+    period: float,
+    *,
+    start: ArrayLike | None = None,
+    policy: Policy | None = None,
+    acceleration: float = DEFAULT_ACCELERATION,
+) -> AxisPath:
+    """Return a path in axis angles for a deployment's gimbal.
+
+    Args:
+        options: the driver's table of the configuration.
+        q: orientations ``(w, x, y, z)`` on a uniform grid, shape ``(n, 4)``.
+        period: of the grid, s.
+        start: axis angles the gimbal is commanded to be at, rad; the driver reports them as
+            ``joints``.
+        policy: what may be done where the exact path is too much.
+        acceleration: of every axis, rad/s^2.
+
+    Raises:
+        LimitError: an axis cannot make it, and the policy allows no way round.
+        StartError: the path does not begin at *start*.
+        ValueError: an option or a quaternion is not allowed.
+    """
+    settings = parse(options)
+    return plan_axes(
+        gimbal_of(settings), q, period, limits_of(settings, acceleration), start=start,
+        policy=policy,
+    )  # fmt: skip
+
+
+def describe(certificate: AxisCertificate, options: GimbalOptions) -> list[str]:
+    """Return the certificate in words, a line each, for people."""
+    lines = []
+    for number, axis in enumerate(options.axes):
+        speed, force = certificate.velocity[number], certificate.acceleration[number]
+        low, high = certificate.travel[number]
+        lines.append(
+            f"{axis.name}: {degrees(low):.1f} to {degrees(high):.1f} deg, at most "
+            f"{degrees(speed.value):.1f} deg/s at {speed.time:.3f} s (limit "
+            f"{degrees(speed.limit):.1f}), {degrees(force.value):.0f} deg/s^2 at {force.time:.3f} s"
+        )
+    error = certificate.error
+    lines.append(
+        f"the path is missed by at most {degrees(error.value):.4f} deg at {error.time:.3f} s"
+    )
+    lines += [
+        f"{hole.start:.3f} to {hole.end:.3f} s: {hole.kind} near the pole, missing by at most "
+        f"{degrees(hole.error):.3f} deg"
+        for hole in certificate.keyholes
+    ]
+    for slew in certificate.slews:
+        goal = ", ".join(f"{degrees(angle):.1f}" for angle in slew.after)
+        what = "goes on slowly" if slew.is_on_path else "stops and the axes slew"
+        lines.append(f"{slew.start:.3f} to {slew.end:.3f} s: the path {what} to {goal} deg")
+    if certificate.stretch > 1.0:
+        lines.append(f"the path takes {certificate.stretch:.3f} times as long")
+    return lines

@@ -1,0 +1,364 @@
+"""The servos' bus through the vendor's SDK, with what has to be done around it.
+
+Everything the SDK is known to get wrong is dealt with here, once: its port that stays busy after
+any exception, its busy wait, its 34 ms timeouts on the wall clock, its stuffing that is lost on the
+way out and eats too much on the way in, its answers that are accepted without a look at their
+length, and exceptions of four kinds where a cable is pulled.
+"""
+
+from __future__ import annotations
+
+import termios
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+from orientd.errors import DeviceFaultError, LinkError
+
+BROADCAST = 0xFE
+PING, READ, WRITE, REBOOT = 0x01, 0x02, 0x03, 0x08
+ALERT = 0x80
+READ_WAIT_S = 0.002
+"""How long one read of the port may wait; the SDK asks again until its timeout."""
+
+_HEADER = b"\xff\xff\xfd"
+_GONE = (OSError, termios.error, IndexError, TypeError)
+_ERRORS = {
+    1: "it could not do it",
+    2: "it does not know the instruction",
+    3: "the instruction arrived damaged",
+    4: "the value is out of range",
+    5: "the length is not that of the register",
+    6: "the value is beyond its limit",
+    7: "the register cannot be written now",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """What one servo answered to a group read.
+
+    Attributes:
+        id: of the servo.
+        error: its error byte: the alert bit and a number.
+        content: the bytes asked for.
+    """
+
+    id: int
+    error: int
+    content: bytes
+
+
+class _Sender:
+    """A port as the SDK sees it when it sends, without its habit of clearing the input first."""
+
+    def __init__(self, port: Any) -> None:  # noqa: ANN401
+        self.is_using = False
+        self._port = port
+
+    def clearPort(self) -> None:  # noqa: N802 - the SDK's name
+        """Clear nothing."""
+
+    def writePort(self, packet: Sequence[int]) -> int:  # noqa: N802 - the SDK's name
+        """Send; return how many bytes were."""
+        return int(self._port.writePort(packet))
+
+
+class ServoBus:
+    """The bus, owned by one thread.
+
+    Args:
+        port: a PortHandler of the SDK, or something like it, already open.
+        handler: a Protocol2PacketHandler of the SDK.
+        wait_ms: how long an answer may take on top of its bytes; more than the adapter's latency.
+    """
+
+    def __init__(self, port: Any, handler: Any, *, wait_ms: float = 16.0) -> None:  # noqa: ANN401
+        self._port = port
+        self._handler = handler
+        self._wait_ms = wait_ms
+        self._sender = _Sender(port)
+        self._lock = threading.Lock()
+
+    @property
+    def byte_ms(self) -> float:
+        """How long a byte takes."""
+        return float(self._port.tx_time_per_byte)
+
+    @property
+    def available(self) -> int:
+        """How many bytes have arrived."""
+        with self._owned("a look at the port"):
+            return int(self._port.getBytesAvailable())
+
+    def close(self) -> None:
+        """Let go of the port; never raises."""
+        try:
+            self._port.closePort()
+        except (*_GONE, AttributeError):
+            return
+
+    def ping(self, servo: int) -> tuple[int, int] | None:
+        """Return model number and firmware of *servo*, ``None`` if it does not answer."""
+        answer = self._transact(servo, PING, b"", 3)
+        if answer is None:
+            return None
+        return int.from_bytes(answer.content[:2], "little"), answer.content[2]
+
+    def read(self, servo: int, address: int, count: int, *, is_signed: bool = False) -> int:
+        """Return a register of *servo*.
+
+        Raises:
+            LinkError: no answer, after one more attempt.
+            DeviceFaultError: it answered that it cannot.
+        """
+        request = address.to_bytes(2, "little") + count.to_bytes(2, "little")
+        for _ in range(2):
+            answer = self._transact(servo, READ, request, count)
+            if answer is not None:
+                return int.from_bytes(answer.content, "little", signed=is_signed)
+        raise LinkError(f"servo {servo} does not answer a read of address {address}")
+
+    def write(self, servo: int, address: int, value: int, count: int) -> None:
+        """Write a register of *servo* and wait for its answer.
+
+        Raises:
+            LinkError: no answer, after one more attempt.
+            DeviceFaultError: it answered that it cannot.
+        """
+        content = value.to_bytes(count, "little", signed=value < 0)
+        for _ in range(2):
+            answer = self._transact(servo, WRITE, address.to_bytes(2, "little") + content, 0)
+            if answer is not None:
+                return
+        raise LinkError(f"servo {servo} does not answer a write of address {address}")
+
+    def reboot(self, servo: int) -> None:
+        """Ask *servo* to start again; it is silent for some 0.3 s after that."""
+        self._transact(servo, REBOOT, b"", 0)
+
+    def sync_write(self, address: int, count: int, values: Sequence[tuple[int, int]]) -> None:
+        """Write the same register of many servos; none of them answers, none reports an error.
+
+        What has arrived is left alone: it may be an answer that is not yet collected.
+
+        Args:
+            address: of the register.
+            count: its bytes.
+            values: ``(id, value)`` of each servo.
+        """
+        parameters: list[int] = []
+        for servo, value in values:
+            parameters.append(servo)
+            parameters += value.to_bytes(count, "little", signed=value < 0)
+        _check_stuffing(bytes(parameters))
+        with self._owned("a write of goals"):
+            result = self._handler.syncWriteTxOnly(
+                self._sender, address, count, parameters, len(parameters)
+            )
+        if result != 0:
+            raise LinkError(f"a write of goals was not sent: {self._explain(result)}")
+
+    def request(self, rows: Sequence[tuple[int, int, int]], *, is_fast: bool) -> None:
+        """Ask a group for a block each, without waiting for the answers.
+
+        Args:
+            rows: ``(id, address, count)`` in the order in which they are to answer.
+            is_fast: whether one packet is to hold all answers.
+        """
+        _, address, count = rows[0]
+        with self._owned("a read request"):
+            if all(row[1:] == (address, count) for row in rows):
+                ids = [row[0] for row in rows]
+                result = self._handler.syncReadTx(
+                    self._port, address, count, ids, len(ids), is_fast
+                )
+            else:
+                parameters: list[int] = []
+                for row in rows:
+                    parameters.append(row[0])
+                    parameters += row[1].to_bytes(2, "little") + row[2].to_bytes(2, "little")
+                result = self._handler.bulkReadTx(self._port, parameters, len(parameters), is_fast)
+        if result != 0:
+            raise LinkError(f"a read request was not sent: {self._explain(result)}")
+
+    def collect(
+        self, rows: Sequence[tuple[int, int, int]], wait_ms: float, *, is_fast: bool
+    ) -> tuple[list[Block], int | None]:
+        """Take the answers to :meth:`request`.
+
+        Args:
+            rows: as requested.
+            wait_ms: how long the whole of them may still take.
+            is_fast: as requested.
+
+        Returns:
+            As many as came, in the order asked, and the id of the first that did not, if it shows.
+        """
+        with self._owned("the answers of a group"):
+            self._port.setPacketTimeoutMillis(wait_ms)
+            if is_fast:
+                packet, result = self._receive()
+                if result == 0:
+                    return _fast_blocks(packet, rows), None
+                return [], _first_missing(packet, rows)
+            blocks: list[Block] = []
+            start = self._port.getCurrentTime()
+            for servo, _, count in rows:
+                packet, result = self._receive()
+                if result != 0 or packet[4] != servo or len(packet) < 11:
+                    break
+                body = _unstuffed(packet)
+                if len(body) != count:
+                    break
+                blocks.append(Block(servo, packet[8], body))
+                spent = self._port.getCurrentTime() - start
+                self._port.setPacketTimeoutMillis(max(0.0, wait_ms - spent))
+            return blocks, None if len(blocks) == len(rows) else rows[len(blocks)][0]
+
+    def clear(self) -> None:
+        """Throw away what has arrived."""
+        with self._owned("clearing the port"):
+            self._port.clearPort()
+
+    def _transact(
+        self, servo: int, instruction: int, parameters: bytes, count: int
+    ) -> Block | None:
+        """Ask one servo and return its answer, ``None`` if none came or it was damaged."""
+        _check_stuffing(parameters)
+        length = len(parameters) + 3
+        packet = [0] * (length + 7)
+        packet[4:8] = [servo, length & 0xFF, length >> 8, instruction]
+        packet[8 : 8 + len(parameters)] = parameters
+        with self._owned(f"a transaction with servo {servo}"):
+            result = self._handler.txPacket(self._port, packet)
+            if result != 0:
+                raise LinkError(f"servo {servo} was not asked: {self._explain(result)}")
+            self._port.setPacketTimeoutMillis(
+                self.byte_ms * (len(packet) + count + 11) + self._wait_ms + 2.0
+            )
+            while True:
+                answer, result = self._receive()
+                if result != 0:
+                    return None
+                if answer[4] == servo:
+                    break
+            content = _unstuffed(answer)
+            error = answer[8]
+        if error & ~ALERT:
+            number = error & ~ALERT
+            raise DeviceFaultError(
+                f"servo {servo} refused instruction {instruction:#04x}: "
+                f"{_ERRORS.get(number, f'error {number}')}"
+            )
+        return Block(servo, error, content) if len(content) >= count else None
+
+    def _receive(self) -> tuple[list[int], int]:
+        # As a fast packet: any id is let through, and nothing is unstuffed, which the SDK gets
+        # wrong where two headers follow each other.
+        packet, result = self._handler.rxPacket(self._port, True)
+        return packet, result
+
+    @contextmanager
+    def _owned(self, what: str) -> Iterator[None]:
+        if not self._lock.acquire(blocking=False):
+            raise LinkError(f"{what}: another thread is using the bus")
+        try:
+            yield
+        except _GONE as error:
+            raise LinkError(f"{what} failed: {error or type(error).__name__}") from error
+        finally:
+            # The SDK leaves its port marked busy when anything is raised, for ever.
+            self._port.is_using = self._sender.is_using = False
+            self._lock.release()
+
+    def _explain(self, result: int) -> str:
+        return str(self._handler.getTxRxResult(result)).removeprefix("[TxRxResult] ")
+
+
+def open_bus(
+    port_name: str, baud: int, *, wait_ms: float = 16.0, glance_s: float = READ_WAIT_S
+) -> ServoBus:
+    """Open a serial port and return the bus on it.
+
+    Args:
+        port_name: path of the port.
+        baud: line speed.
+        wait_ms: how long an answer may take on top of its bytes.
+        glance_s: how long one read of the port waits.
+
+    Raises:
+        LinkError: the port or the SDK is not there, or somebody else has it.
+    """
+    sdk = _sdk()
+    steady = type("SteadyPort", (sdk.PortHandler,), {"getCurrentTime": _steady_ms})
+    port = steady(port_name)
+    port.baudrate = baud
+    try:
+        opened = port.openPort()
+        port.ser.exclusive = True
+    except _GONE as error:
+        raise LinkError(f"cannot open {port_name}: {error}") from error
+    if not opened:
+        raise LinkError(f"cannot open {port_name} at {baud} baud")
+    # Opening makes a new serial object, with reads that return at once: the SDK would spin.
+    port.ser.timeout = glance_s
+    return ServoBus(port, sdk.Protocol2PacketHandler(), wait_ms=wait_ms)
+
+
+OpenBus = Callable[..., ServoBus]
+
+
+def _sdk() -> ModuleType:
+    try:
+        import dynamixel_sdk
+    except ImportError as error:
+        raise LinkError(
+            "the Dynamixel SDK is not installed; try: pip install 'orientd[dynamixel]'"
+        ) from error
+    module: ModuleType = dynamixel_sdk
+    return module
+
+
+def _steady_ms(_port: object) -> float:
+    # The SDK's own clock is the wall clock: setting the time would make every answer late.
+    return time.monotonic_ns() / 1e6
+
+
+def _check_stuffing(parameters: bytes) -> None:
+    # The SDK forgets to stuff what it sends; a servo would misread everything after it.
+    if _HEADER in parameters:
+        raise ValueError(f"cannot be sent: {parameters.hex()} holds a packet header")
+
+
+def _unstuffed(packet: Sequence[int]) -> bytes:
+    """Return the content of a status packet, after its error byte."""
+    return bytes(packet[7:-2]).replace(_HEADER + b"\xfd", _HEADER)[2:]
+
+
+def _first_missing(packet: Sequence[int], rows: Sequence[tuple[int, int, int]]) -> int | None:
+    """Return the servo at which the answer to a fast read broke off."""
+    end = 8
+    for servo, _, count in rows:
+        end += count + 4
+        if len(packet) < end:
+            return servo
+    return None
+
+
+def _fast_blocks(packet: Sequence[int], rows: Sequence[tuple[int, int, int]]) -> list[Block]:
+    """Take the one answer to a fast read apart; its last CRC, over everything, has been checked."""
+    blocks: list[Block] = []
+    at = 8
+    if packet[4] != BROADCAST or len(packet) != 8 + sum(row[2] + 4 for row in rows):
+        return blocks
+    for servo, _, count in rows:
+        if packet[at + 1] != servo:
+            return []
+        blocks.append(Block(servo, packet[at], bytes(packet[at + 2 : at + 2 + count])))
+        at += count + 4
+    return blocks

@@ -1,0 +1,203 @@
+"""Make servos ready: find them, put their settings right, start and stop them without a jerk.
+
+The order matters.  A servo is asked for model and firmware before anything is written; settings
+are written only where they differ, because the permanent ones need the torque off; the goal is
+where the servo is before the torque comes on; the watchdog is last, because from then on silence
+stops it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from orientd.errors import DeviceError, DeviceFaultError, LinkError
+from orientd_dynamixel.axis import Axis, sendable
+from orientd_dynamixel.options import AxisOptions, GimbalOptions
+from orientd_dynamixel.reading import BLOCK, RETURN_LEVEL, WATCHDOG_TRIPPED, explain_error
+from orientd_dynamixel.servo_bus import ServoBus
+
+RETURN_DELAY, DRIVE_MODE, OPERATING_MODE, HOMING_OFFSET, CURRENT_LIMIT = 9, 10, 11, 20, 38
+TORQUE, LEVEL, HARDWARE_ERROR, WATCHDOG = 64, 68, 70, 98
+PROFILE_ACCELERATION, PROFILE_VELOCITY, GOAL, POSITION = 108, 112, 116, 132
+EXTENDED_POSITION = 4
+WATCHDOG_UNIT_MS = 20
+BOOT_ATTEMPTS = 20
+BOOT_STEP_S = 0.05
+HELD_TICKS = 40
+"""A goal this close to the position is kept: the torque was on, and the load hangs on it."""
+
+Sleep = Callable[[float], None]
+
+
+def identify(bus: ServoBus, axis: AxisOptions) -> int:
+    """Return the firmware of an axis' servo.
+
+    Raises:
+        LinkError: it does not answer.
+        DeviceFaultError: it is another model.
+    """
+    found = bus.ping(axis.id) or bus.ping(axis.id)
+    if found is None:
+        raise LinkError(
+            f"servo {axis.id} ({axis.name}) does not answer; look at its cable, its supply, its id "
+            "and its line speed"
+        )
+    model, firmware = found
+    if model != axis.model.number:
+        raise DeviceFaultError(
+            f"servo {axis.id} ({axis.name}) is model {model}, configured is {axis.model.name} "
+            f"({axis.model.number})"
+        )
+    return firmware
+
+
+def clear_error(bus: ServoBus, axis: AxisOptions, sleep: Sleep) -> bool:
+    """Start a servo again if it reports a hardware error; return whether it had to be.
+
+    Raises:
+        LinkError: it does not come back.
+        DeviceFaultError: the error is still there.
+    """
+    if not bus.read(axis.id, HARDWARE_ERROR, 1):
+        return False
+    bus.reboot(axis.id)
+    for _ in range(BOOT_ATTEMPTS):
+        sleep(BOOT_STEP_S)
+        if bus.ping(axis.id) is not None:
+            break
+    else:
+        raise LinkError(f"servo {axis.id} ({axis.name}) did not come back after a reboot")
+    if bits := bus.read(axis.id, HARDWARE_ERROR, 1):
+        raise DeviceFaultError(
+            f"servo {axis.id} ({axis.name}) still reports {explain_error(bits)} after a reboot"
+        )
+    return True
+
+
+def configure(bus: ServoBus, axis: AxisOptions) -> None:
+    """Put the settings of an axis' servo right, the permanent ones only where they differ."""
+    permanent = [(RETURN_DELAY, 1, 0), (DRIVE_MODE, 1, 0), (OPERATING_MODE, 1, EXTENDED_POSITION),
+                 (HOMING_OFFSET, 4, 0)]  # fmt: skip
+    if axis.current_limit is not None:
+        permanent.append((CURRENT_LIMIT, 2, round(axis.current_limit / axis.model.current_unit)))
+    if bus.read(axis.id, LEVEL, 1) != RETURN_LEVEL:
+        bus.write(axis.id, LEVEL, RETURN_LEVEL, 1)
+    quiet_watchdog(bus, axis.id)
+    wrong = [row for row in permanent if bus.read(axis.id, row[0], row[1]) != row[2]]
+    if wrong:
+        bus.write(axis.id, TORQUE, 0, 1)
+        for address, count, value in wrong:
+            bus.write(axis.id, address, value, count)
+            if (kept := bus.read(axis.id, address, count)) != value:
+                raise DeviceFaultError(
+                    f"servo {axis.id} ({axis.name}) keeps {kept} at address {address}, "
+                    f"asked was {value}"
+                )
+    for number, address in enumerate(BLOCK):
+        bus.write(axis.id, axis.model.indirect_address + 2 * number, address, 2)
+    bus.write(axis.id, PROFILE_ACCELERATION, 0, 4)
+    bus.write(axis.id, PROFILE_VELOCITY, 0, 4)
+
+
+def quiet_watchdog(bus: ServoBus, servo: int) -> int | None:
+    """Switch the watchdog off; return the new goal if it had tripped.
+
+    A tripped servo has stopped, but may keep its old goal and go there once it is allowed to: its
+    goal becomes where it is.
+    """
+    state = bus.read(servo, WATCHDOG, 1)
+    if state != WATCHDOG_TRIPPED:
+        if state:
+            bus.write(servo, WATCHDOG, 0, 1)
+        return None
+    # Read first, so that nothing but the goal itself comes between the two writes.
+    goal = sendable(bus.read(servo, POSITION, 4, is_signed=True))
+    bus.write(servo, WATCHDOG, 0, 1)
+    bus.write(servo, GOAL, goal, 4)
+    return goal
+
+
+def engage(bus: ServoBus, axis: Axis) -> bool:
+    """Switch the torque on with the goal where the servo is; return whether it had been off.
+
+    A servo that holds already goes on with its goal.
+    """
+    servo, name = axis.options.id, axis.options.name
+    position = bus.read(servo, POSITION, 4, is_signed=True)
+    goal = bus.read(servo, GOAL, 4, is_signed=True)
+    was_on = bool(bus.read(servo, TORQUE, 1))
+    if not (was_on and abs(goal - position) <= HELD_TICKS):
+        goal = sendable(position)
+        bus.write(servo, GOAL, goal, 4)
+        bus.write(servo, TORQUE, 1, 1)
+        if not bus.read(servo, TORQUE, 1):
+            bits = bus.read(servo, HARDWARE_ERROR, 1)
+            why = f"it reports {explain_error(bits)}; reset it" if bits else "it says no more"
+            raise DeviceFaultError(f"servo {servo} ({name}) does not switch its torque on: {why}")
+        goal = bus.read(servo, GOAL, 4, is_signed=True)
+        if abs(goal - position) > HELD_TICKS:
+            raise DeviceFaultError(
+                f"servo {servo} ({name}) has its goal {goal - position} ticks away from where it is"
+            )
+    axis.goal = goal
+    return not was_on
+
+
+def arm_watchdogs(bus: ServoBus, axes: Sequence[Axis], milliseconds: int) -> None:
+    """Let every servo stop by itself after a silence; 0 switches that off."""
+    units = -(-milliseconds // WATCHDOG_UNIT_MS)
+    for axis in axes:
+        bus.write(axis.options.id, WATCHDOG, units, 1)
+
+
+def hold(bus: ServoBus, axes: Sequence[Axis]) -> None:
+    """Leave the servos where they are told to be, watchdogs off.
+
+    Raises:
+        DeviceError: one could not be reached; the others hold all the same.
+    """
+    failure: DeviceError | None = None
+    for axis in axes:
+        servo = axis.options.id
+        try:
+            goal = quiet_watchdog(bus, servo)
+            axis.goal = axis.goal if goal is None else goal
+        except DeviceError as error:
+            failure = failure or error
+    if failure is not None:
+        raise failure
+
+
+PARK_RATE = 22
+"""Profile velocity of parking, 30 degrees a second."""
+PARK_ACCELERATION = 3
+PARK_LONGEST_S = 20.0
+
+
+def park(bus: ServoBus, axes: Sequence[Axis], angles: Sequence[float], sleep: Sleep) -> bool:
+    """Go to *angles* slowly; return whether all arrived in time."""
+    goals = [axis.ticks(angle) for axis, angle in zip(axes, angles, strict=True)]
+    for axis, goal in zip(axes, goals, strict=True):
+        bus.write(axis.options.id, PROFILE_ACCELERATION, PARK_ACCELERATION, 4)
+        bus.write(axis.options.id, PROFILE_VELOCITY, PARK_RATE, 4)
+        bus.write(axis.options.id, GOAL, goal, 4)
+        axis.goal = goal
+    for _ in range(round(PARK_LONGEST_S / BOOT_STEP_S)):
+        if all(
+            abs(bus.read(axis.options.id, POSITION, 4, is_signed=True) - goal) <= HELD_TICKS
+            for axis, goal in zip(axes, goals, strict=True)
+        ):
+            return True
+        sleep(BOOT_STEP_S)
+    return False
+
+
+def release(bus: ServoBus, options: GimbalOptions, axes: Sequence[Axis], sleep: Sleep) -> None:
+    """Park where that is asked for, then switch the torque off, one servo's failure aside."""
+    if options.park is not None and all(bus.read(axis.options.id, TORQUE, 1) for axis in axes):
+        park(bus, axes, options.park, sleep)
+    for axis in axes:
+        try:
+            bus.write(axis.options.id, TORQUE, 0, 1)
+        except DeviceError:
+            continue

@@ -1,0 +1,214 @@
+"""Stops on a path: the path slows down, the axes slew at rest, the path goes on.
+
+Everything here has continuous acceleration: quintic ramps of the path's clock, quintic slews.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from orientd.rotation.quaternion import Floats
+from orientd_dynamixel.certificate import AxisLimits, Slew
+
+_PEAK_SPEED = 1.875
+"""Of the quintic from rest to rest, in lengths a duration."""
+_PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)
+"""Of the same, in lengths a squared duration."""
+_CRAWL_STEPS = 8.0
+"""Up to so many times what an axis can turn in a sample, a step is a path that is too fast."""
+_ATTEMPTS = 40
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """A path with stops.
+
+    Attributes:
+        times: s, uniform, shape ``(n,)``.
+        angles: rad, shape ``(n, axes)``.
+        path_times: where the path is, in its own time, s, shape ``(n,)``.
+        is_slewing: whether the path stands still for a slew, shape ``(n,)``.
+        slews: in order.
+    """
+
+    times: Floats
+    angles: Floats
+    path_times: Floats
+    is_slewing: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    slews: tuple[Slew, ...]
+
+
+def quintic(u: Floats) -> Floats:
+    """Return the quintic from 0 to 1 that is at rest, with no acceleration, at both ends."""
+    u = np.clip(u, 0.0, 1.0)
+    return u * u * u * (10.0 + u * (6.0 * u - 15.0))
+
+
+def slew_duration(before: Floats, after: Floats, limits: Sequence[AxisLimits]) -> float:
+    """Return how long the quintic slew between two sets of axis angles takes at least, s."""
+    needed = 0.0
+    for gap, limit in zip(np.abs(after - before), limits, strict=True):
+        needed = max(
+            needed,
+            _PEAK_SPEED * float(gap) / limit.velocity,
+            math.sqrt(_PEAK_ACCELERATION * float(gap) / limit.acceleration),
+        )
+    return needed
+
+
+def _ramp_times(elapsed: Floats, ramp: float) -> Floats:
+    """Return the way of a clock whose speed rises from 0 to 1 as a quintic over *ramp* seconds."""
+    u = np.clip(elapsed / ramp, 0.0, 1.0)
+    # The integral of quintic(u).
+    way: Floats = ramp * u**4 * (2.5 + u * (u - 3.0)) + np.maximum(0.0, elapsed - ramp)
+    return way
+
+
+def _clock(length: float, ramp: float, *, is_left: bool, is_right: bool, period: float) -> Floats:
+    """Return path times, from 0 to *length*, of a stretch between stops, sampled every period."""
+    if not (is_left or is_right):
+        return period * np.arange(round(length / period) + 1, dtype=np.float64)
+    ends = is_left + is_right
+    if length < ramp / 2 * ends:
+        # Too short to reach full speed: once from rest to rest, no faster than the path itself.
+        need = max(_PEAK_SPEED * length, np.sqrt(_PEAK_ACCELERATION * length * ramp / _PEAK_SPEED))
+        count = max(1, int(np.ceil(need / period)))
+        return length * quintic(np.arange(count + 1) / count)
+    total = length + ramp / 2 * ends
+    count = int(np.ceil(total / period))
+    elapsed = np.minimum(np.arange(count + 1) * period, total)
+    if is_left and is_right:
+        forward = _ramp_times(elapsed, ramp)
+        backward = length - _ramp_times(total - elapsed, ramp)
+        return np.where(elapsed < total / 2, forward, backward)
+    if is_left:
+        return np.minimum(length, _ramp_times(elapsed, ramp))
+    way: Floats = length - _ramp_times(total - elapsed, ramp)
+    return way
+
+
+def _between(grid_values: Floats, at: Floats) -> Floats:
+    """Return values between samples by cubic Hermite segments with central differences.
+
+    Args:
+        grid_values: shape ``(n, axes)``, one sample apart.
+        at: where, in samples, shape ``(m,)``.
+    """
+    count = len(grid_values)
+    if count == 1:
+        return np.repeat(grid_values, len(at), axis=0)
+    slopes = np.gradient(grid_values, axis=0)
+    left = np.clip(np.floor(at).astype(int), 0, count - 2)
+    u = (at - left)[:, None]
+    p, q = grid_values[left], grid_values[left + 1]
+    m, n = slopes[left], slopes[left + 1]
+    way = u * u * (3 - 2 * u)
+    values: Floats = p + way * (q - p) + u * (1 - u) * ((1 - u) * m - u * n)
+    return values
+
+
+def _crawl(part: Floats, period: float, limits: Sequence[AxisLimits]) -> tuple[Floats, Floats]:
+    """Return axis angles, and where in *part* they are, of going along it from rest to rest."""
+    length = len(part) - 1
+    speed = np.array([limit.velocity for limit in limits]) * period
+    # Each step takes as long as its slowest axis needs, and no less than on the path.
+    spans = np.maximum(1.0, np.max(np.abs(np.diff(part, axis=0)) / speed, axis=1))
+    passed = np.concatenate([[0.0], np.cumsum(spans)])
+    count = max(2, math.ceil(_PEAK_SPEED * float(passed[-1])))
+    most = np.array([limit.acceleration for limit in limits]) * period * period
+    for _ in range(_ATTEMPTS):
+        share = quintic(np.arange(count + 1) / count)
+        at = np.interp(share * passed[-1], passed, np.arange(length + 1))
+        angles = _between(part, at)
+        change = np.abs(np.diff(angles, axis=0))
+        bend = np.abs(np.diff(angles, n=2, axis=0))
+        if np.all(change <= speed) and np.all(bend <= most):
+            break
+        count = math.ceil(count * 1.2)
+    return angles, at
+
+
+def _events(
+    angles: Floats, period: float, slews: Sequence[int], limits: Sequence[AxisLimits], ramp: float
+) -> list[tuple[int, int, bool]]:
+    """Return ``(last before, first after, whether it is a crawl)`` of each stop.
+
+    A step that is a little too far belongs to a path that is too fast there, and neighbours of it
+    are one stretch to be gone along slowly; a large one is a change of branch or turn.
+    """
+    speed = np.array([limit.velocity for limit in limits]) * period
+    found: list[tuple[int, int, bool]] = []
+    for k in slews:
+        is_crawl = bool(np.max(np.abs(angles[k] - angles[k - 1]) / speed) <= _CRAWL_STEPS)
+        if is_crawl and found and found[-1][2] and (k - 1 - found[-1][1]) * period < 2 * ramp:
+            found[-1] = (found[-1][0], k, True)
+        else:
+            found.append((k - 1, k, is_crawl))
+    return found
+
+
+def with_stops(
+    angles: Floats,
+    period: float,
+    slews: Sequence[int],
+    limits: Sequence[AxisLimits],
+    *,
+    ramp: float = 0.5,
+) -> Timeline:
+    """Return a path that stops before each sample of *slews* and slews to it.
+
+    Args:
+        angles: rad, shape ``(n, axes)``, with a jump before each of *slews*.
+        period: s.
+        slews: indices.
+        limits: of every axis.
+        ramp: how long the path takes to stop, s.
+    """
+    pieces: list[Floats] = []
+    path_pieces: list[Floats] = []
+    slewing: list[bool] = []
+    found: list[Slew] = []
+    events = _events(angles, period, slews, limits, ramp)
+    bounds = [(-1, 0, False), *events, (len(angles) - 1, len(angles), False)]
+    elapsed = 0
+    for number, ((_, first, _), (last, after, is_crawl)) in enumerate(pairwise(bounds)):
+        part = angles[first : last + 1]
+        clock = _clock(
+            (len(part) - 1) * period, ramp, is_left=number > 0,
+            is_right=number < len(events), period=period,
+        )  # fmt: skip
+        is_plain = len(clock) == len(part) and not events
+        pieces.append(part if is_plain else _between(part, clock / period))
+        path_pieces.append(first * period + clock)
+        slewing += [False] * len(clock)
+        elapsed += len(clock)
+        if number == len(events):
+            break
+        if is_crawl:
+            inside, at = _crawl(angles[last : after + 1], period, limits)
+            inside, path_times = inside[1:-1], (last + at[1:-1]) * period
+        else:
+            here, there = angles[last], angles[after]
+            count = max(1, math.ceil(slew_duration(here, there, limits) / period))
+            share = quintic(np.arange(1, count) / count)
+            inside = here + share[:, None] * (there - here)
+            path_times = np.full(len(inside), last * period)
+        pieces.append(inside)
+        path_pieces.append(path_times)
+        slewing += [not is_crawl] * len(inside)
+        start = (elapsed - 1) * period
+        found.append(
+            Slew(start, start + (len(inside) + 1) * period, last * period,
+                 tuple(map(float, angles[last])), tuple(map(float, angles[after])), is_crawl)
+        )  # fmt: skip
+        elapsed += len(inside)
+    whole = np.concatenate(pieces)
+    return Timeline(
+        period * np.arange(len(whole), dtype=np.float64), whole, np.concatenate(path_pieces),
+        np.array(slewing), tuple(found),
+    )  # fmt: skip

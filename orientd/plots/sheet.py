@@ -1,0 +1,236 @@
+"""The sheet of all families side by side: triad traces, rates, and their figures."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from orientd.curves.compare import Candidate
+from orientd.curves.measure import Figures
+from orientd.curves.roles import Task
+from orientd.planner.limits import Limits
+from orientd.plots.charts import Traces, interrupted
+from orientd.plots.paper import AXES, GRID, INK, LIMIT, QUIET, check_format, new_figure, save
+from orientd.plots.sampling import traces_of
+from orientd.plots.triads import SMALL, TriadStyle, draw_triads, turned_to_show
+from orientd.rotation import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+CELL_WIDTH, CELL_HEIGHT = 2.45, 3.85
+HEAD, FOOT, LINE = 1.0, 0.55, 0.17
+"""Inches: one family, what stands above all of them, below, and one line of text."""
+
+REFERENCE = "#c9c9c9"
+
+HEADROOM = 2.0
+"""A strip reaches this many medians of the families' peaks; what is higher is cut off."""
+
+INSTANTS = 400
+
+
+def draw_sheet(
+    path: Path,
+    task: Task,
+    candidates: Sequence[Candidate],
+    *,
+    title: str,
+    limits: Limits | None = None,
+) -> None:
+    """Draw every family that applies, in the order given, and say why the others do not.
+
+    Each has its triad traces and the lengths of angular velocity and acceleration, over those of
+    the first family in grey.
+
+    Raises:
+        OrientdError: the file cannot be written, or its ending names no format of a picture.
+    """
+    check_format(path)
+    drawn = [
+        (candidate, candidate.figures, traces_of(candidate.curve, task, instants=INSTANTS))
+        for candidate in candidates
+        if candidate.curve is not None and candidate.figures is not None
+    ]
+    footer = _footer(candidates, columns=_columns(len(drawn)))
+    columns = _columns(len(drawn))
+    rows = -(-len(drawn) // columns)
+    width = columns * CELL_WIDTH + 0.45
+    height = rows * CELL_HEIGHT + HEAD + FOOT + LINE * len(footer)
+    figure = new_figure(width, height, is_laid_out=False)
+    figure.text(0.15 / width, 1.0 - 0.3 / height, title, fontsize=14, fontweight="bold", color=INK)
+    figure.text(
+        0.15 / width,
+        1.0 - 0.55 / height,
+        "Where the tips of the body's axes go on the unit sphere; hollow marks: keyframes that the "
+        "curve does not meet.\nBelow, lengths of angular velocity and acceleration; grey: the "
+        "first family.",
+        fontsize=8.5,
+        color=QUIET,
+        va="top",
+        linespacing=1.4,
+    )
+    _legend(figure)
+    style = turned_to_show(drawn[0][2].q, SMALL) if drawn else SMALL
+    tops = _tops([traces for _, _, traces in drawn])
+    for place, (candidate, figures, traces) in enumerate(drawn):
+        row, column = divmod(place, columns)
+        corner = (
+            0.45 + column * CELL_WIDTH,
+            height - HEAD - (row + 1) * CELL_HEIGHT,
+        )
+        cell = _Cell(figure, corner, (width, height), is_first=column == 0)
+        cell.headline(place + 1, candidate, figures)
+        cell.triads(traces, style)
+        shown = replace(
+            traces,
+            velocity_limit=np.inf if limits is None else limits.velocity,
+            acceleration_limit=np.inf if limits is None else limits.acceleration,
+        )
+        cell.strips(shown, drawn[0][2], tops)
+    for number, line in enumerate(footer):
+        figure.text(
+            0.15 / width,
+            (FOOT - 0.25 + LINE * (len(footer) - 1 - number)) / height,
+            line,
+            fontsize=8,
+            color=QUIET,
+        )
+    save(figure, path, dpi=110)
+
+
+def _legend(figure: Figure) -> None:
+    from matplotlib.lines import Line2D
+
+    figure.legend(
+        handles=[
+            Line2D([], [], color=axis.colour, marker=axis.mark, markersize=5, label=axis.name)
+            for axis in AXES
+        ],
+        loc="upper right",
+        ncols=3,
+        frameon=False,
+        fontsize=9,
+    )
+
+
+def _columns(count: int) -> int:
+    """Return the number of columns that leaves the fewest places empty."""
+    if count <= 4:
+        return max(count, 1)
+    return min((6, 5, 4), key=lambda columns: -count % columns)
+
+
+def _tops(drawn: Sequence[Traces]) -> tuple[float, float]:
+    """Return the tops of the strips of velocity and acceleration."""
+    found = []
+    for name in ("omega_body", "alpha_body"):
+        peaks = [float(_length(getattr(traces, name)).max()) for traces in drawn]
+        middle = float(np.median(peaks)) if peaks else 1.0
+        within = [peak for peak in peaks if peak <= HEADROOM * middle]
+        found.append(1.08 * max(within, default=1.0) or 1.0)
+    return found[0], found[1]
+
+
+def _footer(candidates: Sequence[Candidate], *, columns: int) -> list[str]:
+    lines: list[str] = []
+    for candidate in candidates:
+        if candidate.curve is None:
+            text = f"not drawn: {candidate.name} ({candidate.why_not})"
+            lines += textwrap.wrap(text, 42 * columns, subsequent_indent="      ")
+    return lines
+
+
+def _length(vectors: Floats) -> Floats:
+    length: Floats = np.sqrt(np.sum(vectors * vectors, axis=-1))
+    return length
+
+
+class _Cell:
+    """The place of one family on the sheet; measures in inches from its lower left corner."""
+
+    def __init__(
+        self,
+        figure: Figure,
+        corner: tuple[float, float],
+        sheet: tuple[float, float],
+        *,
+        is_first: bool,
+    ) -> None:
+        self._figure = figure
+        self._corner = corner
+        self._sheet = sheet
+        self._is_first = is_first
+
+    def _box(self, left: float, bottom: float, width: float, height: float) -> tuple[float, ...]:
+        across, up = self._sheet
+        x, y = self._corner
+        return (x + left) / across, (y + bottom) / up, width / across, height / up
+
+    def headline(self, place: int, candidate: Candidate, figures: Figures) -> None:
+        """Write place, name and figures above."""
+        x, y, _, _ = self._box(0.0, CELL_HEIGHT - 0.2, 0.0, 0.0)
+        self._figure.text(
+            x, y, f"{place}  {candidate.name}", fontsize=9.5, fontweight="bold", color=INK
+        ).set_gid(f"family-{candidate.name}")
+        infinite = "*" if figures.has_velocity_jumps else ""
+        missed = "" if figures.interpolates else f", off {np.degrees(figures.keyframe_error):.0f}°"
+        x, y, _, _ = self._box(0.0, CELL_HEIGHT - 0.37, 0.0, 0.0)
+        self._figure.text(
+            x,
+            y,
+            f"C{figures.continuity}{missed}, effort {figures.effort:.4g}{infinite}",
+            fontsize=8,
+            color=QUIET,
+        )
+
+    def triads(self, traces: Traces, style: TriadStyle) -> None:
+        """Draw the sphere."""
+        side = CELL_WIDTH - 0.3
+        axes = self._figure.add_axes(self._box(0.0, CELL_HEIGHT - 0.42 - side, side, side))  # type: ignore[arg-type]
+        draw_triads(axes, traces.q, traces.keyframe_q, style=style, is_met=traces.is_met)
+
+    def strips(self, traces: Traces, reference: Traces, tops: tuple[float, float]) -> None:
+        """Draw the lengths of velocity and acceleration."""
+        for bottom, name, limit, top, unit in (
+            (0.74, "omega_body", traces.velocity_limit, tops[0], "rad/s"),
+            (0.24, "alpha_body", traces.acceleration_limit, tops[1], "rad/s²"),
+        ):
+            axes = self._figure.add_axes(self._box(0.0, bottom, CELL_WIDTH - 0.35, 0.42))  # type: ignore[arg-type]
+            axes.fill_between(
+                reference.times, _length(getattr(reference, name)), color=REFERENCE, linewidth=0.0
+            )
+            times, vectors = interrupted(traces.times, getattr(traces, name), traces.breaks)
+            lengths = _length(vectors)
+            axes.plot(times, lengths, color=INK, linewidth=0.9)
+            if limit <= top:
+                axes.axhline(limit, color=LIMIT, linewidth=0.9, linestyle=(0.0, (1.5, 1.5)))
+            peak = float(np.nanmax(lengths))
+            if peak > top:
+                axes.annotate(
+                    f"up to {peak:.3g}",
+                    (0.99, 0.97),
+                    xycoords="axes fraction",
+                    ha="right",
+                    va="top",
+                    fontsize=6.5,
+                    color=INK,
+                )
+            axes.set_xlim(float(traces.times[0]), float(traces.times[-1]))
+            axes.set_ylim(0.0, top)
+            for time in traces.keyframe_times if len(traces.keyframe_times) <= 60 else ():
+                axes.axvline(float(time), color=GRID, linewidth=0.5, zorder=0.5)
+            axes.spines[["top", "right"]].set_visible(False)
+            axes.tick_params(labelsize=6.5, colors=INK, length=2.0, pad=1.5)
+            axes.locator_params(axis="y", nbins=2)
+            if bottom > 0.5:
+                axes.set_xticklabels([])
+            if self._is_first:
+                axes.set_ylabel(unit, fontsize=7, color=INK, labelpad=2.0)
+            else:
+                axes.set_yticklabels([])

@@ -1,0 +1,69 @@
+"""Commands that move faults on a running bus, one a line, as written on its standard input.
+
+.. code-block:: text
+
+    drop|corrupt|truncate ID [PROBABILITY [COUNT]]
+    delay ID MILLISECONDS [PROBABILITY [COUNT]]
+    clear [ID]                      end the faults of answers
+    disconnect ID | connect ID      the servo's cable, with its supply
+    jam ID | free ID | load ID FRACTION
+    error ID BITS                   a hardware error
+    unplug | plug                   the adapter
+"""
+
+from __future__ import annotations
+
+from orientd_sim.dynamixel.line import FaultKind, ReplyFault
+from orientd_sim.dynamixel.pty import PtyServer
+
+
+def obey(line: str, server: PtyServer, now_ns: int) -> None:
+    """Do what *line* says.
+
+    Raises:
+        ValueError: it is not a command.
+    """
+    words = line.split()
+    if not words:
+        return
+    try:
+        _obey(words[0], words[1:], server, now_ns)
+    except (IndexError, KeyError) as error:
+        raise ValueError(f"not a command of the emulated bus: {line.strip()!r}") from error
+
+
+def _obey(verb: str, words: list[str], server: PtyServer, now_ns: int) -> None:
+    bus = server.bus
+    if verb in {"plug", "unplug"}:
+        (server.plug if verb == "plug" else server.unplug)()
+        return
+    if verb == "clear":
+        bus.faults.clear(int(words[0]) if words else None)
+        return
+    servo_id = int(words[0])
+    if verb in set(FaultKind):
+        fault = ReplyFault(FaultKind(verb))
+        rest = words[1:]
+        if fault.kind is FaultKind.DELAY:
+            fault.delay_ns = round(float(rest.pop(0)) * 1e6)
+        if rest:
+            fault.probability = float(rest.pop(0))
+        if rest:
+            fault.remaining = int(rest.pop(0))
+        bus.faults.add(servo_id, fault)
+        return
+    servo = bus.servo(servo_id)
+    servo.advance(now_ns)
+    match verb:
+        case "disconnect":
+            servo.disconnect(now_ns)
+        case "connect":
+            servo.connect(now_ns)
+        case "jam" | "free":
+            servo.shaft.jammed = verb == "jam"
+        case "load":
+            servo.shaft.load = float(words[1])
+        case "error":
+            servo.fail(int(words[1], 0), now_ns)
+        case _:
+            raise KeyError(verb)

@@ -1,0 +1,185 @@
+"""The half-duplex line between host and servos: speed, turnaround, the adapter's delay, faults."""
+
+from __future__ import annotations
+
+import random
+from collections import deque
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """How long bytes take.
+
+    Attributes:
+        is_paced: whether bytes take the time of the line speed; without it they take none, and
+            neither turnaround nor return delay counts.
+        turnaround_ns: from the end of an instruction to the beginning of an answer, on top of the
+            servo's own return delay.
+        usb_latency_ns: the most by which the adapter holds back an answer; uniform from 0.
+        has_collisions: whether an instruction that begins while an answer is on the line spoils
+            both.  Not behind a pseudo-terminal: an emulator that a busy machine wakes late would
+            make collisions that no wire has.
+    """
+
+    is_paced: bool = False
+    turnaround_ns: int = 50_000
+    usb_latency_ns: int = 0
+    has_collisions: bool = True
+
+    def duration_ns(self, count: int, baud: int) -> int:
+        """Return how long *count* bytes of ten bits take at *baud*."""
+        return count * 10_000_000_000 // baud if self.is_paced else 0
+
+
+class FaultKind(StrEnum):
+    """What can happen to an answer."""
+
+    DROP = "drop"
+    CORRUPT = "corrupt"
+    DELAY = "delay"
+    TRUNCATE = "truncate"
+
+
+@dataclass(slots=True)
+class ReplyFault:
+    """A fault of one servo's answers.
+
+    Attributes:
+        kind: what happens.
+        probability: of each answer being hit.
+        remaining: how many answers may still be hit; ``None`` is no end.
+        delay_ns: by how much a delayed answer is late.
+    """
+
+    kind: FaultKind
+    probability: float = 1.0
+    remaining: int | None = None
+    delay_ns: int = 20_000_000
+
+
+@dataclass(slots=True)
+class Faults:
+    """Every fault of the answers on a bus.
+
+    Attributes:
+        rng: decides what is hit.
+    """
+
+    rng: random.Random
+    _of: dict[int, list[ReplyFault]] = field(default_factory=dict)
+
+    def add(self, servo: int, fault: ReplyFault) -> None:
+        """Let *fault* happen to the answers of *servo*."""
+        self._of.setdefault(servo, []).append(fault)
+
+    def clear(self, servo: int | None = None) -> None:
+        """End the faults of *servo*, or all."""
+        if servo is None:
+            self._of.clear()
+        else:
+            self._of.pop(servo, None)
+
+    def apply(self, servo: int, reply: bytes) -> tuple[bytes, int]:
+        """Return what becomes of *reply*, empty if nothing, and by how many ns it is late."""
+        delay_ns = 0
+        for fault in self._of.get(servo, ()):
+            if fault.remaining == 0 or self.rng.random() >= fault.probability:
+                continue
+            if fault.remaining is not None:
+                fault.remaining -= 1
+            if fault.kind is FaultKind.DROP:
+                return b"", 0
+            if fault.kind is FaultKind.CORRUPT:
+                at = self.rng.randrange(len(reply))
+                flipped = reply[at] ^ (1 << self.rng.randrange(8))
+                reply = reply[:at] + bytes([flipped]) + reply[at + 1 :]
+            elif fault.kind is FaultKind.TRUNCATE:
+                reply = reply[: self.rng.randrange(1, len(reply))]
+            else:
+                delay_ns += fault.delay_ns
+        return reply, delay_ns
+
+
+@dataclass(slots=True)
+class _Reply:
+    start_ns: int
+    end_ns: int
+    arrival_ns: int
+    octets: bytes
+
+
+class Wire:
+    """Answers on their way to the host, in one queue: a late one holds back those behind it.
+
+    Attributes:
+        line: how long bytes take.
+        faults: what happens to answers.
+        collisions: instructions so far that began while an answer was on the wire.
+    """
+
+    def __init__(self, line: Line, rng: random.Random) -> None:
+        self.line = line
+        self.faults = Faults(rng)
+        self.collisions = 0
+        self._rng = rng
+        self._replies: deque[_Reply] = deque()
+
+    def due_ns(self) -> int | None:
+        """Return when the next answer reaches the host, ``None`` if there is none."""
+        return self._replies[0].arrival_ns if self._replies else None
+
+    def take(self, now_ns: int) -> bytes:
+        """Return the answers that have reached the host by *now_ns*."""
+        octets = b""
+        while self._replies and self._replies[0].arrival_ns <= now_ns:
+            octets += self._replies.popleft().octets
+        return octets
+
+    def discard(self) -> None:
+        """Forget the answers on their way, as when the adapter is unplugged."""
+        self._replies.clear()
+
+    def collides(self, start_ns: int) -> bool:
+        """Spoil the answers that an instruction beginning at *start_ns* runs into, if any."""
+        hit = False
+        for reply in self._replies if self.line.has_collisions else ():
+            if reply.start_ns <= start_ns < reply.end_ns:
+                reply.octets = bytes([reply.octets[0] ^ 0xFF]) + reply.octets[1:]
+                hit = True
+        self.collisions += hit
+        return hit
+
+    def put(self, start_ns: int, end_ns: int, octets: bytes, delay_ns: int) -> None:
+        """Send *octets* from *start_ns* to *end_ns*, held back by *delay_ns* after that."""
+        usb_ns = self.line.usb_latency_ns
+        arrival_ns = end_ns + delay_ns + (self._rng.randrange(usb_ns) if usb_ns else 0)
+        if self._replies:
+            arrival_ns = max(arrival_ns, self._replies[-1].arrival_ns)
+        self._replies.append(_Reply(start_ns, end_ns, arrival_ns, octets))
+
+
+class Turn:
+    """The servos' turn to speak after one instruction, one after the other.
+
+    Attributes:
+        now_ns: when the instruction had been heard.
+    """
+
+    def __init__(self, wire: Wire, now_ns: int, baud: int) -> None:
+        self.now_ns = now_ns
+        self._wire = wire
+        self._free_ns = now_ns
+        self._baud = baud
+
+    def send(self, servo: int, octets: bytes, return_delay_ns: int) -> bool:
+        """Let *servo* answer with *octets*; return whether anything was sent."""
+        line = self._wire.line
+        octets, delay_ns = self._wire.faults.apply(servo, octets)
+        if not octets:
+            return False
+        start_ns = self._free_ns + (line.turnaround_ns + return_delay_ns if line.is_paced else 0)
+        self._free_ns = start_ns + line.duration_ns(len(octets), self._baud)
+        self._wire.put(start_ns, self._free_ns, octets, delay_ns)
+        return True

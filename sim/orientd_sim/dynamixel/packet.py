@@ -1,0 +1,225 @@
+"""Bytes to packets and back: Dynamixel Protocol 2.0 without any input or output.
+
+A packet is ``FF FF FD 00 | id | length | instruction | parameters | crc``, little endian.  The
+length counts what follows it, stuffing included; the CRC covers everything before it, stuffing
+included.  Source: ROBOTIS e-Manual, "DYNAMIXEL Protocol 2.0".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+HEADER = b"\xff\xff\xfd\x00"
+BROADCAST = 0xFE
+MAX_ID = 252
+MAX_LENGTH = 1024
+SHORTEST = 10
+
+
+class Instruction(IntEnum):
+    """What a packet asks for; ``STATUS`` marks an answer."""
+
+    PING = 0x01
+    READ = 0x02
+    WRITE = 0x03
+    REG_WRITE = 0x04
+    ACTION = 0x05
+    FACTORY_RESET = 0x06
+    REBOOT = 0x08
+    CLEAR = 0x10
+    BACKUP = 0x20
+    STATUS = 0x55
+    SYNC_READ = 0x82
+    SYNC_WRITE = 0x83
+    FAST_SYNC_READ = 0x8A
+    BULK_READ = 0x92
+    BULK_WRITE = 0x93
+    FAST_BULK_READ = 0x9A
+
+
+class ErrorNumber(IntEnum):
+    """The low seven bits of a status packet's error byte: a number, not flags."""
+
+    NONE = 0
+    RESULT_FAIL = 1
+    INSTRUCTION = 2
+    CRC = 3
+    DATA_RANGE = 4
+    DATA_LENGTH = 5
+    DATA_LIMIT = 6
+    ACCESS = 7
+
+
+ALERT = 0x80
+
+
+@dataclass(frozen=True, slots=True)
+class Packet:
+    """A packet whose CRC agreed, without its stuffing.
+
+    Attributes:
+        id: of the servo asked or answering, or :data:`BROADCAST`.
+        instruction: a number; :class:`Instruction` names those that exist.
+        parameters: what follows it; of a status the error byte comes first.
+    """
+
+    id: int
+    instruction: int
+    parameters: bytes = b""
+
+
+@dataclass(frozen=True, slots=True)
+class Damaged:
+    """A packet whose CRC did not agree.  The id is what it claims."""
+
+    id: int
+    instruction: int
+
+
+def _crc_table() -> tuple[int, ...]:
+    table = []
+    for i in range(256):
+        value = i << 8
+        for _ in range(8):
+            value = (value << 1) ^ 0x8005 if value & 0x8000 else value << 1
+        table.append(value & 0xFFFF)
+    return tuple(table)
+
+
+_TABLE = _crc_table()
+
+
+def crc16(octets: bytes, crc: int = 0) -> int:
+    """Return the CRC-16 with polynomial 0x8005, not reflected, starting from *crc*."""
+    for octet in octets:
+        crc = ((crc << 8) ^ _TABLE[((crc >> 8) ^ octet) & 0xFF]) & 0xFFFF
+    return crc
+
+
+def stuff(body: bytes) -> bytes:
+    """Insert ``FD`` after each ``FF FF FD``, so that *body* holds no header."""
+    return body.replace(b"\xff\xff\xfd", b"\xff\xff\xfd\xfd")
+
+
+def unstuff(body: bytes) -> bytes:
+    """Undo :func:`stuff`."""
+    return body.replace(b"\xff\xff\xfd\xfd", b"\xff\xff\xfd")
+
+
+def encode(packet: Packet) -> bytes:
+    """Return the bytes of *packet*, stuffed and with its CRC."""
+    body = stuff(bytes([packet.instruction]) + packet.parameters)
+    head = HEADER + bytes([packet.id]) + (len(body) + 2).to_bytes(2, "little") + body
+    return head + crc16(head).to_bytes(2, "little")
+
+
+def status(servo: int, error: int, content: bytes = b"") -> bytes:
+    """Return the bytes of a status packet."""
+    return encode(Packet(servo, Instruction.STATUS, bytes([error]) + content))
+
+
+def fast_status(blocks: Iterable[tuple[int, int, bytes]]) -> list[bytes]:
+    """Return the one packet that answers a fast read, in the pieces that the servos send.
+
+    Each piece ends with a CRC over all bytes of the packet before it, earlier CRCs included, and
+    nothing is stuffed.
+
+    Args:
+        blocks: ``(error, id, content)`` of each servo, in the order asked.
+    """
+    blocks = list(blocks)
+    length = 1 + sum(len(content) + 4 for _, _, content in blocks)
+    head = HEADER + bytes([BROADCAST]) + length.to_bytes(2, "little") + bytes([Instruction.STATUS])
+    pieces: list[bytes] = []
+    crc = 0
+    for error, servo, content in blocks:
+        piece = (b"" if pieces else head) + bytes([error, servo]) + content
+        crc = crc16(piece, crc)
+        tail = crc.to_bytes(2, "little")
+        pieces.append(piece + tail)
+        crc = crc16(tail, crc)
+    return pieces
+
+
+def fast_blocks(packet: bytes, counts: Sequence[int]) -> list[tuple[int, int, bytes]]:
+    """Take a fast status packet apart, checking each CRC in it.
+
+    Args:
+        packet: the whole packet from its header on.
+        counts: how many bytes of content each servo was asked for.
+
+    Returns:
+        ``(error, id, content)`` of each servo.
+
+    Raises:
+        ValueError: the packet has another length, or a CRC does not agree.
+    """
+    expected = 8 + sum(counts) + 4 * len(counts)
+    if len(packet) != expected:
+        raise ValueError(f"a fast status must have {expected} bytes, got {len(packet)}")
+    blocks = []
+    at = 8
+    for count in counts:
+        end = at + 2 + count
+        if crc16(packet[:end]) != int.from_bytes(packet[end : end + 2], "little"):
+            raise ValueError(f"the CRC of the block at byte {at} does not agree")
+        blocks.append((packet[at], packet[at + 1], packet[at + 2 : end]))
+        at = end + 2
+    return blocks
+
+
+class Parser:
+    """Find packets in a stream of bytes.
+
+    A pause between two bytes of one packet longer than *gap_ns* drops what came before it, as a
+    servo does.
+    """
+
+    def __init__(self, gap_ns: int = 1_500_000) -> None:
+        self._gap_ns = gap_ns
+        self._last_ns = 0
+        self._buffer = bytearray()
+
+    def feed(self, octets: bytes, now_ns: int) -> list[tuple[Packet | Damaged, int]]:
+        """Take in *octets* received at *now_ns* and return the packets they complete.
+
+        Returns:
+            each packet, and how many of *octets* had been taken in when it was complete.
+        """
+        if self._buffer and now_ns - self._last_ns > self._gap_ns:
+            self._buffer.clear()
+        self._last_ns = now_ns
+        self._buffer += octets
+        found: list[tuple[Packet | Damaged, int]] = []
+        while (packet := self._next()) is not None:
+            found.append((packet, max(0, len(octets) - len(self._buffer))))
+        return found
+
+    def _next(self) -> Packet | Damaged | None:
+        buffer = self._buffer
+        while True:
+            start = buffer.find(HEADER)
+            if start < 0:
+                # A header may be arriving: keep as much as could be its beginning.
+                del buffer[: max(0, len(buffer) - len(HEADER) + 1)]
+                return None
+            del buffer[:start]
+            if len(buffer) < SHORTEST:
+                return None
+            length = int.from_bytes(buffer[5:7], "little")
+            if 3 <= length <= MAX_LENGTH:
+                break
+            del buffer[: len(HEADER)]
+        total = length + 7
+        if len(buffer) < total:
+            return None
+        raw = bytes(buffer[:total])
+        if crc16(raw[:-2]) != int.from_bytes(raw[-2:], "little"):
+            # Only past the header: the length itself may be what was damaged.
+            del buffer[: len(HEADER)]
+            return Damaged(raw[4], raw[7])
+        del buffer[:total]
+        body = unstuff(raw[7:-2])
+        return Packet(raw[4], body[0], body[1:])

@@ -1,0 +1,107 @@
+"""A driver on an emulated bus with virtual time."""
+
+import random
+
+import pytest
+
+from orientd.clock import ManualClock
+from orientd.driver import Setpoint
+from orientd_sim.dynamixel import MODELS, Bus, Line, Servo, VirtualPort
+
+MS = 1_000_000
+
+
+def axes_for(order, *, models=None, **common):
+    models = models or ["xm430"] * len(order)
+    return [
+        {"id": number + 1, "name": name, "model": model, "limits_deg": [-270, 270], **common}
+        for number, (name, model) in enumerate(zip(("yaw", "pitch", "roll"), models, strict=False))
+    ][: len(order)]
+
+
+class Rig:
+    """An emulated bus, a driver on it, and the loop that a servo process would be."""
+
+    def __init__(self, order="ZYX", *, rate_hz=200, models=None, latency_ms=4.0, seed=0,
+                 is_paced=True, axes=None, **options):  # fmt: skip
+        pytest.importorskip("dynamixel_sdk")
+        from dynamixel_sdk import Protocol2PacketHandler
+
+        from orientd_dynamixel import DynamixelDriver
+        from orientd_dynamixel.servo_bus import ServoBus
+
+        self.period_ns = 1_000_000_000 // rate_hz
+        self.clock = ManualClock(1_000_000_000)
+        models = models or ["xm430"] * len(order)
+        self.bus = Bus(
+            [Servo(k + 1, MODELS[m], now_ns=self.clock.now_ns()) for k, m in enumerate(models)],
+            line=Line(is_paced=is_paced, usb_latency_ns=MS if is_paced else 0),
+            rng=random.Random(seed),
+        )
+        self.port = VirtualPort(self.bus, self.clock)
+
+        def open_bus(port, baud, *, wait_ms, glance_s):
+            self.port.openPort()
+            self.port.ser.timeout = glance_s
+            return ServoBus(self.port, Protocol2PacketHandler(), wait_ms=wait_ms)
+
+        self.driver = DynamixelDriver(
+            {"port": "virtual", "order": order, "latency_ms": latency_ms,
+             "axes": axes or axes_for(order, models=models), **options},
+            period_ns=self.period_ns, clock=self.clock, open_bus=open_bus,
+            sleep=lambda seconds: self.clock.advance(round(seconds * 1e9)),
+        )  # fmt: skip
+        self.next_ns = self.clock.now_ns()
+        self.q = None
+        self.seen = []
+
+    def servo(self, number):
+        return self.bus.servo(number)
+
+    def value(self, number, name):
+        servo = self.servo(number)
+        servo.read(0, 100, self.clock.now_ns())
+        return servo.value(name)
+
+    def start(self):
+        self.driver.open()
+        feedback = self.driver.enable()
+        self.q = feedback.q
+        self.next_ns = self.clock.now_ns()
+        return feedback
+
+    def cycle(self, angles=None, q=None, *, write=True):
+        """Wait for the next deadline, read, write."""
+        self.next_ns += self.period_ns
+        while self.next_ns < self.clock.now_ns():
+            self.next_ns += self.period_ns
+        self.clock.advance(self.next_ns - self.clock.now_ns())
+        feedback = self.driver.read()
+        self.seen.append(feedback)
+        if angles is not None:
+            self.q = self.driver._tracker.forward(angles)
+        if q is not None:
+            self.q = q
+        if write:
+            self.driver.write(Setpoint(self.next_ns, self.q))
+        return feedback
+
+    def run(self, count, path=None, *, write=True):
+        """Do *count* cycles, along ``path(number)`` if there is one."""
+        for number in range(count):
+            self.cycle(None if path is None else path(number), write=write)
+
+    def goals(self):
+        return [self.servo(k + 1).value("goal position") for k in range(len(self.bus.servos))]
+
+
+@pytest.fixture
+def rig():
+    return Rig
+
+
+@pytest.fixture
+def gimbal():
+    it = Rig()
+    it.start()
+    return it

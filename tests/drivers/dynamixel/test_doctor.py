@@ -1,0 +1,99 @@
+"""What the doctor finds on an emulated bus, and what it says."""
+
+import pytest
+
+pytest.importorskip("dynamixel_sdk")
+
+from dynamixel_sdk import Protocol2PacketHandler
+
+from orientd.clock import ManualClock
+from orientd_dynamixel import doctor
+from orientd_dynamixel.servo_bus import ServoBus
+from orientd_sim.dynamixel import XL330_M288, Bus, Line, VirtualPort
+from orientd_sim.dynamixel import Servo as EmulatedServo
+
+
+@pytest.fixture
+def bench():
+    servos = [
+        EmulatedServo(1),
+        EmulatedServo(2, baud_index=1),
+        EmulatedServo(7, XL330_M288),
+    ]
+    port = VirtualPort(Bus(servos, line=Line(is_paced=True)), ManualClock())
+
+    def open_bus(name, baud, *, wait_ms, glance_s):
+        port.setBaudRate(baud)
+        port.ser.timeout = glance_s
+        return ServoBus(port, Protocol2PacketHandler(), wait_ms=wait_ms)
+
+    port.open_bus = open_bus
+    return port
+
+
+def scan(bench):
+    return doctor.scan("virtual", ids=range(10), open_bus=bench.open_bus)
+
+
+def test_servos_are_found_at_every_line_speed(bench):
+    found = scan(bench)
+    assert [(s.id, s.name, s.baud) for s in found] == [
+        (2, "XM430-W350", 57600),
+        (1, "XM430-W350", 1_000_000),
+        (7, "XL330-M288", 1_000_000),
+    ]
+    assert [s.return_delay_us for s in found] == [500, 500, 500]
+
+
+def test_advice_names_what_to_change(bench):
+    bench.bus.servos[0].fail(1 << 5, 0)
+    advice = "\n".join(doctor.advise(scan(bench), 16))
+    for part in (
+        "servo 1 reports overload",
+        "set to [57600, 1000000] baud",
+        "57600 baud is slow",
+        "holds answers back for 16 ms",
+        "return delay is not 0",
+    ):
+        assert part in advice
+
+
+def test_silent_bus_is_said_to_be_silent():
+    assert "no servo answers" in doctor.advise([], None)[0]
+
+
+def test_nothing_is_said_where_nothing_is_wrong():
+    good = [doctor.Servo(k, 1020, 48, 1_000_000, 0, 0) for k in (1, 2, 3)]
+    assert doctor.advise(good, 1) == []
+
+
+def test_calculated_rates_are_those_of_the_field():
+    good = [doctor.Servo(k, 1020, 44, 1_000_000, 0, 0) for k in (1, 2, 3)]
+    assert 200 <= doctor.safe_rate_hz(good, 1_000_000) <= 350
+    factory = [doctor.Servo(k, 1020, 44, 57600, 500, 0) for k in (1, 2, 3)]
+    assert doctor.cycle_ms(factory, 57600) == pytest.approx(25, abs=3)
+
+
+def test_measured_cycle_is_that_of_the_line(bench):
+    servos = [s for s in scan(bench) if s.baud == 1_000_000]
+    bus = bench.open_bus("virtual", 1_000_000, wait_ms=4.0, glance_s=0.002)
+    got = doctor.measure_cycle_ms(bus, servos, now_ns=bench.clock.now_ns)
+    # 16 bytes out, two answers of 14 bytes and a head of 8 in, two delays of 550 us
+    assert got == pytest.approx(0.16 + 0.36 + 1.1, abs=0.1)
+
+
+def test_ports_that_keep_their_names_come_first(tmp_path):
+    (tmp_path / "serial" / "by-id").mkdir(parents=True)
+    for name in ("ttyUSB0", "ttyUSB1", "ttyS0"):
+        (tmp_path / name).touch()
+    link = tmp_path / "serial" / "by-id" / "usb-FTDI"
+    link.symlink_to(tmp_path / "ttyUSB1")
+    assert doctor.find_ports(tmp_path) == [link, tmp_path / "ttyUSB0"]
+
+
+def test_latency_timer_is_read_where_there_is_one(tmp_path):
+    (tmp_path / "ttyUSB0").mkdir()
+    (tmp_path / "ttyUSB0" / "latency_timer").write_text("16\n")
+    (tmp_path / "port").symlink_to(tmp_path / "ttyUSB0")
+    assert doctor.latency_timer_ms(tmp_path / "port", tmp_path) == 16
+    assert doctor.latency_timer_ms(tmp_path / "other", tmp_path) is None

@@ -1,0 +1,157 @@
+"""Every fault of the emulated bus at many random moments: ridden out, or typed and recovered."""
+
+import math
+import random
+
+import pytest
+
+from orientd.errors import DeviceError, DeviceFaultError, FeedbackError, LinkError
+from orientd_sim.dynamixel import FaultKind, ReplyFault
+
+MS = 1_000_000
+MOMENTS = [
+    pytest.param(range(6), id="few"),
+    pytest.param(range(6, 50), id="many", marks=pytest.mark.slow),
+]
+
+
+def _reply(kind, **settings):
+    return lambda rig, servo: rig.bus.faults.add(servo, ReplyFault(kind, **settings))
+
+
+def _unplug(rig, servo):
+    rig.port.is_plugged = False
+
+
+def _power(rig, servo):
+    rig.servo(servo).disconnect(rig.clock.now_ns())
+    rig.servo(servo).connect(rig.clock.now_ns())
+
+
+def _stall(rig, servo):
+    rig.servo(servo).shaft.load = 1.0
+
+
+def _jam(rig, servo):
+    rig.servo(servo).shaft.jammed = True
+
+
+RIDDEN_OUT = {
+    "one dropped": _reply(FaultKind.DROP, remaining=1),
+    "three dropped": _reply(FaultKind.DROP, remaining=3),
+    "one corrupted": _reply(FaultKind.CORRUPT, remaining=1),
+    "one truncated": _reply(FaultKind.TRUNCATE, remaining=1),
+    "one late": _reply(FaultKind.DELAY, remaining=1, delay_ns=13 * MS),
+    "a tenth dropped": _reply(FaultKind.DROP, probability=0.1, remaining=20),
+}
+FATAL = {
+    "silent": (_reply(FaultKind.DROP), FeedbackError),
+    "all corrupted": (_reply(FaultKind.CORRUPT), FeedbackError),
+    "all truncated": (_reply(FaultKind.TRUNCATE), FeedbackError),
+    "all late": (_reply(FaultKind.DELAY, delay_ns=30 * MS), FeedbackError),
+    "cable off": (lambda rig, s: rig.servo(s).disconnect(rig.clock.now_ns()), FeedbackError),
+    "supply interrupted": (_power, (FeedbackError, DeviceFaultError)),
+    "adapter unplugged": (_unplug, LinkError),
+    "overload": (lambda rig, s: rig.servo(s).fail(1 << 5, rig.clock.now_ns()), DeviceFaultError),
+    "overheated": (lambda rig, s: rig.servo(s).fail(1 << 2, rig.clock.now_ns()), DeviceFaultError),
+    "jammed": (_jam, DeviceFaultError),
+    "stalled": (_stall, DeviceFaultError),
+    "watchdog": (lambda rig, s: rig.clock.advance(400 * MS), DeviceFaultError),
+}
+
+
+def heal(rig, servo):
+    """Take every cause away."""
+    rig.bus.faults.clear()
+    rig.port.is_plugged = True
+    it = rig.bus.servos[servo - 1]
+    it.connect(rig.clock.now_ns())
+    it.shaft.jammed = False
+    it.shaft.load = 0.0
+    rig.clock.advance(500 * MS)
+
+
+def path(offset):
+    def at(k):
+        t = (k + offset) * 0.01
+        return [1.2 * math.sin(t), 0.8 * math.sin(0.7 * t), 0.5 * math.sin(1.3 * t)]
+
+    return at
+
+
+def started(rig, seed):
+    rng = random.Random(seed)
+    it = rig(seed=seed, fast_read=rng.choice(["on", "off"]))
+    it.start()
+    moment = rng.randrange(1, 100)
+    it.run(moment, path(0))
+    return it, rng.randrange(1, 4), moment
+
+
+def assert_sane(rig):
+    """No reading is a jump, none is the zero that a failed read would be."""
+    previous = None
+    for feedback in rig.seen:
+        if feedback is None:
+            continue
+        for value in feedback.joints:
+            assert abs(value + math.pi) > 0.5
+        if previous is not None and feedback.time_ns > previous.time_ns:
+            span = (feedback.time_ns - previous.time_ns) * 1e-9
+            for a, b in zip(feedback.joints, previous.joints, strict=True):
+                assert abs(a - b) <= 4.9 * span + 0.03
+        previous = feedback
+
+
+@pytest.mark.parametrize("name", RIDDEN_OUT)
+@pytest.mark.parametrize("moments", MOMENTS)
+def test_passing_fault_is_ridden_out(rig, name, moments):
+    for seed in moments:
+        it, servo, moment = started(rig, seed)
+        RIDDEN_OUT[name](it, servo)
+        it.run(120, path(moment))
+        assert it.driver.losses.total >= 1 or name == "a tenth dropped"
+        it.bus.faults.clear()
+        it.run(10)
+        assert it.driver.losses.in_a_row == 0
+        assert it.seen[-1].joints == pytest.approx(it.driver._tracker.angles, abs=0.1)
+        assert_sane(it)
+
+
+@pytest.mark.parametrize("name", FATAL)
+@pytest.mark.parametrize("moments", MOMENTS)
+def test_lasting_fault_is_typed_and_reset_recovers(rig, name, moments):
+    inject, kind = FATAL[name]
+    for seed in moments:
+        it, servo, moment = started(rig, seed)
+        inject(it, servo)
+        with pytest.raises(kind):
+            it.run(400, path(moment))
+        goals = it.goals()
+        try:
+            it.driver.disable()
+        except DeviceError:
+            it.driver.disable()  # never twice
+        assert all(abs(a - b) < 60 for a, b in zip(it.goals(), goals, strict=True))
+        assert_sane(it)
+        heal(it, servo)
+        it.driver.reset()
+        it.q = it.driver.enable().q
+        assert all(abs(goal - 2048) < 1.5 / 6.28 * 4096 for goal in it.goals())
+        it.seen.clear()
+        it.run(30)
+        assert it.seen[-1].joints == pytest.approx(it.driver._tracker.angles, abs=0.01)
+        assert all(s.is_torque_on for s in it.bus.servos)
+
+
+def test_faulty_servo_leaves_the_others_where_they_are(rig):
+    it, _, moment = started(rig, 7)
+    it.servo(2).disconnect(it.clock.now_ns())
+    with pytest.raises(FeedbackError, match="servo 2"):
+        it.run(400, path(moment))
+    with pytest.raises(DeviceError):
+        it.driver.disable()
+    places = [it.servo(k).value("goal position") for k in (1, 3)]
+    it.clock.advance(2_000_000_000)
+    it.bus.advance(it.clock.now_ns())
+    assert [round(it.servo(k).shaft.position) for k in (1, 3)] == places

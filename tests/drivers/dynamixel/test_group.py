@@ -1,0 +1,44 @@
+"""When a reading is believed: the servos' clocks."""
+
+import pytest
+
+from orientd_dynamixel.group import STALE_MS, ServoClock
+from orientd_dynamixel.reading import behind_ms
+
+MS = 1_000_000
+
+
+def test_prompt_answers_are_not_behind_however_long_it_goes_on():
+    clock = ServoClock()
+    for k in range(5000):
+        asked_ns, tick = k * 10 * MS, (k * 10) % 32768
+        assert abs(clock.behind_ms(asked_ns, tick)) <= 1.0
+        clock.learn(asked_ns, tick)
+
+
+def test_answer_to_a_question_of_earlier_is_behind_by_its_age():
+    clock = ServoClock()
+    clock.learn(0, 100)
+    assert clock.behind_ms(50 * MS, 130) == pytest.approx(20.0)
+
+
+def test_answer_that_took_long_to_measure_does_not_spoil_the_next_ones():
+    clock = ServoClock()
+    clock.learn(0, 100)
+    clock.learn(10 * MS, 140)  # measured 30 ms after it was asked for
+    assert clock.behind_ms(20 * MS, 120) <= 1.0
+
+
+@pytest.mark.parametrize("drift", [-0.005, 0.005])
+def test_clock_that_runs_at_another_speed_is_followed(drift):
+    clock = ServoClock()
+    for k in range(5000):
+        asked_ns, tick = k * 10 * MS, int(k * 10 * (1 + drift)) % 32768
+        assert clock.behind_ms(asked_ns, tick) < STALE_MS / 2
+        clock.learn(asked_ns, tick)
+    assert clock.behind_ms(asked_ns + 20 * MS, tick) == pytest.approx(20.0, abs=2.0)
+
+
+def test_difference_is_taken_across_the_wrap():
+    assert behind_ms(32760, 5.0) == 13.0
+    assert behind_ms(5, 32760.0) == -13.0

@@ -1,0 +1,59 @@
+"""The options: the example deployment loads, and what is wrong is named."""
+
+import math
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from orientd import config
+from orientd_dynamixel.options import parse
+
+EXAMPLE = Path(__file__).parents[3] / "config" / "gimbal.toml"
+GOOD = {"port": "/dev/null", "axes": [{"id": 1}, {"id": 2}, {"id": 3}]}
+
+
+def test_example_deployment_is_well_formed():
+    table = tomllib.loads(EXAMPLE.read_text())
+    options = parse(table["devices"]["gimbal"]["options"])
+    assert [axis.name for axis in options.axes] == ["yaw", "pitch", "roll"]
+    assert options.axes[0].high == pytest.approx(math.radians(270))
+
+
+def test_example_deployment_is_read_by_the_daemon():
+    settings = config.load(EXAMPLE)
+    assert settings.devices["gimbal"].driver == "dynamixel"
+
+
+def test_axis_takes_eighty_percent_of_the_speed_without_load():
+    assert parse(GOOD).axes[0].velocity == pytest.approx(0.8 * 4.817)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"prot": 1}, "unknown option 'prot'"),
+        ({"port": ""}, "port must be the path"),
+        ({"baud": 4_500_000}, "baud must be one of 9600"),
+        ({"order": "ZZX"}, "order must be two or three"),
+        ({"order": "ZY"}, "axes must be 2 tables"),
+        ({"axes": [{"id": 1}, {"id": 1}, {"id": 3}]}, "axes must have different ids"),
+        ({"axes": [{"id": 1}, {"id": 300}, {"id": 3}]}, r"axes\[1\].id must be a whole number"),
+        ({"axes": [{"id": 1, "modle": 1}, {}, {}]}, r"unknown option 'axes\[0\].modle'"),
+        ({"axes": [{"id": 1, "model": "ax12"}, {}, {}]}, r"axes\[0\].model must be one of xm430"),
+        ({"axes": [{"id": 1, "velocity_deg": 400}, {}, {}]}, "without load, got 400"),
+        ({"axes": [{"id": 1, "limits_deg": [5, 1]}, {}, {}]}, "the lower angle first"),
+        ({"axes": [{"id": 1, "limits_deg": [-1e6, 1]}, {}, {}]}, "within 255 turns"),
+        ({"axes": [{"id": 1, "direction": 2}, {}, {}]}, "direction must be one of 1, -1"),
+        ({"axes": [{"id": 1, "gear": math.nan}, {}, {}]}, "gear must be a number"),
+        ({"park_deg": [0, 0]}, "park_deg must be 3 angles"),
+        ({"park_deg": [0, 0, 190]}, "park_deg must be inside the limits of x"),
+        ({"at_end": "drop"}, "at_end must be one of release, hold"),
+        ({"fast_read": True}, "fast_read must be one of auto, on, off"),
+        ({"mount": {"w": 2, "x": 0, "y": 0, "z": 0}}, "mount must have norm 1"),
+        ({"watchdog_ms": -1}, "watchdog_ms must be from 0 to 2540"),
+    ],
+)
+def test_what_is_wrong_is_named(change, message):
+    with pytest.raises(ValueError, match=message):
+        parse({**GOOD, **change})

@@ -1,0 +1,55 @@
+"""A plan made for a deployment, streamed through the driver on the emulated bus."""
+
+import numpy as np
+import pytest
+
+from orientd.errors import LimitError
+from orientd.rotation import angle, exp, multiply
+from orientd_dynamixel.certificate import Policy
+from orientd_dynamixel.options import parse
+from orientd_dynamixel.planning import describe, gimbal_of, plan
+
+OPTIONS = {
+    "port": "virtual",
+    "order": "ZY",
+    "latency_ms": 4.0,
+    "axes": [
+        {"id": 1, "name": "pan", "limits_deg": [-270, 270], "velocity_deg": 120},
+        {"id": 2, "name": "tilt", "limits_deg": [-180, 180], "velocity_deg": 120},
+    ],
+}
+
+
+def test_planned_pass_over_the_pole_arrives_at_the_servos(rig):
+    """From standing level, up, past the pole by two degrees, and down on the other side."""
+    period = 0.005
+    settings = parse(OPTIONS)
+    gimbal = gimbal_of(settings)
+    times = np.arange(0, 6, period)
+    way = np.deg2rad(150) * (10 * (times / 6) ** 3 - 15 * (times / 6) ** 4 + 6 * (times / 6) ** 5)
+    miss = np.deg2rad(2)
+    normal = np.array([0, -np.cos(miss), np.sin(miss)])
+    q = multiply(exp(way[:, None] * normal), gimbal.forward([0.0, 0.0]))
+    path = plan(OPTIONS, q, period, start=[0.0, 0.0], policy=Policy(max_deviation=np.deg2rad(3)))
+    assert [hole.kind for hole in path.certificate.keyholes] == ["pass"]
+    assert np.rad2deg(path.certificate.error.value) <= 2.05
+    words = describe(path.certificate, settings)
+    assert any("pass near the pole, missing by at most 2.0" in line for line in words)
+
+    it = rig("ZY", axes=OPTIONS["axes"])
+    it.start()
+    worst = 0.0
+    for wanted, row in zip(path.q.tolist(), path.angles, strict=True):
+        it.cycle(q=tuple(wanted))
+        worst = max(worst, float(np.max(np.abs(np.subtract(it.driver._tracker.angles, row)))))
+    assert worst < 1e-6
+    for _ in range(80):
+        feedback = it.cycle()
+    assert it.driver.losses.total == 0
+    assert np.rad2deg(float(angle(feedback.q, path.q[-1]))) < 0.07
+
+
+def test_plan_says_what_it_refuses_by_the_axis_name():
+    q = exp(np.outer(np.linspace(0, 5.5, 500), [0, 0, 1]))
+    with pytest.raises(LimitError, match=r"(angle|velocity) of pan"):
+        plan(OPTIONS, q, 0.005, start=[0.0, 0.0])

@@ -1,0 +1,134 @@
+"""The driver over the real SDK, pyserial and a pseudo-terminal, the emulator in its own process."""
+
+import contextlib
+import math
+import subprocess
+import sys
+import time
+
+import pytest
+
+pytest.importorskip("dynamixel_sdk")
+
+from orientd.clock import MonotonicClock
+from orientd.driver import Setpoint
+from orientd.driver.floats import difference, norm
+from orientd.errors import DeviceError, LinkError
+from orientd.testing import DriverConformance
+from orientd_dynamixel import DynamixelDriver
+
+PERIOD_NS = 10_000_000
+
+
+class Emulator:
+    """An emulated bus in its own process, with a console."""
+
+    def __init__(self, link, *arguments):
+        self.link = link
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "orientd_sim.dynamixel", "--link", str(link), "--console",
+             *arguments],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        assert self._process.stdout.readline().startswith("ready")
+
+    def tell(self, command):
+        self._process.stdin.write(command + "\n")
+        self._process.stdin.flush()
+        assert self._process.stdout.readline() == f"done: {command}\n"
+
+    def end(self):
+        self._process.terminate()
+        self._process.wait(10)
+        self._process.stdin.close()
+        self._process.stdout.close()
+
+
+@pytest.fixture
+def emulator(tmp_path):
+    it = Emulator(tmp_path / "bus")
+    yield it
+    it.end()
+
+
+def make(link, **options):
+    axes = [{"id": k, "limits_deg": [-170, 170]} for k in (1, 2, 3)]
+    return DynamixelDriver(
+        {"port": str(link), "axes": axes, "max_losses": 20, **options},
+        period_ns=PERIOD_NS, clock=MonotonicClock(),
+    )  # fmt: skip
+
+
+class TestConformance(DriverConformance):
+    """What the servo relies on."""
+
+    # Three ticks, and the lag of a servo that a real one has too.
+    follow_tolerance = 0.005
+    settle_cycles = 60
+
+    @pytest.fixture(autouse=True)
+    def _emulate(self, emulator):
+        self.emulator = emulator
+
+    def make_driver(self):
+        return make(self.emulator.link)
+
+    def break_device(self):
+        self.emulator.tell("unplug")
+        return True
+
+
+def stream(driver, start, count, *, first=0):
+    """Send a slow sway, on time; return the last feedback."""
+    feedback = None
+    due = time.monotonic_ns()
+    for k in range(first, first + count):
+        due += PERIOD_NS
+        time.sleep(max(0.0, (due - time.monotonic_ns()) * 1e-9))
+        feedback = driver.read() or feedback
+        half = 0.1 * (1 - math.cos(0.02 * k))
+        q = (math.cos(half), 0.0, 0.0, math.sin(half))
+        driver.write(Setpoint(due, q))
+    return feedback, q
+
+
+def test_gimbal_follows_over_the_real_stack(emulator):
+    with contextlib.closing(make(emulator.link)) as driver:
+        driver.open()
+        start = driver.enable()
+        _, q = stream(driver, start, 200)
+        for k in range(30):
+            time.sleep(PERIOD_NS * 1e-9)
+            feedback = driver.read()
+            driver.write(Setpoint(k, q))
+        assert norm(difference(q, feedback.q)) < 0.003
+
+
+def test_unplugged_adapter_is_a_link_error_and_reset_finds_it_again(emulator):
+    with contextlib.closing(make(emulator.link)) as driver:
+        driver.open()
+        start = driver.enable()
+        stream(driver, start, 20)
+        emulator.tell("unplug")
+        with pytest.raises(LinkError):
+            stream(driver, start, 50, first=20)
+        with pytest.raises(DeviceError):
+            driver.disable()
+        with pytest.raises(LinkError, match="cannot open"):
+            driver.reset()
+        emulator.tell("plug")
+        driver.reset()
+        assert norm(difference(driver.enable().q, start.q)) < 0.1
+
+
+def test_port_is_ours_alone(emulator):
+    with contextlib.closing(make(emulator.link)) as driver:
+        driver.open()
+        other = make(emulator.link)
+        with pytest.raises(LinkError, match="cannot open"):
+            other.open()
+
+
+def test_missing_port_is_a_link_error_that_names_it(tmp_path):
+    with pytest.raises(LinkError, match=r"cannot open .*nothing"):
+        make(tmp_path / "nothing").open()

@@ -1,0 +1,97 @@
+"""The real servo loop with the gimbal driver: faults are typed, held, and reset recovers."""
+
+import math
+
+import numpy as np
+import pytest
+from rig import PERIOD, PERIOD_NS
+from rig import Rig as LoopRig
+
+from orientd.errors import Fault
+from orientd.servo import Servo, Watch
+from orientd.stream import Answer, Command, SharedMemory, State
+from orientd_sim.dynamixel import FaultKind, ReplyFault
+
+
+class GimbalLoop(LoopRig):
+    """The servo loop on an emulated gimbal instead of a loopback."""
+
+    def __post_init__(self):
+        self.gimbal = self.options["gimbal"]
+        self.clock = self.gimbal.clock
+        self.driver = self.gimbal.driver
+        self.memory = SharedMemory.create(self.capacity, 4096)
+        self.driver.open()
+        self.parent_is_alive = self.beats = True
+        self.servo = Servo(
+            self.driver, self.memory, period_ns=PERIOD_NS,
+            watch=Watch(self.heartbeat_ns, self.feedback_ns), clock=self.clock,
+            parent_is_alive=lambda: True,
+        )  # fmt: skip
+        self.memory.beat(self.clock.now_ns())
+
+
+@pytest.fixture
+def loop(rig):
+    gimbal = rig(rate_hz=500, is_paced=False, latency_ms=4.0)
+    return GimbalLoop(options={"gimbal": gimbal})
+
+
+def turning(seconds=2.0):
+    """A yaw of 0.8 rad from rest to rest, as path records."""
+    count = round(seconds / PERIOD) + 1
+    u = np.linspace(0, 1, count)
+    angle = 0.8 * u**3 * (10 - 15 * u + 6 * u**2)
+    rate = 0.8 * 30 * u**2 * (1 - u) ** 2 / seconds
+    change = 0.8 * 60 * u * (1 - u) * (1 - 2 * u) / seconds**2
+    q = np.zeros((count, 4))
+    q[:, 0], q[:, 3] = np.cos(angle / 2), np.sin(angle / 2)
+    axis = np.array([0.0, 0.0, 1.0])
+    return q, rate[:, None] * axis, change[:, None] * axis
+
+
+def test_motion_is_streamed_to_its_end(loop):
+    loop.start(turning())
+    loop.run_until(lambda servo: servo.state is State.HOLDING)
+    loop.run(100)
+    assert loop.driver.losses.total == 0
+    yaw = (loop.gimbal.goals()[0] - 2048) * 2 * math.pi / 4096
+    assert yaw == pytest.approx(0.8, abs=0.001)
+    assert 2 * math.asin(loop.cycle.feedback_q[3]) == pytest.approx(0.8, abs=0.001)
+
+
+CAUSES = {
+    "silence": (lambda g: g.bus.faults.add(2, ReplyFault(FaultKind.DROP)), Fault.FEEDBACK_STALE),
+    "overload": (lambda g: g.servo(2).fail(1 << 5, g.clock.now_ns()), Fault.DEVICE_FAULT),
+    "unplugged": (lambda g: setattr(g.port, "is_plugged", False), Fault.LINK_LOST),
+}
+
+
+@pytest.mark.parametrize("cause", CAUSES)
+def test_fault_in_the_middle_is_typed_held_and_reset(loop, cause):
+    inject, fault = CAUSES[cause]
+    loop.start(turning())
+    loop.run(400)
+    inject(loop.gimbal)
+    loop.run_until(lambda servo: servo.state is State.FAULT)
+    assert loop.cycle.fault == fault
+    goals = loop.gimbal.goals()
+    loop.run(50)
+    assert loop.gimbal.goals() == goals
+    loop.gimbal.bus.faults.clear()
+    loop.gimbal.port.is_plugged = True
+    answer = loop.ask(Command.RESET)
+    assert answer == (Answer.DONE, "")
+    assert loop.ask(Command.ENABLE)[0] is Answer.DONE
+    loop.run(100)
+    assert loop.cycle.state is State.HOLDING
+    assert loop.cycle.fault == 0
+    assert all(servo.is_torque_on for servo in loop.gimbal.bus.servos)
+
+
+def test_lost_readings_do_not_disturb_the_motion(loop):
+    loop.gimbal.bus.faults.add(1, ReplyFault(FaultKind.DROP, probability=0.05))
+    loop.start(turning())
+    loop.run_until(lambda servo: servo.state is State.HOLDING)
+    assert loop.driver.losses.total > 3
+    assert loop.cycle.fault == 0

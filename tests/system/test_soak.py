@@ -1,0 +1,63 @@
+"""What takes minutes: many motions in a row, and one that is very long.  Run with `make soak`."""
+
+import numpy as np
+import pytest
+from harness import DaemonProcess, assert_limits_kept, nudge, resident_kib
+
+from orientd.rpc import control_pb2 as pb
+
+pytestmark = pytest.mark.slow
+
+GROWTH_KIB = 2048
+"""What the allocator may keep for itself between two looks at a process that does not grow."""
+
+
+def sizes(daemon):
+    """Return the resident memory of daemon and servo, KiB."""
+    servo = daemon.device().servo_pid
+    return np.array([resident_kib(daemon.process.pid), resident_kib(servo)])
+
+
+@pytest.mark.timeout(900)
+def test_a_thousand_motions_in_a_row_leave_the_memory_as_it_was(tmp_path):
+    with DaemonProcess(tmp_path) as daemon:
+        found = []
+        for number in range(1000):
+            daemon.renew()
+            *_, last = daemon.move(nudge(0.002 if number % 2 else -0.002))
+            assert last.summary.outcome == pb.OUTCOME_DONE, last
+            if number % 100 == 99:
+                found.append(sizes(daemon))
+        print("\nKiB of daemon and servo after each hundred:", [tuple(size) for size in found])
+        assert (found[-1] - found[0] < GROWTH_KIB).all()
+
+
+@pytest.mark.timeout(900)
+def test_a_motion_of_100_000_keyframes_streams_with_flat_memory(tmp_path):
+    times = 0.004 * np.arange(100_000)
+    end = times[-1]
+    # A slow wandering that grows from rest and falls back to it.
+    ramp = np.clip(np.minimum(times, end - times) / 2.0, 0.0, 1.0)
+    ramp = ramp**3 * (10 - 15 * ramp + 6 * ramp**2)
+    x, y, z = 0.3 * np.sin(0.8 * times), 0.2 * np.sin(1.1 * times), 0.4 * np.sin(0.3 * times)
+    keyframes = [
+        pb.Keyframe(time=t, rotation_vector=pb.Vector3(x=a, y=b, z=c))
+        for t, a, b, c in zip(times, ramp * x, ramp * y, ramp * z, strict=True)
+    ]
+    with DaemonProcess(tmp_path) as daemon:
+        found, outcome = [], None
+        motion = pb.MotionRequest(keyframes=keyframes, approach=True)
+        for answer in daemon.move(motion):
+            daemon.renew_sometimes()
+            if answer.HasField("progress"):
+                share = answer.progress.path_time / answer.progress.duration
+                if share >= 0.1 * (len(found) + 1):
+                    found.append(sizes(daemon))
+            elif answer.HasField("summary"):
+                outcome = answer.summary
+        print("\nKiB of daemon and servo after each tenth:", [tuple(size) for size in found])
+        print(outcome.statistics)
+        assert outcome.outcome == pb.OUTCOME_DONE, outcome.text
+        assert len(found) >= 9
+        assert (found[-1] - found[0] < GROWTH_KIB).all()
+        assert_limits_kept(daemon.sent(), daemon.period)

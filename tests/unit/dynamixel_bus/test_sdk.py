@@ -1,0 +1,144 @@
+"""The vendor's SDK over the port with virtual time, every instruction of it."""
+
+import pytest
+
+sdk = pytest.importorskip("dynamixel_sdk")
+
+from orientd.clock import ManualClock  # noqa: E402
+from orientd_sim.dynamixel import XL330_M288, Bus, Line, Servo, VirtualPort  # noqa: E402
+
+COMM_SUCCESS, COMM_RX_TIMEOUT = 0, -3001
+
+
+@pytest.fixture
+def bus():
+    servos = [Servo(1), Servo(2), Servo(3, XL330_M288)]
+    for servo in servos:
+        servo.write(9, b"\0", 0)
+        servo.write(11, b"\4", 0)
+    return Bus(servos, line=Line(is_paced=True, usb_latency_ns=1_000_000))
+
+
+@pytest.fixture
+def port(bus):
+    it = VirtualPort(bus, ManualClock())
+    it.openPort()
+    return it
+
+
+@pytest.fixture
+def ph():
+    return sdk.Protocol2PacketHandler()
+
+
+def test_ping_names_the_model(port, ph):
+    assert ph.ping(port, 1) == (1020, COMM_SUCCESS, 0)
+    assert ph.ping(port, 3) == (1200, COMM_SUCCESS, 0)
+
+
+def test_missing_servo_costs_the_sdks_34_milliseconds(port, ph):
+    before = port.clock.now_ns()
+    assert ph.ping(port, 9)[1] == COMM_RX_TIMEOUT
+    assert (port.clock.now_ns() - before) * 1e-6 == pytest.approx(34.1, abs=0.2)
+
+
+def test_broadcast_ping_waits_its_fixed_807_milliseconds(port, ph):
+    before = port.clock.now_ns()
+    found, result = ph.broadcastPing(port)
+    assert (sorted(found), result) == ([1, 2, 3], COMM_SUCCESS)
+    assert (port.clock.now_ns() - before) * 1e-6 == pytest.approx(807.3, abs=1)
+
+
+def test_read_and_write(port, ph):
+    assert ph.write1ByteTxRx(port, 1, 65, 1) == (COMM_SUCCESS, 0)
+    assert ph.read1ByteTxRx(port, 1, 65) == (1, COMM_SUCCESS, 0)
+    assert ph.read4ByteTxRx(port, 1, 132) == (2048, COMM_SUCCESS, 0)
+
+
+def test_registered_write_and_action(port, ph, bus):
+    assert ph.regWriteTxRx(port, 1, 65, 1, [1]) == (COMM_SUCCESS, 0)
+    assert ph.action(port, sdk.BROADCAST_ID) == COMM_SUCCESS
+    assert bus.servo(1).value("led") == 1
+
+
+def test_sync_write_then_both_kinds_of_sync_read(port, ph, bus):
+    for servo in (1, 2, 3):
+        ph.write1ByteTxRx(port, servo, 64, 1)
+    write = sdk.GroupSyncWrite(port, ph, 116, 4)
+    for servo in (1, 2, 3):
+        write.addParam(servo, list((2048 + 10 * servo).to_bytes(4, "little")))
+    assert write.txPacket() == COMM_SUCCESS
+    port.clock.advance(1_000_000_000)
+    for kind in ("txRxPacket", "fastSyncRead"):
+        read = sdk.GroupSyncRead(port, ph, 132, 4)
+        for servo in (1, 2, 3):
+            read.addParam(servo)
+        assert getattr(read, kind)() == COMM_SUCCESS
+        assert [read.getData(servo, 132, 4) for servo in (1, 2, 3)] == [2058, 2068, 2078]
+
+
+def test_bulk_write_and_bulk_read(port, ph, bus):
+    write = sdk.GroupBulkWrite(port, ph)
+    write.addParam(1, 65, 1, [1])
+    write.addParam(2, 108, 4, [7, 0, 0, 0])
+    assert write.txPacket() == COMM_SUCCESS
+    read = sdk.GroupBulkRead(port, ph)
+    read.addParam(1, 65, 1)
+    read.addParam(2, 108, 4)
+    assert read.txRxPacket() == COMM_SUCCESS
+    assert (read.getData(1, 65, 1), read.getData(2, 108, 4)) == (1, 7)
+
+
+def test_indirect_block_by_fast_sync_read(port, ph):
+    for servo, block in ((1, 224), (2, 224), (3, 208)):
+        for k, target in enumerate([70, *range(126, 136)]):
+            assert ph.write2ByteTxRx(port, servo, 168 + 2 * k, target) == (COMM_SUCCESS, 0)
+        data, result, error = ph.readTxRx(port, servo, block, 11)
+        assert (result, error) == (COMM_SUCCESS, 0)
+        assert int.from_bytes(bytes(data[7:]), "little") == 2048
+
+
+def test_reboot_and_clear_multi_turn(port, ph, bus):
+    bus.servo(1).shaft.position = 10_000.0
+    assert ph.clearMultiTurn(port, 1) == (COMM_SUCCESS, 0)
+    assert ph.read4ByteTxRx(port, 1, 132)[0] == 10_000 % 4096
+    assert ph.reboot(port, 1) == (COMM_SUCCESS, 0)
+    assert ph.ping(port, 1)[1] == COMM_RX_TIMEOUT
+    port.clock.advance(300_000_000)
+    assert ph.ping(port, 1)[1] == COMM_SUCCESS
+
+
+def test_replies_that_hold_a_header_are_stuffed(port, ph, bus):
+    bus.servo(1).shaft.position = float(0xFDFFFF - (1 << 24))
+    value, result, _ = ph.read4ByteTxRx(port, 1, 132)
+    assert (value - (1 << 32), result) == (0xFDFFFF - (1 << 24), COMM_SUCCESS)
+
+
+def test_two_runs_are_the_same_to_the_bit(ph):
+    def run():
+        bus = Bus([Servo(1), Servo(2)], line=Line(is_paced=True, usb_latency_ns=1_000_000))
+        port = VirtualPort(bus, ManualClock())
+        port.openPort()
+        return [(ph.read4ByteTxRx(port, 1, 132), port.clock.now_ns()) for _ in range(200)]
+
+    assert run() == run()
+
+
+def test_modelled_cycle_agrees_with_the_wire(port, ph):
+    """At 1 Mbps three servos take 109 bytes and four turns: 1.24 ms before the adapter's delay."""
+    write = sdk.GroupSyncWrite(port, ph, 116, 4)
+    read = sdk.GroupSyncRead(port, ph, 126, 10)
+    for servo in (1, 2, 3):
+        write.addParam(servo, [0, 8, 0, 0])
+        read.addParam(servo)
+    spans = []
+    for _ in range(200):
+        before = port.clock.now_ns()
+        write.txPacket()
+        assert read.txRxPacket() == COMM_SUCCESS
+        spans.append((port.clock.now_ns() - before) * 1e-6)
+        port.clock.advance(5_000_000)
+    spans.sort()
+    assert spans[0] >= 1.24
+    assert spans[100] == pytest.approx(1.9, abs=0.25)
+    assert spans[-1] <= 2.35

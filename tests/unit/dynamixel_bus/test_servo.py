@@ -1,0 +1,283 @@
+"""One emulated servo: its table, what it refuses, how it moves, what stops it."""
+
+from itertools import pairwise
+
+import pytest
+
+from orientd_sim.dynamixel.motion import TICKS_PER_RADIAN
+from orientd_sim.dynamixel.packet import ALERT, ErrorNumber
+from orientd_sim.dynamixel.servo import Servo
+from orientd_sim.dynamixel.table import TURN_LIMIT, XL330_M288, XM430_W350
+
+MS = 1_000_000
+S = 1_000_000_000
+
+
+def signed(value, size=4):
+    return (value & ((1 << 8 * size) - 1)).to_bytes(size, "little")
+
+
+def put(servo, address, value, size, now=0):
+    return servo.write(address, signed(value, size), now)
+
+
+def number(servo, address, size, now=0):
+    error, raw = servo.read(address, size, now)
+    assert error == 0
+    return int.from_bytes(raw, "little", signed=True)
+
+
+@pytest.fixture
+def servo():
+    it = Servo(1)
+    assert put(it, 11, 4, 1) == 0
+    assert put(it, 64, 1, 1) == 0
+    return it
+
+
+@pytest.mark.parametrize(("model", "number_"), [(XM430_W350, 1020), (XL330_M288, 1200)])
+def test_model_number_is_in_the_table(model, number_):
+    assert number(Servo(1, model), 0, 2) == number_
+
+
+def test_torque_on_takes_the_present_position_as_goal():
+    servo = Servo(1)
+    servo.shaft.position = 1234.0
+    put(servo, 64, 1, 1)
+    assert number(servo, 116, 4) == 1234
+
+
+def test_eeprom_is_closed_while_torque_is_on(servo):
+    assert put(servo, 9, 0, 1) == ErrorNumber.ACCESS
+    put(servo, 64, 0, 1)
+    assert put(servo, 9, 0, 1) == 0
+    assert servo.return_delay_ns == 0
+
+
+def test_read_only_register_is_refused(servo):
+    assert put(servo, 132, 0, 4) == ErrorNumber.ACCESS
+
+
+def test_partial_register_is_refused(servo):
+    assert servo.write(116, b"\0\0", 0) == ErrorNumber.DATA_LENGTH
+
+
+def test_beyond_the_end_is_refused(servo):
+    assert servo.read(660, 8, 0) == (ErrorNumber.ACCESS, b"")
+    assert servo.write(662, b"\0", 0) == ErrorNumber.ACCESS
+
+
+def test_write_of_several_registers_is_whole_or_nothing(servo):
+    assert servo.write(112, signed(100) + signed(TURN_LIMIT + 1), 0) == ErrorNumber.DATA_RANGE
+    assert number(servo, 112, 4) == 0
+
+
+def test_goal_outside_the_turns_is_out_of_range(servo):
+    assert put(servo, 116, -TURN_LIMIT, 4) == 0
+    assert put(servo, 116, -TURN_LIMIT - 1, 4) == ErrorNumber.DATA_RANGE
+
+
+def test_position_mode_keeps_its_limits():
+    servo = Servo(1)
+    put(servo, 48, 3000, 4)
+    put(servo, 64, 1, 1)
+    assert put(servo, 116, 3001, 4) == ErrorNumber.DATA_LIMIT
+    assert put(servo, 116, 3000, 4) == 0
+
+
+def test_unknown_mode_is_refused():
+    assert put(Servo(1), 11, 2, 1) == ErrorNumber.DATA_RANGE
+
+
+def test_goal_velocity_keeps_its_limit(servo):
+    assert put(servo, 104, 201, 4) == ErrorNumber.DATA_LIMIT
+
+
+def test_indirect_block_reads_and_writes_through():
+    servo = Servo(1)
+    for k, target in enumerate([70, *range(126, 136), *range(116, 120)]):
+        assert put(servo, 168 + 2 * k, target, 2) == 0
+    put(servo, 11, 4, 1)
+    put(servo, 64, 1, 1)
+    assert servo.read(224, 11, 0) == (0, b"\0" * 7 + signed(2048))
+    assert servo.write(235, signed(-5), 0) == 0
+    assert number(servo, 116, 4) == -5
+
+
+def test_indirect_write_of_half_a_register_is_refused():
+    servo = Servo(1)
+    put(servo, 168, 116, 2)
+    assert servo.write(224, b"\0", 0) == ErrorNumber.DATA_LENGTH
+
+
+def test_indirect_target_in_the_eeprom_is_refused():
+    assert put(Servo(1), 168, 63, 2) == ErrorNumber.DATA_RANGE
+
+
+def test_step_follows_the_first_order_lag(servo):
+    put(servo, 116, 2058, 4)
+    assert number(servo, 132, 4, 20 * MS) == pytest.approx(2048 + 10 * (1 - 0.3679), abs=0.5)
+    assert number(servo, 132, 4, S) == 2058
+
+
+def test_speed_never_exceeds_the_no_load_speed(servo):
+    put(servo, 116, 100_000, 4)
+    first, second = number(servo, 132, 4, S), number(servo, 132, 4, 2 * S)
+    assert second - first == pytest.approx(4.817 * TICKS_PER_RADIAN, rel=1e-3)
+    assert number(servo, 128, 4, 2 * S) == pytest.approx(200.9, abs=1)
+
+
+def test_profile_keeps_its_speed_and_acceleration(servo):
+    put(servo, 108, 10, 4)
+    put(servo, 112, 50, 4)
+    put(servo, 116, 2048 + 4096, 4)
+    speeds = [number(servo, 136, 4, k * 10 * MS) for k in range(700)]
+    assert max(speeds) == 50
+    # 10 units are 214.6 deg/s^2, 156.2 speed units/s
+    assert max(b - a for a, b in pairwise(speeds)) <= 2
+    assert number(servo, 132, 4, 7 * S) == 2048 + 4096
+    assert speeds[-1] == 0
+
+
+def test_time_based_profile_takes_its_time(servo):
+    put(servo, 64, 0, 1)
+    put(servo, 10, 4, 1)
+    put(servo, 64, 1, 1)
+    put(servo, 108, 250, 4)
+    put(servo, 112, 1000, 4)
+    put(servo, 116, 3048, 4)
+    assert number(servo, 140, 4, 500 * MS) == pytest.approx(2548, abs=5)
+    assert number(servo, 140, 4, 980 * MS) < 3048
+    assert number(servo, 140, 4, 1010 * MS) == 3048
+
+
+def test_motion_does_not_depend_on_how_often_it_is_looked_at(servo):
+    other = Servo(1)
+    for it in (servo, other):
+        put(it, 64, 0, 1)
+        put(it, 11, 4, 1)
+        put(it, 64, 1, 1)
+        put(it, 112, 30, 4)
+        put(it, 116, 5000, 4)
+    for k in range(300):
+        servo.advance(k * MS)
+    other.advance(299 * MS)
+    assert servo.shaft.position == other.shaft.position
+
+
+@pytest.mark.parametrize(
+    ("mode", "address", "value", "size"), [(1, 104, 100, 4), (16, 100, 442, 2)]
+)
+def test_speed_modes_turn_steadily(mode, address, value, size):
+    servo = Servo(1)
+    put(servo, 11, mode, 1)
+    put(servo, 64, 1, 1)
+    put(servo, address, value, size)
+    assert number(servo, 128, 4, S) == pytest.approx(100, abs=1)
+
+
+def test_turns_are_counted_in_extended_mode_and_lost_at_reboot(servo):
+    put(servo, 116, 10_000, 4)
+    assert number(servo, 132, 4, 5 * S) == 10_000
+    servo.reboot(5 * S)
+    assert not servo.is_listening(5 * S + 299 * MS)
+    assert servo.is_listening(5 * S + 300 * MS)
+    assert number(servo, 132, 4, 6 * S) == 10_000 % 4096
+    assert number(servo, 64, 1, 6 * S) == 0
+
+
+def test_clear_forgets_turns_only_at_rest(servo):
+    put(servo, 116, 10_000, 4)
+    assert servo.clear_turns(500 * MS) == ErrorNumber.RESULT_FAIL
+    assert servo.clear_turns(5 * S) == 0
+    assert number(servo, 132, 4, 5 * S) == 10_000 % 4096
+
+
+def test_torque_on_in_position_mode_loses_turns():
+    servo = Servo(1)
+    servo.shaft.position = 5000.0
+    put(servo, 64, 1, 1)
+    assert number(servo, 132, 4) == 904
+
+
+def test_homing_offset_moves_the_reading():
+    servo = Servo(1)
+    put(servo, 20, 100, 4)
+    assert number(servo, 132, 4) == 2148
+
+
+def test_watchdog_stops_the_servo_and_refuses_goals_until_it_is_cleared(servo):
+    put(servo, 98, 5, 1)
+    put(servo, 116, 50_000, 4)
+    servo.feed_watchdog(0)
+    moving = number(servo, 132, 4, 99 * MS)
+    assert moving > 2300
+    stopped = number(servo, 132, 4, 300 * MS)
+    assert number(servo, 132, 4, S) == stopped
+    assert number(servo, 98, 1, S) == -1
+    assert put(servo, 116, 2048, 4, S) == ErrorNumber.DATA_RANGE
+    assert put(servo, 98, 0, 1, S) == 0
+    assert put(servo, 116, 2048, 4, S) == 0
+
+
+def test_watchdog_counts_only_with_torque(servo):
+    put(servo, 98, 5, 1)
+    put(servo, 64, 0, 1)
+    servo.advance(S)
+    assert number(servo, 98, 1, S) == 5
+
+
+def test_error_in_the_shutdown_mask_switches_torque_off_until_reboot(servo):
+    servo.fail(1 << 2, 0)
+    assert servo.error_bits == ALERT
+    assert number(servo, 64, 1) == 0
+    assert put(servo, 64, 1, 1) == 0
+    assert number(servo, 64, 1) == 0
+    servo.reboot(0)
+    assert servo.error_bits == 0
+
+
+def test_error_outside_the_mask_alerts_only(servo):
+    servo.fail(1 << 0, 0)
+    assert servo.error_bits == ALERT
+    assert servo.is_torque_on
+
+
+def test_jam_becomes_an_overload_after_a_second(servo):
+    servo.shaft.jammed = True
+    put(servo, 116, 3000, 4)
+    servo.advance(900 * MS)
+    assert servo.is_torque_on
+    servo.advance(1100 * MS)
+    assert not servo.is_torque_on
+    assert servo.value("hardware error status") == 1 << 5
+    assert round(servo.shaft.position) == 2048
+
+
+def test_load_slows_the_servo(servo):
+    servo.shaft.load = 0.5
+    put(servo, 116, 100_000, 4)
+    first, second = number(servo, 132, 4, S), number(servo, 132, 4, 2 * S)
+    assert second - first == pytest.approx(4.817 / 2 * TICKS_PER_RADIAN, rel=1e-3)
+
+
+def test_mode_change_resets_profile_and_goals():
+    servo = Servo(1)
+    put(servo, 108, 5, 4)
+    put(servo, 112, 6, 4)
+    put(servo, 102, 7, 2)
+    put(servo, 11, 4, 1)
+    assert (number(servo, 108, 4), number(servo, 112, 4)) == (0, 0)
+    assert number(servo, 102, 2) == 1193
+
+
+def test_tick_counts_milliseconds_since_boot_and_wraps(servo):
+    assert number(servo, 120, 2, 1234 * MS) == 1234
+    assert number(servo, 120, 2, 32_769 * MS) == 1
+
+
+def test_factory_reset_keeps_what_it_is_told_to_keep():
+    for option, kept in ((0xFF, (1, 1)), (1, (7, 1)), (2, (7, 3))):
+        servo = Servo(7)
+        servo.factory_reset(option, 0)
+        assert (servo.id, servo.baud_index) == kept
