@@ -40,7 +40,7 @@ def revive(robot):
 @pytest.mark.parametrize("harm", [kill, freeze, drop])
 def test_every_loss_ends_within_a_second_and_is_recovered_from(ur_robot, harm):
     generator, slowest, kinds, servos = random.Random(5), 0.0, {}, set()
-    with device_of(ur_robot.host) as device:
+    with device_of(ur_robot.host, lookahead=0.1) as device:
         for _ in range(ROUNDS):
             servos.add(pid := device.snapshot().servo_pid)
             swing(device, seconds=4.0)
