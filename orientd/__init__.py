@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from orientd.rpc.client import connect
+    from orientd.rpc.motion_request import Quaternion
 
-__all__ = ["__version__", "connect"]
+__all__ = ["Quaternion", "__version__", "connect"]
 
 __version__ = "0.1.0"
 
+# The servo process imports this package too and must not pay for gRPC and NumPy.
+_HOMES = {"connect": "orientd.rpc.client", "Quaternion": "orientd.rpc.motion_request"}
+
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - the signature PEP 562 asks for
-    # The servo process imports this package too and must not pay for gRPC and NumPy.
-    if name == "connect":
-        from orientd.rpc.client import connect
-
-        return connect
+    if name in _HOMES:
+        return getattr(import_module(_HOMES[name]), name)
     raise AttributeError(f"module 'orientd' has no attribute {name!r}")

@@ -68,7 +68,10 @@ class LimitError(PlanError):
     def __init__(
         self, quantity: str, value: float, limit: float, time: float, unit: str, advice: str = ""
     ) -> None:
-        text = f"{quantity} reaches {value:.6g} {unit} at {time:.4f} s, the limit is {limit:.6g} {unit}"
+        text = (
+            f"{quantity} reaches {value:.6g} {unit} at {time:.4f} s, "
+            f"the limit is {limit:.6g} {unit}"
+        )
         super().__init__(f"{text}; {advice}" if advice else text)
         self.quantity = quantity
         self.value = value

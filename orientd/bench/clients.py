@@ -38,7 +38,7 @@ def watch(stub: ControlStub, device: str) -> None:
 def main(socket: str, device: str) -> None:
     """Keep the daemon at *socket* busy until this process is killed."""
     channel = grpc.insecure_channel(f"unix:{socket}")
-    stub = ControlStub(channel)
+    stub = ControlStub(channel)  # type: ignore[no-untyped-call] # generated
     for _ in range(WATCHERS):
         threading.Thread(target=watch, args=(stub, device), daemon=True).start()
     request = pb.PlanRequest(device=device, motion=motion())

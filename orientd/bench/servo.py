@@ -98,11 +98,13 @@ def compare(
 
 
 def _servo_slot(rate_hz: float, seconds: float, priority: int, *, is_loaded: bool) -> Slot:
-    with tempfile.TemporaryDirectory(prefix="orientd-bench-") as folder:
-        with _daemon(Path(folder), rate_hz, priority) as socket:
-            load = [[sys.executable, "-m", "orientd.bench.clients", str(socket), DEVICE]]
-            with processes(load if is_loaded else []):
-                return _stream(socket, seconds, priority, is_loaded=is_loaded)
+    with (
+        tempfile.TemporaryDirectory(prefix="orientd-bench-") as folder,
+        _daemon(Path(folder), rate_hz, priority) as socket,
+    ):
+        load = [[sys.executable, "-m", "orientd.bench.clients", str(socket), DEVICE]]
+        with processes(load if is_loaded else []):
+            return _stream(socket, seconds, priority, is_loaded=is_loaded)
 
 
 @contextlib.contextmanager
@@ -135,7 +137,7 @@ def _daemon(folder: Path, rate_hz: float, priority: int) -> Iterator[Path]:
 def _stream(socket: Path, seconds: float, priority: int, *, is_loaded: bool) -> Slot:
     """Move for *seconds* and return what was measured of the motion."""
     with grpc.insecure_channel(f"unix:{socket}") as channel:
-        stub = ControlStub(channel)
+        stub = ControlStub(channel)  # type: ignore[no-untyped-call] # generated
         token = stub.AcquireLease(pb.AcquireLeaseRequest(holder="orientd bench")).lease.token
         scheduling = stub.GetState(pb.GetStateRequest(device=DEVICE)).devices[0].scheduling
         if priority and not scheduling.startswith("SCHED_FIFO"):

@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 import threading
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -26,6 +27,14 @@ ConfigFile = Annotated[
         "one loopback device.",
     ),
 ]
+
+
+class PictureFormat(StrEnum):
+    """Formats of pictures."""
+
+    SVG = "svg"
+    PNG = "png"
+    PDF = "pdf"
 
 
 @command
@@ -140,13 +149,32 @@ def devices(socket: Socket = None, as_json: AsJson = False) -> None:
 
 
 @command
-def methods(as_json: AsJson = False) -> None:
+def methods(
+    gallery: Annotated[
+        Path | None,
+        typer.Option("--gallery", metavar="DIR", help="Draw every family to a file in DIR."),
+    ] = None,
+    picture_format: Annotated[
+        PictureFormat, typer.Option("--format", help="Of the gallery's files.")
+    ] = PictureFormat.SVG,
+    as_json: AsJson = False,
+) -> None:
     """List the families of curves that a motion can be made of.  Needs no daemon."""
     from orientd.daemon import report
 
     found = report.methods()
+    pictures: list[Path] = []
+    if gallery is not None:
+        from orientd import plots
+
+        for path in plots.draw_gallery(gallery, picture_format.value):
+            pictures.append(path)
+            if not as_json:
+                say(f"wrote {path}")
     if as_json:
-        say_json({"methods": found})
+        say_json({"methods": found, "gallery": pictures})
+        return
+    if gallery is not None:
         return
 
     def yes(claim: bool) -> str:

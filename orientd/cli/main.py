@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from typing import Annotated
 
 import typer
@@ -16,6 +17,7 @@ from orientd.cli import (
     device_commands,
     doctor,
     motion_commands,
+    plot,
     sim,
 )
 from orientd.cli.output import say
@@ -55,6 +57,7 @@ for _command in (
     motion_commands.plan,
     motion_commands.move,
     compare.compare,
+    plot.plot,
     device_commands.stop,
     device_commands.pause,
     device_commands.resume,
@@ -73,6 +76,8 @@ def main() -> None:
     """Run the command line."""
     # gRPC's own log lines are about its connections, for which our errors have words.
     os.environ.setdefault("GRPC_VERBOSITY", "NONE")
+    # To be told to end is to be interrupted: a motion stops on its path, nothing is left behind.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     app()
 
 

@@ -33,7 +33,9 @@ _COUPLING = 2
 """How many keyframes away an unknown stands in a row."""
 
 _LARGEST_SHARE_OF_ROWS = 0.2
-_POLISHINGS = 5
+_POLISHINGS = 8
+_POLISHED = 1e-14
+
 _SMALLEST_GROWTH = 1e-5
 _ROUNDING = 1e-7
 """After a correction as small as this one the next, its square, is lost in rounding."""
@@ -123,14 +125,23 @@ class _Search:
         origin = np.zeros_like(self._equations.steps)
         start = _Path([0.0], [origin], tangent, needed=slice(None))
         found = self._march(everything, start, 1.0, growth=1.0)
+        return None if found is None else self._polished(found)
+
+    def _polished(self, found: Floats) -> Floats | None:
+        """Return increments corrected until only rounding is left, if they are a solution."""
+        everything = np.arange(len(found))
+        enough = _POLISHED * max(1.0, float(np.max(np.abs(found))))
+        previous = _LARGEST_GUESS_ERROR
         for _ in range(_POLISHINGS):
-            if found is None:
-                break
             correction = self._equations.correction(found, 1.0, everything)
+            size = float(np.max(np.abs(correction)))
+            if not size <= previous:
+                break
             found = found + correction
-            if np.max(np.abs(correction)) <= _ROUNDING:
+            if size <= enough:
                 return found
-        return None
+            previous = 0.5 * size
+        return found if previous <= _ROUNDING else None
 
     def _march(self, rows: Indices, path: _Path, target: float, growth: float) -> Floats | None:
         """Return the increments with those of some rows carried on to a target scale.
@@ -300,7 +311,7 @@ class _Search:
                     return None
             here, error = tried, error_there
             if share == 1.0 and np.max(np.abs(correction)) <= _ROUNDING:
-                return here
+                return self._polished(here)
         return None
 
     def _total_error(self, unknown: Floats) -> float:

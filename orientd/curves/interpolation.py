@@ -20,7 +20,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from orientd.curves.basis import Indices
-from orientd.rotation import Floats, conjugate, exp_half, log_half, multiply, right_jacobian, rotate
+from orientd.rotation import (
+    Floats,
+    between,
+    conjugate,
+    exp_half,
+    log_half,
+    multiply,
+    right_jacobian,
+    rotate,
+)
 
 _PIECE = 1024
 _OVERLAP = 32
@@ -94,7 +103,7 @@ class KeyframeEquations:
         product = factors[:, 0]
         for f in range(1, factors.shape[1]):
             product = multiply(product, factors[:, f])
-        return log_half(multiply(conjugate(exp_half(scale * self.steps[rows])), product))
+        return log_half(between(exp_half(scale * self.steps[rows]), product))
 
     def linearised(self, unknown: Floats, scale: float, rows: Indices) -> tuple[Floats, Floats]:
         r"""Return derivatives and errors of some rows, the other unknowns taken as constants.
@@ -128,7 +137,7 @@ class KeyframeEquations:
         blocks[1:, 0][is_apart] = 0.0
         blocks[:-1, 2][is_apart] = 0.0
         targets = exp_half(scale * self.steps[rows])
-        return blocks, log_half(multiply(conjugate(targets), after))
+        return blocks, log_half(between(targets, after))
 
     def _add(self, blocks: Floats, rows: Indices, index: Indices, derivative: Floats) -> None:
         """Add the derivatives of a factor to the blocks of the unknowns it depends on, if any."""

@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from orientd.rotation import Floats, align, conjugate, log_half, multiply
+from orientd.rotation import Floats, align, between, log_half
 
+ROUNDING = 1e-15
 NORM_TOLERANCE = 1e-6
 """How far the norm of a quaternion may be from one; a larger error is not rounding."""
 
@@ -40,7 +41,10 @@ def _unit(array: Floats, name: str) -> Floats:
             f"{where} must have norm 1 within {NORM_TOLERANCE:g}, "
             f"got {array.reshape(-1, 4)[place].tolist()} of norm {norm.flat[place]:.9g}"
         )
-    unit: Floats = array / norm[..., None]
+    # Dividing what is a unit quaternion already would only add its rounding to small steps.
+    unit: Floats = np.where(
+        np.abs(norm - 1.0)[..., None] <= ROUNDING, array, array / norm[..., None]
+    )
     return unit
 
 
@@ -219,4 +223,4 @@ def increments(keys: Floats) -> Floats:
     Returns:
         Half-angle vectors, shape ``(n - 1, 3)``, of length up to pi.
     """
-    return log_half(multiply(conjugate(keys[:-1]), keys[1:]))
+    return log_half(between(keys[:-1], keys[1:]))

@@ -16,7 +16,7 @@ from orientd.curves.keyframes import (
     check_quaternion,
 )
 from orientd.rotation import align as align_signs
-from orientd.rotation import conjugate, exp_half, log_half, multiply, rotate
+from orientd.rotation import between, exp_half, log_half, multiply, rotate
 
 PRODUCTS = ("local", "global")
 
@@ -83,14 +83,13 @@ class KksHermite(CumulativeCurve):
         sixth = (interval[1] - interval[0]) / 6.0
         first = sixth * in_body_frame(omega0, "omega0", start, frame)
         third = sixth * in_body_frame(omega1, "omega1", end, frame)
+        relative = between(start, end)
         is_global = check_choice(product, "product", PRODUCTS) == "global"
         if is_global:
             # Conjugating the world increments by q0 moves it to the left end of the product.
-            towards = rotate(multiply(conjugate(start), end), third)
+            towards = rotate(relative, third)
             first, third = towards, first
-        middle = multiply(
-            multiply(exp_half(-first), multiply(conjugate(start), end)), exp_half(-third)
-        )
+        middle = multiply(multiply(exp_half(-first), relative), exp_half(-third))
         basis = cumulative_basis(np.repeat(interval, 4), 4)
         super().__init__(
             basis=basis.reversed() if is_global else basis,

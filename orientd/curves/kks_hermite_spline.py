@@ -9,7 +9,7 @@ from orientd.curves.basis import cumulative_basis
 from orientd.curves.cumulative import CumulativeCurve
 from orientd.curves.keyframes import check_aligned, check_choice, check_vector, resolve_times
 from orientd.curves.velocities import RULES, half_velocities
-from orientd.rotation import Floats, conjugate, exp_half, log_half, multiply
+from orientd.rotation import Floats, between, exp_half, log_half, multiply
 
 
 class KksHermiteSpline(CumulativeCurve):
@@ -60,7 +60,9 @@ class KksHermiteSpline(CumulativeCurve):
         first, last = thirds * rates[:-1], thirds * rates[1:]
         leaving = multiply(aligned[:-1], exp_half(first))
         arriving = multiply(aligned[1:], exp_half(-last))
-        middle = log_half(multiply(conjugate(leaving), arriving))
+        middle = multiply(
+            multiply(exp_half(-first), between(aligned[:-1], aligned[1:])), exp_half(-last)
+        )
         controls: Floats = np.empty((3 * len(first) + 1, 4))
         controls[::3], controls[1::3], controls[2::3] = aligned, leaving, arriving
         super().__init__(
@@ -68,6 +70,6 @@ class KksHermiteSpline(CumulativeCurve):
                 np.concatenate([instants[:1], np.repeat(instants, 3), instants[-1:]]), 4
             ),
             controls=controls,
-            increments=np.stack([first, middle, last], axis=1).reshape(-1, 3),
+            increments=np.stack([first, log_half(middle), last], axis=1).reshape(-1, 3),
             continuity=1,
         )

@@ -16,7 +16,7 @@ from orientd.curves.keyframes import (
     check_quaternion,
 )
 from orientd.rotation import align as align_signs
-from orientd.rotation import conjugate, exp_half, log_half, multiply, rotate
+from orientd.rotation import between, exp_half, log_half, multiply, rotate
 
 
 class KksQuinticHermite(CumulativeCurve):
@@ -86,9 +86,12 @@ class KksQuinticHermite(CumulativeCurve):
         fifth = h / 10.0 * in_body_frame(omega1, "omega1", end, frame)
         towards_end = fifth - h * h / 40.0 * in_body_frame(alpha1, "alpha1", end, frame)
         fourth = rotate(exp_half(fifth), towards_end)
-        before = multiply(start, multiply(exp_half(first), exp_half(second)))
-        after = multiply(end, multiply(exp_half(-fifth), exp_half(-fourth)))
-        third = with_revolutions(log_half(multiply(conjugate(before), after)), turns)
+        middle = between(start, end)
+        for outer in (first, second):
+            middle = multiply(exp_half(-outer), middle)
+        for outer in (fifth, fourth):
+            middle = multiply(middle, exp_half(-outer))
+        third = with_revolutions(log_half(middle), turns)
         super().__init__(
             basis=cumulative_basis(np.repeat(interval, 6), 6),
             controls=start[None],

@@ -161,8 +161,8 @@ def _continued(q: Floats, instants: Floats, first: Floats | None, last: Floats |
             if stride < SMALLEST_STEP or (first is None and last is None):
                 raise PlanError(
                     "no curve of least acceleration was found through the keyframes: Newton's "
-                    f"method does not converge beyond {100.0 * reached:.0f} % of the end "
-                    "velocities; add keyframes or lower the end velocities"
+                    "method does not converge; add keyframes, lower the end velocities or make "
+                    "neighbouring intervals more alike"
                 )
         else:
             found, reached, stride = nodes, target, 1.5 * (target - reached)

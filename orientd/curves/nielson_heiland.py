@@ -123,7 +123,8 @@ def control_quaternions(q: Floats, r: Floats, left: Floats, f: Floats) -> Floats
             return d
     raise PlanError(
         "no spherical B-spline of Nielson and Heiland was found through the keyframes: at best "
-        f"it misses one by {2.0 * np.max(np.abs(error)):.3g} rad; put keyframes in between"
+        f"it misses one by {2.0 * np.max(np.abs(error)):.3g} rad; put keyframes in between, or "
+        "make neighbouring intervals more alike"
     )
 
 

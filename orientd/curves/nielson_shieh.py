@@ -45,7 +45,9 @@ class NielsonShieh(Curve):
 
     The arcs join with the same tangent but not the same speed: the C1 the paper claims needs its
     :math:`t = s / (a_i + (1 - a_i) s)` (eq. 15) with
-    :math:`a_i a_{i+1} = (d_{i+1}/h_{i+1}) / (d_i/h_i)`, of which :math:`a_1` is free.
+    :math:`a_i a_{i+1} = (d_{i+1}/h_{i+1}) / (d_i/h_i)`, of which :math:`a_1` is free.  Their
+    logarithms add up with alternating signs, so over many intervals out of proportion to their
+    chords they drift apart and the speed within the arcs becomes uneven without bound.
 
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two, neighbours different.

@@ -32,6 +32,9 @@ from orientd.rotation import (
 
 ITERATIONS = 30
 REFINEMENTS = 4
+MOST_PIECES = 200
+"""For each keyframe; a guess that needs more, several turns in each interval, leads nowhere."""
+
 ROUNDING = 1e-9
 """A Newton step as small as this one is the last."""
 
@@ -101,7 +104,10 @@ def settled(
 ) -> Nodes | None:
     """Return the stationary curve near a guess, its nodes close, or nothing if none is found."""
     for _ in range(REFINEMENTS):
-        found = _Equations(nodes_along(path, q, instants), first, last).solve()
+        nodes = nodes_along(path, q, instants)
+        if len(nodes.times) > MOST_PIECES * len(q):
+            return None
+        found = _Equations(nodes, first, last).solve()
         if found is None or found.is_close():
             return found
         path = found.path()

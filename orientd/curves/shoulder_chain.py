@@ -33,7 +33,10 @@ WORK = 65536
 
 KINKS = 64
 STARTS = 10
-ITERATIONS = 60
+LONGEST = 2000
+"""Long chains descend from fewer starts, so that their number times length is this."""
+
+ITERATIONS = 40
 NUDGE = 1e-5
 """Half angle, rad, over which the Hessian is the difference of exact gradients; it steers the
 search only."""
@@ -56,7 +59,8 @@ class ShoulderChain:
         starts = np.concatenate([self._starts(), self._kinks()])
         values = self.values(starts)
         order = np.argsort(values, kind="stable")
-        found, reached = self._descend(starts[order[:STARTS]])
+        count = max(2, min(STARTS, LONGEST // len(self._q)))
+        found, reached = self._descend(starts[order[:count]])
         candidates = np.concatenate([found, starts[order[:1]]])
         best: Floats = candidates[int(np.argmin([*reached, values[order[0]]]))]
         return best

@@ -16,7 +16,7 @@ from orientd.curves.keyframes import (
     check_quaternion,
     check_vector,
 )
-from orientd.rotation import conjugate, log_half, multiply
+from orientd.rotation import between, log_half
 
 PATHS = ("short", "long", "as_is", "complement")
 _COINCIDENT = 1e-14
@@ -67,7 +67,7 @@ class Slerp(CumulativeCurve):
         interval = check_interval(t0, t1)
         path = check_choice(path, "path", PATHS)
         turns = check_integer(spins, "spins")
-        relative = multiply(conjugate(start), end)
+        relative = between(start, end)
         if (path == "short" and relative[0] < 0.0) or (path == "long" and relative[0] > 0.0):
             relative = -relative
         angle = math.atan2(float(np.linalg.norm(relative[1:])), float(relative[0]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from orientd.curves.keyframes import increments
-from orientd.rotation import Floats, conjugate, log_half, multiply
+from orientd.rotation import Floats, between, log_half
 
 RULES = ("parabola", "mean", "chord")
 
@@ -37,5 +37,5 @@ def half_velocities(keys: Floats, times: Floats, rule: str) -> Floats:
     elif rule == "mean":
         velocities[1:-1] = 0.5 * (rates[1:] + rates[:-1])
     else:
-        velocities[1:-1] = log_half(multiply(conjugate(keys[:-2]), keys[2:])) / (before + after)
+        velocities[1:-1] = log_half(between(keys[:-2], keys[2:])) / (before + after)
     return velocities

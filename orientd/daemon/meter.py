@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from orientd import rotation
 from orientd.planner import Motion
 from orientd.rotation import Floats
-from orientd.servo.segment import PathPoint, Segment
 from orientd.stream import State
 
 CYCLE_LAYOUT = np.dtype(
@@ -47,6 +46,10 @@ CYCLE_LAYOUT = np.dtype(
 _BIN = np.log(1.01)
 _BINS = 2200
 """From 1 ns to 3.2 s."""
+
+
+_SAME = 1e-6
+"""Path times nearer than this, in periods, are the same."""
 
 
 class Histogram:
@@ -210,41 +213,60 @@ class MotionMeter:
         if self._carried is not None:
             block = np.concatenate([self._carried[0], block])
             times = np.concatenate([self._carried[1], times])
-        self._carried = (block[-1:], times[-1:])
+        self._carried = (block[-2:], times[-2:])
         full = block["speed"] == 1.0
         block, times = block[full], times[full]
         request = motion.request
         if self._start_error is None and request.omega_start is not None:
             self._start_error = self._velocity_error(
-                block, times, motion.start_time, request.omega_start
+                block, times, motion.start_time, request.omega_start, from_before=False
             )
         if self._end_error is None and request.omega_end is not None:
-            self._end_error = self._velocity_error(block, times, motion.end_time, request.omega_end)
+            self._end_error = self._velocity_error(
+                block, times, motion.end_time, request.omega_end, from_before=True
+            )
 
     def _velocity_error(
-        self, block: NDArray[np.void], times: NDArray[np.float64], instant: float, wanted: Floats
+        self,
+        block: NDArray[np.void],
+        times: NDArray[np.float64],
+        instant: float,
+        wanted: Floats,
+        *,
+        from_before: bool,
     ) -> float | None:
-        """Return the error of the velocity sent at *instant*, where the block spans it."""
+        """Return the error of the velocity sent at *instant*, where the block spans it.
+
+        Where no cycle falls on the instant, the velocity is the cubic through velocity and
+        acceleration of the two cycles before it, or after it: between the one before and the one
+        after, another curve begins with a step in jerk.
+        """
         h = self._motion.period
-        k = int(np.searchsorted(times, instant - 1e-9 * h, side="left"))
+        k = int(np.searchsorted(times, instant - _SAME * h))
         if k >= len(times):
             return None
-        if abs(times[k] - instant) <= 1e-6 * h:
+        if times[k] - instant <= _SAME * h:
             sent = block["omega_body"][k]
-        elif k > 0 and times[k] - times[k - 1] <= 1.5 * h:
-            span = times[k] - times[k - 1]
-            segment = Segment(_point(block[k - 1]), _point(block[k]), float(span))
-            sent = np.array(segment.at(float((instant - times[k - 1]) / span)).omega_body)
-        else:
+            return float(np.linalg.norm(sent - wanted))
+        first = k - 2 if from_before else k
+        if first < 0 or first + 1 >= len(times):
             return None
-        return float(np.linalg.norm(sent - np.asarray(wanted)))
-
-
-def _point(cycle: np.void) -> PathPoint:
-    q, omega, alpha, position = (
-        tuple(cycle[name].tolist()) for name in ("q", "omega_body", "alpha_body", "position")
-    )
-    return PathPoint(q, omega, alpha, position, (0.0, 0.0, 0.0))
+        nearest = times[k - 1] if from_before else times[k]
+        step = times[first + 1] - times[first]
+        if abs(step - h) > _SAME * h or abs(instant - nearest) > h:
+            return None
+        u = (instant - times[first]) / step
+        omega, alpha = (
+            block["omega_body"][first : first + 2],
+            block["alpha_body"][first : first + 2],
+        )
+        sent = (
+            (1 + 2 * u) * (1 - u) ** 2 * omega[0]
+            + u**2 * (3 - 2 * u) * omega[1]
+            + u * (1 - u) ** 2 * step * alpha[0]
+            + u**2 * (u - 1) * step * alpha[1]
+        )
+        return float(np.linalg.norm(sent - wanted))
 
 
 def _lateness(histogram: Histogram) -> Lateness:

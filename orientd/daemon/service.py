@@ -51,8 +51,8 @@ PLANNERS = 2
 COMMANDERS = 8
 """Commands under way at the same time; a device may take its time over one."""
 
-MOST_SAMPLES = 400_000
-"""In the answer to one Plan, which must fit a message."""
+MOST_SAMPLES = 300_000
+"""In the answer to one Plan; each takes some 170 bytes of a message."""
 
 _GONE = "its caller has gone away"
 
@@ -363,4 +363,3 @@ async def _refuse(context: Context, error: OrientdError) -> NoReturn:
     await context.abort(
         codes[status.code], status.message, ((DETAILS_KEY, status.SerializeToString()),)
     )
-    raise AssertionError

@@ -37,7 +37,7 @@ SLOWEST_STOP = 4.0
 """Seconds that a stop on the path may take where the timing is the user's."""
 
 _MARGIN = 0.99  # the nodes lie between the worst rates; this covers what they miss
-_BLOCK = 2048
+_BLOCK = 512
 
 
 def _nodes() -> Floats:
@@ -47,6 +47,14 @@ def _nodes() -> Floats:
 
 _SIGMA = _nodes()
 _G = np.minimum(2.0, np.sqrt(8.0 * np.minimum(1.0 - _SIGMA, _SIGMA)))
+_SIGMA_G = 3.0 * float(np.max(_SIGMA * _G)) * 1.01
+
+# The largest y with (1 - r) sigma^2 + y g <= 1 for all sigma, by the root of r, from below.
+_RESERVE_ROOT = np.linspace(0.0, 1.0, 201)
+_WORST = _MARGIN * np.min(
+    (1.0 - (1.0 - _RESERVE_ROOT[:, None] ** 2) * _SIGMA**2) / _G.clip(1e-12), axis=1
+)
+_LARGE = 1e12
 
 
 def brake_rate(omega: Floats, alpha: Floats, jerk: Floats, limits: Limits) -> tuple[float, int]:
@@ -104,25 +112,39 @@ def _least(
 ) -> tuple[float, int]:
     """Return the least rate over all points, looking closely only at those that could set it."""
     best, place = FASTEST_BRAKE_RATE, 0
-    if not len(speed):
-        return best, place
-    # The point with the least by a crude bound first; most others are then ruled out by it.
-    for index in (int(np.argmax(size)), int(np.argmax(speed * size)), int(np.argmax(jerk))):
-        one = slice(index, index + 1)
-        rate = _rates(speed[one], size[one], along[one], jerk[one], most, most_jerk)[0]
-        if rate < best:
-            best, place = float(rate), index
-    at_risk = np.flatnonzero(
-        (size + 2.0 * speed * best > most)
-        | (jerk + 6.0 * size * best + 4.0 * speed * best * best > most_jerk)
-    )
-    for first in range(0, len(at_risk), _BLOCK):
-        some = at_risk[first : first + _BLOCK]
+    bound = _lower_bound(speed, size, most)
+    # The point nearest to its limit first; most others are ruled out by it.
+    order = [int(np.argmin(bound)), int(np.argmax(jerk))] if len(speed) else []
+    some = np.array(order, dtype=np.intp)
+    while len(some):
         rates = _rates(speed[some], size[some], along[some], jerk[some], most, most_jerk)
         index = int(np.argmin(rates))
         if rates[index] < best:
             best, place = float(rates[index]), int(some[index])
+        bound[some] = np.inf
+        at_risk = (bound < best) | (
+            (jerk + _SIGMA_G * size * best + 4.0 * speed * best * best > most_jerk)
+            & (bound < np.inf)
+        )
+        some = np.flatnonzero(at_risk)
+        if len(some) > _BLOCK:
+            some = some[np.argpartition(bound[some], _BLOCK)[:_BLOCK]]
     return best, place
+
+
+def _lower_bound(speed: Floats, size: Floats, most: float) -> Floats:
+    """Return a rate that the acceleration allows each point, whatever its directions are.
+
+    With both vectors along each other and ``y = x speed / A`` the condition is
+    ``(1 - r) sigma^2 + y g <= 1``, whose largest *y* is a function of the reserve *r* alone.
+    """
+    if not np.isfinite(most):
+        return np.full(speed.shape, _LARGE)
+    reserve = np.sqrt(np.maximum(1.0 - size / most, 0.0))
+    allowed = most * np.interp(reserve, _RESERVE_ROOT, _WORST)
+    bound: Floats = np.divide(allowed, speed, out=np.full(speed.shape, _LARGE), where=speed > 0.0)
+    bound[size > most] = 0.0
+    return bound
 
 
 def _rates(

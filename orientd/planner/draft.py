@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orientd.errors import PlanError
 from orientd.planner import refusal
 from orientd.planner.certificate import Rough
 from orientd.planner.course import Core
@@ -61,9 +62,12 @@ def with_leads(
         run_up = None
         rest = first.q
         if not is_still(first.omega_body, first.alpha_body, limits):
-            run_up = lead_out(
-                first.q, -first.omega_body, first.alpha_body, limits=limits, period=period
-            )
+            try:
+                run_up = lead_out(
+                    first.q, -first.omega_body, first.alpha_body, limits=limits, period=period
+                )
+            except PlanError as error:
+                raise PlanError(f"no run-up to the first keyframe: {error}") from error
             rest = run_up.evaluate(np.array([run_up.domain[1]]))[0][0]
         cycles = approach_cycles(
             start.q, rest, start.position, positions.first, limits=limits, period=period
@@ -85,7 +89,10 @@ def with_leads(
     end = begin + core.duration
     stretches.append(core.stretch.shifted(begin))
     if not is_still(last.omega_body, last.alpha_body, limits):
-        curve = lead_out(last.q, last.omega_body, last.alpha_body, limits=limits, period=period)
+        try:
+            curve = lead_out(last.q, last.omega_body, last.alpha_body, limits=limits, period=period)
+        except PlanError as error:
+            raise PlanError(f"no lead-out from the last keyframe: {error}") from error
         stretches.append(Stretch(curve, end, end + curve.domain[1]))
     return Draft(
         Path.joined(stretches, positions), begin, end, core.times + begin, _rough(core, begin)

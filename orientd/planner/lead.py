@@ -99,9 +99,9 @@ def lead_out(q: Floats, omega: Floats, alpha: Floats, *, limits: Limits, period:
         if _curve_keeps(curve, bounds):
             return curve
     raise PlanError(
-        f"no way to come from {np.linalg.norm(omega):.4g} rad/s and "
-        f"{np.linalg.norm(alpha):.4g} rad/s^2 to rest inside the limits of "
-        f"{limits.velocity:g} rad/s, {limits.acceleration:g} rad/s^2 and {limits.jerk:g} rad/s^3"
+        f"between rest and {np.linalg.norm(omega):.4g} rad/s with {np.linalg.norm(alpha):.4g} "
+        f"rad/s^2 none keeps the limits of {limits.velocity:g} rad/s, {limits.acceleration:g} "
+        f"rad/s^2 and {limits.jerk:g} rad/s^3; ask for less velocity there, or more time beside it"
     )
 
 

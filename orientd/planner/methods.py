@@ -16,11 +16,12 @@ from typing import Any
 import numpy as np
 
 from orientd.curves import METHODS, Curve
+from orientd.curves.roles import EQUAL, averaged_knots
 from orientd.errors import PlanError, RequestError
 from orientd.planner.request import DEFAULT_METHOD, MotionRequest, Turns
-from orientd.rotation import Floats
+from orientd.rotation import Floats, angle
 
-_EQUAL = 1e-9  # of the duration, by which equal intervals may differ
+_SAME = 1e-9  # rad; keyframes nearer than this leave the axis of a turn open
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,14 +115,9 @@ def _bezier(given: Given) -> dict[str, Any]:
 
 
 def _bspline(given: Given) -> dict[str, Any]:
-    """Return control quaternions with clamped knots that average the times (Piegl, Tiller 9.8)."""
-    keys, times = given.keys, given.times
-    order = min(_order(given.options.get("order", 4)), len(keys))
-    degree = order - 1
-    sums = np.concatenate([[0.0], np.cumsum(times)])
-    inner = (sums[degree + 1 : len(keys)] - sums[1 : len(keys) - degree]) / degree
-    knots = np.concatenate([np.full(order, times[0]), inner, np.full(order, times[-1])])
-    return {"control": keys, "order": order, "knots": knots}
+    order = min(_order(given.options.get("order", 4)), len(given.keys))
+    knots = averaged_knots(given.times, order)
+    return {"control": given.keys, "order": order, "knots": knots}
 
 
 def _order(order: object) -> int:
@@ -132,7 +128,7 @@ def _order(order: object) -> int:
 
 def _uniform(given: Given) -> dict[str, Any]:
     steps = np.diff(given.times)
-    if np.ptp(steps) > _EQUAL * given.times[-1]:
+    if np.ptp(steps) > EQUAL * given.times[-1]:
         index = int(np.argmax(np.abs(steps - steps[0]))) + 1
         raise RequestError(
             f"keyframes[{index}].time",
@@ -241,6 +237,7 @@ def check_method(request: MotionRequest) -> Method:
         raise RequestError(
             f"keyframes[{index}].turns", f"{name} cannot make whole turns; {able} can"
         )
+    _check_axes(request)
     for field, velocity in (
         ("start_velocity", request.start_velocity),
         ("end_velocity", request.end_velocity),
@@ -258,6 +255,18 @@ def check_method(request: MotionRequest) -> Method:
     return method
 
 
+def _check_axes(request: MotionRequest) -> None:
+    turned = np.flatnonzero(request.turns)
+    steps = angle(request.keys[turned - 1], request.keys[turned])
+    if np.any(steps <= _SAME) and "axis" not in request.options:
+        index = int(turned[int(np.argmax(steps <= _SAME))])
+        raise RequestError(
+            f"keyframes[{index}].turns",
+            f"keyframes[{index - 1}] is the same orientation, which leaves the axis to turn about "
+            "open; put another keyframe between them",
+        )
+
+
 def build(
     request: MotionRequest, method: Method, keys: Floats, times: Floats, turns: Turns, ends: Ends
 ) -> Curve:
@@ -272,7 +281,7 @@ def build(
         ends: velocities at both ends.
 
     Raises:
-        RequestError: an option is not one that the method takes.
+        RequestError: an option or the keyframes are not what the method takes.
         PlanError: the method cannot join these keyframes.
     """
     options = dict(request.options)
@@ -285,6 +294,10 @@ def build(
         for option in options:
             if str(error).startswith(option):
                 raise RequestError(f"options.{option}", str(error)) from error
+        for role in ("keys ", "control "):
+            if str(error).startswith(role):
+                problem = f"{request.method}: {str(error).removeprefix(role)}"
+                raise RequestError("keyframes", problem) from error
         raise PlanError(f"{request.method} cannot join these keyframes: {error}") from error
 
 

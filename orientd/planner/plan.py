@@ -119,7 +119,16 @@ class _Job:
         times = self.request.times - self.request.times[0]
         duration = float(times[-1])
         refusal.check_duration(duration)
-        return self._with_leads(self._course(times, np.arange(len(times))).core(duration))
+        core = self._course(times, np.arange(len(times))).core(duration)
+        try:
+            return self._with_leads(core)
+        except StartError:
+            raise
+        except PlanError:
+            # No lead can mend a core that breaks a limit by itself: then that is what is wrong.
+            place = refusal.Place(self.request, 0.0, duration, core.times)
+            refusal.check_limits(core.peaks(self.period, self.limits), place)
+            raise
 
     def as_quick_as_possible(self, *, everywhere: bool) -> Draft:
         """Return the path with the shortest times that keep the limits, in whole periods.

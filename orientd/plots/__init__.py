@@ -1,18 +1,30 @@
 """Pictures of curves and motions, by Matplotlib (extra ``plot``), as PNG, SVG or PDF."""
 
 from orientd.plots.charts import Traces
+from orientd.plots.figures import FIGURES, draw_figure
+from orientd.plots.gallery import draw_family, draw_gallery
 from orientd.plots.motion import draw_motion, draw_sent, draw_traces
 from orientd.plots.paper import check_format, is_available
+from orientd.plots.parts import draw_bodies_alone, draw_rates_alone, draw_triads_alone
 from orientd.plots.punctuality import Timing
+from orientd.plots.sampling import traces_of
 from orientd.plots.sheet import draw_sheet
 
 __all__ = [
+    "FIGURES",
     "Timing",
     "Traces",
     "check_format",
+    "draw_bodies_alone",
+    "draw_family",
+    "draw_figure",
+    "draw_gallery",
     "draw_motion",
+    "draw_rates_alone",
     "draw_sent",
     "draw_sheet",
     "draw_traces",
+    "draw_triads_alone",
     "is_available",
+    "traces_of",
 ]

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from orientd.plots.charts import MOST_POINTS, Traces, draw_acceleration, draw_velocity
-from orientd.plots.paper import INK, check_format, new_figure, save
+from orientd.plots.paper import INK, QUIET, check_format, new_figure, save
 from orientd.plots.punctuality import Timing, draw_histogram, draw_lateness
-from orientd.plots.triads import draw_triads
+from orientd.plots.triads import TriadStyle, draw_triads, turned_to_show
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,8 +42,14 @@ def draw_motion(path: Path, motion: Motion, *, title: str) -> None:
     draw_traces(path, traces, title=title)
 
 
-def draw_traces(path: Path, traces: Traces, *, title: str) -> None:
+def draw_traces(path: Path, traces: Traces, *, title: str, note: str = "") -> None:
     """Draw a curve to *path*: triad traces, angular velocity and acceleration.
+
+    Args:
+        path: its ending names the format.
+        traces: what to draw.
+        title: stands above.
+        note: stands below.
 
     Raises:
         OrientdError: the file cannot be written, or its ending names no format of a picture.
@@ -55,6 +61,8 @@ def draw_traces(path: Path, traces: Traces, *, title: str) -> None:
     )
     _fill(charts, traces)
     charts["acceleration"].set_xlabel("time, s", fontsize=9)
+    if note:
+        figure.supxlabel(note, x=0.012, ha="left", fontsize=8.5, color=QUIET)
     save(figure, path)
 
 
@@ -78,7 +86,8 @@ def draw_sent(path: Path, traces: Traces, timing: Timing, *, title: str) -> None
 
 
 def _fill(charts: Charts, traces: Traces) -> None:
-    draw_triads(charts["sphere"], traces.q, traces.keyframe_q, is_met=traces.is_met)
+    style = turned_to_show(traces.q, TriadStyle())
+    draw_triads(charts["sphere"], traces.q, traces.keyframe_q, style=style, is_met=traces.is_met)
     marks = "dots are keyframes" if traces.is_met else "hollow marks are control orientations"
     charts["sphere"].set_title(
         f"the tool's axes on the unit sphere; {marks}", fontsize=9, color=INK, y=-0.02

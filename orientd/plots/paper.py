@@ -56,6 +56,17 @@ AXES = (
 )
 """Vermilion, green and dark blue: lightness 44, 62 and 25 of 100."""
 
+SERIES = (
+    AxisStyle("1", "#c03a17", "#e6b3a4", "-", "o"),
+    AxisStyle("2", "#183680", "#a5b0cf", (0.0, (6.0, 1.6)), "s"),
+    AxisStyle("3", "#35a67c", "#b2dccc", (0.0, (5.0, 1.4, 1.2, 1.4)), "^"),
+    AxisStyle("4", "#b9770e", "#e5cda5", (0.0, (1.5, 1.2)), "D"),
+    AxisStyle("5", "#7d3c98", "#cfb4da", (0.0, (9.0, 2.0)), "v"),
+    AxisStyle("6", "#3b8fc4", "#b5d5ea", (0.0, (3.0, 1.2)), "P"),
+    AxisStyle("7", "#555555", "#bfbfbf", (0.0, (7.0, 1.2, 1.2, 1.2, 1.2, 1.2)), "X"),
+)
+"""For what does not belong to an axis: curves of one chart, in their order."""
+
 FORMATS = ("png", "svg", "pdf")
 
 _SETTINGS: Any = {

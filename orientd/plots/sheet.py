@@ -15,7 +15,7 @@ from orientd.curves.measure import Figures
 from orientd.curves.roles import Task
 from orientd.planner.limits import Limits
 from orientd.plots.charts import Traces, interrupted
-from orientd.plots.paper import AXES, GRID, INK, LIMIT, QUIET, check_format, new_figure, save
+from orientd.plots.paper import AXES, GRID, INK, LIMIT, PAPER, QUIET, check_format, new_figure, save
 from orientd.plots.sampling import traces_of
 from orientd.plots.triads import SMALL, TriadStyle, draw_triads, turned_to_show
 from orientd.rotation import Floats
@@ -69,7 +69,8 @@ def draw_sheet(
         1.0 - 0.55 / height,
         "Where the tips of the body's axes go on the unit sphere; hollow marks: keyframes that the "
         "curve does not meet.\nBelow, lengths of angular velocity and acceleration; grey: the "
-        "first family.",
+        "first family.  Effort: the integral of the squared acceleration; * but the velocity jumps "
+        "at a keyframe.",
         fontsize=8.5,
         color=QUIET,
         va="top",
@@ -220,6 +221,7 @@ class _Cell:
                     va="top",
                     fontsize=6.5,
                     color=INK,
+                    bbox={"facecolor": PAPER, "edgecolor": "none", "pad": 0.8},
                 )
             axes.set_xlim(float(traces.times[0]), float(traces.times[-1]))
             axes.set_ylim(0.0, top)

@@ -7,6 +7,7 @@ mark.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -88,6 +89,33 @@ def draw_triads(
     axes.set_axis_off()
 
 
+def draw_tip_paths(
+    axes: Axes,
+    paths: Sequence[tuple[Floats, AxisStyle]],
+    tip: Floats,
+    *,
+    style: TriadStyle = TriadStyle(),
+) -> None:
+    """Draw what one tip of a body traces under several motions, each in a style of its own.
+
+    Args:
+        axes: an empty chart.
+        paths: orientations, shape ``(n, 4)``, with the style of each, whose name is its label.
+        tip: in the body's frame, shape ``(3,)``.
+        style: how large and how detailed.
+    """
+    _sphere(axes, style.view)
+    for q, look in paths:
+        points = style.view.project(rotate(thinned(q, style.step), tip))
+        _trace(axes, points, look, style)
+        _marks(axes, points[[0, -1]], look, style, is_met=True)
+        axes.plot([], [], color=look.colour, linewidth=style.line, label=look.name)
+    axes.set_xlim(-style.reach, style.reach)
+    axes.set_ylim(-style.reach, style.reach)
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+
+
 def thinned(q: Floats, step: float) -> Floats:
     """Return of the orientations *q* about one every *step* degrees, ``(m, 4)`` from ``(n, 4)``."""
     travelled = np.concatenate([[0.0], np.cumsum(angle(q[1:], q[:-1]))])
@@ -138,7 +166,6 @@ def _trace(axes: Axes, points: Floats, axis: AxisStyle, style: TriadStyle) -> No
         linewidth=style.line,
         zorder=2.0,
         solid_capstyle="round",
-        label=f"tip of {axis.name}",
     )
     behind[0].set_gid(f"hidden-{axis.name}")
     before[0].set_gid(f"trace-{axis.name}")

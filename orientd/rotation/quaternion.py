@@ -127,6 +127,34 @@ def rotate(q: ArrayLike, v: ArrayLike) -> Floats:
     return rotated
 
 
+def between(p: ArrayLike, q: ArrayLike) -> Floats:
+    r"""Return the rotation from one unit quaternion to another, ``p* q``, in the body frame of *p*.
+
+    It is :func:`multiply` of the conjugate, but keeps its relative precision when the two are
+    nearly equal (or nearly opposite): the vector part is taken from their difference,
+
+    .. math:: \operatorname{vec}(p^* q) = \operatorname{vec}\bigl(p^* (q \mp p)\bigr),
+
+    which subtraction gives without rounding, where the products of the components would cancel.
+
+    Args:
+        p: unit quaternions, shape ``(..., 4)``.
+        q: unit quaternions, shape ``(..., 4)``, broadcast against *p*.
+
+    Returns:
+        Unit quaternions, shape ``(..., 4)``.
+
+    Raises:
+        ValueError: a last axis does not have length 4.
+    """
+    p = _components(p, 4, "p")
+    q = _components(q, 4, "q")
+    w = np.sum(p * q, axis=-1)
+    relative = multiply(conjugate(p), q - np.copysign(1.0, w)[..., None] * p)
+    relative[..., 0] = w
+    return relative
+
+
 def exp_half(v: ArrayLike) -> Floats:
     r"""Return the quaternion exponential of pure quaternions.
 
@@ -254,7 +282,7 @@ def slerp(p: ArrayLike, q: ArrayLike, u: ArrayLike) -> Floats:
     Raises:
         ValueError: a last axis does not have length 4.
     """
-    return multiply(p, power(multiply(conjugate(p), q), u))
+    return multiply(p, power(between(p, q), u))
 
 
 def angle(p: ArrayLike, q: ArrayLike) -> Floats:
@@ -263,10 +291,10 @@ def angle(p: ArrayLike, q: ArrayLike) -> Floats:
     Raises:
         ValueError: a last axis does not have length 4.
     """
-    relative = multiply(conjugate(p), q)
+    relative = between(p, q)
     length = np.sqrt(np.sum(relative[..., 1:] ** 2, axis=-1))
-    between: Floats = 2.0 * np.arctan2(length, np.abs(relative[..., 0]))
-    return between
+    found: Floats = 2.0 * np.arctan2(length, np.abs(relative[..., 0]))
+    return found
 
 
 def align(qs: ArrayLike) -> Floats:

@@ -71,7 +71,6 @@ class DaemonProcess:
         assert line.startswith("ready"), (line, (self.folder / "log").read_text())
         self.channel = grpc.insecure_channel(f"unix:{self.socket}")
         self.stub = ControlStub(self.channel)
-        self._renewed = time.monotonic()
         self.token = self.stub.AcquireLease(pb.AcquireLeaseRequest(holder="test")).lease.token
 
     def end(self) -> int:
@@ -103,12 +102,6 @@ class DaemonProcess:
     def renew(self) -> None:
         """Hold the lease for its full time again."""
         self.stub.RenewLease(pb.RenewLeaseRequest(token=self.token))
-
-    def renew_sometimes(self) -> None:
-        """Hold the lease, without a call for every report of progress."""
-        if time.monotonic() - self._renewed > 1.0:
-            self._renewed = time.monotonic()
-            self.renew()
 
     def sent(self) -> np.ndarray:
         """Return the orientations the driver has recorded so far, shape (n, 4)."""

@@ -5,6 +5,7 @@ through the socket, and the same field is named.
 """
 
 import json
+import signal
 
 import pytest
 from command_line import assert_refused, begin, orientd
@@ -246,7 +247,12 @@ def test_a_mistake_in_the_command_line_is_status_2(arguments):
     assert "Traceback" not in result.output
 
 
-def test_ctrl_c_stops_a_motion_on_its_path(daemon, tmp_path):
+def is_moving(device):
+    return device.state == pb.STATE_STREAMING and device.path_time > 0.5
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_to_a_move_stops_the_motion_on_its_path(daemon, tmp_path, number):
     path = write(
         tmp_path,
         motion(
@@ -256,8 +262,8 @@ def test_ctrl_c_stops_a_motion_on_its_path(daemon, tmp_path):
         ),
     )
     process = begin("move", path, "--socket", daemon.socket)
-    until(lambda: daemon.device().path_time > 0.5, "motion")
-    process.send_signal(2)
+    until(lambda: is_moving(daemon.device()), "motion")
+    process.send_signal(number)
     output, errors = process.communicate(timeout=20)
     assert process.returncode == 1
     assert "Traceback" not in errors

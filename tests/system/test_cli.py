@@ -53,6 +53,10 @@ def slow(tmp_path):
     return path
 
 
+def is_moving(device):
+    return device.state == pb.STATE_STREAMING and device.path_time > 0.3
+
+
 def told(done):
     """Return the one JSON object that a command printed."""
     assert (done.returncode, done.stderr) == (0, ""), done
@@ -180,7 +184,7 @@ def test_a_move_on_a_terminal_is_a_live_line(daemon, motion):
 
 def test_a_second_terminal_commands_what_a_move_runs(daemon, slow):
     process = begin("move", slow, "--socket", daemon.socket, "--json")
-    until(lambda: daemon.device().path_time > 0.3, "motion")
+    until(lambda: is_moving(daemon.device()), "motion")
     try:
         assert "paused" in orientd("pause", "--socket", daemon.socket).stdout
         until(lambda: daemon.device().cycle.speed == 0.0, "rest on the path")
@@ -200,7 +204,7 @@ def test_a_second_terminal_commands_what_a_move_runs(daemon, slow):
 
 def test_a_move_that_was_killed_does_not_keep_others_from_commanding(daemon, slow):
     process = begin("move", slow, "--socket", daemon.socket)
-    until(lambda: daemon.device().path_time > 0.3, "motion")
+    until(lambda: is_moving(daemon.device()), "motion")
     process.kill()
     process.communicate()
     until(lambda: daemon.device().state == pb.STATE_HOLDING, "rest")

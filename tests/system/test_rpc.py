@@ -170,6 +170,10 @@ def test_a_motion_ends_with_the_client_that_began_it(daemon):
     assert device.path_time < device.duration
 
 
+def is_moving(device):
+    return device.state == pb.STATE_STREAMING and device.path_time > 0.3
+
+
 def rest(daemon):
     device = daemon.device()
     return device if device.state == pb.STATE_HOLDING else None
@@ -190,7 +194,7 @@ def test_a_client_that_is_killed_stops_its_motion(daemon):
         [sys.executable, "-c", code, str(daemon.socket)], stdout=subprocess.PIPE, text=True
     )
     assert process.stdout.readline() == "moving\n"
-    until(lambda: daemon.device().path_time > 0.3, "motion")
+    until(lambda: is_moving(daemon.device()), "motion")
     process.send_signal(signal.SIGKILL)
     process.communicate()
     device = until(lambda: rest(daemon), "rest")

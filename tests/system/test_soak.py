@@ -44,11 +44,13 @@ def test_a_motion_of_100_000_keyframes_streams_with_flat_memory(tmp_path):
         pb.Keyframe(time=t, rotation_vector=pb.Vector3(x=a, y=b, z=c))
         for t, a, b, c in zip(times, ramp * x, ramp * y, ramp * z, strict=True)
     ]
-    with DaemonProcess(tmp_path) as daemon:
+    daemon = DaemonProcess(tmp_path)
+    text = daemon.config.read_text()
+    daemon.config.write_text(text.replace("[daemon]\n", "[daemon]\nlease_seconds = 900.0\n"))
+    with daemon:
         found, outcome = [], None
         motion = pb.MotionRequest(keyframes=keyframes, approach=True)
         for answer in daemon.move(motion):
-            daemon.renew_sometimes()
             if answer.HasField("progress"):
                 share = answer.progress.path_time / answer.progress.duration
                 if share >= 0.1 * (len(found) + 1):

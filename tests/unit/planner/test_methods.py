@@ -156,6 +156,21 @@ def test_a_method_whose_velocity_jumps_is_refused_and_a_smooth_one_named():
         made("piecewise_slerp")
 
 
+def test_turns_between_keyframes_that_are_the_same_have_no_axis():
+    q = rotations(np.random.default_rng(3), 2, 0.5)
+    opposite = tuple(-c for c in q[0])
+    keyframes = [Keyframe(q[0]), Keyframe(opposite, turns=1), Keyframe(q[1])]
+    with pytest.raises(RequestError, match="leaves the axis to turn about open") as caught:
+        plan(MotionRequest(keyframes), start=State.at_rest(q[0]), limits=ARM, period=PERIOD)
+    assert caught.value.field == "keyframes[1].turns"
+
+
+def test_too_few_keyframes_for_a_method_are_named():
+    field, problem = refusal("circular_blending", 2)
+    assert field == "keyframes"
+    assert "at least 3" in problem
+
+
 def test_a_uniform_curve_refuses_unequal_intervals():
     field, problem = refusal("kks_uniform", times=[0, 1, 2, 3.5, 4])
     assert field == "keyframes[3].time"

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from orientd_loopback import LoopbackDriver
 
 from orientd import rotation
 from orientd.clock import ManualClock
@@ -22,6 +21,7 @@ from orientd.stream import (
     unpack_cycle,
     unpack_note,
 )
+from orientd_loopback import LoopbackDriver
 
 PERIOD_NS = 2_000_000
 PERIOD = PERIOD_NS * 1e-9

@@ -211,6 +211,33 @@ def test_stale_feedback_is_a_stop_on_the_path_and_a_fault(tmp_path):
     assert distance_to_path(rig.sent(), path) < 1e-12
 
 
+@pytest.mark.parametrize("stall_ms", [120, 900, 5000])
+def test_a_stall_of_its_own_is_nobody_elses_fault(rig, stall_ms):
+    path = turn()
+    rig.start(path)
+    rig.run(300)
+    for _ in range(3):
+        rig.clock.advance(stall_ms * 1_000_000)
+        rig.servo.cycle(rig.clock.now_ns(), 0)  # the daemon has not run either
+        rig.run(20)
+    assert rig.servo.state is State.STREAMING
+    rig.run_until(lambda servo: servo.state is State.HOLDING)
+    assert_limits_kept(rig)
+
+
+def test_after_a_stall_of_its_own_stale_feedback_is_still_found(tmp_path):
+    fault = tmp_path / "fault"
+    rig = Rig({"fault_file": str(fault)})
+    rig.start(turn())
+    rig.run(300)
+    fault.write_text("feedback_stale")
+    rig.clock.advance(300_000_000)
+    rig.servo.cycle(rig.clock.now_ns(), 0)
+    cycles = rig.run_until(lambda servo: servo.state is State.STOPPING)
+    assert cycles * PERIOD < 0.11
+    assert rig.cycle.fault == Fault.FEEDBACK_STALE
+
+
 @pytest.mark.parametrize(
     ("kind", "fault"), [("link_lost", Fault.LINK_LOST), ("device_fault", Fault.DEVICE_FAULT)]
 )

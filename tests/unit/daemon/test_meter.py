@@ -1,0 +1,136 @@
+"""What is measured of a motion, from cycles as the servo publishes them."""
+
+import numpy as np
+import pytest
+
+from orientd import planner, rotation
+from orientd.daemon.meter import CYCLE_LAYOUT, Histogram, MotionMeter
+from orientd.stream import State
+
+PERIOD = 0.002
+FIRST = 700  # index in the path ring
+NUMBER = 3
+
+
+@pytest.fixture(scope="module")
+def motion():
+    """A motion that ends between two cycles, with velocity at both ends."""
+    turns = np.array([[0.0, 0.0, 0.0], [0.2, 0.0, 0.3], [0.0, 0.2, 0.5]])
+    keyframes = [
+        planner.Keyframe(tuple(q), time=time)
+        for q, time in zip(rotation.from_rotation_vector(turns), (0.0, 0.5, 1.0007), strict=True)
+    ]
+    request = planner.MotionRequest(
+        keyframes, start_velocity=(0.1, 0.2, 0.3), end_velocity=(0.4, -0.3, 0.2), approach=True
+    )
+    start = planner.State.at_rest((1.0, 0.0, 0.0, 0.0))
+    return planner.plan(request, start=start, limits=planner.DEFAULT_LIMITS, period=PERIOD)
+
+
+def sent(motion):
+    """Return the cycles of *motion* as planned, with a hold before and after it."""
+    count = motion.record_count
+    places = np.concatenate([np.zeros(3, int), np.arange(1, count), np.full(3, count - 1)])
+    samples = motion.sample(places * PERIOD)
+    cycles = np.zeros(len(places), CYCLE_LAYOUT)
+    cycles["index"] = np.arange(len(places))
+    cycles["deadline_ns"] = cycles["index"] * 2_000_000
+    cycles["path_index"] = FIRST + places
+    cycles["motion"] = NUMBER
+    cycles["state"] = State.HOLDING
+    cycles["state"][3 : 3 + count - 2] = State.STREAMING
+    cycles["speed"] = 1.0
+    cycles["flags"] = 3
+    for name in ("q", "omega_body", "alpha_body", "position"):
+        cycles[name] = getattr(samples, name)
+    cycles["feedback_q"] = samples.q
+    return cycles
+
+
+def measure(motion, cycles, sizes=(64,)):
+    """Return the statistics of *cycles*, given in blocks of these sizes in turn."""
+    meter = MotionMeter(motion, NUMBER, FIRST)
+    begin, turn = 0, 0
+    while begin < len(cycles):
+        end = begin + sizes[turn % len(sizes)]
+        meter.add([record.tobytes() for record in cycles[begin:end]])
+        begin, turn = end, turn + 1
+    return meter.statistics()
+
+
+def test_what_was_sent_as_planned_measures_as_certified(motion):
+    found, certificate = measure(motion, sent(motion)), motion.certificate
+    assert found.cycles == motion.record_count - 1
+    assert found.velocity == pytest.approx(certificate.peak_velocity.value, rel=1e-9)
+    assert found.acceleration == pytest.approx(certificate.peak_acceleration.value, rel=1e-7)
+    assert found.jerk == pytest.approx(certificate.peak_jerk.value, rel=1e-5)
+    assert found.path_error < 1e-12
+    assert found.tracking_error < 1e-12
+
+
+def test_end_velocities_are_measured_at_their_instants(motion):
+    assert (motion.end_time / PERIOD) % 1.0 == pytest.approx(0.35, abs=1e-6)
+    found = measure(motion, sent(motion))
+    assert found.start_velocity_error < 1e-12
+    assert found.end_velocity_error < 1e-9
+
+
+def test_a_wrong_end_velocity_is_measured(motion):
+    cycles = sent(motion)
+    cycles["omega_body"] += [0.003, 0.0, 0.004]
+    found = measure(motion, cycles)
+    assert found.start_velocity_error == pytest.approx(0.005, rel=1e-6)
+    assert found.end_velocity_error == pytest.approx(0.005, rel=1e-6)
+
+
+def test_velocities_are_not_measured_where_the_speed_was_another(motion):
+    cycles = sent(motion)
+    cycles["speed"] = 0.5
+    found = measure(motion, cycles)
+    assert found.start_velocity_error is None
+    assert found.end_velocity_error is None
+
+
+@pytest.mark.parametrize("sizes", [(1,), (2,), (5, 1, 3), (10_000,)])
+def test_the_blocks_do_not_matter(motion, sizes):
+    found, expected = measure(motion, sent(motion), sizes), measure(motion, sent(motion))
+    assert found.cycles == expected.cycles
+    for name in ("velocity", "acceleration", "jerk"):
+        assert getattr(found, name) == pytest.approx(getattr(expected, name), rel=1e-9)
+    assert found.end_velocity_error == pytest.approx(expected.end_velocity_error, abs=1e-12)
+
+
+def test_a_step_off_the_plan_is_measured(motion):
+    cycles = sent(motion)
+    cycles["q"][100] = rotation.multiply(cycles["q"][100], rotation.exp([0.0, 0.0, 0.01]))
+    found = measure(motion, cycles)
+    assert found.path_error == pytest.approx(0.01, rel=1e-6)
+    assert found.jerk > 8500.0
+
+
+def test_overruns_and_missed_deadlines_are_those_of_the_motion(motion):
+    cycles = sent(motion)
+    cycles["overruns"] = 7
+    cycles["missed"] = 2
+    cycles["overruns"][200:] += 1
+    cycles["missed"][300:] += 3
+    found = measure(motion, cycles)
+    assert (found.overruns, found.missed) == (1, 3)
+
+
+def test_percentiles_are_right_to_a_percent():
+    histogram = Histogram()
+    durations = np.random.default_rng(1).gamma(2.0, 30_000.0, 20_000).astype(np.int64)
+    for block in np.array_split(durations, 7):
+        histogram.add(block)
+    for percent in (50.0, 99.0, 99.9):
+        exact = np.percentile(durations, percent, method="inverted_cdf")
+        assert histogram.percentile_ns(percent) == pytest.approx(exact, rel=0.011)
+    assert histogram.largest_ns == durations.max()
+
+
+def test_nothing_measured_is_nothing():
+    histogram = Histogram()
+    assert histogram.percentile_ns(99.0) == 0.0
+    histogram.add(np.array([-5, 0], dtype=np.int64))
+    assert histogram.percentile_ns(50.0) <= 1.0
