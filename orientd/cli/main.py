@@ -18,6 +18,7 @@ from orientd.cli import (
     doctor,
     motion_commands,
     plot,
+    sim,
 )
 from orientd.cli.output import say
 
@@ -68,6 +69,7 @@ for _command in (
     doctor.doctor,
 ):
     app.command()(_command)
+app.add_typer(sim.sim)
 
 
 def main() -> None:
