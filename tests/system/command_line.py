@@ -6,6 +6,10 @@ import os
 import subprocess
 import sys
 
+from typer.testing import CliRunner
+
+from orientd.cli.main import app
+
 COMMAND = (sys.executable, "-m", "orientd.cli.main")
 
 
@@ -25,6 +29,16 @@ def orientd(*arguments, cwd="/", env=None, timeout=60.0):
         cwd=cwd,
         env=env or environment(),
         check=False,
+    )
+
+
+def inside(*arguments):
+    """Run a command in this process, which is ten times as quick."""
+    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return subprocess.CompletedProcess(
+        arguments, result.exit_code, stdout=result.stdout, stderr=result.stderr
     )
 
 

@@ -8,12 +8,10 @@ import json
 import signal
 
 import pytest
-from command_line import assert_refused, begin, orientd
+from command_line import assert_refused, begin, inside, orientd
 from harness import DaemonProcess, is_alive, until
-from typer.testing import CliRunner
 
 import orientd as package
-from orientd.cli.main import app
 from orientd.errors import OrientdError, RequestError
 from orientd.rpc import control_pb2 as pb
 
@@ -106,22 +104,18 @@ def write(folder, content):
     return path
 
 
-def run(*arguments):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
-
-
 @each
 def test_a_plan_of_a_bad_file_is_refused(tmp_path, bad, line):
-    result = run("plan", write(tmp_path, bad))
-    assert (result.exit_code, result.stdout) == (1, "")
+    result = inside("plan", write(tmp_path, bad))
+    assert (result.returncode, result.stdout) == (1, "")
     assert result.stderr.startswith(f"orientd: {line}")
     assert result.stderr.count("\n") == 1
 
 
 @each
 def test_a_move_of_a_bad_file_is_refused(daemon, tmp_path, bad, line):
-    result = run("move", write(tmp_path, bad), "--socket", daemon.socket, "--json")
-    assert (result.exit_code, result.stdout) == (1, "")
+    result = inside("move", write(tmp_path, bad), "--socket", daemon.socket, "--json")
+    assert (result.returncode, result.stdout) == (1, "")
     error = json.loads(result.stderr)["error"]
     assert error["message"].startswith(line)
     assert error.get("field", "") == (line.split(":")[0] if error["kind"] == "RequestError" else "")
@@ -160,8 +154,8 @@ def test_a_bad_message_is_refused_in_the_words_of_the_file(daemon, name):
 def test_what_is_no_motion_file_is_refused(tmp_path, content, line):
     path = tmp_path / "motion.yaml"
     path.write_bytes(content)
-    result = run("plan", path)
-    assert (result.exit_code, result.stdout) == (1, "")
+    result = inside("plan", path)
+    assert (result.returncode, result.stdout) == (1, "")
     assert line in result.stderr
     assert result.stderr.count("\n") == 1
 
@@ -198,8 +192,8 @@ def test_a_bad_file_is_refused_in_a_process_of_its_own(daemon, tmp_path):
     ids=lambda arguments: arguments[0],
 )
 def test_a_command_without_a_daemon_says_so(tmp_path, arguments):
-    result = run(*arguments, "--socket", tmp_path / "control.sock")
-    assert (result.exit_code, result.stdout) == (1, "")
+    result = inside(*arguments, "--socket", tmp_path / "control.sock")
+    assert (result.returncode, result.stdout) == (1, "")
     assert result.stderr == (
         f"orientd: no daemon answers at {tmp_path}/control.sock; start one with `orientd run`\n"
     )
@@ -215,8 +209,8 @@ def test_a_taken_lease_is_said_with_its_holder(daemon, tmp_path):
     with package.connect(daemon.socket, holder="ana") as robot:
         robot.acquire_lease()
         for arguments in (["move", path], ["enable"], ["pause"], ["speed", "0.5"]):
-            result = run(*arguments, "--socket", daemon.socket)
-            assert (result.exit_code, result.stdout) == (1, "")
+            result = inside(*arguments, "--socket", daemon.socket)
+            assert (result.returncode, result.stdout) == (1, "")
             assert result.stderr.startswith("orientd: the lease is held by 'ana', for another ")
 
 
@@ -225,8 +219,8 @@ def test_a_taken_lease_is_said_with_its_holder(daemon, tmp_path):
 )
 def test_an_unknown_device_is_said_with_those_there_are(daemon, tmp_path, arguments):
     file = [write(tmp_path, motion(UPRIGHT, TURNED))] if arguments == ["move"] else []
-    result = run(*arguments, *file, "--device", "leg", "--socket", daemon.socket)
-    assert (result.exit_code, result.stdout) == (1, "")
+    result = inside(*arguments, *file, "--device", "leg", "--socket", daemon.socket)
+    assert (result.returncode, result.stdout) == (1, "")
     assert result.stderr == "orientd: device: expected one of arm, got 'leg'\n"
 
 
@@ -242,9 +236,9 @@ def test_an_unknown_device_is_said_with_those_there_are(daemon, tmp_path, argume
     ids=lambda arguments: " ".join(arguments),
 )
 def test_a_mistake_in_the_command_line_is_status_2(arguments):
-    result = run(*arguments)
-    assert result.exit_code == 2
-    assert "Traceback" not in result.output
+    result = inside(*arguments)
+    assert result.returncode == 2
+    assert "Traceback" not in result.stderr
 
 
 def is_moving(device):

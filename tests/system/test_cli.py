@@ -9,7 +9,7 @@ import subprocess
 
 import numpy as np
 import pytest
-from command_line import COMMAND, begin, environment, orientd
+from command_line import COMMAND, begin, environment, inside, orientd
 from harness import DEVICE, DaemonProcess, is_alive, until
 
 from orientd import rotation
@@ -34,7 +34,10 @@ approach: true
 
 @pytest.fixture(scope="module")
 def daemon(tmp_path_factory):
-    with DaemonProcess(tmp_path_factory.mktemp("daemon")) as process:
+    process = DaemonProcess(tmp_path_factory.mktemp("daemon"))
+    text = process.config.read_text()
+    process.config.write_text(text.replace("[daemon]", "[daemon]\nlease_seconds = 1.0", 1))
+    with process:
         process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))
         yield process
 
@@ -77,11 +80,11 @@ def test_status_tells_people_and_programs(daemon):
 
 
 def test_devices_and_methods_are_listed(daemon):
-    devices = told(orientd("devices", "--json", "--socket", daemon.socket))["devices"]
+    devices = told(inside("devices", "--json", "--socket", daemon.socket))["devices"]
     assert [device["name"] for device in devices] == [DEVICE]
-    methods = told(orientd("methods", "--json"))["methods"]
+    methods = told(inside("methods", "--json"))["methods"]
     assert "c2_cumulative" in [method["name"] for method in methods]
-    lines = orientd("methods").stdout.splitlines()
+    lines = inside("methods").stdout.splitlines()
     assert len(lines) == len(methods) + 1
 
 
@@ -103,7 +106,7 @@ def test_a_plan_needs_no_daemon_and_fills_a_table(motion, tmp_path):
 def test_a_plan_is_the_same_in_every_kind_of_file(motion, tmp_path):
     paths = [tmp_path / f"out{ending}" for ending in (".csv", ".npz", ".json")]
     for path in paths:
-        assert orientd("plan", motion, "-o", path).returncode == 0
+        assert inside("plan", motion, "-o", path).returncode == 0
     table = np.loadtxt(paths[0], delimiter=",", skiprows=1)
     archive = np.load(paths[1])
     content = json.loads(paths[2].read_text())
@@ -118,17 +121,17 @@ def test_a_plan_is_the_same_in_every_kind_of_file(motion, tmp_path):
 def test_a_plan_can_be_drawn(motion, tmp_path):
     pytest.importorskip("matplotlib")
     path = tmp_path / "plan.png"
-    assert orientd("plan", motion, "--plot", path).returncode == 0
+    assert inside("plan", motion, "--plot", path).returncode == 0
     assert path.read_bytes().startswith(b"\x89PNG")
-    done = orientd("plan", motion, "--plot", tmp_path / "plan.nonsense")
+    done = inside("plan", motion, "--plot", tmp_path / "plan.nonsense")
     assert done.returncode == 1
     assert len(done.stderr.splitlines()) == 1
 
 
 def test_a_plan_goes_by_the_device_of_the_configuration(motion, daemon):
-    plan = told(orientd("plan", motion, "--config", daemon.config, "--json"))["plan"]
+    plan = told(inside("plan", motion, "--config", daemon.config, "--json"))["plan"]
     assert plan["certificate"]["rate_hz"] == pytest.approx(500.0)
-    done = orientd("plan", motion, "--config", daemon.config, "--device", "leg")
+    done = inside("plan", motion, "--config", daemon.config, "--device", "leg")
     assert (done.returncode, done.stderr) == (1, "orientd: no device 'leg', there is arm\n")
 
 
@@ -186,13 +189,13 @@ def test_a_second_terminal_commands_what_a_move_runs(daemon, slow):
     process = begin("move", slow, "--socket", daemon.socket, "--json")
     until(lambda: is_moving(daemon.device()), "motion")
     try:
-        assert "paused" in orientd("pause", "--socket", daemon.socket).stdout
+        assert "paused" in inside("pause", "--socket", daemon.socket).stdout
         until(lambda: daemon.device().cycle.speed == 0.0, "rest on the path")
-        assert told(orientd("resume", "--socket", daemon.socket, "--json"))["is_paused"] is False
-        assert told(orientd("speed", "0.25", "--socket", daemon.socket, "--json"))["speed"] == 0.25
+        assert told(inside("resume", "--socket", daemon.socket, "--json"))["is_paused"] is False
+        assert told(inside("speed", "0.25", "--socket", daemon.socket, "--json"))["speed"] == 0.25
         until(lambda: daemon.device().cycle.speed == 0.25, "a quarter of the speed")
-        orientd("speed", "1", "--socket", daemon.socket)
-        stopped = told(orientd("stop", "--socket", daemon.socket, "--json"))
+        inside("speed", "1", "--socket", daemon.socket)
+        stopped = told(inside("stop", "--socket", daemon.socket, "--json"))
         assert [device["name"] for device in stopped["devices"]] == [DEVICE]
     finally:
         output, errors = process.communicate(timeout=20)
@@ -210,14 +213,14 @@ def test_a_move_that_was_killed_does_not_keep_others_from_commanding(daemon, slo
     until(lambda: daemon.device().state == pb.STATE_HOLDING, "rest")
     state = pb.GetStateRequest()
     until(lambda: not daemon.stub.GetState(state).daemon.lease.holder, "the lease's end")
-    done = orientd("enable", "--socket", daemon.socket)
+    done = inside("enable", "--socket", daemon.socket)
     assert (done.returncode, done.stdout, done.stderr) == (0, "arm: holding\n", "")
 
 
 def test_a_device_is_disabled_and_enabled(daemon):
-    assert told(orientd("disable", "--socket", daemon.socket, "--json"))["state"] == "idle"
-    assert told(orientd("enable", "--socket", daemon.socket, "--json"))["state"] == "holding"
-    done = orientd("reset", "--socket", daemon.socket)
+    assert told(inside("disable", "--socket", daemon.socket, "--json"))["state"] == "idle"
+    assert told(inside("enable", "--socket", daemon.socket, "--json"))["state"] == "holding"
+    done = inside("reset", "--socket", daemon.socket)
     assert done.stderr == (
         "orientd: reset is not possible while holding, only while fault or idle\n"
     )
