@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from orientd import rotation
-from orientd.curves import METHODS
+from orientd.curves import METHODS, cumulative, fast
 from orientd.curves.keyframes import resolve_times
 
 
@@ -147,6 +147,23 @@ def tense(keys, times):
     return {**keyframed(keys, times), "nu": 2.0}
 
 
+def through_order_three(keys, times):
+    return {**keyframed(keys, times), "order": 3}
+
+
+def through_order_four(keys, times):
+    return {**clamped(keys, times), "order": 4}
+
+
+def through_order_five(keys, times):
+    return {**keyframed(keys, times), "order": 5}
+
+
+def through_order_six(keys, times):
+    accelerations = {"alpha_start": [1.0, 2.0, 3.0], "alpha_end": [-4.0, 0.0, 1.0]}
+    return {**clamped(keys, times), **accelerations, "order": 6}
+
+
 EXAMPLES = {
     "slerp": (slerped, spun),
     "kks_bezier": (controlled,),
@@ -156,6 +173,13 @@ EXAMPLES = {
     "kks_bspline": (controlled, order_three, clamped_knots),
     "c2_cumulative": (keyframed, clamped, state, state_natural, clamped_state, turned),
     "kks_uniform": (controlled,),
+    "kks_interpolating": (
+        keyframed,
+        through_order_three,
+        through_order_four,
+        through_order_five,
+        through_order_six,
+    ),
     "squad": (keyframed, uniform, by_mean, by_chord),
     "de_casteljau": (aligned_controls,),
     "shoemake_bezier": (keyframed, uniform, as_printed),
@@ -222,3 +246,12 @@ def pytest_generate_tests(metafunc):
 @pytest.fixture
 def keyframes_of():
     return met_keyframes
+
+
+@pytest.fixture(autouse=True)
+def numpy_kernel(monkeypatch):
+    """Keep the compiled kernel from coming into use in the middle of a test."""
+    kernel = fast.FastKernel()
+    kernel.status = fast.Status.MISSING
+    monkeypatch.setattr(cumulative, "KERNEL", kernel)
+    return kernel
