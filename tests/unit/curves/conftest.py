@@ -3,8 +3,10 @@
 A family that takes ``keys`` and ``times`` needs no line here.
 """
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -255,3 +257,26 @@ def numpy_kernel(monkeypatch):
     kernel.status = fast.Status.MISSING
     monkeypatch.setattr(cumulative, "KERNEL", kernel)
     return kernel
+
+
+@pytest.fixture
+def random_keys():
+    """Makes a walk of turns of a given size, rad, about random axes, signs aligned."""
+
+    def make(count, step=1.0, seed=0):
+        rng = np.random.default_rng(seed)
+        turns = rng.normal(size=(count - 1, 3))
+        turns *= step / np.linalg.norm(turns, axis=1)[:, None]
+        keys = [rotation.normalize(rng.normal(size=4))]
+        for turn in rotation.exp(turns):
+            keys.append(rotation.multiply(keys[-1], turn))
+        return np.array(keys)
+
+    return make
+
+
+@pytest.fixture
+def golden():
+    """Reads a reference curve of ``tests/data/golden`` by its name."""
+    folder = Path(__file__).parents[2] / "data" / "golden"
+    return lambda name: json.loads((folder / f"{name}.json").read_text())
