@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from orientd import rotation
-from orientd.curves import METHODS, cumulative, fast
+from orientd.curves import METHODS, Curve, cumulative, fast
 from orientd.curves.keyframes import resolve_times
 
 
@@ -236,13 +236,16 @@ def met_keyframes(params):
 
 
 def pytest_generate_tests(metafunc):
-    if "example" in metafunc.fixturenames:
+    for fixture, kind in (("example", Curve), ("product_example", cumulative.CumulativeCurve)):
+        if fixture not in metafunc.fixturenames:
+            continue
         examples = [
             pytest.param(Example(name, make), id=f"{name}-{make.__name__}")
-            for name in METHODS
+            for name, family in METHODS.items()
+            if issubclass(family, kind)
             for make in EXAMPLES.get(name, (keyframed,))
         ]
-        metafunc.parametrize("example", examples)
+        metafunc.parametrize(fixture, examples)
 
 
 @pytest.fixture
