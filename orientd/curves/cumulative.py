@@ -77,7 +77,7 @@ class CumulativeCurve(Curve):
             if place >= 0:
                 self._inside(flat)
         else:
-            self._fill(self._inside(flat), out)
+            self.fill_with_numpy(self._inside(flat), out)
         q, omega_body, alpha_body = out[0:4].T, out[4:7].T, out[7:10].T
         if instants.ndim == 1:
             return q, omega_body, alpha_body
@@ -91,7 +91,7 @@ class CumulativeCurve(Curve):
     def _sample(self, times: Floats) -> Samples:
         return self.evaluate(times)
 
-    def _fill(self, times: Floats, out: Floats) -> None:
+    def fill_with_numpy(self, times: Floats, out: Floats) -> None:
         """Write the samples at instants inside the domain, block by block, with NumPy."""
         size = min(BLOCK, len(times))
         if self._table is not None:
