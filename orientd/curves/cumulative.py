@@ -38,7 +38,6 @@ class CumulativeCurve(Curve):
     ) -> None:
         super().__init__(knots=basis.breaks, continuity=continuity)
         self._increments = increments
-        self._basis = basis
         functions = basis.values.shape[1]
         window = basis.first[:, None] - 1 + np.arange(functions)
         lengths = np.sqrt(np.sum(increments**2, axis=-1))
@@ -53,6 +52,7 @@ class CumulativeCurve(Curve):
             factors[:functions, :4] = np.moveaxis(taylor, 0, -1)
             factors[:functions, 4:] = np.moveaxis(axes[window], 0, -1)
         else:
+            self._basis = basis
             self._base = np.ascontiguousarray(base)
             self._axes = np.ascontiguousarray(np.moveaxis(axes[window], 0, -1))
             self._lengths = np.ascontiguousarray(lengths[window].T)
@@ -73,7 +73,7 @@ class CumulativeCurve(Curve):
         else:
             check_out(out, len(flat))
         if KERNEL.fill is not None and self._table is not None:
-            place = KERNEL.fill(flat, self._basis.breaks, self._table, self._slack, out)
+            place = KERNEL.fill(flat, self._knots, self._table, self._slack, out)
             if place >= 0:
                 self._inside(flat)
         else:
@@ -98,7 +98,7 @@ class CumulativeCurve(Curve):
             memory = cubic_memory(size)
             for begin in range(0, len(times), BLOCK):
                 block, part = times[begin : begin + BLOCK], out[:, begin : begin + BLOCK]
-                fill_cubic(block, self._basis.breaks, self._table, part, memory)
+                fill_cubic(block, self._knots, self._table, part, memory)
             KERNEL.count(len(times))
             return
         memory = product_memory(size)

@@ -159,7 +159,7 @@ def test_turns_between_equal_keyframes_have_no_axis():
     keys = walk(3, 1.0)
     keys[2] = keys[1]
     with pytest.raises(ValueError, match=r"turns must be 0 .* got turns\[1\] = 1"):
-        C2(keys=keys, turns=[0, 1])
+        C2(keys=keys, times="uniform", turns=[0, 1])
 
 
 @pytest.mark.parametrize(
