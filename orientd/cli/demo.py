@@ -56,7 +56,7 @@ def demo(
     Six keyframes are passed with a velocity at both ends, so the device runs up to the first and
     comes to rest after the last.  All figures are measured from what the driver was sent.
     """
-    from orientd.cli import progress, texts
+    from orientd.cli import texts
     from orientd.cli.motion_commands import follow, raise_unless_done
     from orientd.rpc.client import connect
     from orientd.rpc.reports import Outcome
@@ -72,8 +72,7 @@ def demo(
                 approach=True,
                 limits=LIMITS,
             )
-            with progress.view("demo", is_silent=as_json) as view:
-                summary = follow(handle, view)
+            summary = follow(handle, title="demo", is_silent=as_json)
         plan = handle.plan
     picture: dict[str, str | None] = {"path": None, "why_not": "none of a part of the motion"}
     if summary.outcome is Outcome.DONE:

@@ -13,7 +13,6 @@ from orientd.cli.output import AsJson, DeviceName, Socket, command, say, say_jso
 from orientd.errors import ConfigError, OrientdError
 
 if TYPE_CHECKING:
-    from orientd.cli.progress import View
     from orientd.config import DeviceSettings
     from orientd.rpc.move_handle import MoveHandle
     from orientd.rpc.reports import Summary
@@ -92,22 +91,22 @@ def move(
     another terminal.
     """
     from orientd import motion_file
-    from orientd.cli import progress, texts
+    from orientd.cli import texts
     from orientd.cli.shared_lease import shared
     from orientd.rpc.client import connect
 
     request = motion_file.load(file)
     with connect(socket, holder=holder("move")) as robot, shared(robot):
         handle = robot.move(request, device=device)
-        if not as_json:
-            plan = handle.plan
-            say(
-                f"motion {handle.motion_number}: {len(request.keyframes)} keyframes, "
-                f"{plan.duration:.3f} s with a lead-in of {plan.certificate.lead_in:.3f} s and a "
-                f"lead-out of {plan.certificate.lead_out:.3f} s"
-            )
-        with progress.view(f"motion {handle.motion_number}", is_silent=as_json) as view:
-            summary = follow(handle, view)
+        plan = handle.plan
+        summary = follow(
+            handle,
+            title=f"motion {handle.motion_number}",
+            introduction=f"motion {handle.motion_number}: {len(request.keyframes)} keyframes, "
+            f"{plan.duration:.3f} s with a lead-in of {plan.certificate.lead_in:.3f} s and a "
+            f"lead-out of {plan.certificate.lead_out:.3f} s",
+            is_silent=as_json,
+        )
     if as_json:
         say_json({"plan": handle.plan, "summary": summary})
     else:
@@ -115,15 +114,20 @@ def move(
     raise_unless_done(summary)
 
 
-def follow(handle: MoveHandle, view: View) -> Summary:
+def follow(handle: MoveHandle, *, title: str, introduction: str = "", is_silent: bool) -> Summary:
     """Show a motion until it has ended; Ctrl-C stops it on its path.
 
     Raises:
         OrientdError: the daemon was lost, or the motion did not come to rest.
     """
+    from orientd.cli import progress
+
     try:
-        for report in handle:
-            view.show(report)
+        if introduction and not is_silent:
+            say(introduction)
+        with progress.view(title, is_silent=is_silent) as view:
+            for report in handle:
+                view.show(report)
         return handle.wait()
     except KeyboardInterrupt:
         handle.cancel()

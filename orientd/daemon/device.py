@@ -398,9 +398,11 @@ class Device:
         if cycle is not None and cycle.state is State.FAULT and fault is Fault.NONE:
             fault = Fault(cycle.fault)
         path_time = 0.0
-        if cycle is not None and self._feeder is not None and cycle.motion == self._number:
-            records = cycle.path_index - self._feeder.first_index + cycle.path_fraction
-            path_time = max(0.0, records * self._feeder.motion.period)
+        feeder = self._feeder
+        # A motion begins before its start returns; until then the feeder is that of the last one.
+        if cycle is not None and feeder is not None and cycle.motion == feeder.number:
+            records = cycle.path_index - feeder.first_index + cycle.path_fraction
+            path_time = max(0.0, records * feeder.motion.period)
         state = cycle.state if cycle is not None else State.IDLE
         return DeviceSnapshot(
             cycle=cycle,

@@ -34,6 +34,7 @@ class Feeder:
 
     Attributes:
         motion: what is fed.
+        number: of the motion.
         first_index: the ring's index of the motion's first record.
     """
 
@@ -42,7 +43,7 @@ class Feeder:
         self.motion = motion
         self.first_index = ring.head
         self._ring = ring
-        self._number = number
+        self.number = number
         self._fed = 0
         ring.set_word(FINAL_WORD, 0)
         ring.set_word(TAIL_WORD, self.first_index)
@@ -81,7 +82,7 @@ class Feeder:
         block = np.zeros(count, dtype=_LAYOUT)
         block["index"] = np.arange(self._ring.head, self._ring.head + count)
         block["path_time_ns"] = np.rint(np.arange(first, first + count) * motion.period * 1e9)
-        block["motion"] = self._number
+        block["motion"] = self.number
         if first + count == motion.record_count:
             block["flags"][-1] = PathFlag.LAST
         block["floats"] = motion.records(first, count)

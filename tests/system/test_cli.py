@@ -108,7 +108,8 @@ def test_a_plan_is_the_same_in_every_kind_of_file(motion, tmp_path):
     for path in paths:
         assert inside("plan", motion, "-o", path).returncode == 0
     table = np.loadtxt(paths[0], delimiter=",", skiprows=1)
-    archive = np.load(paths[1])
+    with np.load(paths[1]) as file:
+        archive = dict(file)
     content = json.loads(paths[2].read_text())
     np.testing.assert_array_equal(table, content["rows"])
     assert content["columns"] == paths[0].read_text().splitlines()[0].split(",")
