@@ -108,7 +108,9 @@ class _Search:
         Raises:
             PlanError: neither continuation nor the descent from the Euclidean spline arrives.
         """
-        found = self._continue()
+        found = self._equations.explicit_solution()
+        if found is None:
+            found = self._continue()
         if found is None:
             found = self._descend()
         if found is None:

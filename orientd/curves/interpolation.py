@@ -14,6 +14,7 @@ Steps and end conditions carry a common scale: at 0 nothing turns, at 1 they hav
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -164,6 +165,22 @@ class KeyframeEquations:
             return blocks, np.sum(self._factors(origin, 1.0, rows), axis=1) - self.steps[rows]
 
         return _solve_by_pieces(np.arange(len(self.steps)), parts)
+
+    def explicit_solution(self) -> Floats | None:
+        """Return the only unknown where the end conditions leave but one, or nothing.
+
+        Between two keyframes with both ends given it is a logarithm, the principal one as in the
+        Hermite curve.  Whole turns added to the step are left to the search.
+        """
+        is_single = len(self.steps) == 1 and len(self.start.known) and len(self.end.known)
+        if not is_single or float(np.linalg.norm(self.steps)) > math.pi:
+            return None
+        inner = exp_half(self.steps[0])
+        for outer in self.start.known:
+            inner = multiply(exp_half(-outer), inner)
+        for outer in self.end.known:
+            inner = multiply(inner, exp_half(-outer))
+        return log_half(inner)[None]
 
     def correction(self, unknown: Floats, scale: float, rows: Indices) -> Floats:
         """Return one Newton step of some rows, the other unknowns staying as they are."""
