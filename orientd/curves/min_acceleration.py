@@ -7,7 +7,8 @@ from numpy.typing import ArrayLike
 
 from orientd.curves.c2_cumulative import C2Cumulative
 from orientd.curves.contract import Curve, Samples
-from orientd.curves.keyframes import check_aligned, resolve_times
+from orientd.curves.keyframes import check_aligned, increments, resolve_times
+from orientd.curves.relaxation import relaxed, spline_path
 from orientd.curves.rotation_vector_spline import RotationVectorSpline, check_end
 from orientd.curves.shooting import Nodes, Path, settled, squared_acceleration
 from orientd.errors import PlanError
@@ -17,7 +18,8 @@ COASTED = 10.0
 """From this angle on, in rad, that an end velocity goes through in its interval, whole turns are
 tried."""
 
-SMALLEST_STEP = 1.0 / 256.0
+LARGE = 2.0
+"""Rad, from one keyframe to the next, from which there may be several stationary curves."""
 
 
 class MinAcceleration(Curve):
@@ -88,10 +90,10 @@ def stationary_nodes(
 ) -> Nodes:
     """Return states of the stationary curve, close together.
 
-    Newton's method starts from the rotation-vector spline and, with prescribed end velocities,
-    from cumulative splines, for fast ones with whole turns in the end intervals; the best result
-    counts.  Where none leads to one, the end velocities are scaled up from less, each solution
-    the guess for the next.
+    Newton's method starts from the rotation-vector spline, for fast ends from the cumulative spline
+    with the best whole turns at its ends instead where that costs less.  Where a start leads
+    nowhere, or a step is so large that there may be several stationary curves, it is relaxed
+    towards a minimum too, and the better result counts.
 
     Args:
         q: keyframes, shape ``(n, 4)``.
@@ -102,93 +104,56 @@ def stationary_nodes(
     Raises:
         PlanError: Newton's method does not converge.
     """
+    h = np.diff(instants)
+    reaches = winding_reach(first, float(h[0])), winding_reach(last, float(h[-1]))
     guesses = [spline_path(RotationVectorSpline, q, instants, first, last)]
-    if first is not None or last is not None:
-        guesses += winding_paths(q, instants, first, last)
-    found = []
-    for path in guesses:
-        nodes = None if path is None else settled(path, q, instants, first, last)
-        if nodes is not None:
-            found.append(nodes)
-    if found:
-        return min(found, key=Nodes.squared_acceleration)
-    return _continued(q, instants, first, last)
+    if any(reaches) or guesses[0] is None:
+        guesses.append(winding_path(q, instants, first, last, reaches))
+    is_large = float(np.max(np.sum(increments(q) ** 2, axis=1))) > 0.25 * LARGE**2
+    paths = [path for path in guesses if path is not None]
+    for path in sorted(paths, key=lambda path: squared_acceleration(path, instants)):
+        found = settled(path, q, instants, first, last)
+        if found is None or is_large:
+            near = relaxed(path, instants, first, last)
+            other = None if near is None else settled(near, q, instants, first, last)
+            both = [nodes for nodes in (found, other) if nodes is not None]
+            found = min(both, key=Nodes.squared_acceleration, default=None)
+        if found is not None:
+            return found
+    raise PlanError(
+        "no curve of least acceleration was found through the keyframes: Newton's method does "
+        "not converge; add keyframes, lower the end velocities or make neighbouring intervals "
+        "more alike"
+    )
 
 
-def winding_paths(
-    q: Floats, instants: Floats, first: Floats | None, last: Floats | None
-) -> list[Path | None]:
-    """Return cumulative splines with those whole turns in the end intervals that cost least.
+def winding_reach(end: Floats | None, h: float) -> int:
+    """Return how many whole turns either way are worth trying in an end interval."""
+    return 0 if end is None else min(2, int(float(np.linalg.norm(end)) * h / COASTED))
+
+
+def winding_path(
+    q: Floats,
+    instants: Floats,
+    first: Floats | None,
+    last: Floats | None,
+    reaches: tuple[int, int],
+) -> Path | None:
+    """Return the cumulative spline with those whole turns in its end intervals that cost least.
 
     A fast end that is not given the turns it would coast through has to wind back: that may cost
     many times the acceleration.  The two ends are scanned one after the other.
     """
-    h = np.diff(instants)
-    turns = np.zeros(len(h), dtype=np.intp)
+    turns = np.zeros(len(instants) - 1, dtype=np.intp)
     best = spline_path(C2Cumulative, q, instants, first, last)
-    least = squared_acceleration(best, instants) if best is not None else np.inf
-    paths = [best]
-    for place, end in ((0, first), (-1, last)):
-        coasted = 0.0 if end is None else float(np.linalg.norm(end)) * float(h[place])
-        reach = min(2, int(coasted / COASTED))
+    least = np.inf if best is None else squared_acceleration(best, instants)
+    for place, reach in zip((0, -1), reaches, strict=True):
         kept = turns
         for count in (*range(-reach, 0), *range(1, reach + 1)):
             tried = kept.copy()
             tried[place] += count
             path = spline_path(C2Cumulative, q, instants, first, last, turns=tried)
-            cost = squared_acceleration(path, instants) if path is not None else np.inf
-            if path is not None and cost < least:
+            cost = np.inf if path is None else squared_acceleration(path, instants)
+            if cost < least:
                 best, least, turns = path, cost, tried
-    if best is not paths[0]:
-        paths.append(best)
-    return paths
-
-
-def _continued(q: Floats, instants: Floats, first: Floats | None, last: Floats | None) -> Nodes:
-    """Return the stationary curve connected with the one of no end velocities."""
-    reached, stride = 0.0, 0.5
-    found: Nodes | None = None
-    while found is None or reached < 1.0:
-        target = min(1.0, reached + stride)
-        ends = [None if end is None else target * end for end in (first, last)]
-        if found is None:
-            path = spline_path(RotationVectorSpline, q, instants, *ends)
-        else:
-            path = found.path()
-        nodes = None if path is None else settled(path, q, instants, *ends)
-        if nodes is None:
-            stride *= 0.5
-            if stride < SMALLEST_STEP or (first is None and last is None):
-                raise PlanError(
-                    "no curve of least acceleration was found through the keyframes: Newton's "
-                    "method does not converge; add keyframes, lower the end velocities or make "
-                    "neighbouring intervals more alike"
-                )
-        else:
-            found, reached, stride = nodes, target, 1.5 * (target - reached)
-    return found
-
-
-def spline_path(
-    family: type[RotationVectorSpline | C2Cumulative],
-    q: Floats,
-    instants: Floats,
-    first: Floats | None,
-    last: Floats | None,
-    **options: ArrayLike,
-) -> Path | None:
-    """Return a spline with the same keyframes and ends, if there is one."""
-    try:
-        spline = family(
-            keys=q,
-            times=instants,
-            start="natural" if first is None else "clamped",
-            end="natural" if last is None else "clamped",
-            omega_start=first,
-            omega_end=last,
-            align=False,
-            **options,
-        )
-    except (PlanError, ValueError):
-        return None
-    return spline.evaluate
+    return best

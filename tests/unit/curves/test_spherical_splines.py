@@ -79,7 +79,7 @@ def test_the_spherical_bspline_meets_keyframes_up_to_135_degrees_apart(random_ke
 
 def test_a_spherical_bspline_that_is_not_found_is_said_not_to_be(random_keys):
     found = 0
-    for seed in range(20):
+    for seed in range(8):
         keys = random_keys(10, np.radians(175.0), seed)
         try:
             curve = HEILAND(keys=keys)
@@ -88,7 +88,7 @@ def test_a_spherical_bspline_that_is_not_found_is_said_not_to_be(random_keys):
         else:
             found += 1
             assert angle(curve.evaluate(curve.knots)[0], keys).max() < 1e-12
-    assert 3 < found < 18
+    assert 0 < found < 8
 
 
 def test_the_normalised_cubic_is_scipys_natural_spline_made_unit(random_keys):

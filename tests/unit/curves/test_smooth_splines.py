@@ -1,0 +1,181 @@
+"""The global C2 families and beyond: rotation-vector spline, least acceleration, higher orders."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation, RotationSpline
+
+from orientd.curves import METHODS
+from orientd.curves.keyframes import increments
+from orientd.errors import PlanError
+from orientd.rotation import angle, exp
+
+VECTOR, LEAST = METHODS["rotation_vector_spline"], METHODS["min_acceleration"]
+HIGHER, C2 = METHODS["kks_interpolating"], METHODS["c2_cumulative"]
+TIMES = np.array([0.0, 1.0, 1.7, 3.0, 3.6, 5.0])
+ENDS = {
+    "start": "clamped",
+    "end": "clamped",
+    "omega_start": [1.0, -2.0, 0.5],
+    "omega_end": [0.0, 1.5, 2.0],
+}
+
+
+def effort(curve, places=24):
+    """The integral of squared angular acceleration, by Gauss's rule between the knots."""
+    nodes, weights = np.polynomial.legendre.leggauss(places)
+    h = np.diff(curve.knots)[:, None]
+    alpha = curve.evaluate(curve.knots[:-1, None] + 0.5 * h * (1.0 + nodes))[2]
+    return float(np.sum(0.5 * h * weights * np.sum(alpha * alpha, axis=-1)))
+
+
+def derivative(curve, times, h=1e-3):
+    """The derivative of the angular acceleration, by differences of eighth order."""
+    weights = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0, 4 / 5, -1 / 5, 4 / 105, -1 / 280])
+    return sum(w * curve.evaluate(times + k * h)[2] for k, w in enumerate(weights, -4)) / h
+
+
+# SciPy stops after ten iterations, which leaves it behind for larger steps.
+@pytest.mark.parametrize(("step_deg", "tolerance"), [(10.0, 1e-11), (60.0, 1e-9), (90.0, 1e-8)])
+def test_with_mean_end_rates_it_is_scipys_rotation_spline(random_keys, step_deg, tolerance):
+    keys = random_keys(6, np.radians(step_deg))
+    mean = 2.0 * increments(keys) / np.diff(TIMES)[:, None]
+    given = {"start": "clamped", "end": "clamped", "omega_start": mean[0], "omega_end": mean[-1]}
+    curve = VECTOR(keys=keys, times=TIMES, **given)
+    peer = RotationSpline(TIMES, Rotation.from_quat(keys[:, [1, 2, 3, 0]]))
+    times = np.linspace(0.0, 5.0, 300)
+    q, omega, alpha = curve.evaluate(times)
+    assert angle(q, peer(times).as_quat()[:, [3, 0, 1, 2]]).max() < tolerance
+    assert np.abs(omega - peer(times, 1)).max() < tolerance * np.abs(omega).max()
+    assert np.abs(alpha - peer(times, 2)).max() < 10 * tolerance * np.abs(alpha).max()
+
+
+@pytest.mark.parametrize("family", [VECTOR, LEAST, HIGHER], ids=lambda family: family.name)
+def test_natural_ends_have_no_acceleration(random_keys, family):
+    alpha = family(keys=random_keys(6), times=TIMES).evaluate([0.0, 5.0])[2]
+    assert np.abs(alpha).max() < 1e-9
+
+
+@pytest.mark.parametrize("family", [VECTOR, LEAST, HIGHER], ids=lambda family: family.name)
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"start": "clamped"}, "omega_start must be given"),
+        ({"end": "clamped"}, "omega_end must be given"),
+        ({"omega_start": [0.0, 0.0, 1.0]}, "omega_start must be None"),
+        ({"start": "loose"}, "start must be one of 'natural', 'clamped', got 'loose'"),
+        ({"end": "clamped", "omega_end": [0.0, 1.0]}, "omega_end must be a vector of 3"),
+    ],
+)
+def test_ends_that_do_not_go_with_what_is_given_are_refused(random_keys, family, given, said):
+    with pytest.raises(ValueError, match=said):
+        family(keys=random_keys(3), **given)
+
+
+@pytest.mark.parametrize("step_deg", [20.0, 100.0, 175.0])
+@pytest.mark.parametrize("ends", [{}, ENDS], ids=["natural", "clamped"])
+def test_no_other_family_takes_less_acceleration(random_keys, step_deg, ends):
+    keys = random_keys(6, np.radians(step_deg))
+    least = effort(LEAST(keys=keys, times=TIMES, **ends))
+    for family in (VECTOR, C2):
+        assert least < effort(family(keys=keys, times=TIMES, **ends))
+
+
+def test_the_second_derivative_of_the_velocity_stands_still_in_the_world(random_keys):
+    curve = LEAST(keys=random_keys(6), times=TIMES, **ENDS)
+    for i in range(5):
+        times = np.linspace(TIMES[i], TIMES[i + 1], 12)[2:-2]
+        jerk, omega = derivative(curve, times), curve.evaluate(times)[1]
+        change = (derivative(curve, times + 1e-3) - derivative(curve, times - 1e-3)) / 2e-3
+        assert np.abs(change - np.cross(jerk, omega)).max() < 1e-4 * (1.0 + np.abs(jerk).max())
+
+
+def test_two_natural_ends_are_joined_by_the_great_arc(random_keys):
+    keys = random_keys(2)
+    _, omega, alpha = LEAST(keys=keys, times=[0.0, 2.0]).evaluate(np.linspace(0.0, 2.0, 9))
+    assert np.abs(omega - increments(keys)).max() < 1e-12
+    assert np.abs(alpha).max() < 1e-12
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_fast_end_coasts_instead_of_winding_back(random_keys, seed):
+    keys = random_keys(5, seed=seed)
+    ends = {**ENDS, "omega_start": [0.0, 0.0, 20.0], "omega_end": [-16.0, 12.0, 0.0]}
+    curve = LEAST(keys=keys, **ends)
+    assert angle(curve.evaluate(np.arange(5.0))[0], keys).max() < 1e-10
+    assert effort(curve) < 0.7 * effort(C2(keys=keys, **ends))
+
+
+def test_orders_above_four_have_two_conditions_at_each_end(random_keys):
+    keys = random_keys(5)
+    given = {**ENDS, "alpha_start": [3.0, 0.0, -1.0]}
+    for order in (5, 6):
+        _, omega, alpha = HIGHER(keys=keys, order=order, **given).evaluate([0.0, 4.0])
+        assert np.abs(omega - [ENDS["omega_start"], ENDS["omega_end"]]).max() < 1e-12
+        assert np.abs(alpha - [[3.0, 0.0, -1.0], [0.0, 0.0, 0.0]]).max() < 1e-11
+
+
+@pytest.mark.parametrize("order", [3, 4, 5, 6])
+def test_an_order_is_continuous_in_two_derivatives_less(random_keys, order):
+    curve = HIGHER(keys=random_keys(6, 1.2), times=TIMES, order=order)
+    h = 1e-2
+    places = (np.arange(9) + 0.5) / 9.0
+    for knot in curve.knots[1:-1]:
+        sides = [
+            np.polynomial.polynomial.polyfit(
+                side * h * places / h, curve.evaluate(knot + side * h * places)[2], 8
+            )
+            for side in (-1, 1)
+        ]
+        # Coefficient n is that of derivative n + 2 of the orientation, times h^n / n!.
+        size = np.abs(sides).max()
+        jump = np.abs(sides[1] - sides[0]).max(axis=1) / size
+        assert np.all(jump[: order - 3] < 1e-9)
+        assert jump[order - 3] > 1e-7
+
+
+def test_natural_ends_of_high_orders_have_no_jerk(random_keys):
+    for order in (5, 6):
+        curve = HIGHER(keys=random_keys(6), times=TIMES, order=order)
+        after, before = curve.evaluate([1e-6])[2], curve.evaluate([5.0 - 1e-6])[2]
+        assert np.abs([after, before]).max() < 1e-9
+
+
+def test_order_four_is_the_default_family(random_keys):
+    keys, times = random_keys(6, 1.5), np.linspace(0.0, 5.0, 50)
+    for ends in ({}, ENDS):
+        pair = [family(keys=keys, times=TIMES, **ends) for family in (C2,)]
+        pair.append(HIGHER(keys=keys, times=TIMES, order=4, **ends))
+        for a, b in zip(*(curve.evaluate(times) for curve in pair), strict=True):
+            assert np.abs(a - b).max() < 1e-11
+
+
+@pytest.mark.parametrize("order", [3, 5, 6])
+@pytest.mark.parametrize("step_deg", [120.0, 170.0])
+def test_every_order_reaches_large_steps(random_keys, order, step_deg):
+    keys = random_keys(10, np.radians(step_deg), seed=3)
+    curve = HIGHER(keys=keys, order=order)
+    assert angle(curve.evaluate(np.arange(10.0))[0], keys).max() < 1e-12
+
+
+@pytest.mark.parametrize("order", [2, 7, 4.5, "6"])
+def test_an_order_that_is_none_is_refused_by_name(random_keys, order):
+    with pytest.raises(ValueError, match=r"^order must be"):
+        HIGHER(keys=random_keys(3), order=order)
+
+
+def test_an_acceleration_is_refused_where_there_is_no_condition_for_it(random_keys):
+    given = {"start": "clamped", "omega_start": [0, 0, 1], "alpha_start": [0, 0, 1]}
+    with pytest.raises(ValueError, match="alpha_start must be None for order 4"):
+        HIGHER(keys=random_keys(3), order=4, **given)
+
+
+def test_a_search_that_does_not_end_says_so(random_keys):
+    keys, times = random_keys(6, 0.7), np.cumsum([0.0, 1e-2, 1.0, 100.0, 1.0, 1e-2])
+    with pytest.raises(PlanError, match="does not converge"):
+        LEAST(keys=keys, times=times)
+
+
+def test_a_step_of_a_whole_turn_is_refused(random_keys):
+    keys = np.array([exp([0.1, 0.2, 0.3]), -exp([0.1, 0.2, 0.3])])
+    with pytest.raises(ValueError, match="less than a whole turn"):
+        VECTOR(keys=keys, align=False)
