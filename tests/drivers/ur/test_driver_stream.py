@@ -5,9 +5,9 @@ import pytest
 from ur_rig import device_of, is_holding, streaming, swing_motion, until
 
 from orientd import rotation
+from orientd.daemon.latency import identify
 from orientd.errors import Fault
 from orientd_sim.ur.recording import read_arm, read_setpoints
-from orientd_ur.latency import identify
 
 pytest.importorskip("rtde_control")
 
