@@ -104,7 +104,7 @@ def latency_finding(device: DeviceSettings) -> Finding:
 
 
 def _latency_advice(name: str, seconds: float) -> str:
-    return f"a smaller lookahead or a stiffer gain of {name}; {seconds:.3f} s is what it is behind"
+    return f"`latency = {seconds:.3f}` and `compensate_latency = true` in [devices.{name}]"
 
 
 def _report(found: list[Finding], *, as_json: bool) -> None:
