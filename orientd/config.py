@@ -130,7 +130,7 @@ class DeviceSettings(_Table):
     driver: str
     rate_hz: Annotated[float, Field(ge=1.0, le=MAX_RATE_HZ)] = 500.0
     auto_enable: bool = True
-    heartbeat_timeout: Positive = 0.5
+    heartbeat_timeout: Positive = 1.0
     feedback_timeout: Positive = 0.1
     spin_us: Annotated[int, Field(ge=0, le=1000)] = 0
     priority: Annotated[int, Field(ge=0, le=99)] = 80

@@ -9,6 +9,7 @@ import typer
 from orientd.cli.output import AsJson, command, is_terminal, say, say_json, table
 
 if TYPE_CHECKING:
+    from orientd.bench.curves import CurveSpeed
     from orientd.bench.servo import Comparison
 
 
@@ -18,15 +19,53 @@ def bench(
     slots: Annotated[
         int, typer.Option(min=1, help="Pairs of slots, servo and bare C loop, per condition.")
     ] = 3,
+    servo: Annotated[bool, typer.Option(help="Measure the servo's lateness.")] = True,
+    curves: Annotated[bool, typer.Option(help="Measure the curves' speed.")] = True,
     as_json: AsJson = False,
 ) -> None:
-    """Measure the servo's lateness, beside a bare C loop, and the curves' speed.
+    """Measure the servo's lateness, beside a bare C loop, and the curves' speed, beside SciPy.
 
-    With the defaults this takes a minute and a half.
+    With the defaults this takes some three minutes.
     """
-    servo = _servo(seconds, slots, as_json=as_json)
+    found = {
+        "curves": _curves(as_json=as_json) if curves else None,
+        "servo": _servo(seconds, slots, as_json=as_json) if servo else None,
+    }
     if as_json:
-        say_json({"servo": servo})
+        say_json(found)
+
+
+def _curves(*, as_json: bool) -> CurveSpeed:
+    from orientd.bench.curves import measure_curves
+
+    found = measure_curves(steps=(1.0,))
+    if as_json:
+        return found
+    say(f"c2_cumulative of {found.keyframes} keyframes, ns a sample; SciPy is its RotationSpline")
+    rows = [
+        [
+            str(sampling.instants),
+            _time(sampling.compiled_ns, sampling.compiled_ratio),
+            _time(sampling.numpy_ns, sampling.numpy_ratio),
+            f"{sampling.scipy_ns:.0f}",
+        ]
+        for sampling in found.samplings
+    ]
+    say(*table(["instants", "compiled", "NumPy", "SciPy"], rows), "")
+    for building in found.buildings:
+        say(
+            f"built from {building.few} keyframes {building.step:g} rad apart in "
+            f"{1e3 * building.few_s:.1f} ms, from {100 * building.few} in "
+            f"{building.many_s:.2f} s: {building.growth:.0f} times the time"
+        )
+    say("")
+    return found
+
+
+def _time(nanoseconds: float | None, ratio: float | None) -> str:
+    if nanoseconds is None or ratio is None:
+        return "not installed"
+    return f"{nanoseconds:.0f} ({ratio:.0f} x)"
 
 
 def _servo(seconds: float, slots: int, *, as_json: bool) -> list[dict[str, Any]]:
@@ -49,7 +88,8 @@ def _servo(seconds: float, slots: int, *, as_json: bool) -> list[dict[str, Any]]
                 seconds=seconds,
             )
         except OrientdError as error:
-            done.append({"rate_hz": rate_hz, "load": load, "error": str(error)})
+            failed = {"rate_hz": rate_hz, "load": load, "priority": priority}
+            done.append({**failed, "error": str(error)})
             rows.append([f"{rate_hz:g}", load, scheduler, str(error), "", "", "", ""])
             continue
         done.append(_figures(comparison, load))

@@ -149,7 +149,7 @@ def _lines(candidates: Sequence[Candidate], *, has_ends: bool, has_torque: bool)
     """Return the table for people, and below it the families that do not apply."""
     columns: list[tuple[str, Callable[[Candidate, Figures], str]]] = [
         ("family", lambda c, _: c.name),
-        ("keyframes", lambda _, f: "met" if f.interpolates else f"off {f.keyframe_error:.3f} rad"),
+        ("keyframes", lambda _, f: "met" if f.interpolates else f"off {f.keyframe_error:.3g} rad"),
         ("smooth", lambda _, f: f"C{f.continuity}"),
     ]
     if has_ends:

@@ -17,6 +17,7 @@ from orientd.curves.kks_bezier import KksBezier
 from orientd.curves.kks_bspline import KksBspline
 from orientd.curves.kks_hermite import KksHermite
 from orientd.curves.kks_hermite_spline import KksHermiteSpline
+from orientd.curves.kks_interpolating import KksInterpolating
 from orientd.curves.kks_quintic_hermite import KksQuinticHermite
 from orientd.curves.kks_uniform import KksUniform
 from orientd.curves.min_acceleration import MinAcceleration
@@ -43,6 +44,7 @@ _FAMILIES: tuple[type[Curve], ...] = (
     KksBspline,
     KksUniform,
     C2Cumulative,
+    KksInterpolating,
     Squad,
     DeCasteljau,
     ShoemakeBezier,

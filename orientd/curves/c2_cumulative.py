@@ -70,7 +70,7 @@ class C2Cumulative(CumulativeCurve):
         self,
         *,
         keys: ArrayLike,
-        times: str | ArrayLike = "uniform",
+        times: str | ArrayLike = "chord",
         start: str = "natural",
         end: str = "natural",
         omega_start: ArrayLike | None = None,

@@ -129,10 +129,10 @@ _WITHOUT_JUMPS = ("effort", "torque", "acceleration")
 def ranked(candidates: Sequence[Candidate], column: str = "effort") -> list[Candidate]:
     """Return *candidates* with the best of a column first.
 
-    Curves that meet the keyframes come before those that only approach them, which have an easy
-    life, and those before the families that do not apply.  For acceleration, effort and torque a
-    curve whose velocity jumps, which takes an infinite acceleration, comes after those whose does
-    not.
+    Curves that do the whole task come first, then those that miss a velocity wanted at an end, then
+    those that only approach the keyframes (both have an easier life), last the families that do not
+    apply.  For acceleration, effort and torque a curve whose velocity jumps, which takes an
+    infinite acceleration, comes after those of its kind whose does not.
 
     Raises:
         ValueError: there is no such column.
@@ -145,9 +145,10 @@ def ranked(candidates: Sequence[Candidate], column: str = "effort") -> list[Cand
         if column == "name":
             return 0, False, 0.0, candidate.name
         if figures is None:
-            return 2, False, 0.0, candidate.name
+            return 3, False, 0.0, candidate.name
         is_infinite = column in _WITHOUT_JUMPS and figures.has_velocity_jumps
         value = COLUMNS[column](candidate, figures)
-        return int(not figures.interpolates), is_infinite, value, candidate.name
+        kind = 2 if not figures.interpolates else int(not figures.meets_ends)
+        return kind, is_infinite, value, candidate.name
 
     return sorted(candidates, key=order)

@@ -126,13 +126,13 @@ class Curve(ABC):
 
 
 def check_out(out: Floats, count: int) -> None:
-    """Refuse a buffer that is not C-contiguous float64 of shape ``(10, count)``.
+    """Refuse a buffer that is not writable, C-contiguous float64 of shape ``(10, count)``.
 
     Raises:
         ValueError: it is not.
     """
-    if out.shape != (10, count) or out.dtype != np.float64 or not out.flags.c_contiguous:
+    if out.shape != (10, count) or out.dtype != np.float64 or not out.flags.carray:
         raise ValueError(
-            f"out must be a C-contiguous float64 array of shape (10, {count}), "
+            f"out must be a writable C-contiguous float64 array of shape (10, {count}), "
             f"got {out.dtype} of shape {out.shape}"
         )

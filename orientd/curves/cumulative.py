@@ -38,7 +38,6 @@ class CumulativeCurve(Curve):
     ) -> None:
         super().__init__(knots=basis.breaks, continuity=continuity)
         self._increments = increments
-        self._basis = basis
         functions = basis.values.shape[1]
         window = basis.first[:, None] - 1 + np.arange(functions)
         lengths = np.sqrt(np.sum(increments**2, axis=-1))
@@ -53,6 +52,7 @@ class CumulativeCurve(Curve):
             factors[:functions, :4] = np.moveaxis(taylor, 0, -1)
             factors[:functions, 4:] = np.moveaxis(axes[window], 0, -1)
         else:
+            self._basis = basis
             self._base = np.ascontiguousarray(base)
             self._axes = np.ascontiguousarray(np.moveaxis(axes[window], 0, -1))
             self._lengths = np.ascontiguousarray(lengths[window].T)
@@ -73,11 +73,11 @@ class CumulativeCurve(Curve):
         else:
             check_out(out, len(flat))
         if KERNEL.fill is not None and self._table is not None:
-            place = KERNEL.fill(flat, self._basis.breaks, self._table, self._slack, out)
+            place = KERNEL.fill(flat, self._knots, self._table, self._slack, out)
             if place >= 0:
                 self._inside(flat)
         else:
-            self._fill(self._inside(flat), out)
+            self.fill_with_numpy(self._inside(flat), out)
         q, omega_body, alpha_body = out[0:4].T, out[4:7].T, out[7:10].T
         if instants.ndim == 1:
             return q, omega_body, alpha_body
@@ -91,14 +91,14 @@ class CumulativeCurve(Curve):
     def _sample(self, times: Floats) -> Samples:
         return self.evaluate(times)
 
-    def _fill(self, times: Floats, out: Floats) -> None:
+    def fill_with_numpy(self, times: Floats, out: Floats) -> None:
         """Write the samples at instants inside the domain, block by block, with NumPy."""
         size = min(BLOCK, len(times))
         if self._table is not None:
             memory = cubic_memory(size)
             for begin in range(0, len(times), BLOCK):
                 block, part = times[begin : begin + BLOCK], out[:, begin : begin + BLOCK]
-                fill_cubic(block, self._basis.breaks, self._table, part, memory)
+                fill_cubic(block, self._knots, self._table, part, memory)
             KERNEL.count(len(times))
             return
         memory = product_memory(size)

@@ -31,7 +31,7 @@ from orientd.rotation import (
     rotate,
 )
 
-_PIECE = 1024
+_PIECE = 2048
 _OVERLAP = 32
 
 

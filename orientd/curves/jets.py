@@ -157,11 +157,10 @@ def logarithm(q: Jet) -> Jet:
     angle = np.arctan2(np.sqrt(square), c)
     versine = np.where(c > 0.0, square / (1.0 + np.abs(c)), 1.0)
     is_small = versine < _SMALL_VERSINE
-    with np.errstate(divide="ignore", invalid="ignore"):
-        safe = np.where(is_small, 1.0, square)
-        factor = angle / np.sqrt(safe)
-        first = (c * factor - 1.0) / safe
-        second = (factor + 3.0 * c * first) / safe
+    safe = np.where(is_small, 1.0, square)
+    factor = angle / np.sqrt(safe)
+    first = (c * factor - 1.0) / safe
+    second = (factor + 3.0 * c * first) / safe
     series = _series(_ANGLE_OVER_SINE, np.where(is_small, versine, 0.0))
     scalar = Jet(c, q.first[..., 0], q.second[..., 0]).composed(
         np.where(is_small, series[0], factor),
@@ -209,8 +208,9 @@ def slerp(p: Jet, q: Jet, u: Jet) -> Jet:
     Where *p* and *q* are antipodal the great arc between them is not defined and the derivatives
     come out infinite or not a number.
     """
-    step = logarithm(product(inverse(p), q))
-    return product(p, exponential(u.widened() * step))
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        step = logarithm(product(inverse(p), q))
+        return product(p, exponential(u.widened() * step))
 
 
 def unit(c: Jet) -> Jet:

@@ -55,9 +55,10 @@ class KksBspline(CumulativeCurve):
             if knots is None
             else check_knots(knots, len(controls), order)
         )
+        repeated = inner_multiplicity(vector, order)
         super().__init__(
             basis=cumulative_basis(vector, order),
             controls=controls,
             increments=increments(controls),
-            continuity=order - 1 - inner_multiplicity(vector, order),
+            continuity=order - 1 - repeated if repeated else 2,
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.basis import CumulativeBasis, Indices, cumulative_basis
+from orientd.curves.basis import cumulative_basis
 from orientd.curves.cumulative import CumulativeCurve
 from orientd.curves.keyframes import (
     check_aligned,
@@ -15,6 +15,7 @@ from orientd.curves.keyframes import (
     increments,
     resolve_times,
 )
+from orientd.curves.spline_ends import begun_shares, end_rows, interpolation_knots
 from orientd.curves.telescoped import TelescopedEquations
 from orientd.rotation import Floats, exp_half, multiply, rotate
 
@@ -89,12 +90,13 @@ class KksInterpolating(CumulativeCurve):
             raise ValueError(f"order must be 3, 4, 5 or 6, got {order!r}")
         first = check_end_state(start, omega_start, alpha_start, "start", k)
         last = check_end_state(end, omega_end, alpha_end, "end", k)
-        middles = 0.5 * (instants[1:] + instants[:-1])
-        inner = instants[1:-1] if k % 2 == 0 else middles
-        knots = np.concatenate([np.repeat(instants[0], k), inner, np.repeat(instants[-1], k)])
-        basis = cumulative_basis(knots, k)
+        basis = cumulative_basis(interpolation_knots(instants, k), k)
         shares = begun_shares(basis, instants)
         head, head_known = end_rows(basis, first, is_end=False)
+        if last is not None and len(last) == 2:
+            # Seen from the last keyframe, the turn of the last factor stands before the others.
+            outer = last[0] / basis.rates[-1, -1, -1]
+            last[1] = rotate(exp_half(outer), last[1])
         tail, tail_known = end_rows(basis, last, is_end=True)
         solved = TelescopedEquations(
             shares=shares,
@@ -110,12 +112,19 @@ class KksInterpolating(CumulativeCurve):
             back = -shares[spans, f, None] * solved[spans + f]
             controls = multiply(controls, exp_half(back))
         super().__init__(basis=basis, controls=controls, increments=solved, continuity=k - 2)
+        self._key_times = instants
+
+    @property
+    def key_times(self) -> Floats:
+        """The instants of the keyframes, which for odd orders are not the knots, ``(n,)``."""
+        times: Floats = self._key_times.copy()
+        return times
 
 
 def check_end_state(
     condition: object, omega: ArrayLike | None, alpha: ArrayLike | None, side: str, order: int
 ) -> Floats | None:
-    """Return the velocity and, for orders 5 and 6, acceleration given at one end, ``(c, 3)``.
+    """Return half the velocity and, for orders 5 and 6, acceleration at one end, ``(c, 3)``.
 
     Raises:
         ValueError: the condition is not one, or what is given does not go with it.
@@ -132,69 +141,6 @@ def check_end_state(
     if order < 5:
         if alpha is not None:
             raise ValueError(f"alpha_{side} must be None for order {order}, got {alpha!r}")
-        return velocity[None]
+        return 0.5 * velocity[None]
     acceleration = np.zeros(3) if alpha is None else check_vector(alpha, f"alpha_{side}")
-    return np.stack([velocity, acceleration])
-
-
-def begun_shares(basis: CumulativeBasis, instants: Floats) -> Floats:
-    """Return how far each function that varies at a keyframe has come there.
-
-    The first one of keyframe *i* belongs to increment *i*: the span that begins at the keyframe or
-    contains it has the same number.
-
-    Returns:
-        Shape ``(n, f)``, *f* the functions under way at a keyframe.
-    """
-    functions = basis.values.shape[1]
-    is_odd_order = functions % 2 == 0
-    width = functions if is_odd_order else functions - 1
-    shares = np.ones((len(instants), width))
-    shares[:-1] = basis.at(np.arange(len(instants) - 1), instants[:-1])[0, :width].T
-    return shares
-
-
-def end_rows(
-    basis: CumulativeBasis, given: Floats | None, *, is_end: bool
-) -> tuple[Floats, Floats]:
-    """Return the linear conditions on the outermost increments, counted from their end.
-
-    Args:
-        basis: of the curve.
-        given: velocity and, with two conditions, acceleration; nothing for a natural end.
-        is_end: whether it is the last end.
-
-    Returns:
-        Coefficients ``(c, 3)`` and right sides ``(c, 3)``.
-    """
-    functions = basis.values.shape[1]
-    count = functions // 2
-    derivatives = outer_derivatives(basis, is_end=is_end)
-    rows, known = np.zeros((count, 3)), np.zeros((count, 3))
-    if given is None:
-        rows[:, : min(3, functions)] = derivatives[1 : 1 + count, : min(3, functions)]
-        return rows / np.max(np.abs(rows), axis=1, keepdims=True), known
-    outer = given[0] / (2.0 * derivatives[0, 0])
-    rows[0, 0], known[0] = 1.0, outer
-    if count == 2:
-        # Seen from the last keyframe the turn of the last factor stands before the others.
-        half = 0.5 * rotate(exp_half(outer), given[1]) if is_end else 0.5 * given[1]
-        rows[1, 1] = 1.0
-        known[1] = (half - derivatives[1, 0] * outer) / derivatives[1, 1]
-    return rows, known
-
-
-def outer_derivatives(basis: CumulativeBasis, *, is_end: bool) -> Floats:
-    """Return three derivatives of the three outermost functions at one end, ``(3, 3)``."""
-    span = -1 if is_end else 0
-    width = float(np.diff(basis.breaks)[span])
-    rates, curvatures = basis.rates[span], basis.curvatures[span]
-    degree = curvatures.shape[1] - 1
-    third = degree * np.diff(curvatures, axis=1) / width
-    third = third if degree > 0 else np.zeros((len(curvatures), 1))
-    found = np.zeros((3, 3))
-    order: Indices = np.arange(len(rates))[::-1] if is_end else np.arange(len(rates))
-    for row, coefficients in enumerate((rates, curvatures, third)):
-        values = coefficients[order, -1 if is_end else 0][:3]
-        found[row, : len(values)] = values
-    return found
+    return 0.5 * np.stack([velocity, acceleration])

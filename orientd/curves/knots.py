@@ -50,9 +50,9 @@ def check_knots(knots: ArrayLike, count: int, order: int) -> Floats:
 
 
 def inner_multiplicity(vector: Floats, order: int) -> int:
-    """Return how often the most repeated knot strictly inside the domain occurs, at least 1."""
+    """Return how often the most repeated knot strictly inside the domain occurs, 0 without any."""
     start, end = vector[order - 1], vector[len(vector) - order]
     inner = vector[(vector > start) & (vector < end)]
     if not len(inner):
-        return 1
+        return 0
     return int(np.unique(inner, return_counts=True)[1].max())

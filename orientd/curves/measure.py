@@ -19,8 +19,11 @@ CLOSE = 1e-6
 MOST_PIECES = 256
 """Into which a span between two knots is divided."""
 
-MET = 1e-6
-"""Rad; a keyframe passed within this is met."""
+MET = 1e-9
+"""Rad, or rad/s; a keyframe or a velocity met within this is met."""
+
+JUMP = 1e-6
+"""Of the peak velocity; a smaller jump is rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +63,13 @@ class Figures:
     @property
     def has_velocity_jumps(self) -> bool:
         """Whether the velocity jumps at a knot, which would take an infinite acceleration."""
-        return self.velocity_jump > MET * self.peak_velocity
+        return self.velocity_jump > JUMP * self.peak_velocity
+
+    @property
+    def meets_ends(self) -> bool:
+        """Whether every velocity that is wanted at an end is met; true where none is wanted."""
+        error = self.end_velocity_error
+        return error is None or error <= MET * max(1.0, self.peak_velocity)
 
 
 def measure(curve: Curve, task: Task, *, inertia: Floats | None = None) -> Figures:

@@ -60,7 +60,7 @@ class TelescopedEquations:
         """
         reached, stride = 0.0, 1.0
         found = np.zeros((len(self.steps) + len(self.head) + len(self.tail), 3))
-        tangent = self._linear_solution()
+        tangent = self.linear_solution()
         while reached < 1.0:
             target = min(1.0, reached + stride)
             settled = self._newton(found + (target - reached) * tangent, target)
@@ -123,7 +123,7 @@ class TelescopedEquations:
         tail = self.tail @ reversed_w - scale * self.tail_known
         return -self._solve(blocks, np.concatenate([head, error, tail[::-1]]))
 
-    def _linear_solution(self) -> Floats:
+    def linear_solution(self) -> Floats:
         """Return the increments of the spline in Euclidean space with the same steps."""
         blocks = np.zeros((len(self.steps), 3, 3 * (1 + self.shares.shape[1])))
         for offset, share in self._factors():

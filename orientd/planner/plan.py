@@ -23,6 +23,7 @@ from orientd.planner.timing import LONGEST, Indices, chord_knots, shortest
 from orientd.rotation import Floats, angle, exp, multiply
 
 _LEAD_STEP = 1.02  # how much longer to try where there is no core, or no lead for it
+_CYCLES_A_STEP = 4
 _END_SLACK = 1e-9  # of a period
 
 
@@ -144,6 +145,8 @@ class _Job:
         shape = course.core(max(knots.first_guess(reserved), 2.0 * period))
         survey = Survey.of(shape, reserved, period)
         first = math.ceil(shape.duration * survey.factor / period)
+        # Two steps of the acceleration within a difference of the setpoints would add up.
+        fewest = 1 if shape.continuity >= 2 else _CYCLES_A_STEP * (len(knots.kept) - 1)
         drafts: dict[int, Draft] = {}
         refusals: list[PlanError] = []
 
@@ -162,7 +165,7 @@ class _Job:
                 return _LEAD_STEP
             return factor
 
-        cycles = shortest(attempt, first, most=int(LONGEST / period))
+        cycles = shortest(attempt, first, least=fewest, most=int(LONGEST / period))
         if cycles is None:
             raise (
                 refusals[-1]
@@ -199,8 +202,7 @@ class _Job:
         )
         place = refusal.Place(request, draft.begin, draft.end, draft.keyframe_times)
         refusal.check_limits(peaks, place)
-        if is_users:
-            refusal.check_stop(peaks, place)
+        refusal.check_stop(peaks, place)
         return Motion(
             id=motion_id,
             request=request,

@@ -123,21 +123,24 @@ def excess(peaks: Peaks, continuity: int) -> float:
     )
 
 
-def shortest(attempt: Callable[[int], float], first: int, most: int) -> int | None:
+def shortest(
+    attempt: Callable[[int], float], first: int, *, least: int = 1, most: int
+) -> int | None:
     """Return the fewest cycles that keep the limits, to 0.1 %.
 
     Args:
         attempt: plans with a number of cycles and returns by which factor it should be longer; at
             most 1 keeps the limits.
         first: where to begin.
+        least: cycles not to go below.
         most: cycles not to go beyond.
 
     Returns:
         The number of cycles, for which *attempt* has returned at most 1; ``None`` if nothing was
         found.
     """
-    low, high = 0, most + 1
-    cycles, growth = min(max(first, 1), most), 1.02
+    low, high = least - 1, most + 1
+    cycles, growth = min(max(first, least), most), 1.02
     before: tuple[float, float] | None = None
     for count in range(_MOST_ATTEMPTS):
         factor = attempt(cycles)

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, Self, TypeVar, Unpack
 
 import grpc
 
@@ -22,7 +22,7 @@ from orientd.rpc import control_pb2 as pb
 from orientd.rpc.address import MAX_MESSAGE_BYTES, default_socket, target
 from orientd.rpc.control_pb2_grpc import ControlStub
 from orientd.rpc.lease_keeper import LeaseKeeper
-from orientd.rpc.motion_request import motion_request
+from orientd.rpc.motion_request import Wishes, motion_request
 from orientd.rpc.motion_wire import from_request
 from orientd.rpc.move_handle import MoveHandle
 from orientd.rpc.move_wire import plan_from_message, samples_from_messages
@@ -174,18 +174,18 @@ class Robot:
         *,
         device: str = "",
         sample_rate_hz: float = 0.0,
-        **wishes: Any,  # noqa: ANN401 - see motion_request
+        **wishes: Unpack[Wishes],
     ) -> Plan:
         """Plan a motion without running it.
 
         It begins where the device is commanded to be, or will be once its present motion has ended.
 
         Args:
-            keyframes: see :func:`motion_request`, or a whole request.
+            keyframes: see :func:`~orientd.rpc.motion_request.motion_request`.
             device: what is to move.
             sample_rate_hz: how often to sample the motion for :attr:`Plan.samples`, up to the
                 device's own rate; 0 for not at all.
-            wishes: the other arguments of :func:`motion_request`.
+            wishes: see :class:`~orientd.rpc.motion_request.Wishes`.
 
         Raises:
             RequestError: the motion is not well formed.
@@ -209,16 +209,16 @@ class Robot:
         *,
         device: str = "",
         progress_rate_hz: float = 20.0,
-        **wishes: Any,  # noqa: ANN401 - see motion_request
+        **wishes: Unpack[Wishes],
     ) -> MoveHandle:
         """Plan a motion, start it, and return once it has begun.
 
         Args:
-            keyframes: see :func:`motion_request`; or a whole request; or what :meth:`plan`
-                returned, if the device is still where it was then.
+            keyframes: see :func:`~orientd.rpc.motion_request.motion_request`; or what
+                :meth:`plan` returned, if the device is where that begins.
             device: what is to move.
             progress_rate_hz: reports a second, 0.1 to 100.
-            wishes: the other arguments of :func:`motion_request`.
+            wishes: see :class:`~orientd.rpc.motion_request.Wishes`.
 
         Raises:
             RequestError: the motion is not well formed.

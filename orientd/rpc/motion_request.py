@@ -10,9 +10,10 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, TypedDict, Unpack
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from orientd import motion_file
 from orientd.errors import RequestError
@@ -38,51 +39,51 @@ class Quaternion:
     z: float
 
 
-def motion_request(
-    keyframes: Iterable[object] | MotionRequest,
-    *,
-    times: Sequence[float] | None = None,
-    positions: Sequence[Sequence[float]] | None = None,
-    method: str | None = None,
-    start_velocity: Sequence[float] | None = None,
-    end_velocity: Sequence[float] | None = None,
-    velocity_frame: Literal["body", "world"] = "body",
-    approach: bool = False,
-    limits: Mapping[str, float] | None = None,
-    options: Mapping[str, Any] | None = None,
-) -> MotionRequest:
-    """Return the request that says all this; it is that of a motion file, key by key.
+class Wishes(TypedDict, total=False):
+    """What a motion may be asked for besides its keyframes; the keys are those of a motion file.
 
-    Args:
-        keyframes: two at the least, each a ``Rotation`` of SciPy, a
-            :class:`Quaternion`, or a mapping as in a motion file.
+    Attributes:
         times: when each keyframe is passed, s; without them as quickly as the limits permit.
         positions: of the tool at each keyframe, in the world, m.
         method: a name in :data:`orientd.curves.METHODS`.
         start_velocity: angular velocity at the first keyframe, rad/s, in *velocity_frame*.
         end_velocity: the same at the last keyframe.
-        velocity_frame: coordinates of these two, of the tool or of the world.
+        velocity_frame: coordinates of these two, of the tool or of the world; default the tool's.
         approach: whether to lead in from wherever the device is.
         limits: narrower than the device's own: ``velocity``, ``acceleration``, ``jerk``,
             ``linear_velocity``, ``linear_acceleration``.
         options: of the method.
+    """
+
+    times: ArrayLike
+    positions: ArrayLike
+    method: str
+    start_velocity: ArrayLike
+    end_velocity: ArrayLike
+    velocity_frame: Literal["body", "world"]
+    approach: bool
+    limits: Mapping[str, float]
+    options: Mapping[str, Any]
+
+
+def motion_request(
+    keyframes: Iterable[object] | MotionRequest, **wishes: Unpack[Wishes]
+) -> MotionRequest:
+    """Return the request that says all this; it is that of a motion file, key by key.
+
+    Args:
+        keyframes: two at the least, each a ``Rotation`` of SciPy, a :class:`Quaternion`, or a
+            mapping as in a motion file; or a whole request, which is returned as it is.
+        wishes: see :class:`Wishes`.
 
     Raises:
         RequestError: something is not well formed; the message names the field.
     """
     if isinstance(keyframes, MotionRequest):
         return keyframes
-    wishes = {
-        "method": method,
-        "start_velocity": start_velocity,
-        "end_velocity": end_velocity,
-        "velocity_frame": velocity_frame,
-        "approach": approach,
-        "limits": limits,
-        "options": options,
-    }
     mapping = {key: plain(wish) for key, wish in wishes.items() if wish is not None}
-    mapping["keyframes"] = keyframe_mappings(keyframes, times=times, positions=positions)
+    columns = {key: mapping.pop(key, None) for key in ("times", "positions")}
+    mapping["keyframes"] = keyframe_mappings(keyframes, **columns)
     return motion_file.parse(mapping)
 
 

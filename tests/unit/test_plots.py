@@ -47,7 +47,7 @@ def test_what_was_sent_is_drawn(tmp_path, has_feedback):
 
 
 @pytest.mark.parametrize(
-    ("name", "complaint"), [("motion.nonsense", "cannot draw"), ("no/where.png", "cannot write")]
+    ("name", "complaint"), [("motion.nonsense", "must end in"), ("no/where.png", "cannot write")]
 )
 def test_what_cannot_be_written_is_said_in_one_line(tmp_path, name, complaint):
     with pytest.raises(OrientdError, match=complaint) as caught:

@@ -3,14 +3,16 @@
 A family that takes ``keys`` and ``times`` needs no line here.
 """
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from orientd import rotation
-from orientd.curves import METHODS
+from orientd.curves import METHODS, Curve, cumulative, fast
 from orientd.curves.keyframes import resolve_times
 
 
@@ -147,6 +149,23 @@ def tense(keys, times):
     return {**keyframed(keys, times), "nu": 2.0}
 
 
+def through_order_three(keys, times):
+    return {**keyframed(keys, times), "order": 3}
+
+
+def through_order_four(keys, times):
+    return {**clamped(keys, times), "order": 4}
+
+
+def through_order_five(keys, times):
+    return {**keyframed(keys, times), "order": 5}
+
+
+def through_order_six(keys, times):
+    accelerations = {"alpha_start": [1.0, 2.0, 3.0], "alpha_end": [-4.0, 0.0, 1.0]}
+    return {**clamped(keys, times), **accelerations, "order": 6}
+
+
 EXAMPLES = {
     "slerp": (slerped, spun),
     "kks_bezier": (controlled,),
@@ -156,6 +175,13 @@ EXAMPLES = {
     "kks_bspline": (controlled, order_three, clamped_knots),
     "c2_cumulative": (keyframed, clamped, state, state_natural, clamped_state, turned),
     "kks_uniform": (controlled,),
+    "kks_interpolating": (
+        keyframed,
+        through_order_three,
+        through_order_four,
+        through_order_five,
+        through_order_six,
+    ),
     "squad": (keyframed, uniform, by_mean, by_chord),
     "de_casteljau": (aligned_controls,),
     "shoemake_bezier": (keyframed, uniform, as_printed),
@@ -210,15 +236,50 @@ def met_keyframes(params):
 
 
 def pytest_generate_tests(metafunc):
-    if "example" in metafunc.fixturenames:
+    for fixture, kind in (("example", Curve), ("product_example", cumulative.CumulativeCurve)):
+        if fixture not in metafunc.fixturenames:
+            continue
         examples = [
             pytest.param(Example(name, make), id=f"{name}-{make.__name__}")
-            for name in METHODS
+            for name, family in METHODS.items()
+            if issubclass(family, kind)
             for make in EXAMPLES.get(name, (keyframed,))
         ]
-        metafunc.parametrize("example", examples)
+        metafunc.parametrize(fixture, examples)
 
 
 @pytest.fixture
 def keyframes_of():
     return met_keyframes
+
+
+@pytest.fixture(autouse=True)
+def numpy_kernel(monkeypatch):
+    """Keep the compiled kernel from coming into use in the middle of a test."""
+    kernel = fast.FastKernel()
+    kernel.status = fast.Status.MISSING
+    monkeypatch.setattr(cumulative, "KERNEL", kernel)
+    return kernel
+
+
+@pytest.fixture
+def random_keys():
+    """Makes a walk of turns of a given size, rad, about random axes, signs aligned."""
+
+    def make(count, step=1.0, seed=0):
+        rng = np.random.default_rng(seed)
+        turns = rng.normal(size=(count - 1, 3))
+        turns *= step / np.linalg.norm(turns, axis=1)[:, None]
+        keys = [rotation.normalize(rng.normal(size=4))]
+        for turn in rotation.exp(turns):
+            keys.append(rotation.multiply(keys[-1], turn))
+        return np.array(keys)
+
+    return make
+
+
+@pytest.fixture
+def golden():
+    """Reads a reference curve of ``tests/data/golden`` by its name."""
+    folder = Path(__file__).parents[2] / "data" / "golden"
+    return lambda name: json.loads((folder / f"{name}.json").read_text())

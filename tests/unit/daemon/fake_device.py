@@ -7,7 +7,7 @@ import time
 from orientd.daemon.device import DeviceEvent, DeviceSnapshot, EventKind
 from orientd.daemon.meter import MotionStatistics
 from orientd.driver import IDENTITY, ZERO
-from orientd.errors import DaemonError, Fault, StateError
+from orientd.errors import DaemonError, Fault, PlanError, StateError
 from orientd.planner import DEFAULT_LIMITS, State
 from orientd.stream import Cycle
 from orientd.stream import State as ServoState
@@ -41,6 +41,7 @@ class FakeDevice:
         self.at = State.at_rest(IDENTITY)
         self.published = [cycle()]
         self.is_dead = False
+        self.refusal = ""
         self.during_start = lambda: None
 
     def launch(self):
@@ -58,6 +59,10 @@ class FakeDevice:
         return self.at
 
     next_start = commanded
+
+    def examine(self, motion):
+        if self.refusal:
+            raise PlanError(self.refusal)
 
     def start(self, motion):
         self.commanded()

@@ -13,6 +13,7 @@ from orientd.errors import (
     Fault,
     LeaseError,
     LimitError,
+    PlanError,
     RequestError,
     StartError,
     StateError,
@@ -196,6 +197,12 @@ def test_a_bad_motion_is_refused_by_its_field(cell, arm):
                 ]
             },
         )
+
+
+def test_a_motion_that_the_device_could_not_follow_is_refused(cell, arm):
+    arm.refusal = "the elbow would be straight"
+    with pytest.raises(PlanError, match="the elbow would be straight"):
+        cell.plan(arm, MOTION)
 
 
 def test_a_kept_plan_is_found_by_its_name_and_device(cell, arm):

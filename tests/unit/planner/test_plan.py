@@ -370,6 +370,13 @@ def test_a_tiny_motion_is_a_motion():
     assert motion.certificate.keyframe_error < 1e-12
 
 
+@pytest.mark.parametrize("method", ["c2_cumulative", "kks_hermite_spline"])
+def test_a_tiny_motion_of_many_keyframes_can_be_stopped(method):
+    way = [1e-5 * k * X + 1e-5 * (k % 2) * Y for k in range(8)]
+    motion = made(at(*way), approach=True, method=method, period=0.008)
+    assert motion.certificate.brake_rate > 0.1
+
+
 def test_uneven_intervals_are_planned():
     motion = made(at(ZERO, 1e-3 * X, 0.5 * X, 0.501 * X, 1.0 * Y))
     assert motion.certificate.keyframe_error < 1e-9

@@ -100,6 +100,17 @@ def test_the_search_returns_only_what_was_tried_and_kept_the_limits():
     assert shortest(attempt, 100, most=10**6) in kept
 
 
+def test_the_search_does_not_go_below_the_least():
+    tried = []
+
+    def attempt(cycles):
+        tried.append(cycles)
+        return 0.1
+
+    assert shortest(attempt, 3, least=40, most=1000) == 40
+    assert min(tried) == 40
+
+
 def test_the_search_gives_up_where_nothing_helps():
     tried = []
 

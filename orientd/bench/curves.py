@@ -1,0 +1,182 @@
+"""How fast the default curve is sampled and built, beside scipy's RotationSpline in the same run.
+
+Times are thread CPU time, taken in turns and reduced to medians, so that both meet the same
+machine; only the ratios carry over to another one.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from orientd.curves.c2_cumulative import C2Cumulative
+from orientd.curves.fast import KERNEL
+from orientd.rotation import Floats, exp, multiply, normalize, to_scipy
+
+KEYFRAMES = 100
+STEP = 0.6
+"""Turn from each keyframe to the next, in rad."""
+
+_SLICE = 0.02
+"""About how long each measurement lasts, in seconds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sampling:
+    """Orientation, velocity and acceleration at sorted instants, in ns for each.
+
+    Attributes:
+        instants: how many there were in a call.
+        compiled_ns: by :meth:`Curve.evaluate` with the compiled kernel; none without Numba.
+        numpy_ns: with the NumPy kernel.
+        scipy_ns: by scipy's RotationSpline through the same keyframes.
+    """
+
+    instants: int
+    compiled_ns: float | None
+    numpy_ns: float
+    scipy_ns: float
+
+    @property
+    def compiled_ratio(self) -> float | None:
+        """How many times as fast as scipy the compiled kernel is."""
+        return None if self.compiled_ns is None else self.scipy_ns / self.compiled_ns
+
+    @property
+    def numpy_ratio(self) -> float:
+        """How many times as fast as scipy the NumPy kernel is."""
+        return self.scipy_ns / self.numpy_ns
+
+
+@dataclass(frozen=True, slots=True)
+class Building:
+    """Interpolation of many keyframes, and of a hundred times as many.
+
+    Attributes:
+        step: turn from each keyframe to the next, in rad.
+        few: how many keyframes there were first.
+        few_s: how long they took, in seconds.
+        many_s: how long a hundred times as many took, in seconds.
+    """
+
+    step: float
+    few: int
+    few_s: float
+    many_s: float
+
+    @property
+    def growth(self) -> float:
+        """How many times as long a hundred times as many keyframes take."""
+        return self.many_s / self.few_s
+
+
+@dataclass(frozen=True, slots=True)
+class CurveSpeed:
+    """What :func:`measure_curves` found.
+
+    Attributes:
+        keyframes: how many keyframes the sampled curve has.
+        samplings: for different numbers of instants in a call.
+        buildings: for different steps between keyframes.
+    """
+
+    keyframes: int
+    samplings: tuple[Sampling, ...]
+    buildings: tuple[Building, ...]
+
+
+def measure_curves(
+    *,
+    instants: tuple[int, ...] = (500, 100_000),
+    steps: tuple[float, ...] = (1.0, 3.0),
+    few: int = 1000,
+    rounds: int = 11,
+) -> CurveSpeed:
+    """Measure the default curve: sampling for each number of instants, building for each step.
+
+    Args:
+        instants: how many sorted instants to sample in a call.
+        steps: turns between keyframes for the builds, in rad; without any nothing is built.
+        few: keyframes of the smaller build; the larger one has a hundred times as many.
+        rounds: how often each sampling is measured.
+
+    Returns:
+        The medians.
+    """
+    return CurveSpeed(
+        keyframes=KEYFRAMES,
+        samplings=tuple(_sampling(count, rounds) for count in instants),
+        buildings=tuple(_building(step, few) for step in steps),
+    )
+
+
+def random_walk(count: int, step: float, seed: int = 0) -> Floats:
+    """Return keyframes a turn of *step* rad apart, about random axes, shape ``(count, 4)``."""
+    rng = np.random.default_rng(seed)
+    turns = rng.normal(size=(count - 1, 3))
+    turns *= step / np.linalg.norm(turns, axis=1)[:, None]
+    keys: Floats = np.zeros((count, 4))
+    keys[0, 0] = 1.0
+    keys[1:] = exp(turns)
+    # Products of all leading keyframes, in a logarithmic number of passes.
+    reach = 1
+    while reach < count:
+        keys[reach:] = normalize(multiply(keys[:-reach], keys[reach:]))
+        reach *= 2
+    return keys
+
+
+def _sampling(count: int, rounds: int) -> Sampling:
+    from scipy.spatial.transform import RotationSpline
+
+    keys = random_walk(KEYFRAMES, STEP)
+    times = np.cumsum(np.random.default_rng(1).uniform(0.7, 1.3, KEYFRAMES))
+    at = np.linspace(times[0], times[-1], count)
+    curve = C2Cumulative(keys=keys, times=times)
+    peer = RotationSpline(times, to_scipy(keys))
+    out: Floats = np.empty((10, count))
+    calls: dict[str, Callable[[], object]] = {
+        "scipy": lambda: (peer(at).as_quat(), peer(at, 1), peer(at, 2)),
+        "numpy": lambda: curve.fill_with_numpy(at, out),
+    }
+    if KERNEL.wait_ready():
+        calls["compiled"] = lambda: curve.evaluate(at, out=out)
+    found = {name: value / count for name, value in _interleaved(calls, rounds).items()}
+    return Sampling(count, found.get("compiled"), found["numpy"], found["scipy"])
+
+
+def _interleaved(calls: dict[str, Callable[[], object]], rounds: int) -> dict[str, float]:
+    """Return the median thread CPU time of each call, in ns, taken in turns."""
+    repeats = {}
+    for name, call in calls.items():
+        call()
+        repeats[name] = max(1, round(_SLICE / max(_cpu_time(call, 1) * 1e-9, 1e-7)))
+    taken: dict[str, list[float]] = {name: [] for name in calls}
+    for _ in range(rounds):
+        for name, call in calls.items():
+            taken[name].append(_cpu_time(call, repeats[name]))
+    return {name: statistics.median(values) for name, values in taken.items()}
+
+
+def _cpu_time(call: Callable[[], object], repeats: int) -> float:
+    began = time.thread_time_ns()
+    for _ in range(repeats):
+        call()
+    return (time.thread_time_ns() - began) / repeats
+
+
+def _building(step: float, few: int) -> Building:
+    small, large = random_walk(few, step), random_walk(100 * few, step)
+    C2Cumulative(keys=small)
+    short: list[float] = []
+    long: list[float] = []
+    for _ in range(3):
+        short += [_cpu_time(lambda: C2Cumulative(keys=small), 1) * 1e-9 for _ in range(3)]
+        long.append(_cpu_time(lambda: C2Cumulative(keys=large), 1) * 1e-9)
+        if sum(long) > 20.0:
+            break
+    return Building(step, few, statistics.median(short), statistics.median(long))

@@ -1,0 +1,127 @@
+"""Cumulative B-spline bases: SciPy's B-splines as the outside reference, and their laws."""
+
+import numpy as np
+import pytest
+from scipy.interpolate import BSpline
+
+from orientd.curves.basis import bernstein, cumulative_basis
+from orientd.curves.knots import check_knots, inner_multiplicity
+
+VECTORS = {
+    "uniform": np.arange(16.0),
+    "random": np.cumsum(np.random.default_rng(0).uniform(0.1, 1.0, 16)),
+    "double": np.array([0, 1, 2, 3, 4, 5, 6, 6, 7, 8, 9, 10, 11, 12, 13, 14.0]),
+    "wide ratios": np.cumsum(10.0 ** np.tile([0.0, -4.0, 0.0, -2.0], 4)),
+}
+
+
+def samples(basis):
+    shares = np.array([0.0, 0.3, 0.99])
+    times = (basis.breaks[:-1, None] + shares * np.diff(basis.breaks)[:, None]).ravel()
+    return np.repeat(np.arange(len(basis.first)), 3), times
+
+
+@pytest.mark.parametrize("knots", VECTORS)
+@pytest.mark.parametrize("order", [2, 3, 4, 5, 7])
+def test_values_and_derivatives_are_sums_of_scipys(knots, order):
+    vector = VECTORS[knots]
+    basis = cumulative_basis(vector, order)
+    span, times = samples(basis)
+    found = basis.at(span, times)
+    count = len(vector) - order
+    for place in range(order - 1):
+        for k, (s, t) in enumerate(zip(span, times, strict=True)):
+            coefficients = np.zeros(count)
+            coefficients[basis.first[s] + place :] = 1.0
+            spline = BSpline(vector, coefficients, order - 1)
+            shortest = np.diff(basis.breaks)[s]
+            assert found[0, place, k] == pytest.approx(spline(t), abs=1e-13)
+            for derivative in (1, 2):
+                if derivative < order:
+                    exact = spline(t, derivative)
+                    scale = max(abs(exact), 1e-3 / shortest**derivative)
+                    assert abs(found[derivative, place, k] - exact) < 1e-11 * scale
+
+
+@pytest.mark.parametrize("order", [2, 3, 4])
+def test_taylor_coefficients_carry_the_whole_function(order):
+    basis = cumulative_basis(VECTORS["random"], order)
+    span, times = samples(basis)
+    found = basis.at(span, times)
+    tau = times - basis.breaks[span]
+    value, rate, curvature, third = np.moveaxis(basis.taylor()[span], 0, -1).swapaxes(0, 1)
+    rebuilt = value + tau * (rate + tau / 2 * (curvature + tau / 3 * third))
+    rebuilt_rate = rate + tau * (curvature + tau / 2 * third)
+    assert np.abs(found[0] - rebuilt).max() < 1e-13
+    assert np.abs(found[1] - rebuilt_rate).max() < 1e-11
+    assert np.abs(found[2] - curvature - tau * third).max() < 1e-10
+
+
+def test_higher_degrees_have_no_four_taylor_coefficients():
+    with pytest.raises(ValueError, match="degree 3 and less"):
+        cumulative_basis(VECTORS["uniform"], 5).taylor()
+
+
+def test_derivatives_on_a_very_short_span_do_not_cancel():
+    """Between knots 1e-9 apart the derivative of a wide function is almost constant."""
+    vector = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 4.0 + 1e-9, 5.0, 6.0, 7.0, 8.0])
+    basis = cumulative_basis(vector, 4)
+    place = int(np.argmin(np.diff(basis.breaks)))
+    start, end = basis.at(np.array([place, place]), basis.breaks[[place, place + 1]])[1].T
+    before = basis.at(np.array([place - 1]), basis.breaks[[place]])[1, :, 0]
+    assert np.all(np.array([start, end]) >= 0.0)
+    # A function has moved on by as many places as spans have passed.
+    passed = basis.first[place] - basis.first[place - 1]
+    assert start[: 3 - passed] == pytest.approx(before[passed:], rel=1e-15, abs=1e-15)
+    assert end == pytest.approx(start, abs=1e-8)
+
+
+def test_functions_rise_from_zero_to_one():
+    basis = cumulative_basis(VECTORS["random"], 4)
+    assert np.all((basis.values >= 0.0) & (basis.values <= 1.0 + 1e-15))
+    assert np.all(np.diff(basis.values, axis=2) >= -1e-15)
+    assert np.all(basis.rates >= 0.0)
+
+
+def test_reversing_swaps_the_functions():
+    basis = cumulative_basis(np.repeat([0.0, 1.0], 4), 4)
+    span, t = np.zeros(2, dtype=int), np.array([0.25, 0.7])
+    assert np.array_equal(basis.reversed().at(span, t), basis.at(span, t)[:, ::-1])
+
+
+def test_pieces_of_a_long_basis_fit_together(monkeypatch):
+    vector = np.cumsum(np.random.default_rng(1).uniform(0.1, 1.0, 200))
+    whole = cumulative_basis(vector, 4)
+    monkeypatch.setattr("orientd.curves.basis._PIECE", 7)
+    pieces = cumulative_basis(vector, 4)
+    assert np.array_equal(whole.values, pieces.values)
+    assert np.array_equal(whole.curvatures, pieces.curvatures)
+
+
+def test_bernstein_polynomials_sum_to_one():
+    u = np.linspace(0.0, 1.0, 11)
+    for degree in (0, 1, 5, 30):
+        weights = bernstein(degree, u)
+        assert np.all(weights >= 0.0)
+        assert weights.sum(axis=0) == pytest.approx(np.ones(11), abs=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("knots", "problem"),
+    [
+        ([0, 1, 2], "list of 9 non-decreasing numbers"),
+        ([0, 1, 2, 3, 4, 3.5, 6, 7, 8], r"must not decrease, got knots\[5\] = 3.5"),
+        ([0, 1, 2, 3, np.inf, 5, 6, 7, 8], "must be finite"),
+        ([0, 0, 0, 1, 1, 1, 1, 1, 1], "domain"),
+        (["a"] * 9, "non-decreasing numbers"),
+    ],
+)
+def test_knots_that_cannot_be_are_refused(knots, problem):
+    with pytest.raises(ValueError, match=problem):
+        check_knots(knots, 5, 4)
+
+
+def test_a_knot_repeated_too_often_is_refused():
+    with pytest.raises(ValueError, match="repeated at most 1 times for order 2"):
+        check_knots([0, 0, 1, 1, 2, 2], 4, 2)
+    assert inner_multiplicity(check_knots([0, 0, 0, 1, 1, 2, 2, 2], 5, 3), 3) == 2

@@ -1,0 +1,207 @@
+"""What the interpolating cumulative spline does beyond the shared laws: steps, turns, ends."""
+
+import numpy as np
+import pytest
+
+from orientd import rotation
+from orientd.curves import METHODS, interpolation
+from orientd.errors import PlanError
+
+C2 = METHODS["c2_cumulative"]
+
+
+def walk(count, step, seed=0):
+    """Keyframes at turns of exactly *step* rad about random axes."""
+    rng = np.random.default_rng(seed)
+    turns = rng.normal(size=(count - 1, 3))
+    turns *= step / np.linalg.norm(turns, axis=1)[:, None]
+    keys = [np.array([1.0, 0.0, 0.0, 0.0])]
+    for turn in rotation.exp(turns):
+        keys.append(rotation.normalize(rotation.multiply(keys[-1], turn)))
+    return np.array(keys)
+
+
+def assert_interpolates_smoothly(curve, keys, times):
+    q, omega, alpha = curve.evaluate(times)
+    assert rotation.angle(q, keys).max() < 1e-11
+    _, before, change = curve.evaluate(np.nextafter(times[1:-1], -np.inf))
+    assert np.abs(before - omega[1:-1]).max(initial=0.0) < 1e-9 * np.abs(omega).max()
+    assert np.abs(change - alpha[1:-1]).max(initial=0.0) < 1e-9 * np.abs(alpha).max()
+
+
+ENDS = {
+    "natural": {},
+    "clamped": {
+        "start": "clamped",
+        "end": "clamped",
+        "omega_start": [3.0, -2.0, 1.0],
+        "omega_end": [0.0, 4.0, 0.0],
+    },
+    "state": {
+        "start": "state",
+        "end": "state",
+        "omega_start": [3.0, -2.0, 1.0],
+        "omega_end": [0.0, 4.0, 0.0],
+        "alpha_start": [0.0, 10.0, 0.0],
+        "alpha_end": [5.0, 0.0, -5.0],
+    },
+}
+
+
+@pytest.mark.parametrize("ends", ENDS)
+@pytest.mark.parametrize("degrees", [10, 90, 150, 172, 178, 179.9])
+@pytest.mark.parametrize("seed", range(3))
+def test_large_steps_are_reached(ends, degrees, seed):
+    keys, times = walk(30, np.radians(degrees), seed), np.arange(30.0)
+    assert_interpolates_smoothly(C2(keys=keys, times=times, **ENDS[ends]), keys, times)
+
+
+@pytest.mark.parametrize("seed", [13, 37])
+def test_a_path_that_folds_back_is_followed(seed):
+    keys = walk(20, np.radians(178), seed)
+    times = np.cumsum(np.random.default_rng(seed).uniform(0.2, 2.0, 20))
+    assert_interpolates_smoothly(C2(keys=keys, times=times), keys, times)
+
+
+@pytest.mark.parametrize("step", [0.01, 1.0, 3.0])
+def test_a_thousand_keyframes(step):
+    keys, times = walk(1000, step), np.cumsum(np.random.default_rng(0).uniform(0.8, 1.2, 1000))
+    assert_interpolates_smoothly(C2(keys=keys, times=times), keys, times)
+
+
+def test_pieces_of_a_long_system_fit_together(monkeypatch):
+    keys = walk(500, 1.5)
+    whole = C2(keys=keys).increments
+    monkeypatch.setattr(interpolation, "_PIECE", 50)
+    assert np.abs(C2(keys=keys).increments - whole).max() < 1e-13
+
+
+@pytest.mark.parametrize("start", ENDS)
+@pytest.mark.parametrize("end", ENDS)
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_every_pair_of_end_conditions_goes_with_few_keyframes(start, end, count):
+    keys, times = walk(count, 0.8, seed=4), np.cumsum([1.0, 0.7, 1.3, 0.9])[:count]
+    given = {key: value for key, value in ENDS[start].items() if "start" in key}
+    given |= {key: value for key, value in ENDS[end].items() if "end" in key}
+    curve = C2(keys=keys, times=times, **given)
+    assert_interpolates_smoothly(curve, keys, times)
+    _, omega, alpha = curve.evaluate(times[[0, -1]])
+    for place, (condition, side) in enumerate(((start, "start"), (end, "end"))):
+        if condition == "natural":
+            assert alpha[place] == pytest.approx(np.zeros(3), abs=1e-11)
+        else:
+            assert omega[place] == pytest.approx(given[f"omega_{side}"], abs=1e-12)
+        if condition == "state":
+            assert alpha[place] == pytest.approx(given[f"alpha_{side}"], abs=1e-10)
+
+
+def test_two_keyframes_with_natural_ends_are_a_slerp():
+    keys = walk(2, 2.0)
+    curve = C2(keys=keys, times=[1.0, 4.0])
+    times = np.linspace(1.0, 4.0, 20)
+    q, omega, alpha = curve.evaluate(times)
+    assert rotation.angle(q, rotation.slerp(*keys, (times - 1.0) / 3.0)).max() < 1e-15
+    assert np.ptp(omega, axis=0) == pytest.approx(np.zeros(3), abs=1e-15)
+    assert np.abs(alpha).max() < 1e-14
+
+
+def test_two_clamped_keyframes_are_the_hermite_curve():
+    keys = walk(2, 2.0)
+    ends = {"omega0": [1.0, 0.0, -1.0], "omega1": [0.0, 2.0, 0.0]}
+    hermite = METHODS["kks_hermite"](q0=keys[0], q1=keys[1], t0=0.0, t1=1.5, **ends)
+    curve = C2(
+        keys=keys,
+        times=[0.0, 1.5],
+        start="clamped",
+        end="clamped",
+        omega_start=ends["omega0"],
+        omega_end=ends["omega1"],
+    )
+    times = np.linspace(0.0, 1.5, 20)
+    for part, other in zip(curve.evaluate(times), hermite.evaluate(times), strict=True):
+        assert part == pytest.approx(other, abs=1e-13)
+
+
+def test_repeated_keyframes_hold_still_where_nothing_else_moves():
+    key = rotation.normalize([1.0, 2.0, 3.0, 4.0])
+    curve = C2(keys=[key, -key, key], times=[0.0, 1.0, 3.0])
+    q, omega, alpha = curve.evaluate(np.linspace(0.0, 3.0, 10))
+    assert rotation.angle(q, key).max() == 0.0
+    assert np.abs(omega).max() == np.abs(alpha).max() == 0.0
+
+
+def test_turns_are_whole_turns_about_the_step():
+    keys = rotation.from_axis_angle([0.0, 0.0, 1.0], np.array([0.0, 0.5, 1.0]))
+    curve = C2(keys=keys, times=[0.0, 1.0, 2.0], turns=[1, -2])
+    times = np.linspace(0.0, 2.0, 20001)
+    q, omega, _ = curve.evaluate(times)
+    angle = np.sum(0.5 * (omega[1:, 2] + omega[:-1, 2]) * np.diff(times))
+    assert angle == pytest.approx(1.0 + (1 - 2) * 2 * np.pi, abs=1e-6)
+    at_middle = np.sum(0.5 * (omega[1:10001, 2] + omega[:10000, 2])) * times[1]
+    assert at_middle == pytest.approx(0.5 + 2 * np.pi, abs=1e-6)
+    assert rotation.angle(q[[0, 10000, 20000]], keys).max() < 1e-13
+    assert np.sum(q[1:] * q[:-1], axis=1).min() > 0.99
+
+
+def test_no_turns_is_the_default():
+    keys = walk(5, 1.0)
+    zeros = C2(keys=keys, turns=[0, 0, 0, 0]).increments
+    assert np.array_equal(zeros, C2(keys=keys).increments)
+
+
+@pytest.mark.parametrize("turns", [[1], [0.5, 0], "ab", [[1, 2]], [np.nan, 0]])
+def test_turns_that_are_not_whole_numbers_are_refused(turns):
+    with pytest.raises(ValueError, match="turns must be a list of 2 whole numbers"):
+        C2(keys=walk(3, 1.0), turns=turns)
+
+
+def test_turns_between_equal_keyframes_have_no_axis():
+    keys = walk(3, 1.0)
+    keys[2] = keys[1]
+    with pytest.raises(ValueError, match=r"turns must be 0 .* got turns\[1\] = 1"):
+        C2(keys=keys, times="uniform", turns=[0, 1])
+
+
+@pytest.mark.parametrize(
+    ("given", "problem"),
+    [
+        ({"start": "free"}, "start must be one of 'natural', 'clamped', 'state', got 'free'"),
+        ({"end": 3}, "end must be one of"),
+        ({"start": "clamped"}, "omega_start must be given for start='clamped', got None"),
+        ({"end": "state", "omega_end": [0, 0, 0]}, "alpha_end must be given for end='state'"),
+        ({"omega_start": [1, 0, 0]}, "omega_start must be None with start='natural'"),
+        ({"alpha_end": [1, 0, 0]}, "alpha_end must be None unless end='state'"),
+        ({"start": "clamped", "omega_start": [1, 0]}, "omega_start must be a vector of 3"),
+        ({"start": "clamped", "omega_start": [1, 0, np.inf]}, "omega_start must be a vector of 3"),
+        ({"align": 1}, "align must be True or False"),
+        ({"times": "equal"}, "times must be one of 'uniform', 'chord'"),
+        ({"times": [0, 1]}, "times must have one number for each of the 3 keyframes"),
+        ({"times": [0, 1, np.nan]}, "times must be finite"),
+        ({"times": [0, 2, 2]}, r"times must increase strictly, got times\[2\] = 2.0"),
+        ({"keys": [[1, 0, 0, 0]]}, "keys must be a list of at least 2 unit quaternions"),
+        ({"keys": [[1, 0, 0, 0], [1, 1, 0, 0]]}, r"keys\[1\] must have norm 1 within 1e-06"),
+    ],
+)
+def test_invalid_parameters_are_refused_by_name(given, problem):
+    with pytest.raises(ValueError, match=problem):
+        C2(**{"keys": walk(3, 1.0), **given})
+
+
+def test_equal_neighbours_have_no_chord_times():
+    keys = walk(3, 1.0)
+    keys[2] = -keys[1]
+    with pytest.raises(ValueError, match=r"keys\[1\] and keys\[2\] the same"):
+        C2(keys=keys, times="chord")
+
+
+def test_a_search_that_does_not_arrive_says_so():
+    # A tenth of a millisecond for two radians asks for thousands of turns in its neighbours.
+    with pytest.raises(PlanError, match="no twice differentiable interpolant was found"):
+        C2(keys=walk(5, 2.0, seed=1), times=np.cumsum([0.0, 1.0, 1e-4, 1.0, 1.0]))
+
+
+def test_increments_keep_the_winding_that_control_quaternions_lose():
+    curve = C2(keys=walk(8, np.radians(175), seed=2), times=np.cumsum([1, 1, 0.4, 2, 1, 1, 1, 1]))
+    lengths = np.linalg.norm(curve.increments, axis=1)
+    assert lengths.max() > np.pi
+    assert not curve.increments.flags.writeable

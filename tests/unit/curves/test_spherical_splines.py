@@ -1,0 +1,128 @@
+"""The global spherical families: quadratic, Nielson and Heiland's, normalised cubics."""
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from orientd.curves import METHODS
+from orientd.curves.shoulder_chain import ShoulderChain
+from orientd.errors import PlanError
+from orientd.rotation import angle, exp_half, multiply, normalize, slerp
+
+QUADRATIC, HEILAND = METHODS["spherical_quadratic"], METHODS["nielson_heiland"]
+
+
+def test_shoulders_of_equal_intervals_are_reflections_in_the_keyframes(random_keys):
+    keys = random_keys(6)
+    m = QUADRATIC(keys=keys).shoulders
+    reflected = 2.0 * np.sum(m[:-1] * keys[1:-1], axis=1, keepdims=True) * keys[1:-1] - m[:-1]
+    assert np.abs(m[1:] - reflected).max() < 1e-13
+
+
+def test_the_shoulders_of_the_reference_are_found(golden):
+    case = golden("spherical_quadratic_21")
+    assert np.abs(QUADRATIC(**case["params"]).shoulders - case["aux"]["M"]).max() < 1e-6
+
+
+@pytest.mark.parametrize("criterion", [20, 21])
+def test_no_other_first_shoulder_is_better_than_the_one_found(random_keys, criterion):
+    keys = random_keys(5, seed=2)
+    chain = ShoulderChain(keys, np.array([0.8, 1.5, 0.9]), criterion)
+    least = chain.values(chain.best_first()[None])[0]
+    others = normalize(np.random.default_rng(0).normal(size=(5000, 4)))
+    assert chain.values(others).min() > least - 1e-12
+
+
+@pytest.mark.parametrize("criterion", [20, 21])
+def test_gradients_of_the_criteria_are_their_derivatives(random_keys, criterion):
+    keys = random_keys(6, 0.9)
+    chain = ShoulderChain(keys, np.array([0.8, 1.5, 0.9, 1.1]), criterion)
+    x = normalize(np.random.default_rng(5).normal(size=(4, 4)))
+    e = 1e-6
+    moved = [
+        chain.values(multiply(x, exp_half(s * e * axis))) for axis in np.eye(3) for s in (1, -1)
+    ]
+    measured = np.stack(
+        [(a - b) / (2 * e) for a, b in zip(moved[::2], moved[1::2], strict=True)], 1
+    )
+    assert np.abs(measured - chain.gradients(x)).max() < 1e-7
+
+
+def test_a_shoulder_arc_that_wraps_around_is_said_to_break_the_velocity(random_keys):
+    curve = QUADRATIC(keys=random_keys(3, 2.5), M1=random_keys(3, 2.5)[0], times=[0.0, 1.0, 9.0])
+    assert curve.continuity == 0
+    left = curve.evaluate(np.nextafter(curve.knots[1:-1], 0.0))[1]
+    assert np.abs(left - curve.evaluate(curve.knots[1:-1])[1]).max() > 0.1
+
+
+def test_the_control_quaternions_meet_the_keyframes_as_constructed(random_keys, golden):
+    case = golden("nielson_heiland")
+    curve = HEILAND(**case["params"])
+    d = np.array(case["aux"]["D"])
+    inner = curve.evaluate(np.arange(1.0, len(d) - 1.0))[0]
+    left, right = slerp(d[:-2], d[1:-1], 2.0 / 3.0), slerp(d[1:-1], d[2:], 1.0 / 3.0)
+    assert angle(inner, slerp(left, right, 0.5)).max() < 1e-12
+
+
+def test_the_spherical_bspline_has_no_acceleration_at_its_ends(random_keys):
+    curve = HEILAND(keys=random_keys(6, 1.2), times=[0.0, 1.0, 1.6, 3.0, 3.7, 5.0])
+    alpha = curve.evaluate(np.array(curve.domain))[2]
+    assert np.abs(alpha).max() < 1e-10
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_spherical_bspline_meets_keyframes_up_to_135_degrees_apart(random_keys, seed):
+    keys = random_keys(10, np.radians(135.0), seed)
+    curve = HEILAND(keys=keys)
+    assert angle(curve.evaluate(curve.knots)[0], keys).max() < 1e-12
+
+
+def test_a_spherical_bspline_that_is_not_found_is_said_not_to_be(random_keys):
+    found = 0
+    for seed in range(20):
+        keys = random_keys(10, np.radians(175.0), seed)
+        try:
+            curve = HEILAND(keys=keys)
+        except PlanError as error:
+            assert "misses one" in str(error)  # noqa: PT017 - either outcome is right
+        else:
+            found += 1
+            assert angle(curve.evaluate(curve.knots)[0], keys).max() < 1e-12
+    assert 3 < found < 18
+
+
+def test_the_normalised_cubic_is_scipys_natural_spline_made_unit(random_keys):
+    keys, times = random_keys(7), np.array([0.0, 0.4, 1.4, 2.0, 3.5, 3.9, 5.0])
+    c = CubicSpline(times, keys, bc_type="natural")(np.linspace(0.0, 5.0, 200))
+    q = METHODS["normalized_cubic"](keys=keys, times=times).evaluate(np.linspace(0.0, 5.0, 200))[0]
+    assert np.abs(q - normalize(c)).max() < 1e-14
+
+
+def test_tension_makes_the_acceleration_jump_by_itself_times_the_velocity(random_keys):
+    nu = np.array([3.0, 0.5, 8.0, 0.0, 2.0])
+    curve = METHODS["nu_spline"](keys=random_keys(5), times=[0.0, 1.0, 1.7, 3.0, 4.0], nu=nu)
+    knots = curve.knots[1:-1]
+    _, omega, after = curve.evaluate(knots)
+    before = curve.evaluate(np.nextafter(knots, 0.0))[2]
+    assert np.abs(after - before - nu[1:-1, None] * omega).max() < 1e-10
+
+
+def test_without_tension_the_nu_spline_is_the_normalised_cubic(random_keys):
+    keys, times = random_keys(6), np.linspace(0.0, 5.0, 100)
+    one, other = METHODS["nu_spline"](keys=keys), METHODS["normalized_cubic"](keys=keys)
+    assert one.continuity == 2
+    for a, b in zip(one.evaluate(times), other.evaluate(times), strict=True):
+        assert np.array_equal(a, b)
+
+
+@pytest.mark.parametrize("nu", [-1.0, [1.0, 2.0], "tight", [1.0, 2.0, -3.0], np.nan])
+def test_a_tension_that_is_none_is_refused_by_name(random_keys, nu):
+    with pytest.raises(ValueError, match=r"^nu must be"):
+        METHODS["nu_spline"](keys=random_keys(3), nu=nu)
+
+
+def test_a_spline_through_zero_is_said_to_have_no_direction():
+    keys = [[1, 0, 0, 0], [-1, 0, 0, 0]]
+    curve = METHODS["normalized_cubic"](keys=keys, align=False)
+    with pytest.raises(PlanError, match=r"passes through zero at t = 0\.5"):
+        curve.evaluate([0.25, 0.5])
