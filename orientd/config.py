@@ -21,7 +21,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from orientd.errors import ConfigError
 
@@ -30,6 +39,8 @@ if TYPE_CHECKING:
 
 NANOSECONDS = 1_000_000_000
 MAX_RATE_HZ = 4000.0
+LONGEST_LEAD = 1.0
+"""s."""
 
 
 def _expand(value: object) -> object:
@@ -108,6 +119,9 @@ class DeviceSettings(_Table):
         feedback_timeout: feedback older than this is a fault, s.
         spin_us: the last part of the wait for a deadline that is spent spinning, microseconds.
         priority: SCHED_FIFO priority asked for; 0 asks for none.
+        compensate_latency: s by which setpoints lead the path time that is reported, so that the
+            device is where the plan says; ``true`` for *latency*.
+        latency: s that the device is behind its setpoints, as `orientd doctor` has found it.
         limits: what no motion of this device may exceed.
         options: the driver's own table.
     """
@@ -120,8 +134,42 @@ class DeviceSettings(_Table):
     feedback_timeout: Positive = 0.1
     spin_us: Annotated[int, Field(ge=0, le=1000)] = 0
     priority: Annotated[int, Field(ge=0, le=99)] = 80
+    compensate_latency: bool | float = False
+    latency: float | None = None
     limits: LimitSettings = LimitSettings()
     options: dict[str, Any] = Field(default_factory=dict)
+
+    @field_validator("compensate_latency", "latency", mode="before")
+    @classmethod
+    def _check_seconds(cls, given: object, checked: ValidationInfo) -> object:
+        may_switch = checked.field_name == "compensate_latency"
+        if isinstance(given, bool):
+            is_allowed = may_switch
+        else:
+            is_allowed = isinstance(given, (int, float)) and 0.0 <= given <= LONGEST_LEAD
+        if not is_allowed:
+            switch = ", or true or false" if may_switch else ""
+            raise ValueError(
+                f"devices.{checked.data.get('name')}.{checked.field_name}: expected a number of "
+                f"seconds from 0 to {LONGEST_LEAD:g}{switch}, got {given!r}"
+            )
+        return given
+
+    @model_validator(mode="after")
+    def _need_latency(self) -> DeviceSettings:
+        if self.compensate_latency is True and self.latency is None:
+            raise ValueError(
+                f"devices.{self.name}.compensate_latency: true needs latency, in seconds; "
+                f"`orientd doctor --config FILE --latency {self.name}` finds it"
+            )
+        return self
+
+    @property
+    def lead(self) -> float:
+        """By how much what is sent leads the path time that is reported, s."""
+        if self.compensate_latency is True:
+            return self.latency or 0.0
+        return float(self.compensate_latency)
 
     @property
     def period_ns(self) -> int:

@@ -13,13 +13,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 from orientd.clock import Clock
-from orientd.driver import Driver, Feedback, Quaternion, Setpoint, Vector3
+from orientd.driver import Driver, Feedback, Finding, Quaternion, Setpoint, Vector3
 from orientd.driver.floats import exp, rotate_back
 from orientd.errors import DeviceFaultError, FeedbackError, LinkError, PlanError
 from orientd_ur import options as ur_options
 from orientd_ur.controller_clock import ControllerClock
 from orientd_ur.dashboard import Dashboard
 from orientd_ur.deadline import arm, disarm
+from orientd_ur.inspection import inspect
 from orientd_ur.joint_path import examine, tool_in_flange
 from orientd_ur.link import Link
 from orientd_ur.pose import continued
@@ -61,6 +62,11 @@ class UrDriver(Driver):
         self._rotation: Vector3 = (0.0, 0.0, 0.0)
         self._feedback: Feedback | None = None
         self._speed_scaling = 1.0
+
+    @classmethod
+    def inspect(cls, options: Mapping[str, Any]) -> list[Finding]:
+        """Look at the robot with plain sockets: what it is, whether it will move, the link."""
+        return inspect(ur_options.check(options, period=1.0 / cls.default_rate_hz))
 
     @property
     def speed_scaling(self) -> float:

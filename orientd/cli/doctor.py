@@ -1,19 +1,113 @@
-"""`orientd doctor`: what on this machine stands in the way of real time, and how to mend it."""
+"""`orientd doctor`: what stands in the way of real time, on this machine and at its devices."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
 from orientd.cli.output import AsJson, command, say, say_json, table
+from orientd.driver import Finding, Verdict
+from orientd.driver.registry import load_driver
+from orientd.errors import ConfigError, OrientdError
+
+if TYPE_CHECKING:
+    from orientd.config import DeviceSettings, Settings
+
+SLOW_LATENCY = 0.02
+"""Seconds behind its setpoints from which a device is said to be slow."""
 
 
 @command
-def doctor(as_json: AsJson = False) -> None:
-    """Show what on this machine stands in the way of real time, and how to mend it.
+def doctor(
+    config: Annotated[
+        Path | None,
+        typer.Option("--config", "-c", help="Look at the devices of this configuration too."),
+    ] = None,
+    latency: Annotated[
+        str,
+        typer.Option(
+            metavar="DEVICE",
+            help="MOVE this device by 0.2 rad and back; find how far it is behind its setpoints.",
+        ),
+    ] = "",
+    as_json: AsJson = False,
+) -> None:
+    """Show what stands in the way of real time, and how to mend it.
 
-    Everything is measured; that takes two seconds.
+    Everything is measured; that takes two seconds for the machine. Nothing moves without --latency.
     """
-    from orientd.cli.machine import Verdict, findings
+    from orientd.cli.machine import findings
 
+    settings = _settings(config, latency)
     found = findings()
+    if settings is not None:
+        for device in settings.devices.values():
+            found += [
+                replace(one, name=f"{device.name}: {one.name}") for one in device_findings(device)
+            ]
+        if latency:
+            found.append(latency_finding(settings.devices[latency]))
+    _report(found, as_json=as_json)
+
+
+def _settings(config: Path | None, latency: str) -> Settings | None:
+    if config is None:
+        if latency:
+            raise typer.BadParameter("--latency needs --config")
+        return None
+    from orientd import config as configuration
+
+    settings = configuration.load(config)
+    if latency and latency not in settings.devices:
+        raise typer.BadParameter(
+            f"no device {latency!r} in {config}, there are: {', '.join(sorted(settings.devices))}"
+        )
+    return settings
+
+
+def device_findings(device: DeviceSettings) -> list[Finding]:
+    """Return what the driver of *device* sees of it.
+
+    Raises:
+        ConfigError: the driver is not installed, or refuses its options.
+    """
+    from orientd.clock import MonotonicClock
+
+    driver = load_driver(device.driver)
+    try:
+        driver(device.options, period_ns=device.period_ns, clock=MonotonicClock())
+    except ValueError as error:
+        raise ConfigError(f"devices.{device.name}.options: {error}") from error
+    return driver.inspect(device.options)
+
+
+def latency_finding(device: DeviceSettings) -> Finding:
+    """Move *device* a little and say how far it is behind."""
+    from orientd.daemon.trial import measure_latency
+
+    name = f"{device.name}: latency"
+    try:
+        got = measure_latency(device)
+    except OrientdError as error:
+        mend = "see the other rows of the device; no daemon may be running with it"
+        return Finding(name, str(error), Verdict.PROBLEM, mend)
+    found = (
+        f"{1e3 * got.seconds:.1f} ms from setpoint to feedback; error {got.error:.4f} rad, "
+        f"{got.error_led:.4f} rad when led by it"
+    )
+    if got.seconds <= SLOW_LATENCY:
+        return Finding(name, found, Verdict.OK)
+    return Finding(name, found, Verdict.IMPROVE, _latency_advice(device.name, got.seconds))
+
+
+def _latency_advice(name: str, seconds: float) -> str:
+    return f"`latency = {seconds:.3f}` and `compensate_latency = true` in [devices.{name}]"
+
+
+def _report(found: list[Finding], *, as_json: bool) -> None:
     count = {verdict: sum(one.verdict is verdict for one in found) for verdict in Verdict}
     if as_json:
         say_json(

@@ -14,11 +14,11 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from enum import Enum
 from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
+
+from orientd.driver import Finding, Verdict
 
 PRIORITY = 80
 PERIOD_NS = 2_000_000
@@ -54,31 +54,6 @@ print(json.dumps({
     "largest": lateness[-1] * 1e-9,
 }))
 """
-
-
-class Verdict(Enum):
-    """What a finding means for real time."""
-
-    OK = "ok"
-    IMPROVE = "improve"
-    PROBLEM = "problem"
-
-
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """One look at the machine.
-
-    Attributes:
-        name: what was looked at.
-        found: what was found.
-        verdict: what that means.
-        mend: what to do about it; empty where it is well.
-    """
-
-    name: str
-    found: str
-    verdict: Verdict
-    mend: str = ""
 
 
 def findings() -> list[Finding]:

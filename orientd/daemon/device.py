@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from orientd import rotation
 from orientd.clock import MonotonicClock
 from orientd.config import DeviceSettings
 from orientd.daemon.feeder import BLOCK, Feeder
@@ -27,7 +28,7 @@ from orientd.errors import ConfigError, DaemonError, Fault, StateError
 from orientd.planner import Limits, Motion
 from orientd.planner import State as PlannedState
 from orientd.servo.process import ProcessSettings
-from orientd.stream import Command, Cycle, NoteKind, State, Terms, unpack_cycle
+from orientd.stream import Command, Cycle, CycleFlag, NoteKind, State, Terms, unpack_cycle
 
 TICK = 0.01
 """How often the thread looks at the servo, s."""
@@ -87,7 +88,10 @@ class DeviceSnapshot:
         speed: the speed that motions run at, or are resumed at.
         motion: the motion last started.
         motion_number: its number, 0 before the first.
-        path_time: time within that motion, s.
+        path_time: time within that motion, s; for a device that is led, where the device is to be,
+            not what is being sent.
+        tracking_error: angle between the feedback and where the device is to be, rad; ``None``
+            without feedback.
         servo_pid: process id of the servo, ``None`` where there is none.
         scheduling: what scheduling the servo has got.
         memory_locked: whether its memory is locked.
@@ -102,6 +106,7 @@ class DeviceSnapshot:
     motion: Motion | None
     motion_number: int
     path_time: float
+    tracking_error: float | None
     servo_pid: int | None
     scheduling: str
     memory_locked: bool
@@ -135,6 +140,7 @@ class Device:
         self.rate_hz = settings.rate_hz
         self.period_ns = settings.period_ns
         self.limits: Limits = settings.limits.to_limits()
+        self._lead_cycles = round(settings.lead * settings.rate_hz)
         self._settings = settings
         self._on_event = on_event
         driver = load_driver(settings.driver)
@@ -303,7 +309,9 @@ class Device:
                 speed=self._speed,
                 terms=terms,
             )
-            self._meter = MotionMeter(motion, self._number, feeder.first_index)
+            self._meter = MotionMeter(
+                motion, self._number, feeder.first_index, lead=self._settings.lead
+            )
             self._motion, self._feeder = motion, feeder
             self._is_paused, self._active = False, True
             self._tell(EventKind.MOTION_STARTED, f"{motion.duration:.3f} s")
@@ -397,11 +405,14 @@ class Device:
         fault = self._fault
         if cycle is not None and cycle.state is State.FAULT and fault is Fault.NONE:
             fault = Fault(cycle.fault)
-        path_time = 0.0
+        path_time, error = 0.0, None
         feeder = self._feeder
+        due = self._due(link, cycle) if link is not None and cycle is not None else cycle
+        if cycle is not None and due is not None and cycle.flags & CycleFlag.FEEDBACK:
+            error = float(rotation.angle(due.q, cycle.feedback_q))
         # A motion begins before its start returns; until then the feeder is that of the last one.
-        if cycle is not None and feeder is not None and cycle.motion == feeder.number:
-            records = cycle.path_index - feeder.first_index + cycle.path_fraction
+        if due is not None and feeder is not None and due.motion == feeder.number:
+            records = due.path_index - feeder.first_index + due.path_fraction
             path_time = max(0.0, records * feeder.motion.period)
         state = cycle.state if cycle is not None else State.IDLE
         return DeviceSnapshot(
@@ -414,10 +425,18 @@ class Device:
             motion=self._motion,
             motion_number=self._number,
             path_time=path_time,
+            tracking_error=error,
             servo_pid=link.process.pid if link is not None and is_alive else None,
             scheduling=self._scheduling,
             memory_locked=self._memory_locked,
         )
+
+    def _due(self, link: ServoLink, cycle: Cycle) -> Cycle:
+        """Return the cycle whose setpoint the device is to be at now: a lead before the newest."""
+        if not self._lead_cycles:
+            return cycle
+        records = link.cycle_records(max(0, cycle.index - self._lead_cycles), 1)
+        return unpack_cycle(records[0]) if records else cycle
 
     def cycles(self, since: int, limit: int = 4096) -> list[Cycle]:
         """Return cycles from number *since* on, oldest first, as far as they are still known."""

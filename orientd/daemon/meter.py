@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orientd import rotation
+from orientd.daemon.lead import LedSetpoints
 from orientd.planner import Motion
 from orientd.rotation import Floats
 from orientd.stream import State
@@ -100,7 +101,8 @@ class MotionStatistics:
         acceleration: largest angular acceleration sent, rad/s^2.
         jerk: largest angular jerk sent, rad/s^3.
         path_error: largest angle between what was sent and the plan at that path time, rad.
-        tracking_error: largest angle between what was sent and the feedback in the same cycle, rad.
+        tracking_error: largest angle between what was sent and the feedback in the same cycle, rad;
+            for a device that is led, between the feedback and what was sent a lead before it.
         start_velocity_error: error of the angular velocity at the first keyframe, rad/s.
         end_velocity_error: the same at the last keyframe; ``None`` where it was not reached.
     """
@@ -126,8 +128,8 @@ class MotionMeter:
         number: the motion's number.
     """
 
-    def __init__(self, motion: Motion, number: int, first_index: int) -> None:
-        """Expect the motion's records in the path ring from *first_index* on."""
+    def __init__(self, motion: Motion, number: int, first_index: int, *, lead: float = 0.0) -> None:
+        """Expect the motion's records in the path ring from *first_index* on, led by *lead* s."""
         self.number = number
         self._motion = motion
         self._first = first_index
@@ -145,6 +147,7 @@ class MotionMeter:
         self._carried: tuple[NDArray[np.void], NDArray[np.float64]] | None = None
         # The device holds there before the first cycle of the motion.
         self._last_q = motion.sample(np.zeros(1)).q[0]
+        self._led = LedSetpoints(lead, self._last_q) if lead > 0.0 else None
 
     def add(self, records: list[bytes]) -> None:
         """Measure further cycles, in order; those that are not of the motion are left out."""
@@ -207,7 +210,9 @@ class MotionMeter:
         planned = motion.sample(times)
         self._path_error = max(self._path_error, float(rotation.angle(planned.q, block["q"]).max()))
         measured = (block["flags"] & 1) == 1
-        if measured.any():
+        if self._led is not None:
+            self._tracking_error = max(self._tracking_error, float(self._led.gaps(block).max()))
+        elif measured.any():
             gap = rotation.angle(block["q"][measured], block["feedback_q"][measured])
             self._tracking_error = max(self._tracking_error, float(gap.max()))
         if self._carried is not None:

@@ -19,7 +19,6 @@ from orientd.rpc.reports import (
     Statistics,
     Summary,
 )
-from orientd.rpc.state_wire import tracking_error
 from orientd.stream import Cycle
 
 NANOSECONDS = 1e9
@@ -160,7 +159,7 @@ class ProgressReader:
             omega_body=now.cycle.omega_body,
             position=now.cycle.position,
             lateness=latest / NANOSECONDS,
-            tracking_error=tracking_error(now.cycle),
+            tracking_error=now.tracking_error,
             overruns=max(0, now.cycle.overruns - self._overruns),
         )
 

@@ -9,5 +9,16 @@ from orientd.driver.contract import (
     Setpoint,
     Vector3,
 )
+from orientd.driver.finding import Finding, Verdict
 
-__all__ = ["IDENTITY", "ZERO", "Driver", "Feedback", "Quaternion", "Setpoint", "Vector3"]
+__all__ = [
+    "IDENTITY",
+    "ZERO",
+    "Driver",
+    "Feedback",
+    "Finding",
+    "Quaternion",
+    "Setpoint",
+    "Vector3",
+    "Verdict",
+]

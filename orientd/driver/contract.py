@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple
 
 from orientd.clock import Clock
+from orientd.driver.finding import Finding
 
 Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -86,6 +87,18 @@ class Driver(ABC):
         self.options = dict(options)
         self.period_ns = period_ns
         self.clock = clock
+
+    @classmethod
+    def inspect(cls, options: Mapping[str, Any]) -> list[Finding]:  # noqa: ARG003 - most see nothing
+        """Look at the device that *options* are for, and say what is in its way.
+
+        Called by the doctor, in a process of its own.  Moves nothing and changes nothing; a device
+        that does not answer is a finding, not an error.
+
+        Args:
+            options: as the constructor has checked them.
+        """
+        return []
 
     @property
     def speed_scaling(self) -> float:

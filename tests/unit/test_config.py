@@ -122,3 +122,32 @@ def test_the_environment_names_the_file_before_the_users_directory(tmp_path, mon
     assert config.find() == tmp_path / "orientd" / "orientd.toml"
     monkeypatch.setenv("ORIENTD_CONFIG", "/elsewhere.toml")
     assert config.find() == Path("/elsewhere.toml")
+
+
+def led(**given):
+    return config.parse({"devices": {"arm": {"driver": "loopback", **given}}}, source="x").devices[
+        "arm"
+    ]
+
+
+def test_lead_is_a_number_or_the_latency_that_was_found():
+    assert led().lead == 0.0
+    assert led(latency=0.1).lead == 0.0
+    assert led(compensate_latency=0.08, latency=0.1).lead == 0.08
+    assert led(compensate_latency=True, latency=0.1).lead == 0.1
+
+
+@pytest.mark.parametrize(
+    ("given", "complaint"),
+    [
+        ({"compensate_latency": True}, "compensate_latency: true needs latency"),
+        ({"compensate_latency": -0.1}, "expected a number of seconds from 0 to 1, or true"),
+        ({"compensate_latency": "0.1"}, "got '0.1'"),
+        ({"compensate_latency": float("nan")}, "got nan"),
+        ({"latency": True}, "devices.arm.latency: expected a number of seconds from 0 to 1, got"),
+    ],
+)
+def test_lead_that_is_not_allowed_is_refused(given, complaint):
+    with pytest.raises(ConfigError) as caught:
+        led(**given)
+    assert complaint in str(caught.value)

@@ -5,9 +5,9 @@ import pytest
 from ur_rig import device_of, is_holding, streaming, swing_motion, until
 
 from orientd import rotation
+from orientd.daemon.latency import identify
 from orientd.errors import Fault
 from orientd_sim.ur.recording import read_arm, read_setpoints
-from orientd_ur.latency import identify
 
 pytest.importorskip("rtde_control")
 
@@ -77,18 +77,44 @@ def test_a_minute_of_setpoints_arrives_as_planned(ur_robot, tmp_path):
     assert found["setpoints"] >= 30_000
 
 
-@pytest.mark.slow  # on a busy machine the emulated arm lags by what it had to wait
-def test_lag_of_the_arm_is_identified_and_leading_by_it_removes_the_error(ur_robot):
-    with device_of(ur_robot.host, lookahead=0.1) as device:
-        motion = swing_motion(device, angle=0.8, seconds=3.2)
-        device.start(motion)
-        streaming(device)
-        until(lambda: is_holding(device), "the end")
-        last = device.snapshot().cycle.index
-        cycles = device.cycles(last - motion.record_count, motion.record_count)
-    sent = [(c.deadline_ns * 1e-9, c.q) for c in cycles]
-    measured = [(c.feedback_time_ns * 1e-9, c.feedback_q) for c in cycles]
-    found = identify(sent, measured)
+def sweep(device):
+    """Turn by 0.8 rad and back, at up to 1 rad/s; return the statistics and the cycles."""
+    motion = swing_motion(device, angle=0.8, seconds=3.2)
+    assert motion.certificate.peak_velocity.value == pytest.approx(1.0, abs=0.15)
+    number = device.start(motion)
+    streaming(device)
+    until(lambda: is_holding(device), "the end")
+    last = device.snapshot().cycle.index
+    return device.statistics(number), device.cycles(last - motion.record_count)
+
+
+def check_leading(robot, factor):
+    with device_of(robot.host, lookahead=0.1) as device:
+        behind, cycles = sweep(device)
+    found = identify(
+        [(c.deadline_ns * 1e-9, c.q) for c in cycles],
+        [(c.feedback_time_ns * 1e-9, c.feedback_q) for c in cycles],
+    )
+    with device_of(robot.host, lookahead=0.1, compensate_latency=found.seconds) as device:
+        led, _ = sweep(device)
+        until(
+            lambda: device.snapshot().path_time == pytest.approx(device.snapshot().motion.duration),
+            "the end of the path that is reported",
+        )
+    print(f"{found}; tracking error {behind.tracking_error:.4f}, led {led.tracking_error:.4f} rad")
+    assert led.path_error < 1e-9
+    assert behind.tracking_error > factor * led.tracking_error
+    return found
+
+
+# How far the emulated arm is behind varies with what it has to wait for on a busy machine.
+def test_leading_by_the_identified_latency_removes_most_of_the_tracking_error(ur_robot):
+    check_leading(ur_robot, 2.0)
+
+
+@pytest.mark.slow
+def test_leading_on_a_quiet_machine_removes_four_fifths_of_the_tracking_error(ur_robot):
+    found = check_leading(ur_robot, 5.0)
     # The model's lookahead and drive, and the way there and back.
     assert found.seconds == pytest.approx(0.1 + 0.004 + 0.003, abs=0.02)
     assert found.error > 5.0 * found.error_led

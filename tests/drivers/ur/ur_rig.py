@@ -25,7 +25,7 @@ def until(claim, what, seconds=10.0):
 
 
 @contextmanager
-def device_of(host, **options):
+def device_of(host, *, compensate_latency=False, **options):
     """A device, enabled, with its servo process."""
     settings = DeviceSettings(
         name="arm",
@@ -34,6 +34,7 @@ def device_of(host, **options):
         # A busy machine may let nobody run for longer than a real controller ever pauses.
         feedback_timeout=1.0,
         heartbeat_timeout=3.0,
+        compensate_latency=compensate_latency,
         options={
             "host": host,
             "lookahead": 0.03,

@@ -5,7 +5,7 @@ import os
 import pytest
 
 from orientd.cli import machine
-from orientd.cli.machine import Verdict
+from orientd.driver import Verdict
 
 
 @pytest.fixture

@@ -121,6 +121,7 @@ class FakeDevice:
             motion=self.motion,
             motion_number=self.number,
             path_time=0.5,
+            tracking_error=None,
             servo_pid=1,
             scheduling="SCHED_OTHER",
             memory_locked=False,

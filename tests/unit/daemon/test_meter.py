@@ -134,3 +134,16 @@ def test_nothing_measured_is_nothing():
     assert histogram.percentile_ns(99.0) == 0.0
     histogram.add(np.array([-5, 0], dtype=np.int64))
     assert histogram.percentile_ns(50.0) <= 1.0
+
+
+def test_a_device_that_is_led_is_compared_with_what_was_sent_a_lead_before(motion):
+    cycles, behind = sent(motion), 20
+    cycles["feedback_time_ns"] = cycles["deadline_ns"]
+    cycles["feedback_q"][behind:] = cycles["q"][:-behind]
+    cycles["feedback_q"][:behind] = cycles["q"][0]
+    assert measure(motion, cycles).tracking_error > 1e-3
+    meter = MotionMeter(motion, NUMBER, FIRST, lead=behind * PERIOD)
+    for begin in range(0, len(cycles), 7):
+        meter.add([record.tobytes() for record in cycles[begin : begin + 7]])
+    assert meter.statistics().tracking_error < 1e-9
+    assert meter.statistics().path_error < 1e-12

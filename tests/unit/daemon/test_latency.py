@@ -4,8 +4,8 @@ import math
 
 import pytest
 
+from orientd.daemon.latency import identify
 from orientd.driver.floats import exp
-from orientd_ur.latency import identify
 
 
 def sway(t):

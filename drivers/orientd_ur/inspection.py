@@ -1,0 +1,119 @@
+"""What `orientd doctor` says of a robot: each look is a finding with what to do about it."""
+
+from __future__ import annotations
+
+from importlib import metadata
+
+from orientd.driver import Finding, Verdict
+from orientd.errors import LinkError
+from orientd_ur.options import UrOptions
+from orientd_ur.probe import Probe, look
+from orientd_ur.states import obstacle
+
+TICK = 0.002
+"""s from one package of the controller to the next."""
+
+_PACKAGES = 100
+
+
+def inspect(options: UrOptions, *, timeout: float = 2.0) -> list[Finding]:
+    """Look at the robot at ``options.host``; nothing on it is changed.
+
+    Args:
+        options: of the driver.
+        timeout: s that each answer of the robot may take.
+    """
+    library = [_library()]
+    try:
+        found = look(options.host, timeout=timeout, packages=_PACKAGES)
+    except LinkError as error:
+        return [
+            *library,
+            Finding(
+                "reachability",
+                str(error),
+                Verdict.PROBLEM,
+                "power the robot, check address and cable, enable RTDE, dashboard server and "
+                "secondary clients under Settings > Security > Services",
+            ),
+        ]
+    return [
+        *library,
+        Finding("reachability", f"{options.host} answers on every port", Verdict.OK),
+        _version(found),
+        _remote_control(found, is_needed=options.check_remote_control),
+        _readiness(found),
+        _registers(found),
+        _link(found),
+    ]
+
+
+def _library() -> Finding:
+    try:
+        return Finding("client library", f"ur-rtde {metadata.version('ur-rtde')}", Verdict.OK)
+    except metadata.PackageNotFoundError:
+        return Finding(
+            "client library",
+            "ur-rtde is not installed",
+            Verdict.PROBLEM,
+            "pip install 'orientd[ur]'",
+        )
+
+
+def _version(found: Probe) -> Finding:
+    text = "PolyScope " + ".".join(str(part) for part in found.version[:3])
+    if found.version_problem:
+        return Finding("version", text, Verdict.PROBLEM, found.version_problem)
+    return Finding("version", text, Verdict.OK)
+
+
+def _remote_control(found: Probe, *, is_needed: bool) -> Finding:
+    if found.is_remote:
+        return Finding("remote control", "on", Verdict.OK)
+    if not is_needed:
+        return Finding("remote control", "off, and not insisted on", Verdict.OK)
+    return Finding(
+        "remote control",
+        "off",
+        Verdict.PROBLEM,
+        "switch to remote control with the icon at the top right of the pendant; it is enabled "
+        "under Settings > System > Remote Control",
+    )
+
+
+def _readiness(found: Probe) -> Finding:
+    reason = obstacle(found.robot_mode, found.safety_mode)
+    if not reason:
+        return Finding("readiness", "powered, brakes released, no stop", Verdict.OK)
+    return Finding(
+        "readiness", reason, Verdict.PROBLEM, "clear it on the pendant, or `orientd reset`"
+    )
+
+
+def _registers(found: Probe) -> Finding:
+    if found.registers_are_free:
+        return Finding("registers", "free", Verdict.OK)
+    return Finding(
+        "registers",
+        "held by another client",
+        Verdict.PROBLEM,
+        "end the client that holds them: a daemon that runs with this robot, another program with "
+        "ur_rtde, or a fieldbus enabled in the installation",
+    )
+
+
+def _link(found: Probe) -> Finding:
+    text = (
+        f"round trip {1e3 * found.round_trip:.2f} ms, jitter {1e3 * found.jitter:.2f} ms in "
+        f"{_PACKAGES} packages"
+    )
+    worst = max(found.round_trip, found.jitter)
+    if worst <= TICK:
+        return Finding("link", text, Verdict.OK)
+    verdict = Verdict.IMPROVE if worst <= 5.0 * TICK else Verdict.PROBLEM
+    return Finding(
+        "link",
+        text,
+        verdict,
+        "a cable of its own from this machine to the robot, no wireless and no busy switch",
+    )
