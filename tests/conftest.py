@@ -2,5 +2,5 @@ import sys
 from pathlib import Path
 
 # The rigs that several test modules share.
-for folder in ("unit/servo", "unit/daemon", "unit/planner", "system"):
+for folder in ("unit/servo", "unit/daemon", "unit/planner", "system", "drivers/ur"):
     sys.path.insert(0, str(Path(__file__).parent / folder))

@@ -16,6 +16,7 @@ from orientd.cli import (
     device_commands,
     doctor,
     motion_commands,
+    sim,
 )
 from orientd.cli.output import say
 
@@ -65,6 +66,7 @@ for _command in (
     doctor.doctor,
 ):
     app.command()(_command)
+app.add_typer(sim.sim)
 
 
 def main() -> None:

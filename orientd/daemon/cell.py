@@ -42,8 +42,6 @@ START_TOLERANCE = 1e-6
 
 _READY_STEP = 0.1
 
-_READY_STEP = 0.1
-
 MakeDevice = Callable[..., Device]
 
 
@@ -194,6 +192,7 @@ class Cell:
         start = device.next_start() if keep else device.commanded()
         period = device.period_ns * 1e-9
         motion = planner.plan(request, start=start, limits=device.limits, period=period)
+        device.examine(motion)
         if keep:
             with self._lock:
                 self._plans[motion.id] = (device.name, motion)

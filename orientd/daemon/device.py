@@ -15,6 +15,8 @@ from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 
+import numpy as np
+
 from orientd.clock import MonotonicClock
 from orientd.config import DeviceSettings
 from orientd.daemon.feeder import BLOCK, Feeder
@@ -32,6 +34,12 @@ TICK = 0.01
 
 _READ_AHEAD = 8.0
 """Path time that the ring can hold, s."""
+
+_EXAMINED_EVERY = 0.008
+"""How far apart in path time the poses are that a driver looks at, s."""
+
+_ENDING = 0.3
+"""How long a servo may take to end that has lost its device, s."""
 
 _METER_BLOCK = 256
 
@@ -131,7 +139,9 @@ class Device:
         self._on_event = on_event
         driver = load_driver(settings.driver)
         try:
-            driver(settings.options, period_ns=settings.period_ns, clock=MonotonicClock())
+            self._examiner = driver(
+                settings.options, period_ns=settings.period_ns, clock=MonotonicClock()
+            )
         except ValueError as error:
             raise ConfigError(f"devices.{self.name}.options: {error}") from error
         self._target = driver_target(settings.driver)
@@ -247,6 +257,18 @@ class Device:
                 return PlannedState.at_rest(end.q[0], end.position[0])
         return self.commanded()
 
+    def examine(self, motion: Motion) -> None:
+        """Have the driver look at a motion that keeps the limits.
+
+        Raises:
+            PlanError: the device could not follow it.
+        """
+        step = max(1, round(_EXAMINED_EVERY / motion.period))
+        times = motion.period * np.arange(0, motion.record_count, step)
+        samples = motion.sample(times)
+        poses = zip(samples.q.tolist(), samples.position.tolist(), strict=True)
+        self._examiner.examine(times.tolist(), list(poses))
+
     def start(self, motion: Motion) -> int:
         """Begin to stream *motion* and return its number, once the servo has taken it up.
 
@@ -331,18 +353,37 @@ class Device:
             DaemonError: the servo cannot be started.
         """
         with self._lock:
-            if self._link is None or not self._link.is_alive:
-                if self._link is not None:
-                    self._link.close()
-                self._start_servo()
-            else:
-                self._link.ask(Command.RESET)
-                self._fault, self._fault_text = Fault.NONE, ""
-                if self._settings.auto_enable:
-                    self._link.ask(Command.ENABLE)
+            if self._link is not None and self._reset_servo(self._link):
                 return
+            if self._link is not None:
+                self._link.close()
+            self._start_servo()
         if not self.wait_ready(10.0):
             raise DaemonError(self._failure or "the servo did not become ready within 10 s")
+        link = self._link
+        if self._fault is Fault.DEVICE_FAULT and link is not None:
+            # The new servo found the device as stopped as the old one left it.
+            with self._lock:
+                self._reset_servo(link)
+
+    def _reset_servo(self, link: ServoLink) -> bool:
+        """Have the servo leave its fault; return whether there was a servo to do it."""
+        try:
+            if not link.is_alive:
+                return False
+            link.ask(Command.RESET)
+            self._fault, self._fault_text = Fault.NONE, ""
+            if self._settings.auto_enable:
+                link.ask(Command.ENABLE)
+        except DaemonError:
+            # A servo whose device is lost may be on its way out when it is asked.
+            end = time.monotonic() + _ENDING
+            while link.is_alive:
+                if time.monotonic() > end:
+                    raise
+                time.sleep(0.005)
+            return False
+        return True
 
     # What there is to see
 
@@ -470,7 +511,9 @@ class Device:
         code = link.process.returncode
         ended = f"by signal {-code}" if code < 0 else f"with status {code}"
         self._failure = self._last_words or f"the servo process was ended {ended}"
-        self._fault, self._fault_text = Fault.SERVO_DIED, self._failure
+        if self._fault is not Fault.LINK_LOST:
+            # A driver whose link is spent takes its process with it; the link is the reason.
+            self._fault, self._fault_text = Fault.SERVO_DIED, self._failure
         was_active, self._active = self._active, False
         self._ready.set()
         self._tell(EventKind.SERVO_DIED, self._failure)

@@ -10,7 +10,7 @@ which are made in a quarter of the time of a frozen dataclass.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple
 
 from orientd.clock import Clock
@@ -86,6 +86,31 @@ class Driver(ABC):
         self.options = dict(options)
         self.period_ns = period_ns
         self.clock = clock
+
+    @property
+    def speed_scaling(self) -> float:
+        """How fast the device itself lets motions run, 0 to 1; the path clock follows it."""
+        return 1.0
+
+    @property
+    def is_spent(self) -> bool:
+        """Whether only a new process can reach the device again; the servo then ends this one."""
+        return False
+
+    def examine(  # noqa: B027 - most devices follow any path inside the limits
+        self, times: Sequence[float], poses: Sequence[tuple[Quaternion, Vector3]]
+    ) -> None:
+        """Refuse a path that the device cannot follow although it keeps the limits.
+
+        Called in the daemon's process, on a driver that is not open, before a motion is accepted.
+
+        Args:
+            times: path times in seconds, increasing.
+            poses: orientation and position at each of them.
+
+        Raises:
+            PlanError: why not, where and when.
+        """
 
     @abstractmethod
     def open(self) -> None:

@@ -1,9 +1,13 @@
 """Entry of the servo process; only the daemon starts it."""
 
 import json
+import os
 import sys
 
 from orientd.servo.process import ProcessSettings, run
 
 if __name__ == "__main__":
-    sys.exit(run(int(sys.argv[1]), ProcessSettings(**json.load(sys.stdin))))
+    status = run(int(sys.argv[1]), ProcessSettings(**json.load(sys.stdin)))
+    sys.stderr.flush()
+    # Without the interpreter's clearing up: a vendor's destructor may hang, or abort the process.
+    os._exit(status)

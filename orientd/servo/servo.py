@@ -95,6 +95,7 @@ class Servo:
         self._parent_is_alive = parent_is_alive
         period = period_ns * 1e-9
         self._path_clock = PathClock(period)
+        self._speed = 0.0
         self._follower = PathFollower(memory.path, period)
         self._guard = Guard(period)
         self._terms = _NO_TERMS
@@ -229,7 +230,7 @@ class Servo:
             following = advance(self.state, Event.SPEED)
             if not 0.0 <= speed <= 1.0:
                 return f"speed must be between 0 and 1, got {speed!r}"
-            self._path_clock.target = speed
+            self._speed = speed
             self.state = following
         elif command is Command.START:
             return self._start(motion, path_index, speed, terms)
@@ -277,7 +278,8 @@ class Servo:
             return f"brake rate and speed must be positive, got {terms.brake_rate!r} and {speed!r}"
         self._terms = terms
         self._motion = motion
-        self._path_clock.begin(terms.brake_rate, speed)
+        self._speed = speed
+        self._path_clock.begin(terms.brake_rate, speed * self._driver.speed_scaling)
         self._follower.begin(path_index)
         self.state = following
         return ""
@@ -289,8 +291,10 @@ class Servo:
         if self._escape is not None:
             return self._step_off_path()
         clock, follower = self._path_clock, self._follower
-        if self.state is _STREAMING and not follower.reaches(clock.braking_cycles()):
-            self._brake(Fault.PATH_STARVED, "the daemon did not deliver the path in time")
+        if self.state is _STREAMING:
+            clock.target = self._speed * self._driver.speed_scaling
+            if not follower.reaches(clock.braking_cycles()):
+                self._brake(Fault.PATH_STARVED, "the daemon did not deliver the path in time")
         before = clock.rate
         rate = clock.advance()
         try:
@@ -388,6 +392,8 @@ class Servo:
                 self._driver.disable()
             except Exception as error:  # noqa: BLE001 - the fault stands, whatever disable raises
                 self._fault_text = f"{text}; disable failed: {error}"
+        if self._driver.is_spent:
+            self.request_end(text)
 
     def _publish(self, deadline_ns: int, lateness_ns: int, point: PathPoint, written: bool) -> None:
         feedback = self._feedback

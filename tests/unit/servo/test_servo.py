@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from rig import PERIOD, TERMS, Rig, distance_to_path, peaks, turn
 
-from orientd.errors import Fault
+from orientd.errors import Fault, LinkError
 from orientd.servo.table import TRANSITIONS, Event, advance
 from orientd.stream import Answer, Command, NoteKind, State
 
@@ -260,3 +260,35 @@ def test_every_event_has_a_place_in_the_table_and_every_state_can_fail():
     assert {event for _, event in TRANSITIONS} == set(Event)
     for state in State:
         assert advance(state, Event.FAIL) is State.FAULT
+
+
+def test_path_clock_follows_the_speed_the_device_allows(rig, monkeypatch):
+    path = turn()
+    rig.start(path)
+    rig.run(200)
+    monkeypatch.setattr(type(rig.driver), "speed_scaling", 0.5)
+    rig.run(200)
+    assert rig.cycle.speed == 0.5
+    assert rig.ask(Command.SPEED, speed=0.5)[0] is Answer.DONE
+    rig.run(200)
+    assert rig.cycle.speed == 0.25
+    rig.run_until(lambda servo: servo.state is State.HOLDING)
+    assert_limits_kept(rig)
+    assert rig.cycle.q == tuple(path[0][-1])
+
+
+def test_servo_ends_when_its_driver_is_spent(rig, monkeypatch):
+    rig.start(turn())
+    rig.run(200)
+    monkeypatch.setattr(type(rig.driver), "is_spent", True)
+    monkeypatch.setattr(rig.driver, "read", raiser(LinkError("gone")))
+    rig.run()
+    assert rig.servo.has_ended
+    assert rig.servo.report()["fault"] == "link_lost"
+
+
+def raiser(error):
+    def read():
+        raise error
+
+    return read

@@ -1,0 +1,354 @@
+"""A Universal Robots arm, streamed to with ``servoL`` through the client library ``ur-rtde``.
+
+See :mod:`orientd_ur.options` for the options and :mod:`orientd_ur.link` for what the library may
+do to the process.  World coordinates are those of the robot's base; the tool is the active tool
+centre point.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
+
+from orientd.clock import Clock
+from orientd.driver import Driver, Feedback, Quaternion, Setpoint, Vector3
+from orientd.driver.floats import exp, rotate_back
+from orientd.errors import DeviceFaultError, FeedbackError, LinkError, PlanError
+from orientd_ur import options as ur_options
+from orientd_ur.controller_clock import ControllerClock
+from orientd_ur.dashboard import Dashboard
+from orientd_ur.deadline import arm, disarm
+from orientd_ur.joint_path import examine, tool_in_flange
+from orientd_ur.link import Link
+from orientd_ur.pose import continued
+from orientd_ur.probe import look, whereabouts
+from orientd_ur.states import PROTECTIVE_STOP, RUNNING, RuntimeState, interruption, obstacle
+
+_POLL = 0.005
+_POWER_UP = 15.0
+# After this many looks the receiving thread has had its turn, however busy the machine.
+_LOOKS_BEFORE_STALE = 3
+_REASON_TIMEOUT = 0.02
+# A setpoint takes some 30 us to send, and a tenth of a second when the library connects anew.
+_SLOW_CALL_NS = 20_000_000
+# The library can hang in any call, when it connects anew at the wrong moment.
+_LONGEST_CYCLE = 0.9
+_COMPARE_EVERY_NS = 1_000_000_000
+
+
+class UrDriver(Driver):
+    """One arm."""
+
+    name: ClassVar[str] = "ur"
+    default_rate_hz: ClassVar[float] = 500.0
+
+    def __init__(self, options: Mapping[str, Any], *, period_ns: int, clock: Clock) -> None:
+        super().__init__(options, period_ns=period_ns, clock=clock)
+        self._options = ur_options.check(options, period=period_ns * 1e-9)
+        if importlib.util.find_spec("rtde_control") is None:
+            raise ValueError("the driver needs the package ur-rtde: pip install 'orientd[ur]'")
+        self._link = Link(self._options.host)
+        self._clock = ControllerClock()
+        self._is_enabled = False
+        self._timestamp = -1.0
+        self._changed_ns = 0
+        self._looks = 0
+        self._is_muted = False
+        self._kicked_ns = 0
+        self._compared_ns = 0
+        self._rotation: Vector3 = (0.0, 0.0, 0.0)
+        self._feedback: Feedback | None = None
+        self._speed_scaling = 1.0
+
+    @property
+    def speed_scaling(self) -> float:
+        """The speed slider times what the controller's own limiter leaves, 0 to 1."""
+        return self._speed_scaling
+
+    @property
+    def is_spent(self) -> bool:
+        """Whether the link was lost: the library can then neither be used nor be destroyed."""
+        return self._link.is_lost
+
+    def examine(self, times: Sequence[float], poses: Sequence[tuple[Quaternion, Vector3]]) -> None:
+        """Refuse a path on which a joint would be too fast, or a singularity too near.
+
+        Raises:
+            PlanError: the time and the joint; or the robot does not say where it is.
+        """
+        try:
+            joints, pose = whereabouts(self._options.host)
+        except LinkError as error:
+            raise PlanError(f"cannot predict the joints: {error}") from error
+        examine(times, poses, joints, tcp_offset=tool_in_flange(joints, pose))
+
+    def open(self) -> None:
+        """Look at the robot, then connect; the arm need not be running yet.
+
+        Raises:
+            LinkError: it does not answer, is held by another client, or has a version that the
+                client library cannot drive.
+        """
+        host = self._options.host
+        probe = look(host)
+        if probe.version_problem:
+            raise LinkError(f"{host}: {probe.version_problem}")
+        self._link.connect()
+        self._await_package(LinkError(f"{host} sends no data packages"))
+
+    def enable(self) -> Feedback:
+        """Have the control program play and the tool, payload and watchdog be set.
+
+        Raises:
+            DeviceFaultError: the robot may not move, or is not in remote control.
+            LinkError: the link is lost, or another client holds the robot.
+        """
+        self._link.require()
+        self._link.require_same()
+        self._require_readiness()
+        if not self._link.has_control:
+            self._link.take_control()
+            self._await_runtime(RuntimeState.PLAYING)
+        elif self._link.modes()[2] != RuntimeState.PLAYING:
+            self._link.play()
+        chosen = self._options
+        if chosen.tcp_offset is not None:
+            self._order("setTcp", list(chosen.tcp_offset))
+        if chosen.payload_mass is not None:
+            self._order("setPayload", chosen.payload_mass, list(chosen.payload_cog))
+        self._order("setWatchdog", chosen.watchdog_hz)
+        self._clock.reset()
+        self._await_package(FeedbackError(f"{chosen.host} sends no data packages"))
+        # Where the controller commands the arm to be: what it measures differs by the arm's load.
+        pose = self._link.target_pose()
+        self._rotation = (pose[3], pose[4], pose[5])
+        self._feedback = Feedback(
+            self.clock.now_ns(),
+            exp(self._rotation),
+            position=(pose[0], pose[1], pose[2]),
+            joints=tuple(self._link.motion()[2]),
+        )
+        self._is_enabled, self._is_muted = True, False
+        return self._feedback
+
+    def read(self) -> Feedback | None:
+        """Return what the controller measured last.
+
+        Raises:
+            LinkError: the connection is closed, or the controller's clock has stood still for the
+                link's timeout.
+            FeedbackError: the controller's clock has stood still for the feedback's timeout.
+            DeviceFaultError: a stop, a fault, or the end of the control program.
+        """
+        armed = arm(_LONGEST_CYCLE)
+        try:
+            return self._read()
+        finally:
+            disarm(armed)
+
+    def write(self, setpoint: Setpoint) -> None:
+        """Send the pose of *setpoint* with ``servoL``; nothing more once feedback was missing.
+
+        Raises:
+            LinkError: the connection is closed.
+            DeviceFaultError: the control program does not take it.
+        """
+        armed = arm(_LONGEST_CYCLE)
+        try:
+            self._write(setpoint)
+        finally:
+            disarm(armed)
+
+    def _read(self) -> Feedback | None:
+        link, now_ns = self._link, self.clock.now_ns()
+        link.require()
+        timestamp = link.timestamp()
+        if timestamp == self._timestamp:
+            self._look_for_age(now_ns)
+        else:
+            self._timestamp, self._changed_ns, self._looks = timestamp, now_ns, 0
+            self._feedback = self._measure(timestamp, now_ns)
+        if now_ns - self._compared_ns > _COMPARE_EVERY_NS:
+            self._compared_ns = now_ns
+            link.require_same()
+        if self._is_enabled:
+            reason = self._reason()
+            if reason:
+                raise DeviceFaultError(reason)
+        elif link.has_control and now_ns - self._kicked_ns > 0.2e9 / self._options.watchdog_hz:
+            # No setpoint keeps the watchdog quiet now, and the program is to go on.
+            self._kicked_ns = now_ns
+            if link.modes()[2] == RuntimeState.PLAYING:
+                link.kick()
+        return self._feedback
+
+    def _write(self, setpoint: Setpoint) -> None:
+        self._link.require()
+        if self._is_muted:
+            return
+        self._rotation = continued(setpoint.q, self._rotation)
+        pose = [*setpoint.position, *self._rotation]
+        chosen, begun_ns = self._options, self.clock.now_ns()
+        is_taken = self._link.servo(pose, chosen.servo_time, chosen.lookahead, chosen.gain)
+        if self.clock.now_ns() - begun_ns > _SLOW_CALL_NS:
+            self._link.require_same()
+        if is_taken:
+            return
+        # The program's end is known here before the state that explains it has arrived.
+        ends = time.monotonic() + _REASON_TIMEOUT
+        while not (reason := self._reason()) and time.monotonic() < ends:
+            self._link.require()
+            time.sleep(0.001)
+        raise DeviceFaultError(reason or "the control program takes no setpoints")
+
+    def disable(self) -> None:
+        """Leave servo mode, the arm standing still, where there is still somebody to tell."""
+        was_enabled, self._is_enabled = self._is_enabled, False
+        link = self._link
+        if not was_enabled or not link.has_control or link.problem() or self._is_stale():
+            return
+        robot_mode, safety_mode, runtime_state = link.modes()
+        if obstacle(robot_mode, safety_mode) or runtime_state != RuntimeState.PLAYING:
+            return
+        link.order("servoStop", self._options.stop_deceleration, limit=_LONGEST_CYCLE)
+
+    def reset(self) -> None:
+        """Unlock, power up if so configured, and play the control program again.
+
+        Raises:
+            DeviceFaultError: what is wrong needs a person: a button, a safeguard, the pendant.
+            LinkError: the link is lost; a new process is needed.
+        """
+        self._link.require()
+        self._link.require_same()
+        self._clock.reset()
+        self._await_package(LinkError(f"{self._options.host} sends no data packages"))
+        with Dashboard(self._options.host) as dashboard:
+            self._require_remote(dashboard)
+            if self._link.modes()[1] == PROTECTIVE_STOP:
+                self._unlock(dashboard)
+            robot_mode, safety_mode, _ = self._link.modes()
+            if robot_mode != RUNNING and safety_mode <= 2 and self._options.release_brakes:
+                self._power_up(dashboard)
+            robot_mode, safety_mode, _ = self._link.modes()
+            reason = obstacle(robot_mode, safety_mode)
+            if reason:
+                raise DeviceFaultError(reason)
+            # Anew, not resumed: a program that was paused would go on to the setpoint it was
+            # stopped at.
+            dashboard.ask("stop")
+            self._await_runtime(RuntimeState.STOPPED)
+        if self._link.has_control:
+            self._link.play()
+
+    def close(self) -> None:
+        """End the control program and disconnect; after a loss, do nothing at all."""
+        self._is_enabled = False
+        if not self._is_stale():
+            self._link.disconnect()
+
+    # Parts of reading
+
+    def _measure(self, timestamp: float, now_ns: int) -> Feedback:
+        pose, speed, joints, scaling = self._link.motion()
+        self._speed_scaling = max(0.0, min(1.0, scaling))
+        q = exp((pose[3], pose[4], pose[5]))
+        return Feedback(
+            self._clock.measured_ns(timestamp, now_ns),
+            q,
+            rotate_back(q, (speed[3], speed[4], speed[5])),
+            (pose[0], pose[1], pose[2]),
+            tuple(joints),
+        )
+
+    def _look_for_age(self, now_ns: int) -> None:
+        self._looks += 1
+        age = (now_ns - self._changed_ns) * 1e-9
+        if self._looks < _LOOKS_BEFORE_STALE or self._timestamp < 0.0:
+            return
+        host, chosen = self._options.host, self._options
+        if age > chosen.link_timeout:
+            self._link.is_lost = True
+            raise LinkError(f"the controller's clock at {host} has stood still for {age:.3f} s")
+        if age > chosen.feedback_timeout:
+            # What is sent from now on would pile up, and reach the arm as one jump.
+            self._is_muted = True
+            raise FeedbackError(f"no feedback from {host} for {age:.3f} s")
+
+    def _is_stale(self) -> bool:
+        """Whether the controller may be frozen, so that waiting for it could last for ever."""
+        if self._timestamp < 0.0 or self._link.problem():
+            return False
+        if self._link.timestamp() != self._timestamp:
+            return False
+        return (self.clock.now_ns() - self._changed_ns) * 1e-9 > self._options.feedback_timeout
+
+    def _reason(self) -> str:
+        robot_mode, safety_mode, runtime_state = self._link.modes()
+        return obstacle(robot_mode, safety_mode) or interruption(runtime_state)
+
+    def _await_package(self, error: LinkError | FeedbackError) -> None:
+        """Wait until the controller's clock has moved twice, then take that as the newest."""
+        ends = time.monotonic() + 1.0
+        before = self._link.timestamp()
+        for _ in range(2):
+            while (timestamp := self._link.timestamp()) == before:
+                self._link.require()
+                if time.monotonic() > ends:
+                    self._link.is_lost = isinstance(error, LinkError)
+                    raise error
+                time.sleep(0.0005)
+            before = timestamp
+        now_ns = self.clock.now_ns()
+        self._timestamp, self._changed_ns, self._looks = before, now_ns, 0
+        self._feedback = self._measure(before, now_ns)
+
+    # Parts of enabling and resetting
+
+    def _order(self, name: str, *arguments: Any) -> None:  # noqa: ANN401 - the library's own
+        if not self._link.order(name, *arguments):
+            raise DeviceFaultError(
+                self._reason() or f"{self._options.host} did not carry out {name}"
+            )
+
+    def _require_readiness(self) -> None:
+        robot_mode, safety_mode, _ = self._link.modes()
+        reason = obstacle(robot_mode, safety_mode)
+        if reason:
+            raise DeviceFaultError(reason)
+        with Dashboard(self._options.host) as dashboard:
+            self._require_remote(dashboard)
+
+    def _require_remote(self, dashboard: Dashboard) -> None:
+        if self._options.check_remote_control and not dashboard.is_remote:
+            raise DeviceFaultError(
+                f"{self._options.host} is in local control; switch it to remote control on the "
+                "pendant"
+            )
+
+    def _await_runtime(self, state: RuntimeState) -> None:
+        ends = time.monotonic() + 1.0
+        while self._link.modes()[2] != state and time.monotonic() < ends:
+            self._link.require()
+            time.sleep(_POLL)
+
+    def _unlock(self, dashboard: Dashboard) -> None:
+        ends = time.monotonic() + self._options.unlock_timeout
+        answer = ""
+        while self._link.modes()[1] == PROTECTIVE_STOP:
+            self._link.require()
+            if time.monotonic() > ends:
+                raise DeviceFaultError(f"the protective stop stays locked: {answer}")
+            answer = dashboard.ask("unlock protective stop")
+            time.sleep(_POLL)
+        dashboard.ask("close safety popup")
+
+    def _power_up(self, dashboard: Dashboard) -> None:
+        dashboard.ask("power on")
+        dashboard.ask("brake release")
+        ends = time.monotonic() + _POWER_UP
+        while self._link.modes()[0] != RUNNING and time.monotonic() < ends:
+            self._link.require()
+            time.sleep(_POLL)

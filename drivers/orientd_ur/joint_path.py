@@ -1,0 +1,184 @@
+"""What a path of the tool asks of the arm's joints, before anything moves.
+
+The joints are followed from where they are, record by record, on the branch they begin on.  A
+path that the arm does not reach, a joint that would have to turn faster than it can or further
+than it can, and a singularity passed too near are refused with the time and the joint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+from orientd.driver import Quaternion, Vector3
+from orientd.driver.floats import conjugate, exp, log, multiply
+from orientd.errors import LimitError, PlanError
+from orientd_ur.kinematics import (
+    JOINT_NAMES,
+    JOINT_RANGE,
+    JOINT_SPEED,
+    Joints,
+    Matrix,
+    forward,
+    inverse,
+    matrix,
+    quaternion,
+    reserve,
+)
+
+SPEED_SHARE = 0.95
+"""How much of the joint speed a path may use; the arm's servo overshoots a little."""
+
+# Nearer than this a joint turns many times faster than the tool, whatever the present path asks.
+LEAST_RESERVE = {"wrist": 0.02, "elbow": 0.02, "shoulder": 0.02}
+_UNITS = {"wrist": "rad", "elbow": "rad", "shoulder": "m"}
+_ADVICE = {
+    "wrist": "begin with wrist 2 bent, or turn about another axis",
+    "elbow": "move the tool nearer to the base",
+    "shoulder": "move the tool away from the axis of the base",
+}
+# A solution further away than this is another branch: the arm would have to jump.
+_LONGEST_STEP = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Extreme:
+    """The worst of one quantity.
+
+    Attributes:
+        value: in rad/s for a joint, in the unit of the reserve otherwise.
+        time: when, s from the beginning of the path.
+    """
+
+    value: float
+    time: float
+
+
+@dataclass(frozen=True, slots=True)
+class JointReport:
+    """What a path asks of the joints.
+
+    Attributes:
+        speeds: the largest speed of each joint, by name.
+        reserves: the least distance from each kind of singularity, by name.
+        end: where the joints end, rad.
+    """
+
+    speeds: dict[str, Extreme]
+    reserves: dict[str, Extreme]
+    end: Joints
+
+
+def follow(
+    poses: Iterable[tuple[Quaternion, Vector3]],
+    start: Sequence[float],
+    *,
+    tcp_offset: Sequence[float] = (0.0,) * 6,
+) -> Iterator[Joints | None]:
+    """Yield the joints for each pose of the tool, continuously from *start*.
+
+    Args:
+        poses: orientation and position (m) of the tool in the base.
+        start: joints near the first pose, rad.
+        tcp_offset: pose of the tool in the flange, m and rad.
+
+    Yields:
+        Joints in rad; ``None``, and then nothing more, where the arm does not reach.
+    """
+    x, y, z, rx, ry, rz = tcp_offset
+    turn = matrix(exp((rx, ry, rz)))
+    near = tuple(start)
+    for q, position in poses:
+        flange = _times_transposed(matrix(q), turn)
+        px, py, pz = (row[0] * x + row[1] * y + row[2] * z for row in flange)
+        at = (position[0] - px, position[1] - py, position[2] - pz)
+        joints = inverse(flange, at, near)
+        yield joints
+        if joints is None:
+            return
+        near = joints
+
+
+def tool_in_flange(joints: Sequence[float], pose: Sequence[float]) -> tuple[float, ...]:
+    """Return where the tool is in the flange: position (m) and rotation vector (rad).
+
+    From what the controller says of joints and tool together it takes in the arm's own calibration,
+    by which it differs from the published table by some tenths of a millimetre.
+    """
+    rotation, position = forward(joints)
+    back = tuple(zip(*rotation, strict=True))
+    gap = [p - q for p, q in zip(pose[:3], position, strict=True)]
+    offset = tuple(sum(a * b for a, b in zip(row, gap, strict=True)) for row in back)
+    turned = multiply(conjugate(quaternion(rotation)), exp((pose[3], pose[4], pose[5])))
+    return (*offset, *log(turned))
+
+
+def examine(
+    times: Sequence[float],
+    poses: Iterable[tuple[Quaternion, Vector3]],
+    start: Sequence[float],
+    *,
+    tcp_offset: Sequence[float] = (0.0,) * 6,
+) -> JointReport:
+    """Return what a path asks of the joints, or refuse it.
+
+    Args:
+        times: of the poses, s, increasing.
+        poses: orientation and position (m) of the tool in the base.
+        start: the joints as they are now, rad.
+        tcp_offset: pose of the tool in the flange, m and rad.
+
+    Raises:
+        LimitError: a joint would turn too fast or too far, or a singularity is too near.
+        PlanError: the arm does not reach a pose, or not without a jump.
+    """
+    speeds = {name: Extreme(0.0, times[0] if len(times) else 0.0) for name in JOINT_NAMES}
+    reserves: dict[str, Extreme] = {}
+    before, before_time = tuple(start), None
+    for time, joints in zip(times, follow(poses, start, tcp_offset=tcp_offset), strict=False):
+        if joints is None:
+            raise PlanError(f"the arm does not reach the pose at {time:.4f} s")
+        for name, value in reserve(joints).items():
+            if name not in reserves or value < reserves[name].value:
+                reserves[name] = Extreme(value, time)
+        for name, here, there in zip(JOINT_NAMES, before, joints, strict=True):
+            if before_time is not None:
+                if abs(there - here) > _LONGEST_STEP:
+                    raise PlanError(f"the joint {name} would have to jump at {time:.4f} s")
+                rate = abs(there - here) / (time - before_time)
+                if rate > speeds[name].value:
+                    speeds[name] = Extreme(rate, time)
+            if abs(there) > JOINT_RANGE:
+                raise LimitError(
+                    f"angle of joint {name}", abs(there), JOINT_RANGE, time, "rad",
+                    "unwind the joint first",
+                )  # fmt: skip
+        before, before_time = joints, time
+    _refuse_fast(speeds)
+    _refuse_singular(reserves)
+    return JointReport(speeds, reserves, before)  # type: ignore[arg-type] # six of them
+
+
+def _refuse_fast(speeds: dict[str, Extreme]) -> None:
+    name, worst = max(speeds.items(), key=lambda entry: entry[1].value)
+    limit = SPEED_SHARE * JOINT_SPEED
+    if worst.value > limit:
+        raise LimitError(
+            f"speed of joint {name}", worst.value, limit, worst.time, "rad/s",
+            "allow the motion more time, or keep away from singularities",
+        )  # fmt: skip
+
+
+def _refuse_singular(reserves: dict[str, Extreme]) -> None:
+    for kind, least in reserves.items():
+        if least.value < LEAST_RESERVE[kind]:
+            raise PlanError(
+                f"the {kind} comes within {least.value:.4f} {_UNITS[kind]} of its singularity at "
+                f"{least.time:.4f} s, at least {LEAST_RESERVE[kind]:g} are needed; {_ADVICE[kind]}"
+            )
+
+
+def _times_transposed(a: Matrix, b: Matrix) -> Matrix:
+    return tuple(  # type: ignore[return-value] # three by three, from three by three
+        tuple(sum(p * q for p, q in zip(row, other, strict=True)) for other in b) for row in a
+    )

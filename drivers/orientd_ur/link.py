@@ -1,0 +1,229 @@
+"""The client library's objects, and every way in which they may be called.
+
+The library (``ur-rtde``) reconnects by itself, and then may crash the process; after a loss some
+of its calls last five minutes, and its destructors may abort.  Three rules follow, and this module
+keeps them: look whether the link lives before each call; never call again once it does not; put a
+bound on every call that can wait.  All of it happens on the thread that calls.
+"""
+
+from __future__ import annotations
+
+import importlib
+import time
+from typing import Any
+
+from orientd.errors import DeviceFaultError, LinkError
+from orientd_ur.deadline import process_ends_after
+from orientd_ur.sockets import send_at_once
+from orientd_ur.states import RuntimeState
+
+VARIABLES = [
+    "timestamp",
+    "actual_q",
+    "actual_TCP_pose",
+    "actual_TCP_speed",
+    "target_TCP_pose",
+    "speed_scaling",
+    "target_speed_fraction",
+    "robot_mode",
+    "safety_mode",
+    "runtime_state",
+]
+
+_CONSTRUCTION_LIMIT = 8.0
+_CALL_LIMIT = 3.0
+_REGISTER_RETRIES = 10
+
+# What was once connected is never destroyed: its destructor may hang or abort.  The process ends
+# without it.
+_KEPT: list[Any] = []
+
+
+class Link:
+    """The receiving and the controlling connection to one robot.
+
+    Attributes:
+        is_lost: whether the library must not be touched any more.
+    """
+
+    def __init__(self, host: str) -> None:
+        self.host = host
+        self.is_lost = False
+        self._receive: Any = None
+        self._control: Any = None
+        self._ports: frozenset[int] = frozenset()
+
+    @property
+    def has_control(self) -> bool:
+        """Whether the controlling connection was made."""
+        return self._control is not None
+
+    def connect(self) -> None:
+        """Make the receiving connection.
+
+        Raises:
+            LinkError: the robot refuses it.
+        """
+        module = importlib.import_module("rtde_receive")
+        try:
+            with process_ends_after(_CONSTRUCTION_LIMIT):
+                self._receive = module.RTDEReceiveInterface(self.host, -1.0, VARIABLES)
+        except RuntimeError as error:
+            raise LinkError(f"{self.host}: {error}") from error
+        _KEPT.append(self._receive)
+        self._ports = send_at_once(self.host)
+
+    def take_control(self) -> None:
+        """Make the controlling connection, which uploads the control program and plays it.
+
+        Raises:
+            LinkError: another client holds the registers.
+            DeviceFaultError: the robot does not take the program.
+        """
+        module = importlib.import_module("rtde_control")
+        for attempt in range(_REGISTER_RETRIES):
+            try:
+                with process_ends_after(_CONSTRUCTION_LIMIT):
+                    self._control = module.RTDEControlInterface(self.host)
+                break
+            except RuntimeError as error:
+                text = " ".join(str(error).split())
+                if "in use" not in text.lower():
+                    raise DeviceFaultError(f"{self.host}: {text}") from error
+                if attempt == _REGISTER_RETRIES - 1:
+                    raise LinkError(
+                        f"another client holds the registers of {self.host}; end it first ({text})"
+                    ) from error
+                # A controller gives registers back a moment after their holder has gone.
+                time.sleep(0.1)
+        _KEPT.append(self._control)
+        self._ports = send_at_once(self.host)
+
+    def problem(self) -> str:
+        """Return why the link counts as lost; nothing while it lives."""
+        if self.is_lost:
+            return f"the connection to {self.host} was lost"
+        if self._receive is None:
+            return f"{self.host} is not connected"
+        if not self._receive.isConnected() or (
+            self._control is not None and not self._control.isConnected()
+        ):
+            return f"{self.host} closed the connection"
+        return ""
+
+    def require(self) -> None:
+        """Do nothing while the link lives.
+
+        Raises:
+            LinkError: it does not; the library is not touched again.
+        """
+        problem = self.problem()
+        if problem:
+            self.is_lost = self.is_lost or self._receive is not None
+            raise LinkError(problem)
+
+    def require_same(self) -> None:
+        """Do nothing while the connections are those that were made.
+
+        The library may have connected anew within one slow call, and uploaded and played its
+        program again, without a word: without our watchdog, and with the arm anywhere.
+
+        Raises:
+            LinkError: it has.
+        """
+        if send_at_once(self.host) != self._ports:
+            self.is_lost = True
+            raise LinkError(f"{self.host} closed the connection, and the library made another")
+
+    # What the controller says; called every cycle.
+
+    def timestamp(self) -> float:
+        """Return the controller's clock at its newest package, s."""
+        return float(self._receive.getTimestamp())
+
+    def modes(self) -> tuple[int, int, int]:
+        """Return robot mode, safety mode and runtime state."""
+        receive = self._receive
+        return (
+            int(receive.getRobotMode()),
+            int(receive.getSafetyMode()),
+            int(receive.getRuntimeState()),
+        )
+
+    def motion(self) -> tuple[list[float], list[float], list[float], float]:
+        """Return measured pose, measured speed, joint angles and speed scaling."""
+        receive = self._receive
+        return (
+            receive.getActualTCPPose(),
+            receive.getActualTCPSpeed(),
+            receive.getActualQ(),
+            receive.getSpeedScaling() * receive.getTargetSpeedFraction(),
+        )
+
+    def target_pose(self) -> list[float]:
+        """Return the pose the controller commands."""
+        pose: list[float] = self._receive.getTargetTCPPose()
+        return pose
+
+    # Orders; each asks whether the link lives, and each is bounded.
+
+    def servo(self, pose: list[float], servo_time: float, lookahead: float, gain: float) -> bool:
+        """Send one setpoint; return whether the program took it.  Does not wait for the robot."""
+        return bool(self._control.servoL(pose, 0.0, 0.0, servo_time, lookahead, gain))
+
+    def kick(self) -> None:
+        """Keep the watchdog quiet while no setpoint does."""
+        self._control.kickWatchdog()
+
+    def order(self, name: str, *arguments: Any, limit: float = _CALL_LIMIT) -> bool:  # noqa: ANN401 - the library's own
+        """Call a method of the controlling connection that waits for the robot.
+
+        Args:
+            name: of the method.
+            arguments: its arguments.
+            limit: s after which the process ends.
+
+        Raises:
+            LinkError: the link is lost.
+        """
+        self.require()
+        with process_ends_after(limit):
+            return bool(getattr(self._control, name)(*arguments))
+
+    def play(self, timeout: float = 2.0) -> None:
+        """Upload the control program anew and wait until it plays.
+
+        Raises:
+            LinkError: the link is lost.
+            DeviceFaultError: the robot does not play it.
+        """
+        try:
+            self.order("reuploadScript")
+        except RuntimeError as error:
+            raise DeviceFaultError(f"{self.host} takes no program: {error}") from error
+        self._ports = send_at_once(self.host)
+        ends = time.monotonic() + timeout
+        while self.modes()[2] != RuntimeState.PLAYING or not self._control.isProgramRunning():
+            self.require()
+            if time.monotonic() > ends:
+                raise DeviceFaultError(
+                    f"{self.host} does not play the control program; is it in remote control?"
+                )
+            time.sleep(0.002)
+
+    def disconnect(self) -> None:
+        """End the control program and close the connections, if the link lives.  Never raises."""
+        if self.problem():
+            self.is_lost = self.is_lost or self._receive is not None
+            return
+        try:
+            with process_ends_after(_CALL_LIMIT):
+                if self._control is not None:
+                    self._control.stopScript()
+                    self._control.disconnect()
+                self._receive.disconnect()
+        except RuntimeError:
+            # The link went in this very moment; nothing of it may be touched again.
+            self.is_lost = True
+            return
+        self._control = self._receive = None

@@ -1,0 +1,150 @@
+"""The options of the UR driver, checked.
+
+``host``
+    the robot's address; required.  The ports are fixed by the client library.
+``lookahead``
+    s, 0.03 to 0.2, default 0.1: how far the controller smooths; the arm lags behind by about as
+    much.
+``gain``
+    100 to 2000, default 300: how hard the controller pulls the arm to the setpoint.
+``servo_time``
+    s, 0.002 to 0.1, default one period: for how long one setpoint commands the arm.
+``tcp_offset``
+    ``[x, y, z, rx, ry, rz]`` of the tool in the flange, m and rad; default what the robot has.
+``payload_mass``, ``payload_cog``
+    kg, and the centre of gravity ``[x, y, z]`` in m; default what the robot has.
+``watchdog_hz``
+    1 to 100, default 10: the robot ends the program when it hears less often.
+``feedback_timeout``
+    s, 0.01 to 1, default 0.1: how long the controller's clock may stand still before feedback
+    counts as missing.
+``link_timeout``
+    s, up to 2, default 0.5: how long before the link counts as lost.  The client library closes
+    frozen connections after 2.5 s and may then crash or hang.
+``stop_deceleration``
+    m/s^2 and rad/s^2, default 10, with which the robot leaves servo mode.
+``unlock_timeout``
+    s, default 8: how long a reset tries to unlock a protective stop; a robot refuses for 5 s.
+``release_brakes``
+    whether a reset powers the arm and releases its brakes; default true.
+``check_remote_control``
+    whether to insist on remote control; default true.  CB3 robots do not know it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+Vector = tuple[float, ...]
+
+# Name: lowest, highest, default.  The default of `servo_time` is the period.
+_NUMBERS: dict[str, tuple[float, float, float]] = {
+    "lookahead": (0.03, 0.2, 0.1),
+    "gain": (100.0, 2000.0, 300.0),
+    "servo_time": (0.002, 0.1, 0.002),
+    "watchdog_hz": (1.0, 100.0, 10.0),
+    "feedback_timeout": (0.01, 1.0, 0.1),
+    "link_timeout": (0.05, 2.0, 0.5),
+    "stop_deceleration": (0.1, 40.0, 10.0),
+    "unlock_timeout": (0.1, 15.0, 8.0),
+}
+_VECTORS = {"tcp_offset": 6, "payload_cog": 3}
+_SWITCHES = ("release_brakes", "check_remote_control")
+_HEAVIEST = 50.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UrOptions:
+    """What the module's text describes, each a checked value."""
+
+    host: str
+    lookahead: float
+    gain: float
+    servo_time: float
+    watchdog_hz: float
+    feedback_timeout: float
+    link_timeout: float
+    stop_deceleration: float
+    unlock_timeout: float
+    tcp_offset: Vector | None
+    payload_mass: float | None
+    payload_cog: Vector
+    release_brakes: bool
+    check_remote_control: bool
+
+
+def check(given: Mapping[str, Any], *, period: float) -> UrOptions:
+    """Return the options in *given*, the defaults for the rest.
+
+    Args:
+        given: the driver's table of the configuration.
+        period: cycle period, s.
+
+    Raises:
+        ValueError: an option is unknown, missing or not allowed; the message names it.
+    """
+    known = {"host", "payload_mass", *_NUMBERS, *_VECTORS, *_SWITCHES}
+    for name in given:
+        if name not in known:
+            raise ValueError(f"unknown option {name!r}, allowed are: {', '.join(sorted(known))}")
+    host = given.get("host")
+    if not isinstance(host, str) or not host.strip() or host != host.strip():
+        raise ValueError(f"host must be the robot's address, got {host!r}")
+    numbers = {
+        name: _number(name, given.get(name, default), lowest, highest)
+        for name, (lowest, highest, default) in _NUMBERS.items()
+    }
+    if "servo_time" not in given:
+        # Commanding for exactly a period leaves the arm without orders in no tick.
+        numbers["servo_time"] = _number("servo_time", max(period, 0.002), 0.002, 0.1)
+    if numbers["link_timeout"] < numbers["feedback_timeout"]:
+        raise ValueError(
+            f"link_timeout must be at least feedback_timeout, {numbers['feedback_timeout']}, "
+            f"got {numbers['link_timeout']}"
+        )
+    mass = given.get("payload_mass")
+    if mass is None and "payload_cog" in given:
+        raise ValueError("payload_cog needs payload_mass")
+    return UrOptions(
+        host=host,
+        tcp_offset=_vector("tcp_offset", given.get("tcp_offset")),
+        payload_mass=None if mass is None else _number("payload_mass", mass, 0.0, _HEAVIEST),
+        payload_cog=_vector("payload_cog", given.get("payload_cog")) or (0.0, 0.0, 0.0),
+        release_brakes=_switch("release_brakes", given.get("release_brakes", True)),
+        check_remote_control=_switch(
+            "check_remote_control", given.get("check_remote_control", True)
+        ),
+        **numbers,
+    )
+
+
+def _is_number(given: object) -> bool:
+    return isinstance(given, (int, float)) and not isinstance(given, bool) and math.isfinite(given)
+
+
+def _number(name: str, given: Any, lowest: float, highest: float) -> float:  # noqa: ANN401 - checked here
+    if not _is_number(given) or not lowest <= given <= highest:
+        raise ValueError(f"{name} must be a number from {lowest:g} to {highest:g}, got {given!r}")
+    return float(given)
+
+
+def _vector(name: str, given: Any) -> Vector | None:  # noqa: ANN401 - checked here
+    if given is None:
+        return None
+    length = _VECTORS[name]
+    if (
+        not isinstance(given, (list, tuple))
+        or len(given) != length
+        or not all(_is_number(part) for part in given)
+    ):
+        raise ValueError(f"{name} must be {length} numbers, got {given!r}")
+    return tuple(float(part) for part in given)
+
+
+def _switch(name: str, given: object) -> bool:
+    if not isinstance(given, bool):
+        raise ValueError(f"{name} must be true or false, got {given!r}")
+    return given

@@ -1,0 +1,44 @@
+"""Between quaternions and the rotation vectors that a UR controller takes.
+
+A rotation vector has a seam: where the turn reaches pi the shortest vector jumps to the opposite
+side.  Both sides are the same orientation, and a controller that reads all six numbers of a pose
+at once does not mind.  One that read half of them before and half after the jump would be sent
+somewhere else altogether.  So the vector is carried on beyond pi, continuously, and changes sides
+only when it is longer than 1.5 pi, half-way to 2 pi, near which its axis is not defined: an
+orientation that trembles about pi never jumps at all.
+"""
+
+from __future__ import annotations
+
+from math import atan2, pi, sqrt, tau
+
+from orientd.driver import Quaternion, Vector3
+
+LONGEST = 1.5 * pi
+
+
+def shortest(q: Quaternion) -> Vector3:
+    """Return the rotation vector of a unit quaternion that is not longer than pi, in rad."""
+    w, x, y, z = q
+    if w < 0.0:
+        w, x, y, z = -w, -x, -y, -z
+    sine = sqrt(x * x + y * y + z * z)
+    # 2 atan2(s, w) / s tends to 2 for a turn of nothing.
+    scale = 2.0 * atan2(sine, w) / sine if sine > 1e-150 else 2.0
+    return (x * scale, y * scale, z * scale)
+
+
+def continued(q: Quaternion, last: Vector3) -> Vector3:
+    """Return the rotation vector of *q* on the side of *last*, unless that is too long; rad."""
+    r = shortest(q)
+    rx, ry, rz = r
+    angle = sqrt(rx * rx + ry * ry + rz * rz)
+    if angle < tau - LONGEST:
+        # The vector on the other side would be longer than is allowed.
+        return r
+    other = 1.0 - tau / angle
+    ox, oy, oz = rx * other, ry * other, rz * other
+    lx, ly, lz = last
+    here = (rx - lx) ** 2 + (ry - ly) ** 2 + (rz - lz) ** 2
+    there = (ox - lx) ** 2 + (oy - ly) ** 2 + (oz - lz) ** 2
+    return (ox, oy, oz) if there < here else r

@@ -1,0 +1,166 @@
+"""A look at a controller before the client library is let near it.
+
+The library waits for ever, the interpreter's lock in its hand, for a controller that accepts and
+says nothing, and ends the process on versions it does not know.  This looks with plain sockets and
+time limits and says what is wrong; it changes nothing on the robot.
+"""
+
+from __future__ import annotations
+
+import socket
+import time
+from dataclasses import dataclass
+
+from orientd.errors import LinkError
+from orientd_ur import rtde
+from orientd_ur.dashboard import Dashboard
+from orientd_ur.sockets import RTDE_PORT, SCRIPT_PORT
+
+
+@dataclass(frozen=True, slots=True)
+class Probe:
+    """What a look at a controller found.
+
+    Attributes:
+        version: of its software.
+        is_remote: whether it is in remote control.
+        robot_mode, safety_mode, runtime_state: the controller's numbers, see `states`.
+        registers_are_free: whether the registers of the control script can be had.
+        round_trip: s from a request to its answer, the median of a few.
+        jitter: s, the largest departure of packages from their even spacing.
+    """
+
+    version: tuple[int, ...]
+    is_remote: bool
+    robot_mode: int
+    safety_mode: int
+    runtime_state: int
+    registers_are_free: bool
+    round_trip: float
+    jitter: float
+
+    @property
+    def version_problem(self) -> str:
+        """Why the client library cannot drive this version; nothing where it can."""
+        major, minor = self.version[:2]
+        text = ".".join(str(part) for part in self.version[:3])
+        if major == 5 and minor < 4:
+            return f"PolyScope {text} ends the client library; 5.4 or newer is needed"
+        if major == 10 and minor < 10:
+            return f"PolyScope {text} takes no script upload; 10.10 or newer is needed"
+        return ""
+
+
+def look(host: str, *, timeout: float = 2.0, packages: int = 5) -> Probe:
+    """Look at the controller at *host*.
+
+    Args:
+        host: its address.
+        timeout: s that each answer may take.
+        packages: how many data packages to wait for, 2 or more.
+
+    Raises:
+        LinkError: something does not answer; the message says what.
+    """
+    with Dashboard(host, timeout=timeout) as dashboard:
+        is_remote = dashboard.is_remote
+    with _Client(host, timeout) as client:
+        trips = []
+        for _ in range(5):
+            begun = time.monotonic()
+            version = rtde.controller_version(client.ask(rtde.package(rtde.CONTROLLER_VERSION)))
+            trips.append(time.monotonic() - begun)
+        # Only asked for, and given back with the connection's end.
+        inputs = client.ask(rtde.inputs_request("input_int_register_0", "input_double_register_0"))
+        if b"NOT_FOUND" in client.ask(rtde.outputs_request(500.0 if version[0] > 3 else 125.0)):
+            raise LinkError(f"{host} lacks one of the variables {', '.join(rtde.PROBED)}")
+        client.ask(rtde.package(rtde.START))
+        arrivals, latest = [], (0.0, 0, 0, 0)
+        for _ in range(max(2, packages)):
+            latest = rtde.sample(client.await_kind(rtde.DATA))
+            arrivals.append(time.monotonic() - latest[0])
+    try:
+        socket.create_connection((host, SCRIPT_PORT), timeout).close()
+    except OSError as error:
+        raise LinkError(f"no script port at {host}:{SCRIPT_PORT}: {error}") from error
+    return Probe(
+        version=version,
+        is_remote=is_remote,
+        robot_mode=latest[1],
+        safety_mode=latest[2],
+        runtime_state=latest[3],
+        registers_are_free=b"IN_USE" not in inputs,
+        round_trip=sorted(trips)[len(trips) // 2],
+        jitter=max(arrivals) - min(arrivals),
+    )
+
+
+def whereabouts(host: str, *, timeout: float = 2.0) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the joints (rad) and the tool's pose that the controller at *host* commands.
+
+    Raises:
+        LinkError: it does not answer.
+    """
+    with _Client(host, timeout) as client:
+        client.ask(rtde.outputs_request(125.0, rtde.PLACE))
+        client.ask(rtde.package(rtde.START))
+        return rtde.place(client.await_kind(rtde.DATA))
+
+
+class _Client:
+    """An RTDE connection that gives up after a while."""
+
+    def __init__(self, host: str, timeout: float) -> None:
+        self._where = f"{host}:{RTDE_PORT}"
+        self._timeout = timeout
+        self._pending = b""
+        try:
+            self._sock = socket.create_connection((host, RTDE_PORT), timeout)
+        except OSError as error:
+            raise LinkError(f"nothing answers at {self._where}: {error}") from error
+
+    def __enter__(self) -> _Client:
+        try:
+            accepted = self.ask(rtde.version_request())
+            if accepted != b"\x01":
+                raise LinkError(f"{self._where} does not speak version 2 of RTDE")
+        except LinkError:
+            self._sock.close()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._sock.close()
+
+    def ask(self, request: bytes) -> bytes:
+        """Send *request* and return the payload of its answer."""
+        try:
+            self._sock.sendall(request)
+        except OSError as error:
+            raise LinkError(f"{self._where} is gone: {error}") from error
+        return self.await_kind(request[2])
+
+    def await_kind(self, kind: int) -> bytes:
+        """Return the payload of the next package of *kind*."""
+        ends = time.monotonic() + self._timeout
+        while True:
+            try:
+                taken = rtde.take(self._pending)
+                if taken is not None:
+                    got, payload, self._pending = taken
+                    if got == kind:
+                        return payload
+                    continue
+                left = ends - time.monotonic()
+                if left <= 0.0:
+                    raise TimeoutError("timed out")
+                self._sock.settimeout(left)
+                chunk = self._sock.recv(65536)
+            except (OSError, ValueError) as error:
+                what = "data packages" if kind == rtde.DATA else f"an answer to {chr(kind)!r}"
+                raise LinkError(f"{self._where} accepts, but {what} did not come: {error}") from (
+                    error
+                )
+            if not chunk:
+                raise LinkError(f"{self._where} closed the connection")
+            self._pending += chunk

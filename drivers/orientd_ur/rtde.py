@@ -1,0 +1,95 @@
+"""The few RTDE packages that a look at a controller takes, as bytes; no sockets here.
+
+Version 2 of the protocol, from the client's side, big endian: ``u16 size, u8 kind, payload``.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+
+VERSION = ord("V")
+CONTROLLER_VERSION = ord("v")
+OUTPUTS = ord("O")
+INPUTS = ord("I")
+START = ord("S")
+PAUSE = ord("P")
+DATA = ord("U")
+
+_HEADER = struct.Struct(">HB")
+
+PROBED = ("timestamp", "robot_mode", "safety_mode", "runtime_state")
+PLACE = ("target_q", "target_TCP_pose")
+_PLACE = struct.Struct(">B6d6d")
+_SAMPLE = struct.Struct(">BdiiI")
+
+
+def package(kind: int, payload: bytes = b"") -> bytes:
+    """Return a package with its header."""
+    return _HEADER.pack(_HEADER.size + len(payload), kind) + payload
+
+
+def version_request() -> bytes:
+    """Ask for version 2 of the protocol."""
+    return package(VERSION, struct.pack(">H", 2))
+
+
+def outputs_request(frequency: float, names: Sequence[str] = PROBED) -> bytes:
+    """Ask for the variables *names*, *frequency* times a second."""
+    return package(OUTPUTS, struct.pack(">d", frequency) + ",".join(names).encode())
+
+
+def inputs_request(*names: str) -> bytes:
+    """Ask to be the one that writes *names*."""
+    return package(INPUTS, ",".join(names).encode())
+
+
+def take(stream: bytes) -> tuple[int, bytes, bytes] | None:
+    """Return kind and payload of the first package and what follows it, or ``None`` so far.
+
+    Raises:
+        ValueError: the bytes are no RTDE package.
+    """
+    if len(stream) < _HEADER.size:
+        return None
+    size, kind = _HEADER.unpack_from(stream)
+    if size < _HEADER.size:
+        raise ValueError(f"a package of {size} bytes is shorter than its header")
+    if len(stream) < size:
+        return None
+    return kind, stream[_HEADER.size : size], stream[size:]
+
+
+def controller_version(payload: bytes) -> tuple[int, ...]:
+    """Return the four numbers of the controller's version.
+
+    Raises:
+        ValueError: the payload is not four numbers.
+    """
+    if len(payload) != 16:
+        raise ValueError(f"a controller version is 16 bytes, got {len(payload)}")
+    return struct.unpack(">4I", payload)
+
+
+def sample(payload: bytes) -> tuple[float, int, int, int]:
+    """Return timestamp (s), robot mode, safety mode and runtime state of a data package.
+
+    Raises:
+        ValueError: the payload is not as asked for.
+    """
+    if len(payload) != _SAMPLE.size:
+        raise ValueError(f"a sample is {_SAMPLE.size} bytes, got {len(payload)}")
+    _, timestamp, robot_mode, safety_mode, runtime_state = _SAMPLE.unpack(payload)
+    return timestamp, robot_mode, safety_mode, runtime_state
+
+
+def place(payload: bytes) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the joints and the tool's pose of a data package of :data:`PLACE`.
+
+    Raises:
+        ValueError: the payload is not as asked for.
+    """
+    if len(payload) != _PLACE.size:
+        raise ValueError(f"a place is {_PLACE.size} bytes, got {len(payload)}")
+    numbers = _PLACE.unpack(payload)
+    return numbers[1:7], numbers[7:13]

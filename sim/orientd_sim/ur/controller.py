@@ -1,0 +1,372 @@
+"""The emulated controller: its states, its registers, its program and its arm; no sockets here.
+
+:meth:`Controller.tick` advances everything by 2 ms.  Whoever owns the sockets calls it, hands it
+what clients wrote, and reads variables by their RTDE names with :meth:`Controller.value`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from orientd_sim.ur.arm import TICK, Arm, Mode
+from orientd_sim.ur.outputs import OUTPUT_GETTERS
+from orientd_sim.ur.script import SIGNATURE, ControlScript, PlainProgram
+from orientd_sim.ur.tool import Tool, UnreachableError
+from orientd_sim.ur.variables import REGISTERS, RobotMode, RuntimeState, SafetyMode
+from orientd_sim.ur.wire import Value
+
+_OFFSETS = re.compile(r"reg_offset_(int|float) = # \w+ register offset\n\s*(\d+)")
+
+_STOPPED_BY_SAFETY = frozenset(
+    {
+        SafetyMode.PROTECTIVE_STOP,
+        SafetyMode.SAFEGUARD_STOP,
+        SafetyMode.SYSTEM_EMERGENCY_STOP,
+        SafetyMode.ROBOT_EMERGENCY_STOP,
+        SafetyMode.VIOLATION,
+        SafetyMode.FAULT,
+    }
+)
+_HARD_DECELERATION = 30.0
+
+
+class RefusedError(Exception):
+    """A request that the robot's present state does not allow; the text is what it answers."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Behaviour:
+    """What differs between robots, or is not known of real ones.
+
+    Attributes:
+        version: of the software; major, minor, bugfix, build.
+        serial: digits only, as clients insist.
+        protective_stop_leaves: runtime state a protective stop leaves the program in.
+        unlock_after: s after which a protective stop may be unlocked.
+        power_up: s from one robot mode to the next when powering on.
+        program_start: s from the upload of a program until it plays.
+        stops_on_breach: whether a joint over its limits stops the robot, or is merely clamped.
+    """
+
+    version: tuple[int, int, int, int] = (5, 12, 6, 1102099)
+    serial: str = "20235500123"
+    protective_stop_leaves: RuntimeState = RuntimeState.PAUSED
+    unlock_after: float = 5.0
+    power_up: float = 0.1
+    program_start: float = 0.02
+    stops_on_breach: bool = True
+
+
+class Controller:
+    """One robot."""
+
+    def __init__(self, behaviour: Behaviour | None = None) -> None:
+        self.behaviour = behaviour or Behaviour()
+        self.arm = Arm()
+        self.ticks = 0
+        # Clients take a clock that starts at zero for a controller that is still booting.
+        self.timestamp = 100.0
+        self.robot_mode = RobotMode.RUNNING
+        self.safety_mode = SafetyMode.NORMAL
+        self.runtime_state = RuntimeState.STOPPED
+        self.is_remote = True
+        self.loaded_program = ""
+        self.speed_slider = 1.0
+        self.speed_fraction = 1.0
+        self.speed_limiter = 1.0
+        self.tool = Tool(self.arm)
+        self.payload = 0.0
+        self.payload_cog: tuple[float, ...] = (0.0, 0.0, 0.0)
+        self.payload_inertia: tuple[float, ...] = (0.0,) * 6
+        self.gravity: tuple[float, ...] = (0.0, 0.0, 9.82)
+        self.digital_outputs = 0
+        self.analog_outputs = [0.0, 0.0]
+        self.input_ints = [0] * REGISTERS
+        self.input_doubles = [0.0] * REGISTERS
+        self.output_ints = [0] * REGISTERS
+        self.output_doubles = [0.0] * REGISTERS
+        self.log: list[str] = []
+        self.on_message: Callable[[str], None] = lambda _text: None
+        self.program: ControlScript | PlainProgram | None = None
+        self._next_program: ControlScript | PlainProgram | None = None
+        self._due: list[tuple[int, Callable[[], None]]] = []
+        self._watchdog: tuple[str, int] | None = None
+        self._watchdog_fed = 0
+        self._stopped_since = 0
+
+    # The cycle.
+
+    def tick(self) -> None:
+        """Advance by 2 ms."""
+        self.ticks += 1
+        self.timestamp += TICK
+        self.tool.forget_poses()
+        while self._due and self._due[0][0] <= self.ticks:
+            self._due.pop(0)[1]()
+        self._move_slider()
+        self._run_program()
+        breach = self.arm.step(self.speed_scaling)
+        if breach is not None and self.behaviour.stops_on_breach and self.is_powered:
+            self.protective_stop(str(breach))
+        if self.runtime_state is RuntimeState.PAUSING and self.arm.is_still:
+            self.runtime_state = RuntimeState.PAUSED
+
+    def later(self, seconds: float, action: Callable[[], None]) -> None:
+        """Call *action* at the first tick after *seconds*."""
+        self._due.append((self.ticks + max(1, round(seconds / TICK)), action))
+        self._due.sort(key=lambda entry: entry[0])
+
+    @property
+    def speed_scaling(self) -> float:
+        """How fast a program's time runs: the slider's fraction times what the limiter leaves."""
+        return self.speed_fraction * self.speed_limiter
+
+    def _move_slider(self) -> None:
+        # A full change of the slider takes half a second.
+        step = TICK / 0.5
+        change = self.speed_slider - self.speed_fraction
+        self.speed_fraction += max(-step, min(step, change))
+
+    def _run_program(self) -> None:
+        if self.program is None or self.runtime_state is not RuntimeState.PLAYING:
+            return
+        if self.safety_mode in _STOPPED_BY_SAFETY:
+            return
+        if self._watchdog is not None and self.ticks - self._watchdog_fed > self._watchdog[1]:
+            self._end_program("watchdog: no input in time")
+            return
+        try:
+            goes_on = self.program.advance()
+        except UnreachableError as error:
+            self._end_program(f"program ended: {error}")
+            return
+        if not goes_on:
+            self._end_program("")
+
+    # Programs.
+
+    @property
+    def is_powered(self) -> bool:
+        """Whether the brakes are off and the arm may move."""
+        return self.robot_mode is RobotMode.RUNNING
+
+    @property
+    def can_move(self) -> bool:
+        """Whether nothing forbids a program to move the arm."""
+        return self.is_powered and self.safety_mode not in _STOPPED_BY_SAFETY
+
+    def upload(self, text: str) -> None:
+        """Take a program sent to the script port; ignore it where a robot would."""
+        if not self.is_remote or not self.can_move:
+            self.say("program refused: not in remote control, or stopped")
+            return
+        program: ControlScript | PlainProgram
+        if text.lstrip().startswith(SIGNATURE):
+            offsets = {"int": 0, "float": 0}
+            offsets |= {kind: int(number) for kind, number in _OFFSETS.findall(text)}
+            program = ControlScript(self, int_offset=offsets["int"], double_offset=offsets["float"])
+        elif text.lstrip().startswith("sec "):
+            return
+        else:
+            program = PlainProgram(0.1)
+        if self.program is not None:
+            self._end_program("replaced by another program")
+        self._next_program = program
+        self.later(self.behaviour.program_start, lambda: self._start(program))
+
+    def _start(self, program: ControlScript | PlainProgram) -> None:
+        if program is not self._next_program or not self.can_move:
+            return
+        self._next_program = None
+        self._watchdog = None
+        self.program = program
+        self.arm.hold() if self.arm.is_still else self.arm.brake(_HARD_DECELERATION)
+        self.runtime_state = RuntimeState.PLAYING
+
+    def _end_program(self, why: str) -> None:
+        if why:
+            self.say(why)
+        self.program = None
+        self._watchdog = None
+        self.runtime_state = RuntimeState.STOPPED
+        if self.arm.mode is not Mode.HOLD:
+            self.arm.brake(_HARD_DECELERATION)
+
+    def stop(self) -> None:
+        """End the program, as the stop button does."""
+        self._next_program = None
+        if self.runtime_state is not RuntimeState.STOPPED:
+            self._end_program("program stopped")
+
+    def pause(self) -> None:
+        """Pause the program.
+
+        Raises:
+            RefusedError: none plays.
+        """
+        if self.runtime_state is not RuntimeState.PLAYING:
+            raise RefusedError("Failed to execute: pause")
+        self.runtime_state = RuntimeState.PAUSING
+        self.arm.brake(_HARD_DECELERATION)
+
+    def play(self) -> None:
+        """Play the paused program, or the loaded one.
+
+        Raises:
+            RefusedError: there is none, or the robot is stopped.
+        """
+        if not self.can_move:
+            raise RefusedError("Failed to execute: play")
+        if self.runtime_state in (RuntimeState.PAUSED, RuntimeState.PAUSING) and self.program:
+            self._watchdog_fed = self.ticks
+            self.runtime_state = RuntimeState.PLAYING
+        elif self.loaded_program and self.runtime_state is RuntimeState.STOPPED:
+            self.program = PlainProgram(3600.0)
+            self.runtime_state = RuntimeState.PLAYING
+        else:
+            raise RefusedError("Failed to execute: play")
+
+    def set_watchdog(self, register: str, frequency: float) -> None:
+        """End the program when *register* is not written *frequency* times a second."""
+        self._watchdog = (register, max(1, round(1.0 / (max(frequency, 1e-3) * TICK))))
+        self._watchdog_fed = self.ticks
+
+    def say(self, text: str) -> None:
+        """Write a line into the log and to the clients."""
+        self.log.append(f"{self.timestamp:.3f} {text}")
+        self.on_message(text)
+
+    # Safety.
+
+    def protective_stop(self, why: str = "asked for") -> None:
+        """Stop the arm until the stop is unlocked."""
+        if self.safety_mode in _STOPPED_BY_SAFETY:
+            return
+        self.say(f"protective stop: {why}")
+        self._halt(SafetyMode.PROTECTIVE_STOP)
+        leaves = self.behaviour.protective_stop_leaves
+        if leaves is RuntimeState.STOPPED:
+            self._end_program("")
+        elif self.runtime_state is RuntimeState.PLAYING:
+            self.runtime_state = leaves
+
+    def emergency_stop(self) -> None:
+        """Stop the arm, end the program and cut the power."""
+        self.say("emergency stop")
+        self._halt(SafetyMode.ROBOT_EMERGENCY_STOP)
+        self._end_program("")
+        self.robot_mode = RobotMode.POWER_OFF
+
+    def safeguard_stop(self) -> None:
+        """Stop the arm and pause the program until the safeguard is released."""
+        if self.safety_mode in _STOPPED_BY_SAFETY:
+            return
+        self.say("safeguard stop")
+        self._halt(SafetyMode.SAFEGUARD_STOP)
+        if self.runtime_state is RuntimeState.PLAYING:
+            self.runtime_state = RuntimeState.PAUSED
+
+    def violation(self) -> None:
+        """Break a safety limit: stop the arm, end the program, cut the power."""
+        self.say("safety violation")
+        self._halt(SafetyMode.VIOLATION)
+        self._end_program("")
+        self.robot_mode = RobotMode.POWER_OFF
+
+    def _halt(self, mode: SafetyMode) -> None:
+        self.safety_mode = mode
+        self._stopped_since = self.ticks
+        self.arm.brake(_HARD_DECELERATION)
+
+    def release(self) -> None:
+        """Let go of the emergency button or the safeguard; a protective stop needs an unlock."""
+        if self.safety_mode in (SafetyMode.SAFEGUARD_STOP, SafetyMode.ROBOT_EMERGENCY_STOP):
+            self.safety_mode = SafetyMode.NORMAL
+
+    def unlock_protective_stop(self) -> None:
+        """Leave a protective stop.
+
+        Raises:
+            RefusedError: too early, or the robot is not in one.
+        """
+        since = (self.ticks - self._stopped_since) * TICK
+        if self.safety_mode is SafetyMode.PROTECTIVE_STOP and since < self.behaviour.unlock_after:
+            raise RefusedError(
+                "Cannot unlock protective stop until 5s after occurrence. Always inspect cause of "
+                "protective stop before unlocking"
+            )
+        if self.safety_mode is SafetyMode.PROTECTIVE_STOP:
+            self.safety_mode = SafetyMode.NORMAL
+
+    def restart_safety(self) -> None:
+        """Leave a violation or a fault; the arm stays without power."""
+        if self.safety_mode in (SafetyMode.VIOLATION, SafetyMode.FAULT):
+            self.safety_mode = SafetyMode.NORMAL
+            self.robot_mode = RobotMode.POWER_OFF
+
+    def power_on(self) -> None:
+        """Power the arm; it is idle, brakes on, a moment later."""
+        if self.robot_mode is RobotMode.POWER_OFF and self.safety_mode not in _STOPPED_BY_SAFETY:
+            self.robot_mode = RobotMode.POWER_ON
+            self.later(self.behaviour.power_up, lambda: self._reach(RobotMode.IDLE))
+
+    def power_off(self) -> None:
+        """Take the power away; a program ends."""
+        if self.runtime_state is not RuntimeState.STOPPED:
+            self._end_program("power off")
+        self.robot_mode = RobotMode.POWER_OFF
+
+    def release_brakes(self) -> None:
+        """Release the brakes, powering on first where that is needed."""
+        if self.robot_mode is RobotMode.POWER_OFF:
+            self.power_on()
+            self.later(2.0 * self.behaviour.power_up, lambda: self._reach(RobotMode.RUNNING))
+        elif self.robot_mode in (RobotMode.IDLE, RobotMode.POWER_ON):
+            self.later(self.behaviour.power_up, lambda: self._reach(RobotMode.RUNNING))
+
+    def _reach(self, mode: RobotMode) -> None:
+        if self.robot_mode >= RobotMode.POWER_ON and self.safety_mode not in _STOPPED_BY_SAFETY:
+            self.robot_mode = mode
+
+    # Variables.
+
+    def value(self, name: str) -> Value:
+        """Return an RTDE output variable by its name."""
+        return OUTPUT_GETTERS[name](self)
+
+    def write(self, name: str, value: Value) -> None:
+        """Take an RTDE input variable; masks and values of one package are applied in order."""
+        if self._watchdog is not None and name == self._watchdog[0]:
+            self._watchdog_fed = self.ticks
+        if isinstance(value, tuple):
+            return
+        if name.startswith("input_int_register_"):
+            self.input_ints[int(name[19:])] = int(value)
+        elif name.startswith("input_double_register_"):
+            self.input_doubles[int(name[22:])] = float(value)
+
+    def write_package(self, names: Sequence[str], values: Sequence[Value]) -> None:
+        """Take one package of inputs."""
+        for name, value in zip(names, values, strict=True):
+            self.write(name, value)
+        given = dict(zip(names, values, strict=True))
+        if given.get("speed_slider_mask"):
+            fraction = given.get("speed_slider_fraction", 1.0)
+            self.set_slider(fraction if isinstance(fraction, float) else 1.0)
+        for kind, shift in (("standard", 0), ("configurable", 8), ("tool", 16)):
+            mask = given.get(f"{kind}_digital_output_mask")
+            bits = given.get(f"{kind}_digital_output")
+            if isinstance(mask, int) and isinstance(bits, int):
+                self.digital_outputs &= ~(mask << shift)
+                self.digital_outputs |= (mask & bits) << shift
+        analog = given.get("standard_analog_output_mask")
+        for port in (0, 1):
+            level = given.get(f"standard_analog_output_{port}")
+            if isinstance(analog, int) and analog & (1 << port) and isinstance(level, float):
+                self.analog_outputs[port] = level
+
+    def set_slider(self, fraction: float) -> None:
+        """Move the speed slider, 0 to 1."""
+        self.speed_slider = max(0.0, min(1.0, fraction))

@@ -1,0 +1,124 @@
+"""The control channel: a line of words asks for a fault or a state, a line answers.
+
+Not part of any real robot.  The server answers it at all times, a frozen controller included.
+
+=========================  =========================================================================
+``freeze [SECONDS]``       stop the controller's clock, serve nobody; go on after the time or `thaw`
+``thaw``                   go on
+``drop WHAT``              close connections: ``rtde``, ``control``, ``receive``, ``dashboard``,
+                           ``all``
+``silence`` / ``speak``    answer requests but send no data packages / send them again
+``delay OUT IN``           hold packages back, s: to clients, from clients
+``die``                    kill the process, without any farewell
+``protective_stop [AFTER]``, ``emergency_stop [AFTER]``, ``safeguard [AFTER]``, ``violation
+[AFTER]``                  the stop, now or some seconds from now
+``release``                let go of the emergency button or the safeguard
+``stop``, ``pause``, ``play``  the buttons of the pendant
+``slider FRACTION``        the speed slider
+``limiter FRACTION``       slow programs down as the controller's own limiter does
+``local`` / ``remote``     local or remote control
+``limit JOINT SPEED``      lower the speed limit of joint 1 to 6, rad/s
+``record on|off|clear``, ``record write STEM``  see `orientd_sim.ur.recording`
+``state``                  everything worth knowing, as JSON
+=========================  =========================================================================
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from orientd_sim.ur.controller import Controller, RefusedError
+
+if TYPE_CHECKING:
+    from orientd_sim.ur.server import Server
+
+
+class UnknownFaultError(Exception):
+    """A line that the control channel does not know."""
+
+
+def carry_out(server: Server, line: str) -> str:
+    """Do what *line* asks; return the answer, ``ok`` where there is nothing to say."""
+    words = line.split()
+    try:
+        if not words or words[0] not in _VERBS:
+            raise UnknownFaultError(f"unknown: {line.strip()!r}; known: {', '.join(_VERBS)}")
+        return _VERBS[words[0]](server, words[1:]) or "ok"
+    except (UnknownFaultError, RefusedError, ValueError, IndexError, OSError) as error:
+        return f"error: {error}"
+
+
+def _freeze(server: Server, words: Sequence[str]) -> None:
+    server.freeze(float(words[0]) if words else None)
+
+
+def _stop_robot(action: Callable[[Controller], None]) -> Callable[[Server, Sequence[str]], None]:
+    def ask(server: Server, words: Sequence[str]) -> None:
+        robot = server.robot
+        if words:
+            robot.later(float(words[0]), lambda: action(robot))
+        else:
+            action(robot)
+
+    return ask
+
+
+def _limit(server: Server, words: Sequence[str]) -> None:
+    joint = int(words[0])
+    if not 1 <= joint <= 6:
+        raise ValueError(f"joint must be 1 to 6, got {joint}")
+    server.robot.arm.speed_limits[joint - 1] = float(words[1])
+
+
+def _set_remote(is_remote: bool) -> Callable[[Server, Sequence[str]], None]:
+    def ask(server: Server, _words: Sequence[str]) -> None:
+        server.robot.is_remote = is_remote
+
+    return ask
+
+
+def _limiter(server: Server, words: Sequence[str]) -> None:
+    server.robot.speed_limiter = max(0.0, min(1.0, float(words[0])))
+
+
+def _silence(is_silent: bool) -> Callable[[Server, Sequence[str]], None]:
+    def ask(server: Server, _words: Sequence[str]) -> None:
+        server.is_silent = is_silent
+
+    return ask
+
+
+def _delay(server: Server, words: Sequence[str]) -> None:
+    server.delay_out_ns = round(float(words[0]) * 1e9)
+    server.delay_in_ns = round(float(words[1]) * 1e9) if len(words) > 1 else 0
+
+
+def _drop(server: Server, words: Sequence[str]) -> str:
+    return f"ok {server.drop(words[0])}"
+
+
+_VERBS: dict[str, Callable[[Server, Sequence[str]], str | None]] = {
+    "freeze": _freeze,
+    "thaw": lambda server, _words: server.thaw(),
+    "drop": _drop,
+    "silence": _silence(True),
+    "speak": _silence(False),
+    "delay": _delay,
+    "die": lambda server, _words: server.die(),
+    "protective_stop": _stop_robot(Controller.protective_stop),
+    "emergency_stop": _stop_robot(Controller.emergency_stop),
+    "safeguard": _stop_robot(Controller.safeguard_stop),
+    "violation": _stop_robot(Controller.violation),
+    "release": lambda server, _words: server.robot.release(),
+    "stop": lambda server, _words: server.robot.stop(),
+    "pause": lambda server, _words: server.robot.pause(),
+    "play": lambda server, _words: server.robot.play(),
+    "slider": lambda server, words: server.robot.set_slider(float(words[0])),
+    "limiter": _limiter,
+    "local": _set_remote(False),
+    "remote": _set_remote(True),
+    "limit": _limit,
+    "record": lambda server, words: server.record(words),
+    "state": lambda server, _words: server.describe(),
+}

@@ -1,0 +1,80 @@
+"""A record of what clients asked and what the arm did, for tests to compare bit by bit.
+
+Each line of the *setpoint* record is one servo command as it came off the wire, each line of the
+*arm* record one tick.  Both are rows of fixed size in a file, described by the structs below; all
+times are nanoseconds of the machine's monotonic clock.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+SETPOINT_ROW = struct.Struct("<qq6d")
+ARM_ROW = struct.Struct("<qq6d6d6d")
+
+
+class SetpointRow(NamedTuple):
+    """When a servo command arrived, in which tick, and its six numbers, bit-exact."""
+
+    time_ns: int
+    tick: int
+    target: tuple[float, ...]
+
+
+class ArmRow(NamedTuple):
+    """One tick: when it ran, the pose commanded, the pose measured, the joints measured."""
+
+    time_ns: int
+    tick: int
+    target_pose: tuple[float, ...]
+    actual_pose: tuple[float, ...]
+    actual_q: tuple[float, ...]
+
+
+class Recording:
+    """Rows kept in memory until they are written out."""
+
+    def __init__(self) -> None:
+        self.is_on = False
+        self._setpoints = bytearray()
+        self._arm = bytearray()
+
+    def clear(self) -> None:
+        """Forget everything recorded."""
+        self._setpoints.clear()
+        self._arm.clear()
+
+    def add_setpoint(self, time_ns: int, tick: int, target: tuple[float, ...]) -> None:
+        """Keep one servo command."""
+        self._setpoints += SETPOINT_ROW.pack(time_ns, tick, *target)
+
+    def add_arm(
+        self,
+        time_ns: int,
+        tick: int,
+        target_pose: tuple[float, ...],
+        actual_pose: tuple[float, ...],
+        actual_q: tuple[float, ...],
+    ) -> None:
+        """Keep one tick."""
+        self._arm += ARM_ROW.pack(time_ns, tick, *target_pose, *actual_pose, *actual_q)
+
+    def write(self, stem: Path) -> None:
+        """Write ``STEM.setpoints`` and ``STEM.arm``."""
+        stem.with_suffix(".setpoints").write_bytes(self._setpoints)
+        stem.with_suffix(".arm").write_bytes(self._arm)
+
+
+def read_setpoints(stem: Path) -> Iterator[SetpointRow]:
+    """Yield the servo commands of a record."""
+    for row in SETPOINT_ROW.iter_unpack(stem.with_suffix(".setpoints").read_bytes()):
+        yield SetpointRow(row[0], row[1], row[2:8])
+
+
+def read_arm(stem: Path) -> Iterator[ArmRow]:
+    """Yield the ticks of a record."""
+    for row in ARM_ROW.iter_unpack(stem.with_suffix(".arm").read_bytes()):
+        yield ArmRow(row[0], row[1], row[2:8], row[8:14], row[14:20])

@@ -1,0 +1,331 @@
+"""The emulated controller on its sockets: one thread, one loop, a tick every 2 ms.
+
+The loop sleeps in ``select`` until a client writes or the next tick is due.  Ticks have absolute
+deadlines on the monotonic clock, so that they do not drift; late ones are made up for, up to a
+quarter of a second, beyond which the controller's time has stood still for a while.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import select
+import signal
+import socket
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from orientd_sim.ur import dashboard, faults
+from orientd_sim.ur.commands import Command
+from orientd_sim.ur.connection import Connection
+from orientd_sim.ur.controller import Behaviour, Controller
+from orientd_sim.ur.recording import Recording
+from orientd_sim.ur.session import Session
+from orientd_sim.ur.wire import Value, WireError
+
+RTDE_PORT = 30004
+DASHBOARD_PORT = 29999
+SCRIPT_PORT = 30003
+FAULTS_PORT = 29998
+
+TICK_NS = 2_000_000
+_LONGEST_CATCH_UP_NS = 250_000_000
+_SCRIPT_END = b"\nend\n"
+
+
+class Server:
+    """One robot on one address.
+
+    Args:
+        host: an address of this machine; every robot has its own.
+        behaviour: what differs between robots.
+
+    Raises:
+        OSError: a port of *host* is taken, or *host* is no address of this machine.
+    """
+
+    def __init__(self, host: str, behaviour: Behaviour | None = None) -> None:
+        self.host = host
+        self.robot: Controller = Controller(behaviour)
+        self.robot.on_message = self._broadcast
+        self.recording = Recording()
+        self.is_silent = False
+        self.delay_out_ns = 0
+        self.delay_in_ns = 0
+        self.setpoints = 0
+        self.overwritten = 0
+        self.stalls = 0
+        self._setpoints_this_tick = 0
+        self._frozen_until: float | None = None
+        self._is_ending = False
+        self._lifeline: int | None = None
+        self._owners: dict[str, Session] = {}
+        self._sessions: dict[Connection, Session] = {}
+        self._texts: dict[Connection, bytearray] = {}
+        self._connections: dict[int, Connection] = {}
+        self._listeners: dict[int, tuple[socket.socket, str]] = {}
+        ports = {
+            RTDE_PORT: "rtde", DASHBOARD_PORT: "dashboard",
+            SCRIPT_PORT: "script", FAULTS_PORT: "faults",
+        }  # fmt: skip
+        try:
+            for port, kind in ports.items():
+                listener = socket.create_server((host, port), backlog=16)
+                listener.setblocking(False)
+                self._listeners[listener.fileno()] = (listener, kind)
+        except OSError:
+            self.close()
+            raise
+
+    # The loop.
+
+    def run(self, lifeline: int | None = None) -> None:
+        """Serve until :meth:`end` is called, or until the descriptor *lifeline* is at its end."""
+        self._lifeline = lifeline
+        deadline_ns = time.monotonic_ns() + TICK_NS
+        while not self._is_ending:
+            now_ns = time.monotonic_ns()
+            self._poll(max(0, deadline_ns - now_ns) / 1e9)
+            now_ns = time.monotonic_ns()
+            if self._is_frozen(now_ns):
+                deadline_ns = now_ns + TICK_NS
+                continue
+            if now_ns < deadline_ns:
+                continue
+            # What has arrived by the deadline belongs to this tick.
+            self._poll(0.0)
+            self._tick(now_ns)
+            deadline_ns += TICK_NS
+            if now_ns - deadline_ns > _LONGEST_CATCH_UP_NS:
+                self.stalls += 1
+                deadline_ns = now_ns + TICK_NS
+
+    def end(self) -> None:
+        """Make :meth:`run` return; safe to call from a signal handler."""
+        self._is_ending = True
+
+    def close(self) -> None:
+        """Close every socket."""
+        for connection in list(self._connections.values()):
+            connection.close()
+        for listener, _ in self._listeners.values():
+            listener.close()
+        self._connections.clear()
+        self._listeners.clear()
+
+    def _poll(self, timeout: float) -> None:
+        is_frozen = self._frozen_until is not None
+        readable = [
+            fd for fd, (_, kind) in self._listeners.items() if kind == "faults" or not is_frozen
+        ]
+        readable += [
+            fd for fd, link in self._connections.items() if link.kind == "faults" or not is_frozen
+        ]
+        if self._lifeline is not None:
+            readable.append(self._lifeline)
+        ready, _, _ = select.select(readable, [], [], timeout)
+        now_ns = time.monotonic_ns()
+        if self._lifeline in ready and not os.read(self._lifeline, 4096):
+            self.end()
+        for fd in ready:
+            if fd in self._listeners:
+                self._accept(fd)
+            elif fd in self._connections:
+                connection = self._connections[fd]
+                connection.receive(now_ns, 0 if connection.kind == "faults" else self.delay_in_ns)
+        for connection in list(self._connections.values()):
+            if connection.kind == "faults" or not is_frozen:
+                self._serve(connection, now_ns)
+
+    def _tick(self, now_ns: int) -> None:
+        robot = self.robot
+        robot.tick()
+        self.overwritten += max(0, self._setpoints_this_tick - 1)
+        self._setpoints_this_tick = 0
+        for connection, session in self._sessions.items():
+            if not self.is_silent:
+                connection.send(session.outputs(), now_ns, self.delay_out_ns)
+            connection.flush(now_ns)
+        if self.recording.is_on:
+            self.recording.add_arm(
+                now_ns, robot.ticks, robot.tool.pose("target_TCP_pose"),
+                robot.tool.pose("actual_TCP_pose"), robot.arm.actual_q,
+            )  # fmt: skip
+
+    # Clients.
+
+    def _accept(self, fd: int) -> None:
+        listener, kind = self._listeners[fd]
+        try:
+            sock, _ = listener.accept()
+        except OSError:
+            return
+        connection = Connection(sock, kind)
+        self._connections[sock.fileno()] = connection
+        if kind == "rtde":
+            self._sessions[connection] = Session(self.robot, self._owners, self._write)
+        else:
+            self._texts[connection] = bytearray()
+        if kind == "dashboard":
+            connection.send(dashboard.WELCOME.encode() + b"\n", time.monotonic_ns())
+
+    def _serve(self, connection: Connection, now_ns: int) -> None:
+        if connection.sock.fileno() < 0:
+            return  # dropped a moment ago, by a fault that another connection asked for
+        chunk = connection.take(now_ns)
+        if chunk:
+            if connection.kind == "rtde":
+                try:
+                    answer = self._sessions[connection].feed(chunk)
+                    connection.send(answer, now_ns, self.delay_out_ns)
+                except WireError:
+                    connection.is_closed = True
+            else:
+                self._texts[connection] += chunk
+                self._read_text(connection, now_ns)
+        connection.flush(now_ns)
+        if connection.is_closed:
+            self._forget(connection)
+
+    def _read_text(self, connection: Connection, now_ns: int) -> None:
+        text = self._texts[connection]
+        if connection.kind == "script":
+            # The only `end` at the beginning of a line is the program's last.
+            while (at := text.find(_SCRIPT_END)) >= 0:
+                program = bytes(text[: at + len(_SCRIPT_END)])
+                del text[: at + len(_SCRIPT_END)]
+                self.robot.upload(program.decode("utf-8", "replace"))
+            return
+        while (at := text.find(b"\n")) >= 0:
+            line = bytes(text[:at]).decode("utf-8", "replace")
+            del text[: at + 1]
+            if connection.kind == "faults":
+                answer = faults.carry_out(self, line)
+            else:
+                answer = dashboard.reply(self.robot, line)
+            connection.send(answer.encode() + b"\n", now_ns)
+            if answer == dashboard.GOODBYE:
+                connection.is_closed = True
+
+    def _forget(self, connection: Connection) -> None:
+        fd = connection.sock.fileno()
+        self._connections.pop(fd, None)
+        self._texts.pop(connection, None)
+        session = self._sessions.pop(connection, None)
+        if session is not None:
+            session.close()
+        connection.close()
+
+    def _write(self, names: tuple[str, ...], values: list[Value]) -> None:
+        self.robot.write_package(names, values)
+        is_servo = values[0] in (Command.SERVO_L, Command.SERVO_J) and len(values) == 12
+        if is_servo and names[0].startswith("input_int_register_"):
+            self.setpoints += 1
+            self._setpoints_this_tick += 1
+            if self.recording.is_on:
+                target = tuple(float(v) for v in values[1:7] if not isinstance(v, tuple))
+                self.recording.add_setpoint(time.monotonic_ns(), self.robot.ticks, target)
+
+    def _broadcast(self, text: str) -> None:
+        now_ns = time.monotonic_ns()
+        for connection, session in self._sessions.items():
+            connection.send(session.message(text), now_ns, self.delay_out_ns)
+
+    # Faults.
+
+    def _is_frozen(self, now_ns: int) -> bool:
+        if self._frozen_until is not None and now_ns >= self._frozen_until:
+            self._frozen_until = None
+        return self._frozen_until is not None
+
+    def freeze(self, seconds: float | None) -> None:
+        """Stand still, as a controller that has crashed but whose machine still runs."""
+        ends = float("inf") if seconds is None else time.monotonic_ns() + seconds * 1e9
+        self._frozen_until = ends
+
+    def thaw(self) -> None:
+        """Go on where the controller stood still."""
+        self._frozen_until = None
+
+    def drop(self, what: str) -> int:
+        """Close connections and return how many.
+
+        Raises:
+            ValueError: *what* names none.
+        """
+        known = ("all", "rtde", "control", "receive", "dashboard", "script")
+        if what not in known:
+            raise ValueError(f"drop must be one of {', '.join(known)}, got {what}")
+        holders = set(self._owners.values())
+        dropped = 0
+        for connection in list(self._connections.values()):
+            session = self._sessions.get(connection)
+            role = "" if session is None else "control" if session in holders else "receive"
+            if connection.kind != "faults" and what in ("all", connection.kind, role):
+                self._forget(connection)
+                dropped += 1
+        return dropped
+
+    def die(self) -> None:
+        """End as a process that was killed."""
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    def record(self, words: Sequence[str]) -> str | None:
+        """Switch the recording, or write it.
+
+        Raises:
+            ValueError: the words are none of those allowed.
+        """
+        if words[:1] == ["write"] and len(words) == 2:
+            self.recording.write(Path(words[1]))
+        elif words in (["on"], ["off"]):
+            self.recording.is_on = words == ["on"]
+        elif words == ["clear"]:
+            self.recording.clear()
+        else:
+            raise ValueError(f"record must be on, off, clear or write STEM, got {words}")
+        return None
+
+    def describe(self) -> str:
+        """Return everything worth knowing as one line of JSON."""
+        robot = self.robot
+        return json.dumps(
+            {
+                "ticks": robot.ticks, "timestamp": robot.timestamp,
+                "robot_mode": robot.robot_mode.name, "safety_mode": robot.safety_mode.name,
+                "runtime_state": robot.runtime_state.name, "is_remote": robot.is_remote,
+                "speed_slider": robot.speed_slider, "speed_scaling": robot.speed_scaling,
+                "actual_q": robot.arm.actual_q, "target_q": robot.arm.target_q,
+                "actual_pose": robot.tool.pose("actual_TCP_pose"), "tcp_offset": robot.tool.offset,
+                "payload": robot.payload, "payload_cog": robot.payload_cog,
+                "is_still": robot.arm.is_still, "setpoints": self.setpoints,
+                "overwritten": self.overwritten, "stalls": self.stalls,
+                "malformed": sum(session.malformed for session in self._sessions.values()),
+                "rtde_clients": len(self._sessions), "log": robot.log[-20:],
+            }
+        )  # fmt: skip
+
+
+def serve(host: str, behaviour: Behaviour | None = None, *, lifeline: int | None = None) -> None:
+    """Run an emulated robot until SIGINT or SIGTERM; print a line when it can be used.
+
+    Args:
+        host: an address of this machine.
+        behaviour: what differs between robots.
+        lifeline: a descriptor whose end is the robot's too: a pipe from whoever started it.
+
+    Raises:
+        OSError: its ports cannot be had.
+    """
+    server = Server(host, behaviour)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda _number, _frame: server.end())
+    os.write(
+        1,
+        f"ready: UR5e at {host} (rtde {RTDE_PORT}, dashboard {DASHBOARD_PORT}, "
+        f"script {SCRIPT_PORT}, faults {FAULTS_PORT})\n".encode(),
+    )
+    with contextlib.closing(server):
+        server.run(lifeline)

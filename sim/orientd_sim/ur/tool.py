@@ -1,0 +1,95 @@
+"""The tool on the arm's flange: its poses, its speeds, and the joints that put it somewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from orientd_sim.ur import kinematics
+from orientd_sim.ur.arm import Arm, Mode
+from orientd_sim.ur.kinematics import Joints
+from orientd_sim.ur.transforms import Pose, Transform, from_pose, inverse, multiply, to_pose
+
+
+class UnreachableError(Exception):
+    """A pose that no joint angles reach; a program ends for it."""
+
+
+class Tool:
+    """The tool centre point that an arm carries.
+
+    Attributes:
+        offset: pose of the tool centre point in the flange.
+    """
+
+    def __init__(self, arm: Arm) -> None:
+        self.offset: Pose = (0.0,) * 6
+        self._arm = arm
+        self._poses: dict[str, Pose] = {}
+        self._last_solution: tuple[Pose, Pose, Joints] | None = None
+
+    def forget_poses(self) -> None:
+        """Drop what was computed for the last tick."""
+        self._poses.clear()
+
+    def at(self, q: Sequence[float]) -> Transform:
+        """Return the tool for joint angles *q*."""
+        return multiply(kinematics.forward(q), from_pose(self.offset))
+
+    def actual_flange(self) -> Transform:
+        """Return where the flange is."""
+        return kinematics.forward(self._arm.actual_q)
+
+    def find_joints(
+        self, pose: Sequence[float], near: Sequence[float] | None = None
+    ) -> Joints | None:
+        """Return the joint angles for a pose of the tool, or ``None`` out of reach.
+
+        Where *near* is not given the angles nearest to the last ones are taken, so that a stream of
+        poses is a stream of joint angles without jumps.
+        """
+        key = (tuple(pose), self.offset)
+        if near is None:
+            near = self._arm.target_q
+            if self._arm.mode is Mode.SERVO and self._last_solution is not None:
+                if self._last_solution[:2] == key:
+                    return self._last_solution[2]
+                near = self._last_solution[2]
+        flange = multiply(from_pose(pose), inverse(from_pose(self.offset)))
+        q = kinematics.inverse(flange, near)
+        self._last_solution = None if q is None else (*key, q)
+        return q
+
+    def joints_at(self, pose: Sequence[float], near: Sequence[float] | None = None) -> Joints:
+        """Return the joint angles for a pose of the tool.
+
+        Raises:
+            UnreachableError: the arm does not reach it; a program ends for that.
+        """
+        q = self.find_joints(pose, near)
+        if q is None:
+            raise UnreachableError(f"get_inverse_kin: no solution for {tuple(pose)}")
+        return q
+
+    def pose_ahead(self, speeds: Sequence[float], dt: float) -> Pose:
+        """Return the commanded pose *dt* seconds on, at tool *speeds* (m/s and rad/s)."""
+        tool = self.at(self._arm.target_q)
+        turned = multiply(from_pose((0.0, 0.0, 0.0, *(r * dt for r in speeds[3:]))), tool)
+        x, y, z = (p + v * dt for p, v in zip(tool[3::4], speeds[:3], strict=True))
+        return to_pose((*turned[0:3], x, *turned[4:7], y, *turned[8:11], z))
+
+    def pose(self, which: str) -> Pose:
+        """Return one of the four poses and speeds of the tool, computed once a tick.
+
+        Args:
+            which: ``actual_TCP_pose``, ``actual_TCP_speed``, ``target_TCP_pose`` or
+                ``target_TCP_speed``.
+        """
+        if which not in self._poses:
+            source = which[:6]
+            q = self._arm.actual_q if source == "actual" else self._arm.target_q
+            qd = self._arm.actual_qd if source == "actual" else self._arm.target_qd
+            chain = kinematics.frames(q)
+            tool = multiply(chain[-1], from_pose(self.offset))
+            self._poses[f"{source}_TCP_pose"] = to_pose(tool)
+            self._poses[f"{source}_TCP_speed"] = kinematics.speed(chain, qd, tool[3::4])
+        return self._poses[which]

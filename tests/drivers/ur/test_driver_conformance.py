@@ -1,0 +1,28 @@
+"""The UR driver keeps what every driver promises, against an emulated robot."""
+
+import pytest
+
+from orientd.testing import DriverConformance
+from orientd_ur import UrDriver
+
+pytest.importorskip("rtde_control")
+
+
+class TestUrDriver(DriverConformance):
+    follow_tolerance = 1e-6
+    settle_cycles = 700
+
+    @pytest.fixture(autouse=True)
+    def _robot(self, ur_robot):
+        self.robot = ur_robot
+
+    def make_driver(self):
+        return UrDriver(
+            {"host": self.robot.host, "lookahead": 0.03},
+            period_ns=2_000_000,
+            clock=self.clock,
+        )
+
+    def break_device(self):
+        self.robot.ask("freeze")
+        return True

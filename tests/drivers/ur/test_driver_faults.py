@@ -1,0 +1,212 @@
+"""Every fault of a UR controller, through a real servo process: typed, in time, recovered from."""
+
+import pytest
+from ur_rig import device_of, fault_of, is_holding, recover, streaming, swing, until
+
+from orientd.config import DeviceSettings
+from orientd.daemon.device import Device
+from orientd.errors import DaemonError, Fault, StateError
+from orientd_sim.ur import EmulatedRobot
+
+pytest.importorskip("rtde_control")
+
+
+def test_motion_is_followed_to_its_end(ur_robot):
+    with device_of(ur_robot.host) as device:
+        swing(device, seconds=1.2)
+        streaming(device)
+        until(lambda: is_holding(device), "the end")
+        assert device.snapshot().fault is Fault.NONE
+
+
+@pytest.mark.parametrize(
+    ("order", "release", "words"),
+    [
+        ("protective_stop", "", "protective stop"),
+        ("emergency_stop", "release", "emergency stop"),
+        ("safeguard", "release", "safeguard"),
+        ("stop", "", "control program was stopped"),
+        ("pause", "", "control program is paused"),
+    ],
+)
+def test_stop_is_a_device_fault_and_reset_moves_the_arm_again(ur_robot, order, release, words):
+    with device_of(ur_robot.host) as device:
+        swing(device)
+        streaming(device)
+        ur_robot.ask(order)
+        fault, text, took = fault_of(device)
+        assert fault is Fault.DEVICE_FAULT
+        assert words in text
+        assert took < 0.1
+        ur_robot.wait_until(lambda s: s["is_still"])
+        if release:
+            ur_robot.ask(release)
+        recover(device)
+
+
+@pytest.mark.parametrize("leaves", ["playing", pytest.param("stopped", marks=pytest.mark.slow)])
+def test_protective_stop_is_recovered_whatever_the_program_becomes(ur_host, leaves):
+    robot = EmulatedRobot(ur_host, "--unlock-after", "0.3", "--protective-stop-leaves", leaves)
+    with robot, device_of(ur_host) as device:
+        swing(device)
+        streaming(device)
+        robot.ask("protective_stop")
+        fault, text, _ = fault_of(device)
+        assert fault is Fault.DEVICE_FAULT
+        assert "protective stop" in text
+        recover(device)
+
+
+def test_joint_over_its_limit_is_a_protective_stop(ur_robot):
+    with device_of(ur_robot.host) as device:
+        for joint in range(1, 7):
+            ur_robot.ask(f"limit {joint} 0.02")
+        swing(device)
+        fault, text, _ = fault_of(device)
+        assert fault is Fault.DEVICE_FAULT
+        assert "protective stop" in text
+
+
+def test_reset_says_which_hand_is_needed(ur_robot):
+    with device_of(ur_robot.host) as device:
+        ur_robot.ask("safeguard")
+        fault_of(device)
+        with pytest.raises(DaemonError, match="close the safeguard"):
+            device.reset()
+
+
+def test_local_control_is_named_when_enabling(ur_robot):
+    with device_of(ur_robot.host) as device:
+        device.disable()
+        ur_robot.ask("stop")
+        ur_robot.ask("local")
+        with pytest.raises((DaemonError, StateError), match="remote control"):
+            device.enable()
+
+
+def test_frozen_controller_is_stale_feedback_then_a_lost_link(ur_robot):
+    with device_of(ur_robot.host) as device:
+        swing(device)
+        streaming(device)
+        pid = device.snapshot().servo_pid
+        ur_robot.ask("freeze")
+        fault, _text, took = fault_of(device)
+        assert fault in (Fault.FEEDBACK_STALE, Fault.LINK_LOST)
+        assert took < 1.0
+        until(lambda: device.snapshot().fault is Fault.LINK_LOST, "the lost link", 2.0)
+        until(lambda: device.snapshot().servo_pid != pid, "the servo's end", 2.0)
+        assert "clock" in device.snapshot().fault_text
+        ur_robot.ask("thaw")
+        recover(device)
+
+
+def test_short_freeze_costs_no_process(ur_robot):
+    with device_of(ur_robot.host, feedback_timeout=0.1, link_timeout=1.5) as device:
+        pid = device.snapshot().servo_pid
+        ur_robot.ask("freeze 0.3")
+        fault, _, _ = fault_of(device)
+        assert fault is Fault.FEEDBACK_STALE
+        until(lambda: "0" not in ur_robot.state()["runtime_state"], "thawed")
+        recover(device)
+        assert device.snapshot().servo_pid == pid
+
+
+@pytest.mark.parametrize(
+    "what",
+    [
+        "control",
+        pytest.param("receive", marks=pytest.mark.slow),
+        pytest.param("rtde", marks=pytest.mark.slow),
+    ],
+)
+def test_closed_connection_is_a_lost_link(ur_robot, what):
+    with device_of(ur_robot.host) as device:
+        swing(device)
+        streaming(device)
+        ur_robot.ask(f"drop {what}")
+        fault, _, took = fault_of(device)
+        assert fault in (Fault.LINK_LOST, Fault.SERVO_DIED)
+        assert took < 1.0
+        recover(device)
+
+
+def test_dead_controller_is_a_lost_link_and_the_next_one_is_found(ur_robot):
+    with device_of(ur_robot.host) as device:
+        swing(device)
+        streaming(device)
+        ur_robot.ask("die")
+        fault, _, took = fault_of(device)
+        assert fault in (Fault.LINK_LOST, Fault.SERVO_DIED)
+        assert took < 1.0
+        with pytest.raises(DaemonError, match=r"no dashboard server|nothing answers"):
+            device.reset()
+        ur_robot.end()
+        ur_robot.start()
+        recover(device)
+
+
+def test_second_client_with_the_registers_is_named(ur_robot):
+    rtde_control = pytest.importorskip("rtde_control")
+    other = rtde_control.RTDEControlInterface(ur_robot.host)
+    try:
+        settings = DeviceSettings(name="arm", driver="ur", options={"host": ur_robot.host})
+        device = Device(settings, on_event=lambda _event: None)
+        device.launch()
+        try:
+            assert device.wait_ready(20.0), device.failure
+            _fault, text, _ = fault_of(device, 5.0)
+            assert "another client holds the registers" in text
+        finally:
+            device.shutdown()
+        assert other.isProgramRunning()
+    finally:
+        other.disconnect()
+
+
+def test_silent_controller_is_named_when_opening(ur_robot):
+    ur_robot.ask("silence")
+    settings = DeviceSettings(name="arm", driver="ur", options={"host": ur_robot.host})
+    device = Device(settings, on_event=lambda _event: None)
+    device.launch()
+    try:
+        assert not device.wait_ready(20.0)
+        assert "data packages did not come" in device.failure
+    finally:
+        device.shutdown()
+
+
+def test_half_slider_slows_the_motion_and_keeps_its_path(ur_robot):
+    with device_of(ur_robot.host) as device:
+        ur_robot.ask("slider 0.5")
+        ur_robot.wait_until(lambda s: s["speed_scaling"] < 0.5001)
+        swing(device, seconds=1.2)
+        until(lambda: device.snapshot().path_time > 0.5, "streaming")
+        assert device.snapshot().cycle.speed == pytest.approx(0.5, abs=1e-3)
+        until(lambda: is_holding(device), "the end")
+
+
+def test_fault_of_one_robot_leaves_the_other_moving(ur_robot):
+    other_host = ur_robot.host.rsplit(".", 1)[0] + ".253"
+    with (
+        EmulatedRobot(other_host) as other,
+        device_of(ur_robot.host) as first,
+        device_of(other.host) as second,
+    ):
+        swing(first)
+        number = swing(second)
+        streaming(second)
+        ur_robot.ask("die")
+        fault_of(first)
+        until(lambda: is_holding(second), "the other's end")
+        assert second.snapshot().fault is Fault.NONE
+        assert second.snapshot().motion_number == number
+
+
+def test_reset_after_a_lost_link_unlocks_a_protective_stop_too(ur_robot):
+    with device_of(ur_robot.host) as device:
+        swing(device)
+        streaming(device)
+        ur_robot.ask("drop rtde")
+        fault_of(device)
+        ur_robot.ask("protective_stop")
+        recover(device)

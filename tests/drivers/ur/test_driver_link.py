@@ -1,0 +1,176 @@
+"""How the driver looks at a robot, and what it makes of its sockets and of hanging calls."""
+
+import contextlib
+import os
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from ur_rig import until
+
+from orientd.clock import MonotonicClock
+from orientd.driver import Setpoint
+from orientd.errors import LimitError, LinkError, PlanError
+from orientd_ur import UrDriver
+from orientd_ur.joint_path import tool_in_flange
+from orientd_ur.kinematics import forward, quaternion
+from orientd_ur.probe import look, whereabouts
+from orientd_ur.sockets import send_at_once
+from orientd_ur.states import RuntimeState
+
+rtde_control = pytest.importorskip("rtde_control")
+
+
+def driver_of(robot, **options):
+    return UrDriver({"host": robot.host, **options}, period_ns=2_000_000, clock=MonotonicClock())
+
+
+def test_look_finds_version_modes_and_timing(ur_robot):
+    found = look(ur_robot.host)
+    assert found.version[:3] == (5, 12, 6)
+    assert (found.robot_mode, found.safety_mode) == (7, 1)
+    assert found.runtime_state == RuntimeState.STOPPED
+    assert found.is_remote
+    assert found.registers_are_free
+    assert found.version_problem == ""
+    assert 0.0 < found.round_trip < 1.0
+    assert found.jitter >= 0.0
+
+
+def test_look_changes_nothing(ur_robot):
+    before = ur_robot.state()
+    look(ur_robot.host)
+    after = ur_robot.wait_until(lambda s: s["rtde_clients"] == 0)
+    assert after["log"] == before["log"] == []
+
+
+def test_look_names_a_controller_that_is_not_there(ur_host):
+    with pytest.raises(LinkError, match="no dashboard server"):
+        look(ur_host)
+
+
+def test_look_names_a_controller_that_accepts_and_says_nothing(ur_host):
+    with (
+        socket.create_server((ur_host, 29999)),
+        pytest.raises(LinkError, match="did not send its greeting"),
+    ):
+        look(ur_host, timeout=0.2)
+
+
+def test_library_loses_no_delay_and_it_is_restored(ur_robot):
+    client = rtde_control.RTDEControlInterface(ur_robot.host)
+    try:
+        ports = send_at_once(ur_robot.host)
+        assert len(ports) == 2
+        for entry in Path("/proc/self/fd").iterdir():
+            with contextlib.suppress(OSError):
+                if not str(entry.readlink()).startswith("socket:"):
+                    continue
+                with socket.socket(fileno=os.dup(int(entry.name))) as copy:
+                    if copy.family == socket.AF_INET and copy.getsockname()[1] in ports:
+                        assert copy.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+    finally:
+        client.disconnect()
+
+
+def test_tool_and_payload_are_set_when_enabling(ur_robot):
+    tool = [0.0, 0.0, 0.12, 0.0, 0.1, 0.0]
+    driver = driver_of(ur_robot, tcp_offset=tool, payload_mass=1.2, payload_cog=[0, 0, 0.04])
+    try:
+        driver.open()
+        start = driver.enable()
+        state = ur_robot.state()
+        assert state["tcp_offset"] == tool
+        assert (state["payload"], state["payload_cog"]) == (1.2, [0.0, 0.0, 0.04])
+        joints, pose = whereabouts(ur_robot.host)
+        assert tool_in_flange(joints, pose) == pytest.approx(tool, abs=1e-9)
+        assert start.position == pytest.approx(pose[:3], abs=1e-9)
+    finally:
+        driver.close()
+
+
+def test_watchdog_of_a_disabled_driver_is_kept_quiet(ur_robot):
+    driver = driver_of(ur_robot, watchdog_hz=5.0)
+    try:
+        driver.open()
+        driver.enable()
+        driver.disable()
+        begun = ur_robot.state()["ticks"]
+
+        def half_a_second_passed():
+            driver.read()
+            return ur_robot.state()["ticks"] > begun + 250
+
+        until(half_a_second_passed, "half a second")
+        assert ur_robot.state()["runtime_state"] == "PLAYING"
+    finally:
+        driver.close()
+
+
+def test_program_ends_with_the_driver(ur_robot):
+    driver = driver_of(ur_robot)
+    driver.open()
+    driver.enable()
+    driver.close()
+    assert ur_robot.state()["runtime_state"] == "STOPPED"
+
+
+def test_path_is_examined_from_where_the_arm_is(ur_robot):
+    driver = driver_of(ur_robot)
+    joints, _ = whereabouts(ur_robot.host)
+
+    def turn_of_wrist_3(rate):
+        times = [0.008 * k for k in range(100)]
+        flanges = [forward((*joints[:5], joints[5] + rate * t)) for t in times]
+        return times, [(quaternion(rotation), position) for rotation, position in flanges]
+
+    driver.examine(*turn_of_wrist_3(1.0))
+    with pytest.raises(LimitError, match="wrist 3"):
+        driver.examine(*turn_of_wrist_3(3.3))
+
+
+def test_path_of_a_robot_that_does_not_answer_is_refused(ur_host):
+    driver = UrDriver({"host": ur_host}, period_ns=2_000_000, clock=MonotonicClock())
+    with pytest.raises(PlanError, match="cannot predict the joints"):
+        driver.examine([0.0], [((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))])
+
+
+def test_setpoint_far_away_is_stopped_by_the_controller(ur_robot):
+    driver = driver_of(ur_robot)
+    try:
+        driver.open()
+        start = driver.enable()
+        x, y, z = start.position
+        driver.write(Setpoint(0, start.q, position=(x, y, z - 0.5)))
+        state = ur_robot.wait_until(lambda s: s["safety_mode"] == "PROTECTIVE_STOP")
+        assert "speed" in state["log"][-1]
+    finally:
+        driver.close()
+
+
+@pytest.mark.parametrize(
+    ("code", "status"),
+    [
+        (
+            "from orientd_ur.deadline import arm, disarm\n"
+            "disarm(arm(5.0)); arm(0.05)\nwhile True: pass",
+            -signal.SIGALRM,
+        ),
+        (
+            "from orientd_ur.deadline import process_ends_after\n"
+            "with process_ends_after(0.05):\n    while True: pass",
+            1,
+        ),
+        (
+            "from orientd_ur.deadline import process_ends_after\n"
+            "with process_ends_after(5.0): pass\nraise SystemExit(7)",
+            7,
+        ),
+    ],
+)
+def test_hanging_call_ends_the_process(code, status):
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=20.0)
+    assert ended.returncode == status

@@ -1,0 +1,94 @@
+"""What the emulated robot receives and does, against what was planned."""
+
+import numpy as np
+import pytest
+from ur_rig import device_of, is_holding, streaming, swing_motion, until
+
+from orientd import rotation
+from orientd.errors import Fault
+from orientd_sim.ur.recording import read_arm, read_setpoints
+from orientd_ur.latency import identify
+
+pytest.importorskip("rtde_control")
+
+
+def orientations(poses):
+    return rotation.exp(np.array([pose[3:] for pose in poses]))
+
+
+def angle_between(p, q):
+    return np.linalg.norm(rotation.log(rotation.multiply(rotation.conjugate(p), q)), axis=-1)
+
+
+def check_motion(robot, tmp_path, *, seconds, count):
+    """Stream a motion; compare what arrived with the plan, and return what was measured."""
+    with device_of(robot.host) as device:
+        motion = swing_motion(device, seconds=seconds, count=count)
+        before = robot.state()
+        robot.ask("record on")
+        number = device.start(motion)
+        streaming(device)
+        until(lambda: is_holding(device), "the end", motion.duration + 10.0)
+        after = robot.wait_until(
+            lambda s: s["setpoints"] > before["setpoints"] + motion.record_count + 50
+        )
+        robot.ask("record off")
+        robot.ask(f"record write {tmp_path / 'run'}")
+        last = device.snapshot().cycle.index
+        woken = [c.deadline_ns + c.lateness_ns for c in device.cycles(last - 3000, 2500)]
+        statistics = device.statistics(number)
+        assert device.snapshot().fault is Fault.NONE
+    rows = list(read_setpoints(tmp_path / "run"))
+    arrived = orientations([row.target for row in rows])
+    times = np.array([row.time_ns for row in rows])
+    woken = np.array([w for w in woken if times[0] < w < times[-1]])
+    to_wire = (times[np.searchsorted(times, woken)] - woken) * 1e-3
+    planned = motion.sample(motion.period * np.arange(motion.record_count)).q
+    # Setpoints of the hold come before the motion and after it.
+    lags = range(len(arrived) - motion.record_count + 1)
+    some = np.arange(0, motion.record_count, 50)
+    lag = min(lags, key=lambda k: angle_between(arrived[k + some], planned[some]).max())
+    matched = arrived[lag : lag + motion.record_count]
+    worst = float(angle_between(matched, planned).max())
+    arm = orientations([row.actual_pose for row in read_arm(tmp_path / "run")])
+    return {
+        "setpoints": motion.record_count,
+        "worst_rad": worst,
+        "overwritten": after["overwritten"] - before["overwritten"],
+        "stalls": after["stalls"] - before["stalls"],
+        "moved_rad": float(angle_between(arm[:1], arm).max()),
+        "wake_to_robot_us": [round(float(np.percentile(to_wire, p))) for p in (50, 99)],
+        "statistics": statistics,
+    }
+
+
+def test_every_setpoint_of_a_motion_arrives_as_planned(ur_robot, tmp_path):
+    found = check_motion(ur_robot, tmp_path, seconds=1.6, count=1)
+    assert found["worst_rad"] < 1e-9
+    assert found["moved_rad"] == pytest.approx(0.3, abs=0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(240)
+def test_a_minute_of_setpoints_arrives_as_planned(ur_robot, tmp_path):
+    found = check_motion(ur_robot, tmp_path, seconds=3.0, count=20)
+    print(found)
+    assert found["worst_rad"] < 1e-9
+    assert found["setpoints"] >= 30_000
+
+
+@pytest.mark.slow  # on a busy machine the emulated arm lags by what it had to wait
+def test_lag_of_the_arm_is_identified_and_leading_by_it_removes_the_error(ur_robot):
+    with device_of(ur_robot.host, lookahead=0.1) as device:
+        motion = swing_motion(device, angle=0.8, seconds=3.2)
+        device.start(motion)
+        streaming(device)
+        until(lambda: is_holding(device), "the end")
+        last = device.snapshot().cycle.index
+        cycles = device.cycles(last - motion.record_count, motion.record_count)
+    sent = [(c.deadline_ns * 1e-9, c.q) for c in cycles]
+    measured = [(c.feedback_time_ns * 1e-9, c.feedback_q) for c in cycles]
+    found = identify(sent, measured)
+    # The model's lookahead and drive, and the way there and back.
+    assert found.seconds == pytest.approx(0.1 + 0.004 + 0.003, abs=0.02)
+    assert found.error > 5.0 * found.error_led

@@ -1,0 +1,58 @@
+"""The emulated controller survives whatever its clients and its control channel do."""
+
+import contextlib
+import random
+import socket
+import struct
+import subprocess
+import sys
+
+import pytest
+from ur_rig import is_alive, until
+
+from orientd_sim.ur import LaunchError
+
+
+def test_dropping_busy_connections_again_and_again_leaves_it_alive(ur_robot):
+    generator = random.Random(1)
+    version = struct.pack(">HBH", 5, ord("V"), 2)
+    for _ in range(40):
+        clients = [socket.create_connection((ur_robot.host, 30004), 2.0) for _ in range(3)]
+        for client in clients:
+            client.sendall(version * generator.randrange(1, 50))
+        ur_robot.ask("drop rtde")
+        for client in clients:
+            with contextlib.suppress(OSError):
+                client.sendall(version)
+            client.close()
+    ur_robot.wait_until(lambda s: s["rtde_clients"] == 0)
+
+
+def test_bytes_that_are_no_package_end_only_their_own_connection(ur_robot):
+    with (
+        socket.create_connection((ur_robot.host, 30004), 2.0) as good,
+        socket.create_connection((ur_robot.host, 30004), 2.0) as bad,
+    ):
+        bad.sendall(b"\xff\xff" * 100)
+        ur_robot.wait_until(lambda s: s["rtde_clients"] == 1)
+        good.sendall(struct.pack(">HBH", 5, ord("V"), 2))
+        assert good.recv(100) == struct.pack(">HBB", 4, ord("V"), 1)
+
+
+def test_unknown_fault_is_answered_with_those_that_are_known(ur_robot):
+
+    with pytest.raises(LaunchError, match="known: freeze"):
+        ur_robot.ask("explode")
+
+
+def test_emulator_ends_with_whoever_started_it(ur_host):
+    code = (
+        "import os, signal\n"
+        "from orientd_sim.ur import EmulatedRobot\n"
+        f"robot = EmulatedRobot({ur_host!r})\n"
+        "robot.start()\n"
+        "print(robot.process.pid, flush=True)\n"
+        "os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    pid = int(subprocess.run([sys.executable, "-c", code], stdout=subprocess.PIPE).stdout)
+    until(lambda: not is_alive(pid), "the emulator's end")

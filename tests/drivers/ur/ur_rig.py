@@ -1,0 +1,110 @@
+"""A device of the daemon on an emulated robot, without the daemon."""
+
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from orientd import rotation
+from orientd.config import DeviceSettings
+from orientd.daemon.device import Device
+from orientd.errors import Fault
+from orientd.planner import Keyframe, MotionRequest, plan
+from orientd.stream import State
+
+
+def until(claim, what, seconds=10.0):
+    ends = time.monotonic() + seconds
+    while not (found := claim()):
+        if time.monotonic() > ends:
+            said = what() if callable(what) else what
+            raise AssertionError(f"{said}: not within {seconds} s")
+        time.sleep(0.001)
+    return found
+
+
+@contextmanager
+def device_of(host, **options):
+    """A device, enabled, with its servo process."""
+    settings = DeviceSettings(
+        name="arm",
+        driver="ur",
+        priority=0,
+        # A busy machine may let nobody run for longer than a real controller ever pauses.
+        feedback_timeout=1.0,
+        heartbeat_timeout=3.0,
+        options={
+            "host": host,
+            "lookahead": 0.03,
+            "feedback_timeout": 0.3,
+            "watchdog_hz": 1.5,
+            **options,
+        },
+    )
+    device = Device(settings, on_event=lambda _event: None)
+    device.launch()
+    try:
+        assert device.wait_ready(20.0), device.failure
+        until(lambda: device.snapshot().state is State.HOLDING, "holding")
+        yield device
+    finally:
+        device.shutdown()
+
+
+def swing_motion(device, *, angle=0.3, seconds=3.0, count=1):
+    """Plan *count* turns about one of the tool's axes and back."""
+    start = device.commanded()
+    axis = np.array([0.0, 0.6, 0.8])
+    keyframes = [
+        Keyframe(
+            rotation.multiply(start.q, rotation.exp((angle if k % 2 else 0.0) * axis)),
+            k * seconds / 2,
+        )
+        for k in range(2 * count + 1)
+    ]
+    request = MotionRequest(keyframes=keyframes)
+    return plan(request, start=start, limits=device.limits, period=device.period_ns * 1e-9)
+
+
+def swing(device, **settings):
+    """Start a turn and back, and return its number."""
+    return device.start(swing_motion(device, **settings))
+
+
+def is_holding(device):
+    return device.snapshot().state is State.HOLDING
+
+
+def streaming(device):
+    """Wait until setpoints have moved for a while."""
+    until(lambda: device.snapshot().path_time > 0.3, lambda: f"streaming {device.snapshot()}")
+
+
+def fault_of(device, seconds=2.0):
+    """Wait for a fault; return it, its text and how long it took."""
+    begun = time.monotonic()
+    until(lambda: device.snapshot().fault is not Fault.NONE, "a fault", seconds)
+    took = time.monotonic() - begun
+    # The words come by another way than the state, up to 10 ms later.
+    until(lambda: device.snapshot().fault_text, "the fault in words")
+    snapshot = device.snapshot()
+    return snapshot.fault, snapshot.fault_text, took
+
+
+def recover(device):
+    """Reset, then move again."""
+    device.reset()
+    until(lambda: is_holding(device), lambda: f"holding after the reset {device.snapshot()}")
+    swing(device, angle=0.05, seconds=0.6)
+    streaming(device)
+    until(lambda: is_holding(device), lambda: f"the end after the reset {device.snapshot()}")
+    assert device.snapshot().fault is Fault.NONE
+
+
+def is_alive(pid):
+    """Whether a process runs; one that has ended and is not yet waited for does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return False

@@ -1,0 +1,117 @@
+"""The driver's own kinematics, and what it predicts of the joints over a path."""
+
+import math
+import random
+
+import pytest
+
+from orientd.driver.floats import exp, log, multiply
+from orientd.errors import LimitError, PlanError
+from orientd_ur import kinematics
+from orientd_ur.joint_path import examine, follow, tool_in_flange
+from orientd_ur.kinematics import forward, inverse, matrix, quaternion, reserve
+
+HOME = (0.0, -math.pi / 2, 1.4, -1.4, -math.pi / 2, 0.0)
+
+
+def furthest(a, b):
+    return max(abs(x - y) for x, y in zip(a, b, strict=True))
+
+
+def flat(pose):
+    rotation, position = pose
+    return [*(part for row in rotation for part in row), *position]
+
+
+def pose_at(joints):
+    rotation, position = forward(joints)
+    return quaternion(rotation), position
+
+
+def test_stretched_arm_is_where_the_published_table_says():
+    # a2 + a3, -(d4 + d6), d1 - d5 of the UR5e.
+    rotation, position = forward((0.0,) * 6)
+    assert position == pytest.approx((-0.8172, -0.2329, 0.0628), abs=1e-12)
+    assert quaternion(rotation) == pytest.approx(exp((math.pi / 2, 0.0, 0.0)), abs=1e-12)
+
+
+def test_inverse_undoes_forward_on_every_branch():
+    generator = random.Random(3)
+    for _ in range(500):
+        q = [generator.uniform(-math.pi, math.pi) for _ in range(6)]
+        if min(reserve(q).values()) < 0.02:
+            continue
+        found = inverse(*forward(q), [angle + generator.uniform(-0.01, 0.01) for angle in q])
+        assert furthest(found, q) < 1e-9
+
+
+@pytest.mark.parametrize("bend", [0.0, 5e-8, 2e-7, 1e-5])
+def test_straight_wrist_is_solved_on_both_sides_of_its_seam(bend):
+    q = (0.3, -1.2, 1.5, -1.9, bend, 0.4)
+    found = inverse(*forward(q), q)
+    assert furthest(flat(forward(found)), flat(forward(q))) < 1e-6
+
+
+def test_out_of_reach_is_none():
+    assert inverse(matrix((1.0, 0.0, 0.0, 0.0)), (2.0, 0.0, 0.0), HOME) is None
+
+
+@pytest.mark.parametrize(
+    "r", [(0.0, 0.0, 0.0), (3.0, 0.1, 0.2), (0.1, 3.0, -0.2), (-0.1, 0.2, 3.1), (0.3, 0.2, 0.1)]
+)
+def test_quaternion_survives_the_matrix(r):
+    q = exp(r)
+    found = quaternion(matrix(q))
+    sign = math.copysign(1.0, sum(a * b for a, b in zip(q, found, strict=True)))
+    assert furthest(q, [sign * part for part in found]) < 1e-15
+
+
+def test_path_is_followed_without_a_jump_through_a_turn_beyond_pi():
+    path = [(*HOME[:5], 0.02 * k) for k in range(250)]
+    found = list(follow([pose_at(q) for q in path], HOME))
+    assert furthest(found[-1], path[-1]) < 1e-9
+
+
+def test_tool_is_found_from_joints_and_pose():
+    offset = (0.01, -0.02, 0.1, 0.3, -0.2, 0.1)
+    q, p = pose_at(HOME)
+    r = kinematics.matrix(q)
+    at = [
+        a + sum(x * y for x, y in zip(row, offset[:3], strict=True))
+        for a, row in zip(p, r, strict=True)
+    ]
+    turned = log(multiply(q, exp(offset[3:])))
+    assert tool_in_flange(HOME, (*at, *turned)) == pytest.approx(offset, abs=1e-12)
+
+
+def wrist_turn(rate, seconds=1.0):
+    times = [0.008 * k for k in range(round(seconds / 0.008))]
+    return times, [pose_at((*HOME[:5], rate * t)) for t in times]
+
+
+def test_slow_turn_is_accepted_with_its_joint_speed():
+    report = examine(*wrist_turn(2.0), HOME)
+    assert report.speeds["wrist 3"].value == pytest.approx(2.0)
+    assert report.speeds["base"].value < 1e-9
+    assert report.reserves["wrist"].value == pytest.approx(1.0)
+
+
+def test_fast_joint_is_refused_by_name_and_time():
+    with pytest.raises(LimitError, match=r"speed of joint wrist 3 reaches 3\.2 rad/s") as caught:
+        examine(*wrist_turn(3.2), HOME)
+    assert caught.value.limit == pytest.approx(0.95 * math.pi)
+
+
+def test_path_near_a_straight_wrist_is_refused_with_the_time():
+    times = [0.008 * k for k in range(250)]
+    poses = [pose_at((*HOME[:4], -0.5 + 0.5 * t, 0.0)) for t in times]
+    with pytest.raises((PlanError), match=r"wrist comes within .* at (0\.9|1\.0)"):
+        examine(times, poses, (*HOME[:4], -0.5, 0.0))
+
+
+def test_path_out_of_reach_is_refused_with_the_time():
+    q, (x, y, z) = pose_at(HOME)
+    times = [0.008 * k for k in range(250)]
+    poses = [(q, (x - 0.5 * t, y, z)) for t in times]
+    with pytest.raises(PlanError, match=r"at \d\.\d+ s|elbow"):
+        examine(times, poses, HOME)

@@ -1,0 +1,156 @@
+"""The UR driver's parts without a robot: options, rotation vectors, clock, bytes, states."""
+
+import math
+import re
+import struct
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+
+from orientd import config
+from orientd.driver.floats import exp, multiply
+from orientd_ur import options, rtde, states
+from orientd_ur.controller_clock import ControllerClock
+from orientd_ur.pose import LONGEST, continued, shortest
+
+
+def norm(r):
+    return math.hypot(*r)
+
+
+def same(q, p):
+    return abs(abs(sum(a * b for a, b in zip(q, p, strict=True))) - 1.0) < 1e-15
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({}, "host must be the robot's address, got None"),
+        ({"host": " "}, "host must be"),
+        ({"host": "r", "gian": 300}, "unknown option 'gian'"),
+        ({"host": "r", "gain": 99}, "gain must be a number from 100 to 2000, got 99"),
+        ({"host": "r", "gain": math.nan}, "gain must be"),
+        ({"host": "r", "gain": True}, "gain must be"),
+        ({"host": "r", "lookahead": 0.3}, "lookahead must be a number from 0.03 to 0.2"),
+        ({"host": "r", "tcp_offset": [0, 0, 1]}, "tcp_offset must be 6 numbers"),
+        ({"host": "r", "payload_cog": [0, 0, 1]}, "payload_cog needs payload_mass"),
+        ({"host": "r", "release_brakes": "yes"}, "release_brakes must be true or false"),
+        ({"host": "r", "link_timeout": 0.05, "feedback_timeout": 0.5}, "link_timeout must be"),
+    ],
+)
+def test_option_that_is_not_allowed_is_named(given, words):
+    with pytest.raises(ValueError, match=words.replace("(", r"\(")):
+        options.check(given, period=0.002)
+
+
+def test_one_setpoint_commands_for_one_period():
+    assert options.check({"host": "r"}, period=0.008).servo_time == 0.008
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-160, 1e-9, 1.0, math.pi - 1e-9, math.pi])
+def test_shortest_rotation_vector_is_the_rotation(angle):
+    r = tuple(angle * a for a in (2 / 3, -1 / 3, 2 / 3))
+    for q in (exp(r), tuple(-part for part in exp(r))):
+        found = shortest(q)
+        assert norm(found) == pytest.approx(angle, rel=1e-12, abs=1e-300)
+        assert same(exp(found), exp(r))
+
+
+def test_rotation_vector_goes_on_beyond_pi_without_a_jump():
+    last = (0.0, 0.0, 3.0)
+    for step in range(1, 160):
+        angle = 3.0 + 0.01 * step
+        r = continued(exp((0.0, 0.0, angle)), last)
+        assert norm([a - b for a, b in zip(r, last, strict=True)]) < 0.0101
+        last = r
+    assert last[2] == pytest.approx(3.0 + 1.59)
+
+
+def test_orientation_that_trembles_about_pi_never_jumps():
+    last = (0.0, 0.0, 3.1)
+    for step in range(400):
+        q = multiply(exp((0.0, 0.0, math.pi)), exp((0.0, 0.0, 0.05 * math.sin(step))))
+        r = continued(q, last)
+        assert norm([a - b for a, b in zip(r, last, strict=True)]) < 0.1001
+        last = r
+
+
+def test_rotation_vector_is_the_orientation_and_never_long():
+    last, jumps = (0.0, 0.0, 0.0), 0
+    for step in range(4000):
+        q = exp((0.0, 0.0, 0.01 * step))
+        r = continued(q, last)
+        assert same(exp(r), q)
+        assert norm(r) <= LONGEST + 1e-12
+        jumps += norm([a - b for a, b in zip(r, last, strict=True)]) > 0.1
+        last = r
+    # One change of side in every turn of 2 pi.
+    assert jumps == 6
+
+
+def test_clock_takes_the_fastest_package_for_the_offset():
+    clock = ControllerClock()
+    stamps = [100.0 + 0.002 * k for k in range(400)]
+    delays = [300_000 + 50_000 * (k * 7 % 11) for k in range(400)]
+    for stamp, delay in zip(stamps, delays, strict=True):
+        now = round(stamp * 1e9) + 5_000_000_000 + delay
+        measured = clock.measured_ns(stamp, now)
+        assert measured <= now
+    assert now - measured == delay - 300_000
+
+
+def test_clock_never_goes_back_and_recovers_from_a_freeze():
+    clock, last, now, stamp = ControllerClock(), 0, 10**9, 100.0
+    for k in range(530):
+        now += 2_000_000 if k != 500 else 1_000_000_000
+        stamp += 0.002
+        measured = clock.measured_ns(stamp, now)
+        assert measured >= last
+        last = measured
+    assert now - measured < 1000
+
+
+def test_packages_are_taken_one_by_one():
+    stream = rtde.package(rtde.START, b"\1") + rtde.package(rtde.DATA, b"abc")
+    kind, payload, rest = rtde.take(stream)
+    assert (kind, payload) == (rtde.START, b"\1")
+    assert rtde.take(rest) == (rtde.DATA, b"abc", b"")
+    assert rtde.take(rest[:4]) is None
+    with pytest.raises(ValueError, match="shorter than its header"):
+        rtde.take(b"\0\2V")
+
+
+def test_sample_and_place_are_read_as_they_were_asked_for():
+    sample = struct.pack(">BdiiI", 1, 100.5, 7, 1, 2)
+    assert rtde.sample(sample) == (100.5, 7, 1, 2)
+    numbers = tuple(float(n) for n in range(12))
+    assert rtde.place(struct.pack(">B12d", 1, *numbers)) == (numbers[:6], numbers[6:])
+    with pytest.raises(ValueError, match="21 bytes"):
+        rtde.sample(b"")
+
+
+@pytest.mark.parametrize(
+    ("robot_mode", "safety_mode", "words"),
+    [
+        (7, 1, ""),
+        (7, 2, ""),
+        (7, 3, "protective stop"),
+        (3, 7, "emergency stop"),
+        (7, 5, "safeguard"),
+        (3, 1, "power off"),
+        (3, 8, "violation"),
+    ],
+)
+def test_obstacle_is_named_and_reduced_mode_is_none(robot_mode, safety_mode, words):
+    found = states.obstacle(robot_mode, safety_mode)
+    assert words in found if words else not found
+
+
+def test_example_configuration_is_whole():
+    path = Path(__file__).parents[3] / "config" / "ur.toml"
+    device = config.load(path).devices["arm"]
+    checked = options.check(device.options, period=device.period_ns * 1e-9)
+    assert checked == options.check({"host": "127.0.0.2"}, period=0.002)
+    mentioned = set(re.findall(r"^#? ?(\w+) = ", path.read_text(), re.MULTILINE))
+    assert {field.name for field in fields(options.UrOptions)} <= mentioned
