@@ -28,7 +28,7 @@ def orientd(*arguments, cwd="/", env=None, timeout=60.0):
     )
 
 
-def begin(*arguments, **more):
+def begin(*arguments, env=None, **more):
     """Start a command and return its process."""
     return subprocess.Popen(
         [*COMMAND, *map(str, arguments)],
@@ -36,7 +36,7 @@ def begin(*arguments, **more):
         stderr=subprocess.PIPE,
         text=True,
         cwd="/",
-        env=environment(),
+        env=env or environment(),
         **more,
     )
 
