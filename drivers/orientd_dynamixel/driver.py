@@ -10,13 +10,14 @@ position are watched instead.
 
 from __future__ import annotations
 
+import importlib
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
 from orientd.clock import Clock
-from orientd.driver import Driver, Feedback, Setpoint
+from orientd.driver import Driver, Feedback, Quaternion, Setpoint, ShapedPath
 from orientd.errors import DeviceError, DeviceFaultError, LinkError
 from orientd_dynamixel import startup
 from orientd_dynamixel.axis import Axis
@@ -74,6 +75,15 @@ class DynamixelDriver(Driver):
     def losses(self) -> Losses:
         """What was not answered since the bus was opened."""
         return self._group.losses if self._group else Losses(0, 0, {}, "")
+
+    def shape(
+        self, period: float, orientations: Sequence[Quaternion], joints: tuple[float, ...]
+    ) -> ShapedPath:
+        """Choose branch, winding and deviation of every axis over the whole path."""
+        # By name: planning needs NumPy, which a servo process does without.
+        shaping = importlib.import_module("orientd_dynamixel.shaping")
+        shaped: ShapedPath = shaping.shape(self.settings, period, orientations, joints)
+        return shaped
 
     def open(self) -> None:
         """Find every servo, put its settings right, and begin to listen; nothing moves.

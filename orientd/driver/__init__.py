@@ -5,9 +5,21 @@ from orientd.driver.contract import (
     ZERO,
     Driver,
     Feedback,
+    Figure,
     Quaternion,
     Setpoint,
+    ShapedPath,
     Vector3,
 )
 
-__all__ = ["IDENTITY", "ZERO", "Driver", "Feedback", "Quaternion", "Setpoint", "Vector3"]
+__all__ = [
+    "IDENTITY",
+    "ZERO",
+    "Driver",
+    "Feedback",
+    "Figure",
+    "Quaternion",
+    "Setpoint",
+    "ShapedPath",
+    "Vector3",
+]

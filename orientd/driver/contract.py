@@ -60,6 +60,45 @@ class Feedback(NamedTuple):
     joints: tuple[float, ...] = ()
 
 
+class Figure(NamedTuple):
+    """One number that a driver certifies of a motion.
+
+    Attributes:
+        name: of what, in words.
+        value: in *unit*.
+        unit: as it is written, for example ``rad/s``.
+        limit: what was allowed, same unit; ``None`` where nothing limits it.
+        time: when in the motion, s; ``None`` where it is no one instant.
+    """
+
+    name: str
+    value: float
+    unit: str
+    limit: float | None = None
+    time: float | None = None
+
+
+class ShapedPath(NamedTuple):
+    """A path as a device's axes can follow it, on the same grid as the one it was made of.
+
+    Attributes:
+        orientations: one for each period; the first is that of the path given, and both ends are
+            at rest.
+        path_times: how far along the path given each of them is, s; never decreasing.
+        first_joints: axis angles at the beginning, rad.
+        last_joints: axis angles at the end, rad.
+        figures: what holds for it.
+        notes: what there is to say of it, in words, a line each.
+    """
+
+    orientations: Sequence[Quaternion]
+    path_times: Sequence[float]
+    first_joints: tuple[float, ...]
+    last_joints: tuple[float, ...]
+    figures: tuple[Figure, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
 class Driver(ABC):
     """One device.  Raise :class:`~orientd.errors.DeviceError` subclasses, nothing else.
 
@@ -111,6 +150,32 @@ class Driver(ABC):
         Raises:
             PlanError: why not, where and when.
         """
+
+    def shape(
+        self,
+        period: float,  # noqa: ARG002 - most devices follow any path as it is
+        orientations: Sequence[Quaternion],  # noqa: ARG002
+        joints: tuple[float, ...],  # noqa: ARG002
+    ) -> ShapedPath | None:
+        """Return the path that the device's axes will follow, where that is not any path.
+
+        Called in the daemon's process, on a driver that is not open, before a motion is accepted
+        and before :meth:`examine`.  What is returned is what will be streamed.
+
+        Args:
+            period: of the grid, s.
+            orientations: of the whole motion, from rest to rest, a period apart.
+            joints: axis angles that the device last reported where the motion begins, rad; empty
+                where they are not known.
+
+        Returns:
+            ``None`` where the device follows the path as it is.
+
+        Raises:
+            LimitError: an axis cannot follow; the message names it, the value and the time.
+            PlanError: the path cannot be followed for another reason.
+        """
+        return None
 
     @abstractmethod
     def open(self) -> None:

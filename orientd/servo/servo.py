@@ -26,6 +26,8 @@ from orientd.servo.path_follower import PathFollower, StarvedError
 from orientd.servo.segment import PathPoint
 from orientd.servo.table import Event, advance
 from orientd.stream import (
+    JOINTS,
+    NO_JOINTS,
     Answer,
     Command,
     CycleFlag,
@@ -420,6 +422,7 @@ class Servo:
             *(feedback.q if feedback else IDENTITY),
             *(feedback.omega_body if feedback else ZERO),
             *(feedback.position if feedback else ZERO),
+            *((feedback.joints + NO_JOINTS)[:JOINTS] if feedback else NO_JOINTS),
         )
         self._cycle_count += 1
 

@@ -44,16 +44,17 @@ class EmulatedGimbal:
 
 
 class GimbalDaemon:
-    """``orientd run`` with the gimbal of the example deployment on a port of its own."""
+    """``orientd run`` with the example gimbal on a port of its own, and other changes."""
 
-    def __init__(self, folder, port, *, options=""):
+    def __init__(self, folder, port, *changes):
         self.folder = Path(folder)
         self.socket = self.folder / "control.sock"
         self.config = self.folder / "gimbal.toml"
         self.report = self.folder / "state" / "orientd" / "servo-gimbal.json"
         text = (ROOT / "config" / "gimbal.toml").read_text()
-        text = text.replace('port = "/tmp/gimbal"', f'port = "{port}"\n{options}')
-        assert str(port) in text
+        for old, new in (('/tmp/gimbal"', f'{port}"'), *changes):
+            assert old in text
+            text = text.replace(old, new)
         self.config.write_text(f'[daemon]\nsocket = "{self.socket}"\n{text}')
 
     def start(self):

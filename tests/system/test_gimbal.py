@@ -1,7 +1,9 @@
 """A gimbal from the command line: an emulated bus, the daemon, motions."""
 
+import json
 import signal
 
+import numpy as np
 import pytest
 from command_line import assert_refused, orientd
 from gimbal_bench import ROOT, EmulatedGimbal, GimbalDaemon
@@ -36,6 +38,68 @@ def test_three_commands_turn_an_emulated_gimbal(bus, daemon):
         assert abs(state["goal"] - ticks(degrees)) <= 0.5 + 1e-6
         # The emulated servo trails its goal by a lag of 20 ms; it is still settling.
         assert abs(state["position"] - state["goal"]) <= 12
+
+
+WIDE = (
+    ("limits_deg = [-100, 100]", "limits_deg = [-200, 200]"),
+    ("limits_deg = [-120, 120]", "limits_deg = [-200, 200]"),
+)
+
+
+@pytest.fixture
+def deviating(bus, tmp_path):
+    """A gimbal that may pass by the pole and miss its path by up to 3 degrees."""
+    deviation = ("max_deviation_deg = 0.0", "max_deviation_deg = 3.0")
+    it = GimbalDaemon(tmp_path, bus.link, *WIDE, deviation).start()
+    yield it
+    it.end()
+
+
+@pytest.fixture
+def exact(bus, tmp_path):
+    it = GimbalDaemon(tmp_path, bus.link, *WIDE).start()
+    yield it
+    it.end()
+
+
+@pytest.fixture
+def over_the_top(tmp_path):
+    """Turn over by 150 degrees in 8 s, missing the pole by 2 degrees."""
+    miss = np.deg2rad(2.0)
+    axis = np.array([0, -np.cos(miss), np.sin(miss)])
+    keyframes = [
+        {"rotation_vector": (np.deg2rad(sweep) * axis).tolist(), "time": 8 * sweep / 150}
+        for sweep in np.linspace(0, 150, 7)
+    ]
+    path = tmp_path / "over.json"
+    path.write_text(json.dumps({"keyframes": keyframes, "approach": True}))
+    return path
+
+
+def test_path_near_the_keyhole_is_bounded_in_deviation_and_says_so(bus, deviating, over_the_top):
+    done = orientd("move", over_the_top, "--json", "--socket", deviating.socket)
+    assert (done.returncode, done.stderr) == (0, ""), done
+    told = json.loads(done.stdout)
+    certificate = told["plan"]["certificate"]
+    figures = {figure["name"]: figure for figure in certificate["figures"]}
+    assert 0.01 < figures["pointing error"]["value"] <= np.deg2rad(2.05)
+    assert figures["pointing error"]["limit"] == pytest.approx(np.deg2rad(3))
+    for axis in ("yaw", "pitch", "roll"):
+        for rate in ("velocity", "acceleration"):
+            figure = figures[f"{rate} of {axis}"]
+            assert figure["value"] <= figure["limit"] * 1.001
+    (hole,) = [note for note in certificate["notes"] if "near the pole" in note]
+    assert "pass near the pole, missing by at most 2.0" in hole
+    assert told["summary"]["statistics"]["path_error"] < 1e-9
+    # Pitch has gone over the top, to where it would not be on the other branch.
+    assert abs(bus.state(2)["goal"] - ticks(-150)) <= 2
+
+
+def test_path_that_the_axes_cannot_follow_is_refused_and_nothing_moves(bus, exact, over_the_top):
+    before = [bus.state(servo)["goal"] for servo in (1, 2, 3)]
+    done = orientd("move", over_the_top, "--socket", exact.socket)
+    assert_refused(done, "velocity of yaw reaches 3.87", "rad/s at 4.", "the limit is 3.8397")
+    assert [bus.state(servo)["goal"] for servo in (1, 2, 3)] == before
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
