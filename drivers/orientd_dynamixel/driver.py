@@ -217,22 +217,31 @@ class DynamixelDriver(Driver):
             self._bus.close()
         self._connect()
 
-    def close(self) -> None:
+    def park(self) -> None:
         """Park and switch the torque off, or leave it on, as the options say."""
+        bus, group = self._bus, self._group
+        if bus is None or group is None or self.settings.at_end != "release":
+            return
+        try:
+            self._settle(group)
+            startup.release(bus, self.settings, self._axes, self._sleep)
+        except DeviceError:
+            self._drop(bus, self._axes)
+            raise
+
+    def close(self) -> None:
+        """Leave the servos with their goals, watchdogs off, and let go of the port."""
         self._is_enabled = False
         bus, group = self._bus, self._group
         self._bus = self._group = None
         if bus is None:
             return
         try:
-            if group is not None:
+            if group is not None and not self._is_out_of_reach:
                 self._settle(group)
-                startup.arm_watchdogs(bus, self._axes, 0)
-                if self.settings.at_end == "release":
-                    startup.release(bus, self.settings, self._axes, self._sleep)
+                startup.hold(bus, self._axes)
         except DeviceError:
-            if self.settings.at_end == "release":
-                self._drop(bus, self._axes)
+            return  # the watchdogs stop what cannot be reached
         finally:
             bus.close()
 
@@ -259,6 +268,7 @@ class DynamixelDriver(Driver):
             bus.close()
             raise
         self._bus = bus
+        self._is_out_of_reach = False
 
     def _listen(self, bus: ServoBus, firmware: Mapping[int, int]) -> Group:
         options = self.settings

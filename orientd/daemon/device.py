@@ -42,6 +42,9 @@ _EXAMINED_EVERY = 0.008
 _SAME_BRANCH = 0.5
 """How far axis angles as measured may be from those planned to be on the same branch, rad."""
 
+_LONGEST_END = 30.0
+"""How long a servo may take to stop on its path and to park its device, s."""
+
 _ENDING = 0.3
 """How long a servo may take to end that has lost its device, s."""
 
@@ -223,7 +226,7 @@ class Device:
             self._closing.set()
             link, self._link = self._link, None
             if link is not None:
-                link.end(timeout=10.0)
+                link.end(timeout=_LONGEST_END)
         if self._thread is not None:
             self._thread.join()
         if link is not None:

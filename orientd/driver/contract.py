@@ -208,6 +208,16 @@ class Driver(ABC):
     def reset(self) -> None:  # noqa: B027 - most devices need nothing
         """Clear a fault of the device, so that :meth:`enable` can work again."""
 
+    def park(self) -> None:  # noqa: B027 - most devices are left where they stand
+        """Bring the device to where it may be left alone; it may move, and let go of its load.
+
+        Called once, after :meth:`disable`, at an orderly end only: not in a fault, and not where
+        the daemon was lost, when the device is to go on holding.  May take some 20 s.
+        """
+
     @abstractmethod
     def close(self) -> None:
-        """Release everything.  Never raises; called on every way out."""
+        """Release everything but the device's hold on where it is.
+
+        Never raises; called on every way out.
+        """

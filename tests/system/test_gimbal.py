@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from command_line import assert_refused, orientd
 from gimbal_bench import ROOT, EmulatedGimbal, GimbalDaemon
+from harness import until
 
 pytest.importorskip("dynamixel_sdk")
 
@@ -100,6 +101,27 @@ def test_path_that_the_axes_cannot_follow_is_refused_and_nothing_moves(bus, exac
     done = orientd("move", over_the_top, "--socket", exact.socket)
     assert_refused(done, "velocity of yaw reaches 3.87", "rad/s at 4.", "the limit is 3.8397")
     assert [bus.state(servo)["goal"] for servo in (1, 2, 3)] == before
+
+
+def test_gimbal_is_released_when_the_daemon_ends_in_order(bus, tmp_path):
+    daemon = GimbalDaemon(tmp_path, bus.link).start()
+    assert [bus.state(servo)["torque"] for servo in (1, 2, 3)] == [1, 1, 1]
+    assert daemon.end()[0] == 0
+    assert [bus.state(servo)["torque"] for servo in (1, 2, 3)] == [0, 0, 0]
+
+
+def test_gimbal_goes_on_holding_when_the_daemon_is_killed(bus, tmp_path):
+    daemon = GimbalDaemon(tmp_path, bus.link).start()
+    daemon.end(signal.SIGKILL)
+    # The servo process writes down why it ended once it has let go of the port.
+    until(daemon.report.exists, "the report of the servo")
+    assert json.loads(daemon.report.read_text())["reason"] == "the daemon is gone"
+    for servo in (1, 2, 3):
+        state = bus.state(servo)
+        assert (state["torque"], state["watchdog"]) == (1, 0)
+        assert abs(state["goal"] - state["position"]) <= 2
+    again = GimbalDaemon(tmp_path, bus.link).start()
+    again.end()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
