@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
 from orientd.clock import Clock
-from orientd.driver import Driver, Feedback, Quaternion, Setpoint, ShapedPath
+from orientd.driver import Driver, Feedback, Finding, Quaternion, Setpoint, ShapedPath
 from orientd.errors import DeviceError, DeviceFaultError, LinkError
 from orientd_dynamixel import startup
 from orientd_dynamixel.axis import Axis
@@ -216,6 +216,12 @@ class DynamixelDriver(Driver):
         if self._bus is not None:
             self._bus.close()
         self._connect()
+
+    def diagnose(self) -> Sequence[Finding]:
+        """Look at port, servos and the rate that the bus can hold."""
+        doctor = importlib.import_module("orientd_dynamixel.diagnosis")
+        found: list[Finding] = doctor.diagnose(self.settings, self.period_ns * 1e-9, self._open_bus)
+        return found
 
     def park(self) -> None:
         """Park and switch the torque off, or leave it on, as the options say."""

@@ -78,6 +78,22 @@ class Figure(NamedTuple):
     time: float | None = None
 
 
+class Finding(NamedTuple):
+    """What a look at a device has shown.
+
+    Attributes:
+        name: what was looked at.
+        found: what was found.
+        mend: what to do about it; empty where it is well.
+        is_problem: whether the device cannot be used like that.
+    """
+
+    name: str
+    found: str
+    mend: str = ""
+    is_problem: bool = False
+
+
 class ShapedPath(NamedTuple):
     """A path as a device's axes can follow it, on the same grid as the one it was made of.
 
@@ -207,6 +223,13 @@ class Driver(ABC):
 
     def reset(self) -> None:  # noqa: B027 - most devices need nothing
         """Clear a fault of the device, so that :meth:`enable` can work again."""
+
+    def diagnose(self) -> Sequence[Finding]:
+        """Look at the device and the way to it; change nothing, raise no :class:`DeviceError`.
+
+        Called on a driver that is not open, outside of a servo process, and never again.
+        """
+        return ()
 
     def park(self) -> None:  # noqa: B027 - most devices are left where they stand
         """Bring the device to where it may be left alone; it may move, and let go of its load.

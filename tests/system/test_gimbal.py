@@ -124,6 +124,44 @@ def test_gimbal_goes_on_holding_when_the_daemon_is_killed(bus, tmp_path):
     again.end()
 
 
+def findings(daemon):
+    done = orientd("doctor", "--json", "--config", daemon.config)
+    assert (done.returncode, done.stderr) == (0, ""), done
+    return {
+        one["name"].removeprefix("gimbal: "): one
+        for one in json.loads(done.stdout)["findings"]
+        if one["name"].startswith("gimbal: ")
+    }
+
+
+def test_doctor_looks_at_the_configured_bus(bus, tmp_path):
+    found = findings(GimbalDaemon(tmp_path, bus.link))
+    assert str(bus.link) in found["port"]["found"]
+    assert found["servo 1 (yaw)"]["found"] == (
+        "XM430-W350, firmware 48, 1000000 baud, return delay 500 us"
+    )
+    for part in ("Hz with room to spare", "calculated", "measured", "configured are 100 Hz"):
+        assert part in found["rate"]["found"]
+    assert found["rate"]["verdict"] == "ok"
+    assert "return delay is not 0" in found["bus"]["mend"]
+
+
+def test_doctor_says_which_servo_does_not_answer_and_changes_nothing(bus, tmp_path):
+    bus.tell("disconnect 2")
+    found = findings(GimbalDaemon(tmp_path, bus.link))
+    assert found["servo 2"]["verdict"] == "problem"
+    assert "rate" not in found
+    assert bus.state(1)["torque"] == 0
+
+
+def test_doctor_leaves_a_bus_in_use_alone(bus, daemon):
+    found = findings(daemon)
+    assert found["bus"]["verdict"] == "problem"
+    assert "is a daemon using it" in found["bus"]["mend"]
+    done = orientd("status", "--json", "--socket", daemon.socket)
+    assert json.loads(done.stdout)["devices"]["gimbal"]["state"] == "holding"
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_emulated_bus_ends_cleanly(tmp_path, number):
     bus = EmulatedGimbal(tmp_path / "bus")
