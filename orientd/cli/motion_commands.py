@@ -106,6 +106,7 @@ def move(
                 f"{plan.duration:.3f} s with a lead-in of {plan.certificate.lead_in:.3f} s and a "
                 f"lead-out of {plan.certificate.lead_out:.3f} s"
             )
+            say(*plan.certificate.notes)
         with progress.view(f"motion {handle.motion_number}", is_silent=as_json) as view:
             summary = follow(handle, view)
     if as_json:

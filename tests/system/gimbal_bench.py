@@ -9,6 +9,13 @@ from command_line import begin, environment
 
 ROOT = Path(__file__).parents[2]
 
+# A busy machine wakes the emulator late, by more than any servo would be.
+_PATIENT = (
+    ("max_losses = 6 ", "max_losses = 100 "),
+    ("feedback_timeout = 0.2 ", "feedback_timeout = 2.0 "),
+    ("watchdog_ms = 200 ", "watchdog_ms = 2000 "),
+)
+
 
 class EmulatedGimbal:
     """``orientd sim dynamixel`` with its console."""
@@ -52,7 +59,7 @@ class GimbalDaemon:
         self.config = self.folder / "gimbal.toml"
         self.report = self.folder / "state" / "orientd" / "servo-gimbal.json"
         text = (ROOT / "config" / "gimbal.toml").read_text()
-        for old, new in (('/tmp/gimbal"', f'{port}"'), *changes):
+        for old, new in (('/tmp/gimbal"', f'{port}"'), *_PATIENT, *changes):
             assert old in text
             text = text.replace(old, new)
         self.config.write_text(f'[daemon]\nsocket = "{self.socket}"\n{text}')

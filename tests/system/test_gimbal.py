@@ -34,6 +34,7 @@ def test_three_commands_turn_an_emulated_gimbal(bus, daemon):
     motion = ROOT / "config" / "gimbal-turn.yaml"
     done = orientd("move", motion, "--socket", daemon.socket)
     assert (done.returncode, done.stderr) == (0, ""), done
+    assert "yaw: 0.0 to 7" in done.stdout
     for servo, degrees in ((1, 60), (2, 20), (3, -15)):
         state = bus.state(servo)
         assert abs(state["goal"] - ticks(degrees)) <= 0.5 + 1e-6
