@@ -233,7 +233,9 @@ def _axis(row: object, number: int, letter: str) -> AxisOptions:
         acceleration=math.radians(
             _number(
                 f"{where}acceleration_deg",
-                row.get("acceleration_deg", math.degrees(DEFAULT_ACCELERATION)), 1.0, 1e5,
+                row.get("acceleration_deg", math.degrees(DEFAULT_ACCELERATION)),
+                1.0,
+                1e5,
             )
         ),
         current_limit=None if current is None else _number(f"{where}current_limit", current, 0, 4),
