@@ -131,12 +131,14 @@ class AxisPath:
         times: s, shape ``(n,)``, uniform.
         angles: rad, unwrapped, shape ``(n, axes)``.
         q: orientation that they make, shape ``(n, 4)``; what is to be streamed.
+        path_times: how far along the path asked for each sample is, s, shape ``(n,)``.
         certificate: what holds for it.
     """
 
     times: Floats
     angles: Floats
     q: Floats = field(repr=False)
+    path_times: Floats = field(repr=False)
     certificate: AxisCertificate
 
 

@@ -10,13 +10,14 @@ position are watched instead.
 
 from __future__ import annotations
 
+import importlib
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
 from orientd.clock import Clock
-from orientd.driver import Driver, Feedback, Setpoint
+from orientd.driver import Driver, Feedback, Finding, Quaternion, Setpoint, ShapedPath
 from orientd.errors import DeviceError, DeviceFaultError, LinkError
 from orientd_dynamixel import startup
 from orientd_dynamixel.axis import Axis
@@ -74,6 +75,15 @@ class DynamixelDriver(Driver):
     def losses(self) -> Losses:
         """What was not answered since the bus was opened."""
         return self._group.losses if self._group else Losses(0, 0, {}, "")
+
+    def shape(
+        self, period: float, orientations: Sequence[Quaternion], joints: tuple[float, ...]
+    ) -> ShapedPath:
+        """Choose branch, winding and deviation of every axis over the whole path."""
+        # By name: planning needs NumPy, which a servo process does without.
+        shaping = importlib.import_module("orientd_dynamixel.shaping")
+        shaped: ShapedPath = shaping.shape(self.settings, period, orientations, joints)
+        return shaped
 
     def open(self) -> None:
         """Find every servo, put its settings right, and begin to listen; nothing moves.
@@ -207,22 +217,37 @@ class DynamixelDriver(Driver):
             self._bus.close()
         self._connect()
 
-    def close(self) -> None:
+    def diagnose(self) -> Sequence[Finding]:
+        """Look at port, servos and the rate that the bus can hold."""
+        doctor = importlib.import_module("orientd_dynamixel.diagnosis")
+        found: list[Finding] = doctor.diagnose(self.settings, self.period_ns * 1e-9, self._open_bus)
+        return found
+
+    def park(self) -> None:
         """Park and switch the torque off, or leave it on, as the options say."""
+        bus, group = self._bus, self._group
+        if bus is None or group is None or self.settings.at_end != "release":
+            return
+        try:
+            self._settle(group)
+            startup.release(bus, self.settings, self._axes, self._sleep)
+        except DeviceError:
+            self._drop(bus, self._axes)
+            raise
+
+    def close(self) -> None:
+        """Leave the servos with their goals, watchdogs off, and let go of the port."""
         self._is_enabled = False
         bus, group = self._bus, self._group
         self._bus = self._group = None
         if bus is None:
             return
         try:
-            if group is not None:
+            if group is not None and not self._is_out_of_reach:
                 self._settle(group)
-                startup.arm_watchdogs(bus, self._axes, 0)
-                if self.settings.at_end == "release":
-                    startup.release(bus, self.settings, self._axes, self._sleep)
+                startup.hold(bus, self._axes)
         except DeviceError:
-            if self.settings.at_end == "release":
-                self._drop(bus, self._axes)
+            return  # the watchdogs stop what cannot be reached
         finally:
             bus.close()
 
@@ -249,6 +274,7 @@ class DynamixelDriver(Driver):
             bus.close()
             raise
         self._bus = bus
+        self._is_out_of_reach = False
 
     def _listen(self, bus: ServoBus, firmware: Mapping[int, int]) -> Group:
         options = self.settings

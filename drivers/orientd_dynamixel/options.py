@@ -9,6 +9,8 @@
     watchdog_ms = 200          # servos stop by themselves after this silence
     at_end = "release"         # or "hold": leave the torque on
     park_deg = [0, 0, 0]       # go here before the torque is switched off
+    max_deviation_deg = 0.0    # by how much a path near the pole may be missed; 0 refuses it
+    allow_slews = false        # whether the tool may stop and leave its path to change branch
 
     [[axes]]                   # one for each letter of order
     id = 1
@@ -19,6 +21,7 @@
     zero_deg = 0.0             # angle of the axis where the servo's position is 2048
     limits_deg = [-170, 170]
     velocity_deg = 220         # degrees a second; 80 % of what the servo does without load
+    acceleration_deg = 2290    # degrees a second squared
 """
 
 from __future__ import annotations
@@ -30,6 +33,9 @@ from typing import Any
 
 BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
 """Those that both the servos and the vendor's SDK know."""
+
+DEFAULT_ACCELERATION = 40.0
+"""rad/s^2 of an axis where nothing else is said; an XM430 with a camera on it can do that."""
 
 QUATERNION = (1.0, 0.0, 0.0, 0.0)
 
@@ -76,6 +82,7 @@ class AxisOptions:
     low: float
     high: float
     velocity: float
+    acceleration: float
     current_limit: float | None
 
 
@@ -99,16 +106,18 @@ class GimbalOptions:
     follow_time: float
     max_losses: int
     latency_ms: float
+    max_deviation: float
+    allow_slews: bool
 
 
 _AXIS_KEYS = {
     "id", "name", "model", "gear", "direction", "zero_deg", "limits_deg", "velocity_deg",
-    "current_limit",
+    "acceleration_deg", "current_limit",
 }  # fmt: skip
 _KEYS = {
     "port", "baud", "order", "axes", "mount", "tool", "fast_read", "watchdog_ms", "at_end",
     "park_deg", "pointing", "roll_tolerance_deg", "follow_tolerance_deg", "follow_time",
-    "max_losses", "latency_ms",
+    "max_losses", "latency_ms", "max_deviation_deg", "allow_slews",
 }  # fmt: skip
 
 
@@ -163,6 +172,10 @@ def parse(options: Mapping[str, Any]) -> GimbalOptions:
         follow_time=_number("follow_time", options.get("follow_time", 0.3), 0.01, 10),
         max_losses=round(_number("max_losses", options.get("max_losses", 6), 1, 1000)),
         latency_ms=_number("latency_ms", options.get("latency_ms", 16.0), 0.1, 1000),
+        max_deviation=math.radians(
+            _number("max_deviation_deg", options.get("max_deviation_deg", 0.0), 0, 45)
+        ),
+        allow_slews=_choice("allow_slews", options.get("allow_slews", False), (False, True)),
     )
 
 
@@ -217,6 +230,14 @@ def _axis(row: object, number: int, letter: str) -> AxisOptions:
         low=low,
         high=high,
         velocity=velocity,
+        acceleration=math.radians(
+            _number(
+                f"{where}acceleration_deg",
+                row.get("acceleration_deg", math.degrees(DEFAULT_ACCELERATION)),
+                1.0,
+                1e5,
+            )
+        ),
         current_limit=None if current is None else _number(f"{where}current_limit", current, 0, 4),
     )
 

@@ -239,7 +239,7 @@ def _path(
         slews=line.slews,
         stretch=stretch,
     )
-    return AxisPath(line.times, line.angles, reached, certificate)
+    return AxisPath(line.times, line.angles, reached, line.path_times / stretch, certificate)
 
 
 def _verify(certificate: AxisCertificate, limits: Sequence[AxisLimits]) -> None:

@@ -18,26 +18,16 @@ from orientd_dynamixel.kinematics import Gimbal
 from orientd_dynamixel.options import GimbalOptions, parse
 from orientd_dynamixel.path import plan_axes
 
-DEFAULT_ACCELERATION = 40.0
-"""rad/s^2 of an axis where nothing else is said; an XM430 with a camera on it can do that."""
-
 
 def gimbal_of(options: GimbalOptions) -> Gimbal:
     """Return the gimbal that *options* describe."""
     return Gimbal(options.order, options.mount, options.tool)
 
 
-def limits_of(
-    options: GimbalOptions, acceleration: float = DEFAULT_ACCELERATION
-) -> list[AxisLimits]:
-    """Return what each axis may do.
-
-    Args:
-        options: of the deployment.
-        acceleration: of every axis, rad/s^2.
-    """
+def limits_of(options: GimbalOptions) -> list[AxisLimits]:
+    """Return what each axis may do."""
     return [
-        AxisLimits(axis.low, axis.high, axis.velocity, acceleration, axis.name)
+        AxisLimits(axis.low, axis.high, axis.velocity, axis.acceleration, axis.name)
         for axis in options.axes
     ]
 
@@ -49,7 +39,6 @@ def plan(
     *,
     start: ArrayLike | None = None,
     policy: Policy | None = None,
-    acceleration: float = DEFAULT_ACCELERATION,
 ) -> AxisPath:
     """Return a path in axis angles for a deployment's gimbal.
 
@@ -60,7 +49,6 @@ def plan(
         start: axis angles the gimbal is commanded to be at, rad; the driver reports them as
             ``joints``.
         policy: what may be done where the exact path is too much.
-        acceleration: of every axis, rad/s^2.
 
     Raises:
         LimitError: an axis cannot make it, and the policy allows no way round.
@@ -69,7 +57,7 @@ def plan(
     """
     settings = parse(options)
     return plan_axes(
-        gimbal_of(settings), q, period, limits_of(settings, acceleration), start=start,
+        gimbal_of(settings), q, period, limits_of(settings), start=start,
         policy=policy,
     )  # fmt: skip
 

@@ -63,10 +63,9 @@ class UrDriver(Driver):
         self._feedback: Feedback | None = None
         self._speed_scaling = 1.0
 
-    @classmethod
-    def inspect(cls, options: Mapping[str, Any]) -> list[Finding]:
+    def diagnose(self) -> Sequence[Finding]:
         """Look at the robot with plain sockets: what it is, whether it will move, the link."""
-        return inspect(ur_options.check(options, period=1.0 / cls.default_rate_hz))
+        return inspect(self._options)
 
     @property
     def speed_scaling(self) -> float:

@@ -78,10 +78,10 @@ def device_findings(device: DeviceSettings) -> list[Finding]:
 
     driver = load_driver(device.driver)
     try:
-        driver(device.options, period_ns=device.period_ns, clock=MonotonicClock())
+        looker = driver(device.options, period_ns=device.period_ns, clock=MonotonicClock())
     except ValueError as error:
         raise ConfigError(f"devices.{device.name}.options: {error}") from error
-    return driver.inspect(device.options)
+    return list(looker.diagnose())
 
 
 def latency_finding(device: DeviceSettings) -> Finding:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -105,6 +106,7 @@ def move(
             introduction=f"motion {handle.motion_number}: {len(request.keyframes)} keyframes, "
             f"{plan.duration:.3f} s with a lead-in of {plan.certificate.lead_in:.3f} s and a "
             f"lead-out of {plan.certificate.lead_out:.3f} s",
+            notes=plan.certificate.notes,
             is_silent=as_json,
         )
     if as_json:
@@ -114,7 +116,14 @@ def move(
     raise_unless_done(summary)
 
 
-def follow(handle: MoveHandle, *, title: str, introduction: str = "", is_silent: bool) -> Summary:
+def follow(
+    handle: MoveHandle,
+    *,
+    title: str,
+    introduction: str = "",
+    notes: Sequence[str] = (),
+    is_silent: bool,
+) -> Summary:
     """Show a motion until it has ended; Ctrl-C stops it on its path.
 
     Raises:
@@ -125,6 +134,8 @@ def follow(handle: MoveHandle, *, title: str, introduction: str = "", is_silent:
     try:
         if introduction and not is_silent:
             say(introduction)
+        if not is_silent:
+            say(*notes)
         with progress.view(title, is_silent=is_silent) as view:
             for report in handle:
                 view.show(report)

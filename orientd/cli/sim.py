@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+import sys
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -31,3 +33,48 @@ def ur(
         emulator.serve(host)
     except OSError as error:
         raise DaemonError(f"cannot serve an emulated UR at {host}: {error.strerror}") from error
+
+
+@sim.command("dynamixel")
+@command
+def dynamixel(
+    link: Annotated[Path, typer.Option(help="Where clients find the bus's serial port.")],
+    servos: Annotated[
+        str, typer.Option(help="Ids and models of the servos, xm430 or xl330.")
+    ] = "1:xm430,2:xm430,3:xm430",
+    baud: Annotated[int, typer.Option(help="The line speed that the servos are set to.")] = 1000000,
+    usb_ms: Annotated[
+        float, typer.Option(min=0.0, help="The most by which the adapter holds an answer back.")
+    ] = 1.0,
+    ideal: Annotated[bool, typer.Option("--ideal", help="Let bytes take no time.")] = False,
+    seed: Annotated[int, typer.Option(help="Of everything random.")] = 0,
+    console: Annotated[
+        bool,
+        typer.Option("--console", help="Read commands from standard input: faults, `state`."),
+    ] = False,
+) -> None:
+    """Run an emulated Dynamixel bus on a pseudo-terminal.
+
+    Prints a line that begins with `ready` when it can be used.
+    """
+    emulator: Any = importlib.import_module("orientd_sim.dynamixel")
+    line = emulator.Line(
+        is_paced=not ideal,
+        usb_latency_ns=0 if ideal else round(usb_ms * 1e6),
+        has_collisions=False,
+    )
+    try:
+        emulator.run(
+            link,
+            names=servos,
+            baud=baud,
+            line=line,
+            seed=seed,
+            console=sys.stdin.fileno() if console else None,
+        )
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from error
+    except OSError as error:
+        raise DaemonError(
+            f"cannot serve an emulated bus at {link}: {error.strerror or error}"
+        ) from error

@@ -89,6 +89,7 @@ def certificate(of: Certificate) -> list[str]:
         f"keyframes            met to {of.keyframe_error:.1e} rad",
         f"a stop on the path   {of.stop_time:.3f} s at the most",
     ]
+    lines += [f"the device           {note}" for note in of.notes]
     return lines
 
 

@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor, wait
 from typing import Any
 
-from orientd import motion_file, planner
+from orientd import motion_file
 from orientd.clock import Clock, MonotonicClock
 from orientd.config import Settings
 from orientd.daemon.device import Device
@@ -39,8 +39,6 @@ KEPT_PLANS = 4
 
 START_TOLERANCE = 1e-6
 """How far from where the device is commanded to be a kept plan may begin, rad and m."""
-
-_READY_STEP = 0.1
 
 _READY_STEP = 0.1
 
@@ -191,10 +189,7 @@ class Cell:
             PlanError: it cannot be planned, or would break a limit.
         """
         request = motion_file.parse(mapping)
-        start = device.next_start() if keep else device.commanded()
-        period = device.period_ns * 1e-9
-        motion = planner.plan(request, start=start, limits=device.limits, period=period)
-        device.examine(motion)
+        motion = device.plan(request, is_next=keep)
         if keep:
             with self._lock:
                 self._plans[motion.id] = (device.name, motion)
@@ -248,6 +243,11 @@ class Cell:
             raise StartError(
                 f"the motion begins {turn:.6g} rad from where device {device.name!r} is commanded "
                 f"to be; plan it again"
+            )
+        if not device.is_at(motion.first_joints):
+            raise StartError(
+                f"the motion begins with other axis angles than those of device {device.name!r}; "
+                "plan it again"
             )
         away = float(abs(here.position - begin.position).max())
         if away > START_TOLERANCE:

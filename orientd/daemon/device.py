@@ -21,11 +21,12 @@ from orientd import rotation
 from orientd.clock import MonotonicClock
 from orientd.config import DeviceSettings
 from orientd.daemon.feeder import BLOCK, Feeder
+from orientd.daemon.fitting import plan_to_fit
 from orientd.daemon.meter import MotionMeter, MotionStatistics
 from orientd.daemon.servo_link import ServoLink, report_directory
 from orientd.driver.registry import driver_target, load_driver
 from orientd.errors import ConfigError, DaemonError, Fault, StateError
-from orientd.planner import Limits, Motion
+from orientd.planner import Limits, Motion, MotionRequest
 from orientd.planner import State as PlannedState
 from orientd.servo.process import ProcessSettings
 from orientd.stream import Command, Cycle, CycleFlag, NoteKind, State, Terms, unpack_cycle
@@ -38,6 +39,12 @@ _READ_AHEAD = 8.0
 
 _EXAMINED_EVERY = 0.008
 """How far apart in path time the poses are that a driver looks at, s."""
+
+_SAME_BRANCH = 0.5
+"""How far axis angles as measured may be from those planned to be on the same branch, rad."""
+
+_LONGEST_END = 30.0
+"""How long a servo may take to stop on its path and to park its device, s."""
 
 _ENDING = 0.3
 """How long a servo may take to end that has lost its device, s."""
@@ -225,7 +232,7 @@ class Device:
             self._closing.set()
             link, self._link = self._link, None
             if link is not None:
-                link.end(timeout=10.0)
+                link.end(timeout=_LONGEST_END)
         if self._thread is not None:
             self._thread.join()
         if link is not None:
@@ -263,12 +270,43 @@ class Device:
                 return PlannedState.at_rest(end.q[0], end.position[0])
         return self.commanded()
 
-    def examine(self, motion: Motion) -> None:
-        """Have the driver look at a motion that keeps the limits.
+    def plan(self, request: MotionRequest, *, is_next: bool = False) -> Motion:
+        """Plan a motion from where the device is commanded to be, as its axes can follow it.
+
+        Args:
+            request: what to do.
+            is_next: begin where the device will be once its present motion has ended.
 
         Raises:
-            PlanError: the device could not follow it.
+            RequestError: the request is not one that its method or the device allows.
+            StateError: the device is not at rest, ready to move.
+            PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
         """
+        start = self.next_start() if is_next else self.commanded()
+        joints = self._joints(is_next=is_next)
+        period = self.period_ns * 1e-9
+        motion = plan_to_fit(
+            self._examiner, request, start=start, joints=joints, limits=self.limits, period=period
+        )
+        self._examine(motion)
+        return motion
+
+    def _joints(self, *, is_next: bool) -> tuple[float, ...]:
+        with self._lock:
+            if is_next and self._active and self._motion is not None and self._motion.last_joints:
+                return self._motion.last_joints
+        cycle = self._servo().newest()
+        return () if cycle is None else cycle.joints
+
+    def is_at(self, joints: tuple[float, ...]) -> bool:
+        """Whether the device's axes are at *joints*, on the same branch and turn."""
+        here = self._joints(is_next=False)
+        return len(here) != len(joints) or all(
+            abs(a - b) < _SAME_BRANCH for a, b in zip(here, joints, strict=True)
+        )
+
+    def _examine(self, motion: Motion) -> None:
+        """Have the driver look at a motion that keeps the limits."""
         step = max(1, round(_EXAMINED_EVERY / motion.period))
         times = motion.period * np.arange(0, motion.record_count, step)
         samples = motion.sample(times)

@@ -15,7 +15,7 @@ from orientd import rotation
 from orientd.daemon.lead import LedSetpoints
 from orientd.planner import Motion
 from orientd.rotation import Floats
-from orientd.stream import State
+from orientd.stream import JOINTS, State
 
 CYCLE_LAYOUT = np.dtype(
     [
@@ -40,6 +40,7 @@ CYCLE_LAYOUT = np.dtype(
         ("feedback_q", "f8", (4,)),
         ("feedback_omega_body", "f8", (3,)),
         ("feedback_position", "f8", (3,)),
+        ("joints", "f8", (JOINTS,)),
     ],
     align=True,
 )

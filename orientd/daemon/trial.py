@@ -9,7 +9,7 @@ from orientd.config import DeviceSettings
 from orientd.daemon.device import Device
 from orientd.daemon.latency import Latency, identify
 from orientd.errors import DaemonError, OrientdError
-from orientd.planner import Keyframe, MotionRequest, plan
+from orientd.planner import Keyframe, MotionRequest
 from orientd.stream import Cycle, CycleFlag, State
 
 ANGLE = 0.2
@@ -65,8 +65,7 @@ def _move(device: Device) -> list[Cycle]:
         w, x, y, z = rotation.multiply(start.q, rotation.exp([0.0, 0.0, angle])).tolist()
         keyframes.append(Keyframe((w, x, y, z), seconds))
     request = MotionRequest(keyframes=keyframes)
-    motion = plan(request, start=start, limits=device.limits, period=device.period_ns * 1e-9)
-    device.examine(motion)
+    motion = device.plan(request)
     before = device.snapshot().cycle
     device.start(motion)
     _await_holding(device, motion.duration + _READY)

@@ -5,8 +5,10 @@ from orientd.driver.contract import (
     ZERO,
     Driver,
     Feedback,
+    Figure,
     Quaternion,
     Setpoint,
+    ShapedPath,
     Vector3,
 )
 from orientd.driver.finding import Finding, Verdict
@@ -16,9 +18,11 @@ __all__ = [
     "ZERO",
     "Driver",
     "Feedback",
+    "Figure",
     "Finding",
     "Quaternion",
     "Setpoint",
+    "ShapedPath",
     "Vector3",
     "Verdict",
 ]

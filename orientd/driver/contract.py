@@ -61,6 +61,45 @@ class Feedback(NamedTuple):
     joints: tuple[float, ...] = ()
 
 
+class Figure(NamedTuple):
+    """One number that a driver certifies of a motion.
+
+    Attributes:
+        name: of what, in words.
+        value: in *unit*.
+        unit: as it is written, for example ``rad/s``.
+        limit: what was allowed, same unit; ``None`` where nothing limits it.
+        time: when in the motion, s; ``None`` where it is no one instant.
+    """
+
+    name: str
+    value: float
+    unit: str
+    limit: float | None = None
+    time: float | None = None
+
+
+class ShapedPath(NamedTuple):
+    """A path as a device's axes can follow it, on the same grid as the one it was made of.
+
+    Attributes:
+        orientations: one for each period; the first is that of the path given, and both ends are
+            at rest.
+        path_times: how far along the path given each of them is, s; never decreasing.
+        first_joints: axis angles at the beginning, rad.
+        last_joints: axis angles at the end, rad.
+        figures: what holds for it.
+        notes: what there is to say of it, in words, a line each.
+    """
+
+    orientations: Sequence[Quaternion]
+    path_times: Sequence[float]
+    first_joints: tuple[float, ...]
+    last_joints: tuple[float, ...]
+    figures: tuple[Figure, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
 class Driver(ABC):
     """One device.  Raise :class:`~orientd.errors.DeviceError` subclasses, nothing else.
 
@@ -88,18 +127,6 @@ class Driver(ABC):
         self.period_ns = period_ns
         self.clock = clock
 
-    @classmethod
-    def inspect(cls, options: Mapping[str, Any]) -> list[Finding]:  # noqa: ARG003 - most see nothing
-        """Look at the device that *options* are for, and say what is in its way.
-
-        Called by the doctor, in a process of its own.  Moves nothing and changes nothing; a device
-        that does not answer is a finding, not an error.
-
-        Args:
-            options: as the constructor has checked them.
-        """
-        return []
-
     @property
     def speed_scaling(self) -> float:
         """How fast the device itself lets motions run, 0 to 1; the path clock follows it."""
@@ -124,6 +151,32 @@ class Driver(ABC):
         Raises:
             PlanError: why not, where and when.
         """
+
+    def shape(
+        self,
+        period: float,  # noqa: ARG002 - most devices follow any path as it is
+        orientations: Sequence[Quaternion],  # noqa: ARG002
+        joints: tuple[float, ...],  # noqa: ARG002
+    ) -> ShapedPath | None:
+        """Return the path that the device's axes will follow, where that is not any path.
+
+        Called in the daemon's process, on a driver that is not open, before a motion is accepted
+        and before :meth:`examine`.  What is returned is what will be streamed.
+
+        Args:
+            period: of the grid, s.
+            orientations: of the whole motion, from rest to rest, a period apart.
+            joints: axis angles that the device last reported where the motion begins, rad; empty
+                where they are not known.
+
+        Returns:
+            ``None`` where the device follows the path as it is.
+
+        Raises:
+            LimitError: an axis cannot follow; the message names it, the value and the time.
+            PlanError: the path cannot be followed for another reason.
+        """
+        return None
 
     @abstractmethod
     def open(self) -> None:
@@ -156,6 +209,23 @@ class Driver(ABC):
     def reset(self) -> None:  # noqa: B027 - most devices need nothing
         """Clear a fault of the device, so that :meth:`enable` can work again."""
 
+    def diagnose(self) -> Sequence[Finding]:
+        """Look at the device and the way to it; change nothing, raise no :class:`DeviceError`.
+
+        Called on a driver that is not open, outside of a servo process, and never again.
+        """
+        return ()
+
+    def park(self) -> None:  # noqa: B027 - most devices are left where they stand
+        """Bring the device to where it may be left alone; it may move, and let go of its load.
+
+        Called once, after :meth:`disable`, at an orderly end only: not in a fault, and not where
+        the daemon was lost, when the device is to go on holding.  May take some 20 s.
+        """
+
     @abstractmethod
     def close(self) -> None:
-        """Release everything.  Never raises; called on every way out."""
+        """Release everything but the device's hold on where it is.
+
+        Never raises; called on every way out.
+        """

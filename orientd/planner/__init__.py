@@ -10,6 +10,7 @@ from orientd.planner.motion import RECORD_FLOATS, Motion
 from orientd.planner.path import Samples
 from orientd.planner.plan import plan
 from orientd.planner.request import DEFAULT_METHOD, Keyframe, MotionRequest, State
+from orientd.planner.shaped import reshaped
 
 __all__ = [
     "DEFAULT_LIMITS",
@@ -24,4 +25,5 @@ __all__ = [
     "Samples",
     "State",
     "plan",
+    "reshaped",
 ]

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orientd.driver import Figure
 from orientd.planner.brake import FASTEST_BRAKE_RATE, brake_rate, linear_brake_rate
 from orientd.planner.limits import Limits
 from orientd.rotation import Floats, conjugate, log, multiply
@@ -97,6 +98,8 @@ class Certificate:
             for methods that do not interpolate.
         brake_rate: how fast the servo may change speed on the path, 1/s.
         stop_time: how long a stop from full speed takes then, s.
+        figures: what the device's driver certifies beyond that, of its axes for example.
+        notes: what the driver has to say of the motion, a line each.
     """
 
     rate_hz: float
@@ -113,6 +116,8 @@ class Certificate:
     keyframe_error: float
     brake_rate: float
     stop_time: float
+    figures: tuple[Figure, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 class _Largest:

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.planner.certificate import Certificate
+from orientd.planner.certificate import Certificate, Rough
 from orientd.planner.limits import Limits
 from orientd.planner.path import Path, Samples
 from orientd.planner.request import MotionRequest, State
+from orientd.planner.table_path import TablePath
 from orientd.rotation import Floats
 
 RECORD_FLOATS = 16
@@ -32,18 +33,24 @@ class Motion:
         keyframe_times: path times of all keyframes, s, shape ``(n,)``.
         record_count: number of records; the last one is at rest.
         certificate: what it was checked for.
+        rough: the part whose acceleration has steps; ``None`` if there is none.
+        first_joints: axis angles it begins at, rad; empty unless it was made for a device's axes.
+        last_joints: axis angles it ends at, rad.
     """
 
     id: str
     request: MotionRequest
     limits: Limits
     period: float
-    path: Path
+    path: Path | TablePath
     start_time: float
     end_time: float
     keyframe_times: Floats
     record_count: int
     certificate: Certificate
+    rough: Rough | None = None
+    first_joints: tuple[float, ...] = ()
+    last_joints: tuple[float, ...] = ()
 
     @property
     def duration(self) -> float:

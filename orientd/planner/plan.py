@@ -11,16 +11,17 @@ import numpy as np
 from orientd.curves import METHODS
 from orientd.errors import LimitError, PlanError, StartError
 from orientd.planner import refusal
-from orientd.planner.certificate import HISTORY, Certificate, Peaks, measure
+from orientd.planner.certificate import measure
 from orientd.planner.course import Core, Course
 from orientd.planner.draft import Draft, with_leads
 from orientd.planner.limits import GUARD_TOLERANCE, Limits
 from orientd.planner.methods import Ends, Method, check_method
 from orientd.planner.motion import Motion
 from orientd.planner.request import MotionRequest, State
+from orientd.planner.summing_up import before, summed_up
 from orientd.planner.survey import Survey
 from orientd.planner.timing import LONGEST, Indices, chord_knots, shortest
-from orientd.rotation import Floats, angle, exp, multiply
+from orientd.rotation import Floats
 
 _LEAD_STEP = 1.02  # how much longer to try where there is no core, or no lead for it
 _CYCLES_A_STEP = 4
@@ -195,7 +196,7 @@ class _Job:
             count,
             period,
             self.limits,
-            before=_before(self.start, period),
+            before=before(self.start, period),
             holds_after=True,
             brake_limits=self.limits.scaled(GUARD_TOLERANCE) if is_users else self.limits,
             rough=draft.rough,
@@ -213,7 +214,10 @@ class _Job:
             end_time=draft.end,
             keyframe_times=draft.keyframe_times,
             record_count=count,
-            certificate=self._certificate(draft, peaks),
+            certificate=summed_up(
+                request, path, (draft.begin, draft.end), draft.keyframe_times, peaks, period
+            ),
+            rough=draft.rough,
         )
 
     def _course(self, times: Floats, kept: Indices) -> Course:
@@ -221,35 +225,3 @@ class _Job:
 
     def _with_leads(self, core: Core) -> Draft:
         return with_leads(core, self.request, self.start, self.limits, self.period)
-
-    def _certificate(self, draft: Draft, peaks: Peaks) -> Certificate:
-        path = draft.path
-        at_start, at_end = (path.state(time).omega_body for time in (draft.begin, draft.end))
-        keyframes = path.sample(draft.keyframe_times).q
-        return Certificate(
-            rate_hz=1.0 / self.period,
-            duration=path.duration,
-            lead_in=draft.begin,
-            lead_out=path.duration - draft.end,
-            peak_velocity=peaks.velocity,
-            peak_acceleration=peaks.acceleration,
-            peak_jerk=peaks.jerk,
-            peak_linear_velocity=peaks.linear_velocity,
-            peak_linear_acceleration=peaks.linear_acceleration,
-            start_velocity_error=_distance(at_start, self.request.omega_start),
-            end_velocity_error=_distance(at_end, self.request.omega_end),
-            keyframe_error=float(np.max(angle(keyframes, self.request.keys))),
-            brake_rate=peaks.brake_rate,
-            stop_time=1.0 / peaks.brake_rate if peaks.brake_rate > 0.0 else math.inf,
-        )
-
-
-def _distance(omega: Floats, wanted: Floats | None) -> float:
-    return 0.0 if wanted is None else float(np.linalg.norm(omega - wanted))
-
-
-def _before(start: State, period: float) -> tuple[Floats, Floats]:
-    """Return the setpoints the device had before path time 0, the oldest first."""
-    back = -period * np.arange(HISTORY, 0, -1.0)[:, None]
-    turn = start.omega_body * back + 0.5 * start.alpha_body * back**2
-    return multiply(start.q, exp(turn)), np.repeat(start.position[None], HISTORY, axis=0)

@@ -162,8 +162,22 @@ class Peak(_message.Message):
     limit: float
     def __init__(self, value: _Optional[float] = ..., time: _Optional[float] = ..., limit: _Optional[float] = ...) -> None: ...
 
+class Figure(_message.Message):
+    __slots__ = ("name", "value", "unit", "limit", "time")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    VALUE_FIELD_NUMBER: _ClassVar[int]
+    UNIT_FIELD_NUMBER: _ClassVar[int]
+    LIMIT_FIELD_NUMBER: _ClassVar[int]
+    TIME_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    value: float
+    unit: str
+    limit: float
+    time: float
+    def __init__(self, name: _Optional[str] = ..., value: _Optional[float] = ..., unit: _Optional[str] = ..., limit: _Optional[float] = ..., time: _Optional[float] = ...) -> None: ...
+
 class Certificate(_message.Message):
-    __slots__ = ("rate_hz", "duration", "lead_in", "lead_out", "velocity", "acceleration", "jerk", "linear_velocity", "linear_acceleration", "start_velocity_error", "end_velocity_error", "keyframe_error", "brake_rate", "stop_time")
+    __slots__ = ("rate_hz", "duration", "lead_in", "lead_out", "velocity", "acceleration", "jerk", "linear_velocity", "linear_acceleration", "start_velocity_error", "end_velocity_error", "keyframe_error", "brake_rate", "stop_time", "figures", "notes")
     RATE_HZ_FIELD_NUMBER: _ClassVar[int]
     DURATION_FIELD_NUMBER: _ClassVar[int]
     LEAD_IN_FIELD_NUMBER: _ClassVar[int]
@@ -178,6 +192,8 @@ class Certificate(_message.Message):
     KEYFRAME_ERROR_FIELD_NUMBER: _ClassVar[int]
     BRAKE_RATE_FIELD_NUMBER: _ClassVar[int]
     STOP_TIME_FIELD_NUMBER: _ClassVar[int]
+    FIGURES_FIELD_NUMBER: _ClassVar[int]
+    NOTES_FIELD_NUMBER: _ClassVar[int]
     rate_hz: float
     duration: float
     lead_in: float
@@ -192,7 +208,9 @@ class Certificate(_message.Message):
     keyframe_error: float
     brake_rate: float
     stop_time: float
-    def __init__(self, rate_hz: _Optional[float] = ..., duration: _Optional[float] = ..., lead_in: _Optional[float] = ..., lead_out: _Optional[float] = ..., velocity: _Optional[_Union[Peak, _Mapping]] = ..., acceleration: _Optional[_Union[Peak, _Mapping]] = ..., jerk: _Optional[_Union[Peak, _Mapping]] = ..., linear_velocity: _Optional[_Union[Peak, _Mapping]] = ..., linear_acceleration: _Optional[_Union[Peak, _Mapping]] = ..., start_velocity_error: _Optional[float] = ..., end_velocity_error: _Optional[float] = ..., keyframe_error: _Optional[float] = ..., brake_rate: _Optional[float] = ..., stop_time: _Optional[float] = ...) -> None: ...
+    figures: _containers.RepeatedCompositeFieldContainer[Figure]
+    notes: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, rate_hz: _Optional[float] = ..., duration: _Optional[float] = ..., lead_in: _Optional[float] = ..., lead_out: _Optional[float] = ..., velocity: _Optional[_Union[Peak, _Mapping]] = ..., acceleration: _Optional[_Union[Peak, _Mapping]] = ..., jerk: _Optional[_Union[Peak, _Mapping]] = ..., linear_velocity: _Optional[_Union[Peak, _Mapping]] = ..., linear_acceleration: _Optional[_Union[Peak, _Mapping]] = ..., start_velocity_error: _Optional[float] = ..., end_velocity_error: _Optional[float] = ..., keyframe_error: _Optional[float] = ..., brake_rate: _Optional[float] = ..., stop_time: _Optional[float] = ..., figures: _Optional[_Iterable[_Union[Figure, _Mapping]]] = ..., notes: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class Plan(_message.Message):
     __slots__ = ("motion_id", "duration", "start_time", "end_time", "keyframe_times", "certificate")

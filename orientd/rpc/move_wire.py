@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from orientd.driver import Figure
 from orientd.planner import Certificate, Peak
 from orientd.rotation import Floats
 from orientd.rpc import control_pb2 as pb
@@ -64,6 +65,8 @@ def plan_to_message(plan: Plan) -> pb.Plan:
     for name in RATES:
         peak = _peak(getattr(certificate, f"peak_{name}"))
         getattr(message.certificate, name).CopyFrom(peak)
+    message.certificate.figures.extend(pb.Figure(**of._asdict()) for of in certificate.figures)
+    message.certificate.notes.extend(certificate.notes)
     return message
 
 
@@ -83,6 +86,8 @@ def plan_from_message(message: pb.Plan, samples: Samples | None = None) -> Plan:
             peak_jerk=_to_peak(certificate.jerk),
             peak_linear_velocity=_to_peak(certificate.linear_velocity),
             peak_linear_acceleration=_to_peak(certificate.linear_acceleration),
+            figures=tuple(_to_figure(figure) for figure in certificate.figures),
+            notes=tuple(certificate.notes),
         ),
         samples=samples,
     )
@@ -215,6 +220,16 @@ def _peak(peak: Peak) -> pb.Peak:
 
 def _to_peak(message: pb.Peak) -> Peak:
     return Peak(message.value, message.time, message.limit)
+
+
+def _to_figure(message: pb.Figure) -> Figure:
+    return Figure(
+        message.name,
+        message.value,
+        message.unit,
+        message.limit if message.HasField("limit") else None,
+        message.time if message.HasField("time") else None,
+    )
 
 
 def _table(rows: list[tuple[float, ...]], width: int) -> Floats:

@@ -93,7 +93,7 @@ def run(descriptor: int, settings: ProcessSettings) -> int:
         clock=clock,
         parent_is_alive=lambda: os.getppid() == settings.daemon_pid,
     )
-    signal.signal(signal.SIGTERM, lambda *_: servo.request_end("SIGTERM"))
+    signal.signal(signal.SIGTERM, lambda *_: servo.request_orderly_end("SIGTERM"))
     is_locked = lock_memory()
     scheduling = set_scheduling(settings.priority)
     freeze_garbage()

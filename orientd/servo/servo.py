@@ -26,6 +26,8 @@ from orientd.servo.path_follower import PathFollower, StarvedError
 from orientd.servo.segment import PathPoint
 from orientd.servo.table import Event, advance
 from orientd.stream import (
+    JOINTS,
+    NO_JOINTS,
     Answer,
     Command,
     CycleFlag,
@@ -103,6 +105,7 @@ class Servo:
         self._fault = Fault.NONE
         self._fault_text = ""
         self._is_enabled = False
+        self._is_orderly = False
         self._feedback: Feedback | None = None
         self._enabled_ns = 0
         self._motion = 0
@@ -148,14 +151,24 @@ class Servo:
         """Whether the end was asked for and nothing moves any more."""
         return bool(self.ending) and not self.is_moving
 
+    def request_orderly_end(self, reason: str) -> None:
+        """End as the daemon would have it, unless the daemon is gone: then the device holds."""
+        self._is_orderly = self._parent_is_alive()
+        self.request_end(reason)
+
     def close(self) -> None:
-        """Leave the device holding, and let go of it."""
+        """Leave the device parked after an orderly end, else holding, and let go of it."""
         try:
             if self._is_enabled:
                 self._driver.disable()
         except Exception as error:  # noqa: BLE001 - whatever a driver raises, the process ends
             self.ending += f"; disable failed: {error}"
         self._is_enabled = False
+        if self._is_orderly and self.state is not State.FAULT:
+            try:
+                self._driver.park()
+            except Exception as error:  # noqa: BLE001 - whatever a driver raises, the process ends
+                self.ending += f"; park failed: {error}"
         self._driver.close()
 
     def report(self) -> dict[str, object]:
@@ -255,6 +268,7 @@ class Servo:
             self._fault, self._fault_text = Fault.NONE, ""
             self.state = following
         elif command is Command.SHUTDOWN:
+            self._is_orderly = True
             self.request_end("the daemon asked for it")
         return ""
 
@@ -443,6 +457,7 @@ class Servo:
             *(feedback.q if feedback else IDENTITY),
             *(feedback.omega_body if feedback else ZERO),
             *(feedback.position if feedback else ZERO),
+            *((feedback.joints + NO_JOINTS)[:JOINTS] if feedback else NO_JOINTS),
         )
         self._cycle_count += 1
 

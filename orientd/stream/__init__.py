@@ -2,6 +2,8 @@
 
 from orientd.stream.memory import SharedMemory
 from orientd.stream.records import (
+    JOINTS,
+    NO_JOINTS,
     Answer,
     Command,
     Cycle,
@@ -18,6 +20,8 @@ from orientd.stream.records import (
 from orientd.stream.ring import RecordRing
 
 __all__ = [
+    "JOINTS",
+    "NO_JOINTS",
     "Answer",
     "Command",
     "Cycle",

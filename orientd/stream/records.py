@@ -7,6 +7,7 @@ too.  The layouts are native (one machine, two processes of one installation).
 
 from __future__ import annotations
 
+import math
 import struct
 from dataclasses import dataclass
 from enum import IntEnum
@@ -57,8 +58,12 @@ PATH_FLOATS = 16
 
 # index, deadline_ns, lateness_ns, work_ns, feedback_time_ns, path_index |
 # state, fault, motion, flags, overruns, missed |
-# path_fraction, speed, q(4) omega(3) alpha(3) position(3), feedback q(4) omega(3) position(3)
-CYCLE_RECORD = struct.Struct("@QqqqqQ6I25d")
+# path_fraction, speed, q(4) omega(3) alpha(3) position(3), feedback q(4) omega(3) position(3),
+# joints(8)
+CYCLE_RECORD = struct.Struct("@QqqqqQ6I33d")
+JOINTS = 8
+"""Axes of a device that a cycle has room for."""
+NO_JOINTS = (math.nan,) * JOINTS
 
 
 # index, code, motion, path_index | speed, velocity, acceleration, jerk, linear velocity, linear
@@ -158,6 +163,7 @@ class Cycle:
         feedback_q: orientation measured.
         feedback_omega_body: angular velocity measured, rad/s.
         feedback_position: position measured, m.
+        joints: axis angles measured, rad; empty where the device has none.
     """
 
     index: int
@@ -181,6 +187,7 @@ class Cycle:
     feedback_q: Quaternion
     feedback_omega_body: Vector3
     feedback_position: Vector3
+    joints: tuple[float, ...] = ()
 
     @property
     def has_feedback(self) -> bool:
@@ -237,4 +244,5 @@ def unpack_cycle(buffer: memoryview | bytes, offset: int = 0) -> Cycle:
         feedback_q=f[27:31],
         feedback_omega_body=f[31:34],
         feedback_position=f[34:37],
+        joints=tuple(angle for angle in f[37:] if not math.isnan(angle)),
     )

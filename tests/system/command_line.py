@@ -42,7 +42,7 @@ def inside(*arguments):
     )
 
 
-def begin(*arguments, **more):
+def begin(*arguments, env=None, **more):
     """Start a command and return its process."""
     return subprocess.Popen(
         [*COMMAND, *map(str, arguments)],
@@ -50,7 +50,7 @@ def begin(*arguments, **more):
         stderr=subprocess.PIPE,
         text=True,
         cwd="/",
-        env=environment(),
+        env=env or environment(),
         **more,
     )
 

@@ -112,11 +112,11 @@ def run(
 
 def _obey(command: str, server: PtyServer, now_ns: int) -> None:
     try:
-        obey(command, server, now_ns)
+        told = obey(command, server, now_ns)
     except (ValueError, OSError) as error:
         print(f"refused: {error}", flush=True)  # noqa: T201
     else:
-        print(f"done: {command}", flush=True)  # noqa: T201
+        print(f"done: {command}{': ' if told else ''}{told}", flush=True)  # noqa: T201
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

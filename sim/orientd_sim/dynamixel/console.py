@@ -1,4 +1,4 @@
-"""Commands that move faults on a running bus, one a line, as written on its standard input.
+"""Commands for a running bus, one a line, as written on its standard input: faults, a look.
 
 .. code-block:: text
 
@@ -9,6 +9,7 @@
     jam ID | free ID | load ID FRACTION
     error ID BITS                   a hardware error
     unplug | plug                   the adapter
+    state ID                        answered by its registers, in ticks: position, goal, torque
 """
 
 from __future__ import annotations
@@ -17,29 +18,29 @@ from orientd_sim.dynamixel.line import FaultKind, ReplyFault
 from orientd_sim.dynamixel.pty import PtyServer
 
 
-def obey(line: str, server: PtyServer, now_ns: int) -> None:
-    """Do what *line* says.
+def obey(line: str, server: PtyServer, now_ns: int) -> str:
+    """Do what *line* says; return what it asked for, if it asked for anything.
 
     Raises:
         ValueError: it is not a command.
     """
     words = line.split()
     if not words:
-        return
+        return ""
     try:
-        _obey(words[0], words[1:], server, now_ns)
+        return _obey(words[0], words[1:], server, now_ns)
     except (IndexError, KeyError) as error:
         raise ValueError(f"not a command of the emulated bus: {line.strip()!r}") from error
 
 
-def _obey(verb: str, words: list[str], server: PtyServer, now_ns: int) -> None:
+def _obey(verb: str, words: list[str], server: PtyServer, now_ns: int) -> str:
     bus = server.bus
     if verb in {"plug", "unplug"}:
         (server.plug if verb == "plug" else server.unplug)()
-        return
+        return ""
     if verb == "clear":
         bus.faults.clear(int(words[0]) if words else None)
-        return
+        return ""
     servo_id = int(words[0])
     if verb in set(FaultKind):
         fault = ReplyFault(FaultKind(verb))
@@ -51,7 +52,7 @@ def _obey(verb: str, words: list[str], server: PtyServer, now_ns: int) -> None:
         if rest:
             fault.remaining = int(rest.pop(0))
         bus.faults.add(servo_id, fault)
-        return
+        return ""
     servo = bus.servo(servo_id)
     servo.advance(now_ns)
     match verb:
@@ -65,5 +66,16 @@ def _obey(verb: str, words: list[str], server: PtyServer, now_ns: int) -> None:
             servo.shaft.load = float(words[1])
         case "error":
             servo.fail(int(words[1], 0), now_ns)
+        case "state":
+            return ", ".join(
+                f"{shown} {servo.value(name)}"
+                for shown, name in (
+                    ("position", "present position"),
+                    ("goal", "goal position"),
+                    ("torque", "torque enable"),
+                    ("watchdog", "bus watchdog"),
+                )
+            )
         case _:
             raise KeyError(verb)
+    return ""

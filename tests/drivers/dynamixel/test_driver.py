@@ -182,20 +182,33 @@ def test_disable_holds_and_enable_goes_on_from_there(gimbal):
     assert gimbal.goals() == goals
 
 
-def test_close_parks_then_lets_go(rig):
+def test_park_goes_there_then_lets_go(rig):
     it = rig(park_deg=[10, -10, 0])
     it.start()
     sway(it, 1.0)
-    it.driver.close()
+    it.driver.disable()
+    it.driver.park()
     assert not any(servo.is_torque_on for servo in it.bus.servos)
     assert it.servo(1).shaft.position == pytest.approx(2048 + 10 / 360 * 4096, abs=41)
     it.driver.close()
 
 
-def test_close_can_leave_it_holding(rig):
+def test_park_can_leave_it_holding(rig):
     it = rig(at_end="hold")
     it.start()
+    it.driver.disable()
+    it.driver.park()
     it.driver.close()
+    assert all(servo.is_torque_on for servo in it.bus.servos)
+
+
+def test_close_leaves_it_holding(rig):
+    it = rig()
+    it.start()
+    sway(it, 0.5)
+    goals = it.goals()
+    it.driver.close()
+    assert it.goals() == goals
     assert all(servo.is_torque_on for servo in it.bus.servos)
     assert [it.value(k, "bus watchdog") for k in (1, 2, 3)] == [0, 0, 0]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 
+from orientd import planner
 from orientd.daemon.device import DeviceEvent, DeviceSnapshot, EventKind
 from orientd.daemon.meter import MotionStatistics
 from orientd.driver import IDENTITY, ZERO
@@ -58,7 +59,12 @@ class FakeDevice:
             raise StateError(f"device {self.name} is {self.state.name.lower()}, not holding")
         return self.at
 
-    next_start = commanded
+    def plan(self, request, *, is_next=False):
+        period = self.period_ns * 1e-9
+        return planner.plan(request, start=self.commanded(), limits=self.limits, period=period)
+
+    def is_at(self, joints):
+        return True
 
     def examine(self, motion):
         if self.refusal:

@@ -314,6 +314,62 @@ def test_servo_ends_when_its_driver_is_spent(rig, monkeypatch):
     assert rig.servo.report()["fault"] == "link_lost"
 
 
+@pytest.fixture
+def parked(rig, monkeypatch):
+    calls = []
+    monkeypatch.setattr(rig.driver, "park", lambda: calls.append("park"))
+    monkeypatch.setattr(rig.driver, "close", lambda: calls.append("close"))
+    return calls
+
+
+def end(rig):
+    rig.run_until(lambda servo: servo.has_ended)
+    rig.servo.close()
+
+
+def test_device_is_parked_when_the_daemon_ends_in_order(rig, parked):
+    rig.start(turn())
+    rig.run(100)
+    assert rig.ask(Command.SHUTDOWN)[0] is Answer.DONE
+    assert not parked
+    end(rig)
+    assert parked == ["park", "close"]
+
+
+def test_device_is_parked_when_its_process_is_told_to_end(rig, parked):
+    rig.servo.request_orderly_end("SIGTERM")
+    end(rig)
+    assert parked == ["park", "close"]
+
+
+@pytest.mark.parametrize("is_told", [False, True])
+def test_device_goes_on_holding_when_the_daemon_is_lost(rig, parked, is_told):
+    rig.start(turn())
+    rig.run(100)
+    rig.parent_is_alive = False
+    if is_told:
+        rig.servo.request_orderly_end("SIGTERM")
+    end(rig)
+    assert parked == ["close"]
+
+
+def test_device_in_a_fault_is_not_moved_at_the_end(rig, parked, monkeypatch):
+    rig.start(turn())
+    monkeypatch.setattr(rig.driver, "read", raiser(LinkError("gone")))
+    rig.run()
+    rig.ask(Command.SHUTDOWN)
+    end(rig)
+    assert parked == ["close"]
+
+
+def test_park_that_fails_is_written_down(rig, monkeypatch):
+    rig.start(turn())
+    monkeypatch.setattr(rig.driver, "park", raiser(LinkError("gone")))
+    rig.ask(Command.SHUTDOWN)
+    end(rig)
+    assert "park failed: gone" in rig.servo.report()["reason"]
+
+
 def raiser(error):
     def read():
         raise error

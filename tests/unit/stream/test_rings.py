@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from orientd.stream import RecordRing, SharedMemory, State
+from orientd.stream import NO_JOINTS, RecordRing, SharedMemory, State
 from orientd.stream.records import CYCLE_RECORD, unpack_cycle
 
 LAYOUT = struct.Struct("@Q16d")
@@ -132,7 +132,9 @@ def test_the_memory_has_no_name_and_goes_with_its_users():
 
 def test_a_cycle_survives_its_bytes():
     fields = (5, 100, 7, 8, 50, 9, 2, 0, 3, 3, 1, 0, 0.25, 0.5, *map(float, range(23)))
-    cycle = unpack_cycle(CYCLE_RECORD.pack(*fields))
+    joints = (0.1, 0.2, 0.3, *NO_JOINTS[3:])
+    cycle = unpack_cycle(CYCLE_RECORD.pack(*fields, *joints))
+    assert cycle.joints == (0.1, 0.2, 0.3)
     assert cycle.state is State.STREAMING
     assert cycle.q == (0.0, 1.0, 2.0, 3.0)
     assert cycle.feedback_position == (20.0, 21.0, 22.0)

@@ -1,0 +1,101 @@
+"""A motion's path as the axes follow it, with what the certificate says of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import degrees
+
+import numpy as np
+
+from orientd.driver import Figure, Quaternion, ShapedPath
+from orientd.errors import LimitError
+from orientd.rotation.quaternion import angle
+from orientd_dynamixel.certificate import AxisPath, Policy
+from orientd_dynamixel.options import GimbalOptions
+from orientd_dynamixel.path import plan_axes
+from orientd_dynamixel.planning import describe, gimbal_of, limits_of
+from orientd_dynamixel.tracker import Tracker
+
+
+def shape(
+    options: GimbalOptions,
+    period: float,
+    orientations: Sequence[Quaternion],
+    joints: tuple[float, ...],
+) -> ShapedPath:
+    """Return the path that the gimbal will follow.
+
+    The axes start on the branch and turn that they are on.  Where they start exactly is what the
+    driver makes of the first orientation, which may differ from *joints* by what the servos lag.
+
+    Args:
+        options: of the deployment.
+        period: of the grid, s.
+        orientations: from rest to rest.
+        joints: axis angles reported where the path begins, rad; empty where they are not known.
+
+    Raises:
+        LimitError: an axis cannot follow, or a gimbal of two axes leaves too much roll.
+        StartError: the gimbal cannot be where the path begins.
+    """
+    tracker = Tracker(options.order, options.mount, options.tool, is_pointing=options.pointing)
+    start = None
+    if joints:
+        tracker.angles = joints
+        start = tracker.solve(orientations[0])[0]
+    path = plan_axes(
+        gimbal_of(options), orientations, period, limits_of(options), start=start,
+        policy=Policy(max_deviation=options.max_deviation, allow_slews=options.allow_slews),
+    )  # fmt: skip
+    figures = _figures(path, options)
+    if len(options.axes) == 2 and not options.pointing:
+        figures.append(_roll(path, orientations, period, options.roll_tolerance))
+    reached = path.q.tolist()
+    first, *_, last = path.angles.tolist()
+    return ShapedPath(
+        [(w, x, y, z) for w, x, y, z in reached],
+        path.path_times.tolist(),
+        tuple(first),
+        tuple(last),
+        tuple(figures),
+        tuple(describe(path.certificate, options)),
+    )
+
+
+def _figures(path: AxisPath, options: GimbalOptions) -> list[Figure]:
+    promised = path.certificate
+    figures = []
+    for number, axis in enumerate(options.axes):
+        speed, force = promised.velocity[number], promised.acceleration[number]
+        low, high = promised.travel[number]
+        figures += [
+            Figure(f"velocity of {axis.name}", speed.value, "rad/s", speed.limit, speed.time),
+            Figure(f"acceleration of {axis.name}", force.value, "rad/s^2", force.limit, force.time),
+            Figure(f"least angle of {axis.name}", low, "rad", axis.low),
+            Figure(f"largest angle of {axis.name}", high, "rad", axis.high),
+        ]
+    error = promised.error
+    figures.append(Figure("pointing error", error.value, "rad", options.max_deviation, error.time))
+    figures.append(Figure("manipulability", promised.manipulability, "1"))
+    return figures
+
+
+def _roll(
+    path: AxisPath, orientations: Sequence[Quaternion], period: float, tolerance: float
+) -> Figure:
+    """Return by how much two axes miss orientations, which have three degrees of freedom.
+
+    Raises:
+        LimitError: by more than *tolerance*.
+    """
+    asked = np.asarray(orientations, dtype=np.float64)
+    missed = angle(path.q, asked[np.rint(path.path_times / period).astype(np.int64)])
+    at = int(np.argmax(missed))
+    value, time = float(missed[at]), float(path.times[at])
+    if value > tolerance:
+        raise LimitError(
+            "orientation error of the two axes", value, tolerance, time, "rad",
+            f"at most {degrees(tolerance):.2f} deg are allowed; `pointing = true` follows the "
+            "direction alone",
+        )  # fmt: skip
+    return Figure("orientation error", value, "rad", tolerance, time)

@@ -1,0 +1,88 @@
+"""Plans that a device's axes can follow: the planner and the driver, one after the other.
+
+Where the driver refuses a path whose times are not the user's, the motion is planned again, slower.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from orientd import planner
+from orientd.driver import Driver
+from orientd.errors import LimitError
+from orientd.planner import Limits, Motion, MotionRequest, State
+
+_POWERS = {"rad/s": 1, "rad/s^2": 2, "rad/s^3": 3, "s": 1}
+"""How what a limit is about falls with the speed; a stop takes less long, too."""
+_STEP = 0.8
+_SLOWEST = 0.1
+"""Share of the device's speed below which no motion is slowed down for its axes."""
+
+
+def plan_to_fit(
+    driver: Driver,
+    request: MotionRequest,
+    *,
+    start: State,
+    joints: tuple[float, ...],
+    limits: Limits,
+    period: float,
+) -> Motion:
+    """Return the motion that a request asks for, on the path that the device's axes follow.
+
+    Args:
+        driver: looks at the path; need not be open.
+        request: what to do.
+        start: where the device is commanded to be.
+        joints: its axis angles there, rad.
+        limits: the device's.
+        period: the device's cycle, s.
+
+    Raises:
+        RequestError: the request is not one that its method or the device allows.
+        PlanError: it cannot be planned, an axis cannot follow, or it would break a limit.
+    """
+    motion = planner.plan(request, start=start, limits=limits, period=period)
+    try:
+        return _fitted(driver, motion, joints)
+    except LimitError as error:
+        if request.times is not None or error.unit not in _POWERS:
+            raise
+        refusal = error
+    own, speed, worst = motion.limits, 1.0, refusal
+    while True:
+        need = (worst.limit / worst.value) ** (1.0 / _POWERS[worst.unit])
+        speed *= max(min(need, _STEP), 0.5)
+        if speed < _SLOWEST:
+            raise refusal
+        slow = planner.plan(request, start=start, limits=slowed(own, speed), period=period)
+        try:
+            # Certified against the limits themselves: only the planning aimed below them.
+            fitted = _fitted(driver, replace(slow, limits=own), joints)
+        except LimitError as error:
+            if error.unit not in _POWERS:
+                raise
+            worst = error
+            continue
+        note = f"the axes need {fitted.duration / motion.duration:.3f} times as long"
+        notes = (*fitted.certificate.notes, note)
+        return replace(fitted, certificate=replace(fitted.certificate, notes=notes))
+
+
+def slowed(limits: Limits, speed: float) -> Limits:
+    """Return the limits under which motions run *speed* times as fast."""
+    return Limits(
+        velocity=limits.velocity * speed,
+        acceleration=limits.acceleration * speed**2,
+        jerk=limits.jerk * speed**3,
+        linear_velocity=limits.linear_velocity * speed,
+        linear_acceleration=limits.linear_acceleration * speed**2,
+    )
+
+
+def _fitted(driver: Driver, motion: Motion, joints: tuple[float, ...]) -> Motion:
+    if type(driver).shape is Driver.shape:
+        return motion
+    q = motion.records(0, motion.record_count)[:, :4]
+    shape = driver.shape(motion.period, list(map(tuple, q.tolist())), joints)
+    return motion if shape is None else planner.reshaped(motion, shape)

@@ -1,0 +1,63 @@
+"""What a checked path amounts to: its certificate, and what the device had before it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from orientd.planner.certificate import HISTORY, Certificate, Peaks
+from orientd.planner.path import Path
+from orientd.planner.request import MotionRequest, State
+from orientd.planner.table_path import TablePath
+from orientd.rotation import Floats, angle, exp, multiply
+
+
+def summed_up(
+    request: MotionRequest,
+    path: Path | TablePath,
+    ends: tuple[float, float],
+    keyframe_times: Floats,
+    peaks: Peaks,
+    period: float,
+) -> Certificate:
+    """Return the certificate of a path that keeps its limits.
+
+    Args:
+        request: what the path was made for.
+        path: from hold to hold.
+        ends: path times of the first keyframe and of the last, s.
+        keyframe_times: path times of all keyframes, s.
+        peaks: what was measured of the path.
+        period: of the device, s.
+    """
+    begin, end = ends
+    at_start, at_end = (path.state(time).omega_body for time in ends)
+    keyframes = path.sample(keyframe_times).q
+    return Certificate(
+        rate_hz=1.0 / period,
+        duration=path.duration,
+        lead_in=begin,
+        lead_out=path.duration - end,
+        peak_velocity=peaks.velocity,
+        peak_acceleration=peaks.acceleration,
+        peak_jerk=peaks.jerk,
+        peak_linear_velocity=peaks.linear_velocity,
+        peak_linear_acceleration=peaks.linear_acceleration,
+        start_velocity_error=_distance(at_start, request.omega_start),
+        end_velocity_error=_distance(at_end, request.omega_end),
+        keyframe_error=float(np.max(angle(keyframes, request.keys))),
+        brake_rate=peaks.brake_rate,
+        stop_time=1.0 / peaks.brake_rate if peaks.brake_rate > 0.0 else math.inf,
+    )
+
+
+def _distance(omega: Floats, wanted: Floats | None) -> float:
+    return 0.0 if wanted is None else float(np.linalg.norm(omega - wanted))
+
+
+def before(start: State, period: float) -> tuple[Floats, Floats]:
+    """Return the setpoints the device had before path time 0, the oldest first."""
+    back = -period * np.arange(HISTORY, 0, -1.0)[:, None]
+    turn = start.omega_body * back + 0.5 * start.alpha_body * back**2
+    return multiply(start.q, exp(turn)), np.repeat(start.position[None], HISTORY, axis=0)

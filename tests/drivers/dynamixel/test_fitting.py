@@ -1,0 +1,126 @@
+"""Motions planned for a gimbal's axes as the daemon does it, and streamed through the driver."""
+
+import numpy as np
+import pytest
+
+from orientd import motion_file
+from orientd.clock import ManualClock
+from orientd.daemon.fitting import plan_to_fit
+from orientd.errors import LimitError
+from orientd.planner import Limits, State
+from orientd.rotation import angle, conjugate, exp, multiply
+from orientd_dynamixel import DynamixelDriver
+
+PERIOD = 0.01
+LIMITS = Limits(1.5, 8.0, 1500.0, 1.0, 10.0)
+AXES = [
+    {"id": k + 1, "name": name, "limits_deg": [-270, 270], "velocity_deg": 220}
+    for k, name in enumerate(("yaw", "pitch", "roll"))
+]
+
+
+def over_the_top(miss_deg, seconds=None):
+    """Return a motion that turns over by 150 degrees, missing the pole by *miss_deg*."""
+    miss = np.deg2rad(miss_deg)
+    axis = np.array([0, -np.cos(miss), np.sin(miss)])
+    keyframes = [
+        {"rotation_vector": (np.deg2rad(sweep) * axis).tolist()}
+        | ({} if seconds is None else {"time": seconds * sweep / 150})
+        for sweep in np.linspace(0, 150, 7)
+    ]
+    return {"keyframes": keyframes, "approach": True}
+
+
+def driver_with(**options):
+    settings = {"port": "virtual", "axes": AXES, **options}
+    return DynamixelDriver(settings, period_ns=10_000_000, clock=ManualClock(1))
+
+
+def fit(mapping, *, joints=(0.0, 0.0, 0.0), driver=None, **options):
+    driver = driver or driver_with(**options)
+    start = State.at_rest(driver._tracker.forward(joints))
+    return plan_to_fit(
+        driver, motion_file.parse(mapping), start=start, joints=joints, limits=LIMITS, period=PERIOD
+    )
+
+
+def figure(motion, name):
+    return next(one for one in motion.certificate.figures if one.name == name)
+
+
+@pytest.mark.parametrize("miss", [0.5, 2.0])
+def test_path_near_the_keyhole_is_missed_by_a_bounded_angle_and_says_so(miss):
+    motion = fit(over_the_top(miss, seconds=8), max_deviation_deg=3.0)
+    error = figure(motion, "pointing error")
+    assert 0.0 < np.rad2deg(error.value) <= 1.05 * miss
+    assert error.limit == pytest.approx(np.deg2rad(3.0))
+    assert any("pass near the pole" in note for note in motion.certificate.notes)
+    for axis in ("yaw", "pitch", "roll"):
+        speed = figure(motion, f"velocity of {axis}")
+        assert speed.value <= speed.limit * 1.001
+    assert motion.certificate.brake_rate > 0.25
+
+
+def test_timed_path_too_near_the_keyhole_is_refused_with_axis_time_and_value():
+    with pytest.raises(LimitError) as caught:
+        fit(over_the_top(0.5, seconds=8))
+    assert caught.value.quantity == "velocity of yaw"
+    assert caught.value.value > caught.value.limit == pytest.approx(np.deg2rad(220))
+    assert 4.0 < caught.value.time < 5.5
+    assert "velocity of yaw reaches" in str(caught.value)
+
+
+def test_path_without_times_is_slowed_down_for_the_axes_and_says_so():
+    motion = fit(over_the_top(5.0))
+    assert figure(motion, "pointing error").value < 1e-9
+    assert figure(motion, "velocity of yaw").value <= np.deg2rad(220) * 1.001
+    assert "times as long" in motion.certificate.notes[-1]
+    assert motion.certificate.peak_velocity.limit == LIMITS.velocity
+
+
+def test_angle_outside_the_limits_is_refused_with_axis_and_time():
+    axes = [dict(AXES[0], limits_deg=[-60, 60]), *AXES[1:]]
+    turn = {"keyframes": [{"rotation_vector": [0, 0, 0]}, {"rotation_vector": [0, 0, 2.0]}],
+            "approach": True}  # fmt: skip
+    with pytest.raises(LimitError, match=r"(angle|velocity) of yaw reaches .* at "):
+        fit(turn, axes=axes)
+
+
+def test_plan_begins_on_the_branch_and_turn_that_the_gimbal_is_on():
+    here = tuple(np.deg2rad([190.0, 10.0, -5.0]))
+    driver = driver_with()
+    q = driver._tracker.forward(here)
+    back = multiply(q, exp(np.array([0.2, 0.1, -0.4])))
+    keyframes = [{"quaternion": dict(zip("wxyz", one, strict=True))} for one in (q, back.tolist())]
+    measured = tuple(angle + 0.002 for angle in here)
+    motion = fit({"keyframes": keyframes, "approach": True}, joints=here, driver=driver)
+    again = plan_to_fit(
+        driver, motion.request, start=State.at_rest(q), joints=measured, limits=LIMITS,
+        period=PERIOD,
+    )  # fmt: skip
+    for planned in (motion, again):
+        assert planned.first_joints == pytest.approx(here, abs=1e-9)
+
+
+def test_driver_follows_the_planned_branch_to_its_end(rig):
+    it = rig("ZYX", rate_hz=100, axes=AXES, max_deviation_deg=3.0)
+    feedback = it.start()
+    motion = fit(over_the_top(2.0, seconds=8), joints=feedback.joints, driver=it.driver)
+    for q in motion.records(0, motion.record_count)[:, :4].tolist():
+        it.cycle(q=tuple(q))
+    assert it.driver._tracker.angles == pytest.approx(motion.last_joints, abs=1e-6)
+
+
+def test_two_axes_that_leave_too_much_roll_are_refused_before_they_move():
+    turn = {"keyframes": [{"rotation_vector": [0, 0, 0]}, {"rotation_vector": [0.4, 0.2, 0.5]}],
+            "approach": True}  # fmt: skip
+    options = {"order": "ZY", "axes": AXES[:2]}
+    with pytest.raises(LimitError, match="orientation error of the two axes"):
+        fit(turn, joints=(0.0, 0.0), driver=driver_with(**options))
+    motion = fit(turn, joints=(0.0, 0.0), driver=driver_with(**options, pointing=True))
+    asked = exp(np.array([0.4, 0.2, 0.5]))
+    off = multiply(conjugate(motion.sample([motion.duration]).q[0]), asked)
+    # What is left is a turn about the pointing axis.
+    assert abs(off[1]) > 0.05
+    assert off[2:] == pytest.approx([0, 0], abs=1e-9)
+    assert angle(asked, motion.sample([motion.duration]).q[0]) > 0.1

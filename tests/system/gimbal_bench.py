@@ -1,0 +1,87 @@
+"""An emulated gimbal and a daemon that drives it, each started by its command."""
+
+import select
+import signal
+import subprocess
+from pathlib import Path
+
+from command_line import begin, environment
+
+ROOT = Path(__file__).parents[2]
+
+# A busy machine wakes the emulator late, by more than any servo would be.
+_PATIENT = (
+    ("max_losses = 6 ", "max_losses = 100 "),
+    ("feedback_timeout = 0.2 ", "feedback_timeout = 2.0 "),
+    ("watchdog_ms = 200 ", "watchdog_ms = 2000 "),
+)
+
+
+class EmulatedGimbal:
+    """``orientd sim dynamixel`` with its console."""
+
+    def __init__(self, link, *arguments):
+        self.link = link
+        self.process = begin("sim", "dynamixel", "--link", link, "--console", *arguments,
+                             stdin=subprocess.PIPE)  # fmt: skip
+        line = self.process.stdout.readline()
+        assert line.startswith("ready"), (line, self.process.stderr.read())
+
+    def tell(self, command):
+        """Have a command carried out; return what it answered."""
+        self.process.stdin.write(command + "\n")
+        self.process.stdin.flush()
+        answer = self.process.stdout.readline().strip()
+        assert answer.startswith(f"done: {command}"), answer
+        return answer.removeprefix(f"done: {command}").removeprefix(": ")
+
+    def state(self, servo):
+        """Return a servo's registers by name."""
+        pairs = (pair.split() for pair in self.tell(f"state {servo}").split(", "))
+        return {name: int(value) for name, value in pairs}
+
+    def end(self, number=signal.SIGTERM):
+        """End it and return its status."""
+        if self.process.poll() is None:
+            self.process.send_signal(number)
+        status = self.process.wait(10)
+        for stream in (self.process.stdin, self.process.stdout, self.process.stderr):
+            stream.close()
+        return status
+
+
+class GimbalDaemon:
+    """``orientd run`` with the example gimbal on a port of its own, and other changes."""
+
+    def __init__(self, folder, port, *changes):
+        self.folder = Path(folder)
+        self.socket = self.folder / "control.sock"
+        self.config = self.folder / "gimbal.toml"
+        self.report = self.folder / "state" / "orientd" / "servo-gimbal.json"
+        text = (ROOT / "config" / "gimbal.toml").read_text()
+        for old, new in (('/tmp/gimbal"', f'{port}"'), *_PATIENT, *changes):
+            assert old in text
+            text = text.replace(old, new)
+        self.config.write_text(f'[daemon]\nsocket = "{self.socket}"\n{text}')
+
+    def start(self):
+        """Start it and wait until it is ready."""
+        self.process = begin(
+            "run",
+            "--config",
+            self.config,
+            env=environment(XDG_STATE_HOME=str(self.folder / "state")),
+        )
+        ready, _, _ = select.select([self.process.stdout], [], [], 30)
+        line = self.process.stdout.readline() if ready else ""
+        if not line.startswith("ready"):
+            self.process.kill()
+            raise AssertionError((line, self.process.stderr.read()))
+        return self
+
+    def end(self, number=signal.SIGTERM):
+        """End it and return its status and what it logged."""
+        if self.process.poll() is None:
+            self.process.send_signal(number)
+        _, log = self.process.communicate(timeout=30)
+        return self.process.returncode, log

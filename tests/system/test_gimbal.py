@@ -1,0 +1,184 @@
+"""A gimbal from the command line: an emulated bus, the daemon, motions."""
+
+import json
+import signal
+
+import numpy as np
+import pytest
+from command_line import assert_refused, orientd
+from gimbal_bench import ROOT, EmulatedGimbal, GimbalDaemon
+from harness import until
+
+pytest.importorskip("dynamixel_sdk")
+
+
+@pytest.fixture
+def bus(tmp_path):
+    it = EmulatedGimbal(tmp_path / "bus")
+    yield it
+    it.end()
+
+
+@pytest.fixture
+def daemon(bus, tmp_path):
+    it = GimbalDaemon(tmp_path, bus.link).start()
+    yield it
+    it.end()
+
+
+def ticks(degrees):
+    return 2048 + degrees * 4096 / 360
+
+
+def test_three_commands_turn_an_emulated_gimbal(bus, daemon):
+    motion = ROOT / "config" / "gimbal-turn.yaml"
+    done = orientd("move", motion, "--socket", daemon.socket)
+    assert (done.returncode, done.stderr) == (0, ""), done
+    assert "yaw: 0.0 to 7" in done.stdout
+    for servo, degrees in ((1, 60), (2, 20), (3, -15)):
+        state = bus.state(servo)
+        assert abs(state["goal"] - ticks(degrees)) <= 0.5 + 1e-6
+        # The emulated servo trails its goal by a lag of 20 ms; it is still settling.
+        assert abs(state["position"] - state["goal"]) <= 12
+
+
+WIDE = (
+    ("limits_deg = [-100, 100]", "limits_deg = [-200, 200]"),
+    ("limits_deg = [-120, 120]", "limits_deg = [-200, 200]"),
+)
+
+
+@pytest.fixture
+def deviating(bus, tmp_path):
+    """A gimbal that may pass by the pole and miss its path by up to 3 degrees."""
+    deviation = ("max_deviation_deg = 0.0", "max_deviation_deg = 3.0")
+    it = GimbalDaemon(tmp_path, bus.link, *WIDE, deviation).start()
+    yield it
+    it.end()
+
+
+@pytest.fixture
+def exact(bus, tmp_path):
+    it = GimbalDaemon(tmp_path, bus.link, *WIDE).start()
+    yield it
+    it.end()
+
+
+@pytest.fixture
+def over_the_top(tmp_path):
+    """Turn over by 150 degrees in 8 s, missing the pole by 2 degrees."""
+    miss = np.deg2rad(2.0)
+    axis = np.array([0, -np.cos(miss), np.sin(miss)])
+    keyframes = [
+        {"rotation_vector": (np.deg2rad(sweep) * axis).tolist(), "time": 8 * sweep / 150}
+        for sweep in np.linspace(0, 150, 7)
+    ]
+    path = tmp_path / "over.json"
+    path.write_text(json.dumps({"keyframes": keyframes, "approach": True}))
+    return path
+
+
+def test_path_near_the_keyhole_is_bounded_in_deviation_and_says_so(bus, deviating, over_the_top):
+    done = orientd("move", over_the_top, "--json", "--socket", deviating.socket)
+    assert (done.returncode, done.stderr) == (0, ""), done
+    told = json.loads(done.stdout)
+    certificate = told["plan"]["certificate"]
+    figures = {figure["name"]: figure for figure in certificate["figures"]}
+    assert 0.01 < figures["pointing error"]["value"] <= np.deg2rad(2.05)
+    assert figures["pointing error"]["limit"] == pytest.approx(np.deg2rad(3))
+    for axis in ("yaw", "pitch", "roll"):
+        for rate in ("velocity", "acceleration"):
+            figure = figures[f"{rate} of {axis}"]
+            assert figure["value"] <= figure["limit"] * 1.001
+    (hole,) = [note for note in certificate["notes"] if "near the pole" in note]
+    assert "pass near the pole, missing by at most 2.0" in hole
+    assert told["summary"]["statistics"]["path_error"] < 1e-9
+    # Pitch has gone over the top, to where it would not be on the other branch.
+    assert abs(bus.state(2)["goal"] - ticks(-150)) <= 2
+
+
+def test_path_that_the_axes_cannot_follow_is_refused_and_nothing_moves(bus, exact, over_the_top):
+    before = [bus.state(servo)["goal"] for servo in (1, 2, 3)]
+    done = orientd("move", over_the_top, "--socket", exact.socket)
+    assert_refused(done, "velocity of yaw reaches 3.87", "rad/s at 4.", "the limit is 3.8397")
+    assert [bus.state(servo)["goal"] for servo in (1, 2, 3)] == before
+
+
+def test_gimbal_is_released_when_the_daemon_ends_in_order(bus, tmp_path):
+    daemon = GimbalDaemon(tmp_path, bus.link).start()
+    assert [bus.state(servo)["torque"] for servo in (1, 2, 3)] == [1, 1, 1]
+    assert daemon.end()[0] == 0
+    assert [bus.state(servo)["torque"] for servo in (1, 2, 3)] == [0, 0, 0]
+
+
+def test_gimbal_goes_on_holding_when_the_daemon_is_killed(bus, tmp_path):
+    daemon = GimbalDaemon(tmp_path, bus.link).start()
+    daemon.end(signal.SIGKILL)
+    # The servo process writes down why it ended once it has let go of the port.
+    until(daemon.report.exists, "the report of the servo")
+    assert json.loads(daemon.report.read_text())["reason"] == "the daemon is gone"
+    for servo in (1, 2, 3):
+        state = bus.state(servo)
+        assert (state["torque"], state["watchdog"]) == (1, 0)
+        assert abs(state["goal"] - state["position"]) <= 2
+    again = GimbalDaemon(tmp_path, bus.link).start()
+    again.end()
+
+
+def findings(daemon):
+    done = orientd("doctor", "--json", "--config", daemon.config)
+    assert (done.returncode, done.stderr) == (0, ""), done
+    return {
+        one["name"].removeprefix("gimbal: "): one
+        for one in json.loads(done.stdout)["findings"]
+        if one["name"].startswith("gimbal: ")
+    }
+
+
+def test_doctor_looks_at_the_configured_bus(bus, tmp_path):
+    found = findings(GimbalDaemon(tmp_path, bus.link))
+    assert str(bus.link) in found["port"]["found"]
+    assert found["servo 1 (yaw)"]["found"] == (
+        "XM430-W350, firmware 48, 1000000 baud, return delay 500 us"
+    )
+    for part in ("Hz with room to spare", "calculated", "measured", "configured are 100 Hz"):
+        assert part in found["rate"]["found"]
+    assert found["rate"]["verdict"] == "ok"
+    assert "return delay is not 0" in found["bus"]["mend"]
+
+
+def test_doctor_says_which_servo_does_not_answer_and_changes_nothing(bus, tmp_path):
+    bus.tell("disconnect 2")
+    found = findings(GimbalDaemon(tmp_path, bus.link))
+    assert found["servo 2"]["verdict"] == "problem"
+    assert "rate" not in found
+    assert bus.state(1)["torque"] == 0
+
+
+def test_doctor_leaves_a_bus_in_use_alone(bus, daemon):
+    found = findings(daemon)
+    assert found["bus"]["verdict"] == "problem"
+    assert "is a daemon using it" in found["bus"]["mend"]
+    done = orientd("status", "--json", "--socket", daemon.socket)
+    assert json.loads(done.stdout)["devices"]["gimbal"]["state"] == "holding"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_emulated_bus_ends_cleanly(tmp_path, number):
+    bus = EmulatedGimbal(tmp_path / "bus")
+    assert bus.link.is_symlink()
+    assert bus.end(number) == 0
+    assert not bus.link.is_symlink()
+
+
+def test_emulated_bus_refuses_servos_it_does_not_know(tmp_path):
+    done = orientd("sim", "dynamixel", "--link", tmp_path / "bus", "--servos", "1:mx28")
+    assert done.returncode == 2
+    assert "'1:mx28'" in done.stderr
+
+
+def test_emulated_bus_leaves_files_alone(tmp_path):
+    (tmp_path / "bus").write_text("mine")
+    done = orientd("sim", "dynamixel", "--link", tmp_path / "bus")
+    assert_refused(done, "is not a symbolic link")
+    assert (tmp_path / "bus").read_text() == "mine"

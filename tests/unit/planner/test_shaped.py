@@ -1,0 +1,100 @@
+"""A motion on a path that a driver has shaped."""
+
+import numpy as np
+import pytest
+
+from orientd.driver import Figure, ShapedPath
+from orientd.errors import LimitError
+from orientd.planner import Keyframe, Limits, MotionRequest, State, plan, reshaped
+from orientd.rotation import angle, exp, multiply
+
+PERIOD = 0.01
+LIMITS = Limits(2.5, 17.0, 8500.0, 1.0, 10.0)
+
+
+@pytest.fixture(scope="module")
+def motion():
+    vectors = ([0, 0, 0], [0.4, -0.2, 0.3], [0.1, 0.5, 0.8], [0.6, 0.3, 0.2])
+    positions = ([0, 0, 0], [0.1, 0, 0], [0.2, 0.1, 0], [0.2, 0.2, 0.1])
+    keyframes = [
+        Keyframe(q=exp(np.array(v)), position=np.array(p, dtype=float))
+        for v, p in zip(vectors, positions, strict=True)
+    ]
+    request = MotionRequest(keyframes=keyframes, start_velocity=np.array([0, 0, 0.3]),
+                            velocity_frame="body", approach=True)  # fmt: skip
+    return plan(request, start=State.at_rest([1, 0, 0, 0]), limits=LIMITS, period=PERIOD)
+
+
+def shape_of(motion, q=None, course=None, **more):
+    table = motion.records(0, motion.record_count)[:, :4] if q is None else q
+    times = PERIOD * np.arange(len(table)) if course is None else course
+    return ShapedPath(table.tolist(), list(times), (0.0,), (1.0,), **more)
+
+
+def test_same_path_as_a_table_is_the_same_motion(motion):
+    figure = Figure("velocity of yaw", 1.0, "rad/s", 2.0, 0.5)
+    table = reshaped(motion, shape_of(motion, figures=(figure,), notes=("as asked",)))
+    assert table.records(0, table.record_count)[:, :4] == pytest.approx(
+        motion.records(0, motion.record_count)[:, :4], abs=1e-15
+    )
+    for name in ("peak_velocity", "peak_acceleration", "brake_rate"):
+        ours, theirs = getattr(table.certificate, name), getattr(motion.certificate, name)
+        ours, theirs = getattr(ours, "value", ours), getattr(theirs, "value", theirs)
+        assert ours == pytest.approx(theirs, rel=1e-6)
+    assert table.keyframe_times == pytest.approx(motion.keyframe_times, abs=0)
+    assert table.certificate.keyframe_error < 1e-4
+    assert table.certificate.start_velocity_error < 1e-9
+    assert (table.certificate.figures, table.certificate.notes) == ((figure,), ("as asked",))
+    assert (table.first_joints, table.last_joints) == ((0.0,), (1.0,))
+
+
+def test_table_meets_the_motion_between_its_records(motion):
+    table = reshaped(motion, shape_of(motion))
+    times = np.linspace(-0.1, motion.duration + 0.1, 1777)
+    ours, theirs = table.sample(times), motion.sample(times)
+    assert np.max(angle(ours.q, theirs.q)) < 1e-4
+    assert ours.omega_body == pytest.approx(theirs.omega_body, abs=2e-2)
+    assert ours.position == pytest.approx(theirs.position, abs=1e-12)
+    assert ours.velocity == pytest.approx(theirs.velocity, abs=1e-9)
+    assert np.linalg.norm(ours.q, axis=1) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_velocities_of_a_table_are_derivatives(motion):
+    path = reshaped(motion, shape_of(motion)).path
+    times, step = np.linspace(0.1, motion.duration - 0.1, 333) + 1e-3, 1e-6
+    before, after = path.sample(times - step), path.sample(times + step)
+    from orientd.rotation import conjugate, log
+
+    omega = log(multiply(conjugate(before.q), after.q)) / (2 * step)
+    assert path.sample(times).omega_body == pytest.approx(omega, abs=1e-6)
+
+
+def test_path_that_stands_still_on_the_way_keeps_position_and_keyframes_with_it(motion):
+    count, at, stay = motion.record_count, motion.record_count // 2, 200
+    grid = PERIOD * np.arange(count)
+    # Slow down and up again around the stop, as an axis that slews would.
+    ease = np.linspace(0, 1, 400)
+    ease = ease**3 * (10 - 15 * ease + 6 * ease**2)
+    course = np.concatenate([grid[at] * ease, np.full(stay, grid[at]),
+                             grid[at] + (grid[-1] - grid[at]) * ease])  # fmt: skip
+    table = reshaped(motion, shape_of(motion, motion.sample(course).q, course))
+    assert table.duration == pytest.approx((len(course) - 1) * PERIOD)
+    standing = table.sample([(400 + 50) * PERIOD])
+    assert standing.position[0] == pytest.approx(motion.sample([grid[at]]).position[0], abs=1e-12)
+    assert standing.velocity[0] == pytest.approx([0, 0, 0], abs=1e-12)
+    assert np.all(np.diff(table.keyframe_times) > 0)
+    assert table.certificate.keyframe_error < 0.02
+    assert table.start_time == table.keyframe_times[0]
+
+
+def test_shape_that_breaks_a_limit_is_refused(motion):
+    q = motion.records(0, motion.record_count)[:, :4]
+    q[100] = multiply(q[100], exp(np.array([0.01, 0, 0])))
+    with pytest.raises(LimitError, match=r"angular (jerk|acceleration)"):
+        reshaped(motion, shape_of(motion, q))
+
+
+def test_shape_off_the_grid_is_refused(motion):
+    q = motion.records(0, motion.record_count)[:, :4]
+    with pytest.raises(ValueError, match="never decrease"):
+        reshaped(motion, shape_of(motion, q, -PERIOD * np.arange(len(q))))
