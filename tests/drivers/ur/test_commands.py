@@ -14,6 +14,7 @@ CONFIG = Path(__file__).parents[3] / "config"
 COMMAND = (sys.executable, "-m", "orientd.cli.main")
 
 
+@pytest.mark.slow
 def test_the_example_turns_the_emulated_arm(ur_host, tmp_path):
     config, socket = tmp_path / "ur.toml", tmp_path / "control.sock"
     text = (CONFIG / "ur.toml").read_text()

@@ -11,6 +11,7 @@ from orientd_sim.ur import EmulatedRobot
 pytest.importorskip("rtde_control")
 
 
+@pytest.mark.slow
 def test_motion_is_followed_to_its_end(ur_robot):
     with device_of(ur_robot.host) as device:
         swing(device, seconds=1.2)
@@ -23,10 +24,10 @@ def test_motion_is_followed_to_its_end(ur_robot):
     ("order", "release", "words"),
     [
         ("protective_stop", "", "protective stop"),
-        ("emergency_stop", "release", "emergency stop"),
+        pytest.param("emergency_stop", "release", "emergency stop", marks=pytest.mark.slow),
         ("safeguard", "release", "safeguard"),
-        ("stop", "", "control program was stopped"),
-        ("pause", "", "control program is paused"),
+        pytest.param("stop", "", "control program was stopped", marks=pytest.mark.slow),
+        pytest.param("pause", "", "control program is paused", marks=pytest.mark.slow),
     ],
 )
 def test_stop_is_a_device_fault_and_reset_moves_the_arm_again(ur_robot, order, release, words):
@@ -44,7 +45,8 @@ def test_stop_is_a_device_fault_and_reset_moves_the_arm_again(ur_robot, order, r
         recover(device)
 
 
-@pytest.mark.parametrize("leaves", ["playing", pytest.param("stopped", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("leaves", ["playing", "stopped"])
 def test_protective_stop_is_recovered_whatever_the_program_becomes(ur_host, leaves):
     robot = EmulatedRobot(ur_host, "--unlock-after", "0.3", "--protective-stop-leaves", leaves)
     with robot, device_of(ur_host) as device:
@@ -57,6 +59,7 @@ def test_protective_stop_is_recovered_whatever_the_program_becomes(ur_host, leav
         recover(device)
 
 
+@pytest.mark.slow
 def test_joint_over_its_limit_is_a_protective_stop(ur_robot):
     with device_of(ur_robot.host) as device:
         for joint in range(1, 7):
@@ -100,6 +103,7 @@ def test_frozen_controller_is_stale_feedback_then_a_lost_link(ur_robot):
         recover(device)
 
 
+@pytest.mark.slow
 def test_short_freeze_costs_no_process(ur_robot):
     with device_of(ur_robot.host, feedback_timeout=0.1, link_timeout=1.5) as device:
         pid = device.snapshot().servo_pid
@@ -130,6 +134,7 @@ def test_closed_connection_is_a_lost_link(ur_robot, what):
         recover(device)
 
 
+@pytest.mark.slow
 def test_dead_controller_is_a_lost_link_and_the_next_one_is_found(ur_robot):
     with device_of(ur_robot.host) as device:
         swing(device)
@@ -163,6 +168,7 @@ def test_second_client_with_the_registers_is_named(ur_robot):
         other.disconnect()
 
 
+@pytest.mark.slow
 def test_silent_controller_is_named_when_opening(ur_robot):
     ur_robot.ask("silence")
     settings = DeviceSettings(name="arm", driver="ur", options={"host": ur_robot.host})
@@ -175,6 +181,7 @@ def test_silent_controller_is_named_when_opening(ur_robot):
         device.shutdown()
 
 
+@pytest.mark.slow
 def test_half_slider_slows_the_motion_and_keeps_its_path(ur_robot):
     with device_of(ur_robot.host) as device:
         ur_robot.ask("slider 0.5")
@@ -185,6 +192,7 @@ def test_half_slider_slows_the_motion_and_keeps_its_path(ur_robot):
         until(lambda: is_holding(device), "the end")
 
 
+@pytest.mark.slow
 def test_fault_of_one_robot_leaves_the_other_moving(ur_robot):
     other_host = ur_robot.host.rsplit(".", 1)[0] + ".253"
     with (
@@ -202,6 +210,7 @@ def test_fault_of_one_robot_leaves_the_other_moving(ur_robot):
         assert second.snapshot().motion_number == number
 
 
+@pytest.mark.slow
 def test_reset_after_a_lost_link_unlocks_a_protective_stop_too(ur_robot):
     with device_of(ur_robot.host) as device:
         swing(device)

@@ -150,6 +150,7 @@ def check_stream(robot, tmp_path, seconds):
         print(f"{len(sent)} poses, {state['overwritten']} overwritten, {state['stalls']} stalls")
 
 
+@pytest.mark.slow
 def test_protective_stop_is_seen_and_recovered_from(ur_robot):
     with control_of(ur_robot.host) as control, receive_of(ur_robot.host) as receive:
         ur_robot.ask("protective_stop")
@@ -165,6 +166,7 @@ def test_protective_stop_is_seen_and_recovered_from(ur_robot):
         stream(control, swaying(receive.getTargetTCPPose()), 50)
 
 
+@pytest.mark.slow
 def test_watchdog_of_the_client_ends_the_program(ur_robot):
     with control_of(ur_robot.host) as control, receive_of(ur_robot.host) as receive:
         assert control.setWatchdog(20.0)
