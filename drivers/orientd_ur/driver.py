@@ -221,6 +221,8 @@ class UrDriver(Driver):
         if obstacle(robot_mode, safety_mode) or runtime_state != RuntimeState.PLAYING:
             return
         link.order("servoStop", self._options.stop_deceleration, limit=_LONGEST_CYCLE)
+        # That has fed the watchdog too; a kick now could meet a program that is just being stopped.
+        self._kicked_ns = self.clock.now_ns()
 
     def reset(self) -> None:
         """Unlock, power up if so configured, and play the control program again.

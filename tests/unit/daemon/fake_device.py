@@ -60,15 +60,13 @@ class FakeDevice:
         return self.at
 
     def plan(self, request, *, is_next=False):
+        if self.refusal:
+            raise PlanError(self.refusal)
         period = self.period_ns * 1e-9
         return planner.plan(request, start=self.commanded(), limits=self.limits, period=period)
 
     def is_at(self, joints):
         return True
-
-    def examine(self, motion):
-        if self.refusal:
-            raise PlanError(self.refusal)
 
     def start(self, motion):
         self.commanded()
