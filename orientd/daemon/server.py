@@ -111,7 +111,7 @@ class _Daemon:
             finally:
                 await checks.enter_graceful_shutdown()
                 await asyncio.to_thread(cell.shutdown, "the daemon is going down")
-                service.end_watches()
+                service.end_calls()
                 await server.stop(GRACE)
                 service.close()
                 _log.info("daemon: ended")

@@ -17,8 +17,9 @@ from orientd.daemon import report
 from orientd.daemon.cell import Cell, pause, resume
 from orientd.daemon.device import Device
 from orientd.daemon.lease import Lease
+from orientd.daemon.planners import Planners
 from orientd.daemon.runs import Run
-from orientd.errors import OrientdError, RequestError
+from orientd.errors import DaemonError, OrientdError, RequestError
 from orientd.planner import Motion
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.control_pb2_grpc import ControlServicer
@@ -46,7 +47,7 @@ SLOWEST_REPORTS_HZ = 0.1
 FASTEST_REPORTS_HZ = 100.0
 
 PLANNERS = 2
-"""Motions planned at the same time; more would only take turns."""
+"""Motions planned at the same time."""
 
 COMMANDERS = 8
 """Commands under way at the same time; a device may take its time over one."""
@@ -77,17 +78,16 @@ class ControlService(ControlServicer):
         """Serve *cell*; *describe* says what there is to say about the daemon itself."""
         self._cell = cell
         self._describe = describe
-        self._planners = ThreadPoolExecutor(PLANNERS, thread_name_prefix="plan")
+        self._planners = Planners(PLANNERS)
         self._commanders = ThreadPoolExecutor(COMMANDERS, thread_name_prefix="command")
         self._closing = asyncio.Event()
 
-    def end_watches(self) -> None:
-        """Let every WatchState come to its end."""
+    def end_calls(self) -> None:
+        """Let every WatchState come to its end, and every call that waits for a plan."""
         self._closing.set()
 
     def close(self) -> None:
         """Take on no more work."""
-        self._planners.shutdown(wait=False, cancel_futures=True)
         self._commanders.shutdown(wait=False, cancel_futures=True)
 
     # What there is
@@ -170,7 +170,10 @@ class ControlService(ControlServicer):
             samples = samples_to_messages(report.samples(motion, rate_hz)) if rate_hz else []
             return pb.PlanResponse(plan=plan_to_message(report.plan(motion)), samples=samples)
 
-        return await self._do(context, work, self._planners)
+        try:
+            return await self._planned(work)
+        except OrientdError as error:
+            await _refuse(context, error)
 
     async def Move(
         self, request: pb.MoveRequest, context: Context
@@ -182,7 +185,7 @@ class ControlService(ControlServicer):
             device = self._cell.device(request.device)
             self._cell.desk.check(request.lease_token)
             stops = self._cell.runs.stops(device)
-            motion = await self._in(self._planners, lambda: self._motion(device, request))
+            motion = await self._planned(lambda: self._motion(device, request))
             run = await self._start(request.lease_token, device, motion, stops)
             yield pb.MoveResponse(
                 started=pb.MoveStarted(
@@ -195,7 +198,7 @@ class ControlService(ControlServicer):
                 progress = reader.read()
                 if progress is not None:
                     yield pb.MoveResponse(progress=progress_to_message(progress))
-            summary = await self._in(self._commanders, lambda: report.summary(run))
+            summary = await self._in_worker(lambda: report.summary(run))
             yield pb.MoveResponse(summary=summary_to_message(summary))
         except OrientdError as error:
             await _refuse(context, error)
@@ -326,19 +329,32 @@ class ControlService(ControlServicer):
             return False
         return True
 
-    async def _do(
-        self,
-        context: Context,
-        work: Callable[[], Result],
-        pool: ThreadPoolExecutor | None = None,
-    ) -> Result:
+    async def _do(self, context: Context, work: Callable[[], Result]) -> Result:
         try:
-            return await self._in(pool or self._commanders, work)
+            return await self._in_worker(work)
         except OrientdError as error:
             await _refuse(context, error)
 
-    def _in(self, pool: ThreadPoolExecutor, work: Callable[[], Result]) -> Awaitable[Result]:
-        return asyncio.get_running_loop().run_in_executor(pool, work)
+    def _in_worker(self, work: Callable[[], Result]) -> Awaitable[Result]:
+        return asyncio.get_running_loop().run_in_executor(self._commanders, work)
+
+    async def _planned(self, work: Callable[[], Result]) -> Result:
+        """Plan; whoever waits for that does not keep the daemon from ending.
+
+        Raises:
+            DaemonError: the daemon is going down.
+        """
+        planning = asyncio.wrap_future(self._planners.submit(work))
+        closing = asyncio.ensure_future(self._closing.wait())
+        try:
+            either: set[asyncio.Future[Any]] = {planning, closing}
+            await asyncio.wait(either, return_when=asyncio.FIRST_COMPLETED)
+            if planning.done():
+                return planning.result()
+            raise DaemonError("the daemon is going down")
+        finally:
+            planning.cancel()
+            closing.cancel()
 
 
 def _device_message(device: Device) -> pb.DeviceReport:

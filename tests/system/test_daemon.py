@@ -8,6 +8,7 @@ import subprocess
 import sys
 
 import grpc
+import numpy as np
 import pytest
 from command_line import COMMAND, assert_refused, environment, orientd
 from grpc_health.v1 import health_pb2, health_pb2_grpc
@@ -143,6 +144,26 @@ def test_a_signal_stops_the_motion_on_its_path_and_leaves_nothing(tmp_path, numb
     sent = daemon.sent()
     assert_limits_kept(sent, daemon.period)
     assert (sent[-1] == sent[-2]).all()
+    assert "Traceback" not in log(daemon)
+
+
+def test_a_daemon_that_is_told_to_end_while_it_plans_ends(tmp_path):
+    daemon = DaemonProcess(tmp_path / "daemon")
+    daemon.start()
+    turns = np.cumsum(np.random.default_rng(1).normal(0.0, 0.05, (20_000, 3)), axis=0).tolist()
+    keyframes = [pb.Keyframe(rotation_vector=pb.Vector3(x=x, y=y, z=z)) for x, y, z in turns]
+    plan = daemon.stub.Plan.future(
+        pb.PlanRequest(motion=pb.MotionRequest(keyframes=keyframes, approach=True))
+    )
+    # Others are served meanwhile, so the request has arrived once they were.
+    for _ in range(50):
+        daemon.device()
+    assert not plan.done()
+    daemon.process.terminate()
+    with pytest.raises(grpc.RpcError) as caught:
+        plan.result(timeout=20)
+    assert caught.value.details() == "the daemon is going down"
+    assert daemon.end() == 0
     assert "Traceback" not in log(daemon)
 
 
