@@ -5,7 +5,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 
-.PHONY: demo test check bench soak proto clean
+.PHONY: demo test check bench soak standard proto clean
 
 demo: $(VENV)/.user
 	$(BIN)/orientd demo
@@ -24,6 +24,11 @@ bench: $(VENV)/.dev
 
 soak: $(VENV)/.dev
 	$(BIN)/python -m pytest -m slow --timeout=5400 -s
+
+standard: $(VENV)/.dev
+	$(BIN)/python tests/data/standard/sequences.py
+	$(BIN)/python tests/data/standard/regenerate.py
+	$(BIN)/python tests/data/standard/effort.py
 
 proto: $(VENV)/.dev
 	$(BIN)/python -m grpc_tools.protoc -I. --python_out=. --pyi_out=. --grpc_python_out=. orientd/rpc/control.proto

@@ -2,5 +2,12 @@ import sys
 from pathlib import Path
 
 # The rigs that several test modules share.
-for folder in ("unit/servo", "unit/daemon", "unit/planner", "system", "drivers/ur"):
+for folder in (
+    "unit/servo",
+    "unit/daemon",
+    "unit/planner",
+    "system",
+    "drivers/ur",
+    "data/standard",
+):
     sys.path.insert(0, str(Path(__file__).parent / folder))

@@ -126,12 +126,12 @@ def readme() -> str:
         "",
         "Nielson (1993) closes by asking for standard test cases and standard methods of comparing",
         "techniques of orientation.  These are ours: motion files (`orientd compare NAME.yaml`",
-        "measures them, `orientd plot NAME.yaml` draws them), each with what every family makes of",
-        "it in `NAME.csv`.  `sequences.py` says how the files came about; `regenerate.py` makes the",
-        "tables, and this overview, anew.",
+        "measures them, `orientd plot NAME.yaml` draws them), each with what every family makes",
+        "of it in `NAME.csv`.  `sequences.py` says how the files came about; `regenerate.py` makes",
+        "the tables, and this overview, anew.  `EFFORT.md` is of random keyframes, by `effort.py`.",
         "",
         UNITS,
-        "| sequence | what it is | least effort | c2_cumulative | meet the keyframes | do not apply |",
+        "| sequence | what it is | least effort | c2_cumulative | meet keyframes | do not apply |",
         "|---|---|---|---|---|---|",
     ]
     for sequence in names():

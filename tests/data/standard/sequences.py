@@ -141,9 +141,9 @@ def rest_to_rest() -> Content:
 
 
 def uneven_times() -> Content:
-    """Seven orientations 45 degrees apart at intervals from 10 ms to 10 s."""
+    """Seven orientations 45 degrees apart at intervals from 0.05 to 5 s."""
     rng = np.random.default_rng(12)
-    intervals = np.array([1.0, 0.1, 10.0, 0.01, 1.0, 3.0])
+    intervals = np.array([1.0, 0.2, 5.0, 0.05, 1.0, 3.0])
     return {
         "keys": walk(random_steps(rng, np.full(6, np.radians(45.0)))),
         "times": np.concatenate([[0.0], np.cumsum(intervals)]),
@@ -196,9 +196,11 @@ def text_of(sequence: Callable[[], Content]) -> str:
         if content.get("turns") and content["turns"][index]:
             parts.append(f"turns: {content['turns'][index]}")
         lines.append(f"  - {{{', '.join(parts)}}}")
-    for name in ("start_velocity", "end_velocity"):
-        if name in content:
-            lines.append(f"{name}: {_list(content[name])}")
+    lines += [
+        f"{name}: {_list(content[name])}"
+        for name in ("start_velocity", "end_velocity")
+        if name in content
+    ]
     return "\n".join(lines) + "\n"
 
 

@@ -1,0 +1,52 @@
+"""The standard test set says what the families do."""
+
+import pytest
+import regenerate
+import sequences
+
+NAMES = regenerate.names()
+SEARCHES = {"nielson_shieh": 1e-2, "spherical_quadratic": 1e-2}
+"""Families that end a search: relative tolerance of their figures."""
+
+FIGURES = regenerate.COLUMNS[2:-1]
+
+
+def test_there_are_at_least_ten_sequences():
+    assert len(NAMES) >= 10
+
+
+def test_every_sequence_has_a_file_and_a_table():
+    assert {sequence.__name__ for sequence in sequences.SEQUENCES} == set(NAMES)
+    assert {path.stem for path in regenerate.HERE.glob("*.csv")} == set(NAMES)
+
+
+@pytest.mark.parametrize("sequence", sequences.SEQUENCES, ids=lambda one: one.__name__)
+def test_motion_files_are_what_their_recipe_makes(sequence):
+    path = regenerate.HERE / f"{sequence.__name__}.yaml"
+    assert path.read_text(encoding="utf-8") == sequences.text_of(sequence)
+
+
+@pytest.mark.parametrize("sequence", NAMES)
+def test_published_results_are_what_the_families_do(sequence):
+    published = {result["family"]: result for result in regenerate.published(sequence)}
+    made = {result["family"]: result for result in regenerate.rows(sequence)}
+    assert set(published) == set(made)
+    for family, result in made.items():
+        expected = published[family]
+        assert ("why_not" in result) == ("why_not" in expected), family
+        if "why_not" in result:
+            continue
+        assert result["interpolates"] == expected["interpolates"], family
+        for column in FIGURES:
+            ours, theirs = result.get(column) or "0", expected.get(column) or "0"
+            tolerance = SEARCHES.get(family, 1e-5)
+            # Six digits are published.
+            assert float(ours) == pytest.approx(float(theirs), rel=tolerance, abs=0.0), (
+                family,
+                column,
+            )
+
+
+def test_the_overview_is_of_the_published_results():
+    text = (regenerate.HERE / "README.md").read_text(encoding="utf-8")
+    assert text == regenerate.readme()
