@@ -128,7 +128,7 @@ def _normal(corners: Floats) -> Floats:
 
 
 def _lit(normal: Floats, tint: Floats) -> Floats:
-    shade = 0.62 + 0.38 * float(normal @ LIGHT) / float(np.linalg.norm(LIGHT))
+    shade = 0.72 + 0.28 * float(normal @ LIGHT) / float(np.linalg.norm(LIGHT))
     lit: Floats = np.clip(tint * shade, 0.0, 1.0)
     return lit
 

@@ -1,0 +1,256 @@
+"""Pictures have in them what they are said to show.
+
+Elements are found by their ids in the SVG; no pixels are compared.
+"""
+
+import re
+
+import numpy as np
+import pytest
+
+from orientd.curves import METHODS
+from orientd.curves.compare import compare, ranked
+from orientd.curves.roles import Task, fit
+from orientd.errors import OrientdError
+from orientd.planner import Limits
+from orientd.rotation import angle, exp, from_rotation_vector, rotate
+
+pytest.importorskip("matplotlib")
+
+from orientd import plots
+from orientd.plots import gallery, scenes
+from orientd.plots.figures import FIGURES
+from orientd.plots.paper import new_figure
+from orientd.plots.sampling import traces_of
+from orientd.plots.sweep import Poses, draw_bodies, draw_sweep, prism
+from orientd.plots.triads import draw_triads
+from orientd.plots.view import View
+
+TASK = gallery.example()
+BEGINNINGS = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
+
+
+def traces(name="c2_cumulative", task=TASK, **more):
+    return traces_of(fit(METHODS[name], task), task, **more)
+
+
+def svg(draw, tmp_path, *arguments, **options):
+    path = tmp_path / "picture.svg"
+    draw(path, *arguments, **options)
+    return path.read_text(encoding="utf-8")
+
+
+def ids(text):
+    return set(re.findall(r'id="([^"]+)"', text))
+
+
+@pytest.mark.parametrize("ending", BEGINNINGS)
+def test_the_ending_names_the_format(tmp_path, ending):
+    path = tmp_path / f"picture.{ending}"
+    plots.draw_traces(path, traces(), title="curve")
+    assert path.read_bytes().startswith(BEGINNINGS[ending])
+
+
+def test_a_triad_graph_has_three_traces_their_hidden_halves_and_numbers(tmp_path):
+    found = ids(svg(plots.draw_traces, tmp_path, traces(), title="curve"))
+    for axis in "xyz":
+        assert {f"trace-{axis}", f"hidden-{axis}", f"keyframes-{axis}"} <= found
+        # The letter leads the first number.
+        assert any(one.startswith(f"number-{axis}-{axis}1") for one in found)
+        assert f"component-{axis}" in found
+    written = " ".join(one for one in found if one.startswith("number-"))
+    assert set("123456") <= set(written)
+
+
+def test_limits_are_drawn_where_the_curve_comes_near_and_told_where_not(tmp_path):
+    limits = Limits.partial(velocity=2.0, acceleration=500.0)
+    text = svg(plots.draw_traces, tmp_path, traces(limits=limits), title="curve")
+    assert "limit 2 rad/s" in text
+    assert "limit 500 rad/s²" in text
+    assert len(re.findall(r'id="limit"', text)) == 1
+
+
+def test_no_limit_is_drawn_where_there_is_none(tmp_path):
+    assert "limit" not in svg(plots.draw_traces, tmp_path, traces(), title="curve")
+
+
+def test_the_same_picture_is_the_same_file(tmp_path):
+    one = svg(plots.draw_traces, tmp_path, traces(), title="curve")
+    assert one == svg(plots.draw_traces, tmp_path, traces(), title="curve")
+
+
+def test_lines_are_interrupted_where_a_derivative_jumps():
+    drawn = traces("piecewise_slerp")
+    times, omega = plots.charts.interrupted(drawn.times, drawn.omega_body, drawn.breaks)
+    gaps = np.isnan(omega).all(axis=1)
+    assert gaps.sum() == len(TASK.times) - 2
+    assert times[gaps] == pytest.approx(TASK.times[1:-1])
+
+
+def test_what_is_behind_the_sphere_is_drawn_as_hidden():
+    axes = new_figure(3.0, 3.0).subplots()
+    view = View(elevation=0.0, azimuth=0.0)
+    # About the upright axis the x tip turns from the front to the back.
+    q = from_rotation_vector(np.outer(np.linspace(0.0, np.pi, 200), [0.0, 0.0, 1.0]))
+    draw_triads(axes, q, q[[0, -1]], style=plots.triads.TriadStyle(view=view))
+    lines = {line.get_gid(): line for line in axes.get_lines()}
+    front = lines["trace-x"].get_xydata()
+    hidden = lines["hidden-x"].get_xydata()
+    # Both halves of the way have the same points on the sheet; each is drawn once.
+    assert np.isfinite(front[:, 0]).sum() == pytest.approx(len(front) / 2, abs=2)
+    assert np.isfinite(hidden[:, 0]).sum() == pytest.approx(len(hidden) / 2, abs=2)
+    assert lines["hidden-x"].get_linewidth() < lines["trace-x"].get_linewidth()
+
+
+def test_numbers_do_not_cover_each_other():
+    q = exp(np.cumsum(np.tile([0.05, 0.1, 0.15], (12, 1)), axis=0))
+    axes = new_figure(7.0, 7.0).subplots()
+    draw_triads(axes, q, q)
+    texts = [text for text in axes.texts if (text.get_gid() or "").startswith("number-")]
+    places = np.array([text.get_position() for text in texts])
+    apart = np.linalg.norm(places[:, None] - places[None, :], axis=-1)
+    assert apart[~np.eye(len(places), dtype=bool)].min() > 0.03
+
+
+def test_a_sheet_shows_who_applies_and_says_who_does_not(tmp_path):
+    families = {name: METHODS[name] for name in ("squad", "c2_cumulative", "kks_bspline", "slerp")}
+    candidates = ranked(compare(TASK, families=families))
+    text = svg(plots.draw_sheet, tmp_path, TASK, candidates, title="families")
+    assert {"family-squad", "family-c2_cumulative", "family-kks_bspline"} <= ids(text)
+    assert "family-slerp" not in ids(text)
+    assert "not drawn: slerp (takes exactly 2 keyframes, got 6)" in text
+
+
+def test_a_sheet_of_nothing_still_says_why(tmp_path):
+    candidates = compare(TASK, families={"slerp": METHODS["slerp"]})
+    assert "not drawn: slerp" in svg(plots.draw_sheet, tmp_path, TASK, candidates, title="none")
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_every_family_does_an_example_of_the_gallery(name):
+    task = gallery.task_for(name)
+    drawn = traces(name, task, instants=50)
+    assert np.isfinite(drawn.alpha_body).all()
+
+
+def test_a_family_that_joins_methods_joins_the_gallery(tmp_path, monkeypatch):
+    class Newcomer(METHODS["squad"]):
+        name = "newcomer"
+        summary = "not there before"
+
+    monkeypatch.setattr(gallery, "METHODS", {"newcomer": Newcomer})
+    monkeypatch.setattr(gallery, "compare", lambda task: compare(task, families=gallery.METHODS))
+    paths = list(plots.draw_gallery(tmp_path / "new" / "folder"))
+    assert [path.name for path in paths] == ["newcomer.svg", "all.svg"]
+    assert "newcomer: not there before" in paths[0].read_text(encoding="utf-8")
+    assert "family-newcomer" in ids(paths[1].read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_figures_of_the_papers_have_something_to_show(name):
+    axes = new_figure(6.0, 6.0).subplots()
+    FIGURES[name].draw(axes)
+    assert axes.has_data()
+
+
+def test_a_figure_is_written_with_its_title(tmp_path):
+    text = svg(plots.draw_figure, tmp_path, "kks-4")
+    assert "Cubic B-spline basis functions" in text
+    assert {f"basis-{k}" for k in range(4)} <= ids(text)
+
+
+def test_basis_functions_sum_to_one_and_cumulative_ones_rise():
+    times = np.linspace(0.0, 7.0, 200)
+    cumulative = plots.basis.cumulative_functions(np.arange(-3.0, 11.0), 4, times)
+    assert cumulative[0] == pytest.approx(1.0)
+    assert (np.diff(cumulative, axis=1) > -1e-12).all()
+    ordinary = cumulative - np.vstack([cumulative[1:], np.zeros((1, 200))])
+    assert ordinary.sum(axis=0) == pytest.approx(1.0)
+    assert ordinary.min() > -1e-12
+
+
+def test_one_axis_of_the_ideal_function_ends_where_it_begins():
+    keys = scenes.samples_of_ideal()
+    tips = rotate(keys[[0, -1]], np.array([1.0, 0.0, 0.0]))
+    assert tips[0] == pytest.approx(tips[1], abs=1e-12)
+    assert angle(keys[0], keys[-1]) > 1.0
+
+
+def test_uniform_knots_loop_between_close_samples_and_chord_knots_do_not():
+    keys = scenes.samples_of_ideal()
+    direct = angle(keys[4], keys[5])
+    travelled = {}
+    for times in ("uniform", "chord"):
+        curve = METHODS["nielson_heiland"](keys=keys, times=times)
+        start, end = curve.knots[[4, 5]]
+        q = curve.evaluate(np.linspace(start, end, 400))[0]
+        travelled[times] = angle(q[1:], q[:-1]).sum()
+    assert travelled["uniform"] > 2.0 * direct
+    assert travelled["chord"] < 1.2 * direct
+
+
+def test_faces_of_a_body_look_outwards():
+    square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    for face in prism(square, 0.5):
+        normal = np.cross(face[1] - face[0], face[2] - face[1])
+        assert normal @ face.mean(axis=0) > 0.0
+
+
+def test_a_body_is_drawn_at_every_pose_and_dark_at_the_keyframes():
+    axes = new_figure(3.0, 3.0).subplots()
+    scene = scenes.interpolated_motion(10)
+    faces = scenes.plate()
+    draw_bodies(axes, faces, scene.between, scene.keyframes, View(), scene.trail)
+    (painted,) = (part for part in axes.collections if part.get_gid() == "faces")
+    assert len(painted.get_paths()) == len(faces) * (10 + 6)
+    lightness = painted.get_facecolor()[:, :3].mean(axis=1)
+    assert (lightness < 0.32).sum() == len(faces) * 6
+
+
+def test_a_sweep_joins_every_two_sections():
+    axes = new_figure(3.0, 3.0).subplots()
+    section = scenes.cross_section()
+    q = np.tile([1.0, 0.0, 0.0, 0.0], (5, 1))
+    along = np.column_stack([np.arange(5.0), np.zeros(5), np.zeros(5)])
+    draw_sweep(axes, section, Poses(along, q), View())
+    (painted,) = (part for part in axes.collections if part.get_gid() == "faces")
+    assert len(painted.get_paths()) == 4 * len(section)
+
+
+@pytest.mark.parametrize(
+    "draw",
+    [
+        lambda path: plots.draw_triads_alone(path, traces(), title="triads"),
+        lambda path: plots.draw_rates_alone(path, traces(), title="rates"),
+        lambda path: plots.draw_bodies_alone(
+            path, traces(), np.cumsum(traces().omega_body, axis=0) * 1e-3, title="body"
+        ),
+    ],
+)
+def test_parts_of_a_picture_can_be_drawn_alone(tmp_path, draw):
+    path = tmp_path / "part.svg"
+    draw(path)
+    assert path.stat().st_size > 5_000
+
+
+def test_a_name_without_a_known_ending_is_refused_before_anything_is_drawn(tmp_path):
+    with pytest.raises(OrientdError, match=r"must end in \.png, \.svg, \.pdf, got 'x.bmp'"):
+        plots.draw_family(tmp_path / "x.bmp", "min_acceleration")
+
+
+def test_a_folder_that_cannot_be_made_is_said(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OrientdError, match="cannot make the folder"):
+        next(plots.draw_gallery(tmp_path / "file"))
+
+
+def test_a_curve_of_two_keyframes_a_moment_apart_is_drawn(tmp_path):
+    keys = from_rotation_vector(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1e-9]]))
+    task = Task(keys, np.array([0.0, 1e-3]))
+    assert "trace-x" in ids(svg(plots.draw_traces, tmp_path, traces("slerp", task), title="tiny"))
+
+
+def test_many_keyframes_are_drawn(tmp_path):
+    turns = np.outer(np.arange(150), [0.02, 0.01, 0.03])
+    task = Task(from_rotation_vector(turns), np.arange(150.0))
+    assert "trace-x" in ids(svg(plots.draw_traces, tmp_path, traces("squad", task), title="many"))
