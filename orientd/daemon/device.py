@@ -11,8 +11,6 @@ import os
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from enum import Enum
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +18,7 @@ import numpy as np
 from orientd import rotation
 from orientd.clock import MonotonicClock
 from orientd.config import DeviceSettings
+from orientd.daemon.device_report import DeviceEvent, DeviceSnapshot, EventKind
 from orientd.daemon.feeder import BLOCK, Feeder
 from orientd.daemon.fitting import plan_to_fit
 from orientd.daemon.meter import MotionMeter, MotionStatistics
@@ -50,73 +49,6 @@ _ENDING = 0.3
 """How long a servo may take to end that has lost its device, s."""
 
 _METER_BLOCK = 256
-
-
-class EventKind(Enum):
-    """What the daemon reports of a device."""
-
-    READY = "ready"
-    MOTION_STARTED = "motion started"
-    MOTION_DONE = "motion done"
-    MOTION_STOPPED = "motion stopped"
-    FAULT = "fault"
-    SERVO_DIED = "servo died"
-
-
-@dataclass(frozen=True, slots=True)
-class DeviceEvent:
-    """Something that happened to a device.
-
-    Attributes:
-        device: its name.
-        kind: what happened.
-        motion_number: the motion it happened to, 0 for none.
-        text: in words.
-        time_ns: when the daemon saw it, monotonic clock.
-    """
-
-    device: str
-    kind: EventKind
-    motion_number: int
-    text: str
-    time_ns: int
-
-
-@dataclass(frozen=True, slots=True)
-class DeviceSnapshot:
-    """A device as it is now.
-
-    Attributes:
-        cycle: the newest cycle, ``None`` before the first.
-        state: the servo's state; ``FAULT`` where there is no servo.
-        fault: why it is in a fault.
-        fault_text: in words.
-        is_paused: whether a motion stands on its path, to be resumed.
-        speed: the speed that motions run at, or are resumed at.
-        motion: the motion last started.
-        motion_number: its number, 0 before the first.
-        path_time: time within that motion, s; for a device that is led, where the device is to be,
-            not what is being sent.
-        tracking_error: angle between the feedback and where the device is to be, rad; ``None``
-            without feedback.
-        servo_pid: process id of the servo, ``None`` where there is none.
-        scheduling: what scheduling the servo has got.
-        memory_locked: whether its memory is locked.
-    """
-
-    cycle: Cycle | None
-    state: State
-    fault: Fault
-    fault_text: str
-    is_paused: bool
-    speed: float
-    motion: Motion | None
-    motion_number: int
-    path_time: float
-    tracking_error: float | None
-    servo_pid: int | None
-    scheduling: str
-    memory_locked: bool
 
 
 class Device:

@@ -12,7 +12,8 @@ from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 
-from orientd.daemon.device import Device, DeviceEvent, EventKind
+from orientd.daemon.device import Device
+from orientd.daemon.device_report import DeviceEvent, EventKind
 from orientd.errors import OrientdError, StateError
 from orientd.planner import Motion
 from orientd.rpc.reports import Outcome

@@ -19,7 +19,8 @@ from typing import Any
 from orientd.clock import MonotonicClock
 from orientd.driver import Driver
 from orientd.servo.realtime import DeadlineTimer, freeze_garbage, lock_memory, set_scheduling
-from orientd.servo.servo import Servo, Watch
+from orientd.servo.servo import Servo
+from orientd.servo.vigil import Watch
 from orientd.stream import NoteKind, SharedMemory, pack_note
 
 

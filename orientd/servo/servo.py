@@ -8,7 +8,6 @@ path, let the guard look at it, write it, publish the cycle.  Nothing here waits
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 from orientd.clock import Clock
 from orientd.driver import IDENTITY, ZERO, Driver, Feedback, Quaternion, Setpoint, Vector3
@@ -25,6 +24,7 @@ from orientd.servo.path_clock import PathClock
 from orientd.servo.path_follower import PathFollower, StarvedError
 from orientd.servo.segment import PathPoint
 from orientd.servo.table import Event, advance
+from orientd.servo.vigil import Vigil, Watch
 from orientd.stream import (
     JOINTS,
     NO_JOINTS,
@@ -48,19 +48,6 @@ PARENT_CHECK = 8
 
 _NO_TERMS = Terms(1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 1.0)
 _START_TOLERANCE = 1e-9
-
-
-@dataclass(frozen=True, slots=True)
-class Watch:
-    """How long the servo waits for signs of life.
-
-    Attributes:
-        heartbeat_ns: longest silence of the daemon while something moves.
-        feedback_ns: largest age of the device's feedback.
-    """
-
-    heartbeat_ns: int
-    feedback_ns: int
 
 
 class Servo:
@@ -92,7 +79,7 @@ class Servo:
         self.work_ns = 0
         self._driver = driver
         self._memory = memory
-        self._watch = watch
+        self._vigil = Vigil(watch, period_ns)
         self._clock = clock
         self._parent_is_alive = parent_is_alive
         period = period_ns * 1e-9
@@ -112,10 +99,6 @@ class Servo:
         self._held = PathPoint(IDENTITY, ZERO, ZERO, ZERO, ZERO)
         self._taken = memory.commands.head
         self._cycle_count = 0
-        self._period_ns = period_ns
-        self._deadline_ns = 0
-        self._stall_ns = 0
-        self._stall_end_ns = 0
 
     @property
     def is_moving(self) -> bool:
@@ -129,7 +112,7 @@ class Servo:
             deadline_ns: when it was due.
             lateness_ns: how much later it began.
         """
-        self._notice_stall(deadline_ns)
+        self._vigil.notice(deadline_ns, self._feedback.time_ns if self._feedback else 0)
         self._read()
         self._take_command()
         self._look_for_life(deadline_ns)
@@ -369,39 +352,16 @@ class Servo:
     def _look_for_life(self, now_ns: int) -> None:
         if self._cycle_count % PARENT_CHECK == 0 and not self._parent_is_alive():
             self.request_end("the daemon is gone")
+        vigil = self._vigil
         if self.state is _STREAMING:
-            silence_ns = self._silence_ns(self._memory.heartbeat_ns, now_ns)
-            if silence_ns > self._watch.heartbeat_ns:
-                text = f"no heartbeat from the daemon for {silence_ns * 1e-9:.3f} s"
-                self._brake(Fault.HEARTBEAT_LOST, text)
+            problem = vigil.complain_of_daemon(self._memory.heartbeat_ns, now_ns)
+            if problem:
+                self._brake(Fault.HEARTBEAT_LOST, problem)
         if self._is_enabled and self._fault is _NO_FAULT:
             measured_ns = self._feedback.time_ns if self._feedback else self._enabled_ns
-            age_ns = self._silence_ns(max(measured_ns, self._enabled_ns), now_ns)
-            if age_ns > self._watch.feedback_ns:
-                self._brake(
-                    Fault.FEEDBACK_STALE,
-                    f"feedback is {age_ns * 1e-6:.1f} ms old, "
-                    f"at most {self._watch.feedback_ns * 1e-6:.1f} ms are allowed",
-                )
-
-    def _notice_stall(self, deadline_ns: int) -> None:
-        """Note the deadlines that this process has missed altogether.
-
-        While it does not run it hears nobody, which is not the fault of who would have spoken.
-        """
-        missed_ns = deadline_ns - self._deadline_ns - self._period_ns
-        if missed_ns > 0 and self._deadline_ns:
-            feedback = self._feedback
-            if feedback is None or feedback.time_ns >= self._stall_end_ns:
-                self._stall_ns = 0
-            self._stall_ns += missed_ns
-            self._stall_end_ns = deadline_ns
-        self._deadline_ns = deadline_ns
-
-    def _silence_ns(self, heard_ns: int, now_ns: int) -> int:
-        """Return for how long nothing was heard while this process could have."""
-        silence_ns = now_ns - heard_ns
-        return silence_ns - self._stall_ns if heard_ns < self._stall_end_ns else silence_ns
+            problem = vigil.complain_of_device(max(measured_ns, self._enabled_ns), now_ns)
+            if problem:
+                self._brake(Fault.FEEDBACK_STALE, problem)
 
     def _brake(self, fault: Fault, text: str) -> None:
         """Stop on the path, then be in *fault*; the first reason is the one that is kept."""

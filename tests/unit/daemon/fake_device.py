@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 from orientd import planner
-from orientd.daemon.device import DeviceEvent, DeviceSnapshot, EventKind
+from orientd.daemon.device_report import DeviceEvent, DeviceSnapshot, EventKind
 from orientd.daemon.meter import MotionStatistics
 from orientd.driver import IDENTITY, ZERO
 from orientd.errors import DaemonError, Fault, PlanError, StateError

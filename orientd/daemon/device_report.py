@@ -1,0 +1,77 @@
+"""What the daemon knows of a device: how it is now, and what has happened to it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from orientd.errors import Fault
+from orientd.planner import Motion
+from orientd.stream import Cycle, State
+
+
+class EventKind(Enum):
+    """What the daemon reports of a device."""
+
+    READY = "ready"
+    MOTION_STARTED = "motion started"
+    MOTION_DONE = "motion done"
+    MOTION_STOPPED = "motion stopped"
+    FAULT = "fault"
+    SERVO_DIED = "servo died"
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceEvent:
+    """Something that happened to a device.
+
+    Attributes:
+        device: its name.
+        kind: what happened.
+        motion_number: the motion it happened to, 0 for none.
+        text: in words.
+        time_ns: when the daemon saw it, monotonic clock.
+    """
+
+    device: str
+    kind: EventKind
+    motion_number: int
+    text: str
+    time_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceSnapshot:
+    """A device as it is now.
+
+    Attributes:
+        cycle: the newest cycle, ``None`` before the first.
+        state: the servo's state; ``FAULT`` where there is no servo.
+        fault: why it is in a fault.
+        fault_text: in words.
+        is_paused: whether a motion stands on its path, to be resumed.
+        speed: the speed that motions run at, or are resumed at.
+        motion: the motion last started.
+        motion_number: its number, 0 before the first.
+        path_time: time within that motion, s; for a device that is led, where the device is to be,
+            not what is being sent.
+        tracking_error: angle between the feedback and where the device is to be, rad; ``None``
+            without feedback.
+        servo_pid: process id of the servo, ``None`` where there is none.
+        scheduling: what scheduling the servo has got.
+        memory_locked: whether its memory is locked.
+    """
+
+    cycle: Cycle | None
+    state: State
+    fault: Fault
+    fault_text: str
+    is_paused: bool
+    speed: float
+    motion: Motion | None
+    motion_number: int
+    path_time: float
+    tracking_error: float | None
+    servo_pid: int | None
+    scheduling: str
+    memory_locked: bool

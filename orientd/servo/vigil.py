@@ -1,0 +1,70 @@
+"""The vigil: for how long nothing was heard of the daemon or the device, and whether that is long.
+
+While the servo's own process does not run, because the machine is overloaded or a call of the
+driver took its time, it hears nobody; that is not the fault of who would have spoken.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Watch:
+    """How long the servo waits for signs of life.
+
+    Attributes:
+        heartbeat_ns: longest silence of the daemon while something moves.
+        feedback_ns: largest age of the device's feedback.
+    """
+
+    heartbeat_ns: int
+    feedback_ns: int
+
+
+class Vigil:
+    """Silences, less the time in which this process itself stood still."""
+
+    def __init__(self, watch: Watch, period_ns: int) -> None:
+        """Allow what *watch* says; expect a cycle every *period_ns*."""
+        self._watch = watch
+        self._period_ns = period_ns
+        self._deadline_ns = 0
+        self._stall_ns = 0
+        self._stall_end_ns = 0
+
+    def notice(self, deadline_ns: int, measured_ns: int) -> None:
+        """Note the deadlines that were missed before this one.
+
+        Args:
+            deadline_ns: of the cycle that begins.
+            measured_ns: when the newest feedback was measured; 0 without any.
+        """
+        missed_ns = deadline_ns - self._deadline_ns - self._period_ns
+        if missed_ns > 0 and self._deadline_ns:
+            if not measured_ns or measured_ns >= self._stall_end_ns:
+                self._stall_ns = 0
+            self._stall_ns += missed_ns
+            self._stall_end_ns = deadline_ns
+        self._deadline_ns = deadline_ns
+
+    def complain_of_daemon(self, heartbeat_ns: int, now_ns: int) -> str:
+        """Return what is wrong with the daemon's heartbeat, or nothing."""
+        silence_ns = self._silence_ns(heartbeat_ns, now_ns)
+        if silence_ns <= self._watch.heartbeat_ns:
+            return ""
+        return f"no heartbeat from the daemon for {silence_ns * 1e-9:.3f} s"
+
+    def complain_of_device(self, measured_ns: int, now_ns: int) -> str:
+        """Return what is wrong with the age of the feedback, or nothing."""
+        age_ns = self._silence_ns(measured_ns, now_ns)
+        if age_ns <= self._watch.feedback_ns:
+            return ""
+        return (
+            f"feedback is {age_ns * 1e-6:.1f} ms old, "
+            f"at most {self._watch.feedback_ns * 1e-6:.1f} ms are allowed"
+        )
+
+    def _silence_ns(self, heard_ns: int, now_ns: int) -> int:
+        silence_ns = now_ns - heard_ns
+        return silence_ns - self._stall_ns if heard_ns < self._stall_end_ns else silence_ns
