@@ -98,7 +98,7 @@ def _draw_file(file: Path, path: Path, show: Show, times: KeyframeTimes) -> None
     task = task_of(request, times.value)
     try:
         curve = fit(METHODS[request.method], task, request.options)
-    except ValueError as error:
+    except (ValueError, PlanError) as error:
         raise PlanError(f"{request.method} cannot join these keyframes: {error}") from error
     traces = plots.traces_of(curve, task, limits=request.limits)
     title = f"{file.name}: {request.method}"

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orientd.curves.contract import Curve
+from orientd.curves.keyframes import check_integer
 from orientd.curves.retimed import Retimed
 from orientd.rotation import Floats, conjugate, log, multiply
 
@@ -46,23 +47,31 @@ class Task:
     turns: NDArray[np.int64] | None = None
 
 
-def parameters(family: type[Curve], task: Task) -> dict[str, Any]:
-    """Return the keyword arguments with which *family* does *task*.
+def parameters(
+    family: type[Curve], task: Task, options: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """Return the keyword arguments with which *family* does *task*, *options* among them.
 
     Velocities that are wanted are given to a family that can meet them and kept from any other.
     Where none is wanted, an end is natural (without acceleration), and a single segment has the
     velocities of the great arc.
 
+    Args:
+        family: a class in ``METHODS``.
+        task: what to do.
+        options: further keyword arguments of the family, which go before those that follow from
+            the task; knots are made for an ``order`` among them.
+
     Raises:
         ValueError: the family does not apply, with the reason.
     """
-    names = set(signature(family).parameters)
+    names, given = set(signature(family).parameters), dict(options or {})
     if {"keys", "times"} <= names:
-        return _through_keyframes(names, task)
+        return {**_through_keyframes(names, task), **given}
     if {"q0", "q1"} <= names:
-        return _between_two(names, task)
+        return {**_between_two(names, task), **given}
     if "control" in names:
-        return _from_controls(names, task)
+        return {**_from_controls(names, task, given), **given}
     raise ValueError("takes neither keyframes, nor two ends, nor control orientations")
 
 
@@ -79,7 +88,7 @@ def fit(family: type[Curve], task: Task, options: Mapping[str, Any] | None = Non
         ValueError: the family does not apply, or cannot join these keyframes.
         PlanError: no such curve could be found.
     """
-    curve = family(**{**parameters(family, task), **(options or {})})
+    curve = family(**parameters(family, task, options))
     start, end = float(task.times[0]), float(task.times[-1])
     return curve if curve.domain == (start, end) else Retimed(curve, start, end)
 
@@ -115,7 +124,7 @@ def _between_two(names: set[str], task: Task) -> dict[str, Any]:
     return made
 
 
-def _from_controls(names: set[str], task: Task) -> dict[str, Any]:
+def _from_controls(names: set[str], task: Task, options: Mapping[str, Any]) -> dict[str, Any]:
     if _has_turns(task):
         raise ValueError("cannot make whole turns between control orientations")
     made: dict[str, Any] = {"control": task.keys}
@@ -123,7 +132,10 @@ def _from_controls(names: set[str], task: Task) -> dict[str, Any]:
         # Keyframes come with either sign.
         made["align"] = True
     if "knots" in names:
-        order = min(4, len(task.keys))
+        wanted = check_integer(options.get("order", 4), "order", minimum=2)
+        if wanted > len(task.keys) and "order" in options:
+            raise ValueError(f"order must be at most the number of keyframes, got {wanted}")
+        order = min(wanted, len(task.keys))
         made.update(order=order, knots=averaged_knots(task.times, order))
     elif "t0" in names:
         if len(task.keys) > MOST_CONTROLS:

@@ -1,0 +1,214 @@
+"""The commands that compare families and draw them, inside this process."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from orientd.cli.main import app
+from orientd.curves import METHODS, compare
+
+STANDARD = Path(__file__).parents[2] / "data/standard"
+QUICK = ("squad", "c2_cumulative", "piecewise_slerp", "kks_bspline", "slerp")
+
+
+@pytest.fixture(autouse=True)
+def _few_families(monkeypatch):
+    """All of them are compared elsewhere."""
+    few = {name: METHODS[name] for name in QUICK}
+    whole = compare.compare
+    monkeypatch.setattr(
+        compare, "compare", lambda task, **more: whole(task, **{**more, "families": few})
+    )
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def told(*arguments):
+    done = run(*arguments, "--json")
+    assert done.exit_code == 0, done.output
+    return json.loads(done.stdout)
+
+
+def assert_refused(done, *parts, status=1):
+    assert done.exit_code == status
+    for part in parts:
+        assert part in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_families_are_compared_as_a_table():
+    done = run("compare", STANDARD / "fly_through.yaml")
+    assert done.exit_code == 0
+    header, *rows = done.stdout.split("\n\n")[0].splitlines()
+    assert header.split()[:3] == ["family", "keyframes", "smooth"]
+    assert "torque" not in header
+    assert [row.split()[0] for row in rows] == [
+        "c2_cumulative",
+        "squad",
+        "piecewise_slerp",
+        "kks_bspline",
+    ]
+    assert "the velocity jumps there" in done.stdout
+    assert "slerp" in done.stdout.splitlines()[-1]
+    assert "takes exactly 2 keyframes, got 8" in done.stdout.splitlines()[-1]
+
+
+def test_families_are_compared_for_a_program():
+    report = told("compare", STANDARD / "fly_through.yaml", "--inertia", "1,2,3")
+    families = {family["name"]: family for family in report["families"]}
+    assert set(families) == set(QUICK)
+    best = families["c2_cumulative"]
+    assert best["applies"]
+    assert best["interpolates"]
+    assert best["continuity"] == 2
+    assert best["end_velocity_error"] < 1e-9
+    published = dict(
+        zip(
+            (STANDARD / "fly_through.csv").read_text().splitlines()[0].split(","),
+            next(
+                line.split(",")
+                for line in (STANDARD / "fly_through.csv").read_text().splitlines()
+                if line.startswith("c2_cumulative")
+            ),
+            strict=True,
+        )
+    )
+    for name in ("effort", "torque_effort", "peak_velocity", "peak_acceleration", "path_length"):
+        assert best[name] == pytest.approx(float(published[name]), rel=1e-5)
+    assert best["build_time"] > 0.0
+    assert families["slerp"] == {
+        "name": "slerp",
+        "applies": False,
+        "why_not": "takes exactly 2 keyframes, got 8",
+    }
+
+
+def test_the_table_is_sorted_as_asked():
+    def order(column):
+        families = told("compare", STANDARD / "spread.yaml", "--sort", column)["families"]
+        return [family["name"] for family in families]
+
+    assert order("name") == sorted(QUICK)
+    assert order("length")[0] == "piecewise_slerp"
+    assert order("effort")[0] == "c2_cumulative"
+
+
+def test_times_can_be_uniform_or_by_chord():
+    file = STANDARD / "clustered.yaml"
+    assert told("compare", file, "--times", "uniform")["times"] == list(range(12))
+    chord = told("compare", file, "--times", "chord")["times"]
+    # Half of 4 degrees and half of 70 degrees, in radians.
+    assert chord[1] == pytest.approx(0.0349066, rel=1e-5)
+    assert chord[3] - chord[2] == pytest.approx(0.610865, rel=1e-5)
+
+
+def test_a_file_without_times_is_taken_by_chord():
+    times = told("compare", STANDARD / "ideal_samples.yaml")["times"]
+    assert times == told("compare", STANDARD / "ideal_samples.yaml", "--times", "chord")["times"]
+
+
+def test_repeated_keyframes_have_no_chord():
+    done = run("compare", STANDARD / "repeated_and_flipped.yaml", "--times", "chord")
+    assert_refused(done, "keyframes[2]", "is the same as the one before it")
+
+
+def test_options_of_the_file_go_to_its_method(tmp_path):
+    file = tmp_path / "open.yaml"
+    text = (STANDARD / "fly_through.yaml").read_text()
+    without_velocities = "\n".join(line for line in text.splitlines() if "velocity" not in line)
+    file.write_text(f"method: kks_bspline\noptions: {{order: 3}}\n{without_velocities}\n")
+    families = {one["name"]: one for one in told("compare", file)["families"]}
+    assert families["kks_bspline"]["continuity"] == 1
+
+
+@pytest.mark.parametrize("inertia", ["1,2", "1,2,x", "1,0,2", "1,-1,2", "1,inf,2", ""])
+def test_a_wrong_inertia_is_a_mistake_in_the_command_line(inertia):
+    done = run("compare", STANDARD / "spread.yaml", "--inertia", inertia)
+    assert_refused(done, "--inertia", status=2)
+
+
+def test_torque_needs_an_inertia_to_sort_by():
+    done = run("compare", STANDARD / "spread.yaml", "--sort", "torque")
+    assert_refused(done, "needs --inertia", status=2)
+
+
+def test_what_is_no_motion_file_is_refused(tmp_path):
+    file = tmp_path / "none.yaml"
+    assert_refused(run("compare", file), "none.yaml")
+
+
+def test_all_families_are_drawn_side_by_side(tmp_path):
+    pytest.importorskip("matplotlib")
+    path = tmp_path / "sheet.svg"
+    report = told("compare", STANDARD / "fly_through.yaml", "--plot", path)
+    assert report["plot"] == str(path)
+    assert "family-squad" in path.read_text()
+
+
+def test_a_picture_of_no_known_format_is_refused_at_once(tmp_path):
+    pytest.importorskip("matplotlib")
+    done = run("compare", STANDARD / "spread.yaml", "--plot", tmp_path / "sheet.gif")
+    assert_refused(done, "must end in .png, .svg, .pdf")
+
+
+@pytest.mark.parametrize("show", ["motion", "triads", "rates", "body"])
+def test_a_motion_file_is_drawn(tmp_path, show):
+    pytest.importorskip("matplotlib")
+    path = tmp_path / "camera.svg"
+    report = told("plot", STANDARD / "fly_through.yaml", "--show", show, "-o", path)
+    assert report["plot"] == str(path)
+    text = path.read_text()
+    assert ("trace-x" in text) == (show in ("motion", "triads"))
+    assert ("component-x" in text) == (show in ("motion", "rates"))
+    assert ("faces" in text) == (show == "body")
+
+
+def test_a_body_needs_positions(tmp_path):
+    pytest.importorskip("matplotlib")
+    done = run("plot", STANDARD / "spread.yaml", "--show", "body", "-o", tmp_path / "x.svg")
+    assert_refused(done, "positions")
+    assert not (tmp_path / "x.svg").exists()
+
+
+def test_families_and_figures_are_drawn_by_name(tmp_path, monkeypatch):
+    pytest.importorskip("matplotlib")
+    monkeypatch.chdir(tmp_path)
+    for name in ("squad", "kks-2"):
+        assert run("plot", name).exit_code == 0
+        assert (tmp_path / f"{name}.svg").read_text().startswith("<?xml")
+
+
+def test_without_a_name_the_names_are_listed():
+    pytest.importorskip("matplotlib")
+    listed = told("plot")
+    assert set(listed["families"]) == set(METHODS)
+    assert "nielson-10" in listed["figures"]
+    assert "nielson-11" in run("plot").stdout
+
+
+def test_a_name_that_is_nothing_is_refused():
+    pytest.importorskip("matplotlib")
+    assert_refused(run("plot", "nothing"), "'nothing' is neither a file nor a name")
+
+
+def test_a_family_that_cannot_join_the_keyframes_says_so(tmp_path):
+    pytest.importorskip("matplotlib")
+    file = tmp_path / "shieh.yaml"
+    file.write_text("method: nielson_shieh\n" + (STANDARD / "nearly_identical.yaml").read_text())
+    done = run("plot", file, "-o", tmp_path / "x.svg")
+    assert_refused(done, "nielson_shieh cannot join these keyframes")
+
+
+def test_a_gallery_is_drawn_to_a_folder(tmp_path, monkeypatch):
+    pytest.importorskip("matplotlib")
+    from orientd.plots import gallery
+
+    monkeypatch.setattr(gallery, "METHODS", {"squad": METHODS["squad"]})
+    report = told("methods", "--gallery", tmp_path / "gallery", "--format", "png")
+    names = [Path(path).name for path in report["gallery"]]
+    assert names == ["squad.png", "all.png"]
+    assert all((tmp_path / "gallery" / name).stat().st_size > 10_000 for name in names)
