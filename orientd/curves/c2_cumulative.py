@@ -84,7 +84,7 @@ class C2Cumulative(CumulativeCurve):
         instants = resolve_times(times, orientations)
         steps = increments(orientations)
         if turns is not None:
-            steps, orientations = _with_turns(steps, orientations, turns)
+            steps, orientations = with_turns(steps, orientations, turns)
         start = check_choice(start, "start", ENDS)
         end = check_choice(end, "end", ENDS)
         vector, places = _knots(instants, start == "state", end == "state")
@@ -104,7 +104,7 @@ class C2Cumulative(CumulativeCurve):
         )
 
 
-def _with_turns(steps: Floats, keys: Floats, turns: ArrayLike) -> tuple[Floats, Floats]:
+def with_turns(steps: Floats, keys: Floats, turns: ArrayLike) -> tuple[Floats, Floats]:
     """Return the steps with whole turns added and the keyframes with the signs that go with it."""
     count = np.asarray(turns)
     if count.shape != (len(steps),) or count.dtype.kind not in "iuf" or np.any(count % 1 != 0):

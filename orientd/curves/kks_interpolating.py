@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.basis import cumulative_basis
+from orientd.curves.c2_cumulative import with_turns
 from orientd.curves.cumulative import CumulativeCurve
 from orientd.curves.keyframes import (
     check_aligned,
@@ -57,10 +58,13 @@ class KksInterpolating(CumulativeCurve):
             zero without it.
         alpha_end: body angular acceleration at the last keyframe.
         align: whether each keyframe takes the sign nearer to its predecessor.
+        turns: whole turns to add between each keyframe and the next, about the axis of the turn
+            that joins them; a fast end coasts through some.
 
     Raises:
         ValueError: a parameter is not as said.
-        PlanError: no such curve could be found.
+        PlanError: no such curve could be found, as may happen for ends of more than 20 rad/s over
+            intervals of 1 s unless *turns* takes up their speed.
     """
 
     name = "kks_interpolating"
@@ -82,9 +86,13 @@ class KksInterpolating(CumulativeCurve):
         alpha_start: ArrayLike | None = None,
         alpha_end: ArrayLike | None = None,
         align: bool = True,
+        turns: ArrayLike | None = None,
     ) -> None:
         q = check_aligned(keys, align)
         instants = resolve_times(times, q)
+        steps = increments(q)
+        if turns is not None:
+            steps, q = with_turns(steps, q, turns)
         k = check_integer(order, "order", minimum=3)
         if k > 6:
             raise ValueError(f"order must be 3, 4, 5 or 6, got {order!r}")
@@ -100,7 +108,7 @@ class KksInterpolating(CumulativeCurve):
         tail, tail_known = end_rows(basis, last, is_end=True)
         solved = TelescopedEquations(
             shares=shares,
-            steps=increments(q),
+            steps=steps,
             head=head,
             head_known=head_known,
             tail=tail,

@@ -8,7 +8,8 @@ Between two neighbouring keyframes all but a few factors of the product are comp
 where *b* says how far each function has come at a keyframe.  These equations and linear conditions
 on the outermost increments are solved by Newton's method on the increments themselves, so that an
 increment may pass pi and keep its winding.  Large steps are reached by continuation: steps and end
-conditions are scaled from nothing, where the spline is that of Euclidean space, to their full size.
+conditions are scaled from nothing, where the spline is that of Euclidean space, to their full size;
+where that folds back on its way, Newton's method with step control looks for a solution near it.
 """
 
 from __future__ import annotations
@@ -28,7 +29,9 @@ CONTRACTION = 0.5
 LARGEST_CORRECTION = 0.75
 """In rad of half angle, beyond which a guess is too far from its solution."""
 
-SMALLEST_STEP = 1e-4
+SMALLEST_STEP = 1e-3
+SMALLEST_SHARE = 1e-5
+DESCENTS = 300
 ROUNDING = 1e-8
 
 
@@ -56,8 +59,21 @@ class TelescopedEquations:
         """Return all increments, shape ``(n + 2 c, 3)``.
 
         Raises:
-            PlanError: the continuation does not reach the full size of the steps.
+            PlanError: neither continuation nor a descent from the Euclidean spline arrives.
         """
+        found = self._continue()
+        if found is None:
+            found = self._descend()
+        if found is None:
+            raise PlanError(
+                "no cumulative spline of this order was found through the keyframes: add "
+                "keyframes, lower the end velocities or give them turns to coast through, make "
+                "neighbouring intervals more alike or take a lower order"
+            )
+        return found
+
+    def _continue(self) -> Floats | None:
+        """Return the solution connected with small steps, if the way there does not fold back."""
         reached, stride = 0.0, 1.0
         found = np.zeros((len(self.steps) + len(self.head) + len(self.tail), 3))
         tangent = self.linear_solution()
@@ -67,21 +83,37 @@ class TelescopedEquations:
             if settled is None:
                 stride *= 0.5
                 if stride < SMALLEST_STEP:
-                    raise PlanError(
-                        "no cumulative spline of this order was found through the keyframes; the "
-                        f"search stopped at {100.0 * reached:.1f} % of the step sizes: add "
-                        "keyframes, lower the end velocities or take a lower order"
-                    )
+                    return None
             else:
                 tangent = (settled - found) / (target - reached)
                 found, reached, stride = settled, target, 2.0 * (target - reached)
         return found
 
+    def _descend(self) -> Floats | None:
+        """Return a solution near the Euclidean spline, by Newton's method with step control."""
+        w = self.linear_solution()
+        step, error = self._correction(w, 1.0)
+        for _ in range(DESCENTS):
+            share = 1.0
+            while True:
+                tried = w + share * step
+                next_step, reached = self._correction(tried, 1.0)
+                if reached <= (1.0 - 0.1 * share) * error or reached < ROUNDING**2:
+                    break
+                share *= 0.5
+                if share < SMALLEST_SHARE:
+                    return None
+            size = float(np.max(np.abs(step)))
+            w, step, error = tried, next_step, reached
+            if share == 1.0 and size <= ROUNDING:
+                return w
+        return None
+
     def _newton(self, w: Floats, scale: float) -> Floats | None:
         """Return the solution near a guess, or nothing if it is not near enough."""
         previous = LARGEST_CORRECTION / CONTRACTION
         for _ in range(ITERATIONS):
-            step = self._correction(w, scale)
+            step, _ = self._correction(w, scale)
             size = float(np.max(np.abs(step)))
             if not size <= max(CONTRACTION * previous, ROUNDING):
                 return None
@@ -99,8 +131,8 @@ class TelescopedEquations:
         factors.append((0, 1.0 - before[:, 0]))
         return factors + [(1 + f, after[:, f]) for f in range(width)]
 
-    def _correction(self, w: Floats, scale: float) -> Floats:
-        r"""Return one Newton step.
+    def _correction(self, w: Floats, scale: float) -> tuple[Floats, float]:
+        r"""Return one Newton step, and the sum of squared errors before it.
 
         With *P* the product of a row and :math:`e = \log(E^{-1} P)` its error, the row says
         :math:`\sum_f c_f R(S_f)^T J_r(2 c_f w_f)\, \delta w_f = -e`, where :math:`S_f` is the
@@ -121,7 +153,8 @@ class TelescopedEquations:
         head = self.head @ w[: self.head.shape[1]] - scale * self.head_known
         reversed_w = w[::-1][: self.tail.shape[1]]
         tail = self.tail @ reversed_w - scale * self.tail_known
-        return -self._solve(blocks, np.concatenate([head, error, tail[::-1]]))
+        errors = np.concatenate([head, error, tail[::-1]])
+        return -self._solve(blocks, errors), float(np.sum(errors * errors))
 
     def linear_solution(self) -> Floats:
         """Return the increments of the spline in Euclidean space with the same steps."""
