@@ -13,8 +13,8 @@ from orientd.rotation import Floats, angle
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(10)
 
-CLOSE = 1e-6
-"""Relative change at which an integral counts as found."""
+CLOSE = 1e-7
+"""Relative change at which the integral over a span counts as found."""
 
 MOST_PIECES = 256
 """Into which a span between two knots is divided."""
@@ -75,8 +75,9 @@ class Figures:
 def measure(curve: Curve, task: Task, *, inertia: Floats | None = None) -> Figures:
     """Return the figures of a curve that does a task.
 
-    Integrals are by Gauss's rule with ten nodes on pieces of the spans between knots, halved until
-    they change by less than a millionth; where a derivative jumps at a knot, both sides count.
+    Integrals are by Gauss's rule with ten nodes on each span between knots, which is halved until
+    its share changes by less than a ten-millionth: the length has corners where a curve turns back.
+    Where a derivative jumps at a knot, both sides count.
 
     Args:
         curve: on the clock of the task.
@@ -110,42 +111,48 @@ def measure(curve: Curve, task: Task, *, inertia: Floats | None = None) -> Figur
 
 
 def _largest(vectors: Floats) -> float:
-    return float(np.linalg.norm(vectors, axis=-1).max(initial=0.0))
+    return float(_lengths(vectors).max(initial=0.0))
 
 
 def _integrated(curve: Curve, inertia: Floats | None) -> tuple[Floats, Floats]:
-    """Return the instants of the last rule, and length, effort and squared torque by it."""
+    """Return the instants of the rules, and length, effort and squared torque by them."""
     moments = np.zeros(3) if inertia is None else inertia
-    before, pieces = np.full(3, np.nan), 2
-    while True:
-        share = np.linspace(0.0, 1.0, pieces + 1)
-        spans = np.diff(curve.knots)
-        widths = (spans / pieces)[:, None, None]
-        starts = curve.knots[:-1, None, None] + spans[:, None, None] * share[:-1, None]
-        times = (starts + widths * 0.5 * (NODES + 1.0)).ravel()
-        weights = np.broadcast_to(widths * 0.5 * WEIGHTS, starts.shape[:2] + NODES.shape).ravel()
-        _, omega, alpha = curve.evaluate(times)
+    open_spans = np.arange(len(curve.knots) - 1)
+    found: Floats = np.full((len(open_spans), 3), np.nan)
+    instants, pieces = [], 1
+    while len(open_spans):
+        times, weights = _rule(curve.knots[open_spans], curve.knots[open_spans + 1], pieces)
+        _, omega, alpha = curve.evaluate(times.ravel())
         torque = moments * alpha + np.cross(omega, moments * omega)
-        integrands = np.stack(
-            [
-                np.linalg.norm(omega, axis=-1),
-                np.sum(alpha * alpha, axis=-1),
-                np.sum(torque * torque, axis=-1),
-            ]
-        )
-        found: Floats = integrands @ weights
-        # The length has corners where the curve turns back; the others are smooth.
-        is_close = np.abs(found - before)[1:] <= CLOSE * np.abs(found[1:])
-        if np.all(is_close) or pieces >= MOST_PIECES:
-            return times, found
-        before, pieces = found, 2 * pieces
+        integrands = np.stack([_lengths(omega), _lengths(alpha) ** 2, _lengths(torque) ** 2])
+        integrals = np.einsum("csn,sn->sc", integrands.reshape(3, *times.shape), weights)
+        change = np.abs(integrals - found[open_spans])
+        found[open_spans] = integrals
+        is_close = np.all(change <= CLOSE * np.maximum(integrals, found.mean(axis=0)), axis=1)
+        is_done = is_close | (pieces >= MOST_PIECES)
+        instants.append(times[is_done].ravel())
+        open_spans, pieces = open_spans[~is_done], 2 * pieces
+    return np.concatenate(instants), found.sum(axis=0)
+
+
+def _rule(starts: Floats, ends: Floats, pieces: int) -> tuple[Floats, Floats]:
+    """Return nodes and weights of Gauss's rule on equal *pieces* of spans, a span in each row."""
+    begins = np.arange(pieces)[:, None] / pieces
+    nodes = (begins + 0.5 * (NODES + 1.0) / pieces).ravel()
+    spans = (ends - starts)[:, None]
+    return starts[:, None] + spans * nodes, spans * np.tile(0.5 * WEIGHTS / pieces, pieces)
+
+
+def _lengths(vectors: Floats) -> Floats:
+    lengths: Floats = np.linalg.norm(vectors, axis=-1)
+    return lengths
 
 
 def _peak(vectors: Callable[[Floats], Floats], times: Floats) -> float:
     """Return the largest length of *vectors*, looked for more closely around the largest found."""
     ordered = np.unique(times)
-    lengths = np.linalg.norm(vectors(ordered), axis=-1)
+    lengths = _lengths(vectors(ordered))
     place = int(np.argmax(lengths))
     around = ordered[[max(place - 1, 0), min(place + 1, len(ordered) - 1)]]
     closer = np.linspace(around[0], around[1], 257)
-    return float(max(lengths[place], np.linalg.norm(vectors(closer), axis=-1).max()))
+    return float(max(lengths[place], _lengths(vectors(closer)).max()))

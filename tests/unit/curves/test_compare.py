@@ -208,3 +208,14 @@ def test_every_family_has_a_task_it_can_do():
             parameters(family, many)
         except ValueError:
             parameters(family, two)
+
+
+def test_the_length_is_found_where_a_curve_turns_back():
+    turns = np.array([[0.0, 0, 0], [0, 0, 1.0], [0, 0.01, 0.2], [0, 0, 1.4], [0, 0.01, 0]])
+    task = Task(exp(turns), np.arange(5.0))
+    curve = fit(METHODS["c2_cumulative"], task)
+    times = np.linspace(0.0, 4.0, 400_001)
+    rates = np.linalg.norm(curve.evaluate(times)[1], axis=1)
+    # The trapezoidal rule's error is a hundredth of what is asked for here.
+    length = float(np.sum(0.5 * (rates[1:] + rates[:-1]) * np.diff(times)))
+    assert measure(curve, task).path_length == pytest.approx(length, rel=1e-6)
