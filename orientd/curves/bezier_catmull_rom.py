@@ -29,6 +29,8 @@ class BezierCatmullRom(TriangleCurve):
 
     First derivatives agree at the keyframes for equal intervals only; otherwise directions do.
 
+    Picture: ``orientd plot bezier_catmull_rom``.
+
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two.
         times: instants in seconds, ``"uniform"`` or ``"chord"``.

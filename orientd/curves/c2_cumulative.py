@@ -26,6 +26,8 @@ ENDS = ("natural", "clamped", "state")
 class C2Cumulative(CumulativeCurve):
     r"""Pass through keyframes at their times with continuous velocity and acceleration.
 
+    .. math:: q(t) = q_0 \prod_j \exp\bigl(w_j \tilde B_{j,4}(t)\bigr)
+
     The cumulative cubic B-spline of Kim, Kim and Shin (1995), sec. 5.3, over the keyframes' times
     as simple knots and fourfold end knots.  Their paper approximates its control quaternions; here
     the increments are solved for so that the curve meets every keyframe (compare their paper at
@@ -40,6 +42,8 @@ class C2Cumulative(CumulativeCurve):
 
     The conditions at the end are the same, seen from there.  Moving a keyframe changes the curve
     everywhere, by an amount that decays quickly with distance.
+
+    Picture: ``orientd plot c2_cumulative``.
 
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two.

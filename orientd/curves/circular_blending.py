@@ -35,6 +35,8 @@ class CircularBlending(Curve):
     An angle *quadratic* over both intervals makes it C1; with the *smooth* weight
     :math:`3s^2 - 2s^3` as well it is C2.  In the end intervals there is one circle, not blended.
 
+    Picture: ``orientd plot circular_blending``.
+
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least three, of which any three consecutive
             ones differ.

@@ -19,6 +19,8 @@ class DeCasteljau(TriangleCurve):
     rates are ``n log(s_0^-1 s_1)`` and ``n log(s_{n-1}^-1 s_n)``; Nielson prints the one at the
     end with the opposite sign.
 
+    Picture: ``orientd plot de_casteljau``.
+
     Args:
         control: unit quaternions ``(w, x, y, z)``, at least two; the degree is one less.
         t0: first instant, s.

@@ -20,6 +20,8 @@ class KksBezier(CumulativeCurve):
     Kim, Kim and Shin (1995), eqs. (9) and (10).  The appendix prints the exponent ``n-i`` for
     ``n-j`` in the basis; the body of the paper has it right.  "Order n" there is degree n.
 
+    Picture: ``orientd plot kks_bezier``.
+
     Args:
         control: at least two control quaternions, the first and last of which are met.
         t0: first instant, s.

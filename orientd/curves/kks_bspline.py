@@ -24,6 +24,8 @@ class KksBspline(CumulativeCurve):
     curve outside the domain by a power of the first quaternion; that is not invariant under a
     change of the world frame, and instants there are refused.
 
+    Picture: ``orientd plot kks_bspline``.
+
     Args:
         control: control quaternions, at least *order*.
         order: degree plus one, at least 2.

@@ -37,6 +37,8 @@ class KksHermite(CumulativeCurve):
     world frame, which *frame* converts.  Reversing the order of the product is another matter: it
     gives a different curve with the same end conditions, which *product* ``"global"`` selects.
 
+    Picture: ``orientd plot kks_hermite``.
+
     Args:
         q0: first orientation.
         q1: last orientation.

@@ -15,10 +15,16 @@ from orientd.rotation import Floats, between, exp_half, log_half, multiply
 class KksHermiteSpline(CumulativeCurve):
     r"""Join keyframes by Hermite segments, each meeting the velocities at its ends.
 
+    .. math:: q(t) = q_i \exp\bigl(w_1 \tilde\beta_1(u)\bigr)
+              \exp\bigl(w_2 \tilde\beta_2(u)\bigr) \exp\bigl(w_3 \tilde\beta_3(u)\bigr),
+              \quad u = (t - t_i) / h
+
     Each segment is the curve of Kim, Kim and Shin (1995), sec. 5.2, with
     :math:`w_1 = h v_i / 3`, :math:`w_3 = h v_{i+1} / 3`, where :math:`v_i` is half the angular
     velocity at keyframe *i*, which the paper leaves open; *rule* names the estimate
     (:func:`orientd.curves.velocities.half_velocities`).
+
+    Picture: ``orientd plot kks_hermite_spline``.
 
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two.

@@ -46,6 +46,8 @@ class KksInterpolating(CumulativeCurve):
     Moving a keyframe changes the curve everywhere, by an amount that decays with distance; building
     takes time in proportion to the number of keyframes.
 
+    Picture: ``orientd plot kks_interpolating``.
+
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two.
         times: instants in seconds, ``"uniform"`` or ``"chord"``.

@@ -37,6 +37,8 @@ class KksQuinticHermite(CumulativeCurve):
     :math:`2 (20/h^2) (w_2 - w_1)`; at the end the same holds of the last two factors, with the
     turn of the last one between them.
 
+    Picture: ``orientd plot kks_quintic_hermite``.
+
     Args:
         q0: first orientation.
         q1: last orientation.

@@ -14,11 +14,16 @@ from orientd.rotation import conjugate, multiply
 class KksUniform(CumulativeCurve):
     r"""Blend control quaternions one second apart, meeting the first and the last.
 
+    .. math:: q(t) = q_{-1} \prod_{i=0}^{n+1}
+              \exp\bigl(\log(q_{i-1}^{-1} q_i) \, \tilde B_{i,4}(t)\bigr)
+
     The cumulative cubic B-spline over the knots :math:`t_i = i - 2`, with phantom control
     quaternions :math:`q_{-1} = q_0 q_1^{-1} q_0` and :math:`q_{n+1} = q_n q_{n-1}^{-1} q_n`, on
     :math:`[0, n]` (Kim, Kim and Shin, 1995, appendix).  The appendix prints the second phantom as
     :math:`q_n q_n^{-1} q_n`, with which the curve misses :math:`q_n`.  Control quaternions inside
     are approached, not met.
+
+    Picture: ``orientd plot kks_uniform``.
 
     Args:
         control: at least two control quaternions.

@@ -42,6 +42,8 @@ class MinAcceleration(Curve):
     over intervals of 1 s they lower the integral by a factor of two to three).  Time grows
     linearly, some 3 ms a keyframe.
 
+    Picture: ``orientd plot min_acceleration``.
+
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two.
         times: instants in seconds, ``"uniform"`` or ``"chord"``.

@@ -50,6 +50,8 @@ class NielsonHeiland(TriangleCurve):
     The velocity is continuous, the acceleration almost (it jumps by 1.4 % at steps of 60
     degrees); at the ends it is zero.
 
+    Picture: ``orientd plot nielson_heiland``.
+
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two.
         times: instants in seconds, ``"uniform"`` or ``"chord"``.

@@ -49,6 +49,8 @@ class NielsonShieh(Curve):
     logarithms add up with alternating signs, so over many intervals out of proportion to their
     chords they drift apart and the speed within the arcs becomes uneven without bound.
 
+    Picture: ``orientd plot nielson_shieh``.
+
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two, neighbours different.
         times: instants in seconds, ``"uniform"`` or ``"chord"``.

@@ -18,6 +18,8 @@ class NormalizedCubic(NormalizedSpline):
     spline of least :math:`\int \|c''\|^2` the complete one; without prescribed end slopes it is
     the natural one.
 
+    Picture: ``orientd plot normalized_cubic``.
+
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two.
         times: instants in seconds, ``"uniform"`` or ``"chord"``.

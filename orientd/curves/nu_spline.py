@@ -19,6 +19,8 @@ class NuSpline(NormalizedSpline):
     The acceleration jumps there by :math:`\nu_i` times the velocity, along it: the path has
     continuous curvature (G2) while the motion is C1; without tension it is C2.
 
+    Picture: ``orientd plot nu_spline``.
+
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two.
         times: instants in seconds, ``"uniform"`` or ``"chord"``.

@@ -20,6 +20,8 @@ class PiecewiseSlerp(Curve):
     ``[i-1, i]`` while the text wants the arc from ``q_i`` to ``q_{i+1}``: read
     ``q_i exp(w_{i+1} alpha_{i+1})``.
 
+    Picture: ``orientd plot piecewise_slerp``.
+
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two.
         times: instants in seconds, ``"uniform"`` or ``"chord"``.

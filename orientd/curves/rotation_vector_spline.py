@@ -43,6 +43,8 @@ class RotationVectorSpline(Curve):
     Here ends are free of acceleration or have a velocity given, and Newton's method, with
     continuation in the size of the steps where it must, either converges or says so.
 
+    Picture: ``orientd plot rotation_vector_spline``.
+
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two.
         times: instants in seconds, ``"uniform"`` or ``"chord"``.

@@ -23,6 +23,8 @@ class SchlagBSpline(TriangleCurve):
     Unlike in the plane the cubic is not C2: the acceleration jumps by 0.2 % of its size at steps
     of 45 degrees and by 2 % at 170 (Kim, Kim and Shin, 1995, say so without figures).
 
+    Picture: ``orientd plot schlag_bspline``.
+
     Args:
         control: unit quaternions ``(w, x, y, z)``, at least *order*.
         order: *k*, one more than the degree, at least 2.

@@ -23,6 +23,8 @@ class SchlagCatmullRom(TriangleCurve):
     reads :math:`\sin((1-u)\theta)`.  The velocity is continuous at the keyframes for any times,
     the acceleration is not.
 
+    Picture: ``orientd plot schlag_catmull_rom``.
+
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two.
         times: instants in seconds, ``"uniform"`` or ``"chord"``.

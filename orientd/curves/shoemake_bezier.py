@@ -35,6 +35,8 @@ class ShoemakeBezier(TriangleCurve):
 
     First derivatives agree at the keyframes for equal intervals only; otherwise directions do.
 
+    Picture: ``orientd plot shoemake_bezier``.
+
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two.
         times: instants in seconds, ``"uniform"`` or ``"chord"``.

@@ -32,6 +32,8 @@ class Slerp(CumulativeCurve):
     whole turn prints :math:`\sqrt{2t - 4t^2}`; corrected to :math:`\sqrt{4t - 4t^2}` it still
     starts and ends with unbounded velocity, so it is made with ``spins=1`` and ``axis`` here.
 
+    Picture: ``orientd plot slerp``.
+
     Args:
         q0: first orientation.
         q1: last orientation.

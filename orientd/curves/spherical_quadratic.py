@@ -32,6 +32,8 @@ class SphericalQuadratic(TriangleCurve):
     The velocity is continuous at the keyframes.  Where an extrapolated arc is longer than pi it
     wraps around the sphere and the velocity jumps; :attr:`continuity` is then 0.
 
+    Picture: ``orientd plot spherical_quadratic``.
+
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two.
         times: instants in seconds, ``"uniform"`` or ``"chord"``.

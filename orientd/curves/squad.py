@@ -30,6 +30,8 @@ class Squad(Curve):
     at the keyframes.  With very unequal intervals (ten to one at steps of 80 degrees) an exponent
     may pass pi; the velocity then jumps there too, and :attr:`continuity` is 0.
 
+    Picture: ``orientd plot squad``.
+
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two.
         times: instants in seconds, ``"uniform"`` or ``"chord"``.
