@@ -110,6 +110,7 @@ def _hermite_curves(axes: Axes) -> None:
             ncols=2,
             frameon=False,
             fontsize=9,
+            handlelength=4.0,
         )
 
 

@@ -18,7 +18,7 @@ def places(
     """Return centres for labels beside their anchors.
 
     Each label in turn takes the place around its anchor that covers the fewest obstacles and
-    labels already placed; of equals, the one farthest from the *centre*.
+    no label already placed; of equals, the one farthest from the *centre*.
 
     Args:
         anchors: points that labels belong to, shape ``(n, 2)``.
@@ -28,27 +28,29 @@ def places(
         centre: of the picture, shape ``(2,)``.
 
     Returns:
-        Shape ``(n, 2)``.
+        Shape ``(n, 2)``; not a number for a label that has no place clear of the others.
     """
     middle = np.zeros(2) if centre is None else centre
     placed: list[tuple[Floats, Floats]] = []
     found: Floats = np.empty((len(anchors), 2))
     for index, (anchor, size) in enumerate(zip(anchors, sizes, strict=True)):
-        best, least = anchor, np.inf
+        best, least = np.full(2, np.nan), np.inf
         for reach in _REACHES:
             for direction in _DIRECTIONS:
                 step = np.array([np.cos(direction), np.sin(direction)])
                 candidate = anchor + step * (gap * reach + 0.5 * size)
                 cost = 0.4 * reach - 0.1 * float(step @ _unit(anchor - middle))
                 cost += _covered(candidate, size, obstacles)
-                cost += 40.0 * sum(
-                    bool(np.all(np.abs(candidate - other) < 0.5 * (size + extent)))
+                if any(
+                    np.all(np.abs(candidate - other) < 0.5 * (size + extent))
                     for other, extent in placed
-                )
+                ):
+                    continue
                 if cost < least:
                     best, least = candidate, cost
-        placed.append((best, size))
         found[index] = best
+        if np.isfinite(least):
+            placed.append((best, size))
     return found
 
 

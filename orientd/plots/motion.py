@@ -90,7 +90,7 @@ def _fill(charts: Charts, traces: Traces) -> None:
     draw_triads(charts["sphere"], traces.q, traces.keyframe_q, style=style, is_met=traces.is_met)
     marks = "dots are keyframes" if traces.is_met else "hollow marks are control orientations"
     charts["sphere"].set_title(
-        f"the tool's axes on the unit sphere; {marks}", fontsize=9, color=INK, y=-0.02
+        f"the tool's axes on the unit sphere; {marks}", fontsize=9, color=INK, y=-0.06
     )
     draw_velocity(charts["velocity"], traces)
     draw_acceleration(charts["acceleration"], traces)

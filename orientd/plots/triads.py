@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orientd.plots.labels import enumeration, grouped, places
-from orientd.plots.paper import AXES, GRID, INK, PAPER, QUIET, AxisStyle
+from orientd.plots.paper import AXES, GRID, INK, PAPER, QUIET, AxisStyle, Stroke
 from orientd.plots.view import STANDARD_VIEW, View
 from orientd.rotation import Floats, angle, rotate
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.text import Text
 
-MOST_NUMBERED = 40
+MOST_NUMBERED = 16
 """Keyframes that are numbered one by one; of more, only some are."""
 
 
@@ -107,9 +107,11 @@ def draw_tip_paths(
     _sphere(axes, style.view)
     for q, look in paths:
         points = style.view.project(rotate(thinned(q, style.step), tip))
-        _trace(axes, points, look, style)
+        _trace(axes, points, look, style, look.stroke)
         _marks(axes, points[[0, -1]], look, style, is_met=True)
-        axes.plot([], [], color=look.colour, linewidth=style.line, label=look.name)
+        axes.plot(
+            [], [], color=look.colour, linewidth=style.line, linestyle=look.stroke, label=look.name
+        )
     axes.set_xlim(-style.reach, style.reach)
     axes.set_ylim(-style.reach, style.reach)
     axes.set_aspect("equal")
@@ -152,7 +154,9 @@ def _only(points: Floats, is_kept: NDArray[np.bool_]) -> Floats:
     return shown
 
 
-def _trace(axes: Axes, points: Floats, axis: AxisStyle, style: TriadStyle) -> None:
+def _trace(
+    axes: Axes, points: Floats, axis: AxisStyle, style: TriadStyle, stroke: Stroke = "-"
+) -> None:
     is_front = points[:, 2] >= 0.0
     behind = axes.plot(
         *_only(points, ~is_front).T, color=axis.subdued, linewidth=0.55 * style.line, zorder=1.0
@@ -164,6 +168,7 @@ def _trace(axes: Axes, points: Floats, axis: AxisStyle, style: TriadStyle) -> No
         *front.T,
         color=axis.colour,
         linewidth=style.line,
+        linestyle=stroke,
         zorder=2.0,
         solid_capstyle="round",
     )
@@ -230,6 +235,8 @@ def _numbers(axes: Axes, marks: Floats, traces: Floats, style: TriadStyle) -> No
         anchors, sizes * style.number * unit, obstacles, gap=(0.55 * style.mark + 0.5) * unit
     )
     for (text, point, axis), centre in zip(texts, centres, strict=True):
+        if not np.isfinite(centre[0]):
+            continue
         is_first = text.startswith(axis.name)
         written = axes.text(
             float(centre[0]),
