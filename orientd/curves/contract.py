@@ -16,6 +16,9 @@ Samples = tuple[Floats, Floats, Floats]
 ROUNDING = 8 * float(np.finfo(np.float64).eps)
 """How far outside its domain, relative to the larger end, a curve still takes an instant."""
 
+BLOCK = 8192
+"""Samples worked out at a time; intermediate results of so many stay in the cache."""
+
 
 class Curve(ABC):
     """A curve of orientations over an interval of time.
@@ -88,7 +91,7 @@ class Curve(ABC):
         flat = self._inside(instants.reshape(-1))
         if out is not None:
             check_out(out, flat.size)
-        q, omega_body, alpha_body = self._sample(flat)
+        q, omega_body, alpha_body = self._sample_in_blocks(flat)
         if out is not None:
             out[0:4], out[4:7], out[7:10] = q.T, omega_body.T, alpha_body.T
             q, omega_body, alpha_body = out[0:4].T, out[4:7].T, out[7:10].T
@@ -100,6 +103,14 @@ class Curve(ABC):
             omega_body.reshape(*shape, 3),
             alpha_body.reshape(*shape, 3),
         )
+
+    def _sample_in_blocks(self, times: Floats) -> Samples:
+        """Return the samples, worked out so many at a time that memory stays bounded."""
+        if len(times) <= BLOCK:
+            return self._sample(times)
+        parts = [self._sample(times[k : k + BLOCK]) for k in range(0, len(times), BLOCK)]
+        q, omega_body, alpha_body = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return q, omega_body, alpha_body
 
     @abstractmethod
     def _sample(self, times: Floats) -> Samples:

@@ -40,7 +40,7 @@ class MinAcceleration(Curve):
     The result is a stationary curve, and the best one found: large steps have several, and a fast
     end may coast through whole turns instead of winding back, which are tried for it (at 20 rad/s
     over intervals of 1 s they lower the integral by a factor of two to three).  Time grows
-    linearly, some 3 ms a keyframe.
+    linearly, some 1 to 5 ms a keyframe.
 
     Picture: ``orientd plot min_acceleration``.
 

@@ -27,7 +27,8 @@ class SphericalQuadratic(TriangleCurve):
     with geodesic distances.  As printed, both minimise inner products, which drives the points
     apart (the integral of squared acceleration comes out 15 and 46 times as large); (19) runs to
     *n* and (20) sums to *n - 1*, each one too far.  Both criteria have several local minima; the
-    search takes the best it finds from a fixed set of starts.
+    search takes the best it finds from a fixed set of starts, in time proportional to the number of
+    keyframes, some 4 ms each.
 
     The velocity is continuous at the keyframes.  Where an extrapolated arc is longer than pi it
     wraps around the sphere and the velocity jumps; :attr:`continuity` is then 0.

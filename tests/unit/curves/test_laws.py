@@ -194,6 +194,14 @@ def test_the_order_of_the_instants_does_not_matter(example):
         assert np.abs(sorted_part[order] - part).max() < 1e-12
 
 
+def test_a_sample_does_not_depend_on_how_many_are_asked_for(example):
+    curve = example.curve()
+    times = np.linspace(*curve.domain, 9001)
+    few = curve.evaluate(times[::3000])
+    for many, part in zip(curve.evaluate(times), few, strict=True):
+        assert np.abs(many[::3000] - part).max() < 1e-12
+
+
 def test_results_follow_the_shape_of_the_instants(example):
     curve = example.curve()
     start, end = curve.domain
