@@ -52,7 +52,7 @@ def draw_figure(path: Path, name: str) -> None:
     figure = new_figure(*chosen.size)
     axes = figure.subplots()
     chosen.draw(axes)
-    axes.set_title(chosen.title, fontsize=10.5, loc="left")
+    figure.suptitle(chosen.title, x=0.012, ha="left", fontsize=10.5)
     save(figure, path)
 
 
