@@ -1,4 +1,4 @@
-"""What the Hermite families share: end conditions brought to the body frame, whole turns."""
+"""What the Hermite families share: end conditions in the body frame, whole turns, their choice."""
 
 from __future__ import annotations
 
@@ -7,10 +7,14 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.keyframes import check_vector
+from orientd.curves.basis import CumulativeBasis
+from orientd.curves.cumulative import CumulativeCurve
+from orientd.curves.keyframes import check_integer, check_vector
 from orientd.rotation import Floats, conjugate, rotate
 
 FRAMES = ("body", "world")
+LEAST = "least"
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(10)
 
 
 def in_body_frame(vector: ArrayLike, name: str, q: Floats, frame: str) -> Floats:
@@ -46,3 +50,71 @@ def with_revolutions(increment: Floats, revolutions: int) -> Floats:
             f"axis, got {revolutions}"
         )
     return increment * (1.0 + revolutions * math.pi / length)
+
+
+def check_revolutions(revolutions: object) -> int | None:
+    """Return a whole number of revolutions, or ``None`` for ``"least"``.
+
+    Raises:
+        ValueError: it is neither.
+    """
+    if isinstance(revolutions, str):
+        if revolutions != LEAST:
+            raise ValueError(
+                f"revolutions must be a whole number or {LEAST!r}, got {revolutions!r}"
+            )
+        return None
+    return check_integer(revolutions, "revolutions")
+
+
+def turned(
+    increments: Floats, revolutions: int | None, basis: CumulativeBasis, start: Floats
+) -> Floats:
+    r"""Return increments whose middle one has whole turns added, the best of them if not given.
+
+    The best number is that of least effort, the integral of the squared angular acceleration; every
+    one is tried that the outer increments could drive, up to :math:`\sum \|w_i\| / \pi + 2` either
+    way.  No formula will do: rounding the middle increment to half of what the ends bring finds the
+    best number in five cases of six at 5 rad/s over a second, and in one of ten at 50.
+
+    Args:
+        increments: half-angle vectors without whole turns, an odd number, shape ``(m, 3)``.
+        revolutions: how many turns; ``None`` looks for the best number.
+        basis: of the curve.
+        start: its first orientation.
+
+    Raises:
+        ValueError: turns are asked for and the middle increment, being zero, has no axis.
+    """
+    middle = len(increments) // 2
+
+    def with_turns(count: int) -> Floats:
+        changed = increments.copy()
+        changed[middle] = with_revolutions(increments[middle], count)
+        return changed
+
+    if revolutions is not None:
+        return with_turns(revolutions)
+    if not np.any(increments[middle]):
+        return increments
+    outer = np.delete(increments, middle, axis=0)
+    most = math.ceil(float(np.sum(np.linalg.norm(outer, axis=-1))) / math.pi) + 2
+    found, least = increments, math.inf
+    # From few turns to many: of equals, the fewest.
+    for count in sorted(range(-most, most + 1), key=abs):
+        changed = with_turns(count)
+        curve = CumulativeCurve(basis=basis, controls=start[None], increments=changed, continuity=2)
+        effort = _effort(curve, pieces=4 + 2 * most)
+        if effort < least * (1.0 - 1e-9):
+            found, least = changed, effort
+    return found
+
+
+def _effort(curve: CumulativeCurve, pieces: int) -> float:
+    """Return the integral of the squared angular acceleration of a single segment."""
+    start, end = curve.domain
+    width = (end - start) / pieces
+    begins = start + width * np.arange(pieces)[:, None]
+    alpha = curve.evaluate((begins + width * 0.5 * (NODES + 1.0)).ravel())[2]
+    squares = np.sum(alpha * alpha, axis=-1).reshape(pieces, -1)
+    return float(np.sum(squares @ (0.5 * width * WEIGHTS)))

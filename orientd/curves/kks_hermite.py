@@ -7,11 +7,10 @@ from numpy.typing import ArrayLike
 
 from orientd.curves.basis import cumulative_basis
 from orientd.curves.cumulative import CumulativeCurve
-from orientd.curves.hermite import FRAMES, in_body_frame, with_revolutions
+from orientd.curves.hermite import FRAMES, check_revolutions, in_body_frame, turned
 from orientd.curves.keyframes import (
     check_bool,
     check_choice,
-    check_integer,
     check_interval,
     check_quaternion,
 )
@@ -48,7 +47,7 @@ class KksHermite(CumulativeCurve):
         t1: last instant, s.
         frame: ``"body"`` or ``"world"``: what the velocities are given in.
         revolutions: whole turns added about the axis of the middle factor; fast ends call for
-            some, or the curve has to wind back.
+            some, or the curve has to wind back; ``"least"`` scans for the number of least effort.
         product: ``"local"``, body increments multiplied from the right, or ``"global"``, world
             increments multiplied from the left.
         align: whether *q1* takes the sign nearer to *q0*.
@@ -73,7 +72,7 @@ class KksHermite(CumulativeCurve):
         t0: float = 0.0,
         t1: float = 1.0,
         frame: str = "body",
-        revolutions: int = 0,
+        revolutions: int | str = 0,
         product: str = "local",
         align: bool = True,
     ) -> None:
@@ -81,7 +80,7 @@ class KksHermite(CumulativeCurve):
         start, end = align_signs(ends) if check_bool(align, "align") else ends
         interval = check_interval(t0, t1)
         frame = check_choice(frame, "frame", FRAMES)
-        turns = check_integer(revolutions, "revolutions")
+        turns = check_revolutions(revolutions)
         sixth = (interval[1] - interval[0]) / 6.0
         first = sixth * in_body_frame(omega0, "omega0", start, frame)
         third = sixth * in_body_frame(omega1, "omega1", end, frame)
@@ -93,9 +92,12 @@ class KksHermite(CumulativeCurve):
             first, third = towards, first
         middle = multiply(multiply(exp_half(-first), relative), exp_half(-third))
         basis = cumulative_basis(np.repeat(interval, 4), 4)
+        if is_global:
+            basis = basis.reversed()
+        increments = np.stack([first, log_half(middle), third])
         super().__init__(
-            basis=basis.reversed() if is_global else basis,
+            basis=basis,
             controls=start[None],
-            increments=np.stack([first, with_revolutions(log_half(middle), turns), third]),
+            increments=turned(increments, turns, basis, start),
             continuity=2,
         )

@@ -7,11 +7,10 @@ from numpy.typing import ArrayLike
 
 from orientd.curves.basis import cumulative_basis
 from orientd.curves.cumulative import CumulativeCurve
-from orientd.curves.hermite import FRAMES, in_body_frame, with_revolutions
+from orientd.curves.hermite import FRAMES, check_revolutions, in_body_frame, turned
 from orientd.curves.keyframes import (
     check_bool,
     check_choice,
-    check_integer,
     check_interval,
     check_quaternion,
 )
@@ -49,7 +48,8 @@ class KksQuinticHermite(CumulativeCurve):
         t0: first instant, s.
         t1: last instant, s.
         frame: ``"body"`` or ``"world"``: what velocities and accelerations are given in.
-        revolutions: whole turns added about the axis of the middle factor.
+        revolutions: whole turns added about the axis of the middle factor; ``"least"`` scans for
+            the number of least effort.
         align: whether *q1* takes the sign nearer to *q0*.
 
     Raises:
@@ -74,14 +74,14 @@ class KksQuinticHermite(CumulativeCurve):
         t0: float = 0.0,
         t1: float = 1.0,
         frame: str = "body",
-        revolutions: int = 0,
+        revolutions: int | str = 0,
         align: bool = True,
     ) -> None:
         ends = np.stack([check_quaternion(q0, "q0"), check_quaternion(q1, "q1")])
         start, end = align_signs(ends) if check_bool(align, "align") else ends
         interval = check_interval(t0, t1)
         frame = check_choice(frame, "frame", FRAMES)
-        turns = check_integer(revolutions, "revolutions")
+        turns = check_revolutions(revolutions)
         h = interval[1] - interval[0]
         first = h / 10.0 * in_body_frame(omega0, "omega0", start, frame)
         second = first + h * h / 40.0 * in_body_frame(alpha0, "alpha0", start, frame)
@@ -93,10 +93,11 @@ class KksQuinticHermite(CumulativeCurve):
             middle = multiply(exp_half(-outer), middle)
         for outer in (fifth, fourth):
             middle = multiply(middle, exp_half(-outer))
-        third = with_revolutions(log_half(middle), turns)
+        increments = np.stack([first, second, log_half(middle), fourth, fifth])
+        basis = cumulative_basis(np.repeat(interval, 6), 6)
         super().__init__(
-            basis=cumulative_basis(np.repeat(interval, 6), 6),
+            basis=basis,
             controls=start[None],
-            increments=np.stack([first, second, third, fourth, fifth]),
+            increments=turned(increments, turns, basis, start),
             continuity=2,
         )

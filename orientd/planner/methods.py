@@ -172,7 +172,7 @@ TABLE: dict[str, Method] = {
         is_pair=True,
         has_velocities=True,
         turns="revolutions",
-        options=("product", "align"),
+        options=("product", "revolutions", "align"),
     ),
     "kks_quintic_hermite": Method(
         _pair_with_accelerations,
@@ -180,6 +180,7 @@ TABLE: dict[str, Method] = {
         has_velocities=True,
         has_accelerations=True,
         turns="revolutions",
+        options=("revolutions", "align"),
     ),
     "kks_hermite_spline": Method(
         _keys_with_velocities, has_velocities=True, options=("rule", "align")
