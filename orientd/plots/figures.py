@@ -13,7 +13,7 @@ from orientd.curves import METHODS
 from orientd.plots import scenes
 from orientd.plots.basis import INSTANTS, cumulative_functions, draw_functions
 from orientd.plots.paper import SERIES, check_format, new_figure, save
-from orientd.plots.sweep import draw_bodies, draw_sweep, prism
+from orientd.plots.sweep import Face, draw_bodies, draw_sweep, prism
 from orientd.plots.triads import TriadStyle, draw_tip_paths, draw_triads
 from orientd.plots.view import View
 from orientd.rotation import Floats, exp, multiply
@@ -126,24 +126,26 @@ def _bspline_curve(axes: Axes) -> None:
     draw_triads(axes, curves[0], controls, style=style, ideal=curves[1], is_met=False)
 
 
+def _draw_scene(axes: Axes, scene: scenes.Scene, faces: list[Face], count: int, view: View) -> None:
+    trail = scene.along(400).positions
+    draw_bodies(axes, faces, scene.between(count), scene.keyframes, view, trail)
+
+
 def _boomerang(axes: Axes) -> None:
-    scene = scenes.boomerang_flight(36)
     faces = prism(1.9 * scenes.boomerang_outline(), 0.05)
-    draw_bodies(axes, faces, scene.between, scene.keyframes, View(22.0, -120.0), scene.trail)
+    _draw_scene(axes, scenes.boomerang_scene(), faces, 36, View(22.0, -120.0))
 
 
 def _blended(axes: Axes) -> None:
-    scene = scenes.blended_motion(30)
-    draw_bodies(axes, scenes.plate(), scene.between, scene.keyframes, MOTION_VIEW, scene.trail)
+    _draw_scene(axes, scenes.blended_scene(), scenes.plate(), 30, MOTION_VIEW)
 
 
 def _swept(axes: Axes) -> None:
-    draw_sweep(axes, scenes.cross_section(), scenes.blended_motion(220).between, MOTION_VIEW)
+    draw_sweep(axes, scenes.cross_section(), scenes.blended_scene().along(220), MOTION_VIEW)
 
 
 def _interpolated(axes: Axes) -> None:
-    scene = scenes.interpolated_motion(30)
-    draw_bodies(axes, scenes.plate(), scene.between, scene.keyframes, MOTION_VIEW, scene.trail)
+    _draw_scene(axes, scenes.interpolated_scene(), scenes.plate(), 30, MOTION_VIEW)
 
 
 FIGURES: Mapping[str, PaperFigure] = {

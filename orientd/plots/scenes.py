@@ -9,9 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orientd.curves import METHODS
+from orientd.curves.rigid import RigidMotion, blended_motion, hermite_motion, interpolated_motion
 from orientd.curves.roles import Task
-from orientd.plots.basis import cumulative_functions
 from orientd.plots.sweep import Face, Poses, prism
 from orientd.rotation import Floats, exp, from_euler, multiply
 
@@ -76,65 +75,45 @@ def clamped(count: int, order: int) -> Floats:
     return np.concatenate([np.zeros(order), inner, np.full(order, end)])
 
 
-def blended_positions(controls: Floats, knots: Floats, order: int, times: Floats) -> Floats:
-    """Return a B-spline in space in the cumulative form, as its quaternion analogue is.
-
-    Kim, Kim and Shin (1995), eq. (8): the first control point and the steps to the next ones, each
-    times its cumulative basis function.
-
-    Args:
-        controls: shape ``(n, 3)``.
-        knots: shape ``(n + order,)``.
-        order: degree plus one.
-        times: shape ``(m,)``.
-    """
-    weights = cumulative_functions(knots, order, times)[1:]
-    positions: Floats = controls[0] + weights.T @ np.diff(controls, axis=0)
-    return positions
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
     """A rigid motion to draw.
 
     Attributes:
-        between: poses drawn light, or swept.
+        motion: position and orientation over time.
         keyframes: poses drawn dark.
-        trail: positions along the motion, shape ``(m, 3)``.
     """
 
-    between: Poses
+    motion: RigidMotion
     keyframes: Poses
-    trail: Floats
+
+    def between(self, count: int) -> Poses:
+        """Return *count* poses evenly spaced in time, the ends left out."""
+        start, end = self.motion.domain
+        evenly = start + (end - start) * (np.arange(count) + 0.5) / count
+        return self._poses(evenly)
+
+    def along(self, count: int) -> Poses:
+        """Return *count* poses evenly spaced in time from end to end."""
+        return self._poses(np.linspace(*self.motion.domain, count))
+
+    def _poses(self, times: Floats) -> Poses:
+        found = self.motion.evaluate(times)
+        return Poses(found.position, found.q)
 
 
-def blended_motion(count: int) -> Scene:
-    """Return the motion of Figs. 8 and 9: a cubic B-spline over six control points."""
-    controls, knots = control_orientations(), clamped(6, 4)
-    curve = METHODS["kks_bspline"](control=controls, order=4, knots=knots)  # type: ignore[call-arg]
-    times = np.linspace(*curve.domain, count + 1)[:-1] + 0.5 * curve.domain[1] / count
-    trail = blended_positions(CONTROL_POINTS, knots, 4, np.linspace(*curve.domain, 400))
-    return Scene(
-        Poses(blended_positions(CONTROL_POINTS, knots, 4, times), curve.evaluate(times)[0]),
-        Poses(CONTROL_POINTS, controls),
-        trail,
-    )
+def blended_scene() -> Scene:
+    """Return the motion of Figs. 8 and 9: a cubic B-spline over six control poses."""
+    controls = control_orientations()
+    motion = blended_motion(control=controls, positions=CONTROL_POINTS, knots=clamped(6, 4))
+    return Scene(motion, Poses(CONTROL_POINTS, controls))
 
 
-def interpolated_motion(count: int) -> Scene:
+def interpolated_scene() -> Scene:
     """Return the motion of Fig. 10: six keyframes interpolated with continuous acceleration."""
-    from scipy.interpolate import make_interp_spline
-
     keys = control_orientations()
-    instants = np.arange(6.0)
-    curve = METHODS["c2_cumulative"](keys=keys, times=instants)  # type: ignore[call-arg]
-    positions = make_interp_spline(instants, CONTROL_POINTS, k=3, bc_type="natural")
-    times = np.linspace(0.0, 5.0, count + 1)[:-1] + 2.5 / count
-    return Scene(
-        Poses(positions(times), curve.evaluate(times)[0]),
-        Poses(CONTROL_POINTS, keys),
-        positions(np.linspace(0.0, 5.0, 400)),
-    )
+    motion = interpolated_motion(keys=keys, positions=CONTROL_POINTS)
+    return Scene(motion, Poses(CONTROL_POINTS, keys))
 
 
 FLIGHT_TIME = 2.6
@@ -151,27 +130,22 @@ def boomerang_task() -> Task:
     )
 
 
-def boomerang_flight(count: int) -> Scene:
+def boomerang_scene() -> Scene:
     """Return the flight of Fig. 7: one Hermite segment for each of position and orientation."""
-    task = boomerang_task()
-    curve = METHODS["kks_hermite"](  # type: ignore[call-arg]
-        q0=task.keys[0],
-        q1=task.keys[1],
-        omega0=task.omega_start,
-        omega1=task.omega_end,
+    keys = boomerang_task().keys
+    places = np.array([[0.0, 0.0, 1.6], [0.9, -1.6, 1.3]])
+    motion = hermite_motion(
+        q0=keys[0],
+        q1=keys[1],
+        omega0=[0.0, 0.0, SPIN],
+        omega1=[0.0, 0.0, SPIN],
+        p0=places[0],
+        p1=places[1],
+        v0=[12.0, 9.0, 3.4],
+        v1=[-12.0, 4.0, -2.6],
         t1=FLIGHT_TIME,
     )
-    start, end = np.array([0.0, 0.0, 1.6]), np.array([0.9, -1.6, 1.3])
-    leaving, arriving = np.array([12.0, 9.0, 3.4]), np.array([-12.0, 4.0, -2.6])
-    third = FLIGHT_TIME / 3.0
-    controls = np.stack([start, start + third * leaving, end - third * arriving, end])
-    knots = np.repeat([0.0, FLIGHT_TIME], 4)
-    times = np.linspace(0.0, FLIGHT_TIME, count + 2)[1:-1]
-    return Scene(
-        Poses(blended_positions(controls, knots, 4, times), curve.evaluate(times)[0]),
-        Poses(np.stack([start, end]), task.keys),
-        blended_positions(controls, knots, 4, np.linspace(0.0, FLIGHT_TIME, 400)),
-    )
+    return Scene(motion, Poses(places, keys))
 
 
 def boomerang_outline() -> Floats:

@@ -198,9 +198,10 @@ def test_faces_of_a_body_look_outwards():
 
 def test_a_body_is_drawn_at_every_pose_and_dark_at_the_keyframes():
     axes = new_figure(3.0, 3.0).subplots()
-    scene = scenes.interpolated_motion(10)
+    scene = scenes.interpolated_scene()
     faces = scenes.plate()
-    draw_bodies(axes, faces, scene.between, scene.keyframes, View(), scene.trail)
+    trail = scene.along(20).positions
+    draw_bodies(axes, faces, scene.between(10), scene.keyframes, View(), trail)
     (painted,) = (part for part in axes.collections if part.get_gid() == "faces")
     assert len(painted.get_paths()) == len(faces) * (10 + 6)
     lightness = painted.get_facecolor()[:, :3].mean(axis=1)
