@@ -16,6 +16,7 @@ from collections import deque
 from orientd.errors import DaemonError, StateError
 from orientd.servo.process import ProcessSettings
 from orientd.stream import (
+    UNKNOWN,
     Answer,
     Command,
     Cycle,
@@ -82,6 +83,9 @@ class ServoLink:
         *,
         motion: int = 0,
         path_index: int = 0,
+        leave_index: int = UNKNOWN,
+        final_index: int = UNKNOWN,
+        start_ns: int = 0,
         speed: float = 0.0,
         terms: Terms = _NO_TERMS,
     ) -> None:
@@ -97,6 +101,9 @@ class ServoLink:
                 command,
                 motion,
                 path_index,
+                leave_index,
+                final_index,
+                start_ns,
                 speed,
                 terms.velocity,
                 terms.acceleration,

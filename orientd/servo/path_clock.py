@@ -37,8 +37,7 @@ class PathClock:
             brake_rate: 1/s, of the motion that begins.
             target: rate, in [0, 1].
         """
-        self._largest_acceleration = 2.0 * brake_rate
-        self._step = 4.0 * brake_rate * brake_rate * self.period
+        self.brake_rate = brake_rate
         self.target = target
         self.rate = target
         self.acceleration = 0.0
@@ -46,6 +45,21 @@ class PathClock:
     def halt(self) -> None:
         """Stand still at once: the path has ended, or nothing runs along it any more."""
         self.rate = self.acceleration = self.target = 0.0
+
+    @property
+    def brake_rate(self) -> float:
+        """A stop from full speed takes ``1 / brake_rate`` seconds; 1/s."""
+        return 0.5 * self._largest_acceleration
+
+    @brake_rate.setter
+    def brake_rate(self, brake_rate: float) -> None:
+        self._largest_acceleration = 2.0 * brake_rate
+        self._step = 4.0 * brake_rate * brake_rate * self.period
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether the rate is what it is to be, and stays so."""
+        return self.acceleration == 0.0 and self.rate == self.target
 
     @property
     def is_at_rest(self) -> bool:

@@ -3,26 +3,61 @@
 Path time is counted in records: ``index + fraction``.  A motion as planned moves by exactly one
 record a cycle, so its setpoints *are* the records; between two records a
 :class:`~orientd.servo.segment.Segment` is evaluated.
+
+The path is made of legs, one a motion.  A motion that replaces or continues another one is spliced
+onto it: its first record lies further on in the ring, and stands for the same point as the record
+at which the leg before it is left.  What is joined there is the path, in path time; how fast the
+path clock runs does not matter.
 """
 
 from __future__ import annotations
 
-from orientd.driver import IDENTITY, ZERO
+from dataclasses import dataclass
+
+from orientd.driver import IDENTITY, ZERO, Vector3
+from orientd.driver.floats import difference, norm
 from orientd.errors import OrientdError
 from orientd.servo.segment import PathPoint, Segment, point_of
-from orientd.stream import RecordRing
+from orientd.stream import UNKNOWN, RecordRing, Terms
 
 FINAL_WORD = 1
-"""Word of the path ring: one more than the index of the motion's last record; 0 until written."""
+"""Word of the path ring: one more than the index of the newest motion's last record; 0 until it is
+written, or that of a motion before it."""
 
 TAIL_WORD = 2
 """Word of the path ring: index of the oldest record that the servo still needs."""
 
+MOST_LEGS = 16
+"""Legs ahead of the one that the servo is on."""
+
 _ATTEMPTS = 3
+
+_SAME_Q = 1e-9  # rad
+_SAME_RATE = 1e-6  # of 1 + the rate itself; rad/s and rad/s^2
+_SAME_POSITION = 1e-9  # m
 
 
 class StarvedError(OrientdError):
     """The next record is not in the ring."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Leg:
+    """One motion's part of the path.
+
+    Attributes:
+        number: of the motion.
+        first: index of its first record.
+        terms: what the motion promised to keep.
+        leave: index of the record at which the leg before is left for this one.
+        final: index of its last record, where that is known already.
+    """
+
+    number: int
+    first: int
+    terms: Terms
+    leave: int = UNKNOWN
+    final: int = UNKNOWN
 
 
 class PathFollower:
@@ -31,12 +66,15 @@ class PathFollower:
     Attributes:
         index: the record at or before the setpoint.
         fraction: how far beyond it, in records, in [0, 1).
+        leg: the motion that it belongs to.
     """
 
-    def __init__(self, ring: RecordRing, period: float) -> None:
+    def __init__(self, ring: RecordRing, period: float, terms: Terms) -> None:
         """Follow *ring*, whose records are *period* seconds of path time apart."""
         self.index = 0
         self.fraction = 0.0
+        self.leg = Leg(0, 0, terms)
+        self._ahead: list[Leg] = []
         self._ring = ring
         self._period = period
         self._point = PathPoint(IDENTITY, ZERO, ZERO, ZERO, ZERO)
@@ -44,7 +82,7 @@ class PathFollower:
 
     def peek(self, index: int) -> PathPoint | None:
         """Return record *index*, or ``None`` where it is not in the ring."""
-        if index >= self._ring.head:
+        if not 0 <= index < self._ring.head:
             return None
         for _ in range(_ATTEMPTS):  # a record being published is there a microsecond later
             fields = self._ring.read(index)
@@ -52,37 +90,85 @@ class PathFollower:
                 return point_of(fields)
         return None
 
-    def begin(self, index: int) -> None:
-        """Stand on record *index*, which is in the ring."""
-        self.index, self.fraction = index, 0.0
-        self._load(index)
-        self._ring.set_word(TAIL_WORD, index)
+    def begin(self, leg: Leg) -> None:
+        """Stand on the first record of *leg*, which is in the ring."""
+        self.leg = leg
+        self._ahead.clear()
+        self.index, self.fraction = leg.first, 0.0
+        self._load(leg.first)
+        self._ring.set_word(TAIL_WORD, leg.first)
+
+    def splice(self, leg: Leg) -> str:
+        """Go over to *leg* at its record ``leave``; what was to come after that is dropped.
+
+        Returns:
+            An empty string, or why that is not possible; then nothing has changed.
+        """
+        if leg.leave <= self.index:
+            return f"the path has passed record {leg.leave}, it is at {self.index}"
+        legs = [self.leg, *self._ahead]
+        place = max(k for k, other in enumerate(legs) if other.first <= leg.leave)
+        if place + 1 < len(legs) and leg.leave > legs[place + 1].leave:
+            return f"record {leg.leave} is not on the path any more"
+        if place >= MOST_LEGS:
+            return f"there are {place} motions ahead already"
+        old, new = self.peek(leg.leave), self.peek(leg.first)
+        if old is None or new is None:
+            missing = leg.leave if old is None else leg.first
+            return f"path record {missing} is not in the ring"
+        problem = _differ(old, new)
+        if problem:
+            return problem
+        self._ahead = [*legs[1 : place + 1], leg]
+        return ""
+
+    @property
+    def is_spliced(self) -> bool:
+        """Whether another leg follows the present one."""
+        return bool(self._ahead)
 
     @property
     def is_at_end(self) -> bool:
-        """Whether this is the motion's last record."""
-        return self.index + 1 == self._ring.word(FINAL_WORD)
+        """Whether this is the last record of all."""
+        return not self._ahead and self.index == self._final
+
+    @property
+    def _final(self) -> int:
+        """Index of the last leg's last record, or :data:`UNKNOWN`."""
+        leg = self._ahead[-1] if self._ahead else self.leg
+        final = max(self._ring.word(FINAL_WORD) - 1, leg.final)
+        return final if final >= leg.first else UNKNOWN
 
     def reaches(self, records: int) -> bool:
         """Whether the motion's end, or at least so many records beyond here, are in the ring."""
-        head = self._ring.head
-        return head == self._ring.word(FINAL_WORD) or head - 1 - self.index >= records
+        last = self._ring.head - 1
+        if last == self._final:
+            return True
+        here, ahead = self.index, 0
+        for leg in self._ahead:
+            ahead += leg.leave - here
+            here = leg.first
+        return ahead + last - here >= records
 
     def advance(self, records: float) -> PathPoint:
         """Move on by that many records, in [0, 1], and return the point there.
 
-        The last record of a motion is never passed.
+        The last record of a motion is never passed, unless another leg begins there.
 
         Raises:
             StarvedError: the path ends here without being at rest; the position is unchanged.
         """
-        final = self._ring.word(FINAL_WORD) - 1
-        place = self.fraction + records
-        index, fraction = self.index, place
-        if place >= 1.0:
-            index, fraction = self.index + 1, place - 1.0
-        if final >= 0 and index >= final:
-            index, fraction = final, 0.0
+        index, fraction = self.index, self.fraction + records
+        following = None
+        if fraction >= 1.0:
+            index, fraction = index + 1, fraction - 1.0
+            if self._ahead and index == self._ahead[0].leave:
+                following = self._ahead[0]
+                index = following.first
+        if not self._ahead or (following is not None and len(self._ahead) == 1):
+            final = self._final
+            if final != UNKNOWN and index >= final:
+                index, fraction = final, 0.0
         if index != self.index:
             self._load(index)
         if fraction == 0.0:
@@ -94,6 +180,9 @@ class PathFollower:
                     raise StarvedError(f"path record {index + 1} is not in the ring")
                 self._segment = Segment(self._point, end, self._period)
             point = self._segment.at(fraction)
+        if following is not None:
+            self.leg = following
+            del self._ahead[0]
         self.index, self.fraction = index, fraction
         self._ring.set_word(TAIL_WORD, index)
         return point
@@ -104,3 +193,25 @@ class PathFollower:
             raise StarvedError(f"path record {index} is not in the ring")
         self._point = point
         self._segment = None
+
+
+def _differ(old: PathPoint, new: PathPoint) -> str:
+    """Say by how much two points are not the same, if they are not."""
+    for name, gap, tolerance, unit in (
+        ("orientation", norm(difference(old.q, new.q)), _SAME_Q, "rad"),
+        ("angular velocity", *_gap(old.omega_body, new.omega_body), "rad/s"),
+        ("angular acceleration", *_gap(old.alpha_body, new.alpha_body), "rad/s^2"),
+        ("position", norm(_minus(old.position, new.position)), _SAME_POSITION, "m"),
+        ("velocity", *_gap(old.velocity, new.velocity), "m/s"),
+    ):
+        if not gap <= tolerance:
+            return f"the {name} of the two paths differs by {gap:.3g} {unit}"
+    return ""
+
+
+def _gap(a: Vector3, b: Vector3) -> tuple[float, float]:
+    return norm(_minus(a, b)), _SAME_RATE * (1.0 + norm(a))
+
+
+def _minus(a: Vector3, b: Vector3) -> Vector3:
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])

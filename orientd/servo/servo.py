@@ -21,13 +21,14 @@ from orientd.errors import (
 )
 from orientd.servo.guard import Guard
 from orientd.servo.path_clock import PathClock
-from orientd.servo.path_follower import PathFollower, StarvedError
+from orientd.servo.path_follower import Leg, PathFollower, StarvedError
 from orientd.servo.segment import PathPoint
 from orientd.servo.table import Event, advance
 from orientd.servo.vigil import Vigil, Watch
 from orientd.stream import (
     JOINTS,
     NO_JOINTS,
+    UNKNOWN,
     Answer,
     Command,
     CycleFlag,
@@ -85,9 +86,10 @@ class Servo:
         period = period_ns * 1e-9
         self._path_clock = PathClock(period)
         self._speed = 0.0
-        self._follower = PathFollower(memory.path, period)
+        self._follower = PathFollower(memory.path, period, _NO_TERMS)
         self._guard = Guard(period)
         self._terms = _NO_TERMS
+        self._start_ns = UNKNOWN
         self._escape: Iterator[tuple[Quaternion, Vector3]] | None = None
         self._fault = Fault.NONE
         self._fault_text = ""
@@ -116,7 +118,7 @@ class Servo:
         self._read()
         self._take_command()
         self._look_for_life(deadline_ns)
-        point = self._move() if self.is_moving else self._held
+        point = self._move(deadline_ns) if self.is_moving else self._held
         written = self._is_enabled and self._write(Setpoint(deadline_ns, *point))
         self._held = PathPoint(point.q, ZERO, ZERO, point.position, ZERO)
         self._publish(deadline_ns, lateness_ns, point, written)
@@ -209,9 +211,10 @@ class Servo:
         if fields is None:
             return  # still being written; it is there in the next cycle
         self._taken += 1
-        index, code, motion, path_index, speed, *terms = fields
+        index, code, motion, path_index, leave, final, start_ns, speed, *terms = fields
+        leg = Leg(motion, path_index, Terms(*terms), leave, final)
         try:
-            text = self._obey(Command(code), motion, path_index, speed, Terms(*terms))
+            text = self._obey(Command(code), leg, speed, start_ns)
             answer = Answer.REFUSED if text else Answer.DONE
         except StateError as error:
             answer, text = Answer.WRONG_STATE, str(error)
@@ -219,9 +222,7 @@ class Servo:
             answer, text = Answer.FAILED, str(error) or type(error).__name__
         self._memory.notes.publish(*pack_note(index, NoteKind.ANSWER, answer, text))
 
-    def _obey(
-        self, command: Command, motion: int, path_index: int, speed: float, terms: Terms
-    ) -> str:
+    def _obey(self, command: Command, leg: Leg, speed: float, start_ns: int) -> str:
         """Carry out one command; return why it was refused, or nothing."""
         if command is Command.STOP:
             following = advance(self.state, Event.STOP)
@@ -234,7 +235,15 @@ class Servo:
             self._speed = speed
             self.state = following
         elif command is Command.START:
-            return self._start(motion, path_index, speed, terms)
+            return self._start(leg, speed, start_ns)
+        elif command is Command.SPLICE:
+            return self._splice(leg)
+        elif command is Command.HALT:
+            following = advance(self.state, Event.HALT)
+            if self.is_moving and self._escape is None:
+                self._path_clock.target = 0.0
+                self._escape = self._guard.soft_stop(self._terms)
+            self.state = following
         elif command is Command.ENABLE:
             self._enable()
         elif command is Command.DISABLE:
@@ -268,41 +277,72 @@ class Servo:
         self._is_enabled = True
         self.state = following
 
-    def _start(self, motion: int, path_index: int, speed: float, terms: Terms) -> str:
+    def _start(self, leg: Leg, speed: float, start_ns: int) -> str:
         following = advance(self.state, Event.START)
-        first = self._follower.peek(path_index)
+        first = self._follower.peek(leg.first)
         if first is None:
-            return f"path record {path_index} is not in the ring"
+            return f"path record {leg.first} is not in the ring"
         gap = norm(difference(self._held.q, first.q))
         if not gap <= _START_TOLERANCE:
             return f"the path begins {gap:.3g} rad from the commanded orientation"
-        if not (terms.brake_rate > 0.0 and 0.0 <= speed <= 1.0):
-            return f"brake rate and speed must be positive, got {terms.brake_rate!r} and {speed!r}"
-        self._terms = terms
-        self._motion = motion
+        brake_rate = leg.terms.brake_rate
+        if not (brake_rate > 0.0 and 0.0 <= speed <= 1.0):
+            return f"brake rate and speed must be positive, got {brake_rate!r} and {speed!r}"
         self._speed = speed
-        self._path_clock.begin(terms.brake_rate, speed * self._driver.speed_scaling)
-        self._follower.begin(path_index)
+        self._start_ns = start_ns
+        self._path_clock.begin(brake_rate, 0.0)
+        self._follower.begin(leg)
+        self._adopt(leg)
         self.state = following
         return ""
 
+    def _splice(self, leg: Leg) -> str:
+        """Have *leg* replace the rest of the path, or follow at its end."""
+        following = advance(self.state, Event.SPLICE)
+        clock, brake_rate = self._path_clock, leg.terms.brake_rate
+        if not brake_rate > 0.0:
+            return f"brake rate must be positive, got {brake_rate!r}"
+        if not clock.is_steady and brake_rate < clock.brake_rate:
+            return "the speed is changing"
+        problem = self._follower.splice(leg)
+        if not problem:
+            # Until the path of before is behind, a stop keeps the limits of both.
+            clock.brake_rate = min(brake_rate, clock.brake_rate)
+            self.state = following
+        return problem
+
+    def _adopt(self, leg: Leg) -> None:
+        """Keep what the motion promised that the path has come to."""
+        self._terms = leg.terms
+        self._motion = leg.number
+        if self._path_clock.is_steady and not self._follower.is_spliced:
+            self._path_clock.brake_rate = leg.terms.brake_rate
+
     # Motion
 
-    def _move(self) -> PathPoint:
+    def _move(self, deadline_ns: int) -> PathPoint:
         """Return the next setpoint of a motion or of a stop."""
         if self._escape is not None:
             return self._step_off_path()
         clock, follower = self._path_clock, self._follower
         if self.state is _STREAMING:
-            clock.target = self._speed * self._driver.speed_scaling
+            speed = self._speed * self._driver.speed_scaling
+            if self._start_ns >= 0:
+                if deadline_ns < self._start_ns:
+                    return self._held
+                self._start_ns = UNKNOWN
+                clock.begin(clock.brake_rate, speed)
+            clock.target = speed
             if not follower.reaches(clock.braking_cycles()):
                 self._brake(Fault.PATH_STARVED, "the daemon did not deliver the path in time")
-        before = clock.rate
+        before, leg = clock.rate, follower.leg
         rate = clock.advance()
         try:
             path = follower.advance(rate)
         except StarvedError as error:
             return self._leave_path(Fault.PATH_STARVED, str(error))
+        if follower.leg is not leg:
+            self._adopt(follower.leg)
         problem = self._guard.admit(path.q, path.position, self._terms)
         if problem:
             return self._leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")

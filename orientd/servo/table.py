@@ -20,7 +20,9 @@ class Event(Enum):
     START = "start"
     SPEED = "speed"
     FINISH = "finish"
+    SPLICE = "splice"
     STOP = "stop"
+    HALT = "halt"
     BRAKE = "brake"
     REST = "rest"
     FAIL = "fail"
@@ -34,11 +36,17 @@ TRANSITIONS: dict[tuple[State, Event], State] = {
     (State.HOLDING, Event.DISABLE): State.IDLE,
     (State.HOLDING, Event.START): State.STREAMING,
     (State.STREAMING, Event.SPEED): State.STREAMING,
+    (State.STREAMING, Event.SPLICE): State.STREAMING,
     (State.STREAMING, Event.FINISH): State.HOLDING,
     (State.STREAMING, Event.STOP): State.STOPPING,
     (State.STOPPING, Event.STOP): State.STOPPING,
     (State.HOLDING, Event.STOP): State.HOLDING,
     (State.IDLE, Event.STOP): State.IDLE,
+    (State.STREAMING, Event.HALT): State.STOPPING,
+    (State.STOPPING, Event.HALT): State.STOPPING,
+    (State.HOLDING, Event.HALT): State.HOLDING,
+    (State.IDLE, Event.HALT): State.IDLE,
+    (State.FAULT, Event.HALT): State.FAULT,
     (State.STREAMING, Event.BRAKE): State.STOPPING,
     (State.STOPPING, Event.BRAKE): State.STOPPING,
     (State.STOPPING, Event.REST): State.HOLDING,

@@ -4,6 +4,7 @@ from orientd.stream.memory import SharedMemory
 from orientd.stream.records import (
     JOINTS,
     NO_JOINTS,
+    UNKNOWN,
     Answer,
     Command,
     Cycle,
@@ -22,6 +23,7 @@ from orientd.stream.ring import RecordRing
 __all__ = [
     "JOINTS",
     "NO_JOINTS",
+    "UNKNOWN",
     "Answer",
     "Command",
     "Cycle",

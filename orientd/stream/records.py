@@ -35,6 +35,8 @@ class Command(IntEnum):
     SPEED = 5
     RESET = 6
     SHUTDOWN = 7
+    SPLICE = 8
+    HALT = 9
 
 
 class Answer(IntEnum):
@@ -66,9 +68,11 @@ JOINTS = 8
 NO_JOINTS = (math.nan,) * JOINTS
 
 
-# index, code, motion, path_index | speed, velocity, acceleration, jerk, linear velocity, linear
-# acceleration, brake_rate
-COMMAND_RECORD = struct.Struct("@QIIQ7d")
+# index, code, motion, path_index, leave_index, final_index, start_ns | speed, velocity,
+# acceleration, jerk, linear velocity, linear acceleration, brake_rate
+COMMAND_RECORD = struct.Struct("@QIIQqqq7d")
+UNKNOWN = -1
+"""Index of a record that is not yet known."""
 
 # index, command index, kind, code, length of the text, text
 NOTE_TEXT_BYTES = 400

@@ -12,6 +12,7 @@ from orientd.driver import Setpoint
 from orientd.servo import Servo, Watch
 from orientd.servo.path_follower import FINAL_WORD, TAIL_WORD
 from orientd.stream import (
+    UNKNOWN,
     Answer,
     Command,
     Cycle,
@@ -94,12 +95,26 @@ class Rig:
         found = [unpack_note(ring.read_bytes(i)) for i in range(oldest, ring.head)]
         return [note for note in found if note.kind is kind]
 
-    def ask(self, command, *, motion=1, path_index=0, speed=1.0, terms=TERMS):
+    def ask(
+        self,
+        command,
+        *,
+        motion=1,
+        path_index=0,
+        leave=UNKNOWN,
+        final=UNKNOWN,
+        start_ns=0,
+        speed=1.0,
+        terms=TERMS,
+    ):
         """Send a command, run a cycle, return the answer."""
         self.memory.commands.publish(
             command,
             motion,
             path_index,
+            leave,
+            final,
+            start_ns,
             speed,
             terms.velocity,
             terms.acceleration,
