@@ -31,8 +31,10 @@ from pydantic import (
     field_validator,
     model_validator,
 )
+from pydantic_core import PydanticCustomError
 
 from orientd.errors import ConfigError
+from orientd.limit_field import AngularLimit, LinearLimit
 
 if TYPE_CHECKING:
     from orientd.planner import Limits
@@ -83,7 +85,10 @@ class DaemonSettings(_Table):
 class LimitSettings(_Table):
     """The table ``[devices.NAME.limits]``; what is not given is the default of the planner.
 
+    The angular ones are limits of a norm, or of three components in the body frame.
+
     Attributes:
+        preset: name of published limits, which the others of this table override.
         velocity: largest angular velocity, rad/s.
         acceleration: largest angular acceleration, rad/s^2.
         jerk: largest angular jerk, rad/s^3.
@@ -91,20 +96,31 @@ class LimitSettings(_Table):
         linear_acceleration: largest acceleration of the position, m/s^2.
     """
 
-    velocity: Positive | None = None
-    acceleration: Positive | None = None
-    jerk: Positive | None = None
-    linear_velocity: Positive | None = None
-    linear_acceleration: Positive | None = None
+    preset: str | None = None
+    velocity: AngularLimit | None = None
+    acceleration: AngularLimit | None = None
+    jerk: AngularLimit | None = None
+    linear_velocity: LinearLimit | None = None
+    linear_acceleration: LinearLimit | None = None
+
+    @field_validator("preset")
+    @classmethod
+    def _know_preset(cls, name: str | None) -> str | None:
+        if name is not None:
+            from orientd.planner import PRESETS
+
+            if name not in PRESETS:
+                raise PydanticCustomError("preset", "one of " + ", ".join(PRESETS))
+        return name
 
     def to_limits(self) -> Limits:
-        """Return the planner's limits: what is given here, its defaults for the rest."""
+        """Return the planner's limits: what is given here, preset or defaults for the rest."""
         # A file of settings can be read and checked without loading NumPy.
-        from dataclasses import replace
+        from orientd.planner import DEFAULT_LIMITS, PRESETS
 
-        from orientd.planner import DEFAULT_LIMITS
-
-        return replace(DEFAULT_LIMITS, **self.model_dump(exclude_none=True))
+        given = self.model_dump(exclude_none=True, exclude={"preset"})
+        base = DEFAULT_LIMITS if self.preset is None else PRESETS[self.preset].limits
+        return base.with_rates(given)
 
 
 class DeviceSettings(_Table):

@@ -22,15 +22,17 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from orientd.errors import RequestError
+from orientd.limit_field import AngularLimit, LinearLimit
 from orientd.planner import DEFAULT_METHOD, Keyframe, Limits, MotionRequest
 from orientd.planner.methods import check_method, did_you_mean
 from orientd.rotation import Floats, from_euler, from_matrix, from_rotation_vector
 from orientd.structured_text import read_structured
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Triple = Annotated[list[Number], Field(min_length=3, max_length=3)]
 Rows = Annotated[list[Triple], Field(min_length=3, max_length=3)]
+
+_NORM_OR_AXES = "one number limits its norm, three its components in the body frame"
 
 FORMS = ("quaternion", "rotation_vector", "euler", "matrix")
 
@@ -76,11 +78,17 @@ class KeyframeModel(_Table):
 class LimitsModel(_Table):
     """Limits below those of the device; the device's own where nothing is said."""
 
-    velocity: Positive | None = Field(default=None, description="angular velocity, rad/s")
-    acceleration: Positive | None = Field(default=None, description="angular, rad/s^2")
-    jerk: Positive | None = Field(default=None, description="angular, rad/s^3")
-    linear_velocity: Positive | None = Field(default=None, description="of the position, m/s")
-    linear_acceleration: Positive | None = Field(default=None, description="of it, m/s^2")
+    velocity: AngularLimit | None = Field(
+        default=None, description=f"angular velocity, rad/s; {_NORM_OR_AXES}"
+    )
+    acceleration: AngularLimit | None = Field(
+        default=None, description=f"angular, rad/s^2; {_NORM_OR_AXES}"
+    )
+    jerk: AngularLimit | None = Field(
+        default=None, description=f"angular, rad/s^3; {_NORM_OR_AXES}"
+    )
+    linear_velocity: LinearLimit | None = Field(default=None, description="of the position, m/s")
+    linear_acceleration: LinearLimit | None = Field(default=None, description="of it, m/s^2")
 
 
 class MotionModel(_Table):

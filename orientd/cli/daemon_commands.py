@@ -127,6 +127,8 @@ def status(socket: Socket = None, as_json: AsJson = False) -> None:
 @command
 def devices(socket: Socket = None, as_json: AsJson = False) -> None:
     """List the devices of the daemon's configuration."""
+    from orientd.cli import texts
+    from orientd.planner.limits import ANGULAR
     from orientd.rpc.client import connect
 
     with connect(socket) as robot:
@@ -139,9 +141,7 @@ def devices(socket: Socket = None, as_json: AsJson = False) -> None:
             device.name,
             device.driver,
             f"{device.rate_hz:g}",
-            f"{device.limits.velocity:g}",
-            f"{device.limits.acceleration:g}",
-            f"{device.limits.jerk:g}",
+            *(texts.limit(device.limits.rate(name)) for name in ANGULAR),
         ]
         for device in found
     ]

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 from orientd.planner import Certificate, Peak
+from orientd.planner.limits import ANGULAR, AXES, Rate
 from orientd.rpc.reports import DeviceReport, Outcome, Plan, Statistics, Summary
 from orientd.stream import State
 
@@ -69,6 +70,18 @@ def peak(measured: Peak, unit: str) -> str:
     )
 
 
+def limit(rate: Rate) -> str:
+    """Return a limit of a norm, or of the components in the body frame.
+
+    >>> limit((2.0, 1.0, 3.5))
+    '2/1/3.5'
+    """
+    return f"{rate:g}" if isinstance(rate, float | int) else "/".join(f"{r:g}" for r in rate)
+
+
+_OF_BODY_AXES = {f"angular {name} about {axis}" for name in ANGULAR for axis in AXES}
+
+
 def certificate(of: Certificate) -> list[str]:
     """Return what a motion promises, line by line."""
     lines = [
@@ -77,6 +90,11 @@ def certificate(of: Certificate) -> list[str]:
         f"velocity             {peak(of.peak_velocity, 'rad/s')}",
         f"acceleration         {peak(of.peak_acceleration, 'rad/s^2')}",
         f"jerk                 {peak(of.peak_jerk, 'rad/s^3')}",
+    ]
+    lines += [
+        f"{name.removeprefix('angular '):<21}{peak(Peak(value, time, limit), unit)}"
+        for name, value, unit, limit, time in of.figures
+        if name in _OF_BODY_AXES and limit is not None and time is not None
     ]
     if of.peak_linear_velocity.value > 0.0:
         lines += [

@@ -55,7 +55,7 @@ def plan_to_fit(
         speed *= max(min(need, _STEP), 0.5)
         if speed < _SLOWEST:
             raise refusal
-        slow = planner.plan(request, start=start, limits=slowed(own, speed), period=period)
+        slow = planner.plan(request, start=start, limits=own.slowed(speed), period=period)
         try:
             # Certified against the limits themselves: only the planning aimed below them.
             fitted = _fitted(driver, replace(slow, limits=own), joints)
@@ -67,17 +67,6 @@ def plan_to_fit(
         note = f"the axes need {fitted.duration / motion.duration:.3f} times as long"
         notes = (*fitted.certificate.notes, note)
         return replace(fitted, certificate=replace(fitted.certificate, notes=notes))
-
-
-def slowed(limits: Limits, speed: float) -> Limits:
-    """Return the limits under which motions run *speed* times as fast."""
-    return Limits(
-        velocity=limits.velocity * speed,
-        acceleration=limits.acceleration * speed**2,
-        jerk=limits.jerk * speed**3,
-        linear_velocity=limits.linear_velocity * speed,
-        linear_acceleration=limits.linear_acceleration * speed**2,
-    )
 
 
 def _fitted(driver: Driver, motion: Motion, joints: tuple[float, ...]) -> Motion:

@@ -105,12 +105,7 @@ class ServoLink:
                 final_index,
                 start_ns,
                 speed,
-                terms.velocity,
-                terms.acceleration,
-                terms.jerk,
-                terms.linear_velocity,
-                terms.linear_acceleration,
-                terms.brake_rate,
+                *terms.floats(),
             )
         timeout = SLOW_ANSWER_TIMEOUT if command in _SLOW else ANSWER_TIMEOUT
         end = time.monotonic() + timeout

@@ -80,6 +80,35 @@ def brake_rate(omega: Floats, alpha: Floats, jerk: Floats, limits: Limits) -> tu
     )
 
 
+def axis_brake_rate(
+    omega: Floats, alpha: Floats, jerk: Floats, limits: Limits
+) -> tuple[float, int]:
+    """Return the largest brake rate that is safe for every component in the body frame.
+
+    Every component obeys the inequalities above with its own limits.
+
+    Args:
+        omega: angular velocities of the path, rad/s, shape ``(n, 3)``.
+        alpha: angular accelerations, rad/s^2, shape ``(n, 3)``.
+        jerk: angular jerks, rad/s^3, shape ``(n, 3)``.
+        limits: what the device may see.
+
+    Returns:
+        As :func:`brake_rate`.
+    """
+    return min(
+        _least(
+            np.abs(omega[:, axis]),
+            np.abs(alpha[:, axis]),
+            np.abs(omega[:, axis] * alpha[:, axis]),
+            np.abs(jerk[:, axis]),
+            limits.axis_acceleration[axis],
+            limits.axis_jerk[axis],
+        )
+        for axis in range(3)
+    )
+
+
 def linear_brake_rate(velocity: Floats, acceleration: Floats, limits: Limits) -> tuple[float, int]:
     """Return the largest safe brake rate for the linear part of a path, which has no jerk limit.
 

@@ -13,8 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from orientd.driver import Figure
-from orientd.planner.brake import FASTEST_BRAKE_RATE, brake_rate, linear_brake_rate
-from orientd.planner.limits import Limits
+from orientd.planner.brake import (
+    FASTEST_BRAKE_RATE,
+    axis_brake_rate,
+    brake_rate,
+    linear_brake_rate,
+)
+from orientd.planner.limits import ANGULAR, AXES, Limits
 from orientd.rotation import Floats, conjugate, log, multiply
 
 CHUNK = 8192
@@ -66,6 +71,10 @@ class Peaks:
         linear_acceleration: of the position, m/s^2.
         brake_rate: largest safe brake rate, 1/s.
         brake_time: path time of the record that sets it, s.
+        axis_velocity: components of the angular velocity in the body frame, rad/s; empty where
+            none is limited by itself, as the next two.
+        axis_acceleration: of the angular acceleration, rad/s^2.
+        axis_jerk: of the angular jerk, rad/s^3.
     """
 
     velocity: Peak
@@ -75,6 +84,24 @@ class Peaks:
     linear_acceleration: Peak
     brake_rate: float
     brake_time: float
+    axis_velocity: tuple[Peak, ...] = ()
+    axis_acceleration: tuple[Peak, ...] = ()
+    axis_jerk: tuple[Peak, ...] = ()
+
+    @property
+    def spins(self) -> float:
+        """The largest angular velocity as a share of its limits, of the norm and of the axes."""
+        return max(peak.ratio for peak in (self.velocity, *self.axis_velocity))
+
+    @property
+    def bends(self) -> float:
+        """The same of the angular acceleration."""
+        return max(peak.ratio for peak in (self.acceleration, *self.axis_acceleration))
+
+    @property
+    def twists(self) -> float:
+        """The same of the angular jerk."""
+        return max(peak.ratio for peak in (self.jerk, *self.axis_jerk))
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +125,8 @@ class Certificate:
             for methods that do not interpolate.
         brake_rate: how fast the servo may change speed on the path, 1/s.
         stop_time: how long a stop from full speed takes then, s.
-        figures: what the device's driver certifies beyond that, of its axes for example.
+        figures: what is certified beyond that: of the body's axes where they have limits of
+            their own, and what the device's driver adds, of its own axes for example.
         notes: what the driver has to say of the motion, a line each.
     """
 
@@ -140,6 +168,32 @@ class _Largest:
 
     def peak(self, limit: float) -> Peak:
         return Peak(float(np.sqrt(self._square)) / self._unit, self._index * self._period, limit)
+
+
+class _Components:
+    """The largest of each component of the three angular rates, where one is limited."""
+
+    def __init__(self, period: float, limits: Limits) -> None:
+        self._limits = limits
+        self._largest = [
+            [_Largest(power, period) for _ in AXES] if limits.has_axes else []
+            for power in range(1, len(ANGULAR) + 1)
+        ]
+
+    def see(self, first: int, *rates: Floats) -> None:
+        """Take in the rates of the records from *first* on, those of higher order one later."""
+        for order, (row, rate) in enumerate(zip(self._largest, rates, strict=True)):
+            for axis, largest in enumerate(row):
+                largest.see(rate[:, axis] ** 2, first + order)
+
+    def peaks(self) -> dict[str, tuple[Peak, ...]]:
+        return {
+            f"axis_{name}": tuple(
+                largest.peak(limit)
+                for largest, limit in zip(row, self._limits.axes(name), strict=False)
+            )
+            for name, row in zip(ANGULAR, self._largest, strict=True)
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,6 +250,7 @@ def measure(
     """
     turn, bend, twist = (_Largest(power, period) for power in (1, 2, 3))
     move, push = (_Largest(power, period) for power in (1, 2))
+    components = _Components(period, limits)
     slowest, slowest_index = FASTEST_BRAKE_RATE, 0
     q_tail, p_tail = before if before is not None else (np.empty((0, 4)), np.empty((0, 3)))
     for first in range(0, count, CHUNK):
@@ -216,6 +271,7 @@ def measure(
         bend.see(_squares(alpha), index + 2)
         jerk_squares = _squares(jerk)
         twist.see(jerk_squares, index + 3)
+        components.see(index + 1, omega, alpha, jerk)
         # A device that keeps its place is the ordinary case; see whether it moves at all.
         is_still = bool(np.all(p == p[0]))
         if not is_still:
@@ -234,6 +290,15 @@ def measure(
         )
         if rate < slowest:
             slowest, slowest_index = rate, index + 3 + place
+        if brake_limits.has_axes:
+            rate, place = axis_brake_rate(
+                omega[2:] / period,
+                alpha[1:] / period**2 * bends[:, None],
+                jerk / period**3 * twists[:, None],
+                brake_limits,
+            )
+            if rate < slowest:
+                slowest, slowest_index = rate, index + 3 + place
         if not is_still:
             rate, place = linear_brake_rate(v[1:] / period, a / period**2, brake_limits)
             if rate < slowest:
@@ -246,6 +311,7 @@ def measure(
         push.peak(limits.linear_acceleration),
         slowest,
         slowest_index * period,
+        **components.peaks(),
     )
 
 

@@ -26,7 +26,7 @@ from orientd.curves import METHODS, Curve
 from orientd.errors import PlanError
 from orientd.planner.limits import Limits
 from orientd.planner.position import UNIT_ACCELERATION, UNIT_JERK, UNIT_VELOCITY
-from orientd.rotation import Floats, angle, exp_half, multiply
+from orientd.rotation import Floats, angle, conjugate, exp_half, log, multiply
 
 Booleans = NDArray[np.bool_]
 
@@ -54,6 +54,9 @@ class _Bounds:
     velocity: float
     acceleration: float
     jerk: float
+    axis_velocity: Floats
+    axis_acceleration: Floats
+    axis_jerk: Floats
 
     @classmethod
     def of(cls, limits: Limits, omega: Floats, alpha: Floats) -> _Bounds:
@@ -63,13 +66,27 @@ class _Bounds:
             max(_VELOCITY_MARGIN * limits.velocity, rounding * float(np.linalg.norm(omega))),
             max(reserved.acceleration, rounding * float(np.linalg.norm(alpha))),
             reserved.jerk,
+            np.maximum(_VELOCITY_MARGIN * np.array(limits.axis_velocity), rounding * np.abs(omega)),
+            np.maximum(reserved.axis_acceleration, rounding * np.abs(alpha)),
+            np.array(reserved.axis_jerk),
+        )
+
+    @property
+    def least(self) -> tuple[float, float]:
+        """Acceleration and jerk that are allowed in any direction."""
+        return (
+            min(self.acceleration, float(self.axis_acceleration.min())),
+            min(self.jerk, float(self.axis_jerk.min())),
         )
 
     def keeps(self, velocity: Floats, acceleration: Floats, jerk: Floats) -> Booleans:
         kept: Booleans = np.all(
             (_norm(velocity) <= self.velocity)
             & (_norm(acceleration) <= self.acceleration)
-            & (_norm(jerk) <= self.jerk),
+            & (_norm(jerk) <= self.jerk)
+            & np.all(np.abs(velocity) <= self.axis_velocity, axis=-1)
+            & np.all(np.abs(acceleration) <= self.axis_acceleration, axis=-1)
+            & np.all(np.abs(jerk) <= self.axis_jerk, axis=-1),
             axis=-1,
         )
         return kept
@@ -135,10 +152,11 @@ def _quintic(
 def _candidates(omega: Floats, alpha: Floats, bounds: _Bounds, period: float) -> list[int]:
     """Return numbers of cycles to try, in order, by the closed form of parallel vectors."""
     speed, size = float(np.linalg.norm(omega)), float(np.linalg.norm(alpha))
+    most_acceleration, most_jerk = bounds.least
     scale = (
-        1.5 * speed / bounds.acceleration
-        + math.sqrt(6.0 * speed / bounds.jerk)
-        + 9.0 * size / bounds.jerk
+        1.5 * speed / most_acceleration
+        + math.sqrt(6.0 * speed / most_jerk)
+        + 9.0 * size / most_jerk
     )
     most = math.ceil(10.0 * scale / period) + 8
     grid = np.unique(np.round(np.geomspace(1.0, most, _GRID)).astype(np.int64))
@@ -190,10 +208,14 @@ def approach_cycles(
     turn, move = float(angle(q0, q1)), float(np.linalg.norm(p1 - p0))
     if turn <= _SAME and move <= _SAME:
         return 0
+    velocity, acceleration, jerk = limits.velocity, reserved.acceleration, reserved.jerk
+    if limits.has_axes and turn > _SAME:
+        rotation = log(multiply(conjugate(q0), q1))
+        velocity, acceleration, jerk = reserved.along((rotation / turn).tolist())
     duration = max(
-        UNIT_VELOCITY * turn / limits.velocity,
-        math.sqrt(UNIT_ACCELERATION * turn / reserved.acceleration),
-        math.cbrt(UNIT_JERK * turn / reserved.jerk),
+        UNIT_VELOCITY * turn / velocity,
+        math.sqrt(UNIT_ACCELERATION * turn / acceleration),
+        math.cbrt(UNIT_JERK * turn / jerk),
         UNIT_VELOCITY * move / limits.linear_velocity,
         math.sqrt(UNIT_ACCELERATION * move / reserved.linear_acceleration),
     )

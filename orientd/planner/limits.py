@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 
 from orientd.errors import RequestError
@@ -21,10 +22,26 @@ UNITS = {
     "linear_acceleration": "m/s^2",
 }
 
+ANGULAR = ("velocity", "acceleration", "jerk")
+"""The quantities that can be limited axis by axis, lowest derivative first."""
+
+AXES = "xyz"
+"""Names of the body's axes."""
+
+Triple = tuple[float, float, float]
+Rate = float | Sequence[float]
+"""A limit as it is written: of a norm, or of the x, y and z components in the body frame."""
+
+NO_AXES: Triple = (math.inf, math.inf, math.inf)
+
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Largest rates, each the Euclidean norm of a vector; infinity stands for "no limit".
+    """Largest rates; infinity stands for "no limit".
+
+    A quantity is limited by its Euclidean norm and, for rotations, by its components in the body
+    frame too.  Where only the components are given, the norm is the one they imply, which is
+    finite and never in the way (:meth:`with_rates`).
 
     Attributes:
         velocity: angular velocity, rad/s.
@@ -32,6 +49,9 @@ class Limits:
         jerk: angular jerk, rad/s^3.
         linear_velocity: velocity of the position, m/s.
         linear_acceleration: acceleration of the position, m/s^2.
+        axis_velocity: sizes of the components of the angular velocity about the body's axes.
+        axis_acceleration: the same of the angular acceleration.
+        axis_jerk: the same of the angular jerk.
 
     Raises:
         ValueError: a limit is not positive.
@@ -42,20 +62,29 @@ class Limits:
     jerk: float
     linear_velocity: float
     linear_acceleration: float
+    axis_velocity: Triple = NO_AXES
+    axis_acceleration: Triple = NO_AXES
+    axis_jerk: Triple = NO_AXES
 
     def __post_init__(self) -> None:
         for name, unit in UNITS.items():
             limit = getattr(self, name)
             if not limit > 0.0:
                 raise ValueError(f"{name} must be positive, got {limit} {unit}")
+        for name in ANGULAR:
+            for axis, limit in zip(AXES, self.axes(name), strict=True):
+                if not limit > 0.0:
+                    raise ValueError(
+                        f"{name} about {axis} must be positive, got {limit} {UNITS[name]}"
+                    )
 
     @classmethod
     def partial(
         cls,
         *,
-        velocity: float = math.inf,
-        acceleration: float = math.inf,
-        jerk: float = math.inf,
+        velocity: Rate = math.inf,
+        acceleration: Rate = math.inf,
+        jerk: Rate = math.inf,
         linear_velocity: float = math.inf,
         linear_acceleration: float = math.inf,
     ) -> Limits:
@@ -64,11 +93,74 @@ class Limits:
         >>> Limits.partial(velocity=1.0).jerk
         inf
         """
-        return cls(velocity, acceleration, jerk, linear_velocity, linear_acceleration)
+        rates: dict[str, Rate] = {
+            "velocity": velocity,
+            "acceleration": acceleration,
+            "jerk": jerk,
+            "linear_velocity": linear_velocity,
+            "linear_acceleration": linear_acceleration,
+        }
+        return _UNLIMITED.with_rates(rates)
+
+    def with_rates(self, rates: Mapping[str, Rate]) -> Limits:
+        """Return these limits with those of *rates* in place of their own.
+
+        Args:
+            rates: by the names of :data:`UNITS`; three numbers limit the components in the body
+                frame, and their own length is then the limit of the norm.
+
+        >>> Limits.partial().with_rates({"velocity": [2.0, 1.0, 2.0]}).velocity
+        3.0
+        """
+        changes: dict[str, float | Triple] = {}
+        for name, rate in rates.items():
+            if isinstance(rate, int | float):
+                changes[name] = float(rate)
+                if name in ANGULAR:
+                    changes[f"axis_{name}"] = NO_AXES
+            else:
+                x, y, z = map(float, rate)
+                changes[name], changes[f"axis_{name}"] = math.hypot(x, y, z), (x, y, z)
+        return replace(self, **changes)  # type: ignore[arg-type]  # names and kinds go together
+
+    def axes(self, name: str) -> Triple:
+        """Return the limits of the components of one of :data:`ANGULAR`."""
+        axes: Triple = getattr(self, f"axis_{name}")
+        return axes
+
+    @property
+    def has_axes(self) -> bool:
+        """Whether any component is limited by itself."""
+        return any(self.axes(name) != NO_AXES for name in ANGULAR)
+
+    def rate(self, name: str) -> Rate:
+        """Return a limit as a person would write it: three numbers where the norm is theirs."""
+        norm: float = getattr(self, name)
+        if name not in ANGULAR:
+            return norm
+        axes = self.axes(name)
+        return norm if norm < math.hypot(*axes) * (1.0 - 1e-12) or axes == NO_AXES else axes
+
+    def along(self, direction: Sequence[float]) -> Iterator[float]:
+        """Yield the limits of :data:`ANGULAR` on a rotation about one axis.
+
+        Args:
+            direction: of the axis in the body frame, a unit vector.
+        """
+        for name in ANGULAR:
+            limit = getattr(self, name)
+            for component, most in zip(direction, self.axes(name), strict=True):
+                if abs(component) * limit > most:
+                    limit = most / abs(component)
+            yield limit
 
     def within(self, other: Limits) -> bool:
         """Return whether every limit is at most as high as the one of *other*."""
-        return all(getattr(self, name) <= getattr(other, name) for name in UNITS)
+        return all(getattr(self, name) <= getattr(other, name) for name in UNITS) and all(
+            mine <= theirs
+            for name in ANGULAR
+            for mine, theirs in zip(self.axes(name), other.axes(name), strict=True)
+        )
 
     def narrowed(self, request: Limits | None) -> Limits:
         """Return these limits of a device, lowered to those of a request.
@@ -81,34 +173,67 @@ class Limits:
         """
         if request is None:
             return self
-        lowered = {}
+        lowered: dict[str, float | Triple] = {}
         for name, unit in UNITS.items():
             asked, allowed = getattr(request, name), getattr(self, name)
-            if asked > allowed and math.isfinite(asked):
+            axes = request.axes(name) if name in ANGULAR else NO_AXES
+            if axes == NO_AXES and asked > allowed and math.isfinite(asked):
                 raise RequestError(
                     f"limits.{name}",
                     f"must be at most the device's {allowed:g} {unit}, got {asked:g}",
                 )
             lowered[name] = min(asked, allowed)
-        return Limits(**lowered)
+        for name in ANGULAR:
+            lowered[f"axis_{name}"] = self._narrowed_axes(name, request.axes(name))
+        return Limits(**lowered)  # type: ignore[arg-type]  # names and kinds go together
 
-    def with_reserve(self) -> Limits:
+    def _narrowed_axes(self, name: str, asked: Triple) -> Triple:
+        own, norm = self.axes(name), getattr(self, name)
+        for index, axis in enumerate(AXES):
+            allowed = min(own[index], norm)
+            if asked[index] > allowed and math.isfinite(asked[index]):
+                raise RequestError(
+                    f"limits.{name}[{index}]",
+                    f"must be at most the device's {allowed:g} {UNITS[name]} about {axis}, "
+                    f"got {asked[index]:g}",
+                )
+        x, y, z = map(min, own, asked)
+        return x, y, z
+
+    def with_reserve(self, share: float = ACCELERATION_RESERVE) -> Limits:
         """Return the limits for timings of the planner's own making.
 
         At a limit of acceleration there is nothing left to slow down with, and a stop on the path
         would take for ever; :mod:`orientd.planner.brake` says how much a reserve buys.
+
+        Args:
+            share: of acceleration and jerk that the timing may use.
         """
-        return replace(
-            self,
-            acceleration=ACCELERATION_RESERVE * self.acceleration,
-            jerk=ACCELERATION_RESERVE * self.jerk,
-            linear_acceleration=ACCELERATION_RESERVE * self.linear_acceleration,
-        )
+        return self._times(1.0, share, share, 1.0, share)
 
     def scaled(self, factor: float) -> Limits:
         """Return every limit multiplied by *factor*."""
-        return Limits(**{f.name: factor * getattr(self, f.name) for f in fields(self)})
+        return self._times(factor, factor, factor, factor, factor)
 
+    def slowed(self, speed: float) -> Limits:
+        """Return the limits under which motions run *speed* times as fast."""
+        return self._times(speed, speed**2, speed**3, speed, speed**2)
+
+    def _times(self, *factors: float) -> Limits:
+        """Return the limits multiplied, one factor for each of :data:`UNITS`."""
+        share = dict(zip(UNITS, factors, strict=True))
+        changed: dict[str, float | Triple] = {}
+        for entry in fields(self):
+            limit, factor = getattr(self, entry.name), share[entry.name.removeprefix("axis_")]
+            if isinstance(limit, tuple):
+                x, y, z = limit
+                changed[entry.name] = factor * x, factor * y, factor * z
+            else:
+                changed[entry.name] = factor * limit
+        return Limits(**changed)  # type: ignore[arg-type]  # names and kinds go together
+
+
+_UNLIMITED = Limits(math.inf, math.inf, math.inf, math.inf, math.inf)
 
 DEFAULT_LIMITS = Limits(
     velocity=2.5,

@@ -10,7 +10,7 @@ import numpy as np
 from orientd.errors import LimitError, PlanError, StartError
 from orientd.planner.brake import SLOWEST_STOP
 from orientd.planner.certificate import Peak, Peaks
-from orientd.planner.limits import UNITS, Limits
+from orientd.planner.limits import ANGULAR, AXES, UNITS, Limits
 from orientd.planner.request import DEFAULT_METHOD, MotionRequest, State
 from orientd.planner.timing import LONGEST
 from orientd.rotation import Floats, angle
@@ -39,16 +39,16 @@ def check_end_velocities(
         LimitError: one of them is.
     """
     for name, omega in (("start_velocity", omega_start), ("end_velocity", omega_end)):
-        speed = 0.0 if omega is None else float(np.linalg.norm(omega))
-        if speed > limits.velocity * (1.0 + _ROUNDING):
-            raise LimitError(
-                "angular velocity",
-                speed,
-                limits.velocity,
-                0.0,
-                UNITS["velocity"],
-                f"{name} asks for it",
-            )
+        if omega is None:
+            continue
+        speeds = {"angular velocity": (float(np.linalg.norm(omega)), limits.velocity)}
+        for axis, component, limit in zip(AXES, omega.tolist(), limits.axis_velocity, strict=True):
+            speeds[f"angular velocity about {axis}"] = abs(component), limit
+        for quantity, (speed, limit) in speeds.items():
+            if speed > limit * (1.0 + _ROUNDING):
+                raise LimitError(
+                    quantity, speed, limit, 0.0, UNITS["velocity"], f"{name} asks for it"
+                )
 
 
 def check_duration(duration: float) -> None:
@@ -142,19 +142,27 @@ def check_limits(peaks: Peaks, place: Place) -> None:
     Raises:
         LimitError: it does; of several broken ones the one that is broken most is named.
     """
-    broken: list[tuple[float, str, Peak]] = []
-    for name in UNITS:
-        peak: Peak = getattr(peaks, name)
-        # Written so that a NaN counts as broken.
-        if not peak.ratio <= 1.0 + _ROUNDING:
-            broken.append((peak.ratio if math.isfinite(peak.ratio) else math.inf, name, peak))
+    broken: list[tuple[float, str, str, Peak]] = []
+    for name, unit in UNITS.items():
+        found: list[tuple[str, Peak]] = [(_QUANTITIES[name], getattr(peaks, name))]
+        if name in ANGULAR:
+            of_axes: tuple[Peak, ...] = getattr(peaks, f"axis_{name}")
+            found += [
+                (f"{_QUANTITIES[name]} about {axis}", peak)
+                for axis, peak in zip(AXES, of_axes, strict=False)
+            ]
+        for quantity, peak in found:
+            # Written so that a NaN counts as broken.
+            if not peak.ratio <= 1.0 + _ROUNDING:
+                ratio = peak.ratio if math.isfinite(peak.ratio) else math.inf
+                broken.append((ratio, quantity, unit, peak))
     if not broken:
         return
-    _, name, peak = max(broken, key=lambda entry: entry[0])
+    _, quantity, unit, peak = max(broken, key=lambda entry: entry[0])
     advice = place.name(peak.time)
     if _has_jumps(place.request):
         advice = f"{advice}; {_JUMPS}"
-    raise LimitError(_QUANTITIES[name], peak.value, peak.limit, peak.time, UNITS[name], advice)
+    raise LimitError(quantity, peak.value, peak.limit, peak.time, unit, advice)
 
 
 def check_stop(peaks: Peaks, place: Place) -> None:

@@ -91,7 +91,9 @@ def reshaped(motion: Motion, shape: ShapedPath) -> Motion:
         end_time=float(end),
         keyframe_times=times,
         record_count=len(course),
-        certificate=replace(certificate, figures=shape.figures, notes=shape.notes),
+        certificate=replace(
+            certificate, figures=(*certificate.figures, *shape.figures), notes=shape.notes
+        ),
         rough=rough,
         first_joints=shape.first_joints,
         last_joints=shape.last_joints,

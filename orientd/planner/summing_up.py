@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
-from orientd.planner.certificate import HISTORY, Certificate, Peaks
+from orientd.driver import Figure
+from orientd.planner.certificate import HISTORY, Certificate, Peak, Peaks
+from orientd.planner.limits import ANGULAR, AXES, UNITS
 from orientd.planner.path import Path
 from orientd.planner.request import MotionRequest, State
 from orientd.planner.table_path import TablePath
@@ -49,7 +52,17 @@ def summed_up(
         keyframe_error=float(np.max(angle(keyframes, request.keys))),
         brake_rate=peaks.brake_rate,
         stop_time=1.0 / peaks.brake_rate if peaks.brake_rate > 0.0 else math.inf,
+        figures=tuple(_axis_figures(peaks)),
     )
+
+
+def _axis_figures(peaks: Peaks) -> Iterator[Figure]:
+    for name in ANGULAR:
+        of_axes: tuple[Peak, ...] = getattr(peaks, f"axis_{name}")
+        for axis, peak in zip(AXES, of_axes, strict=False):
+            if math.isfinite(peak.limit):
+                words = f"angular {name} about {axis}"
+                yield Figure(words, peak.value, UNITS[name], peak.limit, peak.time)
 
 
 def _distance(omega: Floats, wanted: Floats | None) -> float:

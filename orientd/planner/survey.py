@@ -102,23 +102,29 @@ def _factors(core: Core, instants: Floats, limits: Limits, period: float) -> Flo
         _, velocity = core.positions.sample(times)
         # What lies within a period counts as a step of the acceleration over one.
         steps = np.maximum(np.diff(times), period)
-        jerk = np.concatenate([[0.0], _norm(np.diff(alpha, axis=0)) / steps])
+        twists = np.zeros(len(times))
+        twists[1:] = _shares(np.diff(alpha, axis=0), limits, "jerk") / steps
         push = np.concatenate([[0.0], _norm(np.diff(velocity, axis=0)) / steps])
-        if core.continuity < 2:
-            twist = np.sqrt(_LARGEST_STEP * jerk / limits.jerk)
-        else:
-            twist = np.cbrt(jerk / limits.jerk)
+        twist = np.sqrt(_LARGEST_STEP * twists) if core.continuity < 2 else np.cbrt(twists)
         factors[some] = np.maximum.reduce(
             [
                 factors[some],
-                _norm(omega) / limits.velocity,
-                np.sqrt(_norm(alpha) / limits.acceleration),
+                _shares(omega, limits, "velocity"),
+                np.sqrt(_shares(alpha, limits, "acceleration")),
                 twist,
                 _norm(velocity) / limits.linear_velocity,
                 np.sqrt(push / limits.linear_acceleration),
             ]
         )
     return factors
+
+
+def _shares(vectors: Floats, limits: Limits, name: str) -> Floats:
+    """Return angular rates as shares of their limits, of the norm or of an axis."""
+    shares = _norm(vectors) / float(getattr(limits, name))
+    if limits.has_axes:
+        shares = np.maximum(shares, np.max(np.abs(vectors) / limits.axes(name), axis=-1))
+    return shares
 
 
 def _norm(vectors: Floats) -> Floats:

@@ -115,9 +115,9 @@ def excess(peaks: Peaks, continuity: int) -> float:
     """
     bend, twist = OFF_GRID[continuity]
     return max(
-        peaks.velocity.ratio,
-        math.sqrt(bend * peaks.acceleration.ratio),
-        (math.cbrt if continuity >= 2 else math.sqrt)(twist * peaks.jerk.ratio),
+        peaks.spins,
+        math.sqrt(bend * peaks.bends),
+        (math.cbrt if continuity >= 2 else math.sqrt)(twist * peaks.twists),
         peaks.linear_velocity.ratio,
         math.sqrt(peaks.linear_acceleration.ratio),
     )

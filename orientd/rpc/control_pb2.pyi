@@ -101,18 +101,24 @@ class Matrix(_message.Message):
     def __init__(self, elements: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Limits(_message.Message):
-    __slots__ = ("velocity", "acceleration", "jerk", "linear_velocity", "linear_acceleration")
+    __slots__ = ("velocity", "acceleration", "jerk", "linear_velocity", "linear_acceleration", "axis_velocity", "axis_acceleration", "axis_jerk")
     VELOCITY_FIELD_NUMBER: _ClassVar[int]
     ACCELERATION_FIELD_NUMBER: _ClassVar[int]
     JERK_FIELD_NUMBER: _ClassVar[int]
     LINEAR_VELOCITY_FIELD_NUMBER: _ClassVar[int]
     LINEAR_ACCELERATION_FIELD_NUMBER: _ClassVar[int]
+    AXIS_VELOCITY_FIELD_NUMBER: _ClassVar[int]
+    AXIS_ACCELERATION_FIELD_NUMBER: _ClassVar[int]
+    AXIS_JERK_FIELD_NUMBER: _ClassVar[int]
     velocity: float
     acceleration: float
     jerk: float
     linear_velocity: float
     linear_acceleration: float
-    def __init__(self, velocity: _Optional[float] = ..., acceleration: _Optional[float] = ..., jerk: _Optional[float] = ..., linear_velocity: _Optional[float] = ..., linear_acceleration: _Optional[float] = ...) -> None: ...
+    axis_velocity: Vector3
+    axis_acceleration: Vector3
+    axis_jerk: Vector3
+    def __init__(self, velocity: _Optional[float] = ..., acceleration: _Optional[float] = ..., jerk: _Optional[float] = ..., linear_velocity: _Optional[float] = ..., linear_acceleration: _Optional[float] = ..., axis_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., axis_acceleration: _Optional[_Union[Vector3, _Mapping]] = ..., axis_jerk: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
 
 class Keyframe(_message.Message):
     __slots__ = ("time", "quaternion", "rotation_vector", "euler", "matrix", "position", "turns")

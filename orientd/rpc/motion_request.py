@@ -51,7 +51,8 @@ class Wishes(TypedDict, total=False):
         velocity_frame: coordinates of these two, of the tool or of the world; default the tool's.
         approach: whether to lead in from wherever the device is.
         limits: narrower than the device's own: ``velocity``, ``acceleration``, ``jerk``,
-            ``linear_velocity``, ``linear_acceleration``.
+            ``linear_velocity``, ``linear_acceleration``; the angular ones may be three numbers,
+            for the components in the body frame.
         options: of the method.
     """
 
@@ -62,7 +63,7 @@ class Wishes(TypedDict, total=False):
     end_velocity: ArrayLike
     velocity_frame: Literal["body", "world"]
     approach: bool
-    limits: Mapping[str, float]
+    limits: Mapping[str, float | Sequence[float]]
     options: Mapping[str, Any]
 
 

@@ -16,6 +16,7 @@ from google.protobuf.struct_pb2 import Struct
 
 from orientd.errors import RequestError
 from orientd.planner import Keyframe, MotionRequest
+from orientd.planner.limits import ANGULAR
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.value_wire import RATES, quaternion, vector
 
@@ -42,8 +43,7 @@ def to_mapping(message: pb.MotionRequest) -> dict[str, Any]:
     if message.HasField("approach"):
         mapping["approach"] = message.approach
     if message.HasField("limits"):
-        limits = message.limits
-        mapping["limits"] = {name: getattr(limits, name) for name in RATES if limits.HasField(name)}
+        mapping["limits"] = _limits_to_mapping(message.limits)
     if message.HasField("options"):
         mapping["options"] = _from_struct(message.options)
     return mapping
@@ -63,12 +63,28 @@ def from_request(request: MotionRequest) -> pb.MotionRequest:
         message.end_velocity.CopyFrom(vector(request.end_velocity))
     if request.limits is not None:
         for name in RATES:
-            limit = getattr(request.limits, name)
-            if math.isfinite(limit):
+            limit = request.limits.rate(name)
+            if not isinstance(limit, float):
+                x, y, z = limit
+                getattr(message.limits, f"axis_{name}").CopyFrom(vector((x, y, z)))
+            elif math.isfinite(limit):
                 setattr(message.limits, name, limit)
     if request.options:
         message.options.update(_plain(request.options))
     return message
+
+
+def _limits_to_mapping(message: pb.Limits) -> dict[str, Any]:
+    mapping: dict[str, Any] = {
+        name: getattr(message, name) for name in RATES if message.HasField(name)
+    }
+    for name in ANGULAR:
+        axes = f"axis_{name}"
+        if message.HasField(axes):
+            if name in mapping:
+                raise RequestError(f"limits.{name}", f"expected one of {name} and {axes}, got both")
+            mapping[name] = _vector(getattr(message, axes))
+    return mapping
 
 
 def _keyframe_to_mapping(message: pb.Keyframe) -> dict[str, Any]:

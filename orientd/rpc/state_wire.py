@@ -6,6 +6,7 @@ from orientd.driver import IDENTITY, ZERO
 from orientd.driver.floats import difference, norm
 from orientd.errors import Fault
 from orientd.planner import Limits
+from orientd.planner.limits import ANGULAR, NO_AXES
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.reports import DaemonReport, DeviceReport, Method
 from orientd.rpc.value_wire import (
@@ -40,13 +41,21 @@ def tracking_error(cycle: Cycle) -> float | None:
 
 
 def limits_to_message(limits: Limits) -> pb.Limits:
-    """Return all five limits."""
-    return pb.Limits(**{name: getattr(limits, name) for name in RATES})
+    """Return all limits; those of the axes only where there are any."""
+    message = pb.Limits(**{name: getattr(limits, name) for name in RATES})
+    for name in ANGULAR:
+        if limits.axes(name) != NO_AXES:
+            getattr(message, f"axis_{name}").CopyFrom(vector(limits.axes(name)))
+    return message
 
 
 def limits_from_message(message: pb.Limits) -> Limits:
-    """Return all five limits."""
-    return Limits(**{name: getattr(message, name) for name in RATES})
+    """Return the limits that *message* was made of."""
+    axes = (
+        to_vector(getattr(message, f"axis_{name}")) if message.HasField(f"axis_{name}") else NO_AXES
+        for name in ANGULAR
+    )
+    return Limits(*(getattr(message, name) for name in RATES), *axes)
 
 
 def cycle_to_message(cycle: Cycle) -> pb.Cycle:

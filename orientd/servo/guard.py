@@ -68,6 +68,10 @@ class Guard:
             and reached[2] <= terms.jerk * TOLERANCE + rounding / h / h
         ):
             return _explain(reached, terms)
+        if terms.has_axes:
+            problem = _beyond_axes(omega, alpha, (x, y, z), terms, rounding, h)
+            if problem:
+                return problem
         if position != self.position or self.velocity != ZERO:
             problem = self._admit_position(position, terms)
             if problem:
@@ -96,17 +100,17 @@ class Guard:
         The guard's own state follows.
         """
         h = self.period
-        ramp = ceil(norm(self.alpha) / (terms.jerk * h))
+        ramp = ceil(_share(self.alpha, terms.jerk, terms.axis_jerk) / h)
         alpha, omega = self.alpha, self.omega
         for k in range(1, ramp + 1):
             share = 1.0 - k / ramp
             omega = _plus(omega, alpha, share * h)
             yield self._step(omega, self.velocity)
-        speed, velocity = norm(omega), self.velocity
+        velocity = self.velocity
         cycles = ceil(
             max(
-                1.5 * speed / (terms.acceleration * h),
-                sqrt(6.0 * speed / terms.jerk) / h,
+                1.5 * _share(omega, terms.acceleration, terms.axis_acceleration) / h,
+                sqrt(6.0 * _share(omega, terms.jerk, terms.axis_jerk)) / h,
                 1.5 * norm(velocity) / (terms.linear_acceleration * h),
                 1.0,
             )
@@ -128,6 +132,36 @@ class Guard:
 
 def _plus(a: Vector3, b: Vector3, factor: float) -> Vector3:
     return (a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2])
+
+
+def _share(vector: Vector3, limit: float, axes: Vector3) -> float:
+    """Return how long a limited rate needs for a change by *vector* along itself, s."""
+    x, y, z = vector
+    return max(norm(vector) / limit, abs(x) / axes[0], abs(y) / axes[1], abs(z) / axes[2])
+
+
+def _beyond_axes(
+    omega: Vector3, alpha: Vector3, jerk: Vector3, terms: Terms, rounding: float, h: float
+) -> str:
+    """Return which component is too large, the lowest derivative first, or an empty string."""
+    for name, vector, axes, slack, unit in (
+        ("velocity", omega, terms.axis_velocity, rounding, "rad/s"),
+        ("acceleration", alpha, terms.axis_acceleration, rounding / h, "rad/s^2"),
+        ("jerk", jerk, terms.axis_jerk, rounding / h / h, "rad/s^3"),
+    ):
+        x, y, z = vector
+        a, b, c = axes
+        if not (
+            abs(x) <= a * TOLERANCE + slack
+            and abs(y) <= b * TOLERANCE + slack
+            and abs(z) <= c * TOLERANCE + slack
+        ):
+            _, axis, size, limit = max(
+                (abs(size) / limit, axis, abs(size), limit)
+                for axis, size, limit in zip("xyz", vector, axes, strict=True)
+            )
+            return f"angular {name} {size:.6g} {unit} about {axis}, the limit is {limit:.6g} {unit}"
+    return ""
 
 
 def _explain(reached: tuple[float, float, float], terms: Terms) -> str:

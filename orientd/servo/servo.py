@@ -212,7 +212,7 @@ class Servo:
             return  # still being written; it is there in the next cycle
         self._taken += 1
         index, code, motion, path_index, leave, final, start_ns, speed, *terms = fields
-        leg = Leg(motion, path_index, Terms(*terms), leave, final)
+        leg = Leg(motion, path_index, Terms.from_floats(terms), leave, final)
         try:
             text = self._obey(Command(code), leg, speed, start_ns)
             answer = Answer.REFUSED if text else Answer.DONE

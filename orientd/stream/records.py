@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 import struct
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 from orientd.driver.contract import Quaternion, Vector3
@@ -68,9 +69,9 @@ JOINTS = 8
 NO_JOINTS = (math.nan,) * JOINTS
 
 
-# index, code, motion, path_index, leave_index, final_index, start_ns | speed, velocity,
-# acceleration, jerk, linear velocity, linear acceleration, brake_rate
-COMMAND_RECORD = struct.Struct("@QIIQqqq7d")
+# index, code, motion, path_index, leave_index, final_index, start_ns | speed, terms
+TERMS_FLOATS = 15
+COMMAND_RECORD = struct.Struct(f"@QIIQqqq{1 + TERMS_FLOATS}d")
 UNKNOWN = -1
 """Index of a record that is not yet known."""
 
@@ -101,6 +102,10 @@ class CycleFlag(IntEnum):
     """A setpoint was written in this cycle."""
 
 
+NO_AXES: Vector3 = (math.inf, math.inf, math.inf)
+"""Limits of components where only the norm is limited."""
+
+
 @dataclass(frozen=True, slots=True)
 class Terms:
     """What a motion promised to keep, and how fast it may be stopped on its path.
@@ -112,6 +117,10 @@ class Terms:
         linear_velocity: largest velocity of the position, m/s.
         linear_acceleration: its largest acceleration, m/s^2.
         brake_rate: a stop from full speed takes ``1 / brake_rate`` seconds; 1/s.
+        axis_velocity: largest components of the angular velocity in the body frame, rad/s.
+        axis_acceleration: the same of the angular acceleration, rad/s^2.
+        axis_jerk: the same of the angular jerk, rad/s^3.
+        has_axes: whether any component is limited by itself.
     """
 
     velocity: float
@@ -120,6 +129,37 @@ class Terms:
     linear_velocity: float
     linear_acceleration: float
     brake_rate: float
+    axis_velocity: Vector3 = NO_AXES
+    axis_acceleration: Vector3 = NO_AXES
+    axis_jerk: Vector3 = NO_AXES
+    has_axes: bool = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        axes = (*self.axis_velocity, *self.axis_acceleration, *self.axis_jerk)
+        # The class is frozen for everybody but its own constructor.
+        object.__setattr__(self, "has_axes", min(axes) < math.inf)
+
+    def floats(self) -> tuple[float, ...]:
+        """Return the :data:`TERMS_FLOATS` numbers that a command record has for terms."""
+        return (
+            self.velocity,
+            self.acceleration,
+            self.jerk,
+            self.linear_velocity,
+            self.linear_acceleration,
+            self.brake_rate,
+            *self.axis_velocity,
+            *self.axis_acceleration,
+            *self.axis_jerk,
+        )
+
+    @classmethod
+    def from_floats(cls, floats: Sequence[float]) -> Terms:
+        """Return the terms that :meth:`floats` was of."""
+        v, a, j, linear_v, linear_a, brake_rate, vx, vy, vz, ax, ay, az, jx, jy, jz = floats
+        return cls(
+            v, a, j, linear_v, linear_a, brake_rate, (vx, vy, vz), (ax, ay, az), (jx, jy, jz)
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -151,3 +151,34 @@ def test_lead_that_is_not_allowed_is_refused(given, complaint):
     with pytest.raises(ConfigError) as caught:
         led(**given)
     assert complaint in str(caught.value)
+
+
+def limits_of(tmp_path, table):
+    text = f"[devices.arm]\ndriver = 'x'\nlimits = {{{table}}}"
+    return config.load(write(tmp_path, text)).devices["arm"].limits.to_limits()
+
+
+def test_a_preset_is_overridden_by_what_is_given_beside_it(tmp_path):
+    limits = limits_of(tmp_path, "preset = 'franka-panda', velocity = [2, 1, 2], jerk = 100")
+    assert limits.acceleration == 25.0  # of the preset
+    assert (limits.axis_velocity, limits.velocity, limits.jerk) == ((2.0, 1.0, 2.0), 3.0, 100.0)
+    assert limits.linear_velocity == 1.0  # of the planner
+
+
+@pytest.mark.parametrize(
+    ("table", "complaint"),
+    [
+        ("preset = 'franka'", "limits.preset: expected one of franka-fr3, franka-panda, ur5e"),
+        ("velocity = [1, 2]", "limits.velocity: expected three finite numbers greater than 0"),
+        ("jerk = [1, 0, 1]", "limits.jerk: expected three finite numbers greater than 0"),
+        ("jerk = [1, 'a', 1]", "limits.jerk: expected three finite numbers greater than 0"),
+        ("acceleration = 'a'", "limits.acceleration: expected a number, got 'a'"),
+        ("velocity = -1", "limits.velocity: expected greater than 0, got -1"),
+        ("linear_velocity = [1, 1, 1]", "limits.linear_velocity: expected a number, got [1, 1, 1]"),
+    ],
+)
+def test_wrong_limits_are_refused_in_one_line_that_names_the_field(tmp_path, table, complaint):
+    with pytest.raises(ConfigError) as caught:
+        limits_of(tmp_path, table)
+    assert f"devices.arm.{complaint}" in str(caught.value)
+    assert "\n" not in str(caught.value)

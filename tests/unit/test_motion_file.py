@@ -361,3 +361,22 @@ def test_many_keyframes_of_one_wrong_form_are_told_by_the_first(written):
     good, bad = "  - {rotation_vector: [0, 0, 1]}\n", "  - {matrix: [[1,0,0],[0,1,0],[0,0,3]]}\n"
     field, _ = refusal(written("keyframes:\n" + good * 50 + bad * 3))
     assert field == "keyframes[50].matrix"
+
+
+def test_three_numbers_limit_the_components_in_the_body_frame(written):
+    request = load(written(KEYFRAMES + "limits: {velocity: [2, 1, 2], jerk: 100}"))
+    assert request.limits == Limits.partial(velocity=[2.0, 1.0, 2.0], jerk=100.0)
+
+
+@pytest.mark.parametrize("limit", ["[1, 2]", "[1, 2, -3]", "[1, 2, .inf]", "[1, 2, true]"])
+def test_three_limits_must_be_three_positive_numbers(written, limit):
+    field, problem = refusal(written(KEYFRAMES + f"limits: {{velocity: {limit}}}"))
+    assert field == "limits.velocity"
+    assert problem.startswith("expected three finite numbers greater than 0")
+
+
+def test_the_schema_admits_three_limits_where_the_reader_does():
+    kinds = motion_schema()["$defs"]["LimitsModel"]["properties"]
+    for name in ("velocity", "acceleration", "jerk"):
+        assert sum("array" in str(kind) for kind in kinds[name]["anyOf"]) == 1
+    assert "array" not in str(kinds["linear_velocity"])

@@ -7,8 +7,10 @@ import pytest
 
 from orientd import motion_file
 from orientd.errors import RequestError
+from orientd.planner import DEFAULT_LIMITS
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.motion_wire import from_request, to_mapping
+from orientd.rpc.state_wire import limits_from_message, limits_to_message
 
 FILE = {
     "method": "kks_hermite_spline",
@@ -47,6 +49,23 @@ def same(one, other):
 def test_a_request_survives_the_wire():
     request = motion_file.parse(FILE)
     same(motion_file.parse(to_mapping(from_request(request))), request)
+
+
+def test_limits_of_axes_survive_the_wire_in_requests_and_in_reports():
+    table = {"velocity": [2, 1, 2.2], "jerk": 100, "acceleration": [4, 5, 6]}
+    request = motion_file.parse({**FILE, "limits": table})
+    message = from_request(request)
+    assert not message.limits.HasField("velocity")
+    same(motion_file.parse(to_mapping(message)), request)
+    limits = DEFAULT_LIMITS.narrowed(request.limits)
+    assert limits_from_message(limits_to_message(limits)) == limits
+    assert limits_from_message(limits_to_message(DEFAULT_LIMITS)) == DEFAULT_LIMITS
+
+
+def test_a_quantity_limited_twice_is_refused():
+    message = pb.MotionRequest(limits=pb.Limits(jerk=1, axis_jerk=pb.Vector3(x=1, y=1, z=1)))
+    with pytest.raises(RequestError, match="expected one of jerk and axis_jerk, got both"):
+        to_mapping(message)
 
 
 def test_what_is_not_set_is_not_there():

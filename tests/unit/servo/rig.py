@@ -116,12 +116,7 @@ class Rig:
             final,
             start_ns,
             speed,
-            terms.velocity,
-            terms.acceleration,
-            terms.jerk,
-            terms.linear_velocity,
-            terms.linear_acceleration,
-            terms.brake_rate,
+            *terms.floats(),
         )
         self.run()
         answer = self.notes(NoteKind.ANSWER)[-1]
