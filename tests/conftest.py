@@ -4,6 +4,7 @@ from pathlib import Path
 # The rigs that several test modules share.
 for folder in (
     "unit/servo",
+    "unit/servo/tracking",
     "unit/daemon",
     "unit/planner",
     "system",

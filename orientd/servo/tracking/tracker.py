@@ -1,0 +1,107 @@
+"""The tracker: one setpoint a cycle, on the way to the target of the moment."""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+from typing import NamedTuple
+
+from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
+from orientd.driver.floats import difference, exp, multiply, normalize
+from orientd.servo.tracking.law import advance, bounds, halt, loosened, moved, steer
+from orientd.servo.tracking.reference import Reference, Target
+from orientd.stream import Terms
+
+_SEAM = 0.2
+"""How far past half a turn the way once taken is kept, rad: a target there must not turn us back
+and forth."""
+
+
+class TrackPoint(NamedTuple):
+    """What one cycle commands.
+
+    Attributes:
+        q: orientation ``(w, x, y, z)``.
+        omega_body: angular velocity of the step to it, rad/s.
+        alpha_body: angular acceleration of the last two steps, rad/s^2.
+    """
+
+    q: Quaternion
+    omega_body: Vector3
+    alpha_body: Vector3
+
+
+class Tracker:
+    """Follows targets with bounded angular velocity, acceleration and jerk.
+
+    The bounds are those of the guard: norms of backward differences.  A target that moves steadily
+    is followed without lag; without a live target the motion comes to rest as soon as it can.
+
+    Attributes:
+        is_at_rest: whether nothing moves and no target lives.
+    """
+
+    def __init__(self, period: float) -> None:
+        """Expect a step every *period* seconds."""
+        self._period = period
+        self._period_ns = round(period * 1e9)
+        self._reference = Reference(period)
+        self._limits = self._bounds = bounds(period, 1e-9, 1e-9, 1e-9)
+        self.begin(IDENTITY, ZERO, ZERO, None)
+
+    def begin(
+        self, q: Quaternion, omega_body: Vector3, alpha_body: Vector3, terms: Terms | None
+    ) -> None:
+        """Begin from what was last commanded, moving or at rest, without any target.
+
+        Args:
+            q: orientation last commanded.
+            omega_body: angular velocity of the step to it, rad/s.
+            alpha_body: change from the step before over the period, rad/s^2.
+            terms: what to keep.  What moves faster than that is slowed down first.
+        """
+        self._q, self._omega, self._alpha = q, omega_body, alpha_body
+        self._reference.clear()
+        self._way = ZERO
+        self.is_at_rest = omega_body == ZERO == alpha_body
+        if terms is not None:
+            self._limits = bounds(self._period, terms.velocity, terms.acceleration, terms.jerk)
+        self._bounds = loosened(self._limits, omega_body, alpha_body)
+
+    def take(self, target: Target, now_ns: int) -> str:
+        """Take a target that arrived; return an empty string, or why it was refused."""
+        return self._reference.take(target, now_ns)
+
+    def step(self, now_ns: int) -> TrackPoint:
+        """Return the setpoint of the cycle that is due at *now_ns*."""
+        if self._bounds is not self._limits:
+            self._bounds = loosened(self._limits, self._omega, self._alpha)
+        # State and target of the same instant, that of the last setpoint.
+        found = self._reference.at(now_ns - self._period_ns)
+        if found is None:
+            self._way = ZERO
+            self.is_at_rest = self._omega == ZERO == self._alpha
+            if self.is_at_rest:
+                return TrackPoint(self._q, ZERO, ZERO)
+            omega, alpha = halt(self._omega, self._alpha, self._bounds)
+        else:
+            self.is_at_rest = False
+            q, omega, alpha = found
+            wish = steer(self._turn(q), self._omega, self._alpha, omega, alpha, self._limits)
+            alpha = advance(self._omega, self._alpha, wish, self._bounds)
+            omega = moved(self._omega, alpha, self._period)
+        h, (x, y, z) = self._period, omega
+        self._q = normalize(multiply(self._q, exp((x * h, y * h, z * h))))
+        self._omega, self._alpha = omega, alpha
+        return TrackPoint(self._q, omega, alpha)
+
+    def _turn(self, q: Quaternion) -> Vector3:
+        """Return the way to *q*: the shorter one, unless the longer one is as good and begun."""
+        x, y, z = turn = difference(self._q, q)
+        angle = sqrt(x * x + y * y + z * z)
+        if angle > pi - _SEAM:
+            u, v, w = self._way
+            if x * u + y * v + z * w < 0.0:
+                s = 1.0 - 2.0 * pi / angle
+                turn = (s * x, s * y, s * z)
+        self._way = turn
+        return turn

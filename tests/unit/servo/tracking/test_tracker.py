@@ -1,0 +1,199 @@
+"""What a tracker promises about the targets it follows; the guard judges every setpoint."""
+
+from math import cos, pi, sin
+
+import pytest
+import ruckig
+from tracking_world import NS, World, angle, terms
+
+from orientd.driver import ZERO
+from orientd.driver.floats import exp, multiply, norm
+from orientd.servo.tracking import Target, Tracker, quickest_stop
+
+LIMITS = [terms(2.5, 17.0, 8500.0), terms(2.0, 10.0, 100.0), terms(1.0, 4.0, 40.0)]
+AXIS = (0.36, -0.48, 0.8)
+
+
+def turned(radians, axis=AXIS):
+    return exp((radians * axis[0], radians * axis[1], radians * axis[2]))
+
+
+def least_time(limits, *, distance=0.0, velocity=0.0):
+    """Return what ruckig takes about one axis: to a distance, or from a velocity to rest."""
+    given, found = ruckig.InputParameter(1), ruckig.Trajectory(1)
+    if velocity:
+        given.control_interface = ruckig.ControlInterface.Velocity
+        given.current_velocity = [velocity]
+    given.target_position = [distance]
+    given.max_velocity = [limits.velocity]
+    given.max_acceleration, given.max_jerk = [limits.acceleration], [limits.jerk]
+    ruckig.Ruckig(1).calculate(given, found)
+    return found.duration
+
+
+@pytest.mark.parametrize("limits", LIMITS)
+@pytest.mark.parametrize("hz", [20, 100, 500])
+def test_a_steady_target_with_velocity_is_followed_without_lag(hz, limits):
+    world = World(limits)
+    start, due = world.now, world.now
+    for _ in range(1500):
+        if world.now >= due - 1e-9:
+            assert world.take(turned(0.9 * (world.now - start)), tuple(0.9 * x for x in AXIS)) == ""
+            due += 1.0 / hz
+        point = world.step()
+    assert angle(point.q, turned(0.9 * (world.now - start))) < 1e-9
+
+
+@pytest.mark.parametrize("hz", [20, 100])
+def test_a_steady_target_without_velocity_is_followed_within_its_own_gaps_and_the_settling(hz):
+    world = World(LIMITS[0])
+    start, due, worst = world.now, world.now, 0.0
+    for _ in range(1500):
+        if world.now >= due - 1e-9:
+            world.take(turned(world.now - start), None)
+            due += 1.0 / hz
+        point = world.step()
+        if world.now > start + 1.5:
+            worst = max(worst, angle(point.q, turned(world.now - start)))
+    assert worst < 1.0 / hz + 0.035
+
+
+@pytest.mark.parametrize("limits", LIMITS)
+def test_a_quarter_turn_takes_no_more_than_five_percent_over_the_least_time(limits):
+    world = World(limits)
+    goal = turned(pi / 2)
+    world.take(goal, live=10.0)
+    least = least_time(limits, distance=pi / 2)
+    world.run(1.05 * least)
+    assert angle(world.guard.q, goal) < 1e-4
+    world.run(1.0)
+    assert angle(world.guard.q, goal) < 1e-9
+    assert world.tracker.step(world.now_ns + world.period_ns).omega_body == pytest.approx(
+        ZERO, abs=1e-9
+    )
+
+
+@pytest.mark.parametrize("limits", LIMITS)
+def test_a_quarter_turn_overshoots_by_less_than_a_milliradian(limits):
+    world = World(limits)
+    world.take(turned(pi / 2), live=10.0)
+    assert max(angle(point.q, turned(0.0)) for point in world.run(3.0)) < pi / 2 + 1e-3
+
+
+@pytest.mark.parametrize("limits", LIMITS)
+def test_it_comes_to_rest_in_the_least_time_when_targets_cease(limits):
+    world = World(limits)
+    speed = 0.8 * limits.velocity
+    start = world.now
+    while world.now < start + 1.5:
+        world.take(turned(speed * (world.now - start)), tuple(speed * x for x in AXIS), live=0.05)
+        world.step()
+    world.run(0.05)
+    began = world.now
+    backwards = 0.0
+    while not world.tracker.is_at_rest:
+        point = world.step()
+        backwards = min(backwards, sum(a * b for a, b in zip(AXIS, point.omega_body, strict=True)))
+    assert world.now - began <= least_time(limits, velocity=speed) + 4 * world.period
+    assert backwards > -1e-9
+
+
+@pytest.mark.parametrize(
+    ("omega", "alpha"),
+    [((1.5, 0.0, 0.0), ZERO), ((0.5, 1.0, 0.0), (0.0, 5.0, -3.0)), (ZERO, (0.0, 0.0, 9.0))],
+)
+def test_the_quickest_stop_ends_at_rest_inside_the_limits(omega, alpha):
+    limits, period = LIMITS[1], 0.002
+    world = World(limits)
+    world.guard.omega, world.guard.alpha = omega, alpha
+    last = world.guard.q
+    for q in quickest_stop(last, omega, alpha, limits, period):
+        assert world.guard.admit(q, ZERO, limits) == ""
+    assert norm(world.guard.omega) < 1e-9
+    assert norm(world.guard.alpha) < 1e-6
+
+
+def test_it_begins_in_full_motion_where_the_last_command_left_off():
+    world = World(LIMITS[1])
+    world.take(turned(3.0), live=5.0)
+    world.run(0.5)
+    guard = world.guard
+    world.tracker = Tracker(world.period)
+    world.tracker.begin(guard.q, guard.omega, guard.alpha, LIMITS[1])
+    world.take(turned(-1.0), live=5.0)
+    world.run(3.0)
+    assert angle(guard.q, turned(-1.0)) < 1e-6
+
+
+def test_it_begins_faster_than_it_may_be_and_slows_down_with_the_jerk_allowed():
+    fast, slow = terms(2.0, 10.0, 100.0), terms(0.5, 3.0, 100.0)
+    world = World(fast)
+    world.take(turned(3.0), live=5.0)
+    world.run(0.15)
+    world.tracker.begin(world.guard.q, world.guard.omega, world.guard.alpha, slow)
+    world.take(turned(3.0), live=9.0)
+    world.run(1.0)
+    world.limits = slow
+    world.run(6.0)
+    assert angle(world.guard.q, turned(3.0)) < 1e-6
+
+
+def test_a_sign_of_the_quaternion_changes_nothing():
+    one, other = World(LIMITS[0]), World(LIMITS[0])
+    for k in range(300):
+        q = turned(0.004 * k)
+        one.take(q, None)
+        other.take(q if k % 2 else tuple(-x for x in q), None)
+        assert one.step() == other.step()
+
+
+def test_a_target_half_a_turn_away_that_trembles_is_reached():
+    world = World(LIMITS[0])
+    for k in range(1500):
+        q = multiply(turned(pi), turned(1e-3 * (-1) ** k, (0.8, 0.6, 0.0)))
+        world.take(multiply(q, turned(1e-3 * (-1) ** k)), None)
+        world.step()
+    assert angle(world.guard.q, turned(pi)) < 0.01
+
+
+@pytest.mark.parametrize("hz", [60])
+def test_targets_stamped_ahead_are_met_at_their_time(hz):
+    world = World(LIMITS[0])
+    start, due, worst = world.now, world.now, 0.0
+
+    def where(t):
+        return turned(0.8 * sin(2.0 * t)), tuple(1.6 * cos(2.0 * t) * x for x in AXIS)
+
+    while world.now < start + 4.0:
+        if world.now >= due - 1e-9:
+            ahead = world.now + 0.1
+            world.take(*where(ahead - start), world.now_ns + NS // 10, live=0.5)
+            due += 1.0 / hz
+        point = world.step()
+        if world.now > start + 1.5:
+            worst = max(worst, angle(point.q, where(world.now - start)[0]))
+    assert worst < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("target", "word"),
+    [
+        (Target((0.0, 0.0, 0.0, 0.0), None, NS, 2 * NS), "unit"),
+        (Target((float("nan"), 0.0, 0.0, 1.0), None, NS, 2 * NS), "unit"),
+        (Target((0.5, 0.5, 0.5, 0.51), None, NS, 2 * NS), "unit"),
+        (Target((1.0, 0.0, 0.0, 0.0), (float("inf"), 0.0, 0.0), NS, 2 * NS), "angular velocity"),
+        (Target((1.0, 0.0, 0.0, 0.0), None, 3 * NS, 4 * NS), "ahead"),
+        (Target((1.0, 0.0, 0.0, 0.0), None, NS // 2, NS), "expired"),
+    ],
+)
+def test_a_target_that_makes_no_sense_is_refused_and_says_why(target, word):
+    world = World(LIMITS[0])
+    assert word in world.tracker.take(target, world.now_ns)
+    assert world.step().q == (1.0, 0.0, 0.0, 0.0)
+
+
+def test_a_target_not_newer_than_the_newest_is_refused():
+    world = World(LIMITS[0])
+    assert world.take(turned(0.1)) == ""
+    assert "not newer" in world.take(turned(0.2))
+    assert "not newer" in world.take(turned(0.2), time_ns=world.now_ns - 1)

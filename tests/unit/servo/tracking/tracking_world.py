@@ -1,0 +1,50 @@
+"""A tracker with the guard behind it, in virtual time, and streams of targets for it."""
+
+from orientd.driver import ZERO
+from orientd.driver.floats import difference, norm
+from orientd.servo.guard import Guard
+from orientd.servo.tracking import Target, Tracker
+from orientd.stream import Terms
+
+NS = 1_000_000_000
+IDENTITY = (1.0, 0.0, 0.0, 0.0)
+
+
+def terms(velocity, acceleration, jerk):
+    return Terms(velocity, acceleration, jerk, 1.0, 1.0, 1.0)
+
+
+class World:
+    """Steps a tracker and lets the guard judge every setpoint."""
+
+    def __init__(self, limits, rate_hz=500, q=IDENTITY):
+        self.period_ns = NS // rate_hz
+        self.period = self.period_ns * 1e-9
+        self.limits = limits
+        self.now_ns = NS
+        self.tracker = Tracker(self.period)
+        self.guard = Guard(self.period)
+        self.guard.anchor(q, ZERO)
+        self.tracker.begin(q, ZERO, ZERO, limits)
+        self.track = []
+
+    @property
+    def now(self):
+        return self.now_ns * 1e-9
+
+    def take(self, q, omega=None, time_ns=None, live=0.2):
+        at = self.now_ns if time_ns is None else time_ns
+        return self.tracker.take(Target(q, omega, at, self.now_ns + round(live * NS)), self.now_ns)
+
+    def step(self):
+        self.now_ns += self.period_ns
+        point = self.tracker.step(self.now_ns)
+        assert self.guard.admit(point.q, ZERO, self.limits) == ""
+        return point
+
+    def run(self, seconds):
+        return [self.step() for _ in range(round(seconds / self.period))]
+
+
+def angle(p, q):
+    return norm(difference(p, q))
