@@ -92,7 +92,8 @@ def inverse(rotation: Matrix, position: Vector3, near: Sequence[float]) -> Joint
     The solution on the branch of *near* is taken when it is close by, else the nearest of all.
 
     Returns:
-        Angles within the joints' range, rad; ``None`` where the arm does not reach.
+        Angles in rad, beyond the joints' range where only a jump would lead back into it; ``None``
+        where the arm does not reach.
     """
     best, least = None, inf
     signs = (
@@ -163,10 +164,7 @@ def _shoulder_sign(rotation: Matrix, position: Vector3, near: Sequence[float]) -
 
 
 def _near(angle: float, seed: float) -> float:
-    turned = angle + tau * round((seed - angle) / tau)
-    if abs(turned) > JOINT_RANGE:
-        turned -= tau if turned > 0.0 else -tau
-    return turned
+    return angle + tau * round((seed - angle) / tau)
 
 
 def _mix(a: Vector3, s: float, b: Vector3, t: float) -> Vector3:

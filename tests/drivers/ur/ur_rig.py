@@ -10,7 +10,7 @@ from orientd import rotation
 from orientd.config import DeviceSettings
 from orientd.daemon.device import Device
 from orientd.errors import Fault
-from orientd.planner import Keyframe, MotionRequest, plan
+from orientd.planner import Keyframe, MotionRequest
 from orientd.stream import State
 
 
@@ -53,19 +53,16 @@ def device_of(host, *, compensate_latency=False, **options):
         device.shutdown()
 
 
-def swing_motion(device, *, angle=0.3, seconds=3.0, count=1):
-    """Plan *count* turns about one of the tool's axes and back."""
+def swing_motion(device, *, angle=0.3, seconds=3.0, count=1, home=None):
+    """Plan *count* turns from *home*, else from here, about one of the tool's axes and back."""
     start = device.commanded()
-    axis = np.array([0.0, 0.6, 0.8])
+    home = start.q if home is None else home
+    away = rotation.multiply(home, rotation.exp(angle * np.array([0.0, 0.6, 0.8])))
     keyframes = [
-        Keyframe(
-            rotation.multiply(start.q, rotation.exp((angle if k % 2 else 0.0) * axis)),
-            k * seconds / 2,
-        )
+        Keyframe(away if k % 2 else home if k else start.q, k * seconds / 2)
         for k in range(2 * count + 1)
     ]
-    request = MotionRequest(keyframes=keyframes)
-    return plan(request, start=start, limits=device.limits, period=device.period_ns * 1e-9)
+    return device.plan(MotionRequest(keyframes=keyframes))
 
 
 def swing(device, **settings):

@@ -102,6 +102,16 @@ def test_fast_joint_is_refused_by_name_and_time():
     assert caught.value.limit == pytest.approx(0.95 * math.pi)
 
 
+@pytest.mark.parametrize(("begin", "rate"), [(5.8, 1.0), (-5.8, -1.0)])
+def test_joint_that_winds_up_is_refused_by_name_and_time(begin, rate):
+    times = [0.008 * k for k in range(120)]
+    poses = [pose_at((*HOME[:5], begin + rate * t)) for t in times]
+    examine(times[:60], poses[:60], (*HOME[:5], begin))
+    with pytest.raises(LimitError, match=r"angle of joint wrist 3 .* at 0\.488") as caught:
+        examine(times, poses, (*HOME[:5], begin))
+    assert "unwind" in str(caught.value)
+
+
 def test_path_near_a_straight_wrist_is_refused_with_the_time():
     times = [0.008 * k for k in range(250)]
     poses = [pose_at((*HOME[:4], -0.5 + 0.5 * t, 0.0)) for t in times]
