@@ -26,6 +26,8 @@ from orientd_ur.link import Link
 from orientd_ur.pose import continued
 from orientd_ur.probe import look, whereabouts
 from orientd_ur.states import PROTECTIVE_STOP, RUNNING, RuntimeState, interruption, obstacle
+from orientd_ur.tick_listener import TickListener
+from orientd_ur.tick_phase import TickPhase, tick_ns
 
 _POLL = 0.005
 _POWER_UP = 15.0
@@ -62,6 +64,8 @@ class UrDriver(Driver):
         self._rotation: Vector3 = (0.0, 0.0, 0.0)
         self._feedback: Feedback | None = None
         self._speed_scaling = 1.0
+        self._listener: TickListener | None = None
+        self._phase = TickPhase(tick_ns((5,)), period_ns)
 
     def diagnose(self) -> Sequence[Finding]:
         """Look at the robot with plain sockets: what it is, whether it will move, the link."""
@@ -100,6 +104,9 @@ class UrDriver(Driver):
         probe = look(host)
         if probe.version_problem:
             raise LinkError(f"{host}: {probe.version_problem}")
+        if self._options.keep_phase:
+            self._listener = TickListener(host)
+            self._phase = TickPhase(tick_ns(probe.version), self.period_ns)
         self._link.connect()
         self._await_package(LinkError(f"{host} sends no data packages"))
 
@@ -211,6 +218,15 @@ class UrDriver(Driver):
         self._link.require_same()
         raise DeviceFaultError(reason or "the control program takes no setpoints")
 
+    def deadline_shift_ns(self, deadline_ns: int) -> int:
+        """Keep the deadlines clear of the moment at which the controller takes setpoints."""
+        listener = self._listener
+        if listener is None:
+            return 0
+        if heard := listener.heard():
+            self._phase.hear(*heard)
+        return self._phase.shift_ns(deadline_ns)
+
     def disable(self) -> None:
         """Leave servo mode, the arm standing still, where there is still somebody to tell."""
         was_enabled, self._is_enabled = self._is_enabled, False
@@ -258,6 +274,8 @@ class UrDriver(Driver):
         self._is_enabled = False
         if not self._is_stale():
             self._link.disconnect()
+        if self._listener is not None:
+            self._listener.close()
 
     # Parts of reading
 

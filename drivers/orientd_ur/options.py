@@ -27,6 +27,9 @@
     s, default 8: how long a reset tries to unlock a protective stop; a robot refuses for 5 s.
 ``release_brakes``
     whether a reset powers the arm and releases its brakes; default true.
+``keep_phase``
+    whether to move the deadlines slowly to where the controller's cycle takes every setpoint;
+    default true.
 ``check_remote_control``
     whether to insist on remote control; default true.  CB3 robots do not know it.
 """
@@ -52,7 +55,7 @@ _NUMBERS: dict[str, tuple[float, float, float]] = {
     "unlock_timeout": (0.1, 15.0, 8.0),
 }
 _VECTORS = {"tcp_offset": 6, "payload_cog": 3}
-_SWITCHES = ("release_brakes", "check_remote_control")
+_SWITCHES = ("release_brakes", "keep_phase", "check_remote_control")
 _HEAVIEST = 50.0
 
 
@@ -73,6 +76,7 @@ class UrOptions:
     payload_mass: float | None
     payload_cog: Vector
     release_brakes: bool
+    keep_phase: bool
     check_remote_control: bool
 
 
@@ -113,10 +117,9 @@ def check(given: Mapping[str, Any], *, period: float) -> UrOptions:
         tcp_offset=_vector("tcp_offset", given.get("tcp_offset")),
         payload_mass=None if mass is None else _number("payload_mass", mass, 0.0, _HEAVIEST),
         payload_cog=_vector("payload_cog", given.get("payload_cog")) or (0.0, 0.0, 0.0),
-        release_brakes=_switch("release_brakes", given.get("release_brakes", True)),
-        check_remote_control=_switch(
-            "check_remote_control", given.get("check_remote_control", True)
-        ),
+        release_brakes=_switch("release_brakes", given),
+        keep_phase=_switch("keep_phase", given),
+        check_remote_control=_switch("check_remote_control", given),
         **numbers,
     )
 
@@ -144,7 +147,8 @@ def _vector(name: str, given: Any) -> Vector | None:  # noqa: ANN401 - checked h
     return tuple(float(part) for part in given)
 
 
-def _switch(name: str, given: object) -> bool:
+def _switch(name: str, table: Mapping[str, Any]) -> bool:
+    given = table.get(name, True)
     if not isinstance(given, bool):
         raise ValueError(f"{name} must be true or false, got {given!r}")
     return given

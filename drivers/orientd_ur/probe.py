@@ -14,7 +14,8 @@ from dataclasses import dataclass
 from orientd.errors import LinkError
 from orientd_ur import rtde
 from orientd_ur.dashboard import Dashboard
-from orientd_ur.sockets import RTDE_PORT, SCRIPT_PORT
+from orientd_ur.rtde_client import RtdeClient
+from orientd_ur.sockets import SCRIPT_PORT
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +65,7 @@ def look(host: str, *, timeout: float = 2.0, packages: int = 5) -> Probe:
     """
     with Dashboard(host, timeout=timeout) as dashboard:
         is_remote = dashboard.is_remote
-    with _Client(host, timeout) as client:
+    with RtdeClient(host, timeout) as client:
         trips = []
         for _ in range(5):
             begun = time.monotonic()
@@ -101,66 +102,7 @@ def whereabouts(host: str, *, timeout: float = 2.0) -> tuple[tuple[float, ...], 
     Raises:
         LinkError: it does not answer.
     """
-    with _Client(host, timeout) as client:
+    with RtdeClient(host, timeout) as client:
         client.ask(rtde.outputs_request(125.0, rtde.PLACE))
         client.ask(rtde.package(rtde.START))
         return rtde.place(client.await_kind(rtde.DATA))
-
-
-class _Client:
-    """An RTDE connection that gives up after a while."""
-
-    def __init__(self, host: str, timeout: float) -> None:
-        self._where = f"{host}:{RTDE_PORT}"
-        self._timeout = timeout
-        self._pending = b""
-        try:
-            self._sock = socket.create_connection((host, RTDE_PORT), timeout)
-        except OSError as error:
-            raise LinkError(f"nothing answers at {self._where}: {error}") from error
-
-    def __enter__(self) -> _Client:
-        try:
-            accepted = self.ask(rtde.version_request())
-            if accepted != b"\x01":
-                raise LinkError(f"{self._where} does not speak version 2 of RTDE")
-        except LinkError:
-            self._sock.close()
-            raise
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._sock.close()
-
-    def ask(self, request: bytes) -> bytes:
-        """Send *request* and return the payload of its answer."""
-        try:
-            self._sock.sendall(request)
-        except OSError as error:
-            raise LinkError(f"{self._where} is gone: {error}") from error
-        return self.await_kind(request[2])
-
-    def await_kind(self, kind: int) -> bytes:
-        """Return the payload of the next package of *kind*."""
-        ends = time.monotonic() + self._timeout
-        while True:
-            try:
-                taken = rtde.take(self._pending)
-                if taken is not None:
-                    got, payload, self._pending = taken
-                    if got == kind:
-                        return payload
-                    continue
-                left = ends - time.monotonic()
-                if left <= 0.0:
-                    raise TimeoutError("timed out")
-                self._sock.settimeout(left)
-                chunk = self._sock.recv(65536)
-            except (OSError, ValueError) as error:
-                what = "data packages" if kind == rtde.DATA else f"an answer to {chr(kind)!r}"
-                raise LinkError(f"{self._where} accepts, but {what} did not come: {error}") from (
-                    error
-                )
-            if not chunk:
-                raise LinkError(f"{self._where} closed the connection")
-            self._pending += chunk

@@ -22,6 +22,7 @@ PROBED = ("timestamp", "robot_mode", "safety_mode", "runtime_state")
 PLACE = ("target_q", "target_TCP_pose")
 _PLACE = struct.Struct(">B6d6d")
 _SAMPLE = struct.Struct(">BdiiI")
+_TIMESTAMP = struct.Struct(">Bd")
 
 
 def package(kind: int, payload: bytes = b"") -> bytes:
@@ -81,6 +82,17 @@ def sample(payload: bytes) -> tuple[float, int, int, int]:
         raise ValueError(f"a sample is {_SAMPLE.size} bytes, got {len(payload)}")
     _, timestamp, robot_mode, safety_mode, runtime_state = _SAMPLE.unpack(payload)
     return timestamp, robot_mode, safety_mode, runtime_state
+
+
+def timestamp(payload: bytes) -> float:
+    """Return the timestamp (s) of a data package that begins with it.
+
+    Raises:
+        ValueError: the payload is too short.
+    """
+    if len(payload) < _TIMESTAMP.size:
+        raise ValueError(f"a timestamp takes {_TIMESTAMP.size} bytes, got {len(payload)}")
+    return float(_TIMESTAMP.unpack_from(payload)[1])
 
 
 def place(payload: bytes) -> tuple[tuple[float, ...], tuple[float, ...]]:

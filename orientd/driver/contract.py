@@ -132,6 +132,15 @@ class Driver(ABC):
         """How fast the device itself lets motions run, 0 to 1; the path clock follows it."""
         return 1.0
 
+    def deadline_shift_ns(self, deadline_ns: int) -> int:  # noqa: ARG002 - most devices are always ready
+        """Return by how much later than a period from *deadline_ns* the next deadline should be.
+
+        For a device with a cycle of its own that setpoints should keep clear of.  Called after
+        every cycle; must not raise.  Path time counts cycles, so the servo moves a deadline by no
+        more than a four-hundredth of a period.
+        """
+        return 0
+
     @property
     def is_spent(self) -> bool:
         """Whether only a new process can reach the device again; the servo then ends this one."""

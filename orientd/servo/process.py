@@ -12,6 +12,7 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,10 @@ from orientd.servo.realtime import DeadlineTimer, freeze_garbage, lock_memory, s
 from orientd.servo.servo import Servo
 from orientd.servo.vigil import Watch
 from orientd.stream import NoteKind, SharedMemory, pack_note
+
+
+LARGEST_SHIFT = 400
+"""Part of a period by which a deadline may move for the sake of a device's own cycle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +106,8 @@ def run(descriptor: int, settings: ProcessSettings) -> int:
     ready = json.dumps({"scheduling": scheduling, "memory_locked": is_locked})
     memory.notes.publish(*pack_note(0, NoteKind.READY, 0, ready))
     try:
-        run_cycles(servo, DeadlineTimer(settings.spin_ns), settings.period_ns)
+        timer = DeadlineTimer(settings.spin_ns)
+        run_cycles(servo, timer, settings.period_ns, driver.deadline_shift_ns)
     finally:
         servo.close()
         _write_report(Path(settings.report_path), servo.report())
@@ -110,13 +116,17 @@ def run(descriptor: int, settings: ProcessSettings) -> int:
     return 0
 
 
-def run_cycles(servo: Servo, timer: DeadlineTimer, period_ns: int) -> None:
+def run_cycles(
+    servo: Servo, timer: DeadlineTimer, period_ns: int, shift_ns: Callable[[int], int]
+) -> None:
     """Call ``servo.cycle`` at every deadline until the servo has ended.
 
-    A deadline that has passed altogether is counted and skipped; path time is not, so that a late
-    cycle never makes the device jump.
+    Deadlines are a period apart, or nearly: *shift_ns*, told the last one, says how much later the
+    next should be, and is heeded up to a period over :data:`LARGEST_SHIFT`.  One that has passed
+    altogether is counted and skipped; path time is not, so that a late cycle never makes the device
+    jump.
     """
-    overrun_ns = period_ns // 2
+    overrun_ns, most_ns = period_ns // 2, period_ns // LARGEST_SHIFT
     deadline = time.monotonic_ns() + period_ns
     while not servo.has_ended:
         woken = timer.wait(deadline)
@@ -126,7 +136,7 @@ def run_cycles(servo: Servo, timer: DeadlineTimer, period_ns: int) -> None:
         servo.cycle(deadline, lateness)
         done = time.monotonic_ns()
         servo.work_ns = done - woken
-        deadline += period_ns
+        deadline += period_ns + max(-most_ns, min(most_ns, shift_ns(deadline)))
         if done > deadline:
             skipped = (done - deadline) // period_ns + 1
             servo.missed += skipped

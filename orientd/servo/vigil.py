@@ -41,7 +41,7 @@ class Vigil:
             measured_ns: when the newest feedback was measured; 0 without any.
         """
         missed_ns = deadline_ns - self._deadline_ns - self._period_ns
-        if missed_ns > 0 and self._deadline_ns:
+        if missed_ns > self._period_ns // 2 and self._deadline_ns:
             if not measured_ns or measured_ns >= self._stall_end_ns:
                 self._stall_ns = 0
             self._stall_ns += missed_ns

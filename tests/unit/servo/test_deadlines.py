@@ -1,0 +1,50 @@
+"""Deadlines: a period apart, or nearly, for a device with a cycle of its own; in virtual time."""
+
+import itertools
+
+import pytest
+from rig import PERIOD_NS, Rig
+
+from orientd.servo.process import LARGEST_SHIFT, run_cycles
+from orientd.stream import Command, State
+
+
+class VirtualTimer:
+    """A timer that wakes on time and ends the servo after a while."""
+
+    def __init__(self, servo, count):
+        self.servo, self.left, self.deadlines = servo, count, []
+
+    def wait(self, deadline_ns):
+        self.deadlines.append(deadline_ns)
+        self.left -= 1
+        if not self.left:
+            self.servo.request_end("enough")
+        return deadline_ns
+
+
+@pytest.mark.parametrize("asked", [0, 3000, -3000, 10**9, -(10**9)])
+def test_deadline_moves_by_what_the_driver_asks_and_little_at_a_time(monkeypatch, asked):
+    # Real time stands still, so that no deadline passes.
+    monkeypatch.setattr("orientd.servo.process.time.monotonic_ns", lambda: 10**9)
+    servo = Rig().servo
+    timer = VirtualTimer(servo, 20)
+    run_cycles(servo, timer, PERIOD_NS, lambda _deadline_ns: asked)
+    steps = {b - a for a, b in itertools.pairwise(timer.deadlines)}
+    most = PERIOD_NS // LARGEST_SHIFT
+    assert steps == {PERIOD_NS + max(-most, min(most, asked))}
+
+
+def test_deadline_that_moves_is_no_deadline_missed():
+    rig = Rig()
+    rig.ask(Command.ENABLE)
+    read = rig.driver.read
+    rig.driver.read = lambda: read()._replace(time_ns=rig.clock.now_ns() - 10**6)
+    for _ in range(2000):
+        rig.clock.advance(PERIOD_NS + PERIOD_NS // LARGEST_SHIFT)
+        rig.memory.beat(rig.clock.now_ns())
+        rig.servo.cycle(rig.clock.now_ns(), 0)
+    # All those shifts together must not excuse a device that says nothing.
+    rig.driver.read = lambda: None
+    rig.run(round(rig.feedback_ns / PERIOD_NS) + 3)
+    assert rig.servo.state is State.FAULT
