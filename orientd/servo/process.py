@@ -24,7 +24,6 @@ from orientd.servo.servo import Servo
 from orientd.servo.vigil import Watch
 from orientd.stream import NoteKind, SharedMemory, pack_note
 
-
 LARGEST_SHIFT = 400
 """Part of a period by which a deadline may move for the sake of a device's own cycle."""
 
