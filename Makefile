@@ -30,8 +30,11 @@ standard: $(VENV)/.dev
 	$(BIN)/python tests/data/standard/regenerate.py
 	$(BIN)/python tests/data/standard/effort.py
 
-proto: $(VENV)/.dev
-	$(BIN)/python -m grpc_tools.protoc -I. --python_out=. --pyi_out=. --grpc_python_out=. orientd/rpc/control.proto
+# The generated code asks for a runtime at least as new as its generator: the oldest one allowed.
+proto:
+	$(PYTHON) -m venv build/proto
+	build/proto/bin/python -m pip install --quiet --disable-pip-version-check "grpcio-tools==1.78.0"
+	build/proto/bin/python -m grpc_tools.protoc -I. --python_out=. --pyi_out=. --grpc_python_out=. orientd/rpc/control.proto
 
 $(VENV)/.pip:
 	$(PYTHON) -m venv $(VENV)

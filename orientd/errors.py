@@ -12,6 +12,7 @@ An error is ours (a call failed); a fault is the device's (it stopped and waits 
     │   ├── LimitError          it would break a limit (quantity, value, limit, time)
     │   └── StartError          it does not begin where the device is commanded to be
     ├── StateError              not possible in the device's present state
+    │   └── LateError           the device has gone past the point that it was for
     ├── LeaseError              the caller does not hold the lease
     ├── DeviceError             raised by drivers, in the servo process
     │   ├── LinkError           the connection to the device is gone
@@ -86,6 +87,10 @@ class StartError(PlanError):
 
 class StateError(OrientdError):
     """A command that the device's present state does not allow."""
+
+
+class LateError(StateError):
+    """A motion was to leave the path at a point that the device has passed."""
 
 
 class LeaseError(OrientdError):

@@ -36,6 +36,23 @@ def stop(device: DeviceName = "", socket: Socket = None, as_json: AsJson = False
 
 
 @command
+def halt(device: DeviceName = "", socket: Socket = None, as_json: AsJson = False) -> None:
+    """Bring a device, or all of them, to rest as quickly as the limits allow, off the path.
+
+    Anybody may.
+    """
+    from orientd.cli import texts
+    from orientd.rpc.client import connect
+
+    with connect(socket, holder=holder("halt")) as robot:
+        reports = robot.halt(device)
+    if as_json:
+        say_json({"devices": reports})
+    else:
+        say(*(f"{report.name}: {texts.state(report)}" for report in reports))
+
+
+@command
 def pause(device: DeviceName = "", socket: Socket = None, as_json: AsJson = False) -> None:
     """Come to rest on the path, to be resumed."""
     _command("pause", socket, as_json, lambda robot: robot.pause(device))

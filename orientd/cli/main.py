@@ -19,6 +19,7 @@ from orientd.cli import (
     motion_commands,
     plot,
     sim,
+    track,
 )
 from orientd.cli.output import say
 
@@ -56,9 +57,11 @@ for _command in (
     daemon_commands.methods,
     motion_commands.plan,
     motion_commands.move,
+    track.track,
     compare.compare,
     plot.plot,
     device_commands.stop,
+    device_commands.halt,
     device_commands.pause,
     device_commands.resume,
     device_commands.speed,

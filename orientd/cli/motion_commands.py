@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -16,7 +18,7 @@ from orientd.errors import ConfigError, OrientdError
 if TYPE_CHECKING:
     from orientd.config import DeviceSettings
     from orientd.rpc.move_handle import MoveHandle
-    from orientd.rpc.reports import Summary
+    from orientd.rpc.reports import OnTarget, Summary
 
 MotionFile = Annotated[Path, typer.Argument(metavar="FILE", help="A motion file, YAML or JSON.")]
 
@@ -45,7 +47,7 @@ def plan(
     """
     from orientd import motion_file, planner
     from orientd.cli import sample_files, texts
-    from orientd.daemon import report
+    from orientd.daemon import motion_report
 
     if output is not None and output.suffix not in sample_files.ENDINGS:
         raise typer.BadParameter(
@@ -62,7 +64,7 @@ def plan(
         limits=settings.limits.to_limits(),
         period=settings.period_ns * 1e-9,
     )
-    samples = report.samples(motion, settings.rate_hz)
+    samples = motion_report.samples(motion, settings.rate_hz)
     if output is not None:
         sample_files.write(output, samples, motion.certificate)
     if plot is not None:
@@ -70,7 +72,7 @@ def plan(
 
         plots.draw_motion(plot, motion, title=f"{file.name}: {request.method}")
     if as_json:
-        say_json({"plan": report.plan(motion), "output": output, "plot": plot})
+        say_json({"plan": motion_report.plan(motion), "output": output, "plot": plot})
         return
     say(f"{request.method} through {len(request.keyframes)} keyframes", "")
     say(*texts.certificate(motion.certificate))
@@ -83,13 +85,36 @@ def plan(
 def move(
     file: MotionFile,
     device: DeviceName = "",
+    queue: Annotated[
+        bool, typer.Option("--queue", help="Follow the motion that runs; do not replace it.")
+    ] = False,
+    blend: Annotated[
+        float,
+        typer.Option(
+            metavar="DEGREES",
+            help="With --queue: how far from the corner to pass, so as not to come to rest there.",
+        ),
+    ] = 0.0,
+    start_in: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", help="When the first setpoint is to be sent, from now."),
+    ] = None,
+    on_target: Annotated[
+        str,
+        typer.Option(
+            metavar="DEG,DEG/S,S[,S]",
+            help="Done only once the device is measured within so many degrees of the target, "
+            "no faster than so many degrees a second, for so long; then how long to wait for it.",
+        ),
+    ] = "",
     socket: Socket = None,
     as_json: AsJson = False,
 ) -> None:
     """Move a device as FILE says, and show it until it has ended.
 
-    Ctrl-C stops the motion on its path.  Meanwhile `orientd pause`, `resume` and `speed` work from
-    another terminal.
+    A motion that runs already is replaced on its way, without a step.  Ctrl-C stops the device on
+    its path.  Meanwhile `orientd pause`, `resume`, `speed` and another `move` work from another
+    terminal.
     """
     from orientd import motion_file
     from orientd.cli import texts
@@ -98,7 +123,14 @@ def move(
 
     request = motion_file.load(file)
     with connect(socket, holder=holder("move")) as robot, shared(robot):
-        handle = robot.move(request, device=device)
+        handle = robot.move(
+            request,
+            device=device,
+            queue=queue,
+            blend_tolerance=math.radians(blend),
+            start_time=None if start_in is None else time.time() + start_in,
+            on_target=_gate(on_target) if on_target else None,
+        )
         plan = handle.plan
         summary = follow(
             handle,
@@ -114,6 +146,22 @@ def move(
     else:
         say(*texts.summary(summary, handle.plan))
     raise_unless_done(summary)
+
+
+def _gate(text: str) -> OnTarget:
+    """Return the gate that ``DEG,DEG/S,S[,S]`` stands for."""
+    from orientd.errors import RequestError
+    from orientd.rpc.reports import OnTarget
+
+    try:
+        tolerance, rate, *seconds = map(float, text.split(","))
+        if not 1 <= len(seconds) <= 2:
+            raise ValueError
+    except ValueError:
+        raise RequestError(
+            "on_target", f"expected degrees, degrees/s and seconds like 0.1,0.5,0.2, got {text!r}"
+        ) from None
+    return OnTarget(math.radians(tolerance), math.radians(rate), *seconds)
 
 
 def follow(

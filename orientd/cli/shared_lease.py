@@ -19,29 +19,37 @@ from orientd.rpc.client import Robot, connect
 def shared(robot: Robot) -> Iterator[None]:
     """Let other terminals of the same user command under the lease of *robot*.
 
+    The lease of another move of theirs is taken over, which must not end it when it ends.
+
     Raises:
         LeaseError: somebody else holds the lease.
     """
-    robot.acquire_lease()
     path = _token_path(robot.socket)
+    token, _ = _read(path)
+    if not (token and robot.adopt_lease(token)):
+        robot.acquire_lease()
     # Where the directory cannot be written to, the other terminals have to do without.
     with contextlib.suppress(OSError):
         path.unlink(missing_ok=True)
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o600)
         with os.fdopen(descriptor, "w") as file:
-            file.write(robot.lease_token)
+            file.write(f"{robot.lease_token} {os.getpid()}")
     try:
         yield
     finally:
-        with contextlib.suppress(OSError):
-            path.unlink(missing_ok=True)
+        _, keeper = _read(path)
+        if keeper in ("", str(os.getpid())):
+            with contextlib.suppress(OSError):
+                path.unlink(missing_ok=True)
+        else:
+            robot.forsake_lease()
 
 
 @contextlib.contextmanager
 def commander(socket: Path | None, holder: str) -> Iterator[Robot]:
     """Connect to the daemon, under the lease of a running move if there is one."""
     with connect(socket, holder=holder) as robot:
-        token = _read(_token_path(robot.socket))
+        token, _ = _read(_token_path(robot.socket))
         if token:
             robot.borrow_lease(token)
         yield robot
@@ -51,8 +59,10 @@ def _token_path(socket: Path) -> Path:
     return socket.with_name(f"{socket.name}.lease")
 
 
-def _read(path: Path) -> str:
+def _read(path: Path) -> tuple[str, str]:
+    """Return the token and who keeps it, both empty where there is none."""
     try:
-        return path.read_text(encoding="ascii").strip()
-    except (OSError, UnicodeDecodeError):
-        return ""
+        token, keeper = path.read_text(encoding="ascii").split()
+    except (OSError, UnicodeDecodeError, ValueError):
+        return "", ""
+    return token, keeper

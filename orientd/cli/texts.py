@@ -116,6 +116,11 @@ def summary(of: Summary, plan: Plan) -> list[str]:
     lines = [f"motion {of.motion_number}: {ending(of)}"]
     if of.statistics is not None:
         lines += [f"  {line}" for line in statistics(of.statistics, plan)]
+    if of.settled_after is not None:
+        lines.append(f"  on target            {of.settled_after:.3f} s after the last setpoint")
+    if of.start_lateness is not None:
+        skew = "" if of.start_skew is None else f", {milliseconds(of.start_skew)} skew"
+        lines.append(f"  begun                {milliseconds(of.start_lateness)} late{skew}")
     return lines
 
 

@@ -12,25 +12,28 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor, wait
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from orientd import motion_file
 from orientd.clock import Clock, MonotonicClock
 from orientd.config import Settings
 from orientd.daemon.device import Device
 from orientd.daemon.lease import Lease, LeaseDesk
+from orientd.daemon.manner import AT_ONCE, Manner, Prepared
 from orientd.daemon.runs import Run, Runs
+from orientd.driver.floats import difference, norm
 from orientd.errors import (
     DaemonError,
+    LateError,
     RequestError,
     StartError,
     StateError,
     UnknownNameError,
 )
-from orientd.planner import Motion
-from orientd.rotation import angle
-from orientd.rpc.reports import Outcome
-from orientd.stream import State
+from orientd.rpc.reports import MoveTiming, Outcome
+from orientd.stream import UNKNOWN, State
+
+if TYPE_CHECKING:
+    from orientd.planner import Limits, Motion
 
 _log = logging.getLogger(__name__)
 
@@ -39,6 +42,9 @@ KEPT_PLANS = 4
 
 START_TOLERANCE = 1e-6
 """How far from where the device is commanded to be a kept plan may begin, rad and m."""
+
+ATTEMPTS = 6
+"""How often a motion is planned anew because the device has passed where it was to begin."""
 
 _READY_STEP = 0.1
 
@@ -110,7 +116,8 @@ class Cell:
         self.runs.halt(self.devices.values(), reason)
         unfinished = self.runs.unfinished()
         for run in unfinished:
-            wait([run.ended], timeout=run.motion.certificate.stop_time + 1.0)
+            stop_time = run.motion.certificate.stop_time if run.motion is not None else 0.0
+            wait([run.ended], timeout=stop_time + 1.0)
         with ThreadPoolExecutor(len(self.devices)) as pool:
             list(pool.map(lambda device: device.shutdown(), self.devices.values()))
         for run in unfinished:
@@ -172,30 +179,78 @@ class Cell:
             raise UnknownNameError("device", f"expected one of {names}, got {name!r}")
         return self.devices[name]
 
-    def plan(self, device: Device, mapping: Mapping[str, Any], *, keep: bool = False) -> Motion:
-        """Plan what *mapping*, the content of a motion file, asks of *device*.
+    def plan(self, device: Device, mapping: Mapping[str, Any]) -> Motion:
+        """Plan what *mapping*, the content of a motion file, asks of *device*, and keep the plan.
 
-        It begins where the device is commanded to be; a plan that is kept for later, where the
-        device will be once its present motion has ended.
+        It begins where the device will be once it has come to rest.
 
         Args:
             device: what is to move.
             mapping: see :mod:`orientd.motion_file`.
-            keep: whether the plan will be asked for again by its name.
 
         Raises:
             RequestError: it is not well formed.
-            StateError: the device is not at rest, ready to move.
+            StateError: the device is not ready to move.
             PlanError: it cannot be planned, or would break a limit.
         """
-        request = motion_file.parse(mapping)
-        motion = device.plan(request, is_next=keep)
-        if keep:
-            with self._lock:
-                self._plans[motion.id] = (device.name, motion)
-                while len(self._plans) > KEPT_PLANS:
-                    self._plans.popitem(last=False)
+        from orientd import motion_file
+
+        motion = device.plan(motion_file.parse(mapping))
+        with self._lock:
+            self._plans[motion.id] = (device.name, motion)
+            while len(self._plans) > KEPT_PLANS:
+                self._plans.popitem(last=False)
         return motion
+
+    def move(
+        self,
+        token: str,
+        device: Device,
+        mapping: Mapping[str, Any],
+        manner: Manner = AT_ONCE,
+        *,
+        stops: int,
+        received_ns: int,
+    ) -> tuple[Run, MoveTiming]:
+        """Plan what *mapping*, the content of a motion file, asks of *device*, and begin it.
+
+        A motion that runs is replaced from a point a little ahead, or followed.
+
+        Args:
+            token: the lease.
+            device: what is to move.
+            mapping: see :mod:`orientd.motion_file`.
+            manner: how to begin and to end.
+            stops: what :meth:`Runs.stops` returned when the motion was asked for.
+            received_ns: when that was, monotonic clock.
+
+        Raises:
+            RequestError: it is not well formed.
+            LeaseError: *token* is not that of the lease.
+            StateError: the device is not ready to move, or was stopped meanwhile.
+            PlanError: it cannot be planned, or would break a limit.
+        """
+        from orientd import motion_file
+
+        request = motion_file.parse(mapping)
+        late: Exception | None = None
+        for attempt in range(ATTEMPTS):
+            try:
+                prepared = device.prepare(request, manner, attempt=attempt)
+                planned_ns = time.monotonic_ns()
+                run = self._begin(token, device, prepared, stops=stops)
+            except LateError as error:
+                _log.info("%s: planned too late: %s", device.name, error)
+                late = error
+            else:
+                timing = MoveTiming(
+                    planning=(planned_ns - received_ns) * 1e-9,
+                    splicing=(time.monotonic_ns() - planned_ns) * 1e-9,
+                    received_ns=received_ns,
+                    attempts=attempt + 1,
+                )
+                return run, timing
+        raise StateError(f"device {device.name} was too quick for {ATTEMPTS} plans: {late}")
 
     def kept(self, device: Device, motion_id: str) -> Motion:
         """Return a plan that was kept for *device*.
@@ -211,34 +266,89 @@ class Cell:
             )
         return motion
 
-    def start(self, token: str, device: Device, motion: Motion, *, stops: int) -> Run:
-        """Begin to run *motion*.
+    def start(
+        self,
+        token: str,
+        device: Device,
+        motion: Motion,
+        manner: Manner = AT_ONCE,
+        *,
+        stops: int,
+    ) -> Run:
+        """Begin to run *motion*, a kept plan, on a device at rest.
 
         Args:
             token: the lease.
             device: what is to move.
             motion: planned for it.
-            stops: what :meth:`Runs.stops` returned before the motion was planned.
+            manner: how to begin and to end.
+            stops: what :meth:`Runs.stops` returned when the motion was asked for.
 
         Raises:
             LeaseError: *token* is not that of the lease.
             StateError: the device is not at rest, ready to move, or was stopped meanwhile.
             StartError: the motion does not begin where the device is commanded to be.
         """
-        lease = self._check(token)
         self._check_start(device, motion)
+        return self._begin(token, device, Prepared(motion, manner=manner), stops=stops)
+
+    def _begin(self, token: str, device: Device, prepared: Prepared, *, stops: int) -> Run:
+        return self._run(
+            token,
+            device,
+            lambda: device.start(prepared),
+            motion=prepared.motion,
+            stops=stops,
+            start_ns=prepared.manner.start_ns,
+        )
+
+    def track(self, token: str, device: Device, limits: Limits, *, stops: int) -> Run:
+        """Have *device* follow targets from now on; see :meth:`Device.aim`.
+
+        Args:
+            token: the lease.
+            device: what is to move.
+            limits: narrower than the device's own; infinite ones are left to it.
+            stops: what :meth:`Runs.stops` returned when this was asked for.
+
+        Raises:
+            RequestError: the limits are above the device's.
+            LeaseError: *token* is not that of the lease.
+            StateError: the device is not ready to move, or was stopped meanwhile.
+        """
+        return self._run(token, device, lambda: device.track(limits), motion=None, stops=stops)
+
+    def _run(
+        self,
+        token: str,
+        device: Device,
+        start: Callable[[], int],
+        *,
+        motion: Motion | None,
+        stops: int,
+        start_ns: int = UNKNOWN,
+    ) -> Run:
+        lease = self._check(token)
 
         def is_owned() -> bool:
             held = self.desk.current()
             return held is not None and held.token == token
 
-        run = self.runs.begin(device, motion, token=token, stops=stops, is_owned=is_owned)
+        run = self.runs.begin(
+            device,
+            start,
+            motion=motion,
+            token=token,
+            stops=stops,
+            is_owned=is_owned,
+            start_ns=start_ns,
+        )
         _log.info("%s: motion %d is commanded by %r", device.name, run.number, lease.holder)
         return run
 
     def _check_start(self, device: Device, motion: Motion) -> None:
         here, begin = device.commanded(), motion.start_state
-        turn = float(angle(here.q, begin.q))
+        turn = norm(difference(here.q.tolist(), begin.q.tolist()))
         if turn > START_TOLERANCE:
             raise StartError(
                 f"the motion begins {turn:.6g} rad from where device {device.name!r} is commanded "
@@ -263,8 +373,13 @@ class Cell:
 
     # Commands
 
-    def stop(self, name: str, caller: str) -> list[Device]:
+    def stop(self, name: str, caller: str, *, is_quickest: bool = False) -> list[Device]:
         """Stop a device, or all of them if *name* is empty, on its path.  Needs no lease.
+
+        Args:
+            name: of the device.
+            caller: who stops.
+            is_quickest: whether to leave the path where that is quicker.
 
         Raises:
             UnknownNameError: there is no such device.
@@ -272,7 +387,7 @@ class Cell:
         """
         devices = [self.device(name)] if name else list(self.devices.values())
         caller = " ".join(caller.split())[:200] or "somebody"
-        failures = self.runs.halt(devices, f"stopped by {caller}")
+        failures = self.runs.halt(devices, f"stopped by {caller}", is_quickest=is_quickest)
         if failures:
             raise failures[0]
         return devices

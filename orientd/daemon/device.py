@@ -6,38 +6,47 @@ may come from any thread.
 
 from __future__ import annotations
 
+import functools
 import json
+import logging
+import math
 import os
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from orientd import rotation
 from orientd.clock import MonotonicClock
 from orientd.config import DeviceSettings
 from orientd.daemon.device_report import DeviceEvent, DeviceSnapshot, EventKind
-from orientd.daemon.feeder import BLOCK, Feeder
-from orientd.daemon.fitting import plan_to_fit
-from orientd.daemon.meter import MotionMeter, MotionStatistics
-from orientd.daemon.servo_link import ServoLink, report_directory
+from orientd.daemon.manner import AT_ONCE, Manner, Prepared
+from orientd.daemon.servo_link import ServoLink, report_directory, terms_of
+from orientd.daemon.settling import Settling
+from orientd.driver import Driver, Quaternion, Vector3
+from orientd.driver.floats import difference, norm
 from orientd.driver.registry import driver_target, load_driver
-from orientd.errors import ConfigError, DaemonError, Fault, StateError
-from orientd.planner import Limits, Motion, MotionRequest
-from orientd.planner import State as PlannedState
+from orientd.errors import ConfigError, DaemonError, Fault, LateError, StateError
 from orientd.servo.process import ProcessSettings
-from orientd.stream import Command, Cycle, CycleFlag, NoteKind, State, Terms, unpack_cycle
+from orientd.servo.servo import LEFT_OUT_WORD
+from orientd.stream import UNKNOWN, Command, Cycle, CycleFlag, NoteKind, State, unpack_cycle
+
+if TYPE_CHECKING:
+    # Loaded with the first motion: until then the daemon stays small.
+    from orientd.daemon.itinerary import Itinerary, Leave, Stage
+    from orientd.daemon.meter import MotionStatistics
+    from orientd.daemon.motion_planner import MotionPlanner
+    from orientd.planner import Limits, Motion, MotionRequest
+    from orientd.planner import State as PlannedState
+
+_log = logging.getLogger(__name__)
 
 TICK = 0.01
 """How often the thread looks at the servo, s."""
 
 _READ_AHEAD = 8.0
-"""Path time that the ring can hold, s."""
-
-_EXAMINED_EVERY = 0.008
-"""How far apart in path time the poses are that a driver looks at, s."""
+"""Path time that the ring holds ahead of the servo, s; it has room for as much again."""
 
 _SAME_BRANCH = 0.5
 """How far axis angles as measured may be from those planned to be on the same branch, rad."""
@@ -48,7 +57,12 @@ _LONGEST_END = 30.0
 _ENDING = 0.3
 """How long a servo may take to end that has lost its device, s."""
 
-_METER_BLOCK = 256
+_FIRST_NOTICE = 0.006
+"""How long it takes to plan a motion and to hand it over, s, before that has been measured."""
+
+_LONGEST_NOTICE = 0.25
+
+_SETTLING_BLOCK = 256
 
 
 class Device:
@@ -59,7 +73,6 @@ class Device:
         driver: the registry's name of its driver.
         rate_hz: cycle rate.
         period_ns: cycle period.
-        limits: what no motion of it may exceed.
     """
 
     def __init__(
@@ -78,7 +91,6 @@ class Device:
         self.driver = settings.driver
         self.rate_hz = settings.rate_hz
         self.period_ns = settings.period_ns
-        self.limits: Limits = settings.limits.to_limits()
         self._lead_cycles = round(settings.lead * settings.rate_hz)
         self._settings = settings
         self._on_event = on_event
@@ -95,24 +107,39 @@ class Device:
         self._thread: threading.Thread | None = None
         self._closing = threading.Event()
         self._ready = threading.Event()
+        self._number = 0
+        self._speed = 1.0
+        self._notice = _FIRST_NOTICE
         self._forget()
 
     def _forget(self) -> None:
         """Know nothing of a servo that is not there yet."""
-        self._feeder: Feeder | None = None
-        self._meter: MotionMeter | None = None
-        self._motion: Motion | None = None
-        self._active = False
+        self._itinerary: Itinerary | None = None
+        self._manners: dict[int, Manner] = {}
+        self._shown: Stage | None = None
+        self._settling: Settling | None = None
+        self._settled: tuple[int, int] = (0, 0)
+        self._settled_after: dict[int, float] = {}
+        self._tracked = 0
         self._fault = Fault.NONE
         self._fault_text = ""
         self._failure = ""
         self._last_words = ""
         self._scheduling = ""
         self._memory_locked = False
-        self._speed = 1.0
         self._is_paused = False
-        self._metered = 0
-        self._number = getattr(self, "_number", 0)
+
+    @functools.cached_property
+    def limits(self) -> Limits:
+        """What no motion of it may exceed."""
+        return self._settings.limits.to_limits()
+
+    @functools.cached_property
+    def _planner(self) -> MotionPlanner:
+        from orientd.daemon.motion_planner import MotionPlanner
+
+        period = self.period_ns * 1e-9
+        return MotionPlanner(self._examiner, limits=self.limits, period=period)
 
     # Life
 
@@ -138,7 +165,7 @@ class Device:
 
     def _start_servo(self) -> None:
         settings = self._settings
-        capacity = 1 << round(_READ_AHEAD * self.rate_hz - 1).bit_length()
+        capacity = self._read_ahead
         self._ready.clear()
         self._forget()
         self._link = ServoLink(
@@ -147,7 +174,7 @@ class Device:
                 driver=self._target,
                 options=settings.options,
                 period_ns=self.period_ns,
-                path_capacity=capacity,
+                path_capacity=2 * capacity,
                 cycle_capacity=capacity,
                 heartbeat_timeout_ns=round(settings.heartbeat_timeout * 1e9),
                 feedback_timeout_ns=round(settings.feedback_timeout * 1e9),
@@ -157,6 +184,11 @@ class Device:
                 report_path=str(Path(report_directory()) / f"servo-{self.name}.json"),
             )
         )
+
+    @property
+    def _read_ahead(self) -> int:
+        """Path records ahead of the servo, a power of two."""
+        return 1 << round(_READ_AHEAD * self.rate_hz - 1).bit_length()
 
     def shutdown(self) -> None:
         """Stop on the path, have the servo end, release everything."""
@@ -170,7 +202,7 @@ class Device:
         if link is not None:
             link.close()
 
-    # Commands
+    # Motions
 
     def commanded(self) -> PlannedState:
         """Return the state a new motion must begin in: where the device is commanded to be.
@@ -178,114 +210,199 @@ class Device:
         Raises:
             StateError: the device is not holding.
         """
+        from orientd.planner import State as PlannedState
+
         cycle = self._servo().newest()
         if cycle is None or cycle.state is not State.HOLDING:
             state = "not ready" if cycle is None else cycle.state.name.lower()
             advice = {
                 "idle": "; enable it first",
                 "streaming": "; stop the present motion first",
+                "tracking": "; end the following of targets first",
                 "fault": f": {self._fault_text}; reset it first",
             }.get(state, "")
             raise StateError(f"device {self.name} is {state}, not holding{advice}")
         return PlannedState.at_rest(cycle.q, cycle.position)
 
-    def next_start(self) -> PlannedState:
-        """Return the state in which the next motion will begin, if the present one reaches its end.
-
-        Raises:
-            StateError: the device is neither holding nor moving.
-        """
-        with self._lock:
-            if self._active and self._motion is not None:
-                motion = self._motion
-                end = motion.sample([(motion.record_count - 1) * motion.period])
-                return PlannedState.at_rest(end.q[0], end.position[0])
-        return self.commanded()
-
-    def plan(self, request: MotionRequest, *, is_next: bool = False) -> Motion:
-        """Plan a motion from where the device is commanded to be, as its axes can follow it.
-
-        Args:
-            request: what to do.
-            is_next: begin where the device will be once its present motion has ended.
+    def plan(self, request: MotionRequest) -> Motion:
+        """Plan a motion that begins where the device will be once it has come to rest.
 
         Raises:
             RequestError: the request is not one that its method or the device allows.
-            StateError: the device is not at rest, ready to move.
+            StateError: the device is neither holding nor moving.
             PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
         """
-        start = self.next_start() if is_next else self.commanded()
-        joints = self._joints(is_next=is_next)
-        period = self.period_ns * 1e-9
-        motion = plan_to_fit(
-            self._examiner, request, start=start, joints=joints, limits=self.limits, period=period
-        )
-        self._examine(motion)
-        return motion
-
-    def _joints(self, *, is_next: bool) -> tuple[float, ...]:
         with self._lock:
-            if is_next and self._active and self._motion is not None and self._motion.last_joints:
-                return self._motion.last_joints
+            last = self._itinerary.last if self._itinerary and self._itinerary.is_active else None
+        if last is not None:
+            motion = last.motion
+            start = motion.state_at(motion.record_count - 1)
+            joints = motion.last_joints or self._joints()
+            return self._planner.plan(request, start=start, joints=joints)
+        return self._planner.plan(request, start=self.commanded(), joints=self._joints())
+
+    def prepare(
+        self, request: MotionRequest, manner: Manner = AT_ONCE, *, attempt: int = 0
+    ) -> Prepared:
+        """Plan a motion for :meth:`start`: from rest, or from a point of the path a little ahead.
+
+        Args:
+            request: what to do.
+            manner: how to begin and to end.
+            attempt: how often :meth:`start` has said already that it was too late.
+
+        Raises:
+            RequestError: the request is not one that its method or the device allows.
+            StateError: the device cannot move.
+            PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
+        """
+        begun = time.monotonic()
+        leave = self._leave(manner, attempt)
+        if leave is None:
+            start, joints = self.commanded(), self._joints()
+            motion = self._planner.plan(request, start=start, joints=joints)
+        elif manner.is_queued:
+            with self._lock:
+                last = self._itinerary.stage(leave.number) if self._itinerary else None
+            if last is None:
+                raise LateError(f"motion {leave.number} has ended")
+            record, motion = self._planner.blend(
+                last.motion, request, tolerance=manner.blend, earliest=leave.record
+            )
+            leave = replace(leave, record=record, state=last.motion.state_at(record))
+        else:
+            motion = self._planner.plan(request, start=leave.state, joints=())
+        self._notice = max(0.8 * self._notice, 1.5 * (time.monotonic() - begun) + 0.003)
+        return Prepared(motion, leave, manner)
+
+    def _leave(self, manner: Manner, attempt: int) -> Leave | None:
+        """Return where what runs is to be left at the earliest; ``None`` where nothing runs."""
+        itinerary, cycle = self._itinerary, self._servo().newest()
+        if cycle is None or itinerary is None:
+            return None
+        if cycle.state is State.STREAMING and manner.start_ns != UNKNOWN:
+            raise StateError(f"device {self.name} is streaming: a start time needs one at rest")
+        if cycle.state is State.STREAMING and self._planner.shapes_paths and not manner.is_queued:
+            # The axes' path begins at rest: what runs is left on its own path.
+            self.stop()
+        if cycle.state is State.STOPPING or (
+            self._planner.shapes_paths and not manner.is_queued and cycle.state is State.STREAMING
+        ):
+            self._await_rest()
+            return None
+        if cycle.state is not State.STREAMING:
+            return None
+        notice = min(self._notice * 2.0**attempt, _LONGEST_NOTICE)
+        with self._lock:
+            if not itinerary.is_active:
+                return None
+            ahead = itinerary.ahead(cycle, math.ceil(notice * self.rate_hz) + 2)
+            if manner.is_queued and ahead.number != itinerary.last.number:
+                return itinerary.end(record=0)
+            return ahead
+
+    def _await_rest(self) -> None:
+        """Wait until a stop has come to its end."""
+        end = time.monotonic() + _LONGEST_END
+        while time.monotonic() < end:
+            cycle = self._servo().newest()
+            if cycle is None or cycle.state not in (State.STREAMING, State.STOPPING):
+                return
+            time.sleep(self.period_ns * 1e-9)
+        raise StateError(f"device {self.name} does not come to rest")
+
+    def _joints(self) -> tuple[float, ...]:
         cycle = self._servo().newest()
         return () if cycle is None else cycle.joints
 
     def is_at(self, joints: tuple[float, ...]) -> bool:
         """Whether the device's axes are at *joints*, on the same branch and turn."""
-        here = self._joints(is_next=False)
+        here = self._joints()
         return len(here) != len(joints) or all(
             abs(a - b) < _SAME_BRANCH for a, b in zip(here, joints, strict=True)
         )
 
-    def _examine(self, motion: Motion) -> None:
-        """Have the driver look at a motion that keeps the limits."""
-        step = max(1, round(_EXAMINED_EVERY / motion.period))
-        times = motion.period * np.arange(0, motion.record_count, step)
-        samples = motion.sample(times)
-        poses = zip(samples.q.tolist(), samples.position.tolist(), strict=True)
-        self._examiner.examine(times.tolist(), list(poses))
+    def start(self, prepared: Prepared) -> int:
+        """Begin to stream a motion and return its number, once the servo has taken it up.
 
-    def start(self, motion: Motion) -> int:
-        """Begin to stream *motion* and return its number, once the servo has taken it up.
+        A motion that is to follow others is taken up when its turn has come.
 
         Raises:
+            LateError: the device has passed the point at which it was to begin.
             StateError: the device is not holding, or not where the motion begins.
         """
+        motion, leave, manner = prepared.motion, prepared.leave, prepared.manner
         with self._lock:
-            link = self._servo()
-            self.commanded()
-            self._number += 1
-            certificate = motion.certificate
-            feeder = Feeder(link.memory.path, motion, self._number)
-            needed = 1.0 / (certificate.brake_rate * motion.period) + BLOCK
-            while not feeder.is_done and link.memory.path.head - feeder.first_index < needed:
-                if not feeder.feed(BLOCK):
-                    break
-            limits = motion.limits
-            terms = Terms(
-                limits.velocity,
-                limits.acceleration,
-                limits.jerk,
-                limits.linear_velocity,
-                limits.linear_acceleration,
-                certificate.brake_rate,
+            itinerary = self._plan_for()
+            dropped: list[Stage] = []
+            number = self._number + 1
+            if leave is None:
+                self.commanded()
+                self._end_settling("another motion has begun")
+                itinerary.begin(motion, number, speed=self._speed, start_ns=manner.start_ns)
+            elif manner.is_queued:
+                itinerary.append(motion, number, leave)
+            else:
+                dropped = itinerary.replace(motion, number, leave)
+                if self._is_paused:
+                    self.resume()
+            self._number = number
+            self._manners[number] = manner
+            for stage in dropped:
+                self._tell(EventKind.MOTION_REPLACED, stage.number, "before it began")
+            if leave is None:
+                self._is_paused = False
+            self._tell(EventKind.MOTION_STARTED, number, f"{motion.duration:.3f} s")
+            return number
+
+    def _plan_for(self) -> Itinerary:
+        from orientd.daemon.itinerary import Itinerary
+
+        if self._itinerary is None:
+            self._itinerary = Itinerary(
+                self._servo(), lead=self._settings.lead, read_ahead=self._read_ahead
             )
-            self._metered = link.memory.cycles.head
-            link.beat()
-            link.ask(
-                Command.START,
-                motion=self._number,
-                path_index=feeder.first_index,
-                speed=self._speed,
-                terms=terms,
+        return self._itinerary
+
+    # Following targets
+
+    def track(self, limits: Limits) -> int:
+        """Follow targets from now on, whatever moves at present; return the number of that.
+
+        Args:
+            limits: narrower than the device's own; infinite ones are left to it.
+
+        Raises:
+            RequestError: a limit is above the device's.
+            StateError: the device is neither holding nor moving, or cannot follow targets.
+        """
+        terms = terms_of(self.limits.narrowed(limits), brake_rate=1.0)
+        if type(self._examiner).shape is not Driver.shape:
+            raise StateError(
+                f"device {self.name} plans whole paths for its axes: it cannot follow targets"
             )
-            self._meter = MotionMeter(
-                motion, self._number, feeder.first_index, lead=self._settings.lead
-            )
-            self._motion, self._feeder = motion, feeder
-            self._is_paused, self._active = False, True
-            self._tell(EventKind.MOTION_STARTED, f"{motion.duration:.3f} s")
-            return self._number
+        with self._lock:
+            number = self._number + 1
+            self._servo().ask(Command.TRACK, motion=number, terms=terms)
+            self._number = self._tracked = number
+            self._is_paused = False
+            self._end_settling("targets are followed from now on")
+            for stage in self._itinerary.clear() if self._itinerary is not None else []:
+                self._tell(EventKind.MOTION_REPLACED, stage.number, "by targets to follow")
+            self._tell(EventKind.MOTION_STARTED, number, "following targets")
+        return number
+
+    def aim(self, q: Quaternion, omega_body: Vector3, time_ns: int, expires_ns: int) -> None:
+        """Hand the servo a target; waits for nothing.  To be called by one thread at a time."""
+        self._servo().memory.targets.publish(time_ns, expires_ns, *q, *omega_body)
+
+    @property
+    def targets(self) -> tuple[int, int]:
+        """How many targets the servo process was given so far, and how many it left out."""
+        ring = self._servo().memory.targets
+        return ring.head, ring.word(LEFT_OUT_WORD)
+
+    # Commands
 
     def enable(self) -> None:
         """Make the device follow; it holds where it is."""
@@ -298,6 +415,10 @@ class Device:
     def stop(self) -> None:
         """Stop on the path; nothing happens to a device at rest."""
         self._servo().ask(Command.STOP)
+
+    def halt(self) -> None:
+        """Stop as quickly as the limits allow, off the path if need be."""
+        self._servo().ask(Command.HALT)
 
     def pause(self) -> None:
         """Come to rest on the path, to be resumed."""
@@ -350,7 +471,7 @@ class Device:
             if not link.is_alive:
                 return False
             link.ask(Command.RESET)
-            self._fault, self._fault_text = Fault.NONE, ""
+            self._fault, self._fault_text, self._failure = Fault.NONE, "", ""
             if self._settings.auto_enable:
                 link.ask(Command.ENABLE)
         except DaemonError:
@@ -376,14 +497,13 @@ class Device:
         if cycle is not None and cycle.state is State.FAULT and fault is Fault.NONE:
             fault = Fault(cycle.fault)
         path_time, error = 0.0, None
-        feeder = self._feeder
         due = self._due(link, cycle) if link is not None and cycle is not None else cycle
         if cycle is not None and due is not None and cycle.flags & CycleFlag.FEEDBACK:
-            error = float(rotation.angle(due.q, cycle.feedback_q))
-        # A motion begins before its start returns; until then the feeder is that of the last one.
-        if due is not None and feeder is not None and due.motion == feeder.number:
-            records = due.path_index - feeder.first_index + due.path_fraction
-            path_time = max(0.0, records * feeder.motion.period)
+            error = norm(difference(due.q, cycle.feedback_q))
+        stage = self._stage_of(due)
+        if due is not None and stage is not None and stage.feeder is not None:
+            records = due.path_index - stage.feeder.first_index + due.path_fraction
+            path_time = max(0.0, records * stage.motion.period)
         state = cycle.state if cycle is not None else State.IDLE
         return DeviceSnapshot(
             cycle=cycle,
@@ -392,14 +512,22 @@ class Device:
             fault_text=self._fault_text,
             is_paused=self._is_paused and state is State.STREAMING,
             speed=self._speed,
-            motion=self._motion,
-            motion_number=self._number,
+            motion=stage.motion if stage is not None else None,
+            motion_number=stage.number if stage is not None else self._number,
             path_time=path_time,
             tracking_error=error,
             servo_pid=link.process.pid if link is not None and is_alive else None,
             scheduling=self._scheduling,
             memory_locked=self._memory_locked,
         )
+
+    def _stage_of(self, cycle: Cycle | None) -> Stage | None:
+        """Return the motion that a cycle belongs to, or the one that was there last."""
+        if cycle is not None and self._itinerary is not None:
+            stage = self._itinerary.stage(cycle.motion)
+            if stage is not None:
+                self._shown = stage
+        return self._shown
 
     def _due(self, link: ServoLink, cycle: Cycle) -> Cycle:
         """Return the cycle whose setpoint the device is to be at now: a lead before the newest."""
@@ -416,14 +544,22 @@ class Device:
         return [unpack_cycle(record) for record in link.cycle_records(since, limit)]
 
     def statistics(self, motion_number: int) -> MotionStatistics | None:
-        """Return what was measured of a motion; ``None`` unless it is the newest."""
-        meter = self._meter
-        if meter is None or meter.number != motion_number:
+        """Return what was measured of a motion; ``None`` unless it is one of the newest."""
+        itinerary = self._itinerary
+        if itinerary is None:
             return None
         with self._lock:
-            if self._active:
-                self._measure()
-            return meter.statistics()
+            itinerary.measure()
+            return itinerary.statistics(motion_number)
+
+    def settled_after(self, motion_number: int) -> float | None:
+        """Return how long after its last setpoint a motion was on target, s, if that is known."""
+        return self._settled_after.get(motion_number)
+
+    def began_ns(self, motion_number: int) -> int | None:
+        """Return when a motion began to move, monotonic clock, where that is known."""
+        itinerary = self._itinerary
+        return None if itinerary is None else itinerary.began_ns(motion_number)
 
     # The thread
 
@@ -431,10 +567,16 @@ class Device:
         while not self._closing.wait(TICK):
             with self._lock:
                 link = self._link
-                if link is None or self._closing.is_set():
+                if link is None or self._closing.is_set() or self._failure:
                     continue
-                if not self._failure:
+                try:
                     self._tick(link)
+                except Exception as error:  # noqa: BLE001 - or it would go on unwatched
+                    # The servo stops by itself once it hears nothing more.
+                    _log.exception("%s: watching the servo failed", self.name)
+                    self._failure = f"{type(error).__name__}: {error}"
+                    self._fault, self._fault_text = Fault.INTERNAL, self._failure
+                    self._drop_all(self._failure)
 
     def _tick(self, link: ServoLink) -> None:
         link.beat()
@@ -443,19 +585,41 @@ class Device:
         if not is_alive:
             self._lose(link)
             return
-        if self._feeder is not None and not self._feeder.is_done:
-            while self._active and self._feeder.feed(BLOCK) == BLOCK:
-                link.beat()
-        if not self._active:
+        if self._settling is not None:
+            self._settle(link)
+        if self._tracked:
+            self._look_at_tracking(link)
+        itinerary = self._itinerary
+        if itinerary is None or not itinerary.is_active:
             return
+        try:
+            itinerary.feed()
+        except LateError as error:
+            for stage in itinerary.miss():
+                self._tell(EventKind.MOTION_STOPPED, stage.number, str(error))
         cycle = link.newest()
-        self._measure()
-        if (
-            cycle is not None
-            and cycle.motion == self._number
-            and cycle.state not in (State.STREAMING, State.STOPPING)
+        itinerary.measure()
+        if cycle is None:
+            return
+        for stage in itinerary.passed(cycle):
+            kind = EventKind.MOTION_REPLACED if stage.is_replaced else EventKind.MOTION_DONE
+            self._tell(kind, stage.number, "")
+        if cycle.motion == itinerary.first.number and cycle.state not in (
+            State.STREAMING,
+            State.STOPPING,
         ):
-            self._conclude(cycle)
+            self._conclude(itinerary, cycle)
+
+    def _look_at_tracking(self, link: ServoLink) -> None:
+        """Say so when the device has come to rest after following targets."""
+        cycle, number = link.newest(), self._tracked
+        if cycle is not None and cycle.motion == number:
+            if cycle.state in (State.TRACKING, State.STOPPING):
+                return
+            self._tracked = 0
+            is_fault = cycle.state is State.FAULT
+            text = self._fault_text if is_fault else "the targets have ended"
+            self._tell(EventKind.MOTION_STOPPED, number, text)
 
     def _hear(self, link: ServoLink) -> None:
         for note in link.words():
@@ -463,7 +627,7 @@ class Device:
                 self._become_ready(link, note.text)
             elif note.kind is NoteKind.FAULT:
                 self._fault, self._fault_text = Fault(note.code), note.text
-                self._tell(EventKind.FAULT, f"{self._fault.name.lower()}: {note.text}")
+                self._tell_fault(f"{self._fault.name.lower()}: {note.text}")
             elif note.kind is NoteKind.ENDING:
                 self._last_words = note.text
 
@@ -483,19 +647,70 @@ class Device:
                 link.ask(Command.ENABLE)
             except (StateError, DaemonError) as error:
                 self._fault, self._fault_text = Fault.DEVICE_FAULT, str(error)
-                self._tell(EventKind.FAULT, str(error))
-        self._tell(EventKind.READY, self._scheduling)
+                self._tell_fault(str(error))
+        self._tell(EventKind.READY, 0, self._scheduling)
         self._ready.set()
 
-    def _conclude(self, cycle: Cycle) -> None:
-        self._active = False
+    def _conclude(self, itinerary: Itinerary, cycle: Cycle) -> None:
+        """Note how the motion ended that has come to rest, and those that were to follow it."""
         self._is_paused = False
-        if self._feeder is not None and cycle.path_index == self._feeder.final_index:
-            self._tell(EventKind.MOTION_DONE, "")
-        elif cycle.state is State.FAULT:
-            self._tell(EventKind.MOTION_STOPPED, self._fault_text)
-        else:
-            self._tell(EventKind.MOTION_STOPPED, "stopped on its path")
+        ended, *following = itinerary.clear()
+        is_done = (
+            ended.feeder is not None
+            and cycle.path_index == ended.feeder.final_index
+            and cycle.state is not State.FAULT
+        )
+        if is_done and following:
+            # It came to rest before the servo had heard of the next one.
+            self._arrive(ended, cycle)
+            try:
+                itinerary.resume(following, speed=self._speed)
+            except StateError as error:
+                for stage in following:
+                    self._tell(EventKind.MOTION_STOPPED, stage.number, str(error))
+            return
+        if is_done:
+            self._arrive(ended, cycle)
+            return
+        text = self._fault_text if cycle.state is State.FAULT else "stopped on its path"
+        for stage in (ended, *following):
+            self._tell(EventKind.MOTION_STOPPED, stage.number, text)
+
+    def _arrive(self, stage: Stage, cycle: Cycle) -> None:
+        """Say that a motion is done, or wait until what is measured says so."""
+        manner = self._manners.pop(stage.number, AT_ONCE)
+        if manner.gate is None:
+            self._tell(EventKind.MOTION_DONE, stage.number, "")
+            return
+        self._end_settling("another motion has ended")
+        self._settling = Settling(manner.gate, cycle.q, cycle.deadline_ns)
+        self._settled = (stage.number, cycle.index)
+
+    def _settle(self, link: ServoLink) -> None:
+        """Look at the cycles since the motion's last setpoint."""
+        number, since = self._settled
+        settling = self._settling
+        for record in link.cycle_records(since, _SETTLING_BLOCK):
+            cycle = unpack_cycle(record)
+            self._settled = (number, cycle.index + 1)
+            if settling is not None and settling.look(cycle):
+                self._settling = None
+                is_on = settling.settled_after is not None
+                if settling.settled_after is not None:
+                    self._settled_after = {number: settling.settled_after}
+                    self._tell(EventKind.ON_TARGET, number, str(settling))
+                kind = EventKind.MOTION_DONE if is_on else EventKind.MOTION_UNSETTLED
+                self._tell(kind, number, str(settling))
+                return
+            if cycle.state is State.FAULT:
+                self._end_settling(self._fault_text)
+                return
+
+    def _end_settling(self, text: str) -> None:
+        """Wait no longer for a device to be on target."""
+        if self._settling is not None:
+            self._settling = None
+            self._tell(EventKind.MOTION_UNSETTLED, self._settled[0], text)
 
     def _lose(self, link: ServoLink) -> None:
         """Say that the servo has ended, whatever ended it."""
@@ -505,24 +720,26 @@ class Device:
         if self._fault is not Fault.LINK_LOST:
             # A driver whose link is spent takes its process with it; the link is the reason.
             self._fault, self._fault_text = Fault.SERVO_DIED, self._failure
-        was_active, self._active = self._active, False
         self._ready.set()
-        self._tell(EventKind.SERVO_DIED, self._failure)
-        if was_active:
-            self._tell(EventKind.MOTION_STOPPED, self._failure)
+        self._tell(EventKind.SERVO_DIED, 0, self._failure)
+        self._drop_all(self._failure)
 
-    def _measure(self) -> None:
-        """Add the cycles since the last look to the motion's measurements."""
-        meter, link = self._meter, self._link
-        if meter is None or link is None:
-            return
-        while records := link.cycle_records(self._metered, _METER_BLOCK):
-            meter.add(records)
-            self._metered = int.from_bytes(records[-1][:8], "little") + 1
+    def _drop_all(self, text: str) -> None:
+        """Say of every motion that it has been stopped."""
+        self._end_settling(text)
+        if self._tracked:
+            number, self._tracked = self._tracked, 0
+            self._tell(EventKind.MOTION_STOPPED, number, text)
+        for stage in self._itinerary.clear() if self._itinerary is not None else []:
+            self._tell(EventKind.MOTION_STOPPED, stage.number, text)
 
-    def _tell(self, kind: EventKind, text: str) -> None:
-        number = self._number if kind.value.startswith("motion") or self._active else 0
+    def _tell(self, kind: EventKind, number: int, text: str) -> None:
         self._on_event(DeviceEvent(self.name, kind, number, text, time.monotonic_ns()))
+
+    def _tell_fault(self, text: str) -> None:
+        itinerary = self._itinerary
+        number = itinerary.first.number if itinerary is not None and itinerary.is_active else 0
+        self._tell(EventKind.FAULT, number, text)
 
     def _servo(self) -> ServoLink:
         link = self._link

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import TYPE_CHECKING
 
 from orientd.errors import Fault
-from orientd.planner import Motion
 from orientd.stream import Cycle, State
+
+if TYPE_CHECKING:
+    from orientd.planner import Motion
 
 
 class EventKind(Enum):
@@ -17,6 +20,9 @@ class EventKind(Enum):
     MOTION_STARTED = "motion started"
     MOTION_DONE = "motion done"
     MOTION_STOPPED = "motion stopped"
+    MOTION_REPLACED = "motion replaced"
+    MOTION_UNSETTLED = "motion unsettled"
+    ON_TARGET = "on target"
     FAULT = "fault"
     SERVO_DIED = "servo died"
 

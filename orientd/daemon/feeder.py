@@ -1,6 +1,6 @@
 """The feeder: samples a motion, block by block, into the path ring.
 
-It keeps the ring full ahead of the servo, and holds no more of a motion than the ring does.
+It keeps the ring filled ahead of the servo, and holds no more of a motion than the ring does.
 """
 
 from __future__ import annotations
@@ -38,15 +38,36 @@ class Feeder:
         first_index: the ring's index of the motion's first record.
     """
 
-    def __init__(self, ring: RecordRing, motion: Motion, number: int) -> None:
-        """Begin behind whatever the ring holds; the servo stands still meanwhile."""
+    def __init__(self, ring: RecordRing, motion: Motion, number: int, *, read_ahead: int) -> None:
+        """Begin behind whatever the ring holds.
+
+        Args:
+            ring: of path records.
+            motion: to feed.
+            number: of the motion.
+            read_ahead: how many records the ring may hold beyond the servo's; the rest of it is
+                kept for a motion that replaces this one.
+        """
         self.motion = motion
         self.first_index = ring.head
         self._ring = ring
         self.number = number
         self._fed = 0
-        ring.set_word(FINAL_WORD, 0)
-        ring.set_word(TAIL_WORD, self.first_index)
+        self._until = motion.record_count
+        self._read_ahead = read_ahead
+        self._is_taken_up = False
+
+    def clear(self) -> None:
+        """Tell a servo that stands still that nothing before this motion counts any more."""
+        self._ring.set_word(FINAL_WORD, 0)
+        self._ring.set_word(TAIL_WORD, self.first_index)
+
+    def leave_at(self, record: int) -> None:
+        """Feed nothing beyond *record* of the motion.
+
+        Records beyond it that are in the ring already stay there, unused.
+        """
+        self._until = max(self._fed, record + 1)
 
     @property
     def final_index(self) -> int:
@@ -54,15 +75,26 @@ class Feeder:
         return self.first_index + self.motion.record_count - 1
 
     @property
-    def is_done(self) -> bool:
-        """Whether all of the motion is in the ring, or has been."""
+    def is_whole(self) -> bool:
+        """Whether the motion's last record is in the ring, or has been."""
         return self._fed == self.motion.record_count
 
-    def feed(self, most: int) -> int:
-        """Put up to *most* records more into the ring, as far as it has room; return how many."""
+    @property
+    def is_done(self) -> bool:
+        """Whether everything that is to be fed has been."""
+        return self._fed >= self._until
+
+    def feed(self, most: int, *, is_urgent: bool = False) -> int:
+        """Put up to *most* records more into the ring, as far as it has room; return how many.
+
+        Args:
+            most: records.
+            is_urgent: whether to use the room that is kept free otherwise.
+        """
         ring = self._ring
-        room = ring.word(TAIL_WORD) + ring.capacity - _MARGIN - ring.head
-        count = min(most, room, self.motion.record_count - self._fed)
+        size = ring.capacity - _MARGIN if is_urgent else self._read_ahead
+        room = ring.word(TAIL_WORD) + size - ring.head
+        count = min(most, room, self._until - self._fed)
         if count <= 0:
             return 0
         block = self._records(self._fed, count)
@@ -72,10 +104,19 @@ class Feeder:
         for k in range(count):
             ring.put(content[k * size : (k + 1) * size], head + k)
         self._fed += count
-        if self.is_done:
-            ring.set_word(FINAL_WORD, head + count)
+        if self._is_taken_up:
+            self._declare_end()
         ring.advance(head + count)
         return count
+
+    def take_up(self) -> None:
+        """Note that the servo has the motion on its path; it is told where it ends from now on."""
+        self._is_taken_up = True
+        self._declare_end()
+
+    def _declare_end(self) -> None:
+        if self.is_whole:
+            self._ring.set_word(FINAL_WORD, self.final_index + 1)
 
     def _records(self, first: int, count: int) -> NDArray[np.void]:
         motion = self.motion

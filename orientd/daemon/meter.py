@@ -127,10 +127,28 @@ class MotionMeter:
 
     Attributes:
         number: the motion's number.
+        began_ns: when the first setpoint was sent that is not where the motion begins, monotonic
+            clock; ``None`` before that.
     """
 
-    def __init__(self, motion: Motion, number: int, first_index: int, *, lead: float = 0.0) -> None:
-        """Expect the motion's records in the path ring from *first_index* on, led by *lead* s."""
+    def __init__(
+        self,
+        motion: Motion,
+        number: int,
+        first_index: int,
+        *,
+        lead: float = 0.0,
+        after: MotionMeter | None = None,
+    ) -> None:
+        """Expect the motion's records in the path ring from *first_index* on.
+
+        Args:
+            motion: to measure.
+            number: of the motion.
+            first_index: ring index of its first record.
+            lead: by how much the device is led, s.
+            after: measures the motion that this one takes over from while it moves.
+        """
         self.number = number
         self._motion = motion
         self._first = first_index
@@ -149,6 +167,8 @@ class MotionMeter:
         # The device holds there before the first cycle of the motion.
         self._last_q = motion.sample(np.zeros(1)).q[0]
         self._led = LedSetpoints(lead, self._last_q) if lead > 0.0 else None
+        self._after = after
+        self.began_ns: int | None = None
 
     def add(self, records: list[bytes]) -> None:
         """Measure further cycles, in order; those that are not of the motion are left out."""
@@ -164,6 +184,10 @@ class MotionMeter:
             return
         first = int(np.argmax(chosen))
         block = cycles[chosen]
+        if self.began_ns is None:
+            block = self._after_waiting(block)
+            if not len(block):
+                return
         self._cycles += len(block)
         self._lateness.add(block["lateness_ns"])
         self._work.add(block["work_ns"][1:])
@@ -173,9 +197,17 @@ class MotionMeter:
             self._counters = (int(base["overruns"]), int(base["missed"]))
         self._overruns = int(block["overruns"][-1]) - self._counters[0]
         self._missed = int(block["missed"][-1]) - self._counters[1]
+        if self._after is not None:
+            self._last_q, self._omega, self._alpha = self._after.last
+            self._after = None
         self._differentiate(np.vstack([self._last_q, block["q"]]))
         self._compare(block)
         self._last_q = block["q"][-1]
+
+    @property
+    def last(self) -> tuple[Floats, Floats, Floats]:
+        """Orientation sent last, and its first and second backward differences."""
+        return self._last_q, self._omega, self._alpha
 
     def statistics(self) -> MotionStatistics:
         """Return the figures so far."""
@@ -193,6 +225,15 @@ class MotionMeter:
             start_velocity_error=self._start_error,
             end_velocity_error=self._end_error,
         )
+
+    def _after_waiting(self, block: NDArray[np.void]) -> NDArray[np.void]:
+        """Return *block* without the cycles in which the motion had not begun to move."""
+        moved = (block["path_index"] > self._first) | (block["path_fraction"] > 0.0)
+        if not moved.any():
+            return block[:0]
+        first = int(np.argmax(moved))
+        self.began_ns = int(block["deadline_ns"][first] + block["lateness_ns"][first])
+        return block[first:]
 
     def _differentiate(self, q: NDArray[np.float64]) -> None:
         h = self._motion.period

@@ -1,24 +1,10 @@
-"""What the daemon says about its devices and motions, as values for the wire."""
+"""What the daemon says about its devices, as values for the wire."""
 
 from __future__ import annotations
 
-import numpy as np
-
-from orientd.curves import METHODS
 from orientd.daemon.device import Device
-from orientd.daemon.meter import Lateness, MotionStatistics
 from orientd.daemon.runs import Run
-from orientd.planner import Motion
-from orientd.rpc.reports import (
-    DeviceReport,
-    Durations,
-    Method,
-    Plan,
-    Progress,
-    Samples,
-    Statistics,
-    Summary,
-)
+from orientd.rpc.reports import DeviceReport, Method, Progress
 from orientd.stream import Cycle
 
 NANOSECONDS = 1e9
@@ -51,6 +37,8 @@ def device_report(device: Device) -> DeviceReport:
 
 def methods() -> list[Method]:
     """Return the families of curves that motions can be made of."""
+    from orientd.curves import METHODS
+
     return [
         Method(
             name=name,
@@ -62,47 +50,6 @@ def methods() -> list[Method]:
         )
         for name, family in METHODS.items()
     ]
-
-
-def plan(motion: Motion) -> Plan:
-    """Return what there is to say about *motion* before it is run."""
-    return Plan(
-        motion_id=motion.id,
-        duration=motion.duration,
-        start_time=motion.start_time,
-        end_time=motion.end_time,
-        keyframe_times=tuple(motion.keyframe_times.tolist()),
-        certificate=motion.certificate,
-    )
-
-
-def samples(motion: Motion, rate_hz: float) -> Samples:
-    """Return *motion* sampled *rate_hz* times a second, from its beginning to its end."""
-    count = int(np.floor(motion.duration * rate_hz + 1e-9)) + 1
-    times = np.append(np.arange(count) / rate_hz, motion.duration)
-    if times[-1] - times[-2] < 1e-9:
-        times = times[:-1]
-    sampled = motion.sample(times)
-    return Samples(
-        times=times,
-        q=sampled.q,
-        omega_body=sampled.omega_body,
-        alpha_body=sampled.alpha_body,
-        position=sampled.position,
-        velocity=sampled.velocity,
-    )
-
-
-def summary(run: Run) -> Summary:
-    """Return how *run*, which has ended, went."""
-    outcome, text = run.ended.result(timeout=0)
-    measured = run.device.statistics(run.number)
-    return Summary(
-        motion_number=run.number,
-        outcome=outcome,
-        text=text,
-        statistics=None if measured is None else _statistics(measured),
-    )
 
 
 class CycleReader:
@@ -147,11 +94,14 @@ class ProgressReader:
         now = self._run.device.snapshot()
         if now.cycle is None:
             return None
+        duration = self._run.motion.duration if self._run.motion is not None else 0.0
+        # A motion that waits for its turn has not begun; one that was left has ended.
+        is_present = now.motion_number == self._run.number
         recent, _ = self._cycles.read()
         latest = max((cycle.lateness_ns for cycle in recent), default=now.cycle.lateness_ns)
         return Progress(
-            path_time=min(now.path_time, self._run.motion.duration),
-            duration=self._run.motion.duration,
+            path_time=min(now.path_time, duration) if is_present else 0.0,
+            duration=duration,
             state=now.state,
             is_paused=now.is_paused,
             speed=now.cycle.speed,
@@ -162,29 +112,3 @@ class ProgressReader:
             tracking_error=now.tracking_error,
             overruns=max(0, now.cycle.overruns - self._overruns),
         )
-
-
-def _statistics(measured: MotionStatistics) -> Statistics:
-    return Statistics(
-        cycles=measured.cycles,
-        overruns=measured.overruns,
-        missed=measured.missed,
-        lateness=_durations(measured.lateness),
-        work=_durations(measured.work),
-        velocity=measured.velocity,
-        acceleration=measured.acceleration,
-        jerk=measured.jerk,
-        path_error=measured.path_error,
-        tracking_error=measured.tracking_error,
-        start_velocity_error=measured.start_velocity_error,
-        end_velocity_error=measured.end_velocity_error,
-    )
-
-
-def _durations(lateness: Lateness) -> Durations:
-    return Durations(
-        p50=lateness.p50_ns / NANOSECONDS,
-        p99=lateness.p99_ns / NANOSECONDS,
-        p99_9=lateness.p99_9_ns / NANOSECONDS,
-        largest=lateness.largest_ns / NANOSECONDS,
-    )

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
+import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, NoReturn, Protocol, TypeVar
@@ -16,21 +18,16 @@ import grpc
 from orientd.daemon import report
 from orientd.daemon.cell import Cell, pause, resume
 from orientd.daemon.device import Device
+from orientd.daemon.following import Following
 from orientd.daemon.lease import Lease
+from orientd.daemon.manner import Gate, Manner
 from orientd.daemon.planners import Planners
 from orientd.daemon.runs import Run
-from orientd.errors import DaemonError, OrientdError, RequestError
-from orientd.planner import Motion
+from orientd.errors import DaemonError, OrientdError, RequestError, StateError
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.control_pb2_grpc import ControlServicer
-from orientd.rpc.motion_wire import to_mapping
-from orientd.rpc.move_wire import (
-    plan_to_message,
-    progress_to_message,
-    samples_to_messages,
-    summary_to_message,
-)
-from orientd.rpc.reports import DaemonReport
+from orientd.rpc.motion_wire import limits_to_wish, to_mapping
+from orientd.rpc.reports import DaemonReport, MoveTiming, Outcome
 from orientd.rpc.state_wire import (
     cycle_to_message,
     daemon_to_message,
@@ -39,6 +36,8 @@ from orientd.rpc.state_wire import (
     method_to_message,
 )
 from orientd.rpc.status import DETAILS_KEY, to_status
+from orientd.rpc.track_wire import report_to_message
+from orientd.stream import UNKNOWN
 
 _log = logging.getLogger(__name__)
 
@@ -54,6 +53,12 @@ COMMANDERS = 8
 
 MOST_SAMPLES = 300_000
 """In the answer to one Plan; each takes some 170 bytes of a message."""
+
+SETTLING_TIMEOUT = 5.0
+"""How long a device may take to be on target after the last setpoint, by default, s."""
+
+LONGEST_WAIT = 3600.0
+"""How far ahead a start time may be, s."""
 
 _GONE = "its caller has gone away"
 
@@ -154,24 +159,29 @@ class ControlService(ControlServicer):
         """Plan a motion and keep it."""
 
         def work() -> pb.PlanResponse:
+            from orientd.daemon import motion_report
+            from orientd.rpc.move_wire import plan_to_message, samples_to_messages
+
             device = self._cell.device(request.device)
             rate_hz = request.sample_rate_hz
             if not 0.0 <= rate_hz <= device.rate_hz:
                 raise RequestError(
                     "sample_rate_hz", f"expected 0 to {device.rate_hz:g}, got {rate_hz:g}"
                 )
-            motion = self._cell.plan(device, to_mapping(request.motion), keep=True)
+            motion = self._cell.plan(device, to_mapping(request.motion))
             if rate_hz * motion.duration > MOST_SAMPLES:
                 raise RequestError(
                     "sample_rate_hz",
                     f"{motion.duration:.6g} s make more than {MOST_SAMPLES} samples at "
                     f"{rate_hz:g} Hz",
                 )
-            samples = samples_to_messages(report.samples(motion, rate_hz)) if rate_hz else []
-            return pb.PlanResponse(plan=plan_to_message(report.plan(motion)), samples=samples)
+            samples = samples_to_messages(motion_report.samples(motion, rate_hz)) if rate_hz else []
+            return pb.PlanResponse(
+                plan=plan_to_message(motion_report.plan(motion)), samples=samples
+            )
 
         try:
-            return await self._planned(work)
+            return await self._planned(self._planners.submit(work))
         except OrientdError as error:
             await _refuse(context, error)
 
@@ -180,53 +190,116 @@ class ControlService(ControlServicer):
     ) -> AsyncIterator[pb.MoveResponse]:
         """Run a motion and report until it ends; a caller that goes away stops it."""
         run: Run | None = None
+        received_ns = time.monotonic_ns()
         try:
             interval = _interval("progress_rate_hz", request.progress_rate_hz)
             device = self._cell.device(request.device)
             self._cell.desk.check(request.lease_token)
+            manner = _manner(request)
             stops = self._cell.runs.stops(device)
-            motion = await self._planned(lambda: self._motion(device, request))
-            run = await self._start(request.lease_token, device, motion, stops)
-            yield pb.MoveResponse(
-                started=pb.MoveStarted(
-                    motion_number=run.number, plan=plan_to_message(report.plan(motion))
-                )
+            run, timing = await self._begun(
+                lambda: self._start(device, request, manner, stops, received_ns)
             )
+            yield await self._in_worker(lambda: _started(run, timing))
             reader = report.ProgressReader(run)
             ended = asyncio.wrap_future(run.ended)
             while not (await asyncio.wait({ended}, timeout=interval))[0]:
-                progress = reader.read()
+                progress = _progress(reader)
                 if progress is not None:
-                    yield pb.MoveResponse(progress=progress_to_message(progress))
-            summary = await self._in_worker(lambda: report.summary(run))
-            yield pb.MoveResponse(summary=summary_to_message(summary))
+                    yield pb.MoveResponse(progress=progress)
+            yield await self._in_worker(lambda: self._summary(run))
         except OrientdError as error:
             await _refuse(context, error)
         finally:
             if run is not None and not run.ended.done():
                 self._commanders.submit(self._cell.abandon, run, _GONE)
 
-    def _motion(self, device: Device, request: pb.MoveRequest) -> Motion:
-        what = request.WhichOneof("what")
+    def _start(
+        self,
+        device: Device,
+        request: pb.MoveRequest,
+        manner: Manner,
+        stops: int,
+        received_ns: int,
+    ) -> tuple[Run, MoveTiming]:
+        """Plan and begin a motion; called where planning may take its time."""
+        token, what = request.lease_token, request.WhichOneof("what")
         if what == "motion":
-            return self._cell.plan(device, to_mapping(request.motion))
+            return self._cell.move(
+                token,
+                device,
+                to_mapping(request.motion),
+                manner,
+                stops=stops,
+                received_ns=received_ns,
+            )
         if what == "motion_id":
-            return self._cell.kept(device, request.motion_id)
+            motion = self._cell.kept(device, request.motion_id)
+            planned_ns = time.monotonic_ns()
+            run = self._cell.start(token, device, motion, manner, stops=stops)
+            return run, _timing(received_ns, planned_ns, attempts=0)
         raise RequestError("motion", "expected a motion or a motion_id, got neither")
 
-    async def _start(self, token: str, device: Device, motion: Motion, stops: int) -> Run:
-        """Start *motion*; if the caller goes away meanwhile, stop it again."""
-        starting = self._commanders.submit(self._cell.start, token, device, motion, stops=stops)
+    async def _begun(self, work: Callable[[], tuple[Run, MoveTiming]]) -> tuple[Run, MoveTiming]:
+        """Do *work*, which begins a motion; if the caller goes away meanwhile, stop it again."""
+        beginning = self._planners.submit(work)
         try:
-            return await asyncio.wrap_future(starting)
-        except asyncio.CancelledError:
-            starting.add_done_callback(self._abandon)
+            return await self._planned(beginning)
+        except (asyncio.CancelledError, DaemonError):
+            beginning.add_done_callback(self._abandon)
             raise
 
-    def _abandon(self, starting: Future[Run]) -> None:
-        """Stop what was started for a caller who has gone away meanwhile."""
-        if not starting.cancelled() and starting.exception() is None:
-            self._cell.abandon(starting.result(), _GONE)
+    def _abandon(self, beginning: Future[tuple[Run, MoveTiming]]) -> None:
+        """Stop what was begun for a caller who has gone away meanwhile."""
+        if not beginning.cancelled() and beginning.exception() is None:
+            self._commanders.submit(self._cell.abandon, beginning.result()[0], _GONE)
+
+    def _summary(self, run: Run) -> pb.MoveResponse:
+        from orientd.daemon import motion_report
+        from orientd.rpc.move_wire import summary_to_message
+
+        summary = motion_report.summary(run, self._cell.runs)
+        return pb.MoveResponse(summary=summary_to_message(summary))
+
+    # Targets
+
+    async def Track(
+        self, request_iterator: AsyncIterator[pb.TrackRequest], context: Context
+    ) -> AsyncIterator[pb.TrackResponse]:
+        """Follow the caller's targets until there are no more."""
+        run: Run | None = None
+        reading: asyncio.Task[None] | None = None
+        try:
+            begin = await _first(request_iterator)
+            interval = _interval("start.report_rate_hz", begin.report_rate_hz)
+            device = self._cell.device(begin.device)
+            limits = limits_to_wish(begin.limits)
+            stops = self._cell.runs.stops(device)
+            run = await self._in_worker(
+                lambda: self._cell.track(begin.lease_token, device, limits, stops=stops)
+            )
+            following = Following(device)
+            reading = asyncio.ensure_future(_read_targets(request_iterator, following))
+            ended = asyncio.wrap_future(run.ended)
+            waiting: set[asyncio.Future[Any]] = {ended, reading}
+            while not ended.done():
+                await asyncio.wait(waiting, timeout=interval)
+                if reading in waiting and reading.done():
+                    waiting.discard(reading)
+                    await self._in_worker(lambda: self._cell.abandon(run, "the targets have ended"))
+                now = following.report()
+                if now is not None:
+                    yield report_to_message(now)
+            outcome, text = run.ended.result(timeout=0)
+            if outcome is Outcome.FAULT:
+                raise StateError(text)
+        except OrientdError as error:
+            await _refuse(context, error)
+        finally:
+            if reading is not None:
+                reading.cancel()
+            if run is not None and not run.ended.done():
+                self._commanders.submit(self._cell.abandon, run, _GONE)
 
     # Commands
 
@@ -236,6 +309,15 @@ class ControlService(ControlServicer):
         def work() -> pb.StopResponse:
             devices = self._cell.stop(request.device, request.caller)
             return pb.StopResponse(devices=[_device_message(device) for device in devices])
+
+        return await self._do(context, work)
+
+    async def Halt(self, request: pb.HaltRequest, context: Context) -> pb.HaltResponse:
+        """Stop devices as quickly as the limits allow."""
+
+        def work() -> pb.HaltResponse:
+            devices = self._cell.stop(request.device, request.caller, is_quickest=True)
+            return pb.HaltResponse(devices=[_device_message(device) for device in devices])
 
         return await self._do(context, work)
 
@@ -338,23 +420,100 @@ class ControlService(ControlServicer):
     def _in_worker(self, work: Callable[[], Result]) -> Awaitable[Result]:
         return asyncio.get_running_loop().run_in_executor(self._commanders, work)
 
-    async def _planned(self, work: Callable[[], Result]) -> Result:
-        """Plan; whoever waits for that does not keep the daemon from ending.
+    async def _planned(self, planning: Future[Result]) -> Result:
+        """Wait for a plan; whoever waits for that does not keep the daemon from ending.
 
         Raises:
             DaemonError: the daemon is going down.
         """
-        planning = asyncio.wrap_future(self._planners.submit(work))
+        waiting = asyncio.wrap_future(planning)
         closing = asyncio.ensure_future(self._closing.wait())
         try:
-            either: set[asyncio.Future[Any]] = {planning, closing}
+            either: set[asyncio.Future[Any]] = {waiting, closing}
             await asyncio.wait(either, return_when=asyncio.FIRST_COMPLETED)
-            if planning.done():
-                return planning.result()
+            if waiting.done():
+                return waiting.result()
             raise DaemonError("the daemon is going down")
         finally:
-            planning.cancel()
+            waiting.cancel()
             closing.cancel()
+
+
+async def _first(requests: AsyncIterator[pb.TrackRequest]) -> pb.TrackStart:
+    async for request in requests:
+        if request.WhichOneof("what") == "start":
+            return request.start
+        break
+    raise RequestError("start", "expected as the first message")
+
+
+async def _read_targets(requests: AsyncIterator[pb.TrackRequest], following: Following) -> None:
+    async for request in requests:
+        if request.WhichOneof("what") == "target":
+            following.take(request.target)
+        else:
+            following.refuse("target: expected in every message after the first")
+
+
+def _started(run: Run, timing: MoveTiming) -> pb.MoveResponse:
+    from orientd.daemon import motion_report
+    from orientd.rpc.move_wire import plan_to_message, timing_to_message
+
+    if run.motion is None:
+        raise ValueError("the run has no motion")
+    return pb.MoveResponse(
+        started=pb.MoveStarted(
+            motion_number=run.number,
+            plan=plan_to_message(motion_report.plan(run.motion)),
+            timing=timing_to_message(timing),
+        )
+    )
+
+
+def _progress(reader: report.ProgressReader) -> pb.MoveProgress | None:
+    from orientd.rpc.move_wire import progress_to_message
+
+    progress = reader.read()
+    return None if progress is None else progress_to_message(progress)
+
+
+def _timing(received_ns: int, planned_ns: int, *, attempts: int) -> MoveTiming:
+    return MoveTiming(
+        planning=(planned_ns - received_ns) * 1e-9,
+        splicing=(time.monotonic_ns() - planned_ns) * 1e-9,
+        received_ns=received_ns,
+        attempts=attempts,
+    )
+
+
+def _manner(request: pb.MoveRequest) -> Manner:
+    """Return how the motion of *request* is to begin and to end.
+
+    Raises:
+        RequestError: that is not well formed.
+    """
+    gate = None
+    if request.HasField("on_target"):
+        wish = request.on_target
+        timeout = wish.timeout or SETTLING_TIMEOUT
+        gate = Gate(wish.tolerance, wish.rate, wish.settle_time, timeout)
+    blend = request.blend_tolerance
+    if not 0.0 <= blend < math.pi:
+        raise RequestError("blend_tolerance", f"expected 0 to pi rad, got {blend!r}")
+    if blend and not request.queue:
+        raise RequestError("blend_tolerance", "expected with queue only")
+    start_ns = UNKNOWN
+    if request.HasField("start_time"):
+        if request.queue:
+            raise RequestError("start_time", "expected without queue only")
+        ahead = request.start_time.ToNanoseconds() - time.time_ns()
+        if not 0 < ahead <= LONGEST_WAIT * 1e9:
+            raise RequestError(
+                "start_time",
+                f"expected up to {LONGEST_WAIT:g} s ahead of now, got {ahead * 1e-9:.6g} s",
+            )
+        start_ns = time.monotonic_ns() + ahead
+    return Manner(is_queued=request.queue, blend=blend, start_ns=start_ns, gate=gate)
 
 
 def _device_message(device: Device) -> pb.DeviceReport:

@@ -14,6 +14,7 @@ import time
 from collections import deque
 
 from orientd.errors import DaemonError, StateError
+from orientd.planner.limits import Limits
 from orientd.servo.process import ProcessSettings
 from orientd.stream import (
     UNKNOWN,
@@ -195,3 +196,18 @@ def report_directory() -> str:
     directory = os.path.join(home, "orientd")  # noqa: PTH118
     os.makedirs(directory, mode=0o700, exist_ok=True)  # noqa: PTH103
     return directory
+
+
+def terms_of(limits: Limits, brake_rate: float) -> Terms:
+    """Return what the servo's guard is to keep."""
+    return Terms(
+        limits.velocity,
+        limits.acceleration,
+        limits.jerk,
+        limits.linear_velocity,
+        limits.linear_acceleration,
+        brake_rate,
+        limits.axis_velocity,
+        limits.axis_acceleration,
+        limits.axis_jerk,
+    )

@@ -65,10 +65,10 @@ def _move(device: Device) -> list[Cycle]:
         w, x, y, z = rotation.multiply(start.q, rotation.exp([0.0, 0.0, angle])).tolist()
         keyframes.append(Keyframe((w, x, y, z), seconds))
     request = MotionRequest(keyframes=keyframes)
-    motion = device.plan(request)
+    prepared = device.prepare(request)
     before = device.snapshot().cycle
-    device.start(motion)
-    _await_holding(device, motion.duration + _READY)
+    device.start(prepared)
+    _await_holding(device, prepared.motion.duration + _READY)
     time.sleep(_SETTLING)
     return device.cycles(before.index if before else 0)
 

@@ -67,6 +67,12 @@ class Motion:
         """The state at the last keyframe, which a successor would continue."""
         return self.path.state(self.end_time)
 
+    def state_at(self, record: int) -> State:
+        """Return the state at a record, for another motion to take over from."""
+        if record == self.record_count - 1:
+            return State.at_rest(self.path.last, self.path.positions.last)
+        return self.path.state(self.period * record)
+
     def sample(self, path_times: ArrayLike) -> Samples:
         """Return the motion at *path_times* (s, shape ``(n,)``, any order); held beyond its ends.
 

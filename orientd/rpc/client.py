@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TypeVar, Unpack
@@ -23,10 +24,10 @@ from orientd.rpc.address import MAX_MESSAGE_BYTES, default_socket, target
 from orientd.rpc.control_pb2_grpc import ControlStub
 from orientd.rpc.lease_keeper import LeaseKeeper
 from orientd.rpc.motion_request import Wishes, motion_request
-from orientd.rpc.motion_wire import from_request
+from orientd.rpc.motion_wire import from_request, limits_message
 from orientd.rpc.move_handle import MoveHandle
 from orientd.rpc.move_wire import plan_from_message, samples_from_messages
-from orientd.rpc.reports import CellReport, Device, DeviceReport, Method, Plan
+from orientd.rpc.reports import CellReport, Device, DeviceReport, Method, OnTarget, Plan
 from orientd.rpc.state_wire import (
     cycle_from_message,
     daemon_from_message,
@@ -35,6 +36,7 @@ from orientd.rpc.state_wire import (
     method_from_message,
 )
 from orientd.rpc.status import from_call
+from orientd.rpc.tracking import Tracking
 from orientd.stream import Cycle
 
 _OPTIONS = (
@@ -209,15 +211,28 @@ class Robot:
         *,
         device: str = "",
         progress_rate_hz: float = 20.0,
+        queue: bool = False,
+        blend_tolerance: float = 0.0,
+        start_time: float | None = None,
+        on_target: OnTarget | None = None,
         **wishes: Unpack[Wishes],
     ) -> MoveHandle:
         """Plan a motion, start it, and return once it has begun.
+
+        A motion that runs already is replaced from a point a little ahead of where it is, without
+        a step in orientation, velocity or acceleration; or, with *queue*, followed.
 
         Args:
             keyframes: see :func:`~orientd.rpc.motion_request.motion_request`; or what
                 :meth:`plan` returned, if the device is where that begins.
             device: what is to move.
             progress_rate_hz: reports a second, 0.1 to 100.
+            queue: whether to follow what runs, rather than to replace it.
+            blend_tolerance: for a queued motion, how far it may pass from the corner to the motion
+                before it, rad, so that the device need not come to rest there.
+            start_time: when to begin, seconds since the epoch as of :func:`time.time`; motions of
+                several devices with the same start time begin in the same cycle.
+            on_target: what must be measured for the motion to count as done.
             wishes: see :class:`~orientd.rpc.motion_request.Wishes`.
 
         Raises:
@@ -231,6 +246,11 @@ class Robot:
             request.motion_id = keyframes.motion_id
         else:
             request.motion.CopyFrom(from_request(motion_request(keyframes, **wishes)))
+        request.queue, request.blend_tolerance = queue, blend_tolerance
+        if start_time is not None:
+            request.start_time.FromNanoseconds(round(start_time * 1e9))
+        if on_target is not None:
+            request.on_target.CopyFrom(pb.OnTarget(**asdict(on_target)))
         request.lease_token = self._token()
         self._moves = [move for move in self._moves if not move.is_done]
         handle = MoveHandle(
@@ -245,6 +265,39 @@ class Robot:
         """Bring a device, or all of them, to rest on the path.  Needs no lease."""
         answer = self._ask(self._stub.Stop, pb.StopRequest(device=device, caller=self.holder))
         return [device_from_message(report) for report in answer.devices]
+
+    def halt(self, device: str = "") -> list[DeviceReport]:
+        """Bring a device, or all of them, to rest as quickly as the limits allow.
+
+        That may leave the path.  Needs no lease.
+        """
+        answer = self._ask(self._stub.Halt, pb.HaltRequest(device=device, caller=self.holder))
+        return [device_from_message(report) for report in answer.devices]
+
+    def track(
+        self,
+        *,
+        device: str = "",
+        limits: Mapping[str, float | Sequence[float]] | None = None,
+        report_rate_hz: float = 20.0,
+    ) -> Tracking:
+        """Have a device follow targets, which the :class:`Tracking` that is returned takes.
+
+        Args:
+            device: what is to move; at rest or in motion.
+            limits: narrower than the device's own, as for a motion.
+            report_rate_hz: reports a second, 0.1 to 100.
+
+        Raises:
+            LeaseError: somebody else holds the lease.
+            StateError: the device cannot follow targets.
+        """
+        begin = pb.TrackStart(
+            lease_token=self._token(), device=device, report_rate_hz=report_rate_hz
+        )
+        if limits is not None:
+            begin.limits.CopyFrom(limits_message(limits))
+        return Tracking(self._stub.Track, begin, explain=self._explain)
 
     # Commands
 
@@ -299,6 +352,22 @@ class Robot:
             return False
         self._borrowed = token
         return True
+
+    def adopt_lease(self, token: str) -> bool:
+        """Keep a lease in the place of whoever keeps it; return whether it is the present one.
+
+        Args:
+            token: from :attr:`lease_token` of whoever keeps it.
+        """
+        try:
+            self._keeper.adopt(token)
+        except LeaseError:
+            return False
+        return True
+
+    def forsake_lease(self) -> None:
+        """Leave the lease, and what was started with it, to whoever has adopted it."""
+        self._keeper.forsake()
 
     def release_lease(self) -> None:
         """Give the lease back now, rather than at the end; what still runs is stopped."""

@@ -1,4 +1,7 @@
+import datetime
+
 from google.protobuf import struct_pb2 as _struct_pb2
+from google.protobuf import timestamp_pb2 as _timestamp_pb2
 from google.protobuf.internal import containers as _containers
 from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
 from google.protobuf import descriptor as _descriptor
@@ -22,6 +25,7 @@ class State(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     STATE_STREAMING: _ClassVar[State]
     STATE_STOPPING: _ClassVar[State]
     STATE_FAULT: _ClassVar[State]
+    STATE_TRACKING: _ClassVar[State]
 
 class Fault(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
@@ -41,6 +45,8 @@ class Outcome(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     OUTCOME_DONE: _ClassVar[Outcome]
     OUTCOME_STOPPED: _ClassVar[Outcome]
     OUTCOME_FAULT: _ClassVar[Outcome]
+    OUTCOME_REPLACED: _ClassVar[Outcome]
+    OUTCOME_UNSETTLED: _ClassVar[Outcome]
 FRAME_UNSPECIFIED: Frame
 FRAME_BODY: Frame
 FRAME_WORLD: Frame
@@ -50,6 +56,7 @@ STATE_HOLDING: State
 STATE_STREAMING: State
 STATE_STOPPING: State
 STATE_FAULT: State
+STATE_TRACKING: State
 FAULT_NONE: Fault
 FAULT_LINK_LOST: Fault
 FAULT_FEEDBACK_STALE: Fault
@@ -63,6 +70,8 @@ OUTCOME_UNSPECIFIED: Outcome
 OUTCOME_DONE: Outcome
 OUTCOME_STOPPED: Outcome
 OUTCOME_FAULT: Outcome
+OUTCOME_REPLACED: Outcome
+OUTCOME_UNSETTLED: Outcome
 
 class Vector3(_message.Message):
     __slots__ = ("x", "y", "z")
@@ -453,26 +462,60 @@ class PlanResponse(_message.Message):
     def __init__(self, plan: _Optional[_Union[Plan, _Mapping]] = ..., samples: _Optional[_Iterable[_Union[MotionSample, _Mapping]]] = ...) -> None: ...
 
 class MoveRequest(_message.Message):
-    __slots__ = ("lease_token", "device", "motion", "motion_id", "progress_rate_hz")
+    __slots__ = ("lease_token", "device", "motion", "motion_id", "progress_rate_hz", "queue", "blend_tolerance", "start_time", "on_target")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     MOTION_FIELD_NUMBER: _ClassVar[int]
     MOTION_ID_FIELD_NUMBER: _ClassVar[int]
     PROGRESS_RATE_HZ_FIELD_NUMBER: _ClassVar[int]
+    QUEUE_FIELD_NUMBER: _ClassVar[int]
+    BLEND_TOLERANCE_FIELD_NUMBER: _ClassVar[int]
+    START_TIME_FIELD_NUMBER: _ClassVar[int]
+    ON_TARGET_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
     motion: MotionRequest
     motion_id: str
     progress_rate_hz: float
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., motion: _Optional[_Union[MotionRequest, _Mapping]] = ..., motion_id: _Optional[str] = ..., progress_rate_hz: _Optional[float] = ...) -> None: ...
+    queue: bool
+    blend_tolerance: float
+    start_time: _timestamp_pb2.Timestamp
+    on_target: OnTarget
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., motion: _Optional[_Union[MotionRequest, _Mapping]] = ..., motion_id: _Optional[str] = ..., progress_rate_hz: _Optional[float] = ..., queue: bool = ..., blend_tolerance: _Optional[float] = ..., start_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., on_target: _Optional[_Union[OnTarget, _Mapping]] = ...) -> None: ...
+
+class OnTarget(_message.Message):
+    __slots__ = ("tolerance", "rate", "settle_time", "timeout")
+    TOLERANCE_FIELD_NUMBER: _ClassVar[int]
+    RATE_FIELD_NUMBER: _ClassVar[int]
+    SETTLE_TIME_FIELD_NUMBER: _ClassVar[int]
+    TIMEOUT_FIELD_NUMBER: _ClassVar[int]
+    tolerance: float
+    rate: float
+    settle_time: float
+    timeout: float
+    def __init__(self, tolerance: _Optional[float] = ..., rate: _Optional[float] = ..., settle_time: _Optional[float] = ..., timeout: _Optional[float] = ...) -> None: ...
+
+class MoveTiming(_message.Message):
+    __slots__ = ("planning", "splicing", "received_ns", "attempts")
+    PLANNING_FIELD_NUMBER: _ClassVar[int]
+    SPLICING_FIELD_NUMBER: _ClassVar[int]
+    RECEIVED_NS_FIELD_NUMBER: _ClassVar[int]
+    ATTEMPTS_FIELD_NUMBER: _ClassVar[int]
+    planning: float
+    splicing: float
+    received_ns: int
+    attempts: int
+    def __init__(self, planning: _Optional[float] = ..., splicing: _Optional[float] = ..., received_ns: _Optional[int] = ..., attempts: _Optional[int] = ...) -> None: ...
 
 class MoveStarted(_message.Message):
-    __slots__ = ("motion_number", "plan")
+    __slots__ = ("motion_number", "plan", "timing")
     MOTION_NUMBER_FIELD_NUMBER: _ClassVar[int]
     PLAN_FIELD_NUMBER: _ClassVar[int]
+    TIMING_FIELD_NUMBER: _ClassVar[int]
     motion_number: int
     plan: Plan
-    def __init__(self, motion_number: _Optional[int] = ..., plan: _Optional[_Union[Plan, _Mapping]] = ...) -> None: ...
+    timing: MoveTiming
+    def __init__(self, motion_number: _Optional[int] = ..., plan: _Optional[_Union[Plan, _Mapping]] = ..., timing: _Optional[_Union[MoveTiming, _Mapping]] = ...) -> None: ...
 
 class MoveProgress(_message.Message):
     __slots__ = ("path_time", "duration", "state", "is_paused", "speed", "orientation", "omega_body", "position", "lateness", "tracking_error", "overruns")
@@ -541,16 +584,22 @@ class MotionStatistics(_message.Message):
     def __init__(self, cycles: _Optional[int] = ..., overruns: _Optional[int] = ..., missed: _Optional[int] = ..., lateness: _Optional[_Union[Durations, _Mapping]] = ..., work: _Optional[_Union[Durations, _Mapping]] = ..., velocity: _Optional[float] = ..., acceleration: _Optional[float] = ..., jerk: _Optional[float] = ..., path_error: _Optional[float] = ..., tracking_error: _Optional[float] = ..., start_velocity_error: _Optional[float] = ..., end_velocity_error: _Optional[float] = ...) -> None: ...
 
 class MoveSummary(_message.Message):
-    __slots__ = ("motion_number", "outcome", "text", "statistics")
+    __slots__ = ("motion_number", "outcome", "text", "statistics", "settled_after", "start_lateness", "start_skew")
     MOTION_NUMBER_FIELD_NUMBER: _ClassVar[int]
     OUTCOME_FIELD_NUMBER: _ClassVar[int]
     TEXT_FIELD_NUMBER: _ClassVar[int]
     STATISTICS_FIELD_NUMBER: _ClassVar[int]
+    SETTLED_AFTER_FIELD_NUMBER: _ClassVar[int]
+    START_LATENESS_FIELD_NUMBER: _ClassVar[int]
+    START_SKEW_FIELD_NUMBER: _ClassVar[int]
     motion_number: int
     outcome: Outcome
     text: str
     statistics: MotionStatistics
-    def __init__(self, motion_number: _Optional[int] = ..., outcome: _Optional[_Union[Outcome, str]] = ..., text: _Optional[str] = ..., statistics: _Optional[_Union[MotionStatistics, _Mapping]] = ...) -> None: ...
+    settled_after: float
+    start_lateness: float
+    start_skew: float
+    def __init__(self, motion_number: _Optional[int] = ..., outcome: _Optional[_Union[Outcome, str]] = ..., text: _Optional[str] = ..., statistics: _Optional[_Union[MotionStatistics, _Mapping]] = ..., settled_after: _Optional[float] = ..., start_lateness: _Optional[float] = ..., start_skew: _Optional[float] = ...) -> None: ...
 
 class MoveResponse(_message.Message):
     __slots__ = ("started", "progress", "summary")
@@ -575,6 +624,76 @@ class StopResponse(_message.Message):
     DEVICES_FIELD_NUMBER: _ClassVar[int]
     devices: _containers.RepeatedCompositeFieldContainer[DeviceReport]
     def __init__(self, devices: _Optional[_Iterable[_Union[DeviceReport, _Mapping]]] = ...) -> None: ...
+
+class HaltRequest(_message.Message):
+    __slots__ = ("device", "caller")
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    CALLER_FIELD_NUMBER: _ClassVar[int]
+    device: str
+    caller: str
+    def __init__(self, device: _Optional[str] = ..., caller: _Optional[str] = ...) -> None: ...
+
+class HaltResponse(_message.Message):
+    __slots__ = ("devices",)
+    DEVICES_FIELD_NUMBER: _ClassVar[int]
+    devices: _containers.RepeatedCompositeFieldContainer[DeviceReport]
+    def __init__(self, devices: _Optional[_Iterable[_Union[DeviceReport, _Mapping]]] = ...) -> None: ...
+
+class TrackStart(_message.Message):
+    __slots__ = ("lease_token", "device", "limits", "report_rate_hz")
+    LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    LIMITS_FIELD_NUMBER: _ClassVar[int]
+    REPORT_RATE_HZ_FIELD_NUMBER: _ClassVar[int]
+    lease_token: str
+    device: str
+    limits: Limits
+    report_rate_hz: float
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., report_rate_hz: _Optional[float] = ...) -> None: ...
+
+class TrackTarget(_message.Message):
+    __slots__ = ("orientation", "angular_velocity", "velocity_frame", "time_ns", "time_to_live")
+    ORIENTATION_FIELD_NUMBER: _ClassVar[int]
+    ANGULAR_VELOCITY_FIELD_NUMBER: _ClassVar[int]
+    VELOCITY_FRAME_FIELD_NUMBER: _ClassVar[int]
+    TIME_NS_FIELD_NUMBER: _ClassVar[int]
+    TIME_TO_LIVE_FIELD_NUMBER: _ClassVar[int]
+    orientation: Quaternion
+    angular_velocity: Vector3
+    velocity_frame: Frame
+    time_ns: int
+    time_to_live: float
+    def __init__(self, orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., angular_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., time_ns: _Optional[int] = ..., time_to_live: _Optional[float] = ...) -> None: ...
+
+class TrackRequest(_message.Message):
+    __slots__ = ("start", "target")
+    START_FIELD_NUMBER: _ClassVar[int]
+    TARGET_FIELD_NUMBER: _ClassVar[int]
+    start: TrackStart
+    target: TrackTarget
+    def __init__(self, start: _Optional[_Union[TrackStart, _Mapping]] = ..., target: _Optional[_Union[TrackTarget, _Mapping]] = ...) -> None: ...
+
+class TrackResponse(_message.Message):
+    __slots__ = ("state", "orientation", "omega_body", "time_ns", "targets", "left_out", "refused", "refusal", "error")
+    STATE_FIELD_NUMBER: _ClassVar[int]
+    ORIENTATION_FIELD_NUMBER: _ClassVar[int]
+    OMEGA_BODY_FIELD_NUMBER: _ClassVar[int]
+    TIME_NS_FIELD_NUMBER: _ClassVar[int]
+    TARGETS_FIELD_NUMBER: _ClassVar[int]
+    LEFT_OUT_FIELD_NUMBER: _ClassVar[int]
+    REFUSED_FIELD_NUMBER: _ClassVar[int]
+    REFUSAL_FIELD_NUMBER: _ClassVar[int]
+    ERROR_FIELD_NUMBER: _ClassVar[int]
+    state: State
+    orientation: Quaternion
+    omega_body: Vector3
+    time_ns: int
+    targets: int
+    left_out: int
+    refused: int
+    refusal: str
+    error: float
+    def __init__(self, state: _Optional[_Union[State, str]] = ..., orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., time_ns: _Optional[int] = ..., targets: _Optional[int] = ..., left_out: _Optional[int] = ..., refused: _Optional[int] = ..., refusal: _Optional[str] = ..., error: _Optional[float] = ...) -> None: ...
 
 class PauseRequest(_message.Message):
     __slots__ = ("lease_token", "device")

@@ -69,6 +69,16 @@ class ControlStub(object):
                 request_serializer=orientd_dot_rpc_dot_control__pb2.StopRequest.SerializeToString,
                 response_deserializer=orientd_dot_rpc_dot_control__pb2.StopResponse.FromString,
                 _registered_method=True)
+        self.Halt = channel.unary_unary(
+                '/orientd.v1.Control/Halt',
+                request_serializer=orientd_dot_rpc_dot_control__pb2.HaltRequest.SerializeToString,
+                response_deserializer=orientd_dot_rpc_dot_control__pb2.HaltResponse.FromString,
+                _registered_method=True)
+        self.Track = channel.stream_stream(
+                '/orientd.v1.Control/Track',
+                request_serializer=orientd_dot_rpc_dot_control__pb2.TrackRequest.SerializeToString,
+                response_deserializer=orientd_dot_rpc_dot_control__pb2.TrackResponse.FromString,
+                _registered_method=True)
         self.Pause = channel.unary_unary(
                 '/orientd.v1.Control/Pause',
                 request_serializer=orientd_dot_rpc_dot_control__pb2.PauseRequest.SerializeToString,
@@ -148,15 +158,17 @@ class ControlServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def Plan(self, request, context):
-        """Plan from where the device is commanded to be, or will be once its present motion has ended, and
-        keep the plan for a Move.
+        """Plan from where the device is commanded to be, or will be once its present motions have ended,
+        and keep the plan for a Move.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def Move(self, request, context):
-        """Start a motion and report until it ends. To cancel the call is to stop the motion on its path.
+        """Start a motion and report until it ends. A motion that runs is replaced from a point a little
+        ahead, without a step in orientation, velocity or acceleration, or is followed, as the request
+        says. To cancel the call is to stop the device on its path, unless the motion has ended.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -164,6 +176,22 @@ class ControlServicer(object):
 
     def Stop(self, request, context):
         """Bring a device, or all of them, to rest on the path. Needs no lease.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
+    def Halt(self, request, context):
+        """Bring a device, or all of them, to rest as quickly as the limits allow, leaving the path where
+        that is quicker. Needs no lease.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
+    def Track(self, request_iterator, context):
+        """Follow targets as they arrive, within the limits. The first message begins it; the end of the
+        caller's messages, or of the call, brings the device to rest.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -269,6 +297,16 @@ def add_ControlServicer_to_server(servicer, server):
                     servicer.Stop,
                     request_deserializer=orientd_dot_rpc_dot_control__pb2.StopRequest.FromString,
                     response_serializer=orientd_dot_rpc_dot_control__pb2.StopResponse.SerializeToString,
+            ),
+            'Halt': grpc.unary_unary_rpc_method_handler(
+                    servicer.Halt,
+                    request_deserializer=orientd_dot_rpc_dot_control__pb2.HaltRequest.FromString,
+                    response_serializer=orientd_dot_rpc_dot_control__pb2.HaltResponse.SerializeToString,
+            ),
+            'Track': grpc.stream_stream_rpc_method_handler(
+                    servicer.Track,
+                    request_deserializer=orientd_dot_rpc_dot_control__pb2.TrackRequest.FromString,
+                    response_serializer=orientd_dot_rpc_dot_control__pb2.TrackResponse.SerializeToString,
             ),
             'Pause': grpc.unary_unary_rpc_method_handler(
                     servicer.Pause,
@@ -505,6 +543,60 @@ class Control(object):
             '/orientd.v1.Control/Stop',
             orientd_dot_rpc_dot_control__pb2.StopRequest.SerializeToString,
             orientd_dot_rpc_dot_control__pb2.StopResponse.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
+
+    @staticmethod
+    def Halt(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(
+            request,
+            target,
+            '/orientd.v1.Control/Halt',
+            orientd_dot_rpc_dot_control__pb2.HaltRequest.SerializeToString,
+            orientd_dot_rpc_dot_control__pb2.HaltResponse.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
+
+    @staticmethod
+    def Track(request_iterator,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.stream_stream(
+            request_iterator,
+            target,
+            '/orientd.v1.Control/Track',
+            orientd_dot_rpc_dot_control__pb2.TrackRequest.SerializeToString,
+            orientd_dot_rpc_dot_control__pb2.TrackResponse.FromString,
             options,
             channel_credentials,
             insecure,

@@ -26,7 +26,7 @@ class LeaseKeeper:
 
         Args:
             acquire: asks the daemon for the lease.
-            renew: renews the one of a token.
+            renew: renews the one of a token, and returns it.
             release: gives the one of a token back.
         """
         self._acquire = acquire
@@ -55,17 +55,35 @@ class LeaseKeeper:
                 lost, self._lost = self._lost, None
                 raise LeaseError(f"the lease was lost: {lost}") from lost
             if not self._token:
-                lease = self._acquire()
-                self._token = lease.token
-                self._done = threading.Event()
-                interval = lease.seconds / RENEWALS
-                threading.Thread(
-                    target=self._keep,
-                    args=(lease.token, interval, self._done),
-                    name="orientd lease",
-                    daemon=True,
-                ).start()
+                self._hold(self._acquire())
             return self._token
+
+    def adopt(self, token: str) -> None:
+        """Keep the lease of *token* from now on, in the place of whoever has kept it so far.
+
+        Raises:
+            LeaseError: it is not the present one.
+            DaemonError: the daemon does not answer.
+        """
+        lease = self._renew(token)
+        with self._lock:
+            self._hold(lease)
+
+    def forsake(self) -> None:
+        """Leave the lease to whoever has adopted it."""
+        with self._lock:
+            self._token = ""
+            self._done.set()
+
+    def _hold(self, lease: pb.Lease) -> None:
+        self._token = lease.token
+        self._done = threading.Event()
+        threading.Thread(
+            target=self._keep,
+            args=(lease.token, lease.seconds / RENEWALS, self._done),
+            name="orientd lease",
+            daemon=True,
+        ).start()
 
     def release(self) -> None:
         """Give the lease back, if it is held; it does not matter whether the daemon still knows."""

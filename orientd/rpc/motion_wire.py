@@ -9,16 +9,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from google.protobuf.struct_pb2 import Struct
 
 from orientd.errors import RequestError
-from orientd.planner import Keyframe, MotionRequest
-from orientd.planner.limits import ANGULAR
+from orientd.planner.limits import ANGULAR, Limits, Rate
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.value_wire import RATES, quaternion, vector
+
+if TYPE_CHECKING:
+    from orientd.planner import Keyframe, MotionRequest
 
 _FRAMES = {pb.FRAME_BODY: "body", pb.FRAME_WORLD: "world"}
 
@@ -62,16 +63,40 @@ def from_request(request: MotionRequest) -> pb.MotionRequest:
     if request.end_velocity is not None:
         message.end_velocity.CopyFrom(vector(request.end_velocity))
     if request.limits is not None:
-        for name in RATES:
-            limit = request.limits.rate(name)
-            if not isinstance(limit, float):
-                x, y, z = limit
-                getattr(message.limits, f"axis_{name}").CopyFrom(vector((x, y, z)))
-            elif math.isfinite(limit):
-                setattr(message.limits, name, limit)
+        message.limits.CopyFrom(limits_message({n: request.limits.rate(n) for n in RATES}))
     if request.options:
         message.options.update(_plain(request.options))
     return message
+
+
+def limits_message(rates: Mapping[str, Rate]) -> pb.Limits:
+    """Return the message of limits; infinite ones are left out.
+
+    Raises:
+        RequestError: there is no such limit.
+    """
+    message = pb.Limits()
+    for name, limit in rates.items():
+        if name not in RATES:
+            raise RequestError(f"limits.{name}", f"expected one of {', '.join(RATES)}")
+        if not isinstance(limit, int | float):
+            x, y, z = map(float, limit)
+            getattr(message, f"axis_{name}").CopyFrom(vector((x, y, z)))
+        elif math.isfinite(limit):
+            setattr(message, name, limit)
+    return message
+
+
+def limits_to_wish(message: pb.Limits) -> Limits:
+    """Return limits that a caller asks for, infinite where the message says nothing.
+
+    Raises:
+        RequestError: one is not positive, or is given twice.
+    """
+    try:
+        return Limits.partial(**_limits_to_mapping(message))
+    except ValueError as error:
+        raise RequestError("limits", str(error)) from error
 
 
 def _limits_to_mapping(message: pb.Limits) -> dict[str, Any]:
@@ -125,7 +150,7 @@ def _vector(message: pb.Vector3) -> list[float]:
 def _plain(content: Any) -> Any:  # noqa: ANN401 - whatever a method's options hold
     if isinstance(content, Mapping):
         return {key: _plain(inner) for key, inner in content.items()}
-    if isinstance(content, np.ndarray | np.generic):
+    if hasattr(content, "tolist"):  # an array or a number of NumPy's
         return content.tolist()
     if isinstance(content, list | tuple):
         return [_plain(inner) for inner in content]

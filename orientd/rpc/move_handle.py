@@ -10,8 +10,13 @@ import grpc
 
 from orientd.errors import DaemonError, OrientdError
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.move_wire import plan_from_message, progress_from_message, summary_from_message
-from orientd.rpc.reports import Plan, Progress, Summary
+from orientd.rpc.move_wire import (
+    plan_from_message,
+    progress_from_message,
+    summary_from_message,
+    timing_from_message,
+)
+from orientd.rpc.reports import MoveTiming, Plan, Progress, Summary
 
 
 class Stream(Protocol):
@@ -29,6 +34,7 @@ class MoveHandle:
     Attributes:
         plan: what is run.
         motion_number: 1 for the first motion of the device.
+        timing: what passed before its first setpoint.
     """
 
     def __init__(
@@ -65,6 +71,7 @@ class MoveHandle:
             raise
         self.plan: Plan = plan_from_message(first.plan)
         self.motion_number: int = first.motion_number
+        self.timing: MoveTiming = timing_from_message(first.timing)
         self._reader = threading.Thread(target=self._read, name="orientd move", daemon=True)
         self._reader.start()
 

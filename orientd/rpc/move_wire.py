@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 import numpy as np
 
 from orientd.driver import Figure
 from orientd.planner import Certificate, Peak
 from orientd.rotation import Floats
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.reports import Durations, Outcome, Plan, Progress, Samples, Statistics, Summary
+from orientd.rpc.reports import (
+    Durations,
+    MoveTiming,
+    Outcome,
+    Plan,
+    Progress,
+    Samples,
+    Statistics,
+    Summary,
+)
 from orientd.rpc.value_wire import (
     RATES,
     STATES,
@@ -23,8 +34,12 @@ _OUTCOMES = {
     Outcome.DONE: pb.OUTCOME_DONE,
     Outcome.STOPPED: pb.OUTCOME_STOPPED,
     Outcome.FAULT: pb.OUTCOME_FAULT,
+    Outcome.REPLACED: pb.OUTCOME_REPLACED,
+    Outcome.UNSETTLED: pb.OUTCOME_UNSETTLED,
 }
 _OUTCOMES_BACK = {number: outcome for outcome, number in _OUTCOMES.items()}
+
+_OPTIONAL = ("settled_after", "start_lateness", "start_skew")
 
 _CERTIFIED = (
     "rate_hz",
@@ -169,6 +184,7 @@ def summary_to_message(summary: Summary) -> pb.MoveSummary:
         motion_number=summary.motion_number,
         outcome=_OUTCOMES[summary.outcome],
         text=summary.text,
+        **{name: getattr(summary, name) for name in _OPTIONAL},
     )
     statistics = summary.statistics
     if statistics is not None:
@@ -189,7 +205,18 @@ def summary_from_message(message: pb.MoveSummary) -> Summary:
         outcome=_OUTCOMES_BACK[message.outcome],
         text=message.text,
         statistics=_to_statistics(message.statistics) if message.HasField("statistics") else None,
+        **{name: getattr(message, name) if message.HasField(name) else None for name in _OPTIONAL},
     )
+
+
+def timing_to_message(timing: MoveTiming) -> pb.MoveTiming:
+    """Return *timing* as a message."""
+    return pb.MoveTiming(**asdict(timing))
+
+
+def timing_from_message(message: pb.MoveTiming) -> MoveTiming:
+    """Return the timing that *message* was made of."""
+    return MoveTiming(message.planning, message.splicing, message.received_ns, message.attempts)
 
 
 def _to_statistics(message: pb.MotionStatistics) -> Statistics:

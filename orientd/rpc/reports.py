@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
+from typing import TYPE_CHECKING
 
 from orientd.driver import Quaternion, Vector3
 from orientd.errors import Fault
-from orientd.planner import Certificate, Limits
-from orientd.rotation import Floats
 from orientd.stream import Cycle, State
+
+if TYPE_CHECKING:
+    from orientd.planner import Certificate, Limits
+    from orientd.rotation import Floats
 
 
 class Outcome(Enum):
@@ -19,6 +22,8 @@ class Outcome(Enum):
     DONE = "done"
     STOPPED = "stopped"
     FAULT = "fault"
+    REPLACED = "replaced"
+    UNSETTLED = "unsettled"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -157,12 +162,82 @@ class Summary:
         outcome: in one word.
         text: why, where it was not run to its end.
         statistics: what was measured of it; ``None`` where the device has forgotten it.
+        settled_after: how long after the last setpoint it had been on target for the settle time,
+            s; ``None`` where that was not asked for, or did not come.
+        start_lateness: how long after the start time that was asked for its first setpoint was
+            sent, s; ``None`` where none was asked for.
+        start_skew: between the first and the last device's first setpoint, s, over the motions
+            with that start time.
     """
 
     motion_number: int
     outcome: Outcome
     text: str
     statistics: Statistics | None
+    settled_after: float | None = None
+    start_lateness: float | None = None
+    start_skew: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class OnTarget:
+    """When a motion counts as done: by what is measured, not by what was sent.
+
+    Attributes:
+        tolerance: largest angle between the measured orientation and the motion's last one, rad.
+        rate: largest measured angular velocity, rad/s.
+        settle_time: how long both must hold without a break, s.
+        timeout: how long to wait for it after the last setpoint, s.
+    """
+
+    tolerance: float
+    rate: float
+    settle_time: float
+    timeout: float = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class MoveTiming:
+    """What passed before the first setpoint of a motion.
+
+    Attributes:
+        planning: s from the arrival of the request to the end of planning.
+        splicing: s from there until the servo had taken the motion up.
+        received_ns: when the request arrived, the daemon's monotonic clock.
+        attempts: how often it was planned.
+    """
+
+    planning: float
+    splicing: float
+    received_ns: int
+    attempts: int
+
+
+@dataclass(frozen=True, slots=True)
+class TrackReport:
+    """How the following of targets goes.
+
+    Attributes:
+        state: what the servo is doing.
+        q: orientation sent last.
+        omega_body: angular velocity sent last, rad/s.
+        time_ns: when that was due, the daemon's monotonic clock.
+        targets: handed to the servo so far.
+        left_out: those of them that it left out as older than the newest.
+        refused: targets that were none.
+        refusal: why the last of these was not.
+        error: angle from what was sent last to the newest target, rad; ``None`` without one.
+    """
+
+    state: State
+    q: Quaternion
+    omega_body: Vector3
+    time_ns: int
+    targets: int
+    left_out: int
+    refused: int
+    refusal: str
+    error: float | None
 
 
 @dataclass(frozen=True, slots=True)

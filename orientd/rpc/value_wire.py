@@ -12,6 +12,7 @@ STATES = {
     State.STREAMING: pb.STATE_STREAMING,
     State.STOPPING: pb.STATE_STOPPING,
     State.FAULT: pb.STATE_FAULT,
+    State.TRACKING: pb.STATE_TRACKING,
 }
 STATES_BACK = {number: state for state, number in STATES.items()}
 

@@ -13,6 +13,7 @@ from math import ceil, sqrt
 
 from orientd.driver import ZERO, Quaternion, Vector3
 from orientd.driver.floats import difference, exp, multiply, norm, normalize
+from orientd.servo.tracking.law import bounds, halt, loosened
 from orientd.stream import Terms
 
 TOLERANCE = 1.001
@@ -95,9 +96,25 @@ class Guard:
     def soft_stop(self, terms: Terms) -> Iterator[tuple[Quaternion, Vector3]]:
         """Yield setpoints that come to rest from what was last written, off the path if need be.
 
-        First the acceleration falls to zero as fast as the jerk limit allows, then the velocity
-        falls along ``1 - 3t^2 + 2t^3``, in the shortest whole number of cycles inside the limits.
-        The guard's own state follows.
+        As quickly as the norms allow; where components are limited by themselves, along a profile
+        that is longer and keeps both.  The guard's own state follows.
+        """
+        if terms.has_axes:
+            yield from self._profiled_stop(terms)
+            return
+        limits = bounds(self.period, terms.velocity, terms.acceleration, terms.jerk)
+        brake = terms.linear_acceleration * self.period
+        while not self.omega == self.alpha == self.velocity == ZERO:
+            omega, _ = halt(self.omega, self.alpha, loosened(limits, self.omega, self.alpha))
+            speed = norm(self.velocity)
+            share = max(0.0, 1.0 - brake / speed) if speed > 0.0 else 0.0
+            yield self._step(omega, _plus(ZERO, self.velocity, share))
+
+    def _profiled_stop(self, terms: Terms) -> Iterator[tuple[Quaternion, Vector3]]:
+        """Yield setpoints that first take the acceleration away, then the velocity.
+
+        The acceleration falls as fast as the jerk limit allows, the velocity along
+        ``1 - 3t^2 + 2t^3`` in the shortest whole number of cycles inside the limits.
         """
         h = self.period
         ramp = ceil(_share(self.alpha, terms.jerk, terms.axis_jerk) / h)

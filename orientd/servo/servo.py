@@ -24,6 +24,7 @@ from orientd.servo.path_clock import PathClock
 from orientd.servo.path_follower import Leg, PathFollower, StarvedError
 from orientd.servo.segment import PathPoint
 from orientd.servo.table import Event, advance
+from orientd.servo.tracking import Target, Tracker
 from orientd.servo.vigil import Vigil, Watch
 from orientd.stream import (
     JOINTS,
@@ -40,7 +41,7 @@ from orientd.stream import (
 )
 
 # Looking a member up in its enumeration takes longer than comparing it.
-_STREAMING, _STOPPING = State.STREAMING, State.STOPPING
+_STREAMING, _STOPPING, _TRACKING = State.STREAMING, State.STOPPING, State.TRACKING
 _NO_FAULT = Fault.NONE
 _WRITTEN, _FEEDBACK = int(CycleFlag.WRITTEN), int(CycleFlag.FEEDBACK)
 
@@ -49,6 +50,12 @@ PARENT_CHECK = 8
 
 _NO_TERMS = Terms(1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 1.0)
 _START_TOLERANCE = 1e-9
+
+TARGETS_PER_CYCLE = 8
+"""Targets taken in one cycle; the others wait."""
+
+LEFT_OUT_WORD = 1
+"""Word of the ring of targets: how many the servo has left out."""
 
 
 class Servo:
@@ -90,6 +97,10 @@ class Servo:
         self._guard = Guard(period)
         self._terms = _NO_TERMS
         self._start_ns = UNKNOWN
+        self._tracker = Tracker(period)
+        self._is_tracking = False
+        self._aimed = memory.targets.head
+        self._left_out = 0
         self._escape: Iterator[tuple[Quaternion, Vector3]] | None = None
         self._fault = Fault.NONE
         self._fault_text = ""
@@ -105,7 +116,8 @@ class Servo:
     @property
     def is_moving(self) -> bool:
         """Whether setpoints change."""
-        return self.state is _STREAMING or self.state is _STOPPING
+        state = self.state
+        return state is _STREAMING or state is _STOPPING or state is _TRACKING
 
     def cycle(self, deadline_ns: int, lateness_ns: int) -> None:
         """Do the work of one cycle.
@@ -127,9 +139,8 @@ class Servo:
         """Stop on the path if something moves; the process ends once it holds."""
         if not self.ending:
             self.ending = reason
-            if self.state is _STREAMING:
-                self._path_clock.target = 0.0
-                self.state = advance(self.state, Event.STOP)
+            if self.state is _STREAMING or self.state is _TRACKING:
+                self._stop(Event.STOP)
 
     @property
     def has_ended(self) -> bool:
@@ -225,9 +236,7 @@ class Servo:
     def _obey(self, command: Command, leg: Leg, speed: float, start_ns: int) -> str:
         """Carry out one command; return why it was refused, or nothing."""
         if command is Command.STOP:
-            following = advance(self.state, Event.STOP)
-            self._path_clock.target = 0.0
-            self.state = following
+            self._stop(Event.STOP)
         elif command is Command.SPEED:
             following = advance(self.state, Event.SPEED)
             if not 0.0 <= speed <= 1.0:
@@ -239,11 +248,11 @@ class Servo:
         elif command is Command.SPLICE:
             return self._splice(leg)
         elif command is Command.HALT:
-            following = advance(self.state, Event.HALT)
-            if self.is_moving and self._escape is None:
-                self._path_clock.target = 0.0
+            self._stop(Event.HALT)
+            if self.is_moving and self._escape is None and not self._is_tracking:
                 self._escape = self._guard.soft_stop(self._terms)
-            self.state = following
+        elif command is Command.TRACK:
+            self._track(leg)
         elif command is Command.ENABLE:
             self._enable()
         elif command is Command.DISABLE:
@@ -318,12 +327,32 @@ class Servo:
         if self._path_clock.is_steady and not self._follower.is_spliced:
             self._path_clock.brake_rate = leg.terms.brake_rate
 
+    def _track(self, leg: Leg) -> None:
+        """Follow targets from here on, whatever moves at present."""
+        following = advance(self.state, Event.TRACK)
+        guard = self._guard
+        self._path_clock.halt()
+        self._terms, self._motion = leg.terms, leg.number
+        self._tracker.begin(guard.q, guard.omega, guard.alpha, leg.terms)
+        self._aimed = self._memory.targets.head
+        self._is_tracking = True
+        self.state = following
+
+    def _stop(self, event: Event) -> None:
+        """Begin to come to rest, on the path or away from the target."""
+        following = advance(self.state, event)
+        self._path_clock.target = 0.0
+        self._tracker.cease()
+        self.state = following
+
     # Motion
 
     def _move(self, deadline_ns: int) -> PathPoint:
         """Return the next setpoint of a motion or of a stop."""
         if self._escape is not None:
             return self._step_off_path()
+        if self._is_tracking:
+            return self._follow(deadline_ns)
         clock, follower = self._path_clock, self._follower
         if self.state is _STREAMING:
             speed = self._speed * self._driver.speed_scaling
@@ -363,6 +392,40 @@ class Servo:
             _combine(path.velocity, rate, path.velocity, 0.0),
         )
 
+    def _follow(self, deadline_ns: int) -> PathPoint:
+        """Return the next setpoint on the way to a target, or to rest."""
+        tracker, position = self._tracker, self._held.position
+        if self.state is _TRACKING:
+            self._aim(deadline_ns)
+        point = tracker.step(deadline_ns)
+        problem = self._guard.admit(point.q, position, self._terms)
+        if problem:
+            return self._leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")
+        if self.state is _STOPPING and tracker.is_at_rest:
+            self._finish(Event.REST)
+        return PathPoint(point.q, point.omega_body, point.alpha_body, position, ZERO)
+
+    def _aim(self, now_ns: int) -> None:
+        """Hand the targets that have arrived to the tracker."""
+        ring = self._memory.targets
+        head = ring.head
+        if self._aimed == head:
+            return
+        self._aimed = max(self._aimed, head - ring.capacity)
+        for index in range(self._aimed, min(head, self._aimed + TARGETS_PER_CYCLE)):
+            fields = ring.read(index)
+            if fields is None and head - index < ring.capacity:
+                return  # still being written
+            self._aimed = index + 1
+            if fields is not None:
+                _, time_ns, expires_ns, *floats = fields
+                w, x, y, z, u, v, s = floats
+                target = Target((w, x, y, z), (u, v, s), time_ns, expires_ns)
+                if not self._tracker.take(target, now_ns):
+                    continue
+            self._left_out += 1
+            ring.set_word(LEFT_OUT_WORD, self._left_out)
+
     def _leave_path(self, fault: Fault, text: str) -> PathPoint:
         """Begin to come to rest without the path."""
         self._brake(fault, text)
@@ -382,6 +445,7 @@ class Servo:
     def _finish(self, event: Event) -> None:
         """Go to rest: into holding, or into the fault that made the stop necessary."""
         self._path_clock.halt()
+        self._is_tracking = False
         if self._fault is not _NO_FAULT:
             self._fail(self._fault, self._fault_text, is_enabled=self._is_enabled)
         else:
@@ -393,7 +457,7 @@ class Servo:
         if self._cycle_count % PARENT_CHECK == 0 and not self._parent_is_alive():
             self.request_end("the daemon is gone")
         vigil = self._vigil
-        if self.state is _STREAMING:
+        if self.state is _STREAMING or self.state is _TRACKING:
             problem = vigil.complain_of_daemon(self._memory.heartbeat_ns, now_ns)
             if problem:
                 self._brake(Fault.HEARTBEAT_LOST, problem)
@@ -409,8 +473,7 @@ class Servo:
             return
         if self.is_moving:
             self._fault, self._fault_text = fault, text
-            self._path_clock.target = 0.0
-            self.state = advance(self.state, Event.BRAKE)
+            self._stop(Event.BRAKE)
         else:
             self._fail(fault, text, is_enabled=self._is_enabled)
 
@@ -420,6 +483,7 @@ class Servo:
             return
         self._fault, self._fault_text = fault, text
         self._escape = None
+        self._is_tracking = False
         self._path_clock.halt()
         self.state = advance(self.state, Event.FAIL)
         self._memory.notes.publish(*pack_note(0, NoteKind.FAULT, fault, text))

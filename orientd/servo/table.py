@@ -23,6 +23,7 @@ class Event(Enum):
     SPLICE = "splice"
     STOP = "stop"
     HALT = "halt"
+    TRACK = "track"
     BRAKE = "brake"
     REST = "rest"
     FAIL = "fail"
@@ -42,6 +43,13 @@ TRANSITIONS: dict[tuple[State, Event], State] = {
     (State.STOPPING, Event.STOP): State.STOPPING,
     (State.HOLDING, Event.STOP): State.HOLDING,
     (State.IDLE, Event.STOP): State.IDLE,
+    (State.HOLDING, Event.TRACK): State.TRACKING,
+    (State.TRACKING, Event.TRACK): State.TRACKING,
+    (State.STREAMING, Event.TRACK): State.TRACKING,
+    (State.TRACKING, Event.STOP): State.STOPPING,
+    (State.TRACKING, Event.HALT): State.STOPPING,
+    (State.TRACKING, Event.BRAKE): State.STOPPING,
+    (State.TRACKING, Event.FAIL): State.FAULT,
     (State.STREAMING, Event.HALT): State.STOPPING,
     (State.STOPPING, Event.HALT): State.STOPPING,
     (State.HOLDING, Event.HALT): State.HOLDING,

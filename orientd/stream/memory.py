@@ -8,23 +8,26 @@ from __future__ import annotations
 
 import mmap
 import os
+from struct import Struct
 
 from orientd.stream.records import (
     COMMAND_RECORD,
     CYCLE_RECORD,
     NOTE_RECORD,
     PATH_RECORD,
+    TARGET_RECORD,
 )
 from orientd.stream.ring import RecordRing
 
 PAGE = 4096
 COMMANDS = 16
 NOTES = 64
+TARGETS = 64
 DIRECTORY = "/dev/shm"
 
 
 class SharedMemory:
-    """The four rings between daemon and servo, and the heartbeat.
+    """The five rings between daemon and servo, and the heartbeat.
 
     ========  ===============  ==========================================================
     ring      written by       holds
@@ -33,6 +36,7 @@ class SharedMemory:
     commands  daemon           enable, start, stop, ...
     cycles    servo            every cycle: setpoint, feedback, state, timing
     notes     servo            answers to commands, faults, in words
+    targets   daemon           what to follow, as it arrives
     ========  ===============  ==========================================================
 
     Attributes:
@@ -44,12 +48,7 @@ class SharedMemory:
         self.descriptor = descriptor
         self.path_capacity = path_capacity
         self.cycle_capacity = cycle_capacity
-        layouts = (
-            (PATH_RECORD, path_capacity),
-            (COMMAND_RECORD, COMMANDS),
-            (CYCLE_RECORD, cycle_capacity),
-            (NOTE_RECORD, NOTES),
-        )
+        layouts = _layouts(path_capacity, cycle_capacity)
         sizes = [_pages(RecordRing.bytes_needed(layout, count)) for layout, count in layouts]
         self._map = mmap.mmap(descriptor, PAGE + sum(sizes))
         self._view = memoryview(self._map)
@@ -58,7 +57,7 @@ class SharedMemory:
         for (layout, count), size in zip(layouts, sizes, strict=True):
             rings.append(RecordRing(self._view[offset : offset + size], layout, count))
             offset += size
-        self.path, self.commands, self.cycles, self.notes = rings
+        self.path, self.commands, self.cycles, self.notes, self.targets = rings
 
     @classmethod
     def create(cls, path_capacity: int, cycle_capacity: int) -> SharedMemory:
@@ -77,12 +76,7 @@ class SharedMemory:
         """Return the length of the file in bytes."""
         return PAGE + sum(
             _pages(RecordRing.bytes_needed(layout, count))
-            for layout, count in (
-                (PATH_RECORD, path_capacity),
-                (COMMAND_RECORD, COMMANDS),
-                (CYCLE_RECORD, cycle_capacity),
-                (NOTE_RECORD, NOTES),
-            )
+            for layout, count in _layouts(path_capacity, cycle_capacity)
         )
 
     @property
@@ -96,12 +90,22 @@ class SharedMemory:
 
     def close(self) -> None:
         """Unmap and close; the file is gone when both processes have done so."""
-        for ring in (self.path, self.commands, self.cycles, self.notes):
+        for ring in (self.path, self.commands, self.cycles, self.notes, self.targets):
             ring.release()
         self._words.release()
         self._view.release()
         self._map.close()
         os.close(self.descriptor)
+
+
+def _layouts(path_capacity: int, cycle_capacity: int) -> tuple[tuple[Struct, int], ...]:
+    return (
+        (PATH_RECORD, path_capacity),
+        (COMMAND_RECORD, COMMANDS),
+        (CYCLE_RECORD, cycle_capacity),
+        (NOTE_RECORD, NOTES),
+        (TARGET_RECORD, TARGETS),
+    )
 
 
 def _pages(size: int) -> int:

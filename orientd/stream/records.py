@@ -24,6 +24,7 @@ class State(IntEnum):
     STREAMING = 2
     STOPPING = 3
     FAULT = 4
+    TRACKING = 5
 
 
 class Command(IntEnum):
@@ -38,6 +39,7 @@ class Command(IntEnum):
     SHUTDOWN = 7
     SPLICE = 8
     HALT = 9
+    TRACK = 10
 
 
 class Answer(IntEnum):
@@ -74,6 +76,9 @@ TERMS_FLOATS = 15
 COMMAND_RECORD = struct.Struct(f"@QIIQqqq{1 + TERMS_FLOATS}d")
 UNKNOWN = -1
 """Index of a record that is not yet known."""
+
+# index, time_ns, expires_ns | q(4), omega_body(3)
+TARGET_RECORD = struct.Struct("@Qqq7d")
 
 # index, command index, kind, code, length of the text, text
 NOTE_TEXT_BYTES = 400

@@ -71,6 +71,10 @@ class Tracker:
         """Take a target that arrived; return an empty string, or why it was refused."""
         return self._reference.take(target, now_ns)
 
+    def cease(self) -> None:
+        """Forget every target, and come to rest."""
+        self._reference.clear()
+
     def step(self, now_ns: int) -> TrackPoint:
         """Return the setpoint of the cycle that is due at *now_ns*."""
         if self._bounds is not self._limits:

@@ -6,6 +6,7 @@ from ur_rig import device_of, is_holding, streaming, swing_motion, until
 
 from orientd import rotation
 from orientd.daemon.latency import identify
+from orientd.daemon.manner import Prepared
 from orientd.errors import Fault
 from orientd_sim.ur.recording import read_arm, read_setpoints
 
@@ -26,7 +27,7 @@ def check_motion(robot, tmp_path, *, seconds, count):
         motion = swing_motion(device, seconds=seconds, count=count)
         before = robot.state()
         robot.ask("record on")
-        number = device.start(motion)
+        number = device.start(Prepared(motion))
         streaming(device)
         until(lambda: is_holding(device), "the end", motion.duration + 10.0)
         # Whatever was on its way then has come before fifty more have.
@@ -101,7 +102,7 @@ def sweep(device):
     """Turn by 0.8 rad and back, at up to 1 rad/s; return the statistics and the cycles."""
     motion = swing_motion(device, angle=0.8, seconds=3.2)
     assert motion.certificate.peak_velocity.value == pytest.approx(1.0, abs=0.15)
-    number = device.start(motion)
+    number = device.start(Prepared(motion))
     streaming(device)
     until(lambda: is_holding(device), "the end")
     last = device.snapshot().cycle.index

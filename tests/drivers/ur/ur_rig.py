@@ -9,6 +9,7 @@ import numpy as np
 from orientd import rotation
 from orientd.config import DeviceSettings
 from orientd.daemon.device import Device
+from orientd.daemon.manner import Prepared
 from orientd.errors import Fault
 from orientd.planner import Keyframe, MotionRequest
 from orientd.stream import State
@@ -67,7 +68,7 @@ def swing_motion(device, *, angle=0.3, seconds=3.0, count=1, home=None):
 
 def swing(device, **settings):
     """Start a turn and back, and return its number."""
-    return device.start(swing_motion(device, **settings))
+    return device.start(Prepared(swing_motion(device, **settings)))
 
 
 def is_holding(device):

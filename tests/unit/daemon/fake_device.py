@@ -6,9 +6,10 @@ import time
 
 from orientd import planner
 from orientd.daemon.device_report import DeviceEvent, DeviceSnapshot, EventKind
+from orientd.daemon.manner import AT_ONCE, Prepared
 from orientd.daemon.meter import MotionStatistics
 from orientd.driver import IDENTITY, ZERO
-from orientd.errors import DaemonError, Fault, PlanError, StateError
+from orientd.errors import DaemonError, Fault, LateError, PlanError, StateError
 from orientd.planner import DEFAULT_LIMITS, State
 from orientd.stream import Cycle
 from orientd.stream import State as ServoState
@@ -43,6 +44,8 @@ class FakeDevice:
         self.published = [cycle()]
         self.is_dead = False
         self.refusal = ""
+        self.lateness = 0
+        self.began = {}
         self.during_start = lambda: None
 
     def launch(self):
@@ -59,7 +62,7 @@ class FakeDevice:
             raise StateError(f"device {self.name} is {self.state.name.lower()}, not holding")
         return self.at
 
-    def plan(self, request, *, is_next=False):
+    def plan(self, request):
         if self.refusal:
             raise PlanError(self.refusal)
         period = self.period_ns * 1e-9
@@ -68,14 +71,28 @@ class FakeDevice:
     def is_at(self, joints):
         return True
 
-    def start(self, motion):
+    def prepare(self, request, manner=AT_ONCE, *, attempt=0):
+        if self.lateness > attempt:
+            raise LateError("the path has passed record 3, it is at 4")
+        return Prepared(self.plan(request), manner=manner)
+
+    def start(self, prepared):
         self.commanded()
         self.number += 1
-        self.motion, self.state = motion, ServoState.STREAMING
+        self.motion, self.state = prepared.motion, ServoState.STREAMING
         self.calls.append(f"start {self.number}")
         self.tell(EventKind.MOTION_STARTED, "")
         self.during_start()
         return self.number
+
+    def halt(self):
+        self.calls.append("halt")
+
+    def settled_after(self, number):
+        return None
+
+    def began_ns(self, number):
+        return self.began.get(number)
 
     def stop(self):
         self.calls.append("stop")

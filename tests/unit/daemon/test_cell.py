@@ -8,6 +8,7 @@ from fake_device import FakeDevice
 from orientd import config
 from orientd.clock import ManualClock
 from orientd.daemon.cell import KEPT_PLANS, Cell, pause, resume
+from orientd.daemon.manner import Manner
 from orientd.errors import (
     DaemonError,
     Fault,
@@ -206,7 +207,7 @@ def test_a_motion_that_the_device_could_not_follow_is_refused(cell, arm):
 
 
 def test_a_kept_plan_is_found_by_its_name_and_device(cell, arm):
-    motion = cell.plan(arm, MOTION, keep=True)
+    motion = cell.plan(arm, MOTION)
     assert cell.kept(arm, motion.id) is motion
     for device, name in ((cell.device("leg"), motion.id), (arm, "nonsense")):
         with pytest.raises(UnknownNameError, match=r"^motion_id: device .* has no plan"):
@@ -214,7 +215,7 @@ def test_a_kept_plan_is_found_by_its_name_and_device(cell, arm):
 
 
 def test_few_plans_are_kept(cell, arm):
-    plans = [cell.plan(arm, MOTION, keep=True) for _ in range(KEPT_PLANS + 1)]
+    plans = [cell.plan(arm, MOTION) for _ in range(KEPT_PLANS + 1)]
     with pytest.raises(UnknownNameError):
         cell.kept(arm, plans[0].id)
     assert cell.kept(arm, plans[1].id) is plans[1]
@@ -302,3 +303,37 @@ def test_nobody_waits_for_devices_of_a_daemon_that_ends(cell, arm):
     assert cell.wait_ready(3600.0, is_cancelled=stopping.is_set) == [
         "device arm: not ready after 3600 s"
     ]
+
+
+def test_a_motion_that_is_planned_too_late_is_planned_again(cell, arm):
+    token = cell.acquire("ana").token
+    arm.lateness = 2
+    run, timing = cell.move(token, arm, MOTION, stops=0, received_ns=0)
+    assert (run.number, timing.attempts) == (1, 3)
+
+
+def test_a_device_that_is_always_too_quick_is_said_to_be(cell, arm):
+    token = cell.acquire("ana").token
+    arm.lateness = 100
+    with pytest.raises(StateError, match="too quick for 6 plans: the path has passed record 3"):
+        cell.move(token, arm, MOTION, stops=0, received_ns=0)
+
+
+def test_motions_with_one_start_time_are_compared(cell):
+    token = cell.acquire("ana").token
+    runs = []
+    for name, late_ns in (("arm", 3_000), ("leg", 11_000)):
+        device = cell.device(name)
+        manner = Manner(start_ns=5 * SECOND)
+        run, _ = cell.move(token, device, MOTION, manner, stops=0, received_ns=0)
+        device.began[run.number] = 5 * SECOND + late_ns
+        runs.append(run)
+    assert [cell.runs.starts(run) for run in runs] == [
+        (pytest.approx(3e-6), pytest.approx(8e-6)),
+        (pytest.approx(11e-6), pytest.approx(8e-6)),
+    ]
+
+
+def test_a_halt_leaves_the_path(cell, arm):
+    cell.stop("arm", "ana", is_quickest=True)
+    assert arm.calls[-1] == "halt"

@@ -5,8 +5,8 @@ import pytest
 from fake_device import FakeDevice, cycle
 
 from orientd import config, planner
-from orientd.daemon import report
-from orientd.daemon.runs import Run
+from orientd.daemon import motion_report, report
+from orientd.daemon.runs import Run, Runs
 from orientd.rpc.reports import Outcome
 from orientd.stream import State
 
@@ -75,7 +75,7 @@ def test_progress_tells_the_worst_lateness_since_the_last(device, motion):
 
 def test_samples_begin_and_end_with_the_motion(motion):
     for rate_hz in (500.0, 33.3, 7.0):
-        samples = report.samples(motion, rate_hz)
+        samples = motion_report.samples(motion, rate_hz)
         assert samples.times[0] == 0.0
         assert samples.times[-1] == pytest.approx(motion.duration, abs=1e-9)
         assert np.all(np.diff(samples.times) > 1e-9)
@@ -87,7 +87,7 @@ def test_a_summary_has_the_statistics_of_its_motion_only(device, motion):
     for number, cycles in ((2, 7), (1, None)):
         run = Run(device, number, motion, "")
         run.ended.set_result((Outcome.STOPPED, "why"))
-        summary = report.summary(run)
+        summary = motion_report.summary(run, Runs({}))
         assert (summary.outcome, summary.text) == (Outcome.STOPPED, "why")
         assert (summary.statistics and summary.statistics.cycles) == cycles
 

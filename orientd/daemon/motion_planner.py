@@ -1,0 +1,89 @@
+"""Plans for one device: from where it is commanded to be, and as its axes can follow them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from orientd.daemon.fitting import plan_to_fit
+from orientd.driver import Driver
+from orientd.planner import Limits, Motion, MotionRequest, State
+
+_EXAMINED_EVERY = 0.008
+"""How far apart in path time the poses are that a driver looks at, s."""
+
+
+class MotionPlanner:
+    """Plan motions that a device's driver agrees to.
+
+    Args:
+        examiner: a driver of the device, which need not be open.
+        limits: the device's.
+        period: its cycle, s.
+    """
+
+    def __init__(self, examiner: Driver, *, limits: Limits, period: float) -> None:
+        self._examiner = examiner
+        self._limits = limits
+        self._period = period
+
+    def plan(self, request: MotionRequest, *, start: State, joints: Sequence[float]) -> Motion:
+        """Plan a motion from *start*, where the axes are at *joints* (rad).
+
+        Raises:
+            RequestError: the request is not one that its method or the device allows.
+            PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
+        """
+        motion = plan_to_fit(
+            self._examiner,
+            request,
+            start=start,
+            joints=tuple(joints),
+            limits=self._limits,
+            period=self._period,
+        )
+        self._examine(motion)
+        return motion
+
+    def blend(
+        self,
+        first: Motion,
+        request: MotionRequest,
+        *,
+        tolerance: float,
+        earliest: int,  # noqa: ARG002
+    ) -> tuple[int, Motion]:
+        """Plan a motion that follows *first* without coming to rest between them.
+
+        Args:
+            first: what runs before.
+            request: what is to follow.
+            tolerance: how far from the corner between them it may pass, rad.
+            earliest: record of *first* before which it cannot be left any more.
+
+        Returns:
+            The record of *first* at which to leave it, and the motion from there on.
+
+        Raises:
+            RequestError: the request is not one that its method or the device allows.
+            PlanError: it cannot be planned, or would break a limit.
+        """
+        record = max(first.record_count - 1, earliest)
+        start, joints = first.state_at(record), first.last_joints
+        return record, self.plan(request, start=start, joints=joints)
+
+    @property
+    def shapes_paths(self) -> bool:
+        """Whether the driver makes a path of its own of every motion."""
+        return type(self._examiner).shape is not Driver.shape
+
+    def _examine(self, motion: Motion) -> None:
+        """Have the driver look at a motion that keeps the limits."""
+        if type(self._examiner).examine is Driver.examine:
+            return
+        step = max(1, round(_EXAMINED_EVERY / motion.period))
+        times = motion.period * np.arange(0, motion.record_count, step)
+        samples = motion.sample(times)
+        poses = zip(samples.q.tolist(), samples.position.tolist(), strict=True)
+        self._examiner.examine(times.tolist(), list(poses))

@@ -1,0 +1,83 @@
+"""What the daemon says about motions, as values for the wire."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orientd.daemon.meter import Lateness, MotionStatistics
+from orientd.daemon.runs import Run, Runs
+from orientd.planner import Motion
+from orientd.rpc.reports import Durations, Plan, Samples, Statistics, Summary
+
+NANOSECONDS = 1e9
+
+
+def plan(motion: Motion) -> Plan:
+    """Return what there is to say about *motion* before it is run."""
+    return Plan(
+        motion_id=motion.id,
+        duration=motion.duration,
+        start_time=motion.start_time,
+        end_time=motion.end_time,
+        keyframe_times=tuple(motion.keyframe_times.tolist()),
+        certificate=motion.certificate,
+    )
+
+
+def samples(motion: Motion, rate_hz: float) -> Samples:
+    """Return *motion* sampled *rate_hz* times a second, from its beginning to its end."""
+    count = int(np.floor(motion.duration * rate_hz + 1e-9)) + 1
+    times = np.append(np.arange(count) / rate_hz, motion.duration)
+    if times[-1] - times[-2] < 1e-9:
+        times = times[:-1]
+    sampled = motion.sample(times)
+    return Samples(
+        times=times,
+        q=sampled.q,
+        omega_body=sampled.omega_body,
+        alpha_body=sampled.alpha_body,
+        position=sampled.position,
+        velocity=sampled.velocity,
+    )
+
+
+def summary(run: Run, runs: Runs) -> Summary:
+    """Return how *run*, which has ended, went beside the others of *runs*."""
+    outcome, text = run.ended.result(timeout=0)
+    measured = run.device.statistics(run.number)
+    lateness, skew = runs.starts(run)
+    return Summary(
+        motion_number=run.number,
+        outcome=outcome,
+        text=text,
+        statistics=None if measured is None else _statistics(measured),
+        settled_after=run.device.settled_after(run.number),
+        start_lateness=lateness,
+        start_skew=skew,
+    )
+
+
+def _statistics(measured: MotionStatistics) -> Statistics:
+    return Statistics(
+        cycles=measured.cycles,
+        overruns=measured.overruns,
+        missed=measured.missed,
+        lateness=_durations(measured.lateness),
+        work=_durations(measured.work),
+        velocity=measured.velocity,
+        acceleration=measured.acceleration,
+        jerk=measured.jerk,
+        path_error=measured.path_error,
+        tracking_error=measured.tracking_error,
+        start_velocity_error=measured.start_velocity_error,
+        end_velocity_error=measured.end_velocity_error,
+    )
+
+
+def _durations(lateness: Lateness) -> Durations:
+    return Durations(
+        p50=lateness.p50_ns / NANOSECONDS,
+        p99=lateness.p99_ns / NANOSECONDS,
+        p99_9=lateness.p99_9_ns / NANOSECONDS,
+        largest=lateness.largest_ns / NANOSECONDS,
+    )

@@ -1,0 +1,141 @@
+"""The client's side of a Track call: hand targets over, hear how the following goes."""
+
+from __future__ import annotations
+
+import queue
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from types import TracebackType
+from typing import Any, Literal, Self
+
+import grpc
+
+from orientd import motion_file
+from orientd.driver import Quaternion as Orientation
+from orientd.driver import Vector3
+from orientd.errors import OrientdError, RequestError
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc.motion_request import Quaternion, keyframe_mappings
+from orientd.rpc.reports import TrackReport
+from orientd.rpc.track_wire import report_from_message, target_to_message
+
+Frame = Literal["body", "world"]
+
+
+class Tracking:
+    """A device that follows targets; a context manager that brings it to rest at its end."""
+
+    def __init__(
+        self,
+        call: Callable[[Iterator[pb.TrackRequest]], Any],
+        begin: pb.TrackStart,
+        *,
+        explain: Callable[[grpc.RpcError], OrientdError],
+    ) -> None:
+        """Begin to follow, and wait for the first report.
+
+        Args:
+            call: of the stub.
+            begin: the first message.
+            explain: makes an exception of a failed call.
+
+        Raises:
+            OrientdError: it was refused.
+        """
+        self._explain = explain
+        self._outgoing: queue.SimpleQueue[pb.TrackRequest | None] = queue.SimpleQueue()
+        self._outgoing.put(pb.TrackRequest(start=begin))
+        self._stream = call(iter(self._outgoing.get, None))
+        self._error: OrientdError | None = None
+        self._ended = threading.Event()
+        try:
+            self._report = report_from_message(next(iter(self._stream)))
+        except grpc.RpcError as error:
+            raise explain(error) from error
+        self._reader = threading.Thread(target=self._read, name="orientd track", daemon=True)
+        self._reader.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    @property
+    def report(self) -> TrackReport:
+        """The newest report."""
+        return self._report
+
+    def aim(
+        self,
+        target: object,
+        *,
+        angular_velocity: Vector3 | None = None,
+        velocity_frame: Frame = "body",
+        time_ns: int = 0,
+        time_to_live: float = 0.0,
+    ) -> None:
+        """Hand a target over; returns at once.
+
+        Args:
+            target: a ``Rotation`` of SciPy, a :class:`~orientd.Quaternion`, or a mapping with an
+                orientation as in a motion file.
+            angular_velocity: of the target there, rad/s; ``None`` if it stands still.
+            velocity_frame: the frame of that.
+            time_ns: when the target is there, on the monotonic clock of the daemon's machine
+                (:func:`time.monotonic_ns`); 0 for when the message arrives.
+            time_to_live: how long after that it counts, s; 0 for half a second.
+
+        Raises:
+            RequestError: the target is not well formed.
+            OrientdError: the following has ended.
+        """
+        if self._ended.is_set():
+            raise self._error or OrientdError("the device follows targets no more")
+        message = target_to_message(
+            _orientation(target),
+            angular_velocity,
+            is_world=velocity_frame == "world",
+            time_ns=time_ns,
+            time_to_live=time_to_live,
+        )
+        self._outgoing.put(pb.TrackRequest(target=message))
+
+    def close(self, timeout: float = 10.0) -> None:
+        """Give no more targets, and wait until the device has come to rest.
+
+        Raises:
+            OrientdError: something else had ended it.
+        """
+        self._outgoing.put(None)
+        if not self._ended.wait(timeout):
+            self._stream.cancel()
+        self._reader.join()
+        # An error on the way out of a block must not hide the one that led there.
+        if self._error is not None and sys.exc_info()[0] is None:
+            raise self._error
+
+    def _read(self) -> None:
+        try:
+            for message in self._stream:
+                self._report = report_from_message(message)
+        except grpc.RpcError as error:
+            self._error = self._explain(error)
+        finally:
+            self._ended.set()
+
+
+def _orientation(target: object) -> Orientation:
+    if isinstance(target, Quaternion):
+        return (float(target.w), float(target.x), float(target.y), float(target.z))
+    mapping = keyframe_mappings([target])[0]
+    extra = sorted(set(mapping) - set(motion_file.FORMS))
+    if extra:
+        raise RequestError(f"target.{extra[0]}", "expected an orientation and nothing else")
+    return motion_file.parse({"keyframes": [mapping, mapping]}).keyframes[0].q
