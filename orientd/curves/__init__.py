@@ -21,6 +21,7 @@ from orientd.curves.kks_interpolating import KksInterpolating
 from orientd.curves.kks_quintic_hermite import KksQuinticHermite
 from orientd.curves.kks_uniform import KksUniform
 from orientd.curves.min_acceleration import MinAcceleration
+from orientd.curves.minimum_effort import MinimumEffort
 from orientd.curves.nielson_heiland import NielsonHeiland
 from orientd.curves.nielson_shieh import NielsonShieh
 from orientd.curves.normalized_cubic import NormalizedCubic
@@ -59,6 +60,7 @@ _FAMILIES: tuple[type[Curve], ...] = (
     NuSpline,
     RotationVectorSpline,
     MinAcceleration,
+    MinimumEffort,
 )
 
 METHODS: Mapping[str, type[Curve]] = MappingProxyType({family.name: family for family in _FAMILIES})

@@ -167,7 +167,7 @@ def _factors(basis: CumulativeBasis, places: Indices) -> tuple[Indices, Floats]:
     return np.stack(index, axis=1), np.stack(share, axis=1)
 
 
-def _check_given(
+def check_given(
     condition: str, side: str, omega: ArrayLike | None, alpha: ArrayLike | None
 ) -> tuple[Floats | None, Floats | None]:
     """Return the checked end velocity and acceleration, refusing what the condition lacks."""
@@ -192,7 +192,7 @@ def _check_given(
 def _start_condition(
     basis: CumulativeBasis, condition: str, omega: ArrayLike | None, alpha: ArrayLike | None
 ) -> EndCondition:
-    omega_body, alpha_body = _check_given(condition, "start", omega, alpha)
+    omega_body, alpha_body = check_given(condition, "start", omega, alpha)
     rate = basis.rates[0, 0, 0]
     first, second = basis.curvatures[0, :2, 0]
     if omega_body is None:
@@ -207,7 +207,7 @@ def _end_condition(
     basis: CumulativeBasis, condition: str, omega: ArrayLike | None, alpha: ArrayLike | None
 ) -> EndCondition:
     """The turn of the last factor stands between the acceleration and the factor before it."""
-    omega_body, alpha_body = _check_given(condition, "end", omega, alpha)
+    omega_body, alpha_body = check_given(condition, "end", omega, alpha)
     rate = basis.rates[-1, 2, -1]
     first, second = basis.curvatures[-1, 2, -1], basis.curvatures[-1, 1, -1]
     if omega_body is None:

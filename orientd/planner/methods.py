@@ -85,6 +85,11 @@ def _cumulative(given: Given) -> dict[str, Any]:
     return parameters
 
 
+def _effort(given: Given) -> dict[str, Any]:
+    # Turns to coast through are the user's to ask for, not the family's to find.
+    return {**_cumulative(given), "turns": [0] * (len(given.keys) - 1)}
+
+
 def _interval(given: Given) -> dict[str, Any]:
     return {"t0": float(given.times[0]), "t1": float(given.times[-1])}
 
@@ -189,6 +194,13 @@ TABLE: dict[str, Method] = {
     "kks_uniform": Method(_uniform),
     "c2_cumulative": Method(
         _cumulative, has_velocities=True, has_accelerations=True, turns="turns"
+    ),
+    "minimum_effort": Method(
+        _effort,
+        has_velocities=True,
+        has_accelerations=True,
+        turns="turns",
+        options=("inertia", "order", "smoothness", "spans", "align"),
     ),
 }
 

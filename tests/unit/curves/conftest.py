@@ -166,6 +166,23 @@ def through_order_six(keys, times):
     return {**clamped(keys, times), **accelerations, "order": 6}
 
 
+def least_torque(keys, times):
+    inertia = [[2.0, 0.3, 0.0], [0.3, 1.0, -0.1], [0.0, -0.1, 0.5]]
+    return {**clamped(keys, times), "inertia": inertia, "spans": 3}
+
+
+def least_torque_free(keys, times):
+    return {**keyframed(keys, times), "inertia": [1.0, 2.0, 2.5]}
+
+
+def quintic_effort(keys, times):
+    return {**state_natural(keys, times), "order": 6, "smoothness": 2}
+
+
+def smooth_effort(keys, times):
+    return {**clamped_state(keys, times), "order": 5}
+
+
 EXAMPLES = {
     "slerp": (slerped, spun),
     "kks_bezier": (controlled,),
@@ -195,6 +212,16 @@ EXAMPLES = {
     "nu_spline": (keyframed, tense),
     "rotation_vector_spline": (keyframed, clamped),
     "min_acceleration": (keyframed, clamped),
+    "minimum_effort": (
+        keyframed,
+        clamped,
+        state,
+        turned,
+        least_torque,
+        least_torque_free,
+        quintic_effort,
+        smooth_effort,
+    ),
 }
 """Family name -> tuple of makers of parameters from keyframes and their times."""
 

@@ -38,6 +38,11 @@ def transformed(params, side):
     for name, value in params.items():
         if name in QUATERNIONS and value is not None:
             changed[name] = multiply(TURN, value) if side == "left" else multiply(value, TURN)
+        if name == "inertia" and side == "right":
+            moments = np.asarray(value)
+            matrix = np.diag(moments) if moments.ndim == 1 else moments
+            half = rotate(conjugate(TURN), matrix.T)
+            changed[name] = rotate(conjugate(TURN), half.T)
         is_body = name in BODY_VECTORS or (name in FRAMED_VECTORS and frame == "body")
         is_world = name in FRAMED_VECTORS and frame == "world"
         if value is not None and is_body and side == "right":
