@@ -11,12 +11,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from orientd.curves.c2_cumulative import C2Cumulative, with_turns
+from orientd.curves.c2_cumulative import C2Cumulative
 from orientd.curves.effort_equations import EffortEquations
 from orientd.curves.effort_search import least_effort
-from orientd.curves.keyframes import increments
 from orientd.curves.min_acceleration import winding_path, winding_reach
 from orientd.curves.relaxation import spline_path
 from orientd.curves.rotation_vector_spline import RotationVectorSpline
@@ -33,19 +31,15 @@ def start_path(
     instants: Floats,
     first: Floats | None,
     last: Floats | None,
-    turns: ArrayLike | None,
 ) -> tuple[Path, Floats]:
     """Return a curve near which to search, and the keyframes with the signs they have on it."""
     h = np.diff(instants)
     reaches = winding_reach(first, float(h[0])), winding_reach(last, float(h[-1]))
-    if turns is not None:
-        with_turns(increments(q), q, turns)
-        path = spline_path(C2Cumulative, q, instants, first, last, turns=turns)
-    elif any(reaches):
+    if any(reaches):
         path = winding_path(q, instants, first, last, reaches)
     else:
         path = spline_path(C2Cumulative, q, instants, first, last)
-    if path is None and turns is None:
+    if path is None:
         path = spline_path(RotationVectorSpline, q, instants, first, last)
     if path is None:
         raise PlanError(

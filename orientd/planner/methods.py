@@ -85,11 +85,6 @@ def _cumulative(given: Given) -> dict[str, Any]:
     return parameters
 
 
-def _effort(given: Given) -> dict[str, Any]:
-    # Turns to coast through are the user's to ask for, not the family's to find.
-    return {**_cumulative(given), "turns": [0] * (len(given.keys) - 1)}
-
-
 def _interval(given: Given) -> dict[str, Any]:
     return {"t0": float(given.times[0]), "t1": float(given.times[-1])}
 
@@ -196,10 +191,9 @@ TABLE: dict[str, Method] = {
         _cumulative, has_velocities=True, has_accelerations=True, turns="turns"
     ),
     "minimum_effort": Method(
-        _effort,
+        _cumulative,
         has_velocities=True,
         has_accelerations=True,
-        turns="turns",
         options=("inertia", "order", "smoothness", "spans", "align"),
     ),
 }

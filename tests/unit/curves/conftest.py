@@ -180,7 +180,7 @@ def quintic_effort(keys, times):
 
 
 def smooth_effort(keys, times):
-    return {**clamped_state(keys, times), "order": 5}
+    return {**clamped_state(keys, times), "order": 5, "smoothness": 3}
 
 
 EXAMPLES = {
@@ -216,7 +216,6 @@ EXAMPLES = {
         keyframed,
         clamped,
         state,
-        turned,
         least_torque,
         least_torque_free,
         quintic_effort,

@@ -73,6 +73,23 @@ def test_every_method_that_can_meets_velocities_at_both_ends(name):
     assert omega == pytest.approx(np.array([[0.1, 0.2, 0.3], [-0.3, 0.2, 0.1]]), abs=1e-9)
 
 
+def test_an_inertia_makes_a_motion_of_less_torque():
+    moments = np.array([1.0, 3.0, 3.5])
+    fields = {"step": 1.5, "times": [0.0, 8.0, 16.0, 24.0, 32.0], "options": {"spans": 3}}
+    heavy = {**fields, "options": {"spans": 3, "inertia": moments.tolist()}}
+    efforts = []
+    for given in (heavy, fields):
+        found = made("minimum_effort", **given).sample(np.linspace(0.0, 32.0, 3201))
+        torque = moments * found.alpha_body + np.cross(found.omega_body, moments * found.omega_body)
+        efforts.append(np.sum(torque * torque))
+    assert efforts[0] < 0.999 * efforts[1]
+
+
+def test_an_option_of_the_least_effort_that_is_none_is_named():
+    assert refusal("minimum_effort", options={"spans": 1})[0] == "options.spans"
+    assert refusal("minimum_effort", options={"inertia": [1, 2]})[0] == "options.inertia"
+
+
 @pytest.mark.parametrize("name", [n for n in TABLE if not TABLE[n].has_velocities])
 def test_every_method_that_cannot_refuses_velocities_and_says_who_can(name):
     field, problem = refusal(name, end_velocity=(0, 0, 0.1))
