@@ -33,17 +33,16 @@ class AxisLimits:
 class Policy:
     """What a plan may do where the exact path is more than the axes can make.
 
-    Tried in this order: leave the path by a bounded angle, take longer, stop and reconfigure.
+    Tried in this order: leave the path by a bounded angle, stop and reconfigure.  To run the whole
+    path slower is left to whoever plans it.
 
     Attributes:
         max_deviation: largest angle by which the path may be missed near a pole, rad.
-        max_stretch: largest factor by which the path may be slowed down as a whole.
         allow_slews: whether the path may stop while the axes change branch or unwind; the tool
             leaves the path meanwhile.
     """
 
     max_deviation: float = 0.0
-    max_stretch: float = 1.0
     allow_slews: bool = False
 
 
@@ -110,7 +109,6 @@ class AxisCertificate:
         manipulability: least singular value on the way.
         keyholes: where the path is left by a bounded angle.
         slews: where it stops.
-        stretch: factor by which it was slowed down as a whole.
     """
 
     velocity: tuple[Peak, ...]
@@ -120,7 +118,6 @@ class AxisCertificate:
     manipulability: float
     keyholes: tuple[Keyhole, ...]
     slews: tuple[Slew, ...]
-    stretch: float
 
 
 @dataclass(frozen=True)
@@ -142,17 +139,21 @@ class AxisPath:
     certificate: AxisCertificate
 
 
-def rates(angles: Floats, period: float) -> tuple[Floats, Floats]:
+def rates(angles: Floats, period: float, before: Floats | None = None) -> tuple[Floats, Floats]:
     """Return velocity and acceleration by backward differences.
 
     Args:
         angles: shape ``(n, axes)``.
         period: s.
+        before: the samples before the first, at least two, where the path goes on from them.
 
     Returns:
-        Two arrays of the same shape; the acceleration's first two rows are 0, because a path in
-        the middle of a motion does not begin at rest.
+        Two arrays of the same shape; without *before* the first row of the velocity and the first
+        two of the acceleration are 0, because nothing is known of what was before.
     """
+    if before is not None and len(before):
+        velocity, acceleration = rates(np.concatenate([before, angles]), period)
+        return velocity[len(before) :], acceleration[len(before) :]
     velocity = np.zeros_like(angles)
     velocity[1:] = np.diff(angles, axis=0) / period
     acceleration = np.zeros_like(angles)

@@ -77,12 +77,16 @@ class DynamixelDriver(Driver):
         return self._group.losses if self._group else Losses(0, 0, {}, "")
 
     def shape(
-        self, period: float, orientations: Sequence[Quaternion], joints: tuple[float, ...]
+        self,
+        period: float,
+        orientations: Sequence[Quaternion],
+        joints: tuple[float, ...],
+        before: Sequence[tuple[float, ...]] = (),
     ) -> ShapedPath:
         """Choose branch, winding and deviation of every axis over the whole path."""
         # By name: planning needs NumPy, which a servo process does without.
         shaping = importlib.import_module("orientd_dynamixel.shaping")
-        shaped: ShapedPath = shaping.shape(self.settings, period, orientations, joints)
+        shaped: ShapedPath = shaping.shape(self.settings, period, orientations, joints, before)
         return shaped
 
     def open(self) -> None:

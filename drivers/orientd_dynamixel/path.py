@@ -7,7 +7,6 @@ and what cannot be done is refused with axis, value and time.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -31,6 +30,7 @@ from orientd_dynamixel.kinematics import Gimbal, wrapped
 from orientd_dynamixel.stops import Timeline, with_stops
 
 _SLACK = 1 + 1e-3
+_STILL = 1e-9
 _ADVICE = "allow a deviation, a slower path or a slew, or choose another path"
 
 
@@ -41,6 +41,7 @@ def plan_axes(
     limits: Sequence[AxisLimits],
     *,
     start: ArrayLike | None = None,
+    before: ArrayLike | None = None,
     policy: Policy | None = None,
 ) -> AxisPath:
     """Return axis angles for a path of orientations.
@@ -54,10 +55,13 @@ def plan_axes(
         limits: of every axis.
         start: axis angles from which the path begins, rad, shape ``(axes,)``; by default the plan
             chooses.
+        before: axis angles of the samples before a path that begins in motion, the oldest first,
+            rad, shape ``(m, axes)``; none where it begins at rest.
         policy: what may be done where the exact path is too much; by default nothing.
 
     Raises:
         LimitError: the path needs more than an axis has, and the policy allows no way round.
+        PlanError: it would have to stop for a change of branch before it can.
         StartError: the path does not begin at *start*.
         ValueError: a quaternion is not of unit norm, or the number of limits is not that of axes.
     """
@@ -66,27 +70,10 @@ def plan_axes(
     if len(limits) != len(gimbal.axes):
         raise ValueError(f"limits must be {len(gimbal.axes)}, got {len(limits)}")
     origin = None if start is None else np.asarray(start, dtype=np.float64)
-    stretch = 1.0
+    past = np.empty((0, len(limits))) if before is None else np.reshape(before, (-1, len(limits)))
     choice = _choose(gimbal, q, period, limits, origin, policy)
-    need = _needed_stretch(choice, period, limits, has_slews=policy.allow_slews)
-    if need > 1.0 and policy.max_stretch > 1.0:
-        every = candidates(_principal(gimbal, q), limits)
-        exact = choose(every, _unhurried(limits), period, start=origin)
-        if exact.reached == len(q):
-            velocity, acceleration = rates(exact.angles, period)
-            shares = [1.0]
-            for a, limit in enumerate(limits):
-                shares.append(float(np.max(np.abs(velocity[:, a]))) / limit.velocity)
-                fastest = float(np.max(np.abs(acceleration[:, a])))
-                shares.append(math.sqrt(fastest / limit.acceleration))
-            stretch = max(shares) * (1 + 1e-9)
-            if stretch <= policy.max_stretch:
-                choice = exact
-                period = period * stretch
-            else:
-                stretch = 1.0
-    _refuse(choice, gimbal, q, period, limits, policy)
-    path = _path(gimbal, q, period, limits, choice, stretch)
+    _refuse(choice, gimbal, q, period, limits, policy, past)
+    path = _path(gimbal, q, period, limits, choice, past)
     _verify(path.certificate, limits)
     return path
 
@@ -123,26 +110,6 @@ def _principal(gimbal: Gimbal, q: Floats) -> Floats:
     return np.stack(branches, axis=1)
 
 
-def _unhurried(limits: Sequence[AxisLimits]) -> list[AxisLimits]:
-    # Half a turn a sample tells one branch from the other and forbids nothing else.
-    return [AxisLimits(limit.low, limit.high, 1e4, np.inf, limit.name) for limit in limits]
-
-
-def _needed_stretch(
-    choice: Choice, period: float, limits: Sequence[AxisLimits], *, has_slews: bool
-) -> float:
-    if choice.reached < len(choice.angles):
-        return np.inf
-    if has_slews and choice.slews:
-        return 1.0
-    _, acceleration = rates(choice.angles, period)
-    shares = [
-        float(np.max(np.abs(acceleration[:, a]))) / limit.acceleration
-        for a, limit in enumerate(limits)
-    ]
-    return math.sqrt(max(shares))
-
-
 def _refuse(
     choice: Choice,
     gimbal: Gimbal,
@@ -150,6 +117,7 @@ def _refuse(
     period: float,
     limits: Sequence[AxisLimits],
     policy: Policy,
+    past: Floats,
 ) -> None:
     """Raise what is wrong with *choice*, if anything is."""
     if choice.reached == 0:
@@ -174,7 +142,7 @@ def _refuse(
         raise LimitError(
             f"velocity of {limits[axis].name}", rate, limits[axis].velocity, time, "rad/s", _ADVICE
         )
-    _, acceleration = rates(choice.angles, period)
+    _, acceleration = rates(choice.angles, period, past)
     if policy.allow_slews and choice.slews:
         return
     for a, limit in enumerate(limits):
@@ -214,11 +182,11 @@ def _path(
     period: float,
     limits: Sequence[AxisLimits],
     choice: Choice,
-    stretch: float,
+    past: Floats,
 ) -> AxisPath:
-    line = with_stops(choice.angles, period, choice.slews, limits)
+    line = with_stops(choice.angles, period, choice.slews, limits, is_moving=_is_moving(past))
     reached = gimbal.forward(line.angles)
-    velocity, acceleration = rates(line.angles, period)
+    velocity, acceleration = rates(line.angles, period, past)
     axes = range(len(limits))
     certificate = AxisCertificate(
         velocity=tuple(peak(velocity[:, a], line.times, limits[a].velocity) for a in axes),
@@ -237,9 +205,12 @@ def _path(
             for way in choice.passages
         ),
         slews=line.slews,
-        stretch=stretch,
     )
-    return AxisPath(line.times, line.angles, reached, line.path_times / stretch, certificate)
+    return AxisPath(line.times, line.angles, reached, line.path_times, certificate)
+
+
+def _is_moving(past: Floats) -> bool:
+    return len(past) > 0 and bool(np.ptp(past, axis=0).max() > _STILL)
 
 
 def _verify(certificate: AxisCertificate, limits: Sequence[AxisLimits]) -> None:

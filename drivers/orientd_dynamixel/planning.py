@@ -86,6 +86,4 @@ def describe(certificate: AxisCertificate, options: GimbalOptions) -> list[str]:
         goal = ", ".join(f"{degrees(angle):.1f}" for angle in slew.after)
         what = "goes on slowly" if slew.is_on_path else "stops and the axes slew"
         lines.append(f"{slew.start:.3f} to {slew.end:.3f} s: the path {what} to {goal} deg")
-    if certificate.stretch > 1.0:
-        lines.append(f"the path takes {certificate.stretch:.3f} times as long")
     return lines

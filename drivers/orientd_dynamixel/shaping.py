@@ -22,6 +22,7 @@ def shape(
     period: float,
     orientations: Sequence[Quaternion],
     joints: tuple[float, ...],
+    before: Sequence[tuple[float, ...]] = (),
 ) -> ShapedPath:
     """Return the path that the gimbal will follow.
 
@@ -31,8 +32,10 @@ def shape(
     Args:
         options: of the deployment.
         period: of the grid, s.
-        orientations: from rest to rest.
-        joints: axis angles reported where the path begins, rad; empty where they are not known.
+        orientations: up to their rest.
+        joints: axis angles planned or reported where the path begins, rad; empty where they are
+            not known.
+        before: axis angles planned for the periods before, where it begins in motion.
 
     Raises:
         LimitError: an axis cannot follow, or a gimbal of two axes leaves too much roll.
@@ -44,19 +47,17 @@ def shape(
         tracker.angles = joints
         start = tracker.solve(orientations[0])[0]
     path = plan_axes(
-        gimbal_of(options), orientations, period, limits_of(options), start=start,
+        gimbal_of(options), orientations, period, limits_of(options), start=start, before=before,
         policy=Policy(max_deviation=options.max_deviation, allow_slews=options.allow_slews),
     )  # fmt: skip
     figures = _figures(path, options)
     if len(options.axes) == 2 and not options.pointing:
         figures.append(_roll(path, orientations, period, options.roll_tolerance))
     reached = path.q.tolist()
-    first, *_, last = path.angles.tolist()
     return ShapedPath(
         [(w, x, y, z) for w, x, y, z in reached],
         path.path_times.tolist(),
-        tuple(first),
-        tuple(last),
+        list(map(tuple, path.angles.tolist())),
         tuple(figures),
         tuple(describe(path.certificate, options)),
     )

@@ -12,6 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from orientd.errors import PlanError
 from orientd.rotation.quaternion import Floats
 from orientd_dynamixel.certificate import AxisLimits, Slew
 
@@ -159,6 +160,7 @@ def with_stops(
     limits: Sequence[AxisLimits],
     *,
     ramp: float = 0.5,
+    is_moving: bool = False,
 ) -> Timeline:
     """Return a path that stops before each sample of *slews* and slews to it.
 
@@ -168,12 +170,22 @@ def with_stops(
         slews: indices.
         limits: of every axis.
         ramp: how long the path takes to stop, s.
+        is_moving: whether the path begins in motion.
+
+    Raises:
+        PlanError: it does, and would have to stop sooner than it can.
     """
     pieces: list[Floats] = []
     path_pieces: list[Floats] = []
     slewing: list[bool] = []
     found: list[Slew] = []
     events = _events(angles, period, slews, limits, ramp)
+    room = (events[0][0] if events else len(angles)) * period
+    if events and is_moving and room < ramp / 2:
+        raise PlanError(
+            f"the axes would have to stop for a change of branch {room:.3f} s on, and the path "
+            f"needs {ramp / 2:g} s to stop; stop first"
+        )
     bounds = [(-1, 0, False), *events, (len(angles) - 1, len(angles), False)]
     elapsed = 0
     for number, ((_, first, _), (last, after, is_crawl)) in enumerate(pairwise(bounds)):

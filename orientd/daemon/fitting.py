@@ -5,6 +5,7 @@ Where the driver refuses a path whose times are not the user's, the motion is pl
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from orientd import planner
@@ -27,6 +28,7 @@ def plan_to_fit(
     joints: tuple[float, ...],
     limits: Limits,
     period: float,
+    before: Sequence[tuple[float, ...]] = (),
 ) -> Motion:
     """Return the motion that a request asks for, on the path that the device's axes follow.
 
@@ -37,6 +39,8 @@ def plan_to_fit(
         joints: its axis angles there, rad.
         limits: the device's.
         period: the device's cycle, s.
+        before: axis angles planned for the cycles before, where it moves, the oldest first; see
+            :meth:`.TablePath.joints_before`.
 
     Raises:
         RequestError: the request is not one that its method or the device allows.
@@ -44,7 +48,7 @@ def plan_to_fit(
     """
     motion = planner.plan(request, start=start, limits=limits, period=period)
     try:
-        return _fitted(driver, motion, joints)
+        return _fitted(driver, motion, joints, before)
     except LimitError as error:
         if request.times is not None or error.unit not in _POWERS:
             raise
@@ -58,7 +62,7 @@ def plan_to_fit(
         slow = planner.plan(request, start=start, limits=own.slowed(speed), period=period)
         try:
             # Certified against the limits themselves: only the planning aimed below them.
-            fitted = _fitted(driver, replace(slow, limits=own), joints)
+            fitted = _fitted(driver, replace(slow, limits=own), joints, before)
         except LimitError as error:
             if error.unit not in _POWERS:
                 raise
@@ -69,9 +73,14 @@ def plan_to_fit(
         return replace(fitted, certificate=replace(fitted.certificate, notes=notes))
 
 
-def _fitted(driver: Driver, motion: Motion, joints: tuple[float, ...]) -> Motion:
+def _fitted(
+    driver: Driver,
+    motion: Motion,
+    joints: tuple[float, ...],
+    before: Sequence[tuple[float, ...]],
+) -> Motion:
     if type(driver).shape is Driver.shape:
         return motion
     q = motion.records(0, motion.record_count)[:, :4]
-    shape = driver.shape(motion.period, list(map(tuple, q.tolist())), joints)
+    shape = driver.shape(motion.period, list(map(tuple, q.tolist())), joints, before)
     return motion if shape is None else planner.reshaped(motion, shape)

@@ -83,19 +83,17 @@ class ShapedPath(NamedTuple):
     """A path as a device's axes can follow it, on the same grid as the one it was made of.
 
     Attributes:
-        orientations: one for each period; the first is that of the path given, and both ends are
-            at rest.
+        orientations: one for each period; the first is that of the path given, and the path goes on
+            from it as that one does.  The last one is at rest.
         path_times: how far along the path given each of them is, s; never decreasing.
-        first_joints: axis angles at the beginning, rad.
-        last_joints: axis angles at the end, rad.
+        joints: axis angles at each of them, rad, unwrapped.
         figures: what holds for it.
         notes: what there is to say of it, in words, a line each.
     """
 
     orientations: Sequence[Quaternion]
     path_times: Sequence[float]
-    first_joints: tuple[float, ...]
-    last_joints: tuple[float, ...]
+    joints: Sequence[tuple[float, ...]]
     figures: tuple[Figure, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -166,6 +164,7 @@ class Driver(ABC):
         period: float,  # noqa: ARG002 - most devices follow any path as it is
         orientations: Sequence[Quaternion],  # noqa: ARG002
         joints: tuple[float, ...],  # noqa: ARG002
+        before: Sequence[tuple[float, ...]] = (),  # noqa: ARG002
     ) -> ShapedPath | None:
         """Return the path that the device's axes will follow, where that is not any path.
 
@@ -174,9 +173,11 @@ class Driver(ABC):
 
         Args:
             period: of the grid, s.
-            orientations: of the whole motion, from rest to rest, a period apart.
-            joints: axis angles that the device last reported where the motion begins, rad; empty
-                where they are not known.
+            orientations: of the whole motion up to its rest, a period apart.
+            joints: axis angles where the motion begins, rad: those planned, or those that the
+                device last reported; empty where they are not known.
+            before: axis angles that were planned for the periods before a motion that begins while
+                the device moves, the oldest first; empty where it begins at rest.
 
         Returns:
             ``None`` where the device follows the path as it is.

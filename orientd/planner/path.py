@@ -122,6 +122,14 @@ class Path:
         """Path time from the first instant to the last, s."""
         return self.stretches[-1].end
 
+    def joints_at(self, record: int) -> tuple[float, ...]:  # noqa: ARG002
+        """Return nothing: a path that was not made for a device's axes knows none."""
+        return ()
+
+    def joints_before(self, record: int) -> tuple[tuple[float, ...], ...]:  # noqa: ARG002
+        """Return nothing, likewise."""
+        return ()
+
     def sample(self, times: Floats) -> Samples:
         """Return the path at *times*, in any order; beyond its ends it is held."""
         position, velocity = self.positions.sample(times)

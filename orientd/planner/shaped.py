@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from orientd.driver import ShapedPath
+from orientd.errors import StartError
 from orientd.planner import refusal
 from orientd.planner.certificate import Rough, measure
 from orientd.planner.limits import GUARD_TOLERANCE
@@ -28,6 +29,7 @@ def reshaped(motion: Motion, shape: ShapedPath) -> Motion:
 
     Raises:
         LimitError: the path as shaped breaks a limit.
+        StartError: it begins elsewhere than the motion, which begins in motion.
         ValueError: *shape* is not a path on the grid of the motion, or *motion* is shaped already.
     """
     if not isinstance(motion.path, Path):
@@ -39,7 +41,17 @@ def reshaped(motion: Motion, shape: ShapedPath) -> Motion:
         raise ValueError(
             f"path_times must be one for each of the {len(q)} orientations and never decrease"
         )
-    path = TablePath.of(q, course, motion.path, period)
+    joints = np.asarray(shape.joints, dtype=np.float64)
+    if joints.ndim != 2 or len(joints) != len(course):
+        raise ValueError(
+            f"joints must be a row for each of the {len(q)} orientations, got shape {joints.shape}"
+        )
+    begun = float(angle(q[0], motion.start_state.q))
+    if begun > SAME_ANGLE and not motion.start_state.is_at_rest:
+        raise StartError(
+            f"the device's axes begin {begun:.3g} rad from where the motion takes over in motion"
+        )
+    path = TablePath.of(q, course, motion.path, period, joints)
 
     def setpoints(first: int, size: int) -> tuple[Floats, Floats]:
         times = period * np.arange(first, first + size, dtype=np.float64)
@@ -95,6 +107,6 @@ def reshaped(motion: Motion, shape: ShapedPath) -> Motion:
             certificate, figures=(*certificate.figures, *shape.figures), notes=shape.notes
         ),
         rough=rough,
-        first_joints=shape.first_joints,
-        last_joints=shape.last_joints,
+        first_joints=path.joints_at(0),
+        last_joints=path.joints_at(len(course) - 1),
     )

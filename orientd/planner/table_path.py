@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from orientd.planner.certificate import HISTORY
 from orientd.planner.path import Path, Samples
 from orientd.planner.position import PositionPath
 from orientd.planner.request import State
@@ -46,6 +47,7 @@ class TablePath:
         alpha: their derivatives, rad/s^2, shape ``(n, 3)``.
         positions: what the position does by *course*.
         course: how far along the positions each record is, s, shape ``(n,)``.
+        joints: axis angles that make the orientations, rad, unwrapped, shape ``(n, axes)``.
     """
 
     period: float
@@ -54,32 +56,38 @@ class TablePath:
     alpha: Floats
     positions: PositionPath
     course: Floats
+    joints: Floats
 
     @classmethod
-    def of(cls, q: Floats, course: Floats, original: Path, period: float) -> TablePath:
+    def of(
+        cls, q: Floats, course: Floats, original: Path, period: float, joints: Floats
+    ) -> TablePath:
         """Return the path through *q*, with the position of *original* at the times *course*.
 
         Where it is the original's path, in the original's time, it keeps the derivatives of that,
         which know what happens between the records.
         """
         q = align(q)
-        # At rest before and after, so that the ends of the path are ends of its motion.
-        padded = np.concatenate([q[:1], q[:1], q, q[-1:], q[-1:]])
+        given = original.sample(course)
+        # Before it, what the original goes on from; at rest after, where its motion ends.
+        back = -period * np.array([[2.0], [1.0]])
+        turn = back * given.omega_body[0] + 0.5 * back**2 * given.alpha_body[0]
+        padded = np.concatenate([multiply(q[0], exp(turn)), q, q[-1:], q[-1:]])
         centre = conjugate(q)
         count = len(q)
         near = [log(multiply(centre, padded[k : k + count])) for k in (0, 1, 3, 4)]
         omega = (8.0 * (near[2] - near[1]) - (near[3] - near[0])) / (12.0 * period)
         alpha = (16.0 * (near[1] + near[2]) - near[0] - near[3]) / (12.0 * period**2)
-        given = original.sample(course)
         pace = np.diff(course, prepend=course[0] - period, append=course[-1] + period) / period
         is_paced = np.abs(pace - 1.0) > _ON_RECORD
         is_other = (angle(q, given.q) > SAME_ANGLE) | is_paced[:-1] | is_paced[1:]
         # A difference reaches two records far.
         is_same = np.convolve(is_other, np.ones(5), mode="same") < 0.5
         omega[is_same], alpha[is_same] = given.omega_body[is_same], given.alpha_body[is_same]
-        # Held means held: no velocity where the device is to stand.
-        omega[[0, -1]], alpha[[0, -1]] = 0.0, 0.0
-        return cls(period, q, omega, alpha, original.positions, course)
+        # It takes over from what the device does, and held means held: no velocity where it stands.
+        omega[0], alpha[0] = given.omega_body[0], given.alpha_body[0]
+        omega[-1], alpha[-1] = 0.0, 0.0
+        return cls(period, q, omega, alpha, original.positions, course, joints)
 
     @property
     def duration(self) -> float:
@@ -95,6 +103,18 @@ class TablePath:
     def last(self) -> Floats:
         """Orientation after the end."""
         return np.asarray(self.q[-1], dtype=np.float64)
+
+    def joints_at(self, record: int) -> tuple[float, ...]:
+        """Return the axis angles planned at a record, rad, held beyond the first and the last."""
+        return tuple(self.joints[min(max(record, 0), len(self.joints) - 1)].tolist())
+
+    def joints_before(self, record: int) -> tuple[tuple[float, ...], ...]:
+        """Return the axis angles of the records before *record*, the oldest first.
+
+        As many as a third difference reaches back to, which is what :meth:`.Driver.shape` wants of
+        a motion that takes over from this one at that record.
+        """
+        return tuple(self.joints_at(at) for at in range(record - HISTORY, record))
 
     def sample(self, times: Floats) -> Samples:
         """Return the path at *times*, in any order; beyond its ends it is held."""

@@ -124,3 +124,79 @@ def test_two_axes_that_leave_too_much_roll_are_refused_before_they_move():
     assert abs(off[1]) > 0.05
     assert off[2:] == pytest.approx([0, 0], abs=1e-9)
     assert angle(asked, motion.sample([motion.duration]).q[0]) > 0.1
+
+
+def go_on(driver, motion, record, vector, *, seconds=None):
+    """Return the motion that leaves *motion* at *record*, in motion, for where *vector* turns."""
+    state = motion.path.state(record * PERIOD)
+    goal = multiply(state.q, exp(np.array(vector)))
+    keyframes = [
+        {"quaternion": dict(zip("wxyz", one.tolist(), strict=True))} for one in (state.q, goal)
+    ]
+    if seconds is not None:
+        keyframes = [
+            one | {"time": when} for one, when in zip(keyframes, (0, seconds), strict=True)
+        ]
+    return plan_to_fit(
+        driver, motion_file.parse({"keyframes": keyframes}), start=state,
+        joints=motion.path.joints_at(record), before=motion.path.joints_before(record),
+        limits=LIMITS, period=PERIOD,
+    )  # fmt: skip
+
+
+def turned_once():
+    """A motion of yaw from 170 to 250 degrees, so on a turn of its own, and its driver."""
+    here = tuple(np.deg2rad([170.0, 10.0, -5.0]))
+    driver = driver_with()
+    q = np.array(driver._tracker.forward(here))
+    there = np.array(driver._tracker.forward(tuple(np.deg2rad([250.0, -20.0, 15.0]))))
+    keyframes = [{"quaternion": dict(zip("wxyz", one.tolist(), strict=True))} for one in (q, there)]
+    return driver, fit({"keyframes": keyframes}, joints=here, driver=driver)
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.8])
+def test_path_that_begins_in_motion_goes_on_from_the_axes_as_they_move(share):
+    driver, motion = turned_once()
+    record = round(share * motion.record_count)
+    onward = go_on(driver, motion, record, [0.2, -0.3, -0.5])
+    ours, theirs = onward.records(0, 1)[0], motion.records(record, 1)[0]
+    # q, omega and alpha, up to the sign of q.
+    assert abs(float(ours[:4] @ theirs[:4])) == pytest.approx(1.0, abs=1e-15)
+    assert ours[4:7] == pytest.approx(theirs[4:7], abs=1e-9)
+    assert ours[7:10] == pytest.approx(theirs[7:10], abs=1e-6)
+    assert np.linalg.norm(ours[4:7]) > 0.3
+    axes = np.array([*motion.path.joints_before(record), *onward.path.joints])
+    assert axes[3] == pytest.approx(motion.path.joints_at(record), abs=1e-9)
+    velocity, acceleration = np.diff(axes, axis=0) / PERIOD, np.diff(axes, 2, axis=0) / PERIOD**2
+    assert np.max(np.abs(velocity)) <= np.deg2rad(220) * 1.001
+    assert np.max(np.abs(acceleration)) <= 40.0 * 1.001
+    # Steady through the seam: no step larger than the path's own jerk makes.
+    jerk = np.diff(acceleration, axis=0) / PERIOD
+    assert np.max(np.abs(jerk[:4])) <= 1.1 * LIMITS.jerk
+
+
+def test_path_may_begin_in_the_midst_of_a_passage_by_the_pole():
+    driver = driver_with(max_deviation_deg=3.0)
+    motion = fit(over_the_top(2.0, seconds=8), driver=driver)
+    record = int(np.argmin(np.abs(motion.path.joints[:, 1] + np.pi / 2)))
+    state = motion.path.state(record * PERIOD)
+    # Straight on, over the pole.
+    way = state.omega_body / np.linalg.norm(state.omega_body)
+    onward = go_on(driver, motion, record, 1.2 * way, seconds=4.0)
+    axes = np.array([*motion.path.joints_before(record), *onward.path.joints])
+    acceleration = np.diff(axes, 2, axis=0) / PERIOD**2
+    assert np.max(np.abs(acceleration)) <= 40.0 * 1.001
+    assert figure(onward, "pointing error").value <= np.deg2rad(3.0) * 1.001
+    # It has not gone back to the branch that it came on.
+    assert onward.last_joints[1] < -np.pi / 2
+
+
+def test_axes_of_a_motion_are_those_that_make_it():
+    driver, motion = turned_once()
+    q = motion.records(0, motion.record_count)[:, :4]
+    made = [driver._tracker.forward(motion.path.joints_at(k)) for k in range(motion.record_count)]
+    assert np.max(angle(np.array(made), q)) < 1e-7
+    assert motion.path.joints_at(-5) == motion.first_joints
+    assert motion.path.joints_at(10**6) == motion.last_joints
+    assert motion.path.joints_before(2) == tuple(motion.path.joints_at(k) for k in (0, 0, 1))
+    assert np.rad2deg(motion.last_joints) == pytest.approx([250, -20, 15], abs=1e-3)

@@ -85,7 +85,6 @@ def test_exact_path_stays_exact(order):
     q = multiply(from_axis_angle([0, 1, 0], 0.6), q)
     path = plan_axes(Gimbal(order), q, PERIOD, limits(order))
     assert path.certificate.error.value < 1e-12
-    assert path.certificate.stretch == 1.0
     assert not path.certificate.slews
     if len(order) == 3:
         assert np.max(angle(path.q, q)) < 1e-12
@@ -143,21 +142,6 @@ def test_refusal_names_axis_value_limit_and_time():
     assert caught.value.limit == 3.85
     assert caught.value.value > 3.85
     assert caught.value.time == pytest.approx(4.0, abs=0.5)
-
-
-def test_slower_path_is_taken_where_allowed_and_stated():
-    path = plan_axes(
-        Gimbal("ZYX"), passing(2), PERIOD, limits("ZYX"), policy=Policy(max_stretch=3.0)
-    )
-    assert path.certificate.stretch == pytest.approx(7.5 / 3.85, rel=0.02)
-    assert path.certificate.error.value < 1e-9
-    assert max(peak.value for peak in path.certificate.velocity) <= 3.85
-    assert path.times[-1] == pytest.approx(8.0 * path.certificate.stretch)
-
-
-def test_stretch_beyond_what_is_allowed_is_refused():
-    with pytest.raises(LimitError):
-        plan_axes(Gimbal("ZYX"), passing(2), PERIOD, limits("ZYX"), policy=Policy(max_stretch=1.5))
 
 
 def test_angle_outside_every_branch_is_refused_with_its_time():
@@ -299,7 +283,7 @@ POLICIES = [
     Policy(),
     Policy(max_deviation=np.deg2rad(3)),
     Policy(allow_slews=True),
-    Policy(max_deviation=np.deg2rad(3), max_stretch=2.0, allow_slews=True),
+    Policy(max_deviation=np.deg2rad(3), allow_slews=True),
 ]
 
 

@@ -28,7 +28,7 @@ def motion():
 def shape_of(motion, q=None, course=None, **more):
     table = motion.records(0, motion.record_count)[:, :4] if q is None else q
     times = PERIOD * np.arange(len(table)) if course is None else course
-    return ShapedPath(table.tolist(), list(times), (0.0,), (1.0,), **more)
+    return ShapedPath(table.tolist(), list(times), np.linspace([0.0], [1.0], len(table)), **more)
 
 
 def test_same_path_as_a_table_is_the_same_motion(motion):
