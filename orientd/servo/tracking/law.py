@@ -29,6 +29,12 @@ PRECISION = 1e-3
 QUICKEST = 0.15
 """Largest part of the angle left that the last stretch closes in one cycle."""
 
+SOFT = 20.0
+"""Largest closing speed per angle left while the target moves, 1/s."""
+
+CALM = 0.5
+"""Part of a limit that the linear law for a moving target may use up for a surprise."""
+
 RATIO = 2.0
 """How much faster velocities settle than angles: with 2 no limit is asked for more than it gives
 where a stop at the limits passes into the linear law."""
@@ -45,6 +51,7 @@ class Bounds(NamedTuple):
         approach: closing speed per angle left, 1/s.
         settle: acceleration per velocity error, 1/s.
         share: part of the wanted change of acceleration that is made in one cycle.
+        calm: relative speed below which the last stretch begins whatever the angle left, rad/s.
     """
 
     period: float
@@ -54,6 +61,7 @@ class Bounds(NamedTuple):
     approach: float
     settle: float
     share: float
+    calm: float
 
 
 def bounds(period: float, velocity: float, acceleration: float, jerk: float) -> Bounds:
@@ -62,7 +70,16 @@ def bounds(period: float, velocity: float, acceleration: float, jerk: float) -> 
     approach = min(
         (jerk / PRECISION) ** (1.0 / 3.0), sqrt(acceleration / PRECISION), QUICKEST / period
     )
-    return Bounds(period, velocity, acceleration, jerk, approach, RATIO * approach, 0.8)
+    return Bounds(period, velocity, acceleration, jerk, approach, RATIO * approach, 0.8, 0.0)
+
+
+def softened(limits: Bounds) -> Bounds:
+    """Return *limits* with the gains for a target that moves and trembles."""
+    approach = min(limits.approach, SOFT)
+    share = min(limits.share, 3.0 * RATIO * approach * limits.period)
+    settle = RATIO * approach
+    calm = CALM * min(limits.acceleration / settle, limits.jerk / settle / settle)
+    return limits._replace(approach=approach, settle=settle, share=share, calm=calm)
 
 
 def loosened(limits: Bounds, omega: Vector3, alpha: Vector3) -> Bounds:
@@ -94,6 +111,18 @@ def push(change: float, limits: Bounds) -> float:
     # m full cycles of ramp follow: total = (m + 1) value - step m (m + 1) / 2.
     m = int(0.5 * (sqrt(1.0 + 8.0 * total / step) - 1.0))
     return min(total / (m + 1) + 0.5 * step * m, limits.acceleration)
+
+
+SPIRAL = 0.6
+
+
+def closing_speed(angle: float, limits: Bounds) -> float:
+    """Return the speed from which, unaccelerated, rest is reached within *angle*."""
+    a, j = limits.acceleration, limits.jerk
+    ramp = a * a / j
+    if angle * j <= a * ramp:
+        return (angle * angle * j) ** (1.0 / 3.0)
+    return sqrt(0.25 * ramp * ramp + 2.0 * a * angle) - 0.5 * ramp
 
 
 def stopping_angle(speed: float, rate: float, limits: Bounds) -> float:
@@ -218,14 +247,22 @@ def steer(
     fx, fy, fz = e[0] + s * nx + r * bx, e[1] + s * ny + r * by, e[2] + s * nz + r * bz
     left = sqrt(fx * fx + fy * fy + fz * fz)
     if left < 1e-150:
-        return seek(omega_target, omega, alpha_target, limits, limits.settle)
+        return seek(omega_target, omega, alpha, alpha_target, limits, limits.settle)
     fx, fy, fz = fx / left, fy / left, fz / left
-    s = min(limits.approach * left, 2.0 * limits.velocity)
+    s, calm = closing_speed(left, limits), limits.calm * limits.calm
+    if limits.approach * left <= s and nx * nx + ny * ny + nz * nz <= max(s * s, calm):
+        k1, k2, k3 = limits.share, limits.settle, limits.approach * left
+        gx, gy, gz = k2 * (k3 * fx - nx) - bx, k2 * (k3 * fy - ny) - by, k2 * (k3 * fz - nz) - bz
+        return (alpha[0] + k1 * gx, alpha[1] + k1 * gy, alpha[2] + k1 * gz)
+    s = min(limits.approach * left, s)
+    along = fx * nx + fy * ny + fz * nz
+    across = sqrt(max(nx * nx + ny * ny + nz * nz - along * along, 0.0))
+    s *= 1.0 - SPIRAL * across / (across + s)
     gx, gy, gz = omega_target[0] + s * fx, omega_target[1] + s * fy, omega_target[2] + s * fz
     speed = sqrt(gx * gx + gy * gy + gz * gz)
     s = limits.velocity / speed if speed > limits.velocity else 1.0
     goal = (s * gx, s * gy, s * gz)
-    go = reach(alpha, seek(goal, omega, alpha_target, limits, limits.settle), limits)
+    go = reach(alpha, seek(goal, omega, alpha, alpha_target, limits, limits.settle), limits)
 
     speed = fx * nx + fy * ny + fz * nz
     angle = fx * e[0] + fy * e[1] + fz * e[2]
@@ -239,7 +276,7 @@ def steer(
     over = excess(go)
     if over <= 0.0:
         return go
-    halt = reach(alpha, seek(omega_target, omega, alpha_target, limits, 1.0 / h), limits)
+    halt = reach(alpha, seek(omega_target, omega, alpha, alpha_target, limits, 1.0 / h), limits)
     under = excess(halt)
     if under >= 0.0:
         return halt
@@ -267,16 +304,34 @@ def _between(a: Vector3, b: Vector3, share: float) -> Vector3:
 def seek(
     goal: Vector3,
     omega: Vector3,
+    alpha: Vector3,
     alpha_target: Vector3,
     limits: Bounds,
     slope: float,
 ) -> Vector3:
-    """Return the acceleration to wish for, to reach the angular velocity *goal* soonest."""
-    x, y, z = goal[0] - omega[0], goal[1] - omega[1], goal[2] - omega[2]
-    change = sqrt(x * x + y * y + z * z)
-    s = min(push(change, limits) / change, slope) if change > 1e-150 else 0.0
+    """Return the acceleration to wish for, to reach the angular velocity *goal* soonest.
+
+    The acceleration goes straight to a turning point and from there straight to zero, in the space
+    of accelerations; which one, two rounds of a fixed-point iteration find.  About one axis this is
+    the quickest there is.
+    """
+    h, jerk = limits.period, limits.jerk
     a, b, c = alpha_target
-    return (a + s * x, b + s * y, c + s * z)
+    u, v, w = alpha[0] - a, alpha[1] - b, alpha[2] - c
+    dx, dy, dz = x, y, z = goal[0] - omega[0], goal[1] - omega[1], goal[2] - omega[2]
+    for rounds_left in (2, 1, 0):
+        change = sqrt(x * x + y * y + z * z)
+        s = min(push(change, limits) / change, slope) if change > 1e-150 else 0.0
+        mx, my, mz = s * x, s * y, s * z
+        way = sqrt((mx - u) * (mx - u) + (my - v) * (my - v) + (mz - w) * (mz - w))
+        t = 0.5 * (way / jerk - h)
+        if not rounds_left or t <= 0.0:
+            break
+        # What the way to the turning point does to the velocity; half of it, or it would swing.
+        x = 0.5 * (x + dx - t * (u + mx))
+        y = 0.5 * (y + dy - t * (v + my))
+        z = 0.5 * (z + dz - t * (w + mz))
+    return (a + mx, b + my, c + mz)
 
 
 def quickest_stop(
@@ -305,7 +360,7 @@ def halt(omega: Vector3, alpha: Vector3, limits: Bounds) -> tuple[Vector3, Vecto
     """Return velocity and acceleration one cycle further towards rest."""
     if norm(omega) < _STILL and norm(alpha) * limits.period < _STILL:
         return ZERO, ZERO
-    wish = seek(ZERO, omega, ZERO, limits, 1.0 / limits.period)
+    wish = seek(ZERO, omega, alpha, ZERO, limits, 1.0 / limits.period)
     alpha = advance(omega, alpha, wish, limits)
     return moved(omega, alpha, limits.period), alpha
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
 from orientd.driver.floats import difference, exp, multiply, normalize
-from orientd.servo.tracking.law import advance, bounds, halt, loosened, moved, steer
+from orientd.servo.tracking.law import advance, bounds, halt, loosened, moved, softened, steer
 from orientd.servo.tracking.reference import Reference, Target
 from orientd.stream import Terms
 
@@ -65,6 +65,7 @@ class Tracker:
         self.is_at_rest = omega_body == ZERO == alpha_body
         if terms is not None:
             self._limits = bounds(self._period, terms.velocity, terms.acceleration, terms.jerk)
+        self._soft = softened(self._limits)
         self._bounds = loosened(self._limits, omega_body, alpha_body)
 
     def take(self, target: Target, now_ns: int) -> str:
@@ -90,7 +91,8 @@ class Tracker:
         else:
             self.is_at_rest = False
             q, omega, alpha = found
-            wish = steer(self._turn(q), self._omega, self._alpha, omega, alpha, self._limits)
+            limits = self._limits if omega == ZERO else self._soft
+            wish = steer(self._turn(q), self._omega, self._alpha, omega, alpha, limits)
             alpha = advance(self._omega, self._alpha, wish, self._bounds)
             omega = moved(self._omega, alpha, self._period)
         h, (x, y, z) = self._period, omega
