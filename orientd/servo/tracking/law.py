@@ -2,7 +2,9 @@
 
 The motion is a chain of backward differences, exactly what the guard computes: ``alpha`` changes by
 at most ``jerk * h`` a cycle, ``omega`` by ``alpha * h``, and the orientation turns by ``omega * h``
-in its own frame.  All limits are Euclidean norms, so that nothing depends on a choice of axes.
+in its own frame.  All limits are Euclidean norms, so that nothing depends on a choice of axes;
+where components have limits of their own, the law works in stretched coordinates whose ball lies
+inside all of them (:func:`bounds_of`): a straight way to the target stays straight.
 
 Between samples this chain is the same as an integrator with constant jerk, for the shifted
 quantities ``omega - h alpha / 2`` and ``e + h omega - h^2 alpha / 6`` (e: what is left to turn);
@@ -12,7 +14,7 @@ with them the formulas of continuous time are exact at any rate.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import sqrt
+from math import cbrt, sqrt
 from typing import NamedTuple
 
 from orientd.driver import ZERO, Quaternion, Vector3
@@ -34,6 +36,9 @@ SOFT = 20.0
 
 CALM = 0.5
 """Part of a limit that the linear law for a moving target may use up for a surprise."""
+
+SPIRAL = 0.6
+"""Part of the closing speed that is given up while all the motion is across the way."""
 
 RATIO = 2.0
 """How much faster velocities settle than angles: with 2 no limit is asked for more than it gives
@@ -67,10 +72,28 @@ class Bounds(NamedTuple):
 def bounds(period: float, velocity: float, acceleration: float, jerk: float) -> Bounds:
     """Return bounds with the gains that suit them: the last stretch is some *PRECISION* long."""
     jerk = min(jerk, acceleration / period)  # nothing is gained by more than that in a cycle
-    approach = min(
-        (jerk / PRECISION) ** (1.0 / 3.0), sqrt(acceleration / PRECISION), QUICKEST / period
-    )
+    approach = min(cbrt(jerk / PRECISION), sqrt(acceleration / PRECISION), QUICKEST / period)
     return Bounds(period, velocity, acceleration, jerk, approach, RATIO * approach, 0.8, 0.0)
+
+
+def bounds_of(terms: Terms, period: float) -> tuple[Bounds, Vector3]:
+    """Return bounds for *terms*, and the units along the axes in which they hold.
+
+    An ellipsoid inside the limits of norm and components; along the axis that may move most it
+    gives nothing away, along others as much as their limits are out of proportion.
+    """
+    if not terms.has_axes:
+        return bounds(period, terms.velocity, terms.acceleration, terms.jerk), (1.0, 1.0, 1.0)
+    velocity = min(terms.velocity, max(terms.axis_velocity))
+    acceleration = min(terms.acceleration, max(terms.axis_acceleration))
+    jerk = min(terms.jerk, max(terms.axis_jerk))
+    x, y, z = (
+        min(v / velocity, a / acceleration, j / jerk, 1.0)
+        for v, a, j in zip(
+            terms.axis_velocity, terms.axis_acceleration, terms.axis_jerk, strict=True
+        )
+    )
+    return bounds(period, velocity, acceleration, jerk), (x, y, z)
 
 
 def softened(limits: Bounds) -> Bounds:
@@ -113,15 +136,12 @@ def push(change: float, limits: Bounds) -> float:
     return min(total / (m + 1) + 0.5 * step * m, limits.acceleration)
 
 
-SPIRAL = 0.6
-
-
 def closing_speed(angle: float, limits: Bounds) -> float:
     """Return the speed from which, unaccelerated, rest is reached within *angle*."""
     a, j = limits.acceleration, limits.jerk
     ramp = a * a / j
     if angle * j <= a * ramp:
-        return (angle * angle * j) ** (1.0 / 3.0)
+        return cbrt(angle * angle * j)
     return sqrt(0.25 * ramp * ramp + 2.0 * a * angle) - 0.5 * ramp
 
 
@@ -346,14 +366,23 @@ def quickest_stop(
         terms: limits.
         period: s.
     """
-    limits = bounds(period, terms.velocity, terms.acceleration, terms.jerk)
+    limits, units = bounds_of(terms, period)
+    omega, alpha = divided(omega, units), divided(alpha, units)
     while omega != ZERO or alpha != ZERO:
-        now = loosened(limits, omega, alpha)
-        omega, alpha = halt(omega, alpha, now)
-        q = normalize(
-            multiply(q, rotation((omega[0] * period, omega[1] * period, omega[2] * period)))
-        )
+        omega, alpha = halt(omega, alpha, loosened(limits, omega, alpha))
+        x, y, z = times(omega, units)
+        q = normalize(multiply(q, rotation((x * period, y * period, z * period))))
         yield q
+
+
+def times(v: Vector3, units: Vector3) -> Vector3:
+    """Return *v*, given in *units*, in SI."""
+    return (v[0] * units[0], v[1] * units[1], v[2] * units[2])
+
+
+def divided(v: Vector3, units: Vector3) -> Vector3:
+    """Return *v*, given in SI, in *units*."""
+    return (v[0] / units[0], v[1] / units[1], v[2] / units[2])
 
 
 def halt(omega: Vector3, alpha: Vector3, limits: Bounds) -> tuple[Vector3, Vector3]:

@@ -151,6 +151,11 @@ class Reference:
         q = normalize(multiply(there, exp((share * x, share * y, share * z))))
         return _Knot(q, omega, alpha, time_ns, expires_ns, False)
 
+    @property
+    def awaits(self) -> bool:
+        """Whether there is a target whose time has not passed."""
+        return bool(self._knots)
+
     def at(self, now_ns: int) -> Motion | None:
         """Return the motion at *now_ns*, or ``None`` without a live target."""
         knots = self._knots

@@ -7,7 +7,18 @@ from typing import NamedTuple
 
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
 from orientd.driver.floats import difference, exp, multiply, normalize
-from orientd.servo.tracking.law import advance, bounds, halt, loosened, moved, softened, steer
+from orientd.servo.tracking.law import (
+    advance,
+    bounds,
+    bounds_of,
+    divided,
+    halt,
+    loosened,
+    moved,
+    softened,
+    steer,
+    times,
+)
 from orientd.servo.tracking.reference import Reference, Target
 from orientd.stream import Terms
 
@@ -37,7 +48,7 @@ class Tracker:
     is followed without lag; without a live target the motion comes to rest as soon as it can.
 
     Attributes:
-        is_at_rest: whether nothing moves and no target lives.
+        is_at_rest: whether nothing moves, no target lives and none waits for its time.
     """
 
     def __init__(self, period: float) -> None:
@@ -45,6 +56,7 @@ class Tracker:
         self._period = period
         self._period_ns = round(period * 1e9)
         self._reference = Reference(period)
+        self._units: Vector3 = (1.0, 1.0, 1.0)
         self._limits = self._bounds = bounds(period, 1e-9, 1e-9, 1e-9)
         self.begin(IDENTITY, ZERO, ZERO, None)
 
@@ -59,14 +71,19 @@ class Tracker:
             alpha_body: change from the step before over the period, rad/s^2.
             terms: what to keep.  What moves faster than that is slowed down first.
         """
-        self._q, self._omega, self._alpha = q, omega_body, alpha_body
+        if terms is not None:
+            self._limits, self._units = bounds_of(terms, self._period)
+        # The law's state is in its own units.
+        self._q = q
+        self._omega, self._alpha = (
+            divided(omega_body, self._units),
+            divided(alpha_body, self._units),
+        )
         self._reference.clear()
         self._way = ZERO
         self.is_at_rest = omega_body == ZERO == alpha_body
-        if terms is not None:
-            self._limits = bounds(self._period, terms.velocity, terms.acceleration, terms.jerk)
         self._soft = softened(self._limits)
-        self._bounds = loosened(self._limits, omega_body, alpha_body)
+        self._bounds = loosened(self._limits, self._omega, self._alpha)
 
     def take(self, target: Target, now_ns: int) -> str:
         """Take a target that arrived; return an empty string, or why it was refused."""
@@ -81,24 +98,36 @@ class Tracker:
         if self._bounds is not self._limits:
             self._bounds = loosened(self._limits, self._omega, self._alpha)
         # State and target of the same instant, that of the last setpoint.
+        units = self._units
         found = self._reference.at(now_ns - self._period_ns)
         if found is None:
             self._way = ZERO
-            self.is_at_rest = self._omega == ZERO == self._alpha
-            if self.is_at_rest:
+            if self._omega == ZERO == self._alpha:
+                self.is_at_rest = not self._reference.awaits
                 return TrackPoint(self._q, ZERO, ZERO)
             omega, alpha = halt(self._omega, self._alpha, self._bounds)
         else:
             self.is_at_rest = False
             q, omega, alpha = found
             limits = self._limits if omega == ZERO else self._soft
-            wish = steer(self._turn(q), self._omega, self._alpha, omega, alpha, limits)
+            # The velocity of a step is that of its middle.
+            half, (u, v, w), (x, y, z) = 0.5 * self._period, omega, alpha
+            omega = (u - half * x, v - half * y, w - half * z)
+            wish = steer(
+                divided(self._turn(q), units),
+                self._omega,
+                self._alpha,
+                divided(omega, units),
+                divided(alpha, units),
+                limits,
+            )
             alpha = advance(self._omega, self._alpha, wish, self._bounds)
             omega = moved(self._omega, alpha, self._period)
-        h, (x, y, z) = self._period, omega
-        self._q = normalize(multiply(self._q, exp((x * h, y * h, z * h))))
         self._omega, self._alpha = omega, alpha
-        return TrackPoint(self._q, omega, alpha)
+        h, omega = self._period, times(omega, units)
+        x, y, z = omega
+        self._q = normalize(multiply(self._q, exp((x * h, y * h, z * h))))
+        return TrackPoint(self._q, omega, times(alpha, units))
 
     def _turn(self, q: Quaternion) -> Vector3:
         """Return the way to *q*: the shorter one, unless the longer one is as good and begun."""

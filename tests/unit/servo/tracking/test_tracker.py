@@ -1,13 +1,15 @@
 """What a tracker promises about the targets it follows; the guard judges every setpoint."""
 
-from math import cos, pi, sin
+import random
+from dataclasses import replace
+from math import cos, inf, pi, sin
 
 import pytest
 import ruckig
 from tracking_world import NS, World, angle, terms
 
 from orientd.driver import ZERO
-from orientd.driver.floats import exp, multiply, norm
+from orientd.driver.floats import exp, multiply, norm, normalize
 from orientd.servo.tracking import Target, Tracker, quickest_stop
 
 LIMITS = [terms(2.5, 17.0, 8500.0), terms(2.0, 10.0, 100.0), terms(1.0, 4.0, 40.0)]
@@ -197,3 +199,65 @@ def test_a_target_not_newer_than_the_newest_is_refused():
     assert world.take(turned(0.1)) == ""
     assert "not newer" in world.take(turned(0.2))
     assert "not newer" in world.take(turned(0.2), time_ns=world.now_ns - 1)
+
+
+def one_axis_time(velocity, rate, limits):
+    """Return the least time to rest about one axis, by ruckig."""
+    given, found = ruckig.InputParameter(1), ruckig.Trajectory(1)
+    given.control_interface = ruckig.ControlInterface.Velocity
+    given.current_velocity, given.current_acceleration = [velocity], [rate]
+    given.max_acceleration, given.max_jerk = [limits.acceleration], [limits.jerk]
+    ruckig.Ruckig(1).calculate(given, found)
+    return found.duration
+
+
+def test_the_quickest_stop_takes_little_over_the_least_time_of_any_axis():
+    # A stop is no quicker than that of its motion about any one axis; this bound needs no optimum.
+    rng, limits, period, excess = random.Random(1), LIMITS[1], 0.002, []
+    for _ in range(40):
+        omega = tuple(rng.uniform(-1.0, 1.0) for _ in range(3))
+        alpha = tuple(rng.uniform(-3.0, 3.0) for _ in range(3))
+        # Between samples the velocity is that of half a cycle before.
+        there = tuple(w - 0.5 * period * a for w, a in zip(omega, alpha, strict=True))
+        least = 0.0
+        for _ in range(200):
+            axis = normalize((0.0, *(rng.gauss(0.0, 1.0) for _ in range(3))))[1:]
+            v = sum(a * b for a, b in zip(axis, there, strict=True))
+            a = sum(a * b for a, b in zip(axis, alpha, strict=True))
+            least = max(least, one_axis_time(v, a, limits))
+        cycles = sum(1 for _ in quickest_stop((1.0, 0.0, 0.0, 0.0), omega, alpha, limits, period))
+        excess.append((cycles - 2) * period / least)
+    assert sorted(excess)[len(excess) // 2] < 1.03
+    assert max(excess) < 1.08
+
+
+def test_limits_of_components_are_kept_and_the_free_axis_is_not_slowed():
+    limits = replace(LIMITS[1], axis_velocity=(inf, inf, 0.5), axis_jerk=(inf, 50.0, 50.0))
+    world = World(limits)
+    world.take(turned(pi / 2), live=10.0)
+    world.run(6.0)
+    assert angle(world.guard.q, turned(pi / 2)) < 1e-6
+    goal = multiply(world.guard.q, turned(pi / 2, (1.0, 0.0, 0.0)))
+    world.take(goal, live=10.0)
+    world.run(1.05 * least_time(limits, distance=pi / 2))
+    assert angle(world.guard.q, goal) < 1e-3
+
+
+def test_it_is_not_at_rest_while_a_target_waits_for_its_time():
+    world = World(LIMITS[0])
+    world.take(turned(0.5), None, world.now_ns + NS // 2, live=1.0)
+    world.run(0.1)
+    assert not world.tracker.is_at_rest
+    world.run(2.0)
+    assert world.tracker.is_at_rest
+    assert angle(world.guard.q, turned(0.5)) < 1e-4
+
+
+def test_a_target_faster_than_the_limits_is_chased_at_the_limit():
+    world = World(LIMITS[1])
+    start = world.now
+    for _ in range(1000):
+        t = world.now - start
+        world.take(turned(3.0 * t), tuple(3.0 * x for x in AXIS))
+        point = world.step()
+    assert norm(point.omega_body) == pytest.approx(2.0, rel=0.02)

@@ -1,6 +1,7 @@
 """No target, however wild, breaks a limit or raises."""
 
 import random
+from dataclasses import replace
 from math import inf, nan, pi
 
 import pytest
@@ -64,6 +65,10 @@ def wild(rng, world):
     return Target(q, omega, time_ns, world.now_ns + live_ns)
 
 
+def some_axes(rng, limit):
+    return tuple(rng.choice([inf, limit * 10.0 ** rng.uniform(-1.0, 0.2)]) for _ in range(3))
+
+
 def storm(events, seed):
     rng = random.Random(seed)
     while events > 0:
@@ -71,6 +76,13 @@ def storm(events, seed):
         limits = terms(
             10.0 ** rng.uniform(-1.0, 1.0), acceleration, acceleration * 10.0 ** rng.uniform(0.3, 4)
         )
+        if rng.random() < 0.3:
+            limits = replace(
+                limits,
+                axis_velocity=some_axes(rng, limits.velocity),
+                axis_acceleration=some_axes(rng, limits.acceleration),
+                axis_jerk=some_axes(rng, limits.jerk),
+            )
         world = World(limits, rng.choice([100, 125, 500, 1000]))
         for _ in range(400):
             for _ in range(rng.choice([0, 0, 0, 0, 1, 1, 1, 2, 5])):
