@@ -8,13 +8,18 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from orientd.rpc.client import connect
     from orientd.rpc.motion_request import Quaternion
+    from orientd.rpc.reports import OnTarget
 
-__all__ = ["Quaternion", "__version__", "connect"]
+__all__ = ["OnTarget", "Quaternion", "__version__", "connect"]
 
 __version__ = "0.1.0"
 
 # The servo process imports this package too and must not pay for gRPC and NumPy.
-_HOMES = {"connect": "orientd.rpc.client", "Quaternion": "orientd.rpc.motion_request"}
+_HOMES = {
+    "connect": "orientd.rpc.client",
+    "OnTarget": "orientd.rpc.reports",
+    "Quaternion": "orientd.rpc.motion_request",
+}
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - the signature PEP 562 asks for

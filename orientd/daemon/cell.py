@@ -40,6 +40,9 @@ _log = logging.getLogger(__name__)
 KEPT_PLANS = 4
 """Plans kept for a later move; a plan of 100,000 keyframes takes some tens of MiB."""
 
+KEPT_INSTANTS = 64
+"""Start times that are remembered, for the motions of other devices."""
+
 START_TOLERANCE = 1e-6
 """How far from where the device is commanded to be a kept plan may begin, rad and m."""
 
@@ -76,6 +79,7 @@ class Cell:
         )
         self._lock = threading.Lock()
         self._plans: OrderedDict[str, tuple[str, Motion]] = OrderedDict()
+        self._instants: OrderedDict[int, int] = OrderedDict()
         self._is_closing = False
         self.devices: dict[str, Device] = {}
         self.runs = Runs(self.devices)
@@ -265,6 +269,19 @@ class Cell:
                 "motion_id", f"device {device.name!r} has no plan {motion_id!r}, plan it again"
             )
         return motion
+
+    def instant(self, time_ns: int) -> int:
+        """Return when it will be *time_ns* since the epoch, on the monotonic clock.
+
+        Whoever asks for the same time is given the same instant, whatever is done to the clock on
+        the wall meanwhile.
+        """
+        with self._lock:
+            if time_ns not in self._instants:
+                self._instants[time_ns] = time.monotonic_ns() + time_ns - time.time_ns()
+                while len(self._instants) > KEPT_INSTANTS:
+                    self._instants.popitem(last=False)
+            return self._instants[time_ns]
 
     def start(
         self,

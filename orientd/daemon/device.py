@@ -338,6 +338,9 @@ class Device:
             number = self._number + 1
             if leave is None:
                 self.commanded()
+                late = (time.monotonic_ns() - manner.start_ns) * 1e-9
+                if manner.start_ns != UNKNOWN and late > 0.0:
+                    raise StateError(f"the motion was ready {late:.3f} s after its start time")
                 self._end_settling("another motion has begun")
                 itinerary.begin(motion, number, speed=self._speed, start_ns=manner.start_ns)
             elif manner.is_queued:

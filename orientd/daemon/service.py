@@ -195,7 +195,7 @@ class ControlService(ControlServicer):
             interval = _interval("progress_rate_hz", request.progress_rate_hz)
             device = self._cell.device(request.device)
             self._cell.desk.check(request.lease_token)
-            manner = _manner(request)
+            manner = self._manner(request)
             stops = self._cell.runs.stops(device)
             run, timing = await self._begun(
                 lambda: self._start(device, request, manner, stops, received_ns)
@@ -253,6 +253,35 @@ class ControlService(ControlServicer):
         """Stop what was begun for a caller who has gone away meanwhile."""
         if not beginning.cancelled() and beginning.exception() is None:
             self._commanders.submit(self._cell.abandon, beginning.result()[0], _GONE)
+
+    def _manner(self, request: pb.MoveRequest) -> Manner:
+        """Return how the motion of *request* is to begin and to end.
+
+        Raises:
+            RequestError: that is not well formed.
+        """
+        gate = None
+        if request.HasField("on_target"):
+            wish = request.on_target
+            timeout = wish.timeout or SETTLING_TIMEOUT
+            gate = Gate(wish.tolerance, wish.rate, wish.settle_time, timeout)
+        blend = request.blend_tolerance
+        if not 0.0 <= blend < math.pi:
+            raise RequestError("blend_tolerance", f"expected 0 to pi rad, got {blend!r}")
+        if blend and not request.queue:
+            raise RequestError("blend_tolerance", "expected with queue only")
+        start_ns = UNKNOWN
+        if request.HasField("start_time"):
+            if request.queue:
+                raise RequestError("start_time", "expected without queue only")
+            ahead = request.start_time.ToNanoseconds() - time.time_ns()
+            if not 0 < ahead <= LONGEST_WAIT * 1e9:
+                raise RequestError(
+                    "start_time",
+                    f"expected up to {LONGEST_WAIT:g} s ahead of now, got {ahead * 1e-9:.6g} s",
+                )
+            start_ns = self._cell.instant(request.start_time.ToNanoseconds())
+        return Manner(is_queued=request.queue, blend=blend, start_ns=start_ns, gate=gate)
 
     def _summary(self, run: Run) -> pb.MoveResponse:
         from orientd.daemon import motion_report
@@ -484,36 +513,6 @@ def _timing(received_ns: int, planned_ns: int, *, attempts: int) -> MoveTiming:
         received_ns=received_ns,
         attempts=attempts,
     )
-
-
-def _manner(request: pb.MoveRequest) -> Manner:
-    """Return how the motion of *request* is to begin and to end.
-
-    Raises:
-        RequestError: that is not well formed.
-    """
-    gate = None
-    if request.HasField("on_target"):
-        wish = request.on_target
-        timeout = wish.timeout or SETTLING_TIMEOUT
-        gate = Gate(wish.tolerance, wish.rate, wish.settle_time, timeout)
-    blend = request.blend_tolerance
-    if not 0.0 <= blend < math.pi:
-        raise RequestError("blend_tolerance", f"expected 0 to pi rad, got {blend!r}")
-    if blend and not request.queue:
-        raise RequestError("blend_tolerance", "expected with queue only")
-    start_ns = UNKNOWN
-    if request.HasField("start_time"):
-        if request.queue:
-            raise RequestError("start_time", "expected without queue only")
-        ahead = request.start_time.ToNanoseconds() - time.time_ns()
-        if not 0 < ahead <= LONGEST_WAIT * 1e9:
-            raise RequestError(
-                "start_time",
-                f"expected up to {LONGEST_WAIT:g} s ahead of now, got {ahead * 1e-9:.6g} s",
-            )
-        start_ns = time.monotonic_ns() + ahead
-    return Manner(is_queued=request.queue, blend=blend, start_ns=start_ns, gate=gate)
 
 
 def _device_message(device: Device) -> pb.DeviceReport:

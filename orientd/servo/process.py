@@ -126,7 +126,8 @@ def run_cycles(
     jump.
     """
     overrun_ns, most_ns = period_ns // 2, period_ns // LARGEST_SHIFT
-    deadline = time.monotonic_ns() + period_ns
+    # On whole periods of the clock: devices of one rate begin in the same cycle.
+    deadline = (time.monotonic_ns() // period_ns + 2) * period_ns
     while not servo.has_ended:
         woken = timer.wait(deadline)
         lateness = woken - deadline

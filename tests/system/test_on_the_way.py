@@ -1,0 +1,222 @@
+"""What happens between planned motions: replaced, followed, halted, tracked, through a real daemon."""
+
+import time
+
+import numpy as np
+import pytest
+from harness import (
+    DEVICE,
+    DaemonProcess,
+    assert_limits_kept,
+    nudge,
+    spin,
+    until,
+)
+
+import orientd
+from orientd import rotation
+from orientd.errors import LeaseError, RequestError
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc.reports import Outcome
+from orientd.stream import State
+
+Q = orientd.Quaternion
+
+
+@pytest.fixture
+def daemon(tmp_path):
+    with DaemonProcess(tmp_path / "daemon") as process:
+        yield process
+
+
+@pytest.fixture
+def robot(daemon):
+    daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))
+    with orientd.connect(daemon.socket) as robot:
+        yield robot
+
+
+def key(*vector):
+    w, x, y, z = rotation.exp(np.array(vector)).tolist()
+    return Q(w=w, x=x, y=y, z=z)
+
+
+def state(robot):
+    return robot.state().devices[DEVICE]
+
+
+def moving(robot):
+    return until(lambda: state(robot).path_time > 0.3, "a motion under way")
+
+
+def turn(robot, angle=2.0, **how):
+    return robot.move([key(0, 0, 0), key(0, 0, angle)], approach=True, **how)
+
+
+def test_a_motion_is_replaced_on_its_way_without_a_step(daemon, robot):
+    first = turn(robot)
+    moving(robot)
+    second = robot.move([key(0.4, 0, 0), key(0.4, 0.3, 0)], approach=True)
+    assert second.wait(20.0).outcome is Outcome.DONE
+    assert first.wait(5.0).outcome is Outcome.REPLACED
+    sent = daemon.sent()
+    assert rotation.angle(sent[-1], rotation.exp([0.4, 0.3, 0.0])) > -1.0
+    assert_limits_kept(sent, daemon.period)
+    assert second.timing.attempts >= 1
+    assert state(robot).fault_text == ""
+
+
+def test_it_may_be_replaced_again_and_again(daemon, robot):
+    generator = np.random.default_rng(11)
+    handles = [turn(robot)]
+    moving(robot)
+    for _ in range(25):
+        target = generator.normal(size=3) * 0.6
+        handles.append(robot.move([key(*target)], approach=True))
+    assert handles[-1].wait(20.0).outcome is Outcome.DONE
+    assert {handle.wait(5.0).outcome for handle in handles[:-1]} == {Outcome.REPLACED}
+    sent = daemon.sent()
+    assert rotation.angle(sent[-1], rotation.exp(target)) < 1e-9
+    assert_limits_kept(sent, daemon.period)
+
+
+@pytest.mark.parametrize("what", ["pause", "speed"])
+def test_it_may_be_replaced_while_paused_or_slowed(daemon, robot, what):
+    turn(robot)
+    moving(robot)
+    robot.pause() if what == "pause" else robot.set_speed(0.4)
+    time.sleep(0.4)
+    second = robot.move([key(0.4, 0, 0)], approach=True)
+    assert second.wait(20.0).outcome is Outcome.DONE
+    assert_limits_kept(daemon.sent(), daemon.period)
+
+
+def test_queued_motions_follow_one_another(daemon, robot):
+    handles = [turn(robot, 0.8)]
+    targets = [(0.3, 0, 0.8), (0, 0.3, 0.2), (0, 0, 0)]
+    handles += [robot.move([key(*target)], approach=True, queue=True) for target in targets]
+    assert [handle.wait(30.0).outcome for handle in handles] == [Outcome.DONE] * 4
+    sent = daemon.sent()
+    for target in targets:
+        assert rotation.angle(sent, rotation.exp(np.array(target, float))).min() < 1e-9
+    assert_limits_kept(sent, daemon.period)
+
+
+def test_a_blended_corner_is_not_a_stop_and_stays_within_its_tolerance(daemon, robot):
+    corner = np.array([0.0, 0.0, 1.0])
+    first = turn(robot, 1.0)
+    second = robot.move([key(0.8, 0, 1.0)], approach=True, queue=True, blend_tolerance=0.1)
+    assert (first.wait(20.0).outcome, second.wait(20.0).outcome) == (Outcome.DONE, Outcome.DONE)
+    sent = daemon.sent()
+    gaps = rotation.angle(sent, rotation.exp(corner))
+    nearest = int(np.argmin(gaps))
+    assert gaps[nearest] < 0.1
+    speed = rotation.angle(sent[:-1], sent[1:]) / daemon.period
+    assert speed[nearest - 20 : nearest + 20].min() > 0.05
+    assert_limits_kept(sent, daemon.period)
+
+
+def test_a_stop_ends_what_runs_and_what_was_to_follow(daemon, robot):
+    handles = [turn(robot), robot.move([key(0, 0, 0)], approach=True, queue=True)]
+    moving(robot)
+    robot.stop()
+    assert {handle.wait(10.0).outcome for handle in handles} == {Outcome.STOPPED}
+    assert state(robot).state is State.HOLDING
+    assert_limits_kept(daemon.sent(), daemon.period)
+
+
+def test_a_halt_is_quicker_than_a_stop_and_keeps_the_limits(daemon, robot):
+    handle = turn(robot)
+    moving(robot)
+    robot.halt()
+    summary = handle.wait(10.0)
+    assert summary.outcome is Outcome.STOPPED
+    assert "stopped by" in summary.text
+    assert turn(robot, 0.1).wait(10.0).outcome is Outcome.DONE
+    assert_limits_kept(daemon.sent(), daemon.period)
+
+
+def test_targets_are_followed_from_rest_and_from_motion(daemon, robot):
+    first = turn(robot)
+    moving(robot)
+    with robot.track() as tracking:
+        for k in range(60):
+            tracking.aim(key(0.3, 0, 0.01 * k), angular_velocity=(0.0, 0.0, 0.5))
+            time.sleep(0.02)
+        tracking.aim(key(0.3, 0, 0))
+        until(lambda: (tracking.report.error or 1.0) < 1e-6, "the target")
+        assert tracking.report.state is State.TRACKING
+        assert tracking.report.refused == 0
+    assert first.wait(5.0).outcome is Outcome.REPLACED
+    assert state(robot).state is State.HOLDING
+    assert turn(robot, 0.1).wait(10.0).outcome is Outcome.DONE
+    assert_limits_kept(daemon.sent(), daemon.period)
+
+
+def test_a_target_that_is_none_is_told_of_and_left_out(robot):
+    with robot.track() as tracking:
+        tracking.aim(key(0, 0, 0.1), time_to_live=0.0)
+        tracking.aim({"rotation_vector": [0, 0, 0.1]})
+        with pytest.raises(RequestError, match=r"target\.position"):
+            tracking.aim({"rotation_vector": [0, 0, 0.1], "position": [0, 0, 0]})
+        tracking._outgoing.put(pb.TrackRequest(target=pb.TrackTarget(time_to_live=1.0)))
+        until(lambda: tracking.report.refused == 1, "the refusal")
+        assert "norm must be 1" in tracking.report.refusal
+
+
+def test_without_the_lease_nothing_is_followed(daemon, robot):
+    robot.acquire_lease()
+    with orientd.connect(daemon.socket) as other, pytest.raises(LeaseError):
+        other.track()
+
+
+def test_a_motion_is_done_once_it_is_measured_to_be_on_target(robot):
+    gate = orientd.OnTarget(tolerance=1e-3, rate=1e-2, settle_time=0.2)
+    summary = turn(robot, 0.4, on_target=gate).wait(20.0)
+    assert summary.outcome is Outcome.DONE
+    assert summary.settled_after >= 0.2
+
+
+def test_a_device_that_never_is_on_target_is_said_not_to_be(tmp_path):
+    model = "model = 'orientd_sim.joint:LaggedBody'"
+    options = f"{model}\nmodel_options = {{bandwidth_hz = 0.1}}"
+    with DaemonProcess(tmp_path / "daemon", options=options) as daemon:
+        daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))
+        with orientd.connect(daemon.socket) as robot:
+            gate = orientd.OnTarget(tolerance=1e-4, rate=1e-2, settle_time=0.1, timeout=0.3)
+            summary = turn(robot, 0.4, on_target=gate).wait(20.0)
+    assert summary.outcome is Outcome.UNSETTLED
+    assert "not on target within 0.3 s" in summary.text
+
+
+def test_devices_begin_together(tmp_path):
+    daemon = DaemonProcess(tmp_path / "daemon")
+    text = daemon.config.read_text()
+    daemon.config.write_text(f'{text}\n[devices.leg]\ndriver = "loopback"\nrate_hz = 500.0\n')
+    with daemon:
+        daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))
+        with orientd.connect(daemon.socket) as robot:
+            assert turn(robot, 0.1, device="leg").wait(20.0).outcome is Outcome.DONE
+            instant = time.time() + 2.0
+            handles = [
+                turn(robot, 0.4, device=name, start_time=instant) for name in (DEVICE, "leg")
+            ]
+            summaries = [handle.wait(20.0) for handle in handles]
+    assert {summary.outcome for summary in summaries} == {Outcome.DONE}
+    for summary in summaries:
+        assert 0.0 <= summary.start_lateness < 0.5
+        assert summary.start_skew is not None
+
+
+def test_what_cannot_be_asked_for_is_refused(robot):
+    for how, field in (
+        ({"blend_tolerance": 0.1}, "blend_tolerance"),
+        ({"blend_tolerance": 4.0, "queue": True}, "blend_tolerance"),
+        ({"start_time": time.time() - 5.0}, "start_time"),
+        ({"start_time": time.time() + 5.0, "queue": True}, "start_time"),
+        ({"on_target": orientd.OnTarget(0.0, 1.0, 1.0)}, "on_target.tolerance"),
+    ):
+        with pytest.raises(RequestError, match=field):
+            turn(robot, 0.4, **how)
+    assert spin(1.0).keyframes
+    assert nudge(0.1).keyframes
