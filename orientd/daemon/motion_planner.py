@@ -51,8 +51,8 @@ class MotionPlanner:
         first: Motion,
         request: MotionRequest,
         *,
-        tolerance: float,
-        earliest: int,  # noqa: ARG002
+        tolerance: float,  # noqa: ARG002
+        earliest: int,
     ) -> tuple[int, Motion]:
         """Plan a motion that follows *first* without coming to rest between them.
 

@@ -1,4 +1,4 @@
-"""What happens between planned motions: replaced, followed, halted, tracked, through a real daemon."""
+"""What happens between planned motions, in a real daemon: replaced, followed, halted, tracked."""
 
 import time
 
