@@ -4,10 +4,10 @@ One schema serves the file, the control socket and the Python client.  Whatever 
 motion is one :class:`~orientd.errors.RequestError` with the path of the field, what was expected
 and what came:
 
->>> parse({"keyframes": [{"quaternion": {"w": 1, "x": 0, "y": 0, "z": 0}}]})
+>>> parse({"keyframes": []})
 Traceback (most recent call last):
     ...
-orientd.errors.RequestError: keyframes: expected at least 2, got 1
+orientd.errors.RequestError: keyframes: expected at least 1, got 0
 """
 
 from __future__ import annotations
@@ -95,7 +95,9 @@ class MotionModel(_Table):
     """A motion to plan."""
 
     method: str = Field(default=DEFAULT_METHOD, description="a name that `orientd methods` lists")
-    keyframes: list[KeyframeModel] = Field(description="at least two")
+    keyframes: list[KeyframeModel] = Field(
+        description="at least one; a single one is where to go from wherever the device is"
+    )
     velocity_frame: Literal["body", "world"] = Field(
         default="body", description="frame of start_velocity and end_velocity"
     )

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from orientd.planner.planning import plan
     from orientd.planner.presets import PRESETS
     from orientd.planner.request import DEFAULT_METHOD, Keyframe, MotionRequest, State
+    from orientd.planner.retargeting import retarget
     from orientd.planner.shaped import reshaped
 
 _HOMES = {
@@ -37,6 +38,7 @@ _HOMES = {
     "State": "request",
     "plan": "planning",
     "reshaped": "shaped",
+    "retarget": "retargeting",
 }
 
 __all__ = [
@@ -54,6 +56,7 @@ __all__ = [
     "State",
     "plan",
     "reshaped",
+    "retarget",
 ]
 
 

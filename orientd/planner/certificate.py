@@ -180,11 +180,11 @@ class _Components:
             for power in range(1, len(ANGULAR) + 1)
         ]
 
-    def see(self, first: int, *rates: Floats) -> None:
-        """Take in the rates of the records from *first* on, those of higher order one later."""
-        for order, (row, rate) in enumerate(zip(self._largest, rates, strict=True)):
+    def see(self, last: int, *rates: Floats) -> None:
+        """Take in rates of the records up to *last*."""
+        for row, rate in zip(self._largest, rates, strict=True):
             for axis, largest in enumerate(row):
-                largest.see(rate[:, axis] ** 2, first + order)
+                largest.see(rate[:, axis] ** 2, last + 1 - len(rate))
 
     def peaks(self) -> dict[str, tuple[Peak, ...]]:
         return {
@@ -267,18 +267,20 @@ def measure(
         omega = log(multiply(conjugate(q[:-1]), q[1:]))
         alpha = np.diff(omega, axis=0)
         jerk = np.diff(alpha, axis=0)
-        turn.see(_squares(omega), index + 1)
-        bend.see(_squares(alpha), index + 2)
+        # What ends before the first record is the past, which nothing can change.
+        past = 1 if first == 0 and before is not None else 0
         jerk_squares = _squares(jerk)
+        turn.see(_squares(omega[2 * past :]), index + 1 + 2 * past)
+        bend.see(_squares(alpha[past:]), index + 2 + past)
         twist.see(jerk_squares, index + 3)
-        components.see(index + 1, omega, alpha, jerk)
+        components.see(index + 2 + len(jerk), omega[2 * past :], alpha[past:], jerk)
         # A device that keeps its place is the ordinary case; see whether it moves at all.
         is_still = bool(np.all(p == p[0]))
         if not is_still:
             v = np.diff(p, axis=0)
             a = np.diff(v, axis=0)
-            move.see(_squares(v), index + 1)
-            push.see(_squares(a), index + 2)
+            move.see(_squares(v[2 * past :]), index + 1 + 2 * past)
+            push.see(_squares(a[past:]), index + 2 + past)
         if brake_limits is None:
             continue
         bends, twists = _off_grid(rough, period * (index + 3), period, len(jerk))
@@ -300,9 +302,11 @@ def measure(
             if rate < slowest:
                 slowest, slowest_index = rate, index + 3 + place
         if not is_still:
-            rate, place = linear_brake_rate(v[1:] / period, a / period**2, brake_limits)
+            rate, place = linear_brake_rate(
+                v[1 + past :] / period, a[past:] / period**2, brake_limits
+            )
             if rate < slowest:
-                slowest, slowest_index = rate, index + 2 + place
+                slowest, slowest_index = rate, index + 2 + past + place
     return Peaks(
         turn.peak(limits.velocity),
         bend.peak(limits.acceleration),

@@ -15,8 +15,8 @@ from orientd.planner.lead import is_still
 from orientd.planner.limits import Limits
 from orientd.planner.methods import Ends, Method, build
 from orientd.planner.path import Stretch
-from orientd.planner.position import PositionPath, position_path
-from orientd.planner.request import MotionRequest
+from orientd.planner.position import Motion3, PositionPath, position_path
+from orientd.planner.request import MotionRequest, State
 from orientd.planner.timing import Indices
 from orientd.rotation import Floats
 
@@ -44,6 +44,11 @@ class Core:
     def continuity(self) -> int:
         """How many derivatives of the orientation are continuous."""
         return self.stretch.curve.continuity
+
+    def has_acceleration_of(self, state: State, limits: Limits) -> bool:
+        """Return whether it begins with the acceleration of *state*."""
+        alpha = self.stretch.ends()[0].alpha_body
+        return is_still(np.zeros(3), alpha - state.alpha_body, limits.scaled(1e3))
 
     def slowed(self, duration: float) -> Core:
         """Return the same curve taking *duration* seconds."""
@@ -106,7 +111,9 @@ class Course:
         ends: velocities at the first and last keyframe.
         times: of all keyframes of the request, from 0 on, in any unit.
         kept: indices of those that the curve passes; the others repeat one of them.
-        held: the position that is kept where nothing asks for another, m.
+        halt: how the position comes to rest; it stays there where nothing asks for another.
+        first: position, velocity and acceleration that the course takes over; ``None`` where the
+            position is at rest at the first keyframe.
     """
 
     request: MotionRequest
@@ -114,12 +121,15 @@ class Course:
     ends: Ends
     times: Floats
     kept: Indices
-    held: Floats
+    halt: PositionPath
+    first: Motion3 | None = None
 
     @property
     def has_one_shape(self) -> bool:
         """Whether another duration is the same curve at another rate: nothing moves at its ends."""
         ends = (self.ends.omega_start, self.ends.omega_end, self.ends.alpha_start)
+        if self.first is not None:
+            return False
         return not any(np.any(vector) for vector in ends if vector is not None)
 
     def core(self, duration: float) -> Core:
@@ -135,9 +145,16 @@ class Course:
         first, last = curve.domain
         return Core(
             Stretch(curve, 0.0, duration, rate=(last - first) / duration),
-            position_path(times[self.kept], self._positions(), self.held),
+            self._position_path(times[self.kept]),
             times,
         )
+
+    def _position_path(self, times: Floats) -> PositionPath:
+        positions = self._positions()
+        few = positions is None or np.count_nonzero(np.isfinite(positions[:, 0])) < 2
+        if self.first is not None and few:
+            return self.halt
+        return position_path(times, positions, self.halt.last, self.first)
 
     def _positions(self) -> Floats | None:
         """Return the positions of the kept keyframes, taken from their repetitions if need be."""

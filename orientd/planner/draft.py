@@ -10,9 +10,12 @@ from orientd.errors import PlanError
 from orientd.planner import refusal
 from orientd.planner.certificate import Rough
 from orientd.planner.course import Core
-from orientd.planner.lead import approach, approach_cycles, is_still, lead_out
+from orientd.planner.join_in import join_in
+from orientd.planner.lead import is_still, lead_out
+from orientd.planner.lead_in import LeadIn, lead_in
 from orientd.planner.limits import Limits
 from orientd.planner.path import Path, Stretch
+from orientd.planner.position_lead import position_lead
 from orientd.planner.request import MotionRequest, State
 from orientd.rotation import Floats
 
@@ -37,66 +40,84 @@ class Draft:
 
 
 def with_leads(
-    core: Core, request: MotionRequest, start: State, limits: Limits, period: float
+    core: Core,
+    lead: LeadIn | None,
+    start: State,
+    limits: Limits,
+    period: float,
 ) -> Draft:
     """Return the path from hold to hold around a core.
 
-    In front goes an approach from rest to rest and the run-up that follows it, as far as they are
-    needed and the request asks for them; behind goes a lead-out if the core does not end at rest.
+    In front goes the lead-in; behind goes a lead-out if the core does not end at rest.
 
     Args:
         core: from the first keyframe to the last.
-        request: says whether to lead in.
+        lead: from where the device is to the first keyframe; ``None`` where the core is to begin
+            right there.
         start: where the device is commanded to be.
         limits: to keep.
         period: of the device, s.
 
     Raises:
-        StartError: there is to be no lead-in, and the core begins elsewhere.
+        StartError: there is no lead-in, and the core begins elsewhere.
         PlanError: no lead keeps the limits.
     """
     first, last = core.stretch.ends()
     stretches: list[Stretch] = []
-    positions, cycles = core.positions, 0
-    if request.approach and start.is_at_rest:
-        run_up = None
-        rest = first.q
-        if not is_still(first.omega_body, first.alpha_body, limits):
-            try:
-                run_up = lead_out(
-                    first.q, -first.omega_body, first.alpha_body, limits=limits, period=period
-                )
-            except PlanError as error:
-                raise PlanError(f"no run-up to the first keyframe: {error}") from error
-            rest = run_up.evaluate(np.array([run_up.domain[1]]))[0][0]
-        cycles = approach_cycles(
-            start.q, rest, start.position, positions.first, limits=limits, period=period
-        )
-        if cycles:
-            curve = approach(start.q, rest, cycles * period)
-            stretches.append(Stretch(curve, 0.0, cycles * period))
-        arrival = cycles * period
-        if run_up is not None:
-            cycles += round(run_up.domain[1] / period)
-            stretches.append(Stretch(run_up, arrival, cycles * period, rate=-1.0))
-        # The position arrives with the approach and waits while the orientation takes its run-up.
-        positions = positions.delayed(cycles * period)
-        positions = positions.after_move_from(start.position, 0.0, arrival)
-    else:
-        state = State(first.q, first.omega_body, first.alpha_body, positions.first)
+    positions, begin, stretch = core.positions, 0.0, core.stretch
+    rough = _rough(core, 0.0)
+    if lead is not None:
+        begin = lead.cycles * period
+        stretches += lead.stretches
+        positions = positions.delayed(begin).after(lead.positions)
+        stretch = stretch.shifted(begin)
+        rough = _rough(core, begin)
+    elif start.is_at_rest or core.has_acceleration_of(start, limits):
+        state = State(first.q, first.omega_body, first.alpha_body, *positions.state(0.0))
         refusal.check_start(start, state, limits)
-    begin = cycles * period
+    else:
+        # The core knows nothing of the acceleration the device has.
+        joint = join_in(core, start, limits=limits, period=period)
+        stretches.append(joint)
+        stretch = stretch.without(joint.end)
     end = begin + core.duration
-    stretches.append(core.stretch.shifted(begin))
-    if not is_still(last.omega_body, last.alpha_body, limits):
-        try:
-            curve = lead_out(last.q, last.omega_body, last.alpha_body, limits=limits, period=period)
-        except PlanError as error:
-            raise PlanError(f"no lead-out from the last keyframe: {error}") from error
-        stretches.append(Stretch(curve, end, end + curve.domain[1]))
-    return Draft(
-        Path.joined(stretches, positions), begin, end, core.times + begin, _rough(core, begin)
-    )
+    stretches.append(stretch)
+    stretches += _leads_out(last, end, limits, period)
+    path = Path.joined(stretches, positions, start.q)
+    return Draft(path, begin, end, core.times + begin, rough)
+
+
+def to_single(request: MotionRequest, start: State, limits: Limits, period: float) -> Draft:
+    """Return the path to a single keyframe, and to rest behind it if it is passed.
+
+    Args:
+        request: of one keyframe.
+        start: where the device is commanded to be.
+        limits: to keep.
+        period: of the device, s.
+
+    Raises:
+        PlanError: the end velocity is one that the limits do not permit.
+    """
+    omega = np.zeros(3) if request.omega_end is None else request.omega_end
+    position = position_lead(start, None, limits=limits, period=period).last
+    if request.positions is not None:
+        position = request.positions[0]
+    target = State(request.keys[0], omega, np.zeros(3), position)
+    lead = lead_in(start, target, limits=limits, period=period, is_direct=True)
+    end = lead.cycles * period
+    stretches = [*lead.stretches, *_leads_out(target, end, limits, period)]
+    return Draft(Path.joined(stretches, lead.positions, start.q), end, end, np.array([end]), None)
+
+
+def _leads_out(last: State, end: float, limits: Limits, period: float) -> list[Stretch]:
+    if is_still(last.omega_body, last.alpha_body, limits):
+        return []
+    try:
+        curve = lead_out(last.q, last.omega_body, last.alpha_body, limits=limits, period=period)
+    except PlanError as error:
+        raise PlanError(f"no lead-out from the last keyframe: {error}") from error
+    return [Stretch(curve, end, end + curve.domain[1])]
 
 
 def _rough(core: Core, begin: float) -> Rough | None:

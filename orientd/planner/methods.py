@@ -230,6 +230,9 @@ def check_method(request: MotionRequest) -> Method:
     """
     name = request.method
     method = method_of(name)
+    if method is not None and request.is_single:
+        # There is no curve of the method's; the way to the keyframe is the planner's.
+        return method
     if method is None:
         known = [other for other in METHODS if method_of(other) is not None]
         raise RequestError("method", f"unknown method {name!r}{did_you_mean(name, known)}")

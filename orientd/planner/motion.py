@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.planner.certificate import Certificate, Rough
+from orientd.planner.certificate import HISTORY, Certificate, Rough
 from orientd.planner.limits import Limits
 from orientd.planner.path import Path, Samples
 from orientd.planner.request import MotionRequest, State
+from orientd.planner.summing_up import before
 from orientd.planner.table_path import TablePath
 from orientd.rotation import Floats
 
@@ -36,6 +37,8 @@ class Motion:
         rough: the part whose acceleration has steps; ``None`` if there is none.
         first_joints: axis angles it begins at, rad; empty unless it was made for a device's axes.
         last_joints: axis angles it ends at, rad.
+        before: the three setpoints before path time 0, as in :class:`State`; ``None`` where the
+            device held, or where they are not known.
     """
 
     id: str
@@ -51,6 +54,7 @@ class Motion:
     rough: Rough | None = None
     first_joints: tuple[float, ...] = ()
     last_joints: tuple[float, ...] = ()
+    before: tuple[Floats, Floats] | None = None
 
     @property
     def duration(self) -> float:
@@ -60,7 +64,7 @@ class Motion:
     @property
     def start_state(self) -> State:
         """The state it begins in, at path time 0."""
-        return self.path.state(0.0)
+        return replace(self.path.state(0.0), before=self.before)
 
     @property
     def end_state(self) -> State:
@@ -68,10 +72,29 @@ class Motion:
         return self.path.state(self.end_time)
 
     def state_at(self, record: int) -> State:
-        """Return the state at a record, for another motion to take over from."""
+        """Return the state at a record, with the setpoints before it, for a motion to take over.
+
+        The next motion begins in it: its first record is this one.  Before the first record of
+        this motion the device was where :attr:`before` says.  The last one holds.
+
+        Raises:
+            ValueError: there is no such record.
+        """
+        if not 0 <= record < self.record_count:
+            raise ValueError(f"record must be within 0 to {self.record_count - 1}, got {record}")
+        first = max(record - HISTORY, 0)
+        samples = self.path.sample(self.period * np.arange(first, record, dtype=np.float64))
+        earlier = before(self.start_state, self.period)
+        missing = record - first
+        setpoints = tuple(
+            np.concatenate([part[missing:], known])
+            for part, known in zip(earlier, (samples.q, samples.position), strict=True)
+        )
         if record == self.record_count - 1:
-            return State.at_rest(self.path.last, self.path.positions.last)
-        return self.path.state(self.period * record)
+            here = State.at_rest(self.path.last, self.path.positions.last)
+        else:
+            here = self.path.state(self.period * record)
+        return replace(here, before=(setpoints[0], setpoints[1]))
 
     def sample(self, path_times: ArrayLike) -> Samples:
         """Return the motion at *path_times* (s, shape ``(n,)``, any order); held beyond its ends.

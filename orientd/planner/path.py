@@ -51,6 +51,7 @@ class Stretch:
         end: path time where it ends, s.
         rate: curve seconds for a second of path time; negative runs the curve backwards.
         sign: of the quaternions, to make them continuous with the stretch before.
+        skipped: path seconds of the curve that are left out before it begins.
     """
 
     curve: Curve
@@ -58,12 +59,13 @@ class Stretch:
     end: float
     rate: float = 1.0
     sign: float = 1.0
+    skipped: float = 0.0
 
     def sample(self, times: Floats) -> tuple[Floats, Floats, Floats]:
         """Return orientation, velocity and acceleration at path *times* inside the stretch."""
         first, last = self.curve.domain
         origin = first if self.rate > 0.0 else last
-        instants = np.clip(origin + self.rate * (times - self.begin), first, last)
+        instants = np.clip(origin + self.rate * (times - self.begin + self.skipped), first, last)
         q, omega, alpha = self.curve.evaluate(instants)
         if self.sign < 0.0:
             q = -q
@@ -79,6 +81,10 @@ class Stretch:
             State(q[0], omega[0], alpha[0], zero),
             State(q[1], omega[1], alpha[1], zero),
         )
+
+    def without(self, duration: float) -> Stretch:
+        """Return the stretch with its first seconds left out, the rest where it was."""
+        return replace(self, begin=self.begin + duration, skipped=self.skipped + duration)
 
     def shifted(self, delay: float) -> Stretch:
         """Return the same stretch *delay* seconds later."""
@@ -102,18 +108,25 @@ class Path:
     last: Floats
 
     @classmethod
-    def joined(cls, stretches: Sequence[Stretch], positions: PositionPath) -> Path:
-        """Return the path of *stretches*, with the signs of the quaternions made continuous."""
+    def joined(
+        cls, stretches: Sequence[Stretch], positions: PositionPath, before: Floats | None = None
+    ) -> Path:
+        """Return the path of *stretches*, with the signs of the quaternions made continuous.
+
+        Args:
+            stretches: end to end.
+            positions: what the position does.
+            before: the orientation the device comes from, whose sign goes on.
+        """
         lined_up: list[Stretch] = []
-        before: Floats | None = None
         for stretch in stretches:
             start, end = stretch.ends()
             flip = -1.0 if before is not None and float(start.q @ before) < 0.0 else 1.0
             lined_up.append(replace(stretch, sign=flip * stretch.sign))
             before = flip * end.q
             if len(lined_up) == 1:
-                first = start.q
-        if before is None:
+                first = flip * start.q
+        if before is None or not lined_up:
             raise ValueError("stretches must not be empty")
         return cls(tuple(lined_up), positions, first, before)
 
@@ -155,4 +168,4 @@ class Path:
             if time < stretch.end or stretch is self.stretches[-1]:
                 break
         q, omega, alpha = stretch.sample(np.array([time]))
-        return State(q[0], omega[0], alpha[0], self.positions.sample(np.array([time]))[0][0])
+        return State(q[0], omega[0], alpha[0], *self.positions.state(time))

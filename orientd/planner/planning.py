@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import uuid
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,10 +13,12 @@ from orientd.errors import LimitError, PlanError, StartError
 from orientd.planner import refusal
 from orientd.planner.certificate import measure
 from orientd.planner.course import Core, Course
-from orientd.planner.draft import Draft, with_leads
+from orientd.planner.draft import Draft, to_single, with_leads
+from orientd.planner.lead_in import LeadIn, lead_in
 from orientd.planner.limits import GUARD_TOLERANCE, Limits
 from orientd.planner.methods import Ends, Method, check_method
 from orientd.planner.motion import Motion
+from orientd.planner.position_lead import position_lead
 from orientd.planner.request import MotionRequest, State
 from orientd.planner.summing_up import before, summed_up
 from orientd.planner.survey import Survey
@@ -42,7 +44,10 @@ def plan(
     as quickly as the limits permit, with a reserve for a stop on the path.  The motion begins in
     the state the device is commanded to be in and ends at rest: in front of the keyframes goes a
     lead-in where the request says ``approach``, behind them a lead-out where they end with a
-    velocity or an acceleration.
+    velocity or an acceleration.  A single keyframe is where to go, by the shortest way found.
+
+    A start that moves is the state of another motion at one of its records, which this one takes
+    over with continuous acceleration; the certificate covers the differences across the seam.
 
     Args:
         request: what to do.
@@ -62,6 +67,8 @@ def plan(
         raise ValueError(f"period must be positive, got {period} s")
     job = _Job.of(request, start, limits.narrowed(request.limits), period)
     name = motion_id or uuid.uuid4().hex[:12]
+    if request.is_single:
+        return job.certified(job.as_single(), name)
     if request.times is not None:
         return job.certified(job.as_timed(), name)
     try:
@@ -82,6 +89,7 @@ class _Job:
         period: of the device, s.
         method: the row of the request's method.
         ends: velocities at the first and last keyframe.
+        leads: lead-ins already found, by the state they lead to.
     """
 
     request: MotionRequest
@@ -90,29 +98,34 @@ class _Job:
     period: float
     method: Method
     ends: Ends
+    leads: dict[bytes, LeadIn] = field(default_factory=dict)
 
     @classmethod
     def of(cls, request: MotionRequest, start: State, limits: Limits, period: float) -> _Job:
         """Check what can be checked before a curve is made."""
         method = check_method(request)
         omega_start, alpha_start = request.omega_start, None
-        if not start.is_at_rest:
+        if not start.is_at_rest and not request.approach:
             # The motion takes over from another one that is still moving.
             if method.has_velocities and omega_start is None:
                 omega_start = start.omega_body
             if method.has_accelerations:
                 alpha_start = start.alpha_body
         refusal.check_end_velocities(omega_start, request.omega_end, limits)
-        if not (request.approach and start.is_at_rest):
+        if not request.approach:
             # Every curve begins at its first keyframe, with the velocity that was asked for: none
             # need be made to see that the device is elsewhere.
             omega = start.omega_body
             if method.has_velocities:
                 omega = np.zeros(3) if omega_start is None else omega_start
-            first = State(request.keys[0], omega, start.alpha_body, start.position)
+            first = replace(start, q=request.keys[0], omega_body=omega)
             refusal.check_start(start, first, limits)
         ends = Ends(omega_start, request.omega_end, alpha_start)
         return cls(request, start, limits, period, method, ends)
+
+    def as_single(self) -> Draft:
+        """Return the path to the only keyframe."""
+        return to_single(self.request, self.start, self.limits, self.period)
 
     def as_timed(self) -> Draft:
         """Return the path with the times of the request."""
@@ -196,7 +209,7 @@ class _Job:
             count,
             period,
             self.limits,
-            before=before(self.start, period),
+            before=before(self.start, period) if self.start.is_known else None,
             holds_after=True,
             brake_limits=self.limits.scaled(GUARD_TOLERANCE) if is_users else self.limits,
             rough=draft.rough,
@@ -218,10 +231,35 @@ class _Job:
                 request, path, (draft.begin, draft.end), draft.keyframe_times, peaks, period
             ),
             rough=draft.rough,
+            before=self.start.before,
         )
 
     def _course(self, times: Floats, kept: Indices) -> Course:
-        return Course(self.request, self.method, self.ends, times, kept, self.start.position)
+        start, given = self.start, self.request.positions
+        only = None
+        if given is not None and not self.request.approach:
+            only = given[np.flatnonzero(np.isfinite(given[:, 0]))[0]]
+        halt = position_lead(start, only, limits=self.limits, period=self.period)
+        first = (start.position, start.velocity, start.acceleration)
+        is_taken_over = start.is_position_moving and not self.request.approach
+        return Course(
+            self.request,
+            self.method,
+            self.ends,
+            times,
+            kept,
+            halt,
+            first if is_taken_over else None,
+        )
 
     def _with_leads(self, core: Core) -> Draft:
-        return with_leads(core, self.request, self.start, self.limits, self.period)
+        lead = self._lead_in(core) if self.request.approach else None
+        return with_leads(core, lead, self.start, self.limits, self.period)
+
+    def _lead_in(self, core: Core) -> LeadIn:
+        first, _ = core.stretch.ends()
+        first = replace(first, position=core.positions.first)
+        key = np.concatenate([*(first.q, first.omega_body, first.alpha_body)]).tobytes()
+        if key not in self.leads:
+            self.leads[key] = lead_in(self.start, first, limits=self.limits, period=self.period)
+        return self.leads[key]

@@ -18,6 +18,9 @@ from orientd.rotation import Floats
 
 DEGREE = 5
 
+Motion3 = tuple[Floats, Floats, Floats]
+"""Position, velocity and acceleration."""
+
 # Peaks of the derivatives of 10u^3 - 15u^4 + 6u^5 on [0, 1].
 UNIT_VELOCITY = 1.875
 UNIT_ACCELERATION = 10.0 / np.sqrt(3.0)
@@ -67,11 +70,24 @@ class PositionPath:
         for power in range(DEGREE, -1, -1):
             velocities = velocities * elapsed + positions
             positions = positions * elapsed + c[:, power]
-        is_before, is_after = times <= begin, times >= end
+        is_before, is_after = times < begin, times >= end
         # Held means held: to the last digit, and without velocity.
         positions[is_before], positions[is_after] = self.first, self.last
         velocities[is_before | is_after] = 0.0
         return positions, velocities
+
+    def state(self, time: float) -> tuple[Floats, Floats, Floats]:
+        """Return position, velocity and acceleration at *time*, of the piece that begins there."""
+        if self.is_held or time < self.breaks[0] or time >= self.breaks[-1]:
+            is_before = not self.is_held and time < self.breaks[0]
+            return (self.first if is_before else self.last), np.zeros(3), np.zeros(3)
+        piece = int(np.searchsorted(self.breaks[1:-1], time, side="right"))
+        u, c = time - self.breaks[piece], self.coefficients[piece]
+        powers = u ** np.arange(DEGREE + 1.0)
+        index = np.arange(DEGREE + 1.0)
+        velocity = (index[1:] * powers[:-1]) @ c[1:]
+        acceleration = (index[2:] * index[1:-1] * powers[:-2]) @ c[2:]
+        return powers @ c, velocity, acceleration
 
     def slowed(self, factor: float) -> PositionPath:
         """Return the same path *factor* times as slow."""
@@ -82,6 +98,22 @@ class PositionPath:
     def delayed(self, delay: float) -> PositionPath:
         """Return the same path *delay* seconds later."""
         return replace(self, breaks=self.breaks + delay)
+
+    def after(self, lead: PositionPath) -> PositionPath:
+        """Return this path with *lead* put before it, which ends where this one begins."""
+        if lead.is_held:
+            return self
+        if self.is_held:
+            return lead
+        gap = self.breaks[0] > lead.breaks[-1]
+        hold: Floats = np.zeros((int(gap), DEGREE + 1, 3))
+        hold[:, 0] = self.first
+        return PositionPath(
+            np.concatenate([lead.breaks if gap else lead.breaks[:-1], self.breaks]),
+            np.concatenate([lead.coefficients, hold, self.coefficients]),
+            lead.first,
+            self.last,
+        )
 
     def after_move_from(self, position: Floats, begin: float, end: float) -> PositionPath:
         """Return this path with a move from *position* to its first point put before it.
@@ -106,6 +138,20 @@ class PositionPath:
         )
 
 
+def quintic(first: Motion3, last: Motion3, duration: float) -> Floats:
+    """Return the quintic between two positions with velocity and acceleration, ``(6, 3)``."""
+    (p0, v0, a0), (p1, v1, a1) = first, last
+    h = duration
+    way = p1 - p0 - h * v0 - 0.5 * h * h * a0
+    speed, push = h * (v1 - v0) - h * h * a0, h * h * (a1 - a0)
+    c: Floats = np.empty((DEGREE + 1, 3))
+    c[:3] = p0, v0, 0.5 * a0
+    c[3] = (10.0 * way - 4.0 * speed + 0.5 * push) / h**3
+    c[4] = (-15.0 * way + 7.0 * speed - push) / h**4
+    c[5] = (6.0 * way - 3.0 * speed + 0.5 * push) / h**5
+    return c
+
+
 def _quintic_move(start: Floats, end: Floats, duration: float) -> Floats:
     coefficients: Floats = np.zeros((DEGREE + 1, 3))
     coefficients[0] = start
@@ -114,13 +160,17 @@ def _quintic_move(start: Floats, end: Floats, duration: float) -> Floats:
     return coefficients
 
 
-def position_path(times: Floats, positions: Floats | None, held: Floats) -> PositionPath:
-    """Return the path through positions at their times.
+def position_path(
+    times: Floats, positions: Floats | None, held: Floats, first: Motion3 | None = None
+) -> PositionPath:
+    """Return the path through two positions or more at their times.
 
     Args:
         times: increasing, s, shape ``(n,)``.
         positions: shape ``(n, 3)``, not a number where there is none; ``None`` for none at all.
         held: the position that is kept where nothing asks for another.
+        first: velocity and acceleration at the first position, behind where that is; ``None`` for
+            rest.
     """
     if positions is None:
         return PositionPath.held(held)
@@ -128,20 +178,30 @@ def position_path(times: Floats, positions: Floats | None, held: Floats) -> Posi
     instants, points = times[is_given], positions[is_given]
     if len(points) == 1:
         return PositionPath.held(points[0])
+    if first is not None and len(points) > 1:
+        if len(points) == 2:
+            end = points[1], np.zeros(3), np.zeros(3)
+            pieces = quintic(first, end, float(instants[1] - instants[0]))[None]
+        else:
+            pieces = _spline(instants, points, first)
+        return PositionPath(instants, pieces, points[0], points[-1])
     if len(points) == 2:
         move = _quintic_move(points[0], points[1], float(instants[1] - instants[0]))
         return PositionPath(instants, move[None], points[0], points[1])
     return PositionPath(instants, _spline(instants, points), points[0], points[-1])
 
 
-def _spline(instants: Floats, points: Floats) -> Floats:
+def _spline(instants: Floats, points: Floats, first: Motion3 | None = None) -> Floats:
     """Return the pieces of the quintic spline, shape ``(n - 1, 6, 3)``."""
     # SciPy takes half a second to import: only who moves the position through several points pays.
     from scipy.interpolate import make_interp_spline
 
     at_rest = [(1, np.zeros(3)), (2, np.zeros(3))]
-    spline = make_interp_spline(instants, points, k=DEGREE, bc_type=(at_rest, at_rest))
+    begin = at_rest if first is None else [(1, first[1]), (2, first[2])]
+    spline = make_interp_spline(instants, points, k=DEGREE, bc_type=(begin, at_rest))
     coefficients: Floats = np.empty((len(instants) - 1, DEGREE + 1, 3))
     for power in range(DEGREE + 1):
         coefficients[:, power] = spline(instants[:-1], nu=power) / math.factorial(power)
+    # As it was asked for, to the last digit.
+    coefficients[0, :3] = points[0], begin[0][1], 0.5 * begin[1][1]
     return coefficients

@@ -97,12 +97,9 @@ def check_start(start: State, first: State, limits: Limits) -> None:
         different.append(f"angular acceleration by {acceleration:.6g} rad/s^2")
     if not different:
         return
-    advice = "`approach: true` would lead in"
-    if not start.is_at_rest:
-        advice = "the device is moving; an approach can begin once it holds"
     raise StartError(
         "the first keyframe differs from the state the device is commanded to be in: "
-        f"{', '.join(different)}; {advice}"
+        f"{', '.join(different)}; `approach: true` would lead in"
     )
 
 
@@ -129,7 +126,7 @@ class Place:
         if time > self.end:
             return "in the lead-out"
         index = int(np.searchsorted(self.times, time, side="right")) - 1
-        index = min(index, len(self.times) - 2)
+        index = max(min(index, len(self.times) - 2), 0)
         place = f"between keyframes[{index}] and keyframes[{index + 1}]"
         if self.request.times is None:
             return place

@@ -55,13 +55,20 @@ class State:
         q: orientation ``(w, x, y, z)``, tool to world.
         omega_body: angular velocity, body frame, rad/s.
         alpha_body: its derivative in body components, rad/s^2.
-        position: of the tool in the world, m, at rest.
+        position: of the tool in the world, m.
+        velocity: of the position, m/s.
+        acceleration: of the position, m/s^2.
+        before: orientations ``(3, 4)`` and positions ``(3, 3)`` of the three setpoints before this
+            one, the oldest first; ``None`` where they are not known.
     """
 
     q: Floats
     omega_body: Floats
     alpha_body: Floats
     position: Floats
+    velocity: Floats = field(default_factory=lambda: np.zeros(3))
+    acceleration: Floats = field(default_factory=lambda: np.zeros(3))
+    before: tuple[Floats, Floats] | None = None
 
     @classmethod
     def at_rest(cls, q: ArrayLike, position: ArrayLike = (0.0, 0.0, 0.0)) -> State:
@@ -72,7 +79,17 @@ class State:
     @property
     def is_at_rest(self) -> bool:
         """Whether neither velocity nor acceleration is there."""
-        return not (np.any(self.omega_body) or np.any(self.alpha_body))
+        return not (np.any(self.omega_body) or np.any(self.alpha_body) or self.is_position_moving)
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the setpoints before it are known: they are where it is at rest."""
+        return self.before is not None or self.is_at_rest
+
+    @property
+    def is_position_moving(self) -> bool:
+        """Whether the position has a velocity or an acceleration."""
+        return bool(np.any(self.velocity) or np.any(self.acceleration))
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,13 +97,13 @@ class MotionRequest:
     """A motion that somebody asks for.
 
     Attributes:
-        keyframes: at least two.
+        keyframes: at least one; a single one is where to go from wherever the device is.
         method: a name in :data:`orientd.curves.METHODS`.
         start_velocity: angular velocity at the first keyframe, rad/s; ``None`` leaves it to the
             method, which is rest where the method can choose.
         end_velocity: the same at the last keyframe.
         velocity_frame: in which frame these two are given.
-        approach: whether to lead in from wherever the device is.
+        approach: whether to lead in from wherever the device is; always with a single keyframe.
         limits: narrower than the device's own, or ``None``; infinite ones are left to the device.
         options: of the method.
         keys: the orientations, unit to rounding, shape ``(n, 4)``.
@@ -114,8 +131,11 @@ class MotionRequest:
 
     def __post_init__(self) -> None:
         keyframes = tuple(self.keyframes)
-        if len(keyframes) < 2:
-            raise RequestError("keyframes", f"expected at least 2, got {len(keyframes)}")
+        if not keyframes:
+            raise RequestError("keyframes", "expected at least 1, got 0")
+        if len(keyframes) == 1:
+            self._check_single(keyframes[0])
+            object.__setattr__(self, "approach", True)
         if self.velocity_frame not in ("body", "world"):
             raise RequestError(
                 "velocity_frame", f"expected 'body' or 'world', got {self.velocity_frame!r}"
@@ -141,6 +161,22 @@ class MotionRequest:
     def omega_end(self) -> Floats | None:
         """The end velocity in the body frame of the last keyframe, rad/s."""
         return self._to_body(self.end_velocity, -1)
+
+    @property
+    def is_single(self) -> bool:
+        """Whether there is one keyframe only, and so no curve to plan beyond the way there."""
+        return len(self.keyframes) == 1
+
+    def _check_single(self, keyframe: Keyframe) -> None:
+        if keyframe.time is not None:
+            raise RequestError(
+                "keyframes[0].time",
+                "a single keyframe is reached as quickly as the limits permit; times need another",
+            )
+        if self.start_velocity is not None:
+            raise RequestError(
+                "start_velocity", "a single keyframe is the end of a motion: give end_velocity"
+            )
 
     def _to_body(self, velocity: Vector3 | None, index: int) -> Floats | None:
         if velocity is None:

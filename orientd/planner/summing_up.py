@@ -70,7 +70,13 @@ def _distance(omega: Floats, wanted: Floats | None) -> float:
 
 
 def before(start: State, period: float) -> tuple[Floats, Floats]:
-    """Return the setpoints the device had before path time 0, the oldest first."""
+    """Return the setpoints the device had before path time 0, the oldest first.
+
+    Where they are not known, the acceleration is taken to have been what it is.
+    """
+    if start.before is not None:
+        return start.before
     back = -period * np.arange(HISTORY, 0, -1.0)[:, None]
     turn = start.omega_body * back + 0.5 * start.alpha_body * back**2
-    return multiply(start.q, exp(turn)), np.repeat(start.position[None], HISTORY, axis=0)
+    move = start.velocity * back + 0.5 * start.acceleration * back**2
+    return multiply(start.q, exp(turn)), start.position + move

@@ -134,7 +134,22 @@ class TablePath:
     def state(self, time: float) -> State:
         """Return the state at *time*."""
         sample = self.sample(np.array([time], dtype=np.float64))
-        return State(sample.q[0], sample.omega_body[0], sample.alpha_body[0], sample.position[0])
+        return State(
+            sample.q[0],
+            sample.omega_body[0],
+            sample.alpha_body[0],
+            sample.position[0],
+            sample.velocity[0],
+            self._push(time),
+        )
+
+    def _push(self, time: float) -> Floats:
+        """Return the acceleration of the position at *time*, from velocities a period apart."""
+        if not self.period <= time < self.duration:
+            return np.zeros(3)
+        around = self.sample(np.array([time - self.period, time + self.period])).velocity
+        change: Floats = (around[1] - around[0]) / (2.0 * self.period)
+        return change
 
     def _between(self, index: NDArray[np.int64], u: Floats) -> tuple[Floats, Floats, Floats]:
         h = self.period

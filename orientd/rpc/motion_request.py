@@ -73,7 +73,7 @@ def motion_request(
     """Return the request that says all this; it is that of a motion file, key by key.
 
     Args:
-        keyframes: two at the least, each a ``Rotation`` of SciPy, a :class:`Quaternion`, or a
+        keyframes: one at the least, each a ``Rotation`` of SciPy, a :class:`Quaternion`, or a
             mapping as in a motion file; or a whole request, which is returned as it is.
         wishes: see :class:`Wishes`.
 

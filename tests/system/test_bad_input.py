@@ -58,7 +58,11 @@ BAD_MOTIONS = {
         motion({**UPRIGHT, "time": 1.0}, {**TURNED, "time": 1.0}),
         "keyframes[1].time: 1 s is the time of keyframes[0] too: an interval of length zero",
     ),
-    "one keyframe": (motion(UPRIGHT), "keyframes: expected at least 2, got 1"),
+    "no keyframe": (motion(), "keyframes: expected at least 1, got 0"),
+    "one keyframe with a time": (
+        motion({**UPRIGHT, "time": 1.0}),
+        "keyframes[0].time: a single keyframe is reached as quickly as the limits permit",
+    ),
     "unknown method": (
         motion(UPRIGHT, TURNED, method="c2_cumulativ"),
         "method: unknown method 'c2_cumulativ'; did you mean 'c2_cumulative'?",

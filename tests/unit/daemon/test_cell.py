@@ -186,7 +186,7 @@ def test_a_device_that_is_not_ready_to_move_is_refused(cell, arm):
 
 
 def test_a_bad_motion_is_refused_by_its_field(cell, arm):
-    with pytest.raises(RequestError, match=r"^keyframes: expected at least 2, got 0"):
+    with pytest.raises(RequestError, match=r"^keyframes: expected at least 1, got 0"):
         cell.plan(arm, {"keyframes": []})
     with pytest.raises(LimitError):
         cell.plan(

@@ -144,10 +144,12 @@ def test_a_motion_takes_over_from_one_that_is_still_moving():
     assert jerk.max() < ARM.jerk
 
 
-def test_a_device_that_moves_otherwise_is_told_to_hold_first():
+def test_a_device_that_moves_otherwise_is_led_in_if_asked_for():
     moving = State(HERE, np.array([0, 0, 0.2]), ZERO, ZERO)
-    with pytest.raises(StartError, match="the device is moving; an approach can begin once it"):
-        made(at(*WAY), moving, start_velocity=(0, 0, 0.5), approach=True)
+    with pytest.raises(StartError, match=r"angular velocity by 0\.3 rad/s; `approach: true` would"):
+        made(at(*WAY), moving, start_velocity=(0, 0, 0.5))
+    motion = made(at(*WAY), moving, start_velocity=(0, 0, 0.5), approach=True)
+    assert motion.start_state.omega_body == pytest.approx([0, 0, 0.2])
 
 
 # Ending

@@ -41,9 +41,17 @@ def test_a_request_cannot_be_changed():
         request.options["align"] = False
 
 
-@pytest.mark.parametrize("count", [0, 1])
-def test_at_least_two_keyframes_are_needed(count):
-    assert refusal(*[Keyframe(ONE)] * count) == ("keyframes", f"expected at least 2, got {count}")
+def test_at_least_one_keyframe_is_needed():
+    assert refusal() == ("keyframes", "expected at least 1, got 0")
+
+
+def test_a_single_keyframe_is_approached():
+    assert MotionRequest([Keyframe(ONE)]).approach
+
+
+def test_a_single_keyframe_has_neither_time_nor_start_velocity():
+    assert refusal(Keyframe(ONE, 1.0))[0] == "keyframes[0].time"
+    assert refusal(Keyframe(ONE), start_velocity=(0, 0, 1))[0] == "start_velocity"
 
 
 def test_a_norm_within_tolerance_is_accepted_and_made_exact():

@@ -5,6 +5,7 @@ from planned import LIMITS, rotations
 from orientd.planner import Keyframe, MotionRequest, State, plan, survey
 from orientd.planner.course import Course
 from orientd.planner.methods import Ends, method_of
+from orientd.planner.position import PositionPath
 from orientd.planner.survey import Survey
 
 ARM = LIMITS["arm"]
@@ -20,7 +21,7 @@ def core(asked, duration):
     times = np.linspace(0.0, 1.0, len(asked.keys))
     kept = np.arange(len(times))
     method = method_of(asked.method)
-    return Course(asked, method, Ends(), times, kept, np.zeros(3)).core(duration)
+    return Course(asked, method, Ends(), times, kept, PositionPath.held(np.zeros(3))).core(duration)
 
 
 @pytest.mark.parametrize("method", ["c2_cumulative", "kks_hermite_spline"])

@@ -1,0 +1,58 @@
+"""Joining a curve that cannot be told the acceleration it should begin with.
+
+A quintic leaves the state the device is in, which is that of the curve's beginning but for the
+acceleration, and is on the curve, in step with it, a little later.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orientd.errors import PlanError
+from orientd.planner.bridge import Bounds
+from orientd.planner.course import Core
+from orientd.planner.limits import Limits
+from orientd.planner.path import Stretch
+from orientd.planner.quintic import Ends, increments, join, rates
+from orientd.planner.request import State
+
+_TRIES = 60
+_FEWEST = 2
+
+
+def join_in(core: Core, start: State, *, limits: Limits, period: float) -> Stretch:
+    """Return the shortest stretch from path time 0 by which a device gets onto a core.
+
+    Args:
+        core: begins where the device is, with its velocity.
+        start: where the device is commanded to be.
+        limits: to keep, with their reserve where the core keeps it.
+        period: the stretch takes a whole number of periods, s.
+
+    Raises:
+        PlanError: none within the first interval keeps the limits.
+    """
+    most = int(core.times[1] / period)
+    cycles = np.unique(np.geomspace(_FEWEST, max(most, _FEWEST), _TRIES).astype(int))
+    durations = period * cycles[cycles <= most]
+    if len(durations):
+        last = Ends(*core.stretch.sample(durations))
+        count = len(durations)
+        first = Ends(
+            *(
+                np.repeat(part[None], count, axis=0)
+                for part in (start.q, start.omega_body, start.alpha_body)
+            )
+        )
+        w = increments(first, last, durations)[0]
+        # The curve may go up to the limits itself.
+        bounds = Bounds.of(start, start, limits, reserve=1.0)
+        is_kept = bounds.keeps(rates(w, durations, with_axes=bounds.has_axes))
+        if is_kept.any():
+            index = int(np.argmax(is_kept))
+            duration = float(durations[index])
+            return Stretch(join(start.q, w[index], duration), 0.0, duration)
+    raise PlanError(
+        "no way found from the acceleration the device has onto the curve; c2_cumulative begins "
+        "with it, `approach: true` would lead in"
+    )
