@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orientd.curves.basis import CumulativeBasis, Indices
+from orientd.curves.shooting import Path
 from orientd.curves.torque import torques
 from orientd.rotation import (
     Floats,
@@ -31,6 +32,11 @@ from orientd.rotation import (
     right_jacobian,
     rotate,
 )
+
+SLACK = 1e-3
+"""Relative; the nodes see a curve that is not their spline with an error."""
+
+ROUNDING = 1e-20
 
 
 @dataclass(frozen=True)
@@ -105,7 +111,7 @@ class EffortEquations:
         self._window = basis.first[:, None] - 1 + np.arange(basis.values.shape[1])
         self._index, self._share = keyframe_factors(basis, places)
         self._steps = between(keys[:-1], keys[1:])
-        self._at_nodes, self._node_weights = _rule(basis)
+        self._at_nodes, self._node_times, self._node_weights = _rule(basis)
         self._layout = _Layout(self._window, self._index, ends, self.count)
 
     def linearised(self, increments: Floats) -> Linearised:
@@ -127,6 +133,15 @@ class EffortEquations:
             bound=bound,
             missed=np.concatenate([missed, self.ends.errors(increments)]),
         )
+
+    def is_better(self, increments: Floats, path: Path) -> bool:
+        """Tell whether increments take no more effort than a curve, rounding apart."""
+        _, omega, torque = path(self._node_times)
+        if self._inertia is not None:
+            torque = torque @ self._inertia + np.cross(omega, omega @ self._inertia)
+        theirs = 0.5 * float(np.sum(self._node_weights[:, None] * torque**2))
+        rounding = ROUNDING * float(np.sum(increments**2)) / float(np.min(self._node_weights)) ** 3
+        return self.linearised(increments).effort <= (1.0 + SLACK) * theirs + rounding
 
     def step(self, here: Linearised) -> tuple[Floats, Floats]:
         """Return the Gauss-Newton step, and the multipliers of the equations.
@@ -181,13 +196,13 @@ def keyframe_factors(basis: CumulativeBasis, places: Indices) -> tuple[Indices, 
     return np.stack(index)[is_used].T, np.stack(share)[is_used].T
 
 
-def _rule(basis: CumulativeBasis) -> tuple[Floats, Floats]:
-    """Return the basis at the nodes of Gauss's rule on each span ``(3, m, n)``, and its weights."""
+def _rule(basis: CumulativeBasis) -> tuple[Floats, Floats, Floats]:
+    """Return the basis ``(3, m, n)`` at the nodes of Gauss's rule on each span, nodes, weights."""
     nodes, weights = np.polynomial.legendre.leggauss(basis.values.shape[1] + 1)
     h = np.diff(basis.breaks)[:, None]
-    times = basis.breaks[:-1, None] + 0.5 * h * (1.0 + nodes)
+    times = (basis.breaks[:-1, None] + 0.5 * h * (1.0 + nodes)).ravel()
     span = np.repeat(np.arange(len(h)), len(nodes))
-    return basis.at(span, times.ravel()), (0.5 * h * weights).ravel()
+    return basis.at(span, times), times, (0.5 * h * weights).ravel()
 
 
 class _Layout:

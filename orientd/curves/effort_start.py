@@ -50,7 +50,13 @@ def start_path(
     return path, q * signs
 
 
-def search(equations: EffortEquations, path: Path, knots: Floats, order: int) -> Floats:
+def search(
+    equations: EffortEquations,
+    path: Path,
+    knots: Floats,
+    order: int,
+    ends: tuple[Floats | None, Floats | None],
+) -> Floats:
     """Return increments of stationary effort near a curve, the best found if it is violent.
 
     Raises:
@@ -59,7 +65,7 @@ def search(equations: EffortEquations, path: Path, knots: Floats, order: int) ->
     guesses = [refined(path, knots, order)]
     missed = equations.linearised(guesses[0]).missed
     if np.max(np.sum(missed * missed, axis=1)) > FAR**2 and order == 4:
-        guesses += interpolated(path, np.unique(knots))
+        guesses += interpolated(path, np.unique(knots), ends)
     found, problems = [], []
     for guess in guesses:
         try:
@@ -73,10 +79,21 @@ def search(equations: EffortEquations, path: Path, knots: Floats, order: int) ->
     return min(found, key=lambda solved: equations.linearised(solved).effort)
 
 
-def interpolated(path: Path, breaks: Floats) -> list[Floats]:
+def interpolated(
+    path: Path, breaks: Floats, ends: tuple[Floats | None, Floats | None]
+) -> list[Floats]:
     """Return the increments of the cubic spline through points of a curve, if there is one."""
+    first, last = ends
     try:
-        spline = C2Cumulative(keys=path(breaks)[0], times=breaks, align=False)
+        spline = C2Cumulative(
+            keys=path(breaks)[0],
+            times=breaks,
+            start="natural" if first is None else "clamped",
+            end="natural" if last is None else "clamped",
+            omega_start=first,
+            omega_end=last,
+            align=False,
+        )
     except (PlanError, ValueError):
         return []
     return [spline.increments]

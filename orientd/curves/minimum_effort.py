@@ -12,7 +12,12 @@ from orientd.curves.effort_equations import EffortEquations, EndRows
 from orientd.curves.effort_start import search, start_path
 from orientd.curves.keyframes import check_aligned, check_choice, check_integer, resolve_times
 from orientd.curves.spline_ends import outer_derivatives
+from orientd.errors import PlanError
 from orientd.rotation import Floats, exp_half, multiply, rotate
+
+DIVISIONS = (1, 2, 4)
+"""Into how many times as many spans an interval is divided until the effort is below that of the
+spline to start from: one that turns by radians in a span is not near one over finer knots."""
 
 ENDS = ("natural", "clamped", "state")
 
@@ -55,7 +60,8 @@ class MinimumEffort(CumulativeCurve):
         order: degree of the spline plus one, 4 to 6; without it 4 for acceleration, 5 for torque.
         smoothness: how many derivatives are continuous at the keyframes, 2 to ``order - 2``, which
             is what they are between them; more cost 1 to 3 % of effort.
-        spans: of the spline between two keyframes, 2 to 8.
+        spans: of the spline between two keyframes, 2 to 8; more where these take more effort than
+            ``c2_cumulative``, as they may with several radians in a span.
         start: condition at the first keyframe.
         end: condition at the last keyframe.
         omega_start: body angular velocity at the first keyframe, rad/s.
@@ -102,14 +108,34 @@ class MinimumEffort(CumulativeCurve):
         first = check_given(check_choice(start, "start", ENDS), "start", omega_start, alpha_start)
         last = check_given(check_choice(end, "end", ENDS), "end", omega_end, alpha_end)
         path, q = start_path(q, instants, first[0], last[0])
-        vector = effort_knots(instants, k, pieces, k - 1 - smooth)
-        basis = cumulative_basis(vector, k)
-        places = np.minimum(pieces * np.arange(len(instants)), len(basis.first))
-        ends = _end_rows(basis, first, last, is_free=matrix is not None)
-        equations = EffortEquations(basis=basis, places=places, keys=q, ends=ends, inertia=matrix)
-        solved = search(equations, path, vector, k)
+        has_acceleration = first[1] is not None or last[1] is not None
+        problem = PlanError(_WORSE)
+        for more in DIVISIONS:
+            vector = effort_knots(instants, k, more * pieces, k - 1 - smooth)
+            basis = cumulative_basis(vector, k)
+            places = np.minimum(more * pieces * np.arange(len(instants)), len(basis.first))
+            ends = _end_rows(basis, first, last, is_free=matrix is not None)
+            equations = EffortEquations(
+                basis=basis, places=places, keys=q, ends=ends, inertia=matrix
+            )
+            try:
+                solved = search(equations, path, vector, k, (first[0], last[0]))
+            except PlanError as error:
+                problem = error
+                continue
+            # The spline to start from knows nothing of accelerations at its ends.
+            if has_acceleration or equations.is_better(solved, path):
+                break
+        else:
+            raise problem
         controls = _controls(basis, places, q, solved)
         super().__init__(basis=basis, controls=controls, increments=solved, continuity=smooth)
+
+
+_WORSE = (
+    "no curve of less effort than c2_cumulative was found: take more spans, add keyframes, lower "
+    "the end velocities or make neighbouring intervals more alike"
+)
 
 
 def check_inertia(inertia: ArrayLike) -> Floats:

@@ -220,6 +220,15 @@ def test_a_fast_end_coasts_instead_of_winding_back(random_keys, seed):
     assert effort(curve) < 0.7 * effort(C2(keys=keys, **ends))
 
 
+@pytest.mark.parametrize("speed", [8.0, 16.0, 30.0])
+def test_intervals_that_turn_by_radians_are_divided_until_less_effort_is_taken(speed):
+    keys, spin = np.array([exp([0.0, 0.0, 0.0]), exp([1.5, 0.5, 0.0])]), [0.0, 0.0, speed]
+    ends = {"start": "clamped", "end": "clamped", "omega_start": spin, "omega_end": spin}
+    curve = LEAST(keys=keys, times=[0.0, 2.6], **ends)
+    assert effort(curve) < effort(C2(keys=keys, times=[0.0, 2.6], **ends))
+    assert angle(curve.evaluate([0.0, 2.6])[0], keys).max() < 1e-9
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("step_deg", [10.0, 178.0])
 def test_intervals_in_a_ratio_of_10000_are_met_or_refused(random_keys, step_deg):
