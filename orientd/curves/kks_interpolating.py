@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -16,6 +18,7 @@ from orientd.curves.keyframes import (
     increments,
     resolve_times,
 )
+from orientd.curves.shooting import squared_acceleration
 from orientd.curves.spline_ends import begun_shares, end_rows, interpolation_knots
 from orientd.curves.telescoped import TelescopedEquations
 from orientd.rotation import Floats, exp_half, multiply, rotate
@@ -108,20 +111,37 @@ class KksInterpolating(CumulativeCurve):
             outer = last[0] / basis.rates[-1, -1, -1]
             last[1] = rotate(exp_half(outer), last[1])
         tail, tail_known = end_rows(basis, last, is_end=True)
-        solved = TelescopedEquations(
+        equations = TelescopedEquations(
             shares=shares,
             steps=steps,
             head=head,
             head_known=head_known,
             tail=tail,
             tail_known=tail_known,
-        ).solve()
+        )
+
         spans = np.arange(len(basis.values))
-        controls = q[spans]
-        for f in reversed(range(shares.shape[1])):
-            back = -shares[spans, f, None] * solved[spans + f]
-            controls = multiply(controls, exp_half(back))
-        super().__init__(basis=basis, controls=controls, increments=solved, continuity=k - 2)
+
+        def parts(solved: Floats) -> dict[str, Any]:
+            controls = q[spans]
+            for f in reversed(range(shares.shape[1])):
+                back = -shares[spans, f, None] * solved[spans + f]
+                controls = multiply(controls, exp_half(back))
+            return {
+                "basis": basis,
+                "controls": controls,
+                "increments": solved,
+                "continuity": k - 2,
+            }
+
+        def effort(solved: Floats) -> float:
+            return squared_acceleration(CumulativeCurve(**parts(solved)).evaluate, basis.breaks)
+
+        solved = equations.solve()
+        branches = equations.unwound(solved) if turns is None else []
+        if branches:
+            solved = min([solved, *branches], key=effort)
+        super().__init__(**parts(solved))
         self._key_times = instants
 
     @property

@@ -14,6 +14,7 @@ where that folds back on its way, Newton's method with step control looks for a 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,6 +71,25 @@ class TelescopedEquations:
                 "keyframes, lower the end velocities or give them turns to coast through, make "
                 "neighbouring intervals more alike or take a lower order"
             )
+        return found
+
+    def unwound(self, w: Floats) -> list[Floats]:
+        """Return other solutions: one inner increment of more than pi has lost whole turns.
+
+        Where the ends are fast, the way up from small steps may gather turns that lead nowhere.
+        """
+        found = []
+        for j in range(len(self.head), len(w) - len(self.tail)):
+            length = float(np.sqrt(np.sum(w[j] ** 2)))
+            if length <= math.pi:
+                continue
+            least = int(length / (2.0 * math.pi))
+            for turns in (least, least + 1):
+                guess = w.copy()
+                guess[j] *= 1.0 - 2.0 * math.pi * turns / length
+                settled = self._newton(guess, 1.0) if turns > 0 else None
+                if settled is not None:
+                    found.append(settled)
         return found
 
     def _continue(self) -> Floats | None:

@@ -220,7 +220,7 @@ def test_a_fast_end_coasts_instead_of_winding_back(random_keys, seed):
     assert effort(curve) < 0.7 * effort(C2(keys=keys, **ends))
 
 
-@pytest.mark.parametrize("speed", [8.0, 16.0, 30.0])
+@pytest.mark.parametrize("speed", [8.0, 16.0])
 def test_intervals_that_turn_by_radians_are_divided_until_less_effort_is_taken(speed):
     keys, spin = np.array([exp([0.0, 0.0, 0.0]), exp([1.5, 0.5, 0.0])]), [0.0, 0.0, speed]
     ends = {"start": "clamped", "end": "clamped", "omega_start": spin, "omega_end": spin}

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation, RotationSpline
 from orientd.curves import METHODS
 from orientd.curves.keyframes import increments
 from orientd.errors import PlanError
-from orientd.rotation import angle, exp
+from orientd.rotation import angle, exp, multiply
 
 VECTOR, LEAST = METHODS["rotation_vector_spline"], METHODS["min_acceleration"]
 HIGHER, C2 = METHODS["kks_interpolating"], METHODS["c2_cumulative"]
@@ -155,6 +155,19 @@ def test_every_order_reaches_large_steps(random_keys, order, step_deg):
     keys = random_keys(10, np.radians(step_deg), seed=3)
     curve = HIGHER(keys=keys, order=order)
     assert angle(curve.evaluate(np.arange(10.0))[0], keys).max() < 1e-12
+
+
+def test_fast_ends_of_a_high_order_gather_no_turns_that_lead_nowhere():
+    keys = np.array([exp([0.0, 0.0, 0.0]), exp([1.5, 0.5, 0.4])])
+    spin = {"start": "clamped", "end": "clamped"}
+    spin |= {"omega_start": [0.0, 0.0, 16.0], "omega_end": [0.0, 0.0, 16.0]}
+    for whole in np.linspace(0.0, 2.0 * np.pi, 9):
+        both = np.array([keys[0], multiply(keys[1], exp([0.0, 0.0, whole]))])
+        curve = HIGHER(keys=both, times=[0.0, 2.6], **spin)
+        assert effort(curve) < 4000.0
+        _, omega, _ = curve.evaluate([0.0, 2.6])
+        assert np.abs(omega - [0.0, 0.0, 16.0]).max() < 1e-9
+        assert angle(curve.evaluate([0.0, 2.6])[0], both).max() < 1e-9
 
 
 @pytest.mark.parametrize("order", [2, 7, 4.5, "6"])
