@@ -13,7 +13,8 @@ from math import ceil, sqrt
 
 from orientd.driver import ZERO, Quaternion, Vector3
 from orientd.driver.floats import difference, exp, multiply, norm, normalize
-from orientd.servo.tracking.law import bounds, halt, loosened
+from orientd.servo.tracking.bounds import bounds, loosened
+from orientd.servo.tracking.law import halt
 from orientd.stream import Terms
 
 TOLERANCE = 1.001

@@ -7,19 +7,17 @@ from typing import NamedTuple
 
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
 from orientd.driver.floats import difference, exp, multiply, normalize
-from orientd.servo.tracking.law import (
-    advance,
+from orientd.servo.tracking.bounds import (
     bounds,
     bounds_of,
     divided,
-    halt,
     loosened,
-    moved,
     softened,
-    steer,
     times,
 )
+from orientd.servo.tracking.law import advance, halt, moved
 from orientd.servo.tracking.reference import Reference, Target
+from orientd.servo.tracking.steering import steer
 from orientd.stream import Terms
 
 _SEAM = 0.2

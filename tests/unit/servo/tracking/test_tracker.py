@@ -261,3 +261,23 @@ def test_a_target_faster_than_the_limits_is_chased_at_the_limit():
         world.take(turned(3.0 * t), tuple(3.0 * x for x in AXIS))
         point = world.step()
     assert norm(point.omega_body) == pytest.approx(2.0, rel=0.02)
+
+
+@pytest.mark.parametrize("ceases", [True, False])
+def test_it_begins_anywhere_inside_the_limits_of_components(ceases):
+    rng = random.Random(4)
+    for _ in range(60):
+        limits = replace(
+            terms(3.6, 18.0, 360.0),
+            axis_velocity=tuple(rng.uniform(0.4, 2.0) for _ in range(3)),
+            axis_acceleration=tuple(rng.uniform(2.0, 10.0) for _ in range(3)),
+            axis_jerk=tuple(rng.uniform(40.0, 200.0) for _ in range(3)),
+        )
+        omega = tuple(rng.uniform(-0.8, 0.8) * v for v in limits.axis_velocity)
+        alpha = tuple(rng.uniform(-0.2, 0.2) * v for v in limits.axis_acceleration)
+        world = World(limits)
+        world.guard.omega, world.guard.alpha = omega, alpha
+        world.tracker.begin(world.guard.q, omega, alpha, limits)
+        if not ceases:
+            world.take(normalize(tuple(rng.gauss(0.0, 1.0) for _ in range(4))), live=5.0)
+        world.run(1.0)

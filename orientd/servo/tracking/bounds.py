@@ -1,0 +1,121 @@
+"""What the tracking law keeps, in its own units, and the gains of its last stretch."""
+
+from __future__ import annotations
+
+from math import cbrt, sqrt
+from typing import NamedTuple
+
+from orientd.driver import Vector3
+from orientd.driver.floats import norm
+from orientd.stream import Terms
+
+PRECISION = 1e-3
+"""Size of the last stretch, rad, where the law is linear; a slow device leaves it larger."""
+
+QUICKEST = 0.15
+"""Largest part of the angle left that the last stretch closes in one cycle."""
+
+SOFT = 20.0
+"""Largest closing speed per angle left while the target moves, 1/s."""
+
+LEAST = 1e-9
+"""The least that a limit counts as, so that none divides by zero."""
+
+CALM = 0.5
+"""Part of a limit that the linear law for a moving target may use up for a surprise."""
+
+RATIO = 2.0
+"""How much faster velocities settle than angles: with 2 no limit is asked for more than it gives
+where a stop at the limits passes into the linear law."""
+
+
+class Bounds(NamedTuple):
+    """Norms that the motion keeps, and the gains of the last stretch.
+
+    Attributes:
+        period: s.
+        velocity: rad/s.
+        acceleration: rad/s^2.
+        jerk: rad/s^3.
+        approach: closing speed per angle left, 1/s.
+        settle: acceleration per velocity error, 1/s.
+        share: part of the wanted change of acceleration that is made in one cycle.
+        calm: relative speed below which the last stretch begins whatever the angle left, rad/s.
+    """
+
+    period: float
+    velocity: float
+    acceleration: float
+    jerk: float
+    approach: float
+    settle: float
+    share: float
+    calm: float
+
+
+def bounds(period: float, velocity: float, acceleration: float, jerk: float) -> Bounds:
+    """Return bounds with the gains that suit them: the last stretch is some *PRECISION* long."""
+    velocity, acceleration = max(velocity, LEAST), max(acceleration, LEAST)
+    # A jerk that goes through the whole acceleration in one cycle is as good as any.
+    jerk = min(max(jerk, LEAST), acceleration / period)
+    approach = min(cbrt(jerk / PRECISION), sqrt(acceleration / PRECISION), QUICKEST / period)
+    return Bounds(period, velocity, acceleration, jerk, approach, RATIO * approach, 0.8, 0.0)
+
+
+def bounds_of(terms: Terms, period: float) -> tuple[Bounds, Vector3]:
+    """Return bounds for *terms*, and the units along the axes in which they hold.
+
+    An ellipsoid inside the limits of norm and components; along the axis that may move most it
+    gives nothing away, along others as much as their limits are out of proportion.
+    """
+    if not terms.has_axes:
+        return bounds(period, terms.velocity, terms.acceleration, terms.jerk), (1.0, 1.0, 1.0)
+    velocity = max(LEAST, min(terms.velocity, max(terms.axis_velocity)))
+    acceleration = max(LEAST, min(terms.acceleration, max(terms.axis_acceleration)))
+    jerk = max(LEAST, min(terms.jerk, max(terms.axis_jerk)))
+    x, y, z = (
+        max(LEAST, min(v / velocity, a / acceleration, j / jerk, 1.0))
+        for v, a, j in zip(
+            terms.axis_velocity, terms.axis_acceleration, terms.axis_jerk, strict=True
+        )
+    )
+    return bounds(period, velocity, acceleration, jerk), (x, y, z)
+
+
+def softened(limits: Bounds) -> Bounds:
+    """Return *limits* with the gains for a target that moves and trembles."""
+    approach = min(limits.approach, SOFT)
+    share = min(limits.share, 3.0 * RATIO * approach * limits.period)
+    settle = RATIO * approach
+    calm = CALM * min(limits.acceleration / settle, limits.jerk / settle / settle)
+    return limits._replace(approach=approach, settle=settle, share=share, calm=calm)
+
+
+def loosened(limits: Bounds, omega: Vector3, alpha: Vector3) -> Bounds:
+    """Return *limits*, or with the velocity that a state beyond them cannot avoid any more.
+
+    An acceleration beyond them needs nothing: it falls as fast as the jerk allows (:func:`reach`).
+    """
+    size, speed = norm(alpha), norm(omega)
+    if size > 0.0:
+        s = limits.period * run_out(size, limits.jerk * limits.period) / size
+        speed = max(
+            speed, norm((omega[0] + s * alpha[0], omega[1] + s * alpha[1], omega[2] + s * alpha[2]))
+        )
+    return limits if speed <= limits.velocity else limits._replace(velocity=speed)
+
+
+def run_out(value: float, step: float) -> float:
+    """Return how much velocity (over h) is still gained while *value* ramps down to zero."""
+    m = int(value / step)
+    return m * (value - 0.5 * step * (m + 1))
+
+
+def times(v: Vector3, units: Vector3) -> Vector3:
+    """Return *v*, given in *units*, in SI."""
+    return (v[0] * units[0], v[1] * units[1], v[2] * units[2])
+
+
+def divided(v: Vector3, units: Vector3) -> Vector3:
+    """Return *v*, given in SI, in *units*."""
+    return (v[0] / units[0], v[1] / units[1], v[2] / units[2])
