@@ -12,7 +12,7 @@ from orientd.stream import Terms
 PRECISION = 1e-3
 """Size of the last stretch, rad, where the law is linear; a slow device leaves it larger."""
 
-QUICKEST = 0.15
+QUICKEST = 0.27
 """Largest part of the angle left that the last stretch closes in one cycle."""
 
 SOFT = 20.0
@@ -56,8 +56,9 @@ class Bounds(NamedTuple):
 def bounds(period: float, velocity: float, acceleration: float, jerk: float) -> Bounds:
     """Return bounds with the gains that suit them: the last stretch is some *PRECISION* long."""
     velocity, acceleration = max(velocity, LEAST), max(acceleration, LEAST)
-    # A jerk that goes through the whole acceleration in one cycle is as good as any.
-    jerk = min(max(jerk, LEAST), acceleration / period)
+    # A jerk that needs fewer than two cycles for the whole acceleration gains no time, and a stop
+    # in whole cycles keeps less well to what is predicted of it.
+    jerk = min(max(jerk, LEAST), acceleration / (2.0 * period))
     approach = min(cbrt(jerk / PRECISION), sqrt(acceleration / PRECISION), QUICKEST / period)
     return Bounds(period, velocity, acceleration, jerk, approach, RATIO * approach, 0.8, 0.0)
 
