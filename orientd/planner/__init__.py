@@ -13,6 +13,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from orientd.planner.blending import blend
     from orientd.planner.certificate import Certificate, Peak
     from orientd.planner.limits import DEFAULT_LIMITS, Limits
     from orientd.planner.motion import RECORD_FLOATS, Motion
@@ -36,6 +37,7 @@ _HOMES = {
     "Peak": "certificate",
     "Samples": "path",
     "State": "request",
+    "blend": "blending",
     "plan": "planning",
     "reshaped": "shaped",
     "retarget": "retargeting",
@@ -54,6 +56,7 @@ __all__ = [
     "Peak",
     "Samples",
     "State",
+    "blend",
     "plan",
     "reshaped",
     "retarget",

@@ -12,7 +12,7 @@ from orientd.planner.certificate import Rough
 from orientd.planner.course import Core
 from orientd.planner.join_in import join_in
 from orientd.planner.lead import is_still, lead_out
-from orientd.planner.lead_in import LeadIn, lead_in
+from orientd.planner.lead_in import Caution, LeadIn, lead_in
 from orientd.planner.limits import Limits
 from orientd.planner.path import Path, Stretch
 from orientd.planner.position_lead import position_lead
@@ -87,7 +87,13 @@ def with_leads(
     return Draft(path, begin, end, core.times + begin, rough)
 
 
-def to_single(request: MotionRequest, start: State, limits: Limits, period: float) -> Draft:
+def to_single(
+    request: MotionRequest,
+    start: State,
+    limits: Limits,
+    period: float,
+    caution: Caution = Caution.NONE,
+) -> Draft:
     """Return the path to a single keyframe, and to rest behind it if it is passed.
 
     Args:
@@ -95,6 +101,7 @@ def to_single(request: MotionRequest, start: State, limits: Limits, period: floa
         start: where the device is commanded to be.
         limits: to keep.
         period: of the device, s.
+        caution: how to lead in.
 
     Raises:
         PlanError: the end velocity is one that the limits do not permit.
@@ -104,7 +111,7 @@ def to_single(request: MotionRequest, start: State, limits: Limits, period: floa
     if request.positions is not None:
         position = request.positions[0]
     target = State(request.keys[0], omega, np.zeros(3), position)
-    lead = lead_in(start, target, limits=limits, period=period, is_direct=True)
+    lead = lead_in(start, target, limits=limits, period=period, is_direct=True, caution=caution)
     end = lead.cycles * period
     stretches = [*lead.stretches, *_leads_out(target, end, limits, period)]
     return Draft(Path.joined(stretches, lead.positions, start.q), end, end, np.array([end]), None)

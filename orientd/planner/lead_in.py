@@ -8,6 +8,7 @@ always an answer.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 
@@ -38,8 +39,27 @@ class LeadIn:
     positions: PositionPath
 
 
+class Caution(Enum):
+    """How to lead in: a peak between the points that were looked at asks for the next one."""
+
+    NONE = 1.0
+    SOME = 0.98
+    BY_WAY_OF_REST = 0.97
+
+    @property
+    def share(self) -> float:
+        """Share of the limits to use."""
+        return self.value
+
+
 def lead_in(
-    start: State, first: State, *, limits: Limits, period: float, is_direct: bool = False
+    start: State,
+    first: State,
+    *,
+    limits: Limits,
+    period: float,
+    is_direct: bool = False,
+    caution: Caution = Caution.NONE,
 ) -> LeadIn:
     """Return the way from a state to the first keyframe.
 
@@ -49,13 +69,17 @@ def lead_in(
         limits: to keep.
         period: it takes a whole number of periods, s.
         is_direct: whether to look for a bridge from rest, too.
+        caution: what to do with less than the limits, and how.
 
     Raises:
         PlanError: the first keyframe cannot be passed as fast as *first* says.
     """
     if start.is_at_rest and not is_direct:
         return from_rest(start, first, limits=limits, period=period)
+    limits = limits.scaled(caution.share)
     positions = position_lead(start, first.position, limits=limits, period=period)
+    if caution is Caution.BY_WAY_OF_REST:
+        return _by_way_of_rest(start, first, positions, limits=limits, period=period)
     least = 0.0 if positions.is_held else float(positions.breaks[-1])
     try:
         stretches = bridge(start, first, limits=limits, period=period, least=least)

@@ -130,6 +130,14 @@ class Path:
             raise ValueError("stretches must not be empty")
         return cls(tuple(lined_up), positions, first, before)
 
+    def since(self, time: float) -> list[Stretch]:
+        """Return the stretches after *time*, where they were."""
+        return [
+            stretch.without(time - stretch.begin) if stretch.begin < time else stretch
+            for stretch in self.stretches
+            if stretch.end > time
+        ]
+
     @property
     def duration(self) -> float:
         """Path time from the first instant to the last, s."""

@@ -11,16 +11,15 @@ import numpy as np
 from orientd.curves import METHODS
 from orientd.errors import LimitError, PlanError, StartError
 from orientd.planner import refusal
-from orientd.planner.certificate import measure
+from orientd.planner.certifying import certified
 from orientd.planner.course import Core, Course
 from orientd.planner.draft import Draft, to_single, with_leads
-from orientd.planner.lead_in import LeadIn, lead_in
-from orientd.planner.limits import GUARD_TOLERANCE, Limits
+from orientd.planner.lead_in import Caution, LeadIn, lead_in
+from orientd.planner.limits import Limits
 from orientd.planner.methods import Ends, Method, check_method
 from orientd.planner.motion import Motion
 from orientd.planner.position_lead import position_lead
 from orientd.planner.request import MotionRequest, State
-from orientd.planner.summing_up import before, summed_up
 from orientd.planner.survey import Survey
 from orientd.planner.timing import LONGEST, Indices, chord_knots, shortest
 from orientd.rotation import Floats
@@ -67,15 +66,15 @@ def plan(
         raise ValueError(f"period must be positive, got {period} s")
     job = _Job.of(request, start, limits.narrowed(request.limits), period)
     name = motion_id or uuid.uuid4().hex[:12]
-    if request.is_single:
-        return job.certified(job.as_single(), name)
-    if request.times is not None:
-        return job.certified(job.as_timed(), name)
-    try:
-        return job.certified(job.as_quick_as_possible(everywhere=False), name)
-    except LimitError:
-        # A peak where none was expected: look at every record then.
-        return job.certified(job.as_quick_as_possible(everywhere=True), name)
+    if not request.approach or (start.is_at_rest and not request.is_single):
+        return job.motion(name)
+    first: LimitError | None = None
+    for caution in Caution:
+        try:
+            return replace(job, caution=caution, leads={}).motion(name)
+        except LimitError as error:
+            first = first or error
+    raise first or PlanError("no lead-in was tried")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,6 +88,7 @@ class _Job:
         period: of the device, s.
         method: the row of the request's method.
         ends: velocities at the first and last keyframe.
+        caution: with which to lead in.
         leads: lead-ins already found, by the state they lead to.
     """
 
@@ -98,6 +98,7 @@ class _Job:
     period: float
     method: Method
     ends: Ends
+    caution: Caution = Caution.NONE
     leads: dict[bytes, LeadIn] = field(default_factory=dict)
 
     @classmethod
@@ -123,9 +124,21 @@ class _Job:
         ends = Ends(omega_start, request.omega_end, alpha_start)
         return cls(request, start, limits, period, method, ends)
 
+    def motion(self, name: str) -> Motion:
+        """Return the motion, certified."""
+        if self.request.is_single:
+            return self.certified(self.as_single(), name)
+        if self.request.times is not None:
+            return self.certified(self.as_timed(), name)
+        try:
+            return self.certified(self.as_quick_as_possible(everywhere=False), name)
+        except LimitError:
+            # A peak where none was expected: look at every record then.
+            return self.certified(self.as_quick_as_possible(everywhere=True), name)
+
     def as_single(self) -> Draft:
         """Return the path to the only keyframe."""
-        return to_single(self.request, self.start, self.limits, self.period)
+        return to_single(self.request, self.start, self.limits, self.period, self.caution)
 
     def as_timed(self) -> Draft:
         """Return the path with the times of the request."""
@@ -189,49 +202,9 @@ class _Job:
         return drafts[cycles]
 
     def certified(self, draft: Draft, motion_id: str) -> Motion:
-        """Return the motion, held against its limits on the records that will be sent.
-
-        Raises:
-            LimitError: it breaks one.
-        """
-        request, period, path = self.request, self.period, draft.path
-        count = math.ceil(path.duration / period - _END_SLACK) + 1
-
-        def setpoints(first: int, size: int) -> tuple[Floats, Floats]:
-            samples = path.sample(period * np.arange(first, first + size, dtype=np.float64))
-            return samples.q, samples.position
-
-        # A timing of the user's may go up to the limits, where the guard's tolerance is all that
-        # is left to brake with.
-        is_users = request.times is not None
-        peaks = measure(
-            setpoints,
-            count,
-            period,
-            self.limits,
-            before=before(self.start, period) if self.start.is_known else None,
-            holds_after=True,
-            brake_limits=self.limits.scaled(GUARD_TOLERANCE) if is_users else self.limits,
-            rough=draft.rough,
-        )
-        place = refusal.Place(request, draft.begin, draft.end, draft.keyframe_times)
-        refusal.check_limits(peaks, place)
-        refusal.check_stop(peaks, place)
-        return Motion(
-            id=motion_id,
-            request=request,
-            limits=self.limits,
-            period=period,
-            path=path,
-            start_time=draft.begin,
-            end_time=draft.end,
-            keyframe_times=draft.keyframe_times,
-            record_count=count,
-            certificate=summed_up(
-                request, path, (draft.begin, draft.end), draft.keyframe_times, peaks, period
-            ),
-            rough=draft.rough,
-            before=self.start.before,
+        """Return the motion, held against its limits on the records that will be sent."""
+        return certified(
+            draft, self.request, self.start, self.limits, self.period, motion_id=motion_id
         )
 
     def _course(self, times: Floats, kept: Indices) -> Course:
@@ -261,5 +234,7 @@ class _Job:
         first = replace(first, position=core.positions.first)
         key = np.concatenate([*(first.q, first.omega_body, first.alpha_body)]).tobytes()
         if key not in self.leads:
-            self.leads[key] = lead_in(self.start, first, limits=self.limits, period=self.period)
+            self.leads[key] = lead_in(
+                self.start, first, limits=self.limits, period=self.period, caution=self.caution
+            )
         return self.leads[key]

@@ -115,6 +115,20 @@ class PositionPath:
             self.last,
         )
 
+    def since(self, time: float) -> PositionPath:
+        """Return what comes after *time*, where it was."""
+        if self.is_held or time <= self.breaks[0]:
+            return self
+        if time >= self.breaks[-1]:
+            return PositionPath.held(self.last)
+        piece = int(np.searchsorted(self.breaks[1:-1], time, side="right"))
+        u, c = time - self.breaks[piece], self.coefficients[piece:].copy()
+        c[0] = [
+            sum(math.comb(n, k) * u ** (n - k) * c[0, n] for n in range(k, DEGREE + 1))
+            for k in range(DEGREE + 1)
+        ]
+        return PositionPath(np.append(time, self.breaks[piece + 1 :]), c, c[0, 0], self.last)
+
     def after_move_from(self, position: Floats, begin: float, end: float) -> PositionPath:
         """Return this path with a move from *position* to its first point put before it.
 

@@ -106,11 +106,12 @@ def test_the_certificate_covers_the_seam():
         )
 
 
-def test_retargets_from_retargets_keep_the_limits():
+@pytest.mark.parametrize("count", [150, pytest.param(10_000, marks=pytest.mark.slow)])
+def test_retargets_from_retargets_keep_the_limits(count):
     random = np.random.default_rng(5)
     motion, record = moving(1)
     sent = [orientations(motion, 0, record)]
-    for _ in range(150):
+    for _ in range(count):
         start = motion.state_at(min(record, motion.record_count - 1))
         turn = random.choice([0.0, 1e-3, random.uniform(0, np.pi), np.pi])
         along = start.omega_body * random.choice([-1, 1]) if random.random() < 0.5 else 0.0
@@ -128,6 +129,23 @@ def test_a_half_turn_goes_on_the_way_the_device_is_turning():
         start = aimed(exp([0, 0, side * 3.0]), State.at_rest(HERE)).state_at(200)
         motion = aimed(multiply(start.q, [0.0, 0.0, 0.0, 1.0]), start)
         assert np.all(motion.records(0, motion.record_count)[:-1, 6] * side > -1e-9)
+
+
+@pytest.mark.parametrize("name", sorted(LIMITS))
+def test_a_state_at_the_limits_of_velocity_and_acceleration_has_a_way_out(name):
+    limits = LIMITS[name]
+    random = np.random.default_rng(8)
+    for turn in (0.0, 0.01, 1.0, np.pi):
+        for kind in range(6):
+            omega, alpha = np.array(vector(random, 1.0)), np.array(vector(random, 1.0))
+            along = float(omega @ alpha)
+            # Outwards no path within the limits could be going there.
+            alpha -= omega * (along if kind % 2 else 2.0 * max(along, 0.0))
+            alpha /= np.linalg.norm(alpha)
+            start = State(HERE, limits.velocity * omega, limits.acceleration * alpha, np.zeros(3))
+            target = exp(vector(random, turn)) if turn else HERE
+            motion = aimed(target, start, limits)
+            assert angle(motion.end_state.q, target) < 1e-9
 
 
 def test_from_rest_it_is_quicker_than_the_quintic_from_rest_to_rest():

@@ -1,0 +1,230 @@
+"""Blending: one motion after another without coming to rest at the corner between them.
+
+The first motion is left a little before its end, and the next one joined a little after its
+beginning, by a quintic with orientation, velocity and acceleration of both: the wider it cuts the
+corner, the quicker, and the tolerance says how wide it may be cut.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from orientd.errors import PlanError
+from orientd.planner.bridge import Bounds
+from orientd.planner.certifying import certified
+from orientd.planner.draft import Draft
+from orientd.planner.limits import Limits
+from orientd.planner.motion import Motion
+from orientd.planner.path import Path, Stretch
+from orientd.planner.planning import plan
+from orientd.planner.position import PositionPath, quintic
+from orientd.planner.quintic import Ends, increments, join, rates
+from orientd.planner.request import MotionRequest, State
+from orientd.rotation import Floats, angle
+
+Indices = np.ndarray[Any, np.dtype[np.intp]]
+
+_DISTANCES = 24  # from the corner at which to leave and to join
+_SHARES = np.concatenate([np.linspace(0.3, 1.0, 15), [1.1, 1.2]])  # of the time cut out
+_TRIES = 8  # blends that are held against the limits in full
+_POINTS = 65
+_SAME = 1e-9
+
+
+class _Cut(NamedTuple):
+    """Where to leave the first motion and to join the second one: records, shape ``(n,)``."""
+
+    leave: Indices
+    join: Indices
+
+
+def blend(
+    first: Motion,
+    request: MotionRequest,
+    *,
+    tolerance: float,
+    limits: Limits,
+    period: float,
+    earliest: int = 0,
+    motion_id: str | None = None,
+) -> tuple[int, Motion]:
+    """Plan a motion that follows another one, if possible without coming to rest between them.
+
+    Where the tolerance is zero, or no blend is found, the motions are joined where the first one
+    ends: with its end velocity, if the next one begins there with the same one, and else at rest.
+
+    Args:
+        first: the motion before.
+        request: what is to follow.
+        tolerance: how far from the corner, the orientation in which the first motion ends, the
+            device may pass, rad.
+        limits: the device's.
+        period: the device's cycle, s.
+        earliest: record of *first* before which it cannot be left any more.
+        motion_id: names the motion; by default a new random name.
+
+    Returns:
+        The record of *first* at which to leave it, and the motion from there on; its certificate
+        notes how far from the corner it passes.
+
+    Raises:
+        RequestError: the request is not one that its method or the device allows.
+        PlanError: it cannot be planned.
+        ValueError: *tolerance* is not a number from 0 on, or the periods differ.
+    """
+    if not tolerance >= 0.0:
+        raise ValueError(f"tolerance must be a number from 0 on, got {tolerance}")
+    if first.period != period:
+        raise ValueError(f"period must be that of the first motion, {first.period}, got {period}")
+    moving = _moving_on(first, request, limits, period, earliest, motion_id)
+    if moving is not None:
+        return moving
+    rest = first.record_count - 1
+    second = plan(
+        request, start=first.state_at(rest), limits=limits, period=period, motion_id=motion_id
+    )
+    if tolerance > 0.0 and isinstance(second.path, Path):
+        found = _blended(first, second, second.path, tolerance, earliest)
+        if found is not None:
+            return found
+    return max(rest, earliest), second
+
+
+def _moving_on(
+    first: Motion,
+    request: MotionRequest,
+    limits: Limits,
+    period: float,
+    earliest: int,
+    motion_id: str | None,
+) -> tuple[int, Motion] | None:
+    """Return the motion from the end velocity of the first one on, if it begins with that."""
+    record = round(first.end_time / period)
+    is_on_record = abs(record * period - first.end_time) <= _SAME * period
+    if first.end_time >= first.duration - _SAME or not is_on_record or record < earliest:
+        return None
+    state = first.state_at(record)
+    wanted = request.omega_start
+    if wanted is None or np.linalg.norm(wanted - state.omega_body) > _SAME:
+        return None
+    if request.approach or angle(request.keys[0], state.q) > _SAME:
+        return None
+    try:
+        return record, plan(request, start=state, limits=limits, period=period, motion_id=motion_id)
+    except PlanError:
+        return None
+
+
+def _blended(
+    first: Motion, second: Motion, path: Path, tolerance: float, earliest: int
+) -> tuple[int, Motion] | None:
+    """Return the quickest blend that passes the corner within the tolerance."""
+    period, corner = first.period, first.path.last
+    cut = _cuts(first, second, corner, earliest)
+    if not len(cut.leave):
+        return None
+    spared = first.record_count - 1 - cut.leave + cut.join
+    cycles = np.maximum(np.rint(spared[:, None] * _SHARES), 2).astype(np.intp)
+    index = np.repeat(np.arange(len(spared)), len(_SHARES))
+    cycles = cycles.reshape(-1)
+    leave, joined = cut.leave[index], cut.join[index]
+    durations = period * cycles
+    here = first.sample(period * leave.astype(np.float64))
+    there = second.sample(period * joined.astype(np.float64))
+    w = increments(Ends(*here[:3]), Ends(*there[:3]), durations)[0]
+    bounds = Bounds.of(State.at_rest(corner), State.at_rest(corner), second.limits)
+    kept = np.flatnonzero(bounds.keeps(rates(w, durations, with_axes=bounds.has_axes)))
+    # The quickest first.
+    gain = (spared[index] - cycles)[kept]
+    tries = 0
+    for one in kept[np.argsort(-gain, kind="stable")].tolist():
+        if spared[index[one]] <= cycles[one] or tries == _TRIES:
+            break
+        curve = join(here.q[one], w[one], float(durations[one]))
+        instants = np.linspace(0.0, float(durations[one]), _POINTS)
+        distances = angle(curve.evaluate(instants)[0], corner)
+        nearest = int(np.argmin(distances))
+        if distances[nearest] > tolerance:
+            continue
+        tries += 1
+        begin = float(instants[nearest])
+        stretch = Stretch(curve, 0.0, float(durations[one]))
+        start = first.state_at(int(leave[one]))
+        draft = _draft(stretch, start, second, path, period * int(joined[one]), begin)
+        try:
+            motion = certified(
+                draft, second.request, start, second.limits, period, motion_id=second.id
+            )
+        except PlanError:
+            continue
+        saved = period * int(spared[index[one]] - cycles[one])
+        note = (
+            f"blended with the motion before: passes the corner at {distances[nearest]:.4g} rad, "
+            f"{saved:.3f} s sooner than by way of rest"
+        )
+        notes = (*motion.certificate.notes, note)
+        return int(leave[one]), replace(
+            motion, certificate=replace(motion.certificate, notes=notes)
+        )
+    return None
+
+
+def _cuts(first: Motion, second: Motion, corner: Floats, earliest: int) -> _Cut:
+    """Return pairs of records at equal distances from the corner, beyond no other keyframe."""
+    period = first.period
+    passed = first.keyframe_times[first.keyframe_times < first.end_time - _SAME]
+    begin = float(passed[-1]) if len(passed) else 0.0
+    coming = second.keyframe_times[angle(second.request.keys, corner) > _SAME]
+    end = float(coming[0]) if len(coming) else second.end_time
+    leave = np.arange(max(earliest, int(np.ceil(begin / period))), first.record_count - 1)
+    joined = np.arange(1, min(int(end / period), second.record_count - 2) + 1)
+    if not len(leave) or not len(joined):
+        return _Cut(leave[:0], joined[:0])
+    before = angle(first.sample(period * leave.astype(np.float64)).q, corner)
+    after = angle(second.sample(period * joined.astype(np.float64)).q, corner)
+    # From the corner on as far as the distance grows.
+    before = np.maximum.accumulate(before[::-1])
+    after = np.maximum.accumulate(after)
+    most = min(before[-1], after[-1])
+    if not most > _SAME:
+        return _Cut(leave[:0], joined[:0])
+    distances = most * np.linspace(0.0, 1.0, _DISTANCES + 1)[1:]
+    back = np.minimum(np.searchsorted(before, distances), len(leave) - 1)
+    ahead = np.minimum(np.searchsorted(after, distances), len(joined) - 1)
+    return _Cut(leave[len(leave) - 1 - back], joined[ahead])
+
+
+def _draft(
+    stretch: Stretch, start: State, second: Motion, path: Path, time: float, nearest: float
+) -> Draft:
+    """Return the path of a blend and what it leads into.
+
+    Args:
+        stretch: the blend.
+        start: where it begins.
+        second: the motion it leads into.
+        path: of that.
+        time: path time of the second motion at which it is joined, s.
+        nearest: path time at which the blend is nearest to the corner, s.
+    """
+    shift = stretch.end - time
+    stretches = [stretch, *(later.shifted(shift) for later in path.since(time))]
+    there = path.positions.state(time)
+    here = start.position, start.velocity, start.acceleration
+    piece = quintic(here, there, stretch.end)
+    positions = path.positions.since(time).delayed(shift)
+    if start.is_position_moving or np.any(there[0] != start.position):
+        breaks = np.array([0.0, stretch.end])
+        positions = positions.after(PositionPath(breaks, piece[None], start.position, there[0]))
+    times = second.keyframe_times + shift
+    times = np.where(second.keyframe_times < time, nearest, times)
+    begin = max(float(times[0]), 0.0)
+    rough = second.rough
+    if rough is not None:
+        rough = replace(rough, begin=rough.begin + shift, end=rough.end + shift)
+    return Draft(
+        Path.joined(stretches, positions, start.q), begin, second.end_time + shift, times, rough
+    )

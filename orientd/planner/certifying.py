@@ -1,0 +1,82 @@
+"""From a draft to a motion: its records, held against the limits."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from orientd.planner import refusal
+from orientd.planner.certificate import measure
+from orientd.planner.draft import Draft
+from orientd.planner.limits import GUARD_TOLERANCE, Limits
+from orientd.planner.motion import Motion
+from orientd.planner.request import MotionRequest, State
+from orientd.planner.summing_up import before, summed_up
+from orientd.rotation import Floats
+
+_END_SLACK = 1e-9  # of a period
+
+
+def certified(
+    draft: Draft,
+    request: MotionRequest,
+    start: State,
+    limits: Limits,
+    period: float,
+    *,
+    motion_id: str,
+) -> Motion:
+    """Return the motion of a draft, held against its limits on the records that will be sent.
+
+    Args:
+        draft: from hold to hold, or from the state it takes over.
+        request: what it was made for.
+        start: where the device is commanded to be.
+        limits: to keep.
+        period: of the device, s.
+        motion_id: names the motion.
+
+    Raises:
+        LimitError: it breaks one.
+    """
+    path = draft.path
+    count = math.ceil(path.duration / period - _END_SLACK) + 1
+
+    def setpoints(first: int, size: int) -> tuple[Floats, Floats]:
+        samples = path.sample(period * np.arange(first, first + size, dtype=np.float64))
+        return samples.q, samples.position
+
+    # A timing of the user's may go up to the limits, where the guard's tolerance is all that
+    # is left to brake with.
+    # So may a motion that is taken over.
+    may_be_at_limits = request.times is not None or not start.is_at_rest
+    peaks = measure(
+        setpoints,
+        count,
+        period,
+        limits,
+        before=before(start, period) if start.is_known else None,
+        holds_after=True,
+        brake_limits=limits.scaled(GUARD_TOLERANCE) if may_be_at_limits else limits,
+        rough=draft.rough,
+    )
+    place = refusal.Place(request, draft.begin, draft.end, draft.keyframe_times)
+    refusal.check_limits(peaks, place)
+    refusal.check_stop(peaks, place)
+    return Motion(
+        id=motion_id,
+        request=request,
+        limits=limits,
+        period=period,
+        path=path,
+        start_time=draft.begin,
+        end_time=draft.end,
+        keyframe_times=draft.keyframe_times,
+        record_count=count,
+        certificate=summed_up(
+            request, path, (draft.begin, draft.end), draft.keyframe_times, peaks, period
+        ),
+        rough=draft.rough,
+        before=start.before,
+    )
