@@ -7,6 +7,7 @@ from orientd.config import DeviceSettings
 from orientd.daemon.device import Device
 from orientd.errors import DaemonError, Fault, StateError
 from orientd_sim.ur import EmulatedRobot
+from orientd_ur.dashboard import Dashboard
 
 pytest.importorskip("rtde_control")
 
@@ -76,6 +77,22 @@ def test_reset_says_which_hand_is_needed(ur_robot):
         fault_of(device)
         with pytest.raises(DaemonError, match="close the safeguard"):
             device.reset()
+
+
+@pytest.mark.slow
+def test_safety_violation_needs_the_safety_system_restarted_and_is_then_recovered_from(ur_robot):
+    with device_of(ur_robot.host) as device:
+        swing(device)
+        streaming(device)
+        ur_robot.ask("violation")
+        fault, text, _ = fault_of(device)
+        assert fault is Fault.DEVICE_FAULT
+        assert "safety violation" in text
+        with pytest.raises(DaemonError, match="restart the safety system"):
+            device.reset()
+        with Dashboard(ur_robot.host) as dashboard:
+            dashboard.ask("restart safety")
+        recover(device)
 
 
 def test_local_control_is_named_when_enabling(ur_robot):
@@ -159,7 +176,8 @@ def test_second_client_with_the_registers_is_named(ur_robot):
         device.launch()
         try:
             assert device.wait_ready(20.0), device.failure
-            _fault, text, _ = fault_of(device, 5.0)
+            fault, text, _ = fault_of(device, 5.0)
+            assert fault is Fault.DEVICE_FAULT
             assert "another client holds the registers" in text
         finally:
             device.shutdown()

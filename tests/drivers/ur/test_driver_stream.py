@@ -92,6 +92,7 @@ def phases_at(robot, tmp_path, **options):
     return np.array([(row.time_ns - ticks[row.tick]) / 2e6 for row in rows])
 
 
+@pytest.mark.slow
 def test_setpoints_settle_where_the_controllers_cycle_takes_each(ur_robot, tmp_path):
     phases = phases_at(ur_robot, tmp_path)
     # Aimed at a quarter after the data has come; what the way and the servo take comes to that.

@@ -66,6 +66,7 @@ def swaying(pose):
     return pose_at
 
 
+@pytest.mark.slow
 def test_control_and_receive_agree_on_a_move(ur_robot):
     with control_of(ur_robot.host) as control, receive_of(ur_robot.host) as receive:
         q = receive.getActualQ()
@@ -88,6 +89,7 @@ def test_tool_offset_and_payload_reach_the_robot(ur_robot):
         assert (state["payload"], state["payload_cog"]) == (1.5, [0.0, 0.0, 0.05])
 
 
+@pytest.mark.slow
 def test_kinematics_answer_through_the_registers(ur_robot):
     with control_of(ur_robot.host) as control, receive_of(ur_robot.host) as receive:
         q = receive.getActualQ()
@@ -96,6 +98,7 @@ def test_kinematics_answer_through_the_registers(ur_robot):
         assert control.poseTrans(pose, [0.0] * 6) == pytest.approx(pose, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_io_client_moves_the_speed_slider(ur_robot):
     with connected(rtde_io.RTDEIOInterface(ur_robot.host)) as io:
         assert io.setSpeedSlider(0.5)
@@ -185,6 +188,7 @@ def test_local_control_refuses_the_control_client(ur_robot):
         rtde_control.RTDEControlInterface(ur_robot.host)
 
 
+@pytest.mark.slow
 def test_two_robots_do_not_touch_each_other(ur_robot):
     other_host = ur_robot.host.rsplit(".", 1)[0] + ".254"
     with EmulatedRobot(other_host) as other, control_of(other_host) as control:
