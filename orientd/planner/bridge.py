@@ -28,7 +28,7 @@ _GRID = 16  # durations of the first look
 _REFINED = 12  # durations of the second look
 _CLOSE = np.array([1.0, 1.004, 1.012, 1.03, 1.07, 1.15])
 _BEST = 6  # bridges that are measured first
-_BLOCK = 64  # bridges measured in one go
+_BLOCK = 12  # bridges measured in one go: the first few mostly decide
 _SUBSTEPS = 2
 _STILL = 1e-9
 
