@@ -11,6 +11,7 @@ from orientd.rotation import angle, exp, multiply
 
 ARM = LIMITS["arm"]
 GUARD = 1.001
+SLOW = [pytest.mark.slow, pytest.mark.timeout(1200)]
 HERE = np.array([1.0, 0.0, 0.0, 0.0])
 
 
@@ -106,7 +107,7 @@ def test_the_certificate_covers_the_seam():
         )
 
 
-@pytest.mark.parametrize("count", [150, pytest.param(10_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [150, pytest.param(10_000, marks=SLOW)])
 def test_retargets_from_retargets_keep_the_limits(count):
     random = np.random.default_rng(5)
     motion, record = moving(1)
