@@ -275,10 +275,14 @@ class Itinerary:
         return feeder
 
     def _feed_first(self, feeder: Feeder) -> None:
-        """Put as much into the ring as the servo wants to see before it begins."""
+        """Put as much into the ring as the servo wants to see before it begins.
+
+        Until what ran before is behind, the slowest stop of them all must fit.
+        """
         motion = feeder.motion
-        stop = 1.0 / motion.certificate.brake_rate + _FEED_TIME
-        needed = int(stop / motion.period) + 1
+        rates = [stage.motion.certificate.brake_rate for stage in self._stages if stage.is_running]
+        slowest = min([*rates, motion.certificate.brake_rate])
+        needed = int((1.0 / slowest + _FEED_TIME) / motion.period) + 1
         ring = self._link.memory.path
         while not feeder.is_done and ring.head - feeder.first_index < needed:
             if not feeder.feed(min(BLOCK, needed), is_urgent=True):

@@ -45,6 +45,14 @@ class Guard:
         self.q, self.omega, self.alpha = q, ZERO, ZERO
         self.position, self.velocity = position, ZERO
 
+    def hold(self) -> None:
+        """Take the same setpoint once more, which no limit forbids."""
+        x, y, z = self.omega
+        if x or y or z or self.alpha != ZERO:
+            h = self.period
+            self.alpha, self.omega = (-x / h, -y / h, -z / h), ZERO
+        self.velocity = ZERO
+
     def admit(self, q: Quaternion, position: Vector3, terms: Terms) -> str:
         """Take a setpoint if it keeps *terms*.
 

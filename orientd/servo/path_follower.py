@@ -141,8 +141,8 @@ class PathFollower:
 
     def reaches(self, records: int) -> bool:
         """Whether the motion's end, or at least so many records beyond here, are in the ring."""
-        last = self._ring.head - 1
-        if last == self._final:
+        last, final = self._ring.head - 1, self._final
+        if UNKNOWN != final <= last:  # behind it may lie what the servo has not heard of yet
             return True
         here, ahead = self.index, 0
         for leg in self._ahead:

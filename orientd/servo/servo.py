@@ -97,6 +97,7 @@ class Servo:
         self._guard = Guard(period)
         self._terms = _NO_TERMS
         self._start_ns = UNKNOWN
+        self._is_waiting = False
         self._tracker = Tracker(period)
         self._is_tracking = False
         self._aimed = memory.targets.head
@@ -130,7 +131,11 @@ class Servo:
         self._read()
         self._take_command()
         self._look_for_life(deadline_ns)
-        point = self._move(deadline_ns) if self.is_moving else self._held
+        if self.is_moving:
+            point = self._move(deadline_ns)
+        else:
+            point = self._held
+            self._guard.hold()
         written = self._is_enabled and self._write(Setpoint(deadline_ns, *point))
         self._held = PathPoint(point.q, ZERO, ZERO, point.position, ZERO)
         self._publish(deadline_ns, lateness_ns, point, written)
@@ -298,7 +303,7 @@ class Servo:
         if not (brake_rate > 0.0 and 0.0 <= speed <= 1.0):
             return f"brake rate and speed must be positive, got {brake_rate!r} and {speed!r}"
         self._speed = speed
-        self._start_ns = start_ns
+        self._start_ns, self._is_waiting = start_ns, True
         self._path_clock.begin(brake_rate, 0.0)
         self._follower.begin(leg)
         self._adopt(leg)
@@ -356,10 +361,11 @@ class Servo:
         clock, follower = self._path_clock, self._follower
         if self.state is _STREAMING:
             speed = self._speed * self._driver.speed_scaling
-            if self._start_ns >= 0:
+            if self._is_waiting:
                 if deadline_ns < self._start_ns:
                     return self._held
-                self._start_ns = UNKNOWN
+                self._is_waiting = False
+                # The path is at rest there: it needs no run-up in time.
                 clock.begin(clock.brake_rate, speed)
             clock.target = speed
             if not follower.reaches(clock.braking_cycles()):

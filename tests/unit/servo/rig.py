@@ -103,7 +103,7 @@ class Rig:
         path_index=0,
         leave=UNKNOWN,
         final=UNKNOWN,
-        start_ns=0,
+        start_ns=UNKNOWN,
         speed=1.0,
         terms=TERMS,
     ):
