@@ -19,6 +19,7 @@ class PathClock:
         rate: present rate; 1 is as planned.
         acceleration: its derivative over the last cycle, 1/s.
         target: the rate it is moving to.
+        is_led: whether another law moves it; see :mod:`orientd.servo.brake_law`.
     """
 
     def __init__(self, period: float) -> None:
@@ -27,6 +28,7 @@ class PathClock:
         self.rate = 0.0
         self.acceleration = 0.0
         self.target = 0.0
+        self.is_led = False
         self._largest_acceleration = 0.0
         self._step = 0.0
 
@@ -41,10 +43,18 @@ class PathClock:
         self.target = target
         self.rate = target
         self.acceleration = 0.0
+        self.is_led = False
 
     def halt(self) -> None:
         """Stand still at once: the path has ended, or nothing runs along it any more."""
         self.rate = self.acceleration = self.target = 0.0
+        self.is_led = False
+
+    def lead(self, rate: float) -> None:
+        """Take a rate of another law's, which is responsible for the limits until it is zero."""
+        self.acceleration = (rate - self.rate) / self.period if rate > 0.0 else 0.0
+        self.rate = rate
+        self.is_led = rate > 0.0
 
     @property
     def brake_rate(self) -> float:

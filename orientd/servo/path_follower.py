@@ -13,6 +13,7 @@ path clock runs does not matter.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 
 from orientd.driver import IDENTITY, ZERO, Vector3
 from orientd.driver.floats import difference, norm
@@ -77,6 +78,7 @@ class PathFollower:
         self._ahead: list[Leg] = []
         self._ring = ring
         self._period = period
+        self._loaded = UNKNOWN
         self._point = PathPoint(IDENTITY, ZERO, ZERO, ZERO, ZERO)
         self._segment: Segment | None = None
 
@@ -150,6 +152,39 @@ class PathFollower:
             here = leg.first
         return ahead + last - here >= records
 
+    def records_left(self) -> float:
+        """Return the records from here to the end of the last leg; infinity if it is not known."""
+        final = self._final
+        if self._ahead or final == UNKNOWN:
+            return inf
+        return final - self.index - self.fraction
+
+    def peek_ahead(self, records: int) -> PathPoint | None:
+        """Return the record so many beyond :attr:`index`, or ``None`` where there is none.
+
+        Nor is there one beyond a splice to a leg of other terms.
+        """
+        index, leg = self.index + records, self.leg
+        for following in self._ahead:
+            if index < following.leave:
+                break
+            if not following.terms.has_limits_of(leg.terms):
+                return None
+            index, leg = following.first + index - following.leave, following
+        is_last = leg is (self._ahead[-1] if self._ahead else self.leg)
+        if is_last and index > self._final != UNKNOWN:
+            return None
+        return self.peek(index)
+
+    def look(self, records: float) -> PathPoint:
+        """Return the point that :meth:`advance` would, and stay here.
+
+        Raises:
+            StarvedError: the path ends there without being at rest.
+        """
+        index, fraction, _ = self._place(records)
+        return self._at(index, fraction)
+
     def advance(self, records: float) -> PathPoint:
         """Move on by that many records, in [0, 1], and return the point there.
 
@@ -158,6 +193,17 @@ class PathFollower:
         Raises:
             StarvedError: the path ends here without being at rest; the position is unchanged.
         """
+        index, fraction, following = self._place(records)
+        point = self._at(index, fraction)
+        if following is not None:
+            self.leg = following
+            del self._ahead[0]
+        self.index, self.fraction = index, fraction
+        self._ring.set_word(TAIL_WORD, index)
+        return point
+
+    def _place(self, records: float) -> tuple[int, float, Leg | None]:
+        """Return where so many records lead, in [0, 1], and the leg that begins on the way."""
         index, fraction = self.index, self.fraction + records
         following = None
         if fraction >= 1.0:
@@ -169,28 +215,26 @@ class PathFollower:
             final = self._final
             if final != UNKNOWN and index >= final:
                 index, fraction = final, 0.0
-        if index != self.index:
+        return index, fraction, following
+
+    def _at(self, index: int, fraction: float) -> PathPoint:
+        """Return the point that far behind a record, keeping the segment for the next time."""
+        if index != self._loaded:
             self._load(index)
         if fraction == 0.0:
-            point = self._point
-        else:
-            if self._segment is None:
-                end = self.peek(index + 1)
-                if end is None:
-                    raise StarvedError(f"path record {index + 1} is not in the ring")
-                self._segment = Segment(self._point, end, self._period)
-            point = self._segment.at(fraction)
-        if following is not None:
-            self.leg = following
-            del self._ahead[0]
-        self.index, self.fraction = index, fraction
-        self._ring.set_word(TAIL_WORD, index)
-        return point
+            return self._point
+        if self._segment is None:
+            end = self.peek(index + 1)
+            if end is None:
+                raise StarvedError(f"path record {index + 1} is not in the ring")
+            self._segment = Segment(self._point, end, self._period)
+        return self._segment.at(fraction)
 
     def _load(self, index: int) -> None:
         point = self.peek(index)
         if point is None:
             raise StarvedError(f"path record {index} is not in the ring")
+        self._loaded = index
         self._point = point
         self._segment = None
 

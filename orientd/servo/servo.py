@@ -19,6 +19,7 @@ from orientd.errors import (
     LinkError,
     StateError,
 )
+from orientd.servo.brake_law import BrakeLaw
 from orientd.servo.guard import Guard
 from orientd.servo.path_clock import PathClock
 from orientd.servo.path_follower import Leg, PathFollower, StarvedError
@@ -95,6 +96,7 @@ class Servo:
         self._speed = 0.0
         self._follower = PathFollower(memory.path, period, _NO_TERMS)
         self._guard = Guard(period)
+        self._brake_law = BrakeLaw(self._path_clock, self._follower, self._guard)
         self._terms = _NO_TERMS
         self._start_ns = UNKNOWN
         self._is_waiting = False
@@ -316,7 +318,7 @@ class Servo:
         clock, brake_rate = self._path_clock, leg.terms.brake_rate
         if not brake_rate > 0.0:
             return f"brake rate must be positive, got {brake_rate!r}"
-        if not clock.is_steady and brake_rate < clock.brake_rate:
+        if clock.is_led or (not clock.is_steady and brake_rate < clock.brake_rate):
             return "the speed is changing"
         problem = self._follower.splice(leg)
         if not problem:
@@ -371,7 +373,10 @@ class Servo:
             if not follower.reaches(clock.braking_cycles()):
                 self._brake(Fault.PATH_STARVED, "the daemon did not deliver the path in time")
         before, leg = clock.rate, follower.leg
-        rate = clock.advance()
+        if clock.is_led or clock.target == 0.0 < before:
+            rate = self._brake_law.advance(self._terms, may_end=self.state is _STOPPING)
+        else:
+            rate = clock.advance()
         try:
             path = follower.advance(rate)
         except StarvedError as error:

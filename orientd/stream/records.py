@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 
 from orientd.driver.contract import Quaternion, Vector3
@@ -143,6 +143,10 @@ class Terms:
         axes = (*self.axis_velocity, *self.axis_acceleration, *self.axis_jerk)
         # The class is frozen for everybody but its own constructor.
         object.__setattr__(self, "has_axes", min(axes) < math.inf)
+
+    def has_limits_of(self, other: Terms) -> bool:
+        """Whether the limits, all but the brake rate, are the same."""
+        return replace(self, brake_rate=other.brake_rate) == other
 
     def floats(self) -> tuple[float, ...]:
         """Return the :data:`TERMS_FLOATS` numbers that a command record has for terms."""

@@ -122,7 +122,7 @@ class Rig:
         answer = self.notes(NoteKind.ANSWER)[-1]
         return Answer(answer.code), answer.text
 
-    def lay(self, q, omega, alpha, *, most=None, is_whole=True, position=None):
+    def lay(self, q, omega, alpha, *, most=None, is_whole=True, position=None, velocity=None):
         """Put a path into the ring, as a feeder would; return its first index."""
         ring = self.memory.path
         first = ring.head
@@ -130,9 +130,10 @@ class Rig:
         ring.set_word(TAIL_WORD, first)
         count = len(q) if most is None else most
         position = np.zeros((len(q), 3)) if position is None else position
+        velocity = np.zeros((len(q), 3)) if velocity is None else velocity
         for k in range(count):
             index = first + k
-            fields = (*q[k], *omega[k], *alpha[k], *position[k], 0.0, 0.0, 0.0)
+            fields = (*q[k], *omega[k], *alpha[k], *position[k], *velocity[k])
             ring.put(ring.layout.pack(index, k * PERIOD_NS, 0, 1, *fields), index)
         ring.advance(first + count)
         if is_whole and count == len(q):

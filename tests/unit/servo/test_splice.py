@@ -150,7 +150,7 @@ def test_it_stops_on_the_new_path_when_the_daemon_dies_before_the_splice():
     rig = Rig()
     first = rig.start(PATH)
     rig.run(400)
-    leave = rig.cycle.path_index + 40
+    leave = rig.cycle.path_index + 12
     new = bridge(PATH, leave - first, rotation.exp([0.0, 0.9, 0.2]), 1.2)
     assert splice(rig, new, leave)[0][0] is Answer.DONE
     rig.parent_is_alive = False
