@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from orientd import planner
 from orientd.daemon.fitting import plan_to_fit
 from orientd.driver import Driver
 from orientd.planner import Limits, Motion, MotionRequest, State
@@ -51,7 +52,7 @@ class MotionPlanner:
         first: Motion,
         request: MotionRequest,
         *,
-        tolerance: float,  # noqa: ARG002
+        tolerance: float,
         earliest: int,
     ) -> tuple[int, Motion]:
         """Plan a motion that follows *first* without coming to rest between them.
@@ -69,9 +70,20 @@ class MotionPlanner:
             RequestError: the request is not one that its method or the device allows.
             PlanError: it cannot be planned, or would break a limit.
         """
-        record = max(first.record_count - 1, earliest)
-        start, joints = first.state_at(record), first.last_joints
-        return record, self.plan(request, start=start, joints=joints)
+        if self.shapes_paths:
+            record = first.record_count - 1
+            start, joints = first.state_at(record), first.last_joints
+            return record, self.plan(request, start=start, joints=joints)
+        record, motion = planner.blend(
+            first,
+            request,
+            tolerance=tolerance,
+            limits=self._limits,
+            period=self._period,
+            earliest=earliest,
+        )
+        self._examine(motion)
+        return record, motion
 
     @property
     def shapes_paths(self) -> bool:
