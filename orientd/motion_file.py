@@ -108,6 +108,9 @@ class MotionModel(_Table):
     )
     limits: LimitsModel = LimitsModel()
     options: dict[str, Any] = Field(default_factory=dict, description="of the method")
+    device_options: dict[str, Any] = Field(
+        default_factory=dict, description="of the device's driver, for this motion"
+    )
 
 
 def motion_schema() -> dict[str, Any]:
@@ -160,6 +163,7 @@ def parse(mapping: object) -> MotionRequest:
         approach=model.approach,
         limits=_limits(model.limits),
         options=model.options,
+        device_options=model.device_options,
     )
     check_method(request)
     return request

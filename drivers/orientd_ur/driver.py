@@ -50,6 +50,7 @@ class UrDriver(Driver):
     def __init__(self, options: Mapping[str, Any], *, period_ns: int, clock: Clock) -> None:
         super().__init__(options, period_ns=period_ns, clock=clock)
         self._options = ur_options.check(options, period=period_ns * 1e-9)
+        self._tuned = self._options
         if importlib.util.find_spec("rtde_control") is None:
             raise ValueError("the driver needs the package ur-rtde: pip install 'orientd[ur]'")
         self._link = Link(self._options.host)
@@ -80,6 +81,10 @@ class UrDriver(Driver):
     def is_spent(self) -> bool:
         """Whether the link was lost: the library can then neither be used nor be destroyed."""
         return self._link.is_lost
+
+    def tune(self, options: Mapping[str, Any]) -> None:
+        """Take the lookahead, gain and servo time of the motions to come."""
+        self._tuned = ur_options.tuned(self._options, options)
 
     def examine(self, times: Sequence[float], poses: Sequence[tuple[Quaternion, Vector3]]) -> None:
         """Refuse a path on which a joint would be too fast, or a singularity too near.
@@ -204,7 +209,7 @@ class UrDriver(Driver):
             return
         self._rotation = continued(setpoint.q, self._rotation)
         pose = [*setpoint.position, *self._rotation]
-        chosen, begun_ns = self._options, self.clock.now_ns()
+        chosen, begun_ns = self._tuned, self.clock.now_ns()
         is_taken = self._link.servo(pose, chosen.servo_time, chosen.lookahead, chosen.gain)
         if self.clock.now_ns() - begun_ns > _SLOW_CALL_NS:
             self._link.require_same()

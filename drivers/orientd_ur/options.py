@@ -1,5 +1,7 @@
 """The options of the UR driver, checked.
 
+A motion may have a ``lookahead``, ``gain`` and ``servo_time`` of its own, its ``device_options``.
+
 ``host``
     the robot's address; required.  The ports are fixed by the client library.
 ``lookahead``
@@ -38,7 +40,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 Vector = tuple[float, ...]
@@ -54,6 +56,8 @@ _NUMBERS: dict[str, tuple[float, float, float]] = {
     "stop_deceleration": (0.1, 40.0, 10.0),
     "unlock_timeout": (0.1, 15.0, 8.0),
 }
+TUNABLE = ("lookahead", "gain", "servo_time")
+"""What a motion may have otherwise than the configuration says."""
 _VECTORS = {"tcp_offset": 6, "payload_cog": 3}
 _SWITCHES = ("release_brakes", "keep_phase", "check_remote_control")
 _HEAVIEST = 50.0
@@ -122,6 +126,22 @@ def check(given: Mapping[str, Any], *, period: float) -> UrOptions:
         check_remote_control=_switch("check_remote_control", given),
         **numbers,
     )
+
+
+def tuned(chosen: UrOptions, given: Mapping[str, Any]) -> UrOptions:
+    """Return *chosen* with what one motion has otherwise, of :data:`TUNABLE`.
+
+    Raises:
+        ValueError: an option in *given* is none of these, or not allowed; the message names it.
+    """
+    numbers: dict[str, Any] = {}
+    for name, number in given.items():
+        if name not in TUNABLE:
+            allowed = ", ".join(TUNABLE)
+            raise ValueError(f"{name!r} is no option of one motion, those are: {allowed}")
+        lowest, highest, _ = _NUMBERS[name]
+        numbers[name] = _number(name, number, lowest, highest)
+    return replace(chosen, **numbers)
 
 
 def _is_number(given: object) -> bool:

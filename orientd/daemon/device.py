@@ -13,10 +13,10 @@ import math
 import os
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from orientd.clock import MonotonicClock
 from orientd.config import DeviceSettings
@@ -73,6 +73,7 @@ class Device:
         driver: the registry's name of its driver.
         rate_hz: cycle rate.
         period_ns: cycle period.
+        lead: how long before its time each setpoint is sent, s.
     """
 
     def __init__(
@@ -91,6 +92,7 @@ class Device:
         self.driver = settings.driver
         self.rate_hz = settings.rate_hz
         self.period_ns = settings.period_ns
+        self.lead = settings.lead
         self._lead_cycles = round(settings.lead * settings.rate_hz)
         self._settings = settings
         self._on_event = on_event
@@ -121,6 +123,7 @@ class Device:
         self._settled: tuple[int, int] = (0, 0)
         self._settled_after: dict[int, float] = {}
         self._tracked = 0
+        self._tuned: Mapping[str, Any] = {}
         self._fault = Fault.NONE
         self._fault_text = ""
         self._failure = ""
@@ -341,8 +344,11 @@ class Device:
                 late = (time.monotonic_ns() - manner.start_ns) * 1e-9
                 if manner.start_ns != UNKNOWN and late > 0.0:
                     raise StateError(f"the motion was ready {late:.3f} s after its start time")
+                self._tune(motion.request.device_options)
                 self._end_settling("another motion has begun")
                 itinerary.begin(motion, number, speed=self._speed, start_ns=manner.start_ns)
+            elif motion.request.device_options != self._tuned:
+                raise StateError("device_options change at rest only: wait for the motion's end")
             elif manner.is_queued:
                 itinerary.append(motion, number, leave)
             else:
@@ -357,6 +363,11 @@ class Device:
                 self._is_paused = False
             self._tell(EventKind.MOTION_STARTED, number, f"{motion.duration:.3f} s")
             return number
+
+    def _tune(self, options: Mapping[str, Any]) -> None:
+        if options != self._tuned:
+            self._servo().tune(options)
+            self._tuned = options
 
     def _plan_for(self) -> Itinerary:
         from orientd.daemon.itinerary import Itinerary

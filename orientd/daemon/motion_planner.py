@@ -8,7 +8,9 @@ import numpy as np
 
 from orientd import planner
 from orientd.daemon.fitting import plan_to_fit
+from orientd.daemon.servo_link import tuning_text
 from orientd.driver import Driver
+from orientd.errors import RequestError
 from orientd.planner import Limits, Motion, MotionRequest, State
 
 _EXAMINED_EVERY = 0.008
@@ -36,6 +38,7 @@ class MotionPlanner:
             RequestError: the request is not one that its method or the device allows.
             PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
         """
+        self._check_options(request)
         motion = plan_to_fit(
             self._examiner,
             request,
@@ -89,6 +92,14 @@ class MotionPlanner:
     def shapes_paths(self) -> bool:
         """Whether the driver makes a path of its own of every motion."""
         return type(self._examiner).shape is not Driver.shape
+
+    def _check_options(self, request: MotionRequest) -> None:
+        """Have the driver look at its options of this motion."""
+        try:
+            tuning_text(request.device_options)
+            self._examiner.tune(request.device_options)
+        except ValueError as error:
+            raise RequestError("device_options", str(error)) from error
 
     def _examine(self, motion: Motion) -> None:
         """Have the driver look at a motion that keeps the limits."""

@@ -32,6 +32,7 @@ def device_report(device: Device) -> DeviceReport:
         scheduling=now.scheduling,
         is_memory_locked=now.memory_locked,
         cycle=now.cycle,
+        lead=device.lead,
     )
 
 

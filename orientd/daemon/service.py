@@ -148,6 +148,7 @@ class ControlService(ControlServicer):
                     driver=device.driver,
                     rate_hz=device.rate_hz,
                     limits=limits_to_message(device.limits),
+                    lead=device.lead,
                 )
                 for device in self._cell.devices.values()
             ]

@@ -6,12 +6,15 @@ Nothing here waits for longer than an answer takes, and the servo waits for noth
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import subprocess
 import sys
 import threading
 import time
 from collections import deque
+from collections.abc import Mapping
+from typing import Any
 
 from orientd.errors import DaemonError, StateError
 from orientd.planner.limits import Limits
@@ -28,6 +31,7 @@ from orientd.stream import (
     unpack_cycle,
     unpack_note,
 )
+from orientd.stream.records import TUNING_TEXT_BYTES
 
 ANSWER_TIMEOUT = 0.5
 """How long an ordinary command may take, s."""
@@ -127,6 +131,17 @@ class ServoLink:
         if answer.code != Answer.DONE:
             raise DaemonError(f"{command.name.lower()} failed: {answer.text}")
 
+    def tune(self, options: Mapping[str, Any]) -> None:
+        """Have the driver take *options* for the motions to come.
+
+        Raises:
+            StateError: the device does not hold still, or the driver refuses.
+            DaemonError: the servo does not answer, or is not there.
+        """
+        text = tuning_text(options)
+        self.memory.tunings.publish(len(text), text)
+        self.ask(Command.TUNE)
+
     def words(self) -> list[Note]:
         """Return what the servo has said, apart from answers, since this was last called."""
         self._hear()
@@ -196,6 +211,21 @@ def report_directory() -> str:
     directory = os.path.join(home, "orientd")  # noqa: PTH118
     os.makedirs(directory, mode=0o700, exist_ok=True)  # noqa: PTH103
     return directory
+
+
+def tuning_text(options: Mapping[str, Any]) -> bytes:
+    """Return *options* as they cross to the servo.
+
+    Raises:
+        ValueError: they are too long, or more than JSON can say.
+    """
+    try:
+        text = json.dumps(dict(options), allow_nan=False).encode()
+    except TypeError as error:
+        raise ValueError(str(error)) from error
+    if len(text) > TUNING_TEXT_BYTES:
+        raise ValueError(f"at most {TUNING_TEXT_BYTES} bytes of JSON are allowed, got {len(text)}")
+    return text
 
 
 def terms_of(limits: Limits, brake_rate: float) -> Terms:

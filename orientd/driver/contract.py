@@ -144,6 +144,20 @@ class Driver(ABC):
         """Whether only a new process can reach the device again; the servo then ends this one."""
         return False
 
+    def tune(self, options: Mapping[str, Any]) -> None:
+        """Take the options that hold for the motions to come, in place of those taken before.
+
+        Called in the servo process while the device holds still, before a motion begins whose
+        options are others than those of the last; empty for those of the configuration alone.
+        Called in the daemon's process, too, on a driver that is not open, to check them.
+
+        Raises:
+            ValueError: an option is unknown or not allowed, as in the constructor; nothing changes.
+        """
+        if options:
+            names = ", ".join(map(repr, options))
+            raise ValueError(f"the driver {self.name!r} has no options of one motion, got {names}")
+
     def examine(  # noqa: B027 - most devices follow any path inside the limits
         self, times: Sequence[float], poses: Sequence[tuple[Quaternion, Vector3]]
     ) -> None:

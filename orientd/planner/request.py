@@ -106,6 +106,8 @@ class MotionRequest:
         approach: whether to lead in from wherever the device is; always with a single keyframe.
         limits: narrower than the device's own, or ``None``; infinite ones are left to the device.
         options: of the method.
+        device_options: of the device's driver, for this motion; checked where it is planned for a
+            device.
         keys: the orientations, unit to rounding, shape ``(n, 4)``.
         times: the keyframes' times in seconds, shape ``(n,)``, or ``None``.
         positions: shape ``(n, 3)``, not a number where a keyframe has none; or ``None``.
@@ -123,6 +125,7 @@ class MotionRequest:
     approach: bool = False
     limits: Limits | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
+    device_options: Mapping[str, Any] = field(default_factory=dict)
 
     keys: Floats = field(init=False, repr=False)
     times: Floats | None = field(init=False, repr=False)
@@ -146,7 +149,8 @@ class MotionRequest:
                 object.__setattr__(self, name, _vector(velocity, name))
         # The class is frozen for everybody but its own constructor.
         object.__setattr__(self, "keyframes", keyframes)
-        object.__setattr__(self, "options", MappingProxyType(dict(self.options)))
+        for name in ("options", "device_options"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
         object.__setattr__(self, "keys", _orientations(keyframes))
         object.__setattr__(self, "times", _times(keyframes))
         object.__setattr__(self, "positions", _positions(keyframes))

@@ -164,6 +164,7 @@ class Robot:
                 driver=device.driver,
                 rate_hz=device.rate_hz,
                 limits=limits_from_message(device.limits),
+                lead=device.lead,
             )
             for device in answer.devices
         ]

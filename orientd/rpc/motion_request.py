@@ -54,6 +54,7 @@ class Wishes(TypedDict, total=False):
             ``linear_velocity``, ``linear_acceleration``; the angular ones may be three numbers,
             for the components in the body frame.
         options: of the method.
+        device_options: of the device's driver, for this motion.
     """
 
     times: ArrayLike
@@ -65,6 +66,7 @@ class Wishes(TypedDict, total=False):
     approach: bool
     limits: Mapping[str, float | Sequence[float]]
     options: Mapping[str, Any]
+    device_options: Mapping[str, Any]
 
 
 def motion_request(

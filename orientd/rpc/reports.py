@@ -262,6 +262,8 @@ class DeviceReport:
         scheduling: what the operating system granted it.
         is_memory_locked: whether its memory cannot be paged out.
         cycle: the newest one; ``None`` before the first.
+        lead: how long before its time each setpoint is sent, s; 0 for a device that is not led.
+            What the newest cycle sent is where the device is to be a lead from now.
     """
 
     name: str
@@ -281,6 +283,7 @@ class DeviceReport:
     scheduling: str
     is_memory_locked: bool
     cycle: Cycle | None
+    lead: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -328,12 +331,14 @@ class Device:
         driver: name of its driver.
         rate_hz: cycles a second.
         limits: what no motion of it may exceed.
+        lead: how long before its time each setpoint is sent, s; 0 for a device that is not led.
     """
 
     name: str
     driver: str
     rate_hz: float
     limits: Limits
+    lead: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -128,6 +128,7 @@ def device_to_message(report: DeviceReport) -> pb.DeviceReport:
             driver=report.driver,
             rate_hz=report.rate_hz,
             limits=limits_to_message(report.limits),
+            lead=report.lead,
         ),
         state=STATES[report.state],
         fault=_FAULTS[report.fault],
@@ -167,6 +168,7 @@ def device_from_message(message: pb.DeviceReport) -> DeviceReport:
         scheduling=message.scheduling,
         is_memory_locked=message.is_memory_locked,
         cycle=cycle_from_message(message.cycle) if message.HasField("cycle") else None,
+        lead=message.device.lead,
     )
 
 

@@ -7,6 +7,7 @@ path, let the guard look at it, write it, publish the cycle.  Nothing here waits
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator
 
 from orientd.clock import Clock
@@ -260,6 +261,8 @@ class Servo:
                 self._escape = self._guard.soft_stop(self._terms)
         elif command is Command.TRACK:
             self._track(leg)
+        elif command is Command.TUNE:
+            return self._tune()
         elif command is Command.ENABLE:
             self._enable()
         elif command is Command.DISABLE:
@@ -278,6 +281,20 @@ class Servo:
         elif command is Command.SHUTDOWN:
             self._is_orderly = True
             self.request_end("the daemon asked for it")
+        return ""
+
+    def _tune(self) -> str:
+        """Hand the driver the options of the motions to come; return why it refuses them."""
+        advance(self.state, Event.TUNE)
+        ring = self._memory.tunings
+        fields = ring.read(ring.head - 1)
+        if fields is None:
+            return "the options are not there"
+        _, length, text = fields
+        try:
+            self._driver.tune(json.loads(text[:length]))
+        except ValueError as error:
+            return str(error)
         return ""
 
     def _enable(self) -> None:

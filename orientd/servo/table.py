@@ -18,6 +18,7 @@ class Event(Enum):
     ENABLE = "enable"
     DISABLE = "disable"
     START = "start"
+    TUNE = "tune"
     SPEED = "speed"
     FINISH = "finish"
     SPLICE = "splice"
@@ -36,6 +37,7 @@ TRANSITIONS: dict[tuple[State, Event], State] = {
     (State.IDLE, Event.DISABLE): State.IDLE,
     (State.HOLDING, Event.DISABLE): State.IDLE,
     (State.HOLDING, Event.START): State.STREAMING,
+    (State.HOLDING, Event.TUNE): State.HOLDING,
     (State.STREAMING, Event.SPEED): State.STREAMING,
     (State.STREAMING, Event.SPLICE): State.STREAMING,
     (State.STREAMING, Event.FINISH): State.HOLDING,

@@ -16,6 +16,7 @@ from orientd.stream.records import (
     NOTE_RECORD,
     PATH_RECORD,
     TARGET_RECORD,
+    TUNING_RECORD,
 )
 from orientd.stream.ring import RecordRing
 
@@ -23,11 +24,12 @@ PAGE = 4096
 COMMANDS = 16
 NOTES = 64
 TARGETS = 64
+TUNINGS = 4
 DIRECTORY = "/dev/shm"
 
 
 class SharedMemory:
-    """The five rings between daemon and servo, and the heartbeat.
+    """The six rings between daemon and servo, and the heartbeat.
 
     ========  ===============  ==========================================================
     ring      written by       holds
@@ -37,6 +39,7 @@ class SharedMemory:
     cycles    servo            every cycle: setpoint, feedback, state, timing
     notes     servo            answers to commands, faults, in words
     targets   daemon           what to follow, as it arrives
+    tunings   daemon           a driver's options for the motions to come, as JSON
     ========  ===============  ==========================================================
 
     Attributes:
@@ -57,7 +60,8 @@ class SharedMemory:
         for (layout, count), size in zip(layouts, sizes, strict=True):
             rings.append(RecordRing(self._view[offset : offset + size], layout, count))
             offset += size
-        self.path, self.commands, self.cycles, self.notes, self.targets = rings
+        self._rings = rings
+        self.path, self.commands, self.cycles, self.notes, self.targets, self.tunings = rings
 
     @classmethod
     def create(cls, path_capacity: int, cycle_capacity: int) -> SharedMemory:
@@ -90,7 +94,7 @@ class SharedMemory:
 
     def close(self) -> None:
         """Unmap and close; the file is gone when both processes have done so."""
-        for ring in (self.path, self.commands, self.cycles, self.notes, self.targets):
+        for ring in self._rings:
             ring.release()
         self._words.release()
         self._view.release()
@@ -105,6 +109,7 @@ def _layouts(path_capacity: int, cycle_capacity: int) -> tuple[tuple[Struct, int
         (CYCLE_RECORD, cycle_capacity),
         (NOTE_RECORD, NOTES),
         (TARGET_RECORD, TARGETS),
+        (TUNING_RECORD, TUNINGS),
     )
 
 

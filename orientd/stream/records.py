@@ -40,6 +40,7 @@ class Command(IntEnum):
     SPLICE = 8
     HALT = 9
     TRACK = 10
+    TUNE = 11
 
 
 class Answer(IntEnum):
@@ -83,6 +84,11 @@ TARGET_RECORD = struct.Struct("@Qqq7d")
 # index, command index, kind, code, length of the text, text
 NOTE_TEXT_BYTES = 400
 NOTE_RECORD = struct.Struct(f"@QQIII{NOTE_TEXT_BYTES}s")
+
+
+# index, length of the text, text
+TUNING_TEXT_BYTES = 400
+TUNING_RECORD = struct.Struct(f"@QI{TUNING_TEXT_BYTES}s")
 
 
 class NoteKind(IntEnum):

@@ -28,6 +28,7 @@ end_velocity: [0, 0, 0]
 approach: true                 # plan the lead-in from wherever the device is commanded to be
 limits: {velocity: 2.5, acceleration: 17, jerk: 8500}     # rad/s, rad/s^2, rad/s^3
 options: {}                    # of the method
+device_options: {gain: 300}    # of the device's driver, for this motion
 """
 
 
@@ -346,6 +347,7 @@ def test_the_schema_names_every_key_and_forbids_others():
         "approach",
         "limits",
         "options",
+        "device_options",
     }
     assert schema["required"] == ["keyframes"]
     assert schema["additionalProperties"] is False

@@ -78,6 +78,11 @@ class Arm:
         self._rate = 10.0
 
     @property
+    def servoing(self) -> tuple[float, float]:
+        """Lookahead (s) and gain of the last servo command."""
+        return self._lookahead, self._gain
+
+    @property
     def is_still(self) -> bool:
         """Whether no joint is commanded to move."""
         return max(abs(rate) for rate in self.target_qd) < _STILL

@@ -300,6 +300,7 @@ class Server:
                 "actual_q": robot.arm.actual_q, "target_q": robot.arm.target_q,
                 "actual_pose": robot.tool.pose("actual_TCP_pose"), "tcp_offset": robot.tool.offset,
                 "payload": robot.payload, "payload_cog": robot.payload_cog,
+                "servoing": robot.arm.servoing,
                 "is_still": robot.arm.is_still, "setpoints": self.setpoints,
                 "overwritten": self.overwritten, "stalls": self.stalls,
                 "malformed": sum(session.malformed for session in self._sessions.values()),

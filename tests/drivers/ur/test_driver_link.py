@@ -6,14 +6,16 @@ import signal
 import socket
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from ur_rig import until
+from ur_rig import device_of, is_holding, streaming, swing, swing_motion, until
 
 from orientd.clock import MonotonicClock
+from orientd.daemon.manner import Manner, Prepared
 from orientd.driver import Setpoint
-from orientd.errors import LimitError, LinkError, PlanError
+from orientd.errors import LimitError, LinkError, PlanError, RequestError, StateError
 from orientd_ur import UrDriver
 from orientd_ur.joint_path import tool_in_flange
 from orientd_ur.kinematics import forward, quaternion
@@ -149,6 +151,34 @@ def test_setpoint_far_away_is_stopped_by_the_controller(ur_robot):
         assert "speed" in state["log"][-1]
     finally:
         driver.close()
+
+
+@pytest.mark.slow
+def test_motion_brings_options_of_its_own_and_the_next_has_those_of_the_configuration(ur_robot):
+    with device_of(ur_robot.host, lookahead=0.05) as device:
+        for options, found in (
+            ({}, [0.05, 300.0]),
+            ({"lookahead": 0.15, "gain": 700}, [0.15, 700.0]),
+            ({"gain": 900}, [0.05, 900.0]),
+            ({}, [0.05, 300.0]),
+        ):
+            swing(device, angle=0.02, seconds=0.8, device_options=options)
+            streaming(device)
+            until(lambda: is_holding(device), "the end")
+            assert ur_robot.state()["servoing"] == found
+        begun = swing_motion(device)
+        other = replace(begun.request, device_options={"gain": 700})
+        device.start(Prepared(begun))
+        streaming(device)
+        with pytest.raises(StateError, match="device_options change at rest only"):
+            device.start(device.prepare(other, Manner(is_queued=True)))
+
+
+def test_motion_with_options_that_are_not_allowed_is_refused(ur_robot):
+    with device_of(ur_robot.host) as device:
+        for options in ({"lookahead": 3}, {"host": "other"}, {"gain": "x" * 500}):
+            with pytest.raises(RequestError, match="device_options: "):
+                swing_motion(device, device_options=options)
 
 
 @pytest.mark.parametrize(

@@ -54,7 +54,7 @@ def device_of(host, *, compensate_latency=False, **options):
         device.shutdown()
 
 
-def swing_motion(device, *, angle=0.3, seconds=3.0, count=1, home=None):
+def swing_motion(device, *, angle=0.3, seconds=3.0, count=1, home=None, **wishes):
     """Plan *count* turns from *home*, else from here, about one of the tool's axes and back."""
     start = device.commanded()
     home = start.q if home is None else home
@@ -63,7 +63,7 @@ def swing_motion(device, *, angle=0.3, seconds=3.0, count=1, home=None):
         Keyframe(away if k % 2 else home if k else start.q, k * seconds / 2)
         for k in range(2 * count + 1)
     ]
-    return device.plan(MotionRequest(keyframes=keyframes))
+    return device.plan(MotionRequest(keyframes=keyframes, **wishes))
 
 
 def swing(device, **settings):

@@ -31,6 +31,7 @@ class FakeDevice:
         self.driver = settings.driver
         self.rate_hz = settings.rate_hz
         self.period_ns = settings.period_ns
+        self.lead = settings.lead
         self.limits = DEFAULT_LIMITS
         self.failure = ""
         self.calls = []

@@ -44,6 +44,27 @@ def test_option_that_is_not_allowed_is_named(given, words):
         options.check(given, period=0.002)
 
 
+def test_motion_has_options_of_its_own():
+    chosen = options.check({"host": "r", "gain": 500}, period=0.002)
+    soft = options.tuned(chosen, {"lookahead": 0.2})
+    assert (soft.lookahead, soft.gain, soft.host) == (0.2, 500.0, "r")
+    assert options.tuned(chosen, {}) == chosen
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"host": "q"}, "'host' is no option of one motion, those are: lookahead, gain"),
+        ({"lookahead": 0.02}, "lookahead must be a number from 0.03 to 0.2, got 0.02"),
+        ({"gain": "hard"}, "gain must be a number"),
+    ],
+)
+def test_option_of_a_motion_that_is_not_allowed_is_named(given, words):
+    chosen = options.check({"host": "r"}, period=0.002)
+    with pytest.raises(ValueError, match=words):
+        options.tuned(chosen, given)
+
+
 def test_one_setpoint_commands_for_one_period():
     assert options.check({"host": "r"}, period=0.008).servo_time == 0.008
 

@@ -76,6 +76,7 @@ def test_wishes_are_those_of_a_motion_file():
         approach=True,
         limits={"velocity": np.float64(1.0)},
         options={"align": False},
+        device_options={"gain": np.float64(300.0)},
     )
     assert request.method == "kks_hermite"
     assert request.start_velocity == (0.0, 0.0, 0.1)
@@ -83,6 +84,7 @@ def test_wishes_are_those_of_a_motion_file():
     assert request.approach
     assert request.limits.velocity == 1.0
     assert dict(request.options) == {"align": False}
+    assert dict(request.device_options) == {"gain": 300.0}
 
 
 def test_arrays_of_the_caller_are_left_alone():

@@ -26,6 +26,7 @@ FILE = {
     "approach": True,
     "limits": {"velocity": 2.0, "jerk": 100},
     "options": {"align": False},
+    "device_options": {"gain": 300, "lookahead": 0.1},
 }
 
 
@@ -42,6 +43,7 @@ def same(one, other):
         "approach",
         "limits",
         "options",
+        "device_options",
     ):
         assert getattr(one, name) == getattr(other, name), name
 

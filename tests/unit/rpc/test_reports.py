@@ -94,6 +94,7 @@ DEVICE = DeviceReport(
     scheduling="SCHED_FIFO 80",
     is_memory_locked=True,
     cycle=CYCLE,
+    lead=0.1,
 )
 CERTIFICATE = Certificate(
     rate_hz=500.0,

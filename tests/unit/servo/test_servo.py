@@ -1,3 +1,5 @@
+import json
+
 import numpy as np
 import pytest
 from rig import PERIOD, TERMS, Rig, distance_to_path, peaks, turn
@@ -375,3 +377,35 @@ def raiser(error):
         raise error
 
     return read
+
+
+def tune(rig, options):
+    text = json.dumps(options).encode()
+    rig.memory.tunings.publish(len(text), text)
+    return rig.ask(Command.TUNE)
+
+
+def test_driver_is_handed_the_options_of_the_motions_to_come(rig):
+    taken = []
+    rig.driver.tune = taken.append
+    assert tune(rig, {"gain": 300})[0] is Answer.WRONG_STATE
+    rig.ask(Command.ENABLE)
+    assert tune(rig, {"gain": 300, "name": "soft"})[0] is Answer.DONE
+    assert tune(rig, {})[0] is Answer.DONE
+    assert taken == [{"gain": 300, "name": "soft"}, {}]
+
+
+def test_options_that_the_driver_refuses_are_refused_in_its_words(rig):
+    rig.ask(Command.ENABLE)
+    answer, text = tune(rig, {"gain": 300})
+    assert answer is Answer.REFUSED
+    assert "no options of one motion, got 'gain'" in text
+    assert rig.servo.state is State.HOLDING
+
+
+def test_options_do_not_change_under_a_motion(rig):
+    rig.start(turn())
+    rig.run(100)
+    answer, text = tune(rig, {})
+    assert answer is Answer.WRONG_STATE
+    assert "tune is not possible while streaming" in text
