@@ -1,8 +1,14 @@
 """The default curve beside scipy's RotationSpline: sampled, and built ever longer."""
 
-import pytest
+import time
 
-from orientd.bench.curves import measure_curves
+import numpy as np
+import pytest
+from scipy.spatial.transform import RotationSpline
+
+from orientd.bench.curves import measure_curves, random_walk
+from orientd.curves import METHODS
+from orientd.rotation import to_scipy
 
 pytestmark = pytest.mark.bench
 
@@ -39,3 +45,41 @@ def test_building_grows_linearly(step):
         growth=found.growth,
     )
     assert found.growth <= 120
+
+
+def shortest(run, rounds=15):
+    """The shortest CPU time of a call, in seconds."""
+    found = []
+    for _ in range(rounds):
+        begin = time.thread_time()
+        run()
+        found.append(time.thread_time() - begin)
+    return min(found)
+
+
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize(("step_deg", "most"), [(10.0, 5.0), (90.0, 6.0), (178.0, 6.0)])
+@pytest.mark.parametrize("spans", [2, 3])
+def test_the_least_effort_takes_a_few_times_as_long_as_the_default_curve(step_deg, most, spans):
+    keys, times = random_walk(20, np.radians(step_deg)), np.arange(20.0)
+    least = shortest(lambda: METHODS["minimum_effort"](keys=keys, times=times, spans=spans))
+    default = shortest(lambda: METHODS["c2_cumulative"](keys=keys, times=times))
+    peer = shortest(lambda: RotationSpline(times, to_scipy(keys)))
+    show(
+        f"20 keyframes {step_deg:g} deg apart, {spans} spans, ms",
+        minimum_effort=1e3 * least,
+        c2_cumulative=1e3 * default,
+        scipy=1e3 * peer,
+        ratio=least / default,
+    )
+    assert least <= most * default
+
+
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("step_deg", [20.0, 90.0])
+def test_the_least_effort_grows_linearly(step_deg):
+    family = METHODS["minimum_effort"]
+    few, many = (random_walk(count, np.radians(step_deg)) for count in (200, 20_000))
+    few_s, many_s = shortest(lambda: family(keys=few), 5), shortest(lambda: family(keys=many), 1)
+    show(f"200 and 20,000 keyframes {step_deg:g} deg apart", few_s=few_s, many_s=many_s)
+    assert many_s <= 150.0 * few_s
