@@ -145,7 +145,7 @@ class Ride:
         # Going there cycle by cycle would write exactly the records.
         servo._follower.begin(Leg(1, here, terms))
         servo._path_clock.begin(terms.brake_rate, 1.0)
-        servo._start_ns = UNKNOWN
+        servo._is_waiting = False
         last = q[record - 2 : record + 1]
         omega = rotation.log(rotation.multiply(rotation.conjugate(last[:-1]), last[1:]))
         guard = servo._guard
