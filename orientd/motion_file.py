@@ -106,6 +106,11 @@ class MotionModel(_Table):
     approach: bool = Field(
         default=False, description="lead in from wherever the device is commanded to be"
     )
+    duration: Literal["minimum"] | None = Field(
+        default=None,
+        description="minimum: along the curve as quickly as the limits permit at every point; "
+        "keyframes have no times then",
+    )
     limits: LimitsModel = LimitsModel()
     options: dict[str, Any] = Field(default_factory=dict, description="of the method")
     device_options: dict[str, Any] = Field(
@@ -162,6 +167,7 @@ def parse(mapping: object) -> MotionRequest:
         velocity_frame=model.velocity_frame,
         approach=model.approach,
         limits=_limits(model.limits),
+        duration=model.duration,
         options=model.options,
         device_options=model.device_options,
     )
@@ -253,7 +259,6 @@ _EXPECTED = {
     "list_type": "a list",
     "dict_type": "a mapping",
     "model_type": "a mapping",
-    "literal_error": "'body' or 'world'",
 }
 
 

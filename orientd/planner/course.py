@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orientd.planner.certificate import HISTORY, Peaks, measure
-from orientd.planner.lead import is_still
+from orientd.planner.lead import STILL, is_still
 from orientd.planner.limits import Limits
 from orientd.planner.methods import Ends, Method, build
 from orientd.planner.path import Stretch
@@ -49,6 +49,11 @@ class Core:
         """Return whether it begins with the acceleration of *state*."""
         alpha = self.stretch.ends()[0].alpha_body
         return is_still(np.zeros(3), alpha - state.alpha_body, limits.scaled(1e3))
+
+    @property
+    def is_from_rest_to_rest(self) -> bool:
+        """Whether neither end turns."""
+        return all(np.linalg.norm(state.omega_body) <= STILL for state in self.stretch.ends())
 
     def slowed(self, duration: float) -> Core:
         """Return the same curve taking *duration* seconds."""

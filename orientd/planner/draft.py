@@ -30,6 +30,7 @@ class Draft:
         end: path time of the last keyframe, s.
         keyframe_times: path times of all keyframes, s.
         rough: the part whose acceleration has steps; ``None`` if there is none.
+        core: from the first keyframe to the last; ``None`` for a single keyframe.
     """
 
     path: Path
@@ -37,6 +38,7 @@ class Draft:
     end: float
     keyframe_times: Floats
     rough: Rough | None
+    core: Core | None = None
 
 
 def with_leads(
@@ -84,7 +86,7 @@ def with_leads(
     stretches.append(stretch)
     stretches += _leads_out(last, end, limits, period)
     path = Path.joined(stretches, positions, start.q)
-    return Draft(path, begin, end, core.times + begin, rough)
+    return Draft(path, begin, end, core.times + begin, rough, core)
 
 
 def to_single(

@@ -209,28 +209,37 @@ class Limits:
         Args:
             share: of acceleration and jerk that the timing may use.
         """
-        return self._times(1.0, share, share, 1.0, share)
+        return self.times(acceleration=share, jerk=share, linear_acceleration=share)
 
     def scaled(self, factor: float) -> Limits:
         """Return every limit multiplied by *factor*."""
-        return self._times(factor, factor, factor, factor, factor)
+        return self.times(**dict.fromkeys(UNITS, factor))
 
     def slowed(self, speed: float) -> Limits:
         """Return the limits under which motions run *speed* times as fast."""
-        return self._times(speed, speed**2, speed**3, speed, speed**2)
+        return self.times(
+            velocity=speed,
+            acceleration=speed**2,
+            jerk=speed**3,
+            linear_velocity=speed,
+            linear_acceleration=speed**2,
+        )
 
-    def _times(self, *factors: float) -> Limits:
-        """Return the limits multiplied, one factor for each of :data:`UNITS`."""
-        share = dict(zip(UNITS, factors, strict=True))
+    def times(self, **factors: float) -> Limits:
+        """Return the limits multiplied by factors, given by the names of :data:`UNITS`."""
         changed: dict[str, float | Triple] = {}
         for entry in fields(self):
-            limit, factor = getattr(self, entry.name), share[entry.name.removeprefix("axis_")]
+            limit, factor = getattr(self, entry.name), factors.get(_quantity(entry.name), 1.0)
             if isinstance(limit, tuple):
                 x, y, z = limit
                 changed[entry.name] = factor * x, factor * y, factor * z
             else:
                 changed[entry.name] = factor * limit
         return Limits(**changed)  # type: ignore[arg-type]  # names and kinds go together
+
+
+def _quantity(field: str) -> str:
+    return field.removeprefix("axis_")
 
 
 _UNLIMITED = Limits(math.inf, math.inf, math.inf, math.inf, math.inf)

@@ -19,6 +19,7 @@ from orientd.planner.limits import Limits
 from orientd.planner.methods import Ends, Method, check_method
 from orientd.planner.motion import Motion
 from orientd.planner.position_lead import position_lead
+from orientd.planner.quickest import SHARE, quickest
 from orientd.planner.request import MotionRequest, State
 from orientd.planner.survey import Survey
 from orientd.planner.timing import LONGEST, Indices, chord_knots, shortest
@@ -26,7 +27,7 @@ from orientd.rotation import Floats
 
 _LEAD_STEP = 1.02  # how much longer to try where there is no core, or no lead for it
 _CYCLES_A_STEP = 4
-_END_SLACK = 1e-9  # of a period
+_LONGEST_STOP = 6.0  # s, on longer motions of minimum duration; so much of a path is read ahead
 
 
 def plan(
@@ -40,7 +41,8 @@ def plan(
     """Return the motion that a request asks for, or refuse it.
 
     Keyframes with times are passed at those times, or not at all; keyframes without are passed
-    as quickly as the limits permit, with a reserve for a stop on the path.  The motion begins in
+    as quickly as the limits permit, with a reserve for a stop on the path; at the curve's own
+    pace, or with ``duration="minimum"`` at the highest pace everywhere.  The motion begins in
     the state the device is commanded to be in and ends at rest: in front of the keyframes goes a
     lead-in where the request says ``approach``, behind them a lead-out where they end with a
     velocity or an acceleration.  A single keyframe is where to go, by the shortest way found.
@@ -128,6 +130,8 @@ class _Job:
         """Return the motion, certified."""
         if self.request.is_single:
             return self.certified(self.as_single(), name)
+        if self.request.duration is not None:
+            return self.in_minimum_time(name)
         if self.request.times is not None:
             return self.certified(self.as_timed(), name)
         try:
@@ -165,15 +169,11 @@ class _Job:
             everywhere: whether to look at every record at every attempt.
         """
         period, reserved = self.period, self.limits.with_reserve()
-        refusal.check_continuity(self.request)
-        is_uniform = not METHODS[self.request.method].interpolates
-        knots = chord_knots(self.request, self.limits, is_uniform=is_uniform)
-        course = self._course(knots.times, knots.kept)
-        shape = course.core(max(knots.first_guess(reserved), 2.0 * period))
+        course, shape = self._shape()
         survey = Survey.of(shape, reserved, period)
         first = math.ceil(shape.duration * survey.factor / period)
         # Two steps of the acceleration within a difference of the setpoints would add up.
-        fewest = 1 if shape.continuity >= 2 else _CYCLES_A_STEP * (len(knots.kept) - 1)
+        fewest = 1 if shape.continuity >= 2 else _CYCLES_A_STEP * (len(course.kept) - 1)
         drafts: dict[int, Draft] = {}
         refusals: list[PlanError] = []
 
@@ -200,6 +200,32 @@ class _Job:
                 else PlanError(f"no duration keeps the limits of {self.limits}")
             )
         return drafts[cycles]
+
+    def _shape(self) -> tuple[Course, Core]:
+        """Return the course of keyframes without times, and a core on it of about its duration."""
+        refusal.check_continuity(self.request)
+        is_uniform = not METHODS[self.request.method].interpolates
+        knots = chord_knots(self.request, self.limits, is_uniform=is_uniform)
+        course = self._course(knots.times, knots.kept)
+        guess = knots.first_guess(self.limits.with_reserve())
+        return course, course.core(max(guess, 2.0 * self.period))
+
+    def in_minimum_time(self, motion_id: str) -> Motion:
+        """Return the motion on which the core is run through as quickly as the limits permit."""
+        course, core = self._shape()
+        refusal.check_smooth(self.request, core.continuity)
+        if not (course.has_one_shape and core.is_from_rest_to_rest):
+            # A velocity at an end is one at some duration: take the curve of the usual one.
+            core = self.as_quick_as_possible(everywhere=False).core or core
+        share = SHARE
+        while True:
+            quick = quickest(core, self.limits, self.period, share=share)
+            motion = self.certified(self._with_leads(quick), motion_id)
+            slowness = motion.certificate.stop_time / _LONGEST_STOP
+            if slowness <= 1.0 or motion.duration <= _LONGEST_STOP:
+                return motion
+            # How fast a stop can be goes with the square root of the reserve.
+            share = 1.0 - 1.05 * (1.0 - share) * slowness**2
 
     def certified(self, draft: Draft, motion_id: str) -> Motion:
         """Return the motion, held against its limits on the records that will be sent."""

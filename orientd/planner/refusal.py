@@ -71,6 +71,19 @@ def check_continuity(request: MotionRequest) -> None:
         raise PlanError(f"no duration keeps the limits: {_JUMPS}")
 
 
+def check_smooth(request: MotionRequest, continuity: int) -> None:
+    """Refuse to find a pace for a curve whose acceleration has steps at any pace.
+
+    Raises:
+        PlanError: it has.
+    """
+    if continuity < 2:
+        raise PlanError(
+            f"duration: minimum needs a curve whose acceleration is continuous; {request.method} "
+            f"is only C{continuity} here, {DEFAULT_METHOD} is C2 and passes the same keyframes"
+        )
+
+
 def check_start(start: State, first: State, limits: Limits) -> None:
     """Refuse a motion that does not begin where the device is commanded to be.
 

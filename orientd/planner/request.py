@@ -28,6 +28,7 @@ Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 Turns = np.ndarray[Any, np.dtype[np.int64]]
 VelocityFrame = Literal["body", "world"]
+Duration = Literal["minimum"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +109,8 @@ class MotionRequest:
         options: of the method.
         device_options: of the device's driver, for this motion; checked where it is planned for a
             device.
+        duration: ``"minimum"`` runs along the method's curve as quickly as the limits permit
+            at every point of it; ``None`` keeps the method's own timing.
         keys: the orientations, unit to rounding, shape ``(n, 4)``.
         times: the keyframes' times in seconds, shape ``(n,)``, or ``None``.
         positions: shape ``(n, 3)``, not a number where a keyframe has none; or ``None``.
@@ -126,6 +129,7 @@ class MotionRequest:
     limits: Limits | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
     device_options: Mapping[str, Any] = field(default_factory=dict)
+    duration: Duration | None = None
 
     keys: Floats = field(init=False, repr=False)
     times: Floats | None = field(init=False, repr=False)
@@ -143,6 +147,8 @@ class MotionRequest:
             raise RequestError(
                 "velocity_frame", f"expected 'body' or 'world', got {self.velocity_frame!r}"
             )
+        if self.duration not in (None, "minimum"):
+            raise RequestError("duration", f"expected 'minimum', got {self.duration!r}")
         for name in ("start_velocity", "end_velocity"):
             velocity = getattr(self, name)
             if velocity is not None:
@@ -153,6 +159,8 @@ class MotionRequest:
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
         object.__setattr__(self, "keys", _orientations(keyframes))
         object.__setattr__(self, "times", _times(keyframes))
+        if self.duration is not None and self.times is not None:
+            raise RequestError("duration", "minimum leaves the times to the planner; give none")
         object.__setattr__(self, "positions", _positions(keyframes))
         object.__setattr__(self, "turns", _turns(keyframes))
 

@@ -39,6 +39,11 @@ class Fault(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     FAULT_SERVO_DIED: _ClassVar[Fault]
     FAULT_INTERNAL: _ClassVar[Fault]
 
+class Duration(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    DURATION_UNSPECIFIED: _ClassVar[Duration]
+    DURATION_MINIMUM: _ClassVar[Duration]
+
 class Outcome(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
     OUTCOME_UNSPECIFIED: _ClassVar[Outcome]
@@ -66,6 +71,8 @@ FAULT_PATH_STARVED: Fault
 FAULT_HEARTBEAT_LOST: Fault
 FAULT_SERVO_DIED: Fault
 FAULT_INTERNAL: Fault
+DURATION_UNSPECIFIED: Duration
+DURATION_MINIMUM: Duration
 OUTCOME_UNSPECIFIED: Outcome
 OUTCOME_DONE: Outcome
 OUTCOME_STOPPED: Outcome
@@ -148,7 +155,7 @@ class Keyframe(_message.Message):
     def __init__(self, time: _Optional[float] = ..., quaternion: _Optional[_Union[Quaternion, _Mapping]] = ..., rotation_vector: _Optional[_Union[Vector3, _Mapping]] = ..., euler: _Optional[_Union[EulerAngles, _Mapping]] = ..., matrix: _Optional[_Union[Matrix, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., turns: _Optional[int] = ...) -> None: ...
 
 class MotionRequest(_message.Message):
-    __slots__ = ("method", "keyframes", "velocity_frame", "start_velocity", "end_velocity", "approach", "limits", "options", "device_options")
+    __slots__ = ("method", "keyframes", "velocity_frame", "start_velocity", "end_velocity", "approach", "limits", "options", "device_options", "duration")
     METHOD_FIELD_NUMBER: _ClassVar[int]
     KEYFRAMES_FIELD_NUMBER: _ClassVar[int]
     VELOCITY_FRAME_FIELD_NUMBER: _ClassVar[int]
@@ -158,6 +165,7 @@ class MotionRequest(_message.Message):
     LIMITS_FIELD_NUMBER: _ClassVar[int]
     OPTIONS_FIELD_NUMBER: _ClassVar[int]
     DEVICE_OPTIONS_FIELD_NUMBER: _ClassVar[int]
+    DURATION_FIELD_NUMBER: _ClassVar[int]
     method: str
     keyframes: _containers.RepeatedCompositeFieldContainer[Keyframe]
     velocity_frame: Frame
@@ -167,7 +175,8 @@ class MotionRequest(_message.Message):
     limits: Limits
     options: _struct_pb2.Struct
     device_options: _struct_pb2.Struct
-    def __init__(self, method: _Optional[str] = ..., keyframes: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., start_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., end_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., approach: bool = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., device_options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ...) -> None: ...
+    duration: Duration
+    def __init__(self, method: _Optional[str] = ..., keyframes: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., start_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., end_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., approach: bool = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., device_options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., duration: _Optional[_Union[Duration, str]] = ...) -> None: ...
 
 class Peak(_message.Message):
     __slots__ = ("value", "time", "limit")

@@ -53,6 +53,8 @@ class Wishes(TypedDict, total=False):
         limits: narrower than the device's own: ``velocity``, ``acceleration``, ``jerk``,
             ``linear_velocity``, ``linear_acceleration``; the angular ones may be three numbers,
             for the components in the body frame.
+        duration: ``"minimum"`` runs along the curve as quickly as the limits permit at every
+            point of it; without *times*.
         options: of the method.
         device_options: of the device's driver, for this motion.
     """
@@ -65,6 +67,7 @@ class Wishes(TypedDict, total=False):
     velocity_frame: Literal["body", "world"]
     approach: bool
     limits: Mapping[str, float | Sequence[float]]
+    duration: Literal["minimum"]
     options: Mapping[str, Any]
     device_options: Mapping[str, Any]
 

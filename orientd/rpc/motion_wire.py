@@ -45,6 +45,8 @@ def to_mapping(message: pb.MotionRequest) -> dict[str, Any]:
         mapping["approach"] = message.approach
     if message.HasField("limits"):
         mapping["limits"] = _limits_to_mapping(message.limits)
+    if message.duration == pb.DURATION_MINIMUM:
+        mapping["duration"] = "minimum"
     for name in ("options", "device_options"):
         if message.HasField(name):
             mapping[name] = _from_struct(getattr(message, name))
@@ -65,6 +67,8 @@ def from_request(request: MotionRequest) -> pb.MotionRequest:
         message.end_velocity.CopyFrom(vector(request.end_velocity))
     if request.limits is not None:
         message.limits.CopyFrom(limits_message({n: request.limits.rate(n) for n in RATES}))
+    if request.duration == "minimum":
+        message.duration = pb.DURATION_MINIMUM
     for name in ("options", "device_options"):
         if options := getattr(request, name):
             getattr(message, name).update(_plain(options))

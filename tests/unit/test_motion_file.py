@@ -345,6 +345,7 @@ def test_the_schema_names_every_key_and_forbids_others():
         "start_velocity",
         "end_velocity",
         "approach",
+        "duration",
         "limits",
         "options",
         "device_options",
@@ -379,6 +380,13 @@ def test_three_limits_must_be_three_positive_numbers(written, limit):
     field, problem = refusal(written(KEYFRAMES + f"limits: {{velocity: {limit}}}"))
     assert field == "limits.velocity"
     assert problem.startswith("expected three finite numbers greater than 0")
+
+
+def test_the_duration_is_a_minimum_or_left_to_the_method(written):
+    assert load(written(KEYFRAMES + "duration: minimum")).duration == "minimum"
+    assert load(written(KEYFRAMES)).duration is None
+    field, problem = refusal(written(KEYFRAMES + "duration: shortest"))
+    assert (field, problem) == ("duration", "expected 'minimum', got the text 'shortest'")
 
 
 def test_the_schema_admits_three_limits_where_the_reader_does():

@@ -64,6 +64,18 @@ def test_limits_of_axes_survive_the_wire_in_requests_and_in_reports():
     assert limits_from_message(limits_to_message(DEFAULT_LIMITS)) == DEFAULT_LIMITS
 
 
+def test_a_minimum_duration_survives_the_wire():
+    keyframes = [
+        {key: entry for key, entry in keyframe.items() if key != "time"}
+        for keyframe in FILE["keyframes"]
+    ]
+    request = motion_file.parse({"keyframes": keyframes, "duration": "minimum"})
+    assert request.duration == "minimum"
+    mapping = to_mapping(from_request(request))
+    assert motion_file.parse(mapping).duration == "minimum"
+    assert "duration" not in to_mapping(from_request(motion_file.parse(FILE)))
+
+
 def test_a_quantity_limited_twice_is_refused():
     message = pb.MotionRequest(limits=pb.Limits(jerk=1, axis_jerk=pb.Vector3(x=1, y=1, z=1)))
     with pytest.raises(RequestError, match="expected one of jerk and axis_jerk, got both"):

@@ -1,0 +1,230 @@
+"""The quickest timing of a curve, against other people's solvers and by SciPy's differences."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from planned import LIMITS, PERIOD, anywhere, differences, random_request, rotations, times_of
+
+from orientd.curves import METHODS
+from orientd.errors import PlanError, RequestError
+from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
+from orientd.planner.course import Core
+from orientd.planner.path import Stretch
+from orientd.planner.position import PositionPath
+from orientd.planner.quickest import quickest
+
+HERE = (1.0, 0.0, 0.0, 0.0)
+OPTIMA = json.loads((Path(__file__).parents[2] / "data/quickest/optima.json").read_text())
+
+
+def about_z(turn):
+    return (math.cos(turn / 2), 0.0, 0.0, math.sin(turn / 2))
+
+
+def made(keyframes, limits, *, start=None, period=PERIOD, **fields):
+    request = MotionRequest(keyframes, duration="minimum", **fields)
+    start = State.at_rest(request.keys[0]) if start is None else start
+    return plan(request, start=start, limits=limits, period=period)
+
+
+def alone(motion):
+    """Return the time from the first keyframe to the last."""
+    return motion.end_time - motion.start_time
+
+
+def core_of(seed, *, count=6, step=0.6, at_rest=True):
+    """Return a core on the default curve through random keyframes."""
+    random = np.random.default_rng(seed)
+    keys = np.array(rotations(random, count, step))
+    signs = np.sign(np.sum(keys[1:] * keys[:-1], axis=1))
+    keys[1:] *= np.cumprod(signs)[:, None]
+    speed = 0.0 if at_rest else 0.3
+    curve = METHODS["c2_cumulative"](
+        keys=keys,
+        times=np.arange(count, dtype=float),
+        start="clamped",
+        end="clamped",
+        omega_start=speed * random.normal(size=3),
+        omega_end=speed * random.normal(size=3),
+    )
+    end = count - 1.0
+    positions = PositionPath.held(np.zeros(3))
+    return Core(Stretch(curve, 0.0, end), positions, np.arange(count, dtype=float))
+
+
+@pytest.mark.parametrize("turn", [0.1, 1.0, 3.0])
+@pytest.mark.parametrize("name", ["arm", "quick"])
+def test_a_turn_about_one_axis_takes_as_long_as_with_ruckig(turn, name):
+    ruckig = pytest.importorskip("ruckig")
+    limits = LIMITS[name]
+    given = ruckig.InputParameter(1)
+    given.current_position, given.target_position = [0.0], [turn]
+    given.max_velocity = [limits.velocity]
+    given.max_acceleration = [limits.acceleration]
+    given.max_jerk = [limits.jerk]
+    found = ruckig.Trajectory(1)
+    ruckig.Ruckig(1).calculate(given, found)
+    motion = made([Keyframe(HERE), Keyframe(about_z(turn))], limits)
+    assert alone(motion) == pytest.approx(found.duration, rel=1e-3)
+
+
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("at_rest", [True, False])
+def test_without_jerk_limit_it_takes_as_long_as_with_toppra(seed, at_rest):
+    toppra = pytest.importorskip("toppra")
+    core = core_of(seed, at_rest=at_rest)
+    velocity, acceleration = np.array([1.5, 1.2, 1.8]), np.array([4.0, 6.0, 5.0])
+    limits = Limits.partial(velocity=velocity, acceleration=acceleration)
+    quick = quickest(core, limits, 0.001, share=1.0)
+
+    class Curve(toppra.interpolator.AbstractGeometricPath):
+        """Omega and alpha are as linear in the rates of the parameter as those of joints."""
+
+        path_interval, dof = (0.0, core.duration), 3
+        waypoints = None
+
+        def __call__(self, places, order=0):
+            _, omega, alpha = core.stretch.sample(np.atleast_1d(np.asarray(places, dtype=float)))
+            rows = omega if order == 1 else alpha if order == 2 else 0.0 * omega
+            return rows if np.ndim(places) else rows[0]
+
+    box = [
+        kind(np.stack([-most, most], axis=1))
+        for kind, most in (
+            (toppra.constraint.JointVelocityConstraint, velocity),
+            (toppra.constraint.JointAccelerationConstraint, acceleration),
+        )
+    ]
+    solver = toppra.algorithm.TOPPRA(
+        box, Curve(), gridpoints=np.linspace(0.0, core.duration, 3001), solver_wrapper="seidel"
+    )
+    ends = (0.0, 0.0) if at_rest else (1.0, 1.0)
+    _, rate, _ = solver.compute_parameterization(*ends)
+    step = core.duration / 3000
+    peer = float(np.sum(2.0 * step / (rate[1:] + rate[:-1])))
+    assert quick.duration == pytest.approx(peer, rel=0.02)
+
+
+@pytest.mark.parametrize("case", OPTIMA, ids=lambda case: case["name"])
+def test_with_jerk_limit_it_is_near_the_optimum_found_on_a_fine_grid(case):
+    limits = DEFAULT_LIMITS.with_rates(case["limits"])
+    motion = made([Keyframe(tuple(q)) for q in case["keyframes"]], limits)
+    assert -0.001 < alone(motion) / case["duration"] - 1.0 < 0.005
+
+
+@pytest.mark.parametrize("name", sorted(LIMITS))
+@pytest.mark.parametrize("seed", range(2))
+def test_it_is_quicker_and_keeps_the_limits_on_what_is_sent(name, seed):
+    limits, random = LIMITS[name], np.random.default_rng(seed)
+    asked, start = random_request(random, limits), anywhere(random)
+    fields = {
+        key: getattr(asked, key)
+        for key in ("start_velocity", "end_velocity", "velocity_frame", "approach")
+    }
+    usual = plan(asked, start=start, limits=limits, period=PERIOD)
+    quick = made(asked.keyframes, limits, start=start, **fields)
+    assert alone(quick) < 0.95 * alone(usual)
+    rates = differences(quick.sample(times_of(quick)).q, PERIOD, start=start.q)
+    for rate, limit in zip(rates, (limits.velocity, limits.acceleration, limits.jerk), strict=True):
+        assert rate.max() <= limit * (1.0 + 1e-6)
+    certificate = quick.certificate
+    assert certificate.keyframe_error < 1e-9
+    assert max(certificate.start_velocity_error, certificate.end_velocity_error) < 1e-9
+    assert certificate.brake_rate > 0.0
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_it_passes_the_same_points_as_the_curve_at_its_own_pace(seed):
+    random = np.random.default_rng(seed)
+    asked = random_request(random, LIMITS["arm"], approach=False, start_velocity=None)
+    start = State.at_rest(
+        asked.keys[0], np.zeros(3) if asked.positions is None else asked.positions[0]
+    )
+    usual = plan(asked, start=start, limits=LIMITS["arm"], period=PERIOD)
+    quick = made(
+        asked.keyframes,
+        LIMITS["arm"],
+        start=start,
+        end_velocity=asked.end_velocity,
+        velocity_frame=asked.velocity_frame,
+    )
+    dense = usual.sample(np.linspace(0.0, usual.end_time, 20001))
+    some = quick.sample(np.linspace(0.0, quick.end_time, 50))
+    nearest = np.abs(some.q @ dense.q.T).argmax(axis=1)
+    assert np.abs(np.abs(np.sum(some.q * dense.q[nearest], axis=1)) - 1.0).max() < 1e-7
+    np.testing.assert_allclose(some.position, dense.position[nearest], atol=1e-3)
+
+
+def test_records_are_exact_derivatives_of_one_another():
+    random = np.random.default_rng(5)
+    keyframes = [
+        Keyframe(q, position=tuple(random.uniform(-0.1, 0.1, 3))) for q in rotations(random, 6, 0.8)
+    ]
+    motion = made(
+        keyframes, LIMITS["soft"], start=State.at_rest(keyframes[0].q, keyframes[0].position)
+    )
+    t = random.uniform(0.01, motion.duration - 0.01, 400)
+    h = 1e-5
+    before, here, after = (motion.sample(t + shift) for shift in (-h, 0.0, h))
+    from scipy.spatial.transform import Rotation
+
+    q0, q1 = (Rotation.from_quat(part.q[:, [1, 2, 3, 0]]) for part in (before, after))
+    omega = (q0.inv() * q1).as_rotvec() / (2 * h)
+    np.testing.assert_allclose(here.omega_body, omega, atol=1e-6)
+    alpha = (after.omega_body - before.omega_body) / (2 * h)
+    np.testing.assert_allclose(here.alpha_body, alpha, atol=2e-3)
+    velocity = (after.position - before.position) / (2 * h)
+    np.testing.assert_allclose(here.velocity, velocity, atol=1e-6)
+
+
+def test_a_curve_that_starts_with_an_acceleration_leaves_rest_without():
+    still = {"start_velocity": (0.0, 0.0, 0.0), "end_velocity": (0.0, 0.0, 0.0)}
+    keyframes = [Keyframe(HERE), Keyframe(about_z(0.7))]
+    motion = made(keyframes, LIMITS["soft"], method="kks_hermite", **still)
+    assert motion.start_time == 0.0
+    first = motion.sample(np.array([0.0, 1e-3]))
+    np.testing.assert_array_equal(first.omega_body[0], 0.0)
+    assert np.linalg.norm(first.alpha_body[0]) == 0.0
+    assert 0.0 < np.linalg.norm(first.alpha_body[1]) < 1.1e-3 * LIMITS["soft"].jerk
+
+
+def test_limits_of_axes_make_the_pace_where_they_are_the_tighter_ones():
+    turn = [Keyframe(HERE), Keyframe(about_z(2.0))]
+    limits = DEFAULT_LIMITS.with_rates({"velocity": [2.5, 2.5, 1.0], "jerk": [9000, 9000, 200.0]})
+    norm = DEFAULT_LIMITS.with_rates({"velocity": 1.0, "jerk": 200.0})
+    assert alone(made(turn, limits)) == pytest.approx(alone(made(turn, norm)), rel=1e-3)
+
+
+def test_it_takes_over_from_a_motion_that_is_still_moving():
+    first = made([Keyframe(HERE), Keyframe(about_z(1.0))], LIMITS["soft"])
+    moment = PERIOD * round(0.5 * first.end_time / PERIOD)
+    start = first.path.state(moment)
+    keys = [tuple(start.q), about_z(1.4), (math.cos(0.4), math.sin(0.4), 0.0, 0.0)]
+    motion = made([Keyframe(q) for q in keys], LIMITS["soft"], start=start)
+    here = motion.sample(np.array([0.0]))
+    np.testing.assert_allclose(here.omega_body[0], start.omega_body, atol=1e-9)
+    np.testing.assert_allclose(here.alpha_body[0], start.alpha_body, atol=1e-4)
+
+
+def test_a_long_motion_can_be_stopped_on_what_is_read_ahead():
+    random = np.random.default_rng(1)
+    motion = made([Keyframe(q) for q in rotations(random, 12, 0.9)], LIMITS["slow"])
+    assert motion.duration > 6.0
+    assert motion.certificate.stop_time <= 6.0
+
+
+def test_a_curve_with_steps_of_the_acceleration_is_refused():
+    keys = rotations(np.random.default_rng(0), 5, 0.5)
+    with pytest.raises(PlanError, match="needs a curve whose acceleration is continuous"):
+        made([Keyframe(q) for q in keys], LIMITS["arm"], method="squad", approach=True)
+
+
+def test_times_and_a_minimum_duration_are_refused_together():
+    with pytest.raises(RequestError, match="leaves the times to the planner") as caught:
+        MotionRequest([Keyframe(HERE, 0.0), Keyframe(about_z(1.0), 1.0)], duration="minimum")
+    assert caught.value.field == "duration"
+    with pytest.raises(RequestError, match="expected 'minimum', got 'least'"):
+        MotionRequest([Keyframe(HERE), Keyframe(about_z(1.0))], duration="least")
