@@ -43,11 +43,13 @@ def plan(
     """Plan the motion of FILE for a device that stands at its first keyframe.  Needs no daemon.
 
     Rate and limits are those of the device in the configuration; the samples are what its servo
-    would send.
+    would send, along the path that its driver makes of the motion where its axes need another.
     """
     from orientd import motion_file, planner
     from orientd.cli import sample_files, texts
     from orientd.daemon import motion_report
+    from orientd.daemon.examiner import examiner_of
+    from orientd.daemon.motion_planner import MotionPlanner
 
     if output is not None and output.suffix not in sample_files.ENDINGS:
         raise typer.BadParameter(
@@ -58,12 +60,12 @@ def plan(
     settings = _device_settings(config, device)
     first = request.keyframes[0]
     start = planner.State.at_rest(request.keys[0], first.position or (0.0, 0.0, 0.0))
-    motion = planner.plan(
-        request,
-        start=start,
+    # The driver is asked as in the daemon, but not for where its axes are: then it chooses.
+    motion = MotionPlanner(
+        examiner_of(settings),
         limits=settings.limits.to_limits(),
         period=settings.period_ns * 1e-9,
-    )
+    ).plan(request, start=start, joints=())
     samples = motion_report.samples(motion, settings.rate_hz)
     if output is not None:
         sample_files.write(output, samples, motion.certificate)

@@ -18,16 +18,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from orientd.clock import MonotonicClock
 from orientd.config import DeviceSettings
 from orientd.daemon.device_report import DeviceEvent, DeviceSnapshot, EventKind
+from orientd.daemon.examiner import examiner_of
 from orientd.daemon.manner import AT_ONCE, Manner, Prepared
 from orientd.daemon.servo_link import ServoLink, report_directory, terms_of
 from orientd.daemon.settling import Settling
 from orientd.driver import Driver, Quaternion, Vector3
 from orientd.driver.floats import difference, norm
-from orientd.driver.registry import driver_target, load_driver
-from orientd.errors import ConfigError, DaemonError, Fault, LateError, StateError
+from orientd.driver.registry import driver_target
+from orientd.errors import DaemonError, Fault, LateError, StateError
 from orientd.servo.process import ProcessSettings
 from orientd.servo.servo import LEFT_OUT_WORD
 from orientd.stream import UNKNOWN, Command, Cycle, CycleFlag, NoteKind, State, unpack_cycle
@@ -96,13 +96,7 @@ class Device:
         self._lead_cycles = round(settings.lead * settings.rate_hz)
         self._settings = settings
         self._on_event = on_event
-        driver = load_driver(settings.driver)
-        try:
-            self._examiner = driver(
-                settings.options, period_ns=settings.period_ns, clock=MonotonicClock()
-            )
-        except ValueError as error:
-            raise ConfigError(f"devices.{self.name}.options: {error}") from error
+        self._examiner = examiner_of(settings)
         self._target = driver_target(settings.driver)
         self._lock = threading.RLock()
         self._link: ServoLink | None = None

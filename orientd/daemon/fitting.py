@@ -1,16 +1,18 @@
 """Plans that a device's axes can follow: the planner and the driver, one after the other.
 
-Where the driver refuses a path whose times are not the user's, the motion is planned again, slower.
+Where the driver refuses a path whose times are not the user's, the motion is planned again, slower:
+first until it fits, then by bisection nearly as fast as the axes allow.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 from orientd import planner
 from orientd.driver import Driver
-from orientd.errors import LimitError
+from orientd.errors import LimitError, PlanError
 from orientd.planner import Limits, Motion, MotionRequest, State
 
 _POWERS = {"rad/s": 1, "rad/s^2": 2, "rad/s^3": 3, "s": 1}
@@ -18,6 +20,10 @@ _POWERS = {"rad/s": 1, "rad/s^2": 2, "rad/s^3": 3, "s": 1}
 _STEP = 0.8
 _SLOWEST = 0.1
 """Share of the device's speed below which no motion is slowed down for its axes."""
+_CLOSE = 1.02
+"""How near the slowest speed refused and the one that fits come to each other."""
+_ATTEMPTS = 16
+"""Plans made at most: each costs as much as the first."""
 
 
 def plan_to_fit(
@@ -54,23 +60,37 @@ def plan_to_fit(
             raise
         refusal = error
     own, speed, worst = motion.limits, 1.0, refusal
-    while True:
-        need = (worst.limit / worst.value) ** (1.0 / _POWERS[worst.unit])
-        speed *= max(min(need, _STEP), 0.5)
-        if speed < _SLOWEST:
-            raise refusal
-        slow = planner.plan(request, start=start, limits=own.slowed(speed), period=period)
+    fitted: Motion | None = None
+    refused, fits = 1.0, 0.0
+    for _ in range(_ATTEMPTS):
+        if fitted is None:
+            need = (worst.limit / worst.value) ** (1.0 / _POWERS[worst.unit])
+            speed *= max(min(need, _STEP), 0.5)
+            if speed < _SLOWEST:
+                raise refusal
+        elif refused > _CLOSE * fits:
+            speed = math.sqrt(refused * fits)
+        else:
+            break
         try:
+            slow = planner.plan(request, start=start, limits=own.slowed(speed), period=period)
             # Certified against the limits themselves: only the planning aimed below them.
-            fitted = _fitted(driver, replace(slow, limits=own), joints, before)
-        except LimitError as error:
-            if error.unit not in _POWERS:
-                raise
-            worst = error
+            faster = _fitted(driver, replace(slow, limits=own), joints, before)
+        except PlanError as error:
+            refused = speed
+            if fitted is None:
+                if not isinstance(error, LimitError) or error.unit not in _POWERS:
+                    raise refusal from error
+                worst = error
             continue
-        note = f"the axes need {fitted.duration / motion.duration:.3f} times as long"
-        notes = (*fitted.certificate.notes, note)
-        return replace(fitted, certificate=replace(fitted.certificate, notes=notes))
+        fits = speed
+        if fitted is None or faster.duration < fitted.duration:
+            fitted = faster
+    if fitted is None:
+        raise refusal
+    note = f"the axes need {fitted.duration / motion.duration:.3f} times as long"
+    notes = (*fitted.certificate.notes, note)
+    return replace(fitted, certificate=replace(fitted.certificate, notes=notes))
 
 
 def _fitted(

@@ -11,9 +11,9 @@ ROOT = Path(__file__).parents[2]
 
 # A busy machine wakes the emulator late, by more than any servo would be.
 _PATIENT = (
-    ("max_losses = 6 ", "max_losses = 100 "),
-    ("feedback_timeout = 0.2 ", "feedback_timeout = 2.0 "),
-    ("watchdog_ms = 200 ", "watchdog_ms = 2000 "),
+    ("max_losses = 10 ", "max_losses = 100 "),
+    ("feedback_timeout = 0.3 ", "feedback_timeout = 2.0 "),
+    ("watchdog_ms = 500 ", "watchdog_ms = 2000 "),
 )
 
 

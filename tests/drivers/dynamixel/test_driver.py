@@ -43,7 +43,7 @@ def test_servos_are_set_as_the_sheet_of_settings_says(gimbal):
     for number in (1, 2, 3):
         names = ("return delay time", "operating mode", "drive mode", "profile velocity",
                  "profile acceleration", "status return level", "bus watchdog")  # fmt: skip
-        assert [gimbal.value(number, n) for n in names] == [0, 4, 0, 0, 0, 2, 10]
+        assert [gimbal.value(number, n) for n in names] == [0, 4, 0, 0, 0, 2, 25]
 
 
 def test_settings_that_are_right_are_not_written_again(gimbal):
@@ -229,7 +229,7 @@ def test_tripped_watchdog_is_a_fault_and_reset_clears_it(gimbal):
     gimbal.q = gimbal.driver.enable().q
     for _ in range(20):
         gimbal.cycle()
-    assert gimbal.value(1, "bus watchdog") == 10
+    assert gimbal.value(1, "bus watchdog") == 25
 
 
 def test_servo_that_does_not_answer_is_named_at_the_start(rig):
@@ -306,7 +306,11 @@ def test_jam_is_noticed_before_the_servo_gives_up(gimbal):
 def test_late_cycle_does_not_count_as_a_fast_step(gimbal):
     gimbal.cycle([0.01, 0, 0])
     gimbal.clock.advance(3 * gimbal.period_ns)
+    # 3.9 rad/s are allowed, so 0.019 rad a cycle of 5 ms, and a tick.
     gimbal.cycle([0.04, 0, 0])
+    assert gimbal.goals()[0] == round(2048 + 0.04 * 4096 / math.tau)
+    with pytest.raises(DeviceFaultError, match="yaw would have to turn at"):
+        gimbal.cycle([0.07, 0, 0])
 
 
 def test_write_without_an_open_port_is_a_link_error(rig):
@@ -333,8 +337,10 @@ def test_turns_lost_by_a_restart_are_known_again_after_reset(rig):
     assert math.degrees(it.driver.enable().joints[0]) == pytest.approx(400, abs=0.2)
 
 
-def test_servo_left_tripped_by_a_killed_process_does_not_set_off_again(gimbal):
+def test_servo_left_tripped_by_a_killed_process_does_not_set_off_again(rig):
     """Its goal is still in it when the next process clears the watchdog."""
+    gimbal = rig(watchdog_ms=200)
+    gimbal.start()
     gimbal.run(60, lambda k: [0.015 * k, 0, 0])
     gimbal.servo(1)._memory[116:120] = (9000).to_bytes(4, "little")
     gimbal.clock.advance(1_000_000_000)

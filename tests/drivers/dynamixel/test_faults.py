@@ -56,7 +56,7 @@ FATAL = {
     "overheated": (lambda rig, s: rig.servo(s).fail(1 << 2, rig.clock.now_ns()), DeviceFaultError),
     "jammed": (_jam, DeviceFaultError),
     "stalled": (_stall, DeviceFaultError),
-    "watchdog": (lambda rig, s: rig.clock.advance(400 * MS), DeviceFaultError),
+    "watchdog": (lambda rig, s: rig.clock.advance(800 * MS), DeviceFaultError),
 }
 
 
@@ -155,3 +155,28 @@ def test_faulty_servo_leaves_the_others_where_they_are(rig):
     it.clock.advance(2_000_000_000)
     it.bus.advance(it.clock.now_ns())
     assert [round(it.servo(k).shaft.position) for k in (1, 3)] == places
+
+
+def test_lost_answers_are_a_fault_before_feedback_timeout_and_watchdog(rig):
+    """As shipped: 100 Hz, and an adapter with the latency timer it leaves the factory with."""
+    it = rig(rate_hz=100, latency_ms=16.0)
+    it.start()
+    it.run(50)
+    good_ns = it.driver._group.time_ns
+    it.bus.faults.add(2, ReplyFault(FaultKind.DROP))
+    with pytest.raises(FeedbackError, match=r"10 readings lost in a row.*servo 2 \(pitch\)"):
+        it.run(200)
+    assert it.clock.now_ns() - good_ns < 300 * MS
+    # Goals were sent all the while, so no servo has stopped by itself.
+    assert [it.value(k, "bus watchdog") for k in (1, 2, 3)] == [25, 25, 25]
+
+
+@pytest.mark.parametrize("pause_ms", [150, 300, 450])
+def test_pause_of_a_busy_machine_is_ridden_out(rig, pause_ms):
+    it = rig(rate_hz=100, latency_ms=16.0)
+    it.start()
+    it.run(50)
+    it.clock.advance(pause_ms * MS)
+    it.run(50)
+    assert it.driver._group.losses.in_a_row == 0
+    assert [it.value(k, "bus watchdog") for k in (1, 2, 3)] == [25, 25, 25]

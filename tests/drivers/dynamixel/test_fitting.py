@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from orientd import motion_file
+from orientd import motion_file, planner
 from orientd.clock import ManualClock
 from orientd.daemon.fitting import plan_to_fit
 from orientd.errors import LimitError
@@ -76,6 +76,32 @@ def test_path_without_times_is_slowed_down_for_the_axes_and_says_so():
     assert figure(motion, "velocity of yaw").value <= np.deg2rad(220) * 1.001
     assert "times as long" in motion.certificate.notes[-1]
     assert motion.certificate.peak_velocity.limit == LIMITS.velocity
+
+
+@pytest.mark.parametrize("miss", [4.0, 6.0, 8.0])
+def test_path_without_times_is_nearly_as_fast_as_the_axes_allow(miss):
+    motion = fit(over_the_top(miss))
+    used = max(
+        max(
+            figure(motion, f"velocity of {axis}").value / np.deg2rad(220),
+            np.sqrt(figure(motion, f"acceleration of {axis}").value / 40.0),
+        )
+        for axis in ("yaw", "pitch", "roll")
+    )
+    # As a share of the speed: one way or another an axis is at its limit.
+    assert 0.96 < used <= 1.001
+
+
+def test_planning_for_the_axes_is_bounded_in_attempts(monkeypatch):
+    made = []
+    plan = planner.plan
+    monkeypatch.setattr(planner, "plan", lambda *a, **k: made.append(1) or plan(*a, **k))
+    fit(over_the_top(4.0))
+    assert 3 <= len(made) <= 17
+    made.clear()
+    with pytest.raises(LimitError):
+        fit(over_the_top(0.05))
+    assert len(made) <= 17
 
 
 def test_angle_outside_the_limits_is_refused_with_axis_and_time():
