@@ -9,34 +9,31 @@ from __future__ import annotations
 import functools
 import json
 import logging
-import math
 import os
 import threading
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from orientd.config import DeviceSettings
 from orientd.daemon.device_report import DeviceEvent, DeviceSnapshot, EventKind
 from orientd.daemon.examiner import examiner_of
 from orientd.daemon.manner import AT_ONCE, Manner, Prepared
 from orientd.daemon.servo_link import ServoLink, report_directory, terms_of
-from orientd.daemon.settling import Settling
 from orientd.driver import Driver, Quaternion, Vector3
 from orientd.driver.floats import difference, norm
 from orientd.driver.registry import driver_target
-from orientd.errors import DaemonError, Fault, LateError, StateError
+from orientd.errors import DaemonError, Fault, StateError
 from orientd.servo.process import ProcessSettings
 from orientd.servo.servo import LEFT_OUT_WORD
-from orientd.stream import UNKNOWN, Command, Cycle, CycleFlag, NoteKind, State, unpack_cycle
+from orientd.stream import Command, Cycle, CycleFlag, NoteKind, State, unpack_cycle
 
 if TYPE_CHECKING:
     # Loaded with the first motion: until then the daemon stays small.
-    from orientd.daemon.itinerary import Itinerary, Leave, Stage
     from orientd.daemon.meter import MotionStatistics
     from orientd.daemon.motion_planner import MotionPlanner
+    from orientd.daemon.motions import Motions
     from orientd.planner import Limits, Motion, MotionRequest
     from orientd.planner import State as PlannedState
 
@@ -56,13 +53,6 @@ _LONGEST_END = 30.0
 
 _ENDING = 0.3
 """How long a servo may take to end that has lost its device, s."""
-
-_FIRST_NOTICE = 0.006
-"""How long it takes to plan a motion and to hand it over, s, before that has been measured."""
-
-_LONGEST_NOTICE = 0.25
-
-_SETTLING_BLOCK = 256
 
 
 class Device:
@@ -105,26 +95,18 @@ class Device:
         self._ready = threading.Event()
         self._number = 0
         self._speed = 1.0
-        self._notice = _FIRST_NOTICE
         self._forget()
 
     def _forget(self) -> None:
         """Know nothing of a servo that is not there yet."""
-        self._itinerary: Itinerary | None = None
-        self._manners: dict[int, Manner] = {}
-        self._shown: Stage | None = None
-        self._settling: Settling | None = None
-        self._settled: tuple[int, int] = (0, 0)
-        self._settled_after: dict[int, float] = {}
+        self._motions: Motions | None = None
         self._tracked = 0
-        self._tuned: Mapping[str, Any] = {}
         self._fault = Fault.NONE
         self._fault_text = ""
         self._failure = ""
         self._last_words = ""
         self._scheduling = ""
         self._memory_locked = False
-        self._is_paused = False
 
     @functools.cached_property
     def limits(self) -> Limits:
@@ -194,6 +176,8 @@ class Device:
             link, self._link = self._link, None
             if link is not None:
                 link.end(timeout=_LONGEST_END)
+                if self._motions is not None:
+                    self._motions.close()
         if self._thread is not None:
             self._thread.join()
         if link is not None:
@@ -229,14 +213,8 @@ class Device:
             StateError: the device is neither holding nor moving.
             PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
         """
-        with self._lock:
-            last = self._itinerary.last if self._itinerary and self._itinerary.is_active else None
-        if last is not None:
-            motion = last.motion
-            start = motion.state_at(motion.record_count - 1)
-            joints = motion.last_joints or self._joints()
-            return self._planner.plan(request, start=start, joints=joints)
-        return self._planner.plan(request, start=self.commanded(), joints=self._joints())
+        self._check_able()
+        return self._loaded().plan(request)
 
     def prepare(
         self, request: MotionRequest, manner: Manner = AT_ONCE, *, attempt: int = 0
@@ -250,74 +228,12 @@ class Device:
 
         Raises:
             RequestError: the request is not one that its method or the device allows.
+            LateError: what it was to follow has ended.
             StateError: the device cannot move.
             PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
         """
-        begun = time.monotonic()
-        leave = self._leave(manner, attempt)
-        if leave is None:
-            start, joints = self.commanded(), self._joints()
-            motion = self._planner.plan(request, start=start, joints=joints)
-        elif manner.is_queued:
-            with self._lock:
-                last = self._itinerary.stage(leave.number) if self._itinerary else None
-            if last is None:
-                raise LateError(f"motion {leave.number} has ended")
-            record, motion = self._planner.blend(
-                last.motion, request, tolerance=manner.blend, earliest=leave.record
-            )
-            leave = replace(leave, record=record, state=last.motion.state_at(record))
-        else:
-            motion = self._planner.plan(request, start=leave.state, joints=())
-        self._notice = max(0.8 * self._notice, 1.5 * (time.monotonic() - begun) + 0.003)
-        return Prepared(motion, leave, manner)
-
-    def _leave(self, manner: Manner, attempt: int) -> Leave | None:
-        """Return where what runs is to be left at the earliest; ``None`` where nothing runs."""
-        itinerary, cycle = self._itinerary, self._servo().newest()
-        if cycle is None or itinerary is None:
-            return None
-        if cycle.state is State.STREAMING and manner.start_ns != UNKNOWN:
-            raise StateError(f"device {self.name} is streaming: a start time needs one at rest")
-        if cycle.state is State.STREAMING and self._planner.shapes_paths and not manner.is_queued:
-            # The axes' path begins at rest: what runs is left on its own path.
-            self.stop()
-        if cycle.state is State.STOPPING or (
-            self._planner.shapes_paths and not manner.is_queued and cycle.state is State.STREAMING
-        ):
-            self._await_rest()
-            return None
-        if cycle.state is not State.STREAMING:
-            return None
-        notice = min(self._notice * 2.0**attempt, _LONGEST_NOTICE)
-        with self._lock:
-            if not itinerary.is_active:
-                return None
-            ahead = itinerary.ahead(cycle, math.ceil(notice * self.rate_hz) + 2)
-            if manner.is_queued and ahead.number != itinerary.last.number:
-                return itinerary.end(record=0)
-            return ahead
-
-    def _await_rest(self) -> None:
-        """Wait until a stop has come to its end."""
-        end = time.monotonic() + _LONGEST_END
-        while time.monotonic() < end:
-            cycle = self._servo().newest()
-            if cycle is None or cycle.state not in (State.STREAMING, State.STOPPING):
-                return
-            time.sleep(self.period_ns * 1e-9)
-        raise StateError(f"device {self.name} does not come to rest")
-
-    def _joints(self) -> tuple[float, ...]:
-        cycle = self._servo().newest()
-        return () if cycle is None else cycle.joints
-
-    def is_at(self, joints: tuple[float, ...]) -> bool:
-        """Whether the device's axes are at *joints*, on the same branch and turn."""
-        here = self._joints()
-        return len(here) != len(joints) or all(
-            abs(a - b) < _SAME_BRANCH for a, b in zip(here, joints, strict=True)
-        )
+        self._check_able()
+        return self._loaded().prepare(request, manner, attempt=attempt)
 
     def start(self, prepared: Prepared) -> int:
         """Begin to stream a motion and return its number, once the servo has taken it up.
@@ -328,49 +244,46 @@ class Device:
             LateError: the device has passed the point at which it was to begin.
             StateError: the device is not holding, or not where the motion begins.
         """
-        motion, leave, manner = prepared.motion, prepared.leave, prepared.manner
         with self._lock:
-            itinerary = self._plan_for()
-            dropped: list[Stage] = []
-            number = self._number + 1
-            if leave is None:
+            if prepared.leave is None:
                 self.commanded()
-                late = (time.monotonic_ns() - manner.start_ns) * 1e-9
-                if manner.start_ns != UNKNOWN and late > 0.0:
-                    raise StateError(f"the motion was ready {late:.3f} s after its start time")
-                self._tune(motion.request.device_options)
-                self._end_settling("another motion has begun")
-                itinerary.begin(motion, number, speed=self._speed, start_ns=manner.start_ns)
-            elif motion.request.device_options != self._tuned:
-                raise StateError("device_options change at rest only: wait for the motion's end")
-            elif manner.is_queued:
-                itinerary.append(motion, number, leave)
-            else:
-                dropped = itinerary.replace(motion, number, leave)
-                if self._is_paused:
-                    self.resume()
-            self._number = number
-            self._manners[number] = manner
-            for stage in dropped:
-                self._tell(EventKind.MOTION_REPLACED, stage.number, "before it began")
-            if leave is None:
-                self._is_paused = False
-            self._tell(EventKind.MOTION_STARTED, number, f"{motion.duration:.3f} s")
-            return number
+            self._number += 1
+            self._loaded().start(prepared, self._number, speed=self._speed)
+            return self._number
 
-    def _tune(self, options: Mapping[str, Any]) -> None:
-        if options != self._tuned:
-            self._servo().tune(options)
-            self._tuned = options
+    def _check_able(self) -> None:
+        """Refuse what a device cannot do that is neither holding nor moving.
 
-    def _plan_for(self) -> Itinerary:
-        from orientd.daemon.itinerary import Itinerary
+        Raises:
+            StateError: why not.
+        """
+        cycle = self._servo().newest()
+        if cycle is None or cycle.state not in (State.STREAMING, State.STOPPING):
+            self.commanded()
 
-        if self._itinerary is None:
-            self._itinerary = Itinerary(
-                self._servo(), lead=self._settings.lead, read_ahead=self._read_ahead
-            )
-        return self._itinerary
+    def _loaded(self) -> Motions:
+        """Return the motions of the present servo; the first time loads what plans."""
+        with self._lock:
+            if self._motions is None:
+                from orientd.daemon.motions import Motions
+
+                self._motions = Motions(
+                    self._servo(),
+                    self._planner,
+                    period=self.period_ns * 1e-9,
+                    lead=self._settings.lead,
+                    read_ahead=self._read_ahead,
+                    tell=self._tell,
+                )
+            return self._motions
+
+    def is_at(self, joints: tuple[float, ...]) -> bool:
+        """Whether the device's axes are at *joints*, on the same branch and turn."""
+        cycle = self._servo().newest()
+        here = () if cycle is None else cycle.joints
+        return len(here) != len(joints) or all(
+            abs(a - b) < _SAME_BRANCH for a, b in zip(here, joints, strict=True)
+        )
 
     # Following targets
 
@@ -393,10 +306,10 @@ class Device:
             number = self._number + 1
             self._servo().ask(Command.TRACK, motion=number, terms=terms)
             self._number = self._tracked = number
-            self._is_paused = False
-            self._end_settling("targets are followed from now on")
-            for stage in self._itinerary.clear() if self._itinerary is not None else []:
-                self._tell(EventKind.MOTION_REPLACED, stage.number, "by targets to follow")
+            if self._motions is not None:
+                self._motions.is_paused = False
+                kind = EventKind.MOTION_REPLACED
+                self._motions.drop("by targets to follow", kind=kind)
             self._tell(EventKind.MOTION_STARTED, number, "following targets")
         return number
 
@@ -430,13 +343,22 @@ class Device:
 
     def pause(self) -> None:
         """Come to rest on the path, to be resumed."""
-        self._servo().ask(Command.SPEED, speed=0.0)
-        self._is_paused = True
+        with self._lock:
+            self._servo().ask(Command.SPEED, speed=0.0)
+            if self._motions is not None:
+                self._motions.is_paused = True
 
     def resume(self) -> None:
         """Go on after :meth:`pause`, at the speed that was set."""
-        self._servo().ask(Command.SPEED, speed=self._speed)
-        self._is_paused = False
+        with self._lock:
+            self._servo().ask(Command.SPEED, speed=self._speed)
+            if self._motions is not None:
+                self._motions.is_paused = False
+
+    @property
+    def is_paused(self) -> bool:
+        """Whether a motion stands on its path, to be resumed."""
+        return self._motions is not None and self._motions.is_paused
 
     def set_speed(self, speed: float) -> None:
         """Run at *speed* times as fast as planned, now and from now on.
@@ -449,7 +371,7 @@ class Device:
         with self._lock:
             link = self._servo()
             cycle = link.newest()
-            if cycle is not None and cycle.state is State.STREAMING and not self._is_paused:
+            if cycle is not None and cycle.state is State.STREAMING and not self.is_paused:
                 link.ask(Command.SPEED, speed=speed)
             self._speed = speed
 
@@ -508,7 +430,7 @@ class Device:
         due = self._due(link, cycle) if link is not None and cycle is not None else cycle
         if cycle is not None and due is not None and cycle.flags & CycleFlag.FEEDBACK:
             error = norm(difference(due.q, cycle.feedback_q))
-        stage = self._stage_of(due)
+        stage = self._motions.stage_of(due) if self._motions is not None else None
         if due is not None and stage is not None and stage.feeder is not None:
             records = due.path_index - stage.feeder.first_index + due.path_fraction
             path_time = max(0.0, records * stage.motion.period)
@@ -518,7 +440,7 @@ class Device:
             state=State.FAULT if fault is not Fault.NONE else state,
             fault=fault,
             fault_text=self._fault_text,
-            is_paused=self._is_paused and state is State.STREAMING,
+            is_paused=self.is_paused and state is State.STREAMING,
             speed=self._speed,
             motion=stage.motion if stage is not None else None,
             motion_number=stage.number if stage is not None else self._number,
@@ -528,14 +450,6 @@ class Device:
             scheduling=self._scheduling,
             memory_locked=self._memory_locked,
         )
-
-    def _stage_of(self, cycle: Cycle | None) -> Stage | None:
-        """Return the motion that a cycle belongs to, or the one that was there last."""
-        if cycle is not None and self._itinerary is not None:
-            stage = self._itinerary.stage(cycle.motion)
-            if stage is not None:
-                self._shown = stage
-        return self._shown
 
     def _due(self, link: ServoLink, cycle: Cycle) -> Cycle:
         """Return the cycle whose setpoint the device is to be at now: a lead before the newest."""
@@ -553,21 +467,16 @@ class Device:
 
     def statistics(self, motion_number: int) -> MotionStatistics | None:
         """Return what was measured of a motion; ``None`` unless it is one of the newest."""
-        itinerary = self._itinerary
-        if itinerary is None:
-            return None
         with self._lock:
-            itinerary.measure()
-            return itinerary.statistics(motion_number)
+            return None if self._motions is None else self._motions.statistics(motion_number)
 
     def settled_after(self, motion_number: int) -> float | None:
         """Return how long after its last setpoint a motion was on target, s, if that is known."""
-        return self._settled_after.get(motion_number)
+        return None if self._motions is None else self._motions.settled_after(motion_number)
 
     def began_ns(self, motion_number: int) -> int | None:
         """Return when a motion began to move, monotonic clock, where that is known."""
-        itinerary = self._itinerary
-        return None if itinerary is None else itinerary.began_ns(motion_number)
+        return None if self._motions is None else self._motions.began_ns(motion_number)
 
     # The thread
 
@@ -593,30 +502,10 @@ class Device:
         if not is_alive:
             self._lose(link)
             return
-        if self._settling is not None:
-            self._settle(link)
         if self._tracked:
             self._look_at_tracking(link)
-        itinerary = self._itinerary
-        if itinerary is None or not itinerary.is_active:
-            return
-        try:
-            itinerary.feed()
-        except LateError as error:
-            for stage in itinerary.miss():
-                self._tell(EventKind.MOTION_STOPPED, stage.number, str(error))
-        cycle = link.newest()
-        itinerary.measure()
-        if cycle is None:
-            return
-        for stage in itinerary.passed(cycle):
-            kind = EventKind.MOTION_REPLACED if stage.is_replaced else EventKind.MOTION_DONE
-            self._tell(kind, stage.number, "")
-        if cycle.motion == itinerary.first.number and cycle.state not in (
-            State.STREAMING,
-            State.STOPPING,
-        ):
-            self._conclude(itinerary, cycle)
+        if self._motions is not None:
+            self._motions.tend(self._fault_text, speed=self._speed)
 
     def _look_at_tracking(self, link: ServoLink) -> None:
         """Say so when the device has come to rest after following targets."""
@@ -659,67 +548,6 @@ class Device:
         self._tell(EventKind.READY, 0, self._scheduling)
         self._ready.set()
 
-    def _conclude(self, itinerary: Itinerary, cycle: Cycle) -> None:
-        """Note how the motion ended that has come to rest, and those that were to follow it."""
-        self._is_paused = False
-        ended, *following = itinerary.clear()
-        is_done = (
-            ended.feeder is not None
-            and cycle.path_index == ended.feeder.final_index
-            and cycle.state is not State.FAULT
-        )
-        if is_done and following:
-            # It came to rest before the servo had heard of the next one.
-            self._arrive(ended, cycle)
-            try:
-                itinerary.resume(following, speed=self._speed)
-            except StateError as error:
-                for stage in following:
-                    self._tell(EventKind.MOTION_STOPPED, stage.number, str(error))
-            return
-        if is_done:
-            self._arrive(ended, cycle)
-            return
-        text = self._fault_text if cycle.state is State.FAULT else "stopped on its path"
-        for stage in (ended, *following):
-            self._tell(EventKind.MOTION_STOPPED, stage.number, text)
-
-    def _arrive(self, stage: Stage, cycle: Cycle) -> None:
-        """Say that a motion is done, or wait until what is measured says so."""
-        manner = self._manners.pop(stage.number, AT_ONCE)
-        if manner.gate is None:
-            self._tell(EventKind.MOTION_DONE, stage.number, "")
-            return
-        self._end_settling("another motion has ended")
-        self._settling = Settling(manner.gate, cycle.q, cycle.deadline_ns)
-        self._settled = (stage.number, cycle.index)
-
-    def _settle(self, link: ServoLink) -> None:
-        """Look at the cycles since the motion's last setpoint."""
-        number, since = self._settled
-        settling = self._settling
-        for record in link.cycle_records(since, _SETTLING_BLOCK):
-            cycle = unpack_cycle(record)
-            self._settled = (number, cycle.index + 1)
-            if settling is not None and settling.look(cycle):
-                self._settling = None
-                is_on = settling.settled_after is not None
-                if settling.settled_after is not None:
-                    self._settled_after = {number: settling.settled_after}
-                    self._tell(EventKind.ON_TARGET, number, str(settling))
-                kind = EventKind.MOTION_DONE if is_on else EventKind.MOTION_UNSETTLED
-                self._tell(kind, number, str(settling))
-                return
-            if cycle.state is State.FAULT:
-                self._end_settling(self._fault_text)
-                return
-
-    def _end_settling(self, text: str) -> None:
-        """Wait no longer for a device to be on target."""
-        if self._settling is not None:
-            self._settling = None
-            self._tell(EventKind.MOTION_UNSETTLED, self._settled[0], text)
-
     def _lose(self, link: ServoLink) -> None:
         """Say that the servo has ended, whatever ended it."""
         code = link.process.returncode
@@ -734,20 +562,18 @@ class Device:
 
     def _drop_all(self, text: str) -> None:
         """Say of every motion that it has been stopped."""
-        self._end_settling(text)
         if self._tracked:
             number, self._tracked = self._tracked, 0
             self._tell(EventKind.MOTION_STOPPED, number, text)
-        for stage in self._itinerary.clear() if self._itinerary is not None else []:
-            self._tell(EventKind.MOTION_STOPPED, stage.number, text)
+        if self._motions is not None:
+            self._motions.drop(text)
 
     def _tell(self, kind: EventKind, number: int, text: str) -> None:
         self._on_event(DeviceEvent(self.name, kind, number, text, time.monotonic_ns()))
 
     def _tell_fault(self, text: str) -> None:
-        itinerary = self._itinerary
-        number = itinerary.first.number if itinerary is not None and itinerary.is_active else 0
-        self._tell(EventKind.FAULT, number, text)
+        number = self._motions.present if self._motions is not None else 0
+        self._tell(EventKind.FAULT, number or self._tracked, text)
 
     def _servo(self) -> ServoLink:
         link = self._link

@@ -1,0 +1,302 @@
+"""The motions of one device: planned from where it is or will be, begun, fed, measured, ended.
+
+One for each servo process.  Not locked: the device calls it with its own lock held, except for
+planning, which takes its time.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+from orientd.daemon.arrivals import Arrivals
+from orientd.daemon.device_report import EventKind
+from orientd.daemon.itinerary import Itinerary, Leave, Stage
+from orientd.daemon.manner import Manner, Prepared
+from orientd.daemon.meter import MotionStatistics
+from orientd.daemon.motion_planner import MotionPlanner
+from orientd.daemon.servo_link import ServoLink
+from orientd.errors import LateError, StateError
+from orientd.planner import Motion, MotionRequest
+from orientd.planner import State as PlannedState
+from orientd.stream import UNKNOWN, Command, Cycle, State
+
+FIRST_NOTICE = 0.006
+"""How long it takes to plan a motion and to hand it over, s, before that has been measured."""
+
+LONGEST_NOTICE = 0.25
+
+LONGEST_STOP = 30.0
+"""How long a stop on the path may take, s."""
+
+Tell = Callable[[EventKind, int, str], None]
+
+
+class Motions:
+    """What one servo process runs, and is to run.
+
+    Attributes:
+        is_paused: whether the present motion stands on its path, to be resumed.
+    """
+
+    def __init__(
+        self,
+        link: ServoLink,
+        planner: MotionPlanner,
+        *,
+        period: float,
+        lead: float,
+        read_ahead: int,
+        tell: Tell,
+    ) -> None:
+        """Begin with none.
+
+        Args:
+            link: to the servo.
+            planner: plans for the device.
+            period: of the device, s.
+            lead: by how much it is led, s.
+            read_ahead: path records to keep ahead of the servo.
+            tell: is told of everything that happens to a motion.
+        """
+        self.is_paused = False
+        self._link = link
+        self._planner = planner
+        self._period = period
+        self._itinerary = Itinerary(link, lead=lead, read_ahead=read_ahead)
+        self._arrivals = Arrivals(link, tell)
+        self._tell = tell
+        self._tuned: Mapping[str, Any] = {}
+        self._notice = FIRST_NOTICE
+        self._shown: Stage | None = None
+        self._is_closed = False
+
+    # Planning
+
+    def plan(self, request: MotionRequest) -> Motion:
+        """Plan a motion that begins where the device will be once it has come to rest.
+
+        Raises:
+            RequestError: the request is not one that its method or the device allows.
+            StateError: the device is neither holding nor moving.
+            PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
+        """
+        last = self._itinerary.last if self._itinerary.is_active else None
+        if last is None:
+            start, joints = self.held(), self._joints()
+        else:
+            start = last.motion.state_at(last.motion.record_count - 1)
+            joints = last.motion.last_joints or self._joints()
+        return self._planner.plan(request, start=start, joints=joints)
+
+    def prepare(self, request: MotionRequest, manner: Manner, *, attempt: int) -> Prepared:
+        """Plan a motion for :meth:`start`: from rest, or from a point of the path a little ahead.
+
+        Args:
+            request: what to do.
+            manner: how to begin and to end.
+            attempt: how often :meth:`start` has said already that it was too late.
+
+        Raises:
+            RequestError: the request is not one that its method or the device allows.
+            LateError: what it was to follow has ended.
+            StateError: the device cannot move.
+            PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
+        """
+        begun = time.monotonic()
+        leave = self._leave(manner, attempt)
+        if leave is None:
+            motion = self._planner.plan(request, start=self.held(), joints=self._joints())
+        elif manner.is_queued:
+            last = self._itinerary.stage(leave.number)
+            if last is None:
+                raise LateError(f"motion {leave.number} has ended")
+            record, motion = self._planner.blend(
+                last.motion, request, tolerance=manner.blend, earliest=leave.record
+            )
+            leave = replace(leave, record=record, state=last.motion.state_at(record))
+        else:
+            motion = self._planner.plan(request, start=leave.state, joints=())
+        self._notice = max(0.8 * self._notice, 1.5 * (time.monotonic() - begun) + 0.003)
+        return Prepared(motion, leave, manner)
+
+    def held(self) -> PlannedState:
+        """Return where the device holds.
+
+        Raises:
+            StateError: it does not hold.
+        """
+        cycle = self._link.newest()
+        if cycle is None or cycle.state is not State.HOLDING:
+            raise StateError("the device does not hold")
+        return PlannedState.at_rest(cycle.q, cycle.position)
+
+    def _leave(self, manner: Manner, attempt: int) -> Leave | None:
+        """Return where what runs is to be left at the earliest; ``None`` where nothing runs."""
+        itinerary, cycle = self._itinerary, self._link.newest()
+        if cycle is None or cycle.state not in (State.STREAMING, State.STOPPING):
+            return None
+        if manner.start_ns != UNKNOWN:
+            raise StateError("the device is moving: a start time needs one at rest")
+        if cycle.state is State.STOPPING or (self._planner.shapes_paths and not manner.is_queued):
+            # The axes' own path begins at rest: what runs is left on its path.
+            if cycle.state is State.STREAMING:
+                self._link.ask(Command.STOP)
+            self._await_rest()
+            return None
+        notice = min(self._notice * 2.0**attempt, LONGEST_NOTICE)
+        if not itinerary.is_active:
+            return None
+        ahead = itinerary.ahead(cycle, math.ceil(notice / self._period) + 2)
+        if manner.is_queued and ahead.number != itinerary.last.number:
+            return itinerary.end(record=0)
+        return ahead
+
+    def _await_rest(self) -> None:
+        """Wait until a stop has come to its end."""
+        end = time.monotonic() + LONGEST_STOP
+        while time.monotonic() < end:
+            cycle = self._link.newest()
+            if cycle is None or cycle.state not in (State.STREAMING, State.STOPPING):
+                return
+            time.sleep(self._period)
+        raise StateError("the device does not come to rest")
+
+    def _joints(self) -> tuple[float, ...]:
+        cycle = self._link.newest()
+        return () if cycle is None else cycle.joints
+
+    # Running
+
+    def start(self, prepared: Prepared, number: int, *, speed: float) -> None:
+        """Begin to stream a motion as number *number*, at *speed*.
+
+        A motion that is to follow others is taken up when its turn has come.
+
+        Raises:
+            LateError: the device has passed the point at which it was to begin.
+            StateError: the device is not holding, or not where the motion begins.
+        """
+        motion, leave, manner = prepared.motion, prepared.leave, prepared.manner
+        options = motion.request.device_options
+        if leave is None:
+            self._check_start_time(manner)
+            if options != self._tuned:
+                self._link.tune(options)
+                self._tuned = options
+            self._arrivals.end("another motion has begun")
+            self._itinerary.begin(motion, number, speed=speed, start_ns=manner.start_ns)
+            self.is_paused = False
+        elif options != self._tuned:
+            raise StateError("device_options change at rest only: wait for the motion's end")
+        elif manner.is_queued:
+            self._itinerary.append(motion, number, leave)
+        else:
+            for stage in self._itinerary.replace(motion, number, leave):
+                self._tell(EventKind.MOTION_REPLACED, stage.number, "before it began")
+            if self.is_paused:
+                self._link.ask(Command.SPEED, speed=speed)
+                self.is_paused = False
+        if manner.gate is not None:
+            self._arrivals.expect(number, manner.gate)
+        self._tell(EventKind.MOTION_STARTED, number, f"{motion.duration:.3f} s")
+
+    @staticmethod
+    def _check_start_time(manner: Manner) -> None:
+        late = (time.monotonic_ns() - manner.start_ns) * 1e-9
+        if manner.start_ns != UNKNOWN and late > 0.0:
+            raise StateError(f"the motion was ready {late:.3f} s after its start time")
+
+    def tend(self, fault_text: str, *, speed: float) -> None:
+        """Feed what runs, measure it, and note what has ended; to be called every few cycles.
+
+        Args:
+            fault_text: why the device is in a fault, if it is.
+            speed: at which a motion goes on that was to follow one that has come to rest.
+
+        Raises:
+            DaemonError: the servo does not answer.
+        """
+        self._arrivals.look(fault_text)
+        itinerary = self._itinerary
+        if not itinerary.is_active:
+            return
+        try:
+            itinerary.feed()
+        except LateError as error:
+            for stage in itinerary.miss():
+                self._tell(EventKind.MOTION_STOPPED, stage.number, str(error))
+        cycle = self._link.newest()
+        itinerary.measure()
+        if cycle is None:
+            return
+        for stage in itinerary.passed(cycle):
+            kind = EventKind.MOTION_REPLACED if stage.is_replaced else EventKind.MOTION_DONE
+            self._tell(kind, stage.number, "")
+        is_moving = cycle.state in (State.STREAMING, State.STOPPING)
+        if cycle.motion == itinerary.first.number and not is_moving:
+            self._conclude(cycle, fault_text, speed)
+
+    def _conclude(self, cycle: Cycle, fault_text: str, speed: float) -> None:
+        """Note how the motion ended that has come to rest, and those that were to follow it."""
+        self.is_paused = False
+        ended, *following = self._itinerary.clear()
+        is_fault = cycle.state is State.FAULT
+        is_at_end = ended.feeder is not None and cycle.path_index == ended.feeder.final_index
+        if is_fault or not is_at_end:
+            self._stop((ended, *following), fault_text if is_fault else "stopped on its path")
+            return
+        self._arrivals.arrive(ended.number, cycle)
+        if following:
+            # It came to rest before the servo had heard of the next one.
+            try:
+                self._itinerary.resume(following, speed=speed)
+            except StateError as error:
+                self._stop(tuple(following), str(error))
+
+    def drop(self, text: str, *, kind: EventKind = EventKind.MOTION_STOPPED) -> None:
+        """Say of every motion that it has ended."""
+        self._arrivals.end(text)
+        self._stop(tuple(self._itinerary.clear()), text, kind)
+
+    def _stop(
+        self, stages: tuple[Stage, ...], text: str, kind: EventKind = EventKind.MOTION_STOPPED
+    ) -> None:
+        for stage in stages:
+            self._tell(kind, stage.number, text)
+
+    def close(self) -> None:
+        """Look at the servo's cycles for the last time; its memory is about to go."""
+        self._itinerary.measure()
+        self._is_closed = True
+
+    # What there is to see
+
+    @property
+    def present(self) -> int:
+        """Number of the motion that runs; 0 for none."""
+        return self._itinerary.first.number if self._itinerary.is_active else 0
+
+    def stage_of(self, cycle: Cycle | None) -> Stage | None:
+        """Return the motion that a cycle belongs to, or the one that was there last."""
+        stage = self._itinerary.stage(cycle.motion) if cycle is not None else None
+        if stage is not None:
+            self._shown = stage
+        return self._shown
+
+    def statistics(self, number: int) -> MotionStatistics | None:
+        """Return what was measured of motion *number*; ``None`` unless it is one of the newest."""
+        if not self._is_closed:
+            self._itinerary.measure()
+        return self._itinerary.statistics(number)
+
+    def settled_after(self, number: int) -> float | None:
+        """Return how long after its last setpoint motion *number* was on target, s, if it was."""
+        return self._arrivals.settled_after(number)
+
+    def began_ns(self, number: int) -> int | None:
+        """Return when motion *number* began to move, monotonic clock, where that is known."""
+        return self._itinerary.began_ns(number)
