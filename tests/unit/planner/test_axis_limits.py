@@ -7,7 +7,7 @@ import pytest
 from planned import PERIOD, anywhere, random_request, times_of
 from scipy.spatial.transform import Rotation
 
-from orientd.errors import LimitError, PlanError, RequestError
+from orientd.errors import LimitError, RequestError
 from orientd.planner import DEFAULT_LIMITS, PRESETS, Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.brake import axis_brake_rate, brake_rate
 
@@ -139,12 +139,3 @@ def test_every_preset_can_be_planned_with_and_says_where_it_is_from(name):
     request = MotionRequest([Keyframe(HERE), Keyframe((0.6, 0.8, 0.0, 0.0))])
     motion = plan(request, start=State.at_rest(HERE), limits=preset.limits, period=PERIOD)
     assert motion.certificate.peak_velocity.limit == preset.limits.velocity
-
-
-def test_no_lead_is_made_where_an_axis_has_no_room_for_it():
-    request = MotionRequest(
-        [Keyframe(HERE), Keyframe((0.6, 0.8, 0.0, 0.0))], end_velocity=(0.9999, 0.0, 0.0)
-    )
-    slow = UNEVEN.with_rates({"acceleration": [1e-7, 8.0, 2.0]})
-    with pytest.raises(PlanError):
-        plan(request, start=State.at_rest(HERE), limits=slow, period=PERIOD)
