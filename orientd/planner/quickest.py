@@ -29,7 +29,7 @@ SHARE = 0.999
 
 _REST = 1e-9  # of the largest angular velocity of the core
 _FEWEST_STEPS = 400
-_STEPS_A_SEGMENT = 16, 40  # at the least and at the most, where there are many
+_STEPS_A_SEGMENT = 16, 24  # at the least and at the most, where there are many
 _MOST_STEPS = 1200  # where there are few
 _RAMP_STEPS = 4.0  # in the time that the acceleration needs to rise, between these bounds
 _FASTEST = 1e6  # times as fast as the core, where nothing limits it
