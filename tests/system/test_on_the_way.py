@@ -23,16 +23,35 @@ from orientd.stream import State
 Q = orientd.Quaternion
 
 
-@pytest.fixture
-def daemon(tmp_path):
-    with DaemonProcess(tmp_path / "daemon") as process:
+@pytest.fixture(scope="module")
+def process(tmp_path_factory):
+    with DaemonProcess(tmp_path_factory.mktemp("daemon")) as process:
+        process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))
         yield process
+
+
+class Daemon:
+    """The daemon, of which only what is sent from now on counts."""
+
+    def __init__(self, process):
+        self.socket, self.period = process.socket, process.period
+        self._process = process
+        self._before = max(0, len(process.sent()) - 3)
+
+    def sent(self):
+        return self._process.sent()[self._before :]
+
+
+@pytest.fixture
+def daemon(process):
+    return Daemon(process)
 
 
 @pytest.fixture
 def robot(daemon):
-    daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))
     with orientd.connect(daemon.socket) as robot:
+        robot.move([key(0, 0, 0)], approach=True).wait(20.0)
+        robot.set_speed(1.0)
         yield robot
 
 

@@ -274,10 +274,11 @@ def test_errors_arrive_as_what_they_are(robot):
         robot.plan([here(robot), {"rotation_vector": [0, 0, 0.1]}], sample_rate_hz=1e6)
 
 
-def test_a_second_motion_waits_for_nobody(robot):
-    long_motion(robot)
-    with pytest.raises(StateError, match="streaming, not holding; stop the present motion first"):
-        robot.move([here(robot), {"rotation_vector": [0, 0, 0.1]}])
+def test_a_second_motion_must_begin_where_the_first_one_is_by_then(robot):
+    handle = long_motion(robot)
+    with pytest.raises(StartError, match="`approach: true` would lead in"):
+        robot.move([{"rotation_vector": [0, 1.0, 0]}, {"rotation_vector": [0, 0, 0.1]}])
+    assert not handle.is_done
 
 
 def test_a_disabled_device_does_not_move(robot):
