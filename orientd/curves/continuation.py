@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from orientd.curves import fast
 from orientd.curves.basis import Indices
 from orientd.curves.interpolation import KeyframeEquations, solve_block_tridiagonal
 from orientd.errors import PlanError
@@ -110,6 +111,8 @@ class _Search:
         """
         found = self._equations.explicit_solution()
         if found is None:
+            found = self._compiled()
+        if found is None:
             found = self._continue()
         if found is None:
             found = self._descend()
@@ -119,6 +122,27 @@ class _Search:
                 "keyframes, lower the end velocities or make neighbouring intervals more alike"
             )
         return self._equations.complete(found, 1.0)
+
+    def _compiled(self) -> Floats | None:
+        """Return what Newton's method alone finds, if the compiled kernel is there.
+
+        It is the first attempt of :meth:`_continue`, and the same solution.
+        """
+        find, equations = fast.KERNEL.find, self._equations
+        if find is None:
+            return None
+        found: Floats = np.empty_like(equations.steps)
+        is_found = find(
+            equations.index,
+            equations.share,
+            equations.steps,
+            equations.start.known,
+            equations.end.known,
+            equations.start.ratio,
+            equations.end.ratio,
+            found,
+        )
+        return found if is_found else None
 
     def _continue(self) -> Floats | None:
         """Return the solution that is connected with small rotations, if there is a path to it."""

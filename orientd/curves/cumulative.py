@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orientd.curves import fast
 from orientd.curves.basis import CumulativeBasis
 from orientd.curves.contract import Curve, Samples, check_out
-from orientd.curves.fast import KERNEL
 from orientd.curves.product import (
     BLOCK,
     TABLE_ROWS,
@@ -72,8 +72,8 @@ class CumulativeCurve(Curve):
             out = np.empty((10, len(flat)))
         else:
             check_out(out, len(flat))
-        if KERNEL.fill is not None and self._table is not None:
-            place = KERNEL.fill(flat, self._knots, self._table, self._slack, out)
+        if fast.KERNEL.fill is not None and self._table is not None:
+            place = fast.KERNEL.fill(flat, self._knots, self._table, self._slack, out)
             if place >= 0:
                 self._inside(flat)
         else:
@@ -99,7 +99,7 @@ class CumulativeCurve(Curve):
             for begin in range(0, len(times), BLOCK):
                 block, part = times[begin : begin + BLOCK], out[:, begin : begin + BLOCK]
                 fill_cubic(block, self._knots, self._table, part, memory)
-            KERNEL.count(len(times))
+            fast.KERNEL.count(len(times))
             return
         memory = product_memory(size)
         for begin in range(0, len(times), BLOCK):

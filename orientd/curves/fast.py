@@ -1,6 +1,6 @@
-"""When the compiled kernel may be used: loaded in the background, NumPy serving until it is ready.
+"""When compiled kernels may be used: loaded in the background, NumPy serving until they are ready.
 
-Numba (extra ``fast``) takes a third of a second to import and a few seconds to compile the kernel
+Numba (extra ``fast``) takes a third of a second to import and a few seconds to compile a kernel
 for the first time on a machine; nothing waits for either unless it asks to.
 """
 
@@ -11,19 +11,24 @@ from collections.abc import Callable
 from enum import Enum
 from importlib import import_module
 from importlib.util import find_spec
+from types import ModuleType
 from typing import cast
 
+from orientd.curves.basis import Indices
 from orientd.rotation import Floats
 
 Fill = Callable[[Floats, Floats, Floats, float, Floats], int]
 """Takes instants, breaks, table, slack and the buffer to fill; see ``orientd.curves.compiled``."""
+
+Increments = Callable[[Indices, Floats, Floats, Floats, Floats, float, float, Floats], bool]
+"""Finds the increments of an interpolating spline; see ``orientd.curves.compiled_increments``."""
 
 START_AFTER = 10_000
 """Samples worked out by NumPy in this process before the compiled kernel is sent for."""
 
 
 class Status(Enum):
-    """How far the compiled kernel is."""
+    """How far compiled kernels are."""
 
     NOT_STARTED = "not started"
     LOADING = "loading"
@@ -32,33 +37,24 @@ class Status(Enum):
     FAILED = "failed"
 
 
-class FastKernel:
-    """The compiled kernel of this process, loaded once, in a thread of its own.
+class Background:
+    """Compiled modules of this process, loaded once, in a thread of their own.
 
     Attributes:
-        fill: the kernel, or nothing as long as it is not ready.
         status: how far it is.  ``MISSING`` means that Numba is not installed, ``FAILED`` that it
             is, but does not work here.
         error: what went wrong, if the status is ``FAILED``.
     """
 
-    def __init__(self) -> None:
-        self.fill: Fill | None = None
+    def __init__(self, *modules: str) -> None:
         self.status = Status.NOT_STARTED
         self.error: Exception | None = None
+        self._modules = modules
         self._lock = threading.Lock()
         self._done = threading.Event()
-        self._samples = 0
-
-    def count(self, samples: int) -> None:
-        """Take note of samples worked out by NumPy, and start loading when they become many."""
-        if self.status is Status.NOT_STARTED:
-            self._samples += samples
-            if self._samples > START_AFTER:
-                self.start()
 
     def start(self) -> None:
-        """Start loading the kernel in the background, unless that has been done before."""
+        """Start loading in the background, unless that has been done before."""
         with self._lock:
             if self.status is not Status.NOT_STARTED:
                 return
@@ -70,13 +66,13 @@ class FastKernel:
         threading.Thread(target=self._load, name="orientd-fast-kernel", daemon=True).start()
 
     def wait_ready(self, timeout: float | None = None) -> bool:
-        """Wait until the kernel has been loaded, starting that if need be.
+        """Wait until loading has ended, starting it if need be.
 
         Args:
             timeout: how long to wait, in seconds; without it as long as it takes.
 
         Returns:
-            Whether the kernel is ready.
+            Whether the kernels are ready.
         """
         self.start()
         self._done.wait(timeout)
@@ -84,7 +80,7 @@ class FastKernel:
 
     def _load(self) -> None:
         try:
-            self.fill = cast(Fill, import_module("orientd.curves.compiled").fill)
+            self._take(*(import_module(name) for name in self._modules))
         except Exception as error:  # noqa: BLE001 - a compiler can fail in any way; NumPy serves on
             self.error = error
             self.status = Status.FAILED
@@ -92,11 +88,42 @@ class FastKernel:
             self.status = Status.READY
         self._done.set()
 
+    def _take(self, *modules: ModuleType) -> None:
+        """Take the kernels of the modules into use."""
+        raise NotImplementedError
+
+
+class FastKernel(Background):
+    """The compiled kernels of the curves.
+
+    Attributes:
+        fill: samples a cubic cumulative product; nothing as long as it is not ready.
+        find: finds the increments of an interpolating spline, likewise.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("orientd.curves.compiled", "orientd.curves.compiled_increments")
+        self.fill: Fill | None = None
+        self.find: Increments | None = None
+        self._samples = 0
+
+    def count(self, samples: int) -> None:
+        """Take note of samples worked out by NumPy, and start loading when they become many."""
+        if self.status is Status.NOT_STARTED:
+            self._samples += samples
+            if self._samples > START_AFTER:
+                self.start()
+
+    def _take(self, *modules: ModuleType) -> None:
+        samples, increments = modules
+        self.find = cast(Increments, increments.find)
+        self.fill = cast(Fill, samples.fill)
+
 
 KERNEL = FastKernel()
-"""The kernel of this process."""
+"""The kernels of this process."""
 
 
 def wait_ready(timeout: float | None = None) -> bool:
-    """Wait until the compiled kernel is in use; see :meth:`FastKernel.wait_ready`."""
+    """Wait until the compiled kernels are in use; see :meth:`Background.wait_ready`."""
     return KERNEL.wait_ready(timeout)

@@ -284,7 +284,7 @@ def numpy_kernel(monkeypatch):
     """Keep the compiled kernel from coming into use in the middle of a test."""
     kernel = fast.FastKernel()
     kernel.status = fast.Status.MISSING
-    monkeypatch.setattr(cumulative, "KERNEL", kernel)
+    monkeypatch.setattr(fast, "KERNEL", kernel)
     return kernel
 
 

@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from orientd.curves import fast
+from orientd.curves import METHODS, fast
 
 
 @pytest.fixture(scope="module")
@@ -103,8 +103,6 @@ def test_the_compiled_kernel_forgives_rounding_at_the_ends(product_example, comp
 
 
 def test_many_turns_within_a_span_lose_no_digits(compiled):
-    from orientd.curves import METHODS
-
     for spins in (0, 1, 2, 3, 1000, -1001):
         curve = METHODS["slerp"](q0=[1, 0, 0, 0], q1=[0.6, 0, 0.8, 0], spins=spins)
         times = np.linspace(0.0, 1.0, 500)
@@ -112,6 +110,51 @@ def test_many_turns_within_a_span_lose_no_digits(compiled):
         compiled.on()
         assert_close(reference, curve.evaluate(times))
         compiled.off()
+
+
+@pytest.mark.parametrize("ends", [("natural", "state"), ("clamped", "natural"), ("state",) * 2])
+@pytest.mark.parametrize("count", [2, 3, 25])
+def test_both_kernels_find_the_same_increments(loaded, numpy_kernel, random_keys, ends, count):
+    rng = np.random.default_rng(count)
+    given = {
+        f"{quantity}_{side}": 0.3 * rng.normal(size=3)
+        for side, condition in zip(("start", "end"), ends, strict=True)
+        for quantity in {"natural": (), "clamped": ("omega",)}.get(condition, ("omega", "alpha"))
+    }
+    given |= {"keys": random_keys(count, 0.7), "times": np.cumsum(rng.uniform(0.5, 2.0, count))}
+    found = []
+
+    def find(*arguments):
+        found.append(loaded.find(*arguments))
+        return found[-1]
+
+    reference = METHODS["c2_cumulative"](**given, start=ends[0], end=ends[1])
+    numpy_kernel.find = find
+    curve = METHODS["c2_cumulative"](**given, start=ends[0], end=ends[1])
+    assert np.abs(curve.increments - reference.increments).max() <= 1e-14
+    # A single unknown is a logarithm and needs no search.
+    assert found == ([] if count == 2 and "natural" not in ends else [True])
+
+
+def test_steps_too_large_for_the_compiled_search_are_left_to_numpy(
+    loaded, numpy_kernel, random_keys
+):
+    given = {"keys": random_keys(12, 3.0), "times": "uniform"}
+    reference = METHODS["c2_cumulative"](**given)
+    numpy_kernel.find = loaded.find
+    curve = METHODS["c2_cumulative"](**given)
+    assert np.abs(curve.increments - reference.increments).max() <= 1e-13
+
+
+def test_increments_that_are_not_numbers_are_not_found(loaded):
+    equations = [
+        np.array([[0, 1], [1, 2]]),
+        np.full((2, 2), 0.5),
+        np.array([[0.1, 0.0, 0.0], [np.nan, 0.0, 0.0]]),
+        np.zeros((1, 3)),
+        np.empty((0, 3)),
+    ]
+    assert not loaded.find(*equations, 0.0, 0.0, np.empty((2, 3)))
 
 
 def test_loading_waits_for_many_samples():
