@@ -227,8 +227,12 @@ class MotionMeter:
         )
 
     def _after_waiting(self, block: NDArray[np.void]) -> NDArray[np.void]:
-        """Return *block* without the cycles in which the motion had not begun to move."""
+        """Return *block* without the cycles in which the motion had not begun to move.
+
+        A motion that takes over from another one moves from its first record on.
+        """
         moved = (block["path_index"] > self._first) | (block["path_fraction"] > 0.0)
+        moved |= self._after is not None
         if not moved.any():
             return block[:0]
         first = int(np.argmax(moved))

@@ -5,7 +5,9 @@ import time
 import numpy as np
 import pytest
 from harness import (
+    ACCELERATION,
     DEVICE,
+    JERK,
     DaemonProcess,
     assert_limits_kept,
     nudge,
@@ -82,6 +84,9 @@ def test_a_motion_is_replaced_on_its_way_without_a_step(daemon, robot):
     assert rotation.angle(sent[-1], rotation.exp([0.4, 0.3, 0.0])) > -1.0
     assert_limits_kept(sent, daemon.period)
     assert second.timing.attempts >= 1
+    measured = second.wait().statistics
+    assert measured.acceleration <= ACCELERATION * 1.001
+    assert measured.jerk <= JERK * 1.001
     assert state(robot).fault_text == ""
 
 
