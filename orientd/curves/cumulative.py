@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -24,7 +26,7 @@ _FACTORIALS = np.array([1.0, 1.0, 2.0, 6.0])
 class CumulativeCurve(Curve):
     """A cumulative product over a B-spline basis: what the families of Kim, Kim and Shin share.
 
-    Cubic and simpler ones are sampled by the compiled kernel once it is there.
+    They are sampled by the compiled kernels once these are there.
 
     Args:
         basis: the cumulative basis functions that vary on each span.
@@ -52,7 +54,12 @@ class CumulativeCurve(Curve):
             factors[:functions, :4] = np.moveaxis(taylor, 0, -1)
             factors[:functions, 4:] = np.moveaxis(axes[window], 0, -1)
         else:
-            self._basis = basis
+            self._basis = replace(
+                basis,
+                values=np.ascontiguousarray(basis.values),
+                rates=np.ascontiguousarray(basis.rates),
+                curvatures=np.ascontiguousarray(basis.curvatures),
+            )
             self._base = np.ascontiguousarray(base)
             self._axes = np.ascontiguousarray(np.moveaxis(axes[window], 0, -1))
             self._lengths = np.ascontiguousarray(lengths[window].T)
@@ -72,12 +79,11 @@ class CumulativeCurve(Curve):
             out = np.empty((10, len(flat)))
         else:
             check_out(out, len(flat))
-        if fast.KERNEL.fill is not None and self._table is not None:
-            place = fast.KERNEL.fill(flat, self._knots, self._table, self._slack, out)
-            if place >= 0:
-                self._inside(flat)
-        else:
+        place = self._fill_compiled(flat, out)
+        if place is None:
             self.fill_with_numpy(self._inside(flat), out)
+        elif place >= 0:
+            self._inside(flat)
         q, omega_body, alpha_body = out[0:4].T, out[4:7].T, out[7:10].T
         if instants.ndim == 1:
             return q, omega_body, alpha_body
@@ -90,6 +96,34 @@ class CumulativeCurve(Curve):
 
     def _sample(self, times: Floats) -> Samples:
         return self.evaluate(times)
+
+    def _fill_compiled(self, times: Floats, out: Floats) -> int | None:
+        """Write the samples as the compiled kernels do, unless they are not there.
+
+        Returns:
+            The place of the first instant that is outside the domain, or -1; nothing, and nothing
+            is written, without the kernels.
+        """
+        kernel = fast.KERNEL
+        if self._table is not None:
+            if kernel.fill is None:
+                return None
+            return kernel.fill(times, self._knots, self._table, self._slack, out)
+        if kernel.fill_product is None:
+            return None
+        basis = self._basis
+        return kernel.fill_product(
+            times,
+            self._knots,
+            self._base,
+            self._axes,
+            self._lengths,
+            basis.values,
+            basis.rates,
+            basis.curvatures,
+            self._slack,
+            out,
+        )
 
     def fill_with_numpy(self, times: Floats, out: Floats) -> None:
         """Write the samples at instants inside the domain, block by block, with NumPy."""

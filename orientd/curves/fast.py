@@ -20,6 +20,11 @@ from orientd.rotation import Floats
 Fill = Callable[[Floats, Floats, Floats, float, Floats], int]
 """Takes instants, breaks, table, slack and the buffer to fill; see ``orientd.curves.compiled``."""
 
+FillProduct = Callable[
+    [Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, float, Floats], int
+]
+"""The same for any number of factors; see ``orientd.curves.compiled_product``."""
+
 Increments = Callable[[Indices, Floats, Floats, Floats, Floats, float, float, Floats], bool]
 """Finds the increments of an interpolating spline; see ``orientd.curves.compiled_increments``."""
 
@@ -98,12 +103,18 @@ class FastKernel(Background):
 
     Attributes:
         fill: samples a cubic cumulative product; nothing as long as it is not ready.
+        fill_product: samples any other cumulative product, likewise.
         find: finds the increments of an interpolating spline, likewise.
     """
 
     def __init__(self) -> None:
-        super().__init__("orientd.curves.compiled", "orientd.curves.compiled_increments")
+        super().__init__(
+            "orientd.curves.compiled",
+            "orientd.curves.compiled_product",
+            "orientd.curves.compiled_increments",
+        )
         self.fill: Fill | None = None
+        self.fill_product: FillProduct | None = None
         self.find: Increments | None = None
         self._samples = 0
 
@@ -115,7 +126,8 @@ class FastKernel(Background):
                 self.start()
 
     def _take(self, *modules: ModuleType) -> None:
-        samples, increments = modules
+        samples, products, increments = modules
+        self.fill_product = cast(FillProduct, products.fill)
         self.find = cast(Increments, increments.find)
         self.fill = cast(Fill, samples.fill)
 

@@ -22,10 +22,10 @@ def compiled(loaded, numpy_kernel):
 
     class Switch:
         def on(self):
-            numpy_kernel.fill = loaded.fill
+            numpy_kernel.fill, numpy_kernel.fill_product = loaded.fill, loaded.fill_product
 
         def off(self):
-            numpy_kernel.fill = None
+            numpy_kernel.fill = numpy_kernel.fill_product = None
 
     return Switch()
 
