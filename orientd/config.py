@@ -82,6 +82,23 @@ class DaemonSettings(_Table):
     lease_seconds: Annotated[float, Field(ge=0.2, le=3600.0)] = 5.0
 
 
+class RecorderSettings(_Table):
+    """The table ``[recorder]``: the flight recorder, which writes a file on every fault.
+
+    Attributes:
+        directory: where to; ``None`` is ``orientd/recordings`` in the user's state directory.
+        seconds: that are kept in memory and written, 0 for no flight recorder at all; a device
+            takes 344 bytes a cycle, 10 MB for 60 s at 500 Hz.
+        keep_files: how many files are kept, the newest.
+        keep_megabytes: how large they may be altogether.
+    """
+
+    directory: SomePath | None = None
+    seconds: Annotated[float, Field(ge=0.0, le=600.0)] = 60.0
+    keep_files: Annotated[int, Field(ge=1, le=100_000)] = 20
+    keep_megabytes: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] = 200.0
+
+
 class LimitSettings(_Table):
     """The table ``[devices.NAME.limits]``; what is not given is the default of the planner.
 
@@ -198,10 +215,12 @@ class Settings(_Table):
 
     Attributes:
         daemon: the table ``[daemon]``.
+        recorder: the table ``[recorder]``.
         devices: the tables ``[devices.NAME]`` by name.
     """
 
     daemon: DaemonSettings = DaemonSettings()
+    recorder: RecorderSettings = RecorderSettings()
     devices: Annotated[dict[str, DeviceSettings], Field(min_length=1)]
 
     @model_validator(mode="before")

@@ -7,6 +7,7 @@ for folder in (
     "unit/servo/tracking",
     "unit/daemon",
     "unit/planner",
+    "unit/recorder",
     "system",
     "drivers/ur",
     "data/standard",

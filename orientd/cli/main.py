@@ -18,6 +18,7 @@ from orientd.cli import (
     doctor,
     motion_commands,
     plot,
+    record,
     sim,
     track,
 )
@@ -60,6 +61,8 @@ for _command in (
     track.track,
     compare.compare,
     plot.plot,
+    record.record,
+    record.export,
     device_commands.stop,
     device_commands.halt,
     device_commands.pause,

@@ -17,6 +17,9 @@ from typing import TYPE_CHECKING, Any
 from orientd.clock import Clock, MonotonicClock
 from orientd.config import Settings
 from orientd.daemon.device import Device
+from orientd.daemon.device_report import DeviceEvent
+from orientd.daemon.flight_recorder import FlightRecorder
+from orientd.daemon.journal import Journal
 from orientd.daemon.lease import Lease, LeaseDesk
 from orientd.daemon.manner import AT_ONCE, Manner, Prepared
 from orientd.daemon.runs import Run, Runs
@@ -81,15 +84,25 @@ class Cell:
         self._plans: OrderedDict[str, tuple[str, Motion]] = OrderedDict()
         self._instants: OrderedDict[int, int] = OrderedDict()
         self._is_closing = False
+        self.configuration = settings.model_dump_json(exclude_none=True)
         self.devices: dict[str, Device] = {}
         self.runs = Runs(self.devices)
+        self.journal = Journal()
+        self._flight = FlightRecorder(settings, self.journal)
         for name, device in settings.devices.items():
-            self.devices[name] = make_device(device, on_event=self.runs.hear)
+            self.devices[name] = make_device(device, on_event=self._hear)
+            self._flight.attach(self.devices[name])
+
+    def _hear(self, event: DeviceEvent) -> None:
+        self.runs.hear(event)
+        self.journal.hear(event)
+        self._flight.hear(event)
 
     # Life
 
     def launch(self) -> None:
         """Start every device and return at once."""
+        self._flight.start()
         for device in self.devices.values():
             device.launch()
 
@@ -126,6 +139,8 @@ class Cell:
             list(pool.map(lambda device: device.shutdown(), self.devices.values()))
         for run in unfinished:
             self.runs.conclude(run, (Outcome.STOPPED, reason))
+        self._flight.close()
+        self.journal.close()
 
     # The lease
 

@@ -13,6 +13,7 @@ import os
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,6 +32,7 @@ from orientd.stream import Command, Cycle, CycleFlag, NoteKind, State, unpack_cy
 
 if TYPE_CHECKING:
     # Loaded with the first motion: until then the daemon stays small.
+    from orientd.daemon.cycle_memory import CycleMemory
     from orientd.daemon.meter import MotionStatistics
     from orientd.daemon.motion_planner import MotionPlanner
     from orientd.daemon.motions import Motions
@@ -64,7 +66,10 @@ class Device:
         rate_hz: cycle rate.
         period_ns: cycle period.
         lead: how long before its time each setpoint is sent, s.
+        memory: keeps the newest cycles for the flight recorder; ``None`` where there is none.
     """
+
+    memory: CycleMemory | None = None
 
     def __init__(
         self, settings: DeviceSettings, *, on_event: Callable[[DeviceEvent], None]
@@ -460,10 +465,12 @@ class Device:
 
     def cycles(self, since: int, limit: int = 4096) -> list[Cycle]:
         """Return cycles from number *since* on, oldest first, as far as they are still known."""
+        return [unpack_cycle(record) for record in self.cycle_records(since, limit)]
+
+    def cycle_records(self, since: int, limit: int = 4096) -> list[bytes]:
+        """Return the records of cycles from number *since* on, as far as they are still known."""
         link = self._link
-        if link is None:
-            return []
-        return [unpack_cycle(record) for record in link.cycle_records(since, limit)]
+        return [] if link is None else link.cycle_records(since, limit)
 
     def statistics(self, motion_number: int) -> MotionStatistics | None:
         """Return what was measured of a motion; ``None`` unless it is one of the newest."""
@@ -498,6 +505,8 @@ class Device:
     def _tick(self, link: ServoLink) -> None:
         link.beat()
         is_alive = link.is_alive
+        if self.memory is not None:
+            self.memory.take(link.memory.cycles, is_last=not is_alive)
         self._hear(link)
         if not is_alive:
             self._lose(link)
@@ -569,7 +578,13 @@ class Device:
             self._motions.drop(text)
 
     def _tell(self, kind: EventKind, number: int, text: str) -> None:
-        self._on_event(DeviceEvent(self.name, kind, number, text, time.monotonic_ns()))
+        event = DeviceEvent(self.name, kind, number, text, time.monotonic_ns())
+        if kind is EventKind.MOTION_STARTED and self._motions is not None:
+            stage = self._motions.stage(number)
+            if stage is not None:
+                first = None if stage.feeder is None else stage.feeder.first_index
+                event = replace(event, motion=stage.motion, path_index=first)
+        self._on_event(event)
 
     def _tell_fault(self, text: str) -> None:
         number = self._motions.present if self._motions is not None else 0

@@ -25,6 +25,8 @@ class EventKind(Enum):
     ON_TARGET = "on target"
     FAULT = "fault"
     SERVO_DIED = "servo died"
+    RECORDED = "recorded"
+    RECORDING_FAILED = "recording failed"
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +39,8 @@ class DeviceEvent:
         motion_number: the motion it happened to, 0 for none.
         text: in words.
         time_ns: when the daemon saw it, monotonic clock.
+        motion: what has started.
+        path_index: of its first record, where that is known.
     """
 
     device: str
@@ -44,6 +48,8 @@ class DeviceEvent:
     motion_number: int
     text: str
     time_ns: int
+    motion: Motion | None = None
+    path_index: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -287,6 +287,10 @@ class Motions:
             self._shown = stage
         return self._shown
 
+    def stage(self, number: int) -> Stage | None:
+        """Return a motion that is under way or waits for its turn."""
+        return self._itinerary.stage(number)
+
     def statistics(self, number: int) -> MotionStatistics | None:
         """Return what was measured of motion *number*; ``None`` unless it is one of the newest."""
         if not self._is_closed:

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TypeVar
+
 from orientd.daemon.device import Device
 from orientd.daemon.runs import Run
 from orientd.rpc.reports import DeviceReport, Method, Progress
 from orientd.stream import Cycle
+from orientd.stream.records import record_index
 
 NANOSECONDS = 1e9
 _MOST_CYCLES = 4096
+
+Taken = TypeVar("Taken")
 
 
 def device_report(device: Device) -> DeviceReport:
@@ -64,20 +70,30 @@ class CycleReader:
 
     def read(self) -> tuple[list[Cycle], int]:
         """Return the cycles since the last call, and how many were gone before they were read."""
+        return self._read(self._device.cycles, lambda cycle: cycle.index)
+
+    def read_records(self) -> tuple[list[bytes], int]:
+        """Do the same with records, which are the cycles as the servo has packed them."""
+        return self._read(self._device.cycle_records, record_index)
+
+    def _read(
+        self, take: Callable[[int, int], list[Taken]], index_of: Callable[[Taken], int]
+    ) -> tuple[list[Taken], int]:
         newest = self._device.snapshot().cycle
         if newest is None:
             return [], 0
         if newest.index + 1 < self._next:
             self._next = 0  # another servo process, which counts from the beginning
-        cycles: list[Cycle] = []
+        taken: list[Taken] = []
         lost = 0
-        while more := self._device.cycles(self._next, _MOST_CYCLES):
-            lost += more[-1].index + 1 - self._next - len(more)
-            self._next = more[-1].index + 1
-            cycles += more
+        while more := take(self._next, _MOST_CYCLES):
+            end = index_of(more[-1]) + 1
+            lost += end - self._next - len(more)
+            self._next = end
+            taken += more
             if len(more) < _MOST_CYCLES:
                 break
-        return cycles, lost
+        return taken, lost
 
 
 class ProgressReader:

@@ -38,6 +38,7 @@ from orientd.rpc.state_wire import (
 from orientd.rpc.status import DETAILS_KEY, to_status
 from orientd.rpc.track_wire import report_to_message
 from orientd.stream import UNKNOWN
+from orientd.stream.records import CYCLE_RECORD
 
 _log = logging.getLogger(__name__)
 
@@ -124,10 +125,49 @@ class ControlService(ControlServicer):
         reader = report.CycleReader(device)
         step = max(1, request.decimation)
         while not await self._is_closing_within(interval):
+            if request.as_records:
+                records, lost = reader.read_records()
+                if records or lost:
+                    yield pb.WatchStateResponse(
+                        records=b"".join(records), lost=lost, layout=CYCLE_RECORD.format
+                    )
+                continue
             cycles, lost = reader.read()
             if cycles or lost:
                 chosen = [cycle_to_message(cycle) for cycle in cycles if cycle.index % step == 0]
                 yield pb.WatchStateResponse(cycles=chosen, lost=lost)
+
+    async def WatchEvents(
+        self, request: pb.WatchEventsRequest, context: Context
+    ) -> AsyncIterator[pb.WatchEventsResponse]:
+        """Report events until the caller goes."""
+        try:
+            device = self._cell.device(request.device).name if request.device else ""
+        except OrientdError as error:
+            await _refuse(context, error)
+        loop, wake = asyncio.get_running_loop(), asyncio.Event()
+        subscription = self._cell.journal.subscribe(
+            device, lambda: loop.call_soon_threadsafe(wake.set)
+        )
+        try:
+            yield pb.WatchEventsResponse()
+            while await self._is_woken(wake):
+                events, lost = subscription.take()
+                yield pb.WatchEventsResponse(
+                    events=[pb.Event.FromString(event) for event in events], lost=lost
+                )
+        finally:
+            subscription.close()
+
+    async def GetConfiguration(
+        self, request: pb.GetConfigurationRequest, context: Context
+    ) -> pb.GetConfigurationResponse:
+        """Report the settings."""
+        del request, context
+        answer = pb.GetConfigurationResponse(json=self._cell.configuration)
+        answer.monotonic_ns = time.monotonic_ns()
+        answer.time.FromNanoseconds(time.time_ns())
+        return answer
 
     async def ListMethods(
         self, request: pb.ListMethodsRequest, context: Context
@@ -440,6 +480,17 @@ class ControlService(ControlServicer):
         except TimeoutError:
             return False
         return True
+
+    async def _is_woken(self, wake: asyncio.Event) -> bool:
+        """Wait for *wake*; return whether it came before the daemon's end."""
+        waiting = [asyncio.ensure_future(event.wait()) for event in (wake, self._closing)]
+        try:
+            await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for one in waiting:
+                one.cancel()
+        wake.clear()
+        return not self._closing.is_set()
 
     async def _do(self, context: Context, work: Callable[[], Result]) -> Result:
         try:

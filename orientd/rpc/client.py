@@ -27,6 +27,7 @@ from orientd.rpc.motion_request import Wishes, motion_request
 from orientd.rpc.motion_wire import from_request, limits_message
 from orientd.rpc.move_handle import MoveHandle
 from orientd.rpc.move_wire import plan_from_message, samples_from_messages
+from orientd.rpc.observer import Observer
 from orientd.rpc.reports import CellReport, Device, DeviceReport, Method, OnTarget, Plan
 from orientd.rpc.state_wire import (
     cycle_from_message,
@@ -149,6 +150,10 @@ class Robot:
             raise self._explain(error) from error
         finally:
             stream.cancel()
+
+    def observe(self) -> Observer:
+        """Return what watches every cycle and event, for a recorder."""
+        return Observer(self._stub, self._explain, timeout=self._timeout)
 
     def methods(self) -> list[Method]:
         """Return the families of curves that motions can be made of."""

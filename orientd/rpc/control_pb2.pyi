@@ -44,6 +44,21 @@ class Duration(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     DURATION_UNSPECIFIED: _ClassVar[Duration]
     DURATION_MINIMUM: _ClassVar[Duration]
 
+class EventKind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    EVENT_KIND_UNSPECIFIED: _ClassVar[EventKind]
+    EVENT_KIND_READY: _ClassVar[EventKind]
+    EVENT_KIND_MOTION_STARTED: _ClassVar[EventKind]
+    EVENT_KIND_MOTION_DONE: _ClassVar[EventKind]
+    EVENT_KIND_MOTION_STOPPED: _ClassVar[EventKind]
+    EVENT_KIND_MOTION_REPLACED: _ClassVar[EventKind]
+    EVENT_KIND_MOTION_UNSETTLED: _ClassVar[EventKind]
+    EVENT_KIND_ON_TARGET: _ClassVar[EventKind]
+    EVENT_KIND_FAULT: _ClassVar[EventKind]
+    EVENT_KIND_SERVO_DIED: _ClassVar[EventKind]
+    EVENT_KIND_RECORDED: _ClassVar[EventKind]
+    EVENT_KIND_RECORDING_FAILED: _ClassVar[EventKind]
+
 class Outcome(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
     OUTCOME_UNSPECIFIED: _ClassVar[Outcome]
@@ -73,6 +88,18 @@ FAULT_SERVO_DIED: Fault
 FAULT_INTERNAL: Fault
 DURATION_UNSPECIFIED: Duration
 DURATION_MINIMUM: Duration
+EVENT_KIND_UNSPECIFIED: EventKind
+EVENT_KIND_READY: EventKind
+EVENT_KIND_MOTION_STARTED: EventKind
+EVENT_KIND_MOTION_DONE: EventKind
+EVENT_KIND_MOTION_STOPPED: EventKind
+EVENT_KIND_MOTION_REPLACED: EventKind
+EVENT_KIND_MOTION_UNSETTLED: EventKind
+EVENT_KIND_ON_TARGET: EventKind
+EVENT_KIND_FAULT: EventKind
+EVENT_KIND_SERVO_DIED: EventKind
+EVENT_KIND_RECORDED: EventKind
+EVENT_KIND_RECORDING_FAILED: EventKind
 OUTCOME_UNSPECIFIED: Outcome
 OUTCOME_DONE: Outcome
 OUTCOME_STOPPED: Outcome
@@ -403,22 +430,78 @@ class GetStateResponse(_message.Message):
     def __init__(self, daemon: _Optional[_Union[DaemonReport, _Mapping]] = ..., devices: _Optional[_Iterable[_Union[DeviceReport, _Mapping]]] = ...) -> None: ...
 
 class WatchStateRequest(_message.Message):
-    __slots__ = ("device", "rate_hz", "decimation")
+    __slots__ = ("device", "rate_hz", "decimation", "as_records")
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     RATE_HZ_FIELD_NUMBER: _ClassVar[int]
     DECIMATION_FIELD_NUMBER: _ClassVar[int]
+    AS_RECORDS_FIELD_NUMBER: _ClassVar[int]
     device: str
     rate_hz: float
     decimation: int
-    def __init__(self, device: _Optional[str] = ..., rate_hz: _Optional[float] = ..., decimation: _Optional[int] = ...) -> None: ...
+    as_records: bool
+    def __init__(self, device: _Optional[str] = ..., rate_hz: _Optional[float] = ..., decimation: _Optional[int] = ..., as_records: bool = ...) -> None: ...
 
 class WatchStateResponse(_message.Message):
-    __slots__ = ("cycles", "lost")
+    __slots__ = ("cycles", "lost", "records", "layout")
     CYCLES_FIELD_NUMBER: _ClassVar[int]
     LOST_FIELD_NUMBER: _ClassVar[int]
+    RECORDS_FIELD_NUMBER: _ClassVar[int]
+    LAYOUT_FIELD_NUMBER: _ClassVar[int]
     cycles: _containers.RepeatedCompositeFieldContainer[Cycle]
     lost: int
-    def __init__(self, cycles: _Optional[_Iterable[_Union[Cycle, _Mapping]]] = ..., lost: _Optional[int] = ...) -> None: ...
+    records: bytes
+    layout: str
+    def __init__(self, cycles: _Optional[_Iterable[_Union[Cycle, _Mapping]]] = ..., lost: _Optional[int] = ..., records: _Optional[bytes] = ..., layout: _Optional[str] = ...) -> None: ...
+
+class WatchEventsRequest(_message.Message):
+    __slots__ = ("device",)
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    device: str
+    def __init__(self, device: _Optional[str] = ...) -> None: ...
+
+class WatchEventsResponse(_message.Message):
+    __slots__ = ("events", "lost")
+    EVENTS_FIELD_NUMBER: _ClassVar[int]
+    LOST_FIELD_NUMBER: _ClassVar[int]
+    events: _containers.RepeatedCompositeFieldContainer[Event]
+    lost: int
+    def __init__(self, events: _Optional[_Iterable[_Union[Event, _Mapping]]] = ..., lost: _Optional[int] = ...) -> None: ...
+
+class Event(_message.Message):
+    __slots__ = ("device", "kind", "motion_number", "text", "time_ns", "plan", "motion", "samples", "path_index")
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    KIND_FIELD_NUMBER: _ClassVar[int]
+    MOTION_NUMBER_FIELD_NUMBER: _ClassVar[int]
+    TEXT_FIELD_NUMBER: _ClassVar[int]
+    TIME_NS_FIELD_NUMBER: _ClassVar[int]
+    PLAN_FIELD_NUMBER: _ClassVar[int]
+    MOTION_FIELD_NUMBER: _ClassVar[int]
+    SAMPLES_FIELD_NUMBER: _ClassVar[int]
+    PATH_INDEX_FIELD_NUMBER: _ClassVar[int]
+    device: str
+    kind: EventKind
+    motion_number: int
+    text: str
+    time_ns: int
+    plan: Plan
+    motion: MotionRequest
+    samples: _containers.RepeatedCompositeFieldContainer[MotionSample]
+    path_index: int
+    def __init__(self, device: _Optional[str] = ..., kind: _Optional[_Union[EventKind, str]] = ..., motion_number: _Optional[int] = ..., text: _Optional[str] = ..., time_ns: _Optional[int] = ..., plan: _Optional[_Union[Plan, _Mapping]] = ..., motion: _Optional[_Union[MotionRequest, _Mapping]] = ..., samples: _Optional[_Iterable[_Union[MotionSample, _Mapping]]] = ..., path_index: _Optional[int] = ...) -> None: ...
+
+class GetConfigurationRequest(_message.Message):
+    __slots__ = ()
+    def __init__(self) -> None: ...
+
+class GetConfigurationResponse(_message.Message):
+    __slots__ = ("json", "monotonic_ns", "time")
+    JSON_FIELD_NUMBER: _ClassVar[int]
+    MONOTONIC_NS_FIELD_NUMBER: _ClassVar[int]
+    TIME_FIELD_NUMBER: _ClassVar[int]
+    json: str
+    monotonic_ns: int
+    time: _timestamp_pb2.Timestamp
+    def __init__(self, json: _Optional[str] = ..., monotonic_ns: _Optional[int] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ...) -> None: ...
 
 class ListMethodsRequest(_message.Message):
     __slots__ = ()

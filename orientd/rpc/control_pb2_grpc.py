@@ -44,6 +44,16 @@ class ControlStub(object):
                 request_serializer=orientd_dot_rpc_dot_control__pb2.WatchStateRequest.SerializeToString,
                 response_deserializer=orientd_dot_rpc_dot_control__pb2.WatchStateResponse.FromString,
                 _registered_method=True)
+        self.WatchEvents = channel.unary_stream(
+                '/orientd.v1.Control/WatchEvents',
+                request_serializer=orientd_dot_rpc_dot_control__pb2.WatchEventsRequest.SerializeToString,
+                response_deserializer=orientd_dot_rpc_dot_control__pb2.WatchEventsResponse.FromString,
+                _registered_method=True)
+        self.GetConfiguration = channel.unary_unary(
+                '/orientd.v1.Control/GetConfiguration',
+                request_serializer=orientd_dot_rpc_dot_control__pb2.GetConfigurationRequest.SerializeToString,
+                response_deserializer=orientd_dot_rpc_dot_control__pb2.GetConfigurationResponse.FromString,
+                _registered_method=True)
         self.ListMethods = channel.unary_unary(
                 '/orientd.v1.Control/ListMethods',
                 request_serializer=orientd_dot_rpc_dot_control__pb2.ListMethodsRequest.SerializeToString,
@@ -138,6 +148,20 @@ class ControlServicer(object):
 
     def WatchState(self, request, context):
         """The cycles of one device as they happen, in batches, until the caller goes.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
+    def WatchEvents(self, request, context):
+        """What happens to devices, as it happens, until the caller goes.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
+    def GetConfiguration(self, request, context):
+        """The settings that the daemon runs with.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -272,6 +296,16 @@ def add_ControlServicer_to_server(servicer, server):
                     servicer.WatchState,
                     request_deserializer=orientd_dot_rpc_dot_control__pb2.WatchStateRequest.FromString,
                     response_serializer=orientd_dot_rpc_dot_control__pb2.WatchStateResponse.SerializeToString,
+            ),
+            'WatchEvents': grpc.unary_stream_rpc_method_handler(
+                    servicer.WatchEvents,
+                    request_deserializer=orientd_dot_rpc_dot_control__pb2.WatchEventsRequest.FromString,
+                    response_serializer=orientd_dot_rpc_dot_control__pb2.WatchEventsResponse.SerializeToString,
+            ),
+            'GetConfiguration': grpc.unary_unary_rpc_method_handler(
+                    servicer.GetConfiguration,
+                    request_deserializer=orientd_dot_rpc_dot_control__pb2.GetConfigurationRequest.FromString,
+                    response_serializer=orientd_dot_rpc_dot_control__pb2.GetConfigurationResponse.SerializeToString,
             ),
             'ListMethods': grpc.unary_unary_rpc_method_handler(
                     servicer.ListMethods,
@@ -408,6 +442,60 @@ class Control(object):
             '/orientd.v1.Control/WatchState',
             orientd_dot_rpc_dot_control__pb2.WatchStateRequest.SerializeToString,
             orientd_dot_rpc_dot_control__pb2.WatchStateResponse.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
+
+    @staticmethod
+    def WatchEvents(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_stream(
+            request,
+            target,
+            '/orientd.v1.Control/WatchEvents',
+            orientd_dot_rpc_dot_control__pb2.WatchEventsRequest.SerializeToString,
+            orientd_dot_rpc_dot_control__pb2.WatchEventsResponse.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
+
+    @staticmethod
+    def GetConfiguration(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(
+            request,
+            target,
+            '/orientd.v1.Control/GetConfiguration',
+            orientd_dot_rpc_dot_control__pb2.GetConfigurationRequest.SerializeToString,
+            orientd_dot_rpc_dot_control__pb2.GetConfigurationResponse.FromString,
             options,
             channel_credentials,
             insecure,

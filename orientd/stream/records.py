@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import struct
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
@@ -271,6 +272,11 @@ def unpack_note(record: bytes) -> Note:
     """Decode one note record."""
     index, command, kind, code, length, text = NOTE_RECORD.unpack(record)
     return Note(index, command, NoteKind(kind), code, text[:length].decode(errors="replace"))
+
+
+def record_index(record: bytes) -> int:
+    """Return the index of a record, whatever its layout."""
+    return int.from_bytes(record[:8], sys.byteorder)
 
 
 def unpack_cycle(buffer: memoryview | bytes, offset: int = 0) -> Cycle:

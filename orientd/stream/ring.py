@@ -84,6 +84,23 @@ class RecordRing:
             return None
         return record
 
+    def slots(self, index: int, count: int) -> list[memoryview]:
+        """Return the slots of *count* records from *index* on as they are, in one or two pieces.
+
+        Nothing is checked: whoever copies them takes for a record only what :meth:`checked` does.
+        """
+        begin = index % self.capacity
+        whole = min(count, self.capacity - begin)
+        pieces = ((begin, whole), (0, count - whole))
+        return [self._slots[a * self._stride : (a + n) * self._stride] for a, n in pieces if n]
+
+    @staticmethod
+    def checked(slot: bytes | memoryview, layout: struct.Struct) -> bytes | None:
+        """Return the record in a slot that was copied; ``None`` where it is not whole."""
+        record = bytes(slot[: layout.size])
+        is_whole = _CHECK.unpack_from(slot, layout.size)[0] == crc32(record)
+        return record if is_whole else None
+
     def read(self, index: int) -> tuple[Any, ...] | None:
         """Return the fields of record *index*, or ``None`` where it is not (or no longer) there."""
         record = self.read_bytes(index)

@@ -1,0 +1,70 @@
+"""The newest cycles of a device, kept in memory as the servo has packed them.
+
+What the servo publishes stays in shared memory for a few seconds only.  Every now and then the
+device's thread copies what is new there, slot by slot as it is, which is one or two calls of
+``memcpy``; whether a slot holds a whole record is for its reader to check.
+"""
+
+from __future__ import annotations
+
+import mmap
+
+from orientd.stream import RecordRing
+from orientd.stream.records import CYCLE_RECORD
+
+_STRIDE = RecordRing.stride(CYCLE_RECORD)
+_BATCH = 64
+"""Cycles that are new before any of them is copied."""
+
+_MARGIN = 16
+"""Slots that the servo may be about to write."""
+
+
+class CycleMemory:
+    """The newest cycles of one device, across restarts of its servo process."""
+
+    def __init__(self, capacity: int) -> None:
+        """Reserve room for *capacity* cycles; memory is used as they come."""
+        self._size = capacity * _STRIDE
+        self._room = mmap.mmap(-1, self._size)
+        self._written = 0
+        self._ring: RecordRing | None = None
+        self._next = 0
+
+    def take(self, ring: RecordRing, *, is_last: bool = False) -> None:
+        """Copy what is new in *ring*; to be called by one thread, a few times a second.
+
+        Args:
+            ring: of cycles.
+            is_last: whether to copy even a few.
+        """
+        head = ring.head
+        if ring is not self._ring:
+            self._ring, self._next = ring, 0
+        if head == self._next or (head - self._next < _BATCH and not is_last):
+            return
+        first = max(self._next, head - ring.capacity + _MARGIN)
+        for piece in ring.slots(first, head - first):
+            self._append(piece)
+        self._next = head
+
+    def _append(self, piece: memoryview) -> None:
+        piece = piece[-self._size :]
+        at = self._written % self._size
+        rest = self._size - at
+        self._room[at : at + min(rest, len(piece))] = piece[:rest]
+        if len(piece) > rest:
+            self._room[: len(piece) - rest] = piece[rest:]
+        self._written += len(piece)
+
+    def close(self) -> None:
+        """Give the memory back; nothing is copied any more."""
+        self._room.close()
+
+    def pieces(self) -> list[memoryview]:
+        """Return the slots, oldest first; they go on changing, the oldest first."""
+        view = memoryview(self._room)
+        if self._written <= self._size:
+            return [view[: self._written]]
+        at = self._written % self._size
+        return [view[at:], view[:at]]

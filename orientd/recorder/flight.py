@@ -1,0 +1,107 @@
+"""The process that writes a file of the flight recorder: ``python -m orientd.recorder.flight``.
+
+It reads from standard input a line of JSON, events and slots of cycles as they stood in memory,
+keeps the slots that hold whole records of the time asked for, and prints the path of the file.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import sys
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from orientd.recorder.cycle_table import CYCLES, Table, from_records
+from orientd.recorder.writer import RecordingError, RecordingWriter
+from orientd.rpc import control_pb2 as pb
+from orientd.stream import RecordRing
+from orientd.stream.records import CYCLE_RECORD
+
+PREFIX = "flight-"
+_NICENESS = 10
+_STRIDE = RecordRing.stride(CYCLE_RECORD)
+
+
+def main() -> None:
+    """Write what standard input says; one line on standard error where that is not possible."""
+    with contextlib.suppress(OSError):
+        os.nice(_NICENESS)
+    try:
+        path = write(sys.stdin.buffer)
+    except (RecordingError, OSError, ValueError) as error:
+        print(" ".join(str(error).split()), file=sys.stderr)  # noqa: T201
+        sys.exit(1)
+    print(path)  # noqa: T201
+
+
+def write(stream: IO[bytes]) -> Path:
+    """Write one file and remove the oldest ones that are too many; return its path.
+
+    Raises:
+        RecordingError: it cannot be written; nothing is left of it.
+        OSError: its directory cannot be made.
+        ValueError: the stream is not what the daemon writes.
+    """
+    header: dict[str, Any] = json.loads(stream.readline())
+    if header["layout"] != CYCLE_RECORD.format:
+        raise ValueError("the cycles are from another version of orientd")
+    events = [pb.Event.FromString(stream.read(size)) for size in header["events"]]
+    cycles = whole_cycles(stream.read(), since_ns=header["since_ns"])
+    directory = Path(header["directory"])
+    directory.mkdir(mode=0o700, parents=True, exist_ok=True)
+    when = datetime.fromtimestamp((header["fault_ns"] + header["offset_ns"]) * 1e-9, UTC)
+    device = header["device"]
+    path = directory / f"{PREFIX}{device}-{when:%Y%m%dT%H%M%S.%f}Z.mcap"
+    make_room(directory, header["keep_files"] - 1, header["keep_bytes"])
+    part = path.with_suffix(".part")
+    try:
+        with RecordingWriter(part, offset_ns=header["offset_ns"]) as writer:
+            writer.add_device(device, header["rate_hz"])
+            facts = {"reason": header["reason"], "fault_ns": str(header["fault_ns"])}
+            writer.add_configuration(header["configuration"], facts)
+            for event in events:
+                writer.add_event(event)
+            writer.add_cycles(device, cycles)
+        part.rename(path)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
+    make_room(directory, header["keep_files"], header["keep_bytes"])
+    return path
+
+
+def whole_cycles(slots: bytes, *, since_ns: int) -> Table:
+    """Return the cycles in *slots* that are whole and not older than *since_ns*, in order."""
+    views = (slots[at : at + _STRIDE] for at in range(0, len(slots) - _STRIDE + 1, _STRIDE))
+    records = [r for view in views if (r := RecordRing.checked(view, CYCLE_RECORD)) is not None]
+    cycles = from_records(records) if records else np.zeros(0, dtype=CYCLES)
+    recent = cycles[cycles["deadline_ns"] >= since_ns]
+    return recent[np.argsort(recent["deadline_ns"], kind="stable")]
+
+
+def make_room(directory: Path, files: int, size: int) -> None:
+    """Remove the oldest of the flight recorder's files until there are no more than that.
+
+    Args:
+        directory: with nobody else's files of that name.
+        files: how many may stay.
+        size: bytes that they may take together; the newest stays in any case.
+    """
+    found: Sequence[Path] = sorted(
+        directory.glob(f"{PREFIX}*.mcap"), key=lambda path: path.stat().st_mtime_ns, reverse=True
+    )
+    total = 0
+    for number, path in enumerate(found):
+        total += path.stat().st_size
+        if number >= files or (total > size and number > 0):
+            path.unlink(missing_ok=True)
+
+
+if __name__ == "__main__":
+    main()

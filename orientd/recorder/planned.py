@@ -1,0 +1,84 @@
+"""Where a device was planned to be in each cycle: the path of its motion, off the recording."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orientd import rotation
+from orientd.recorder.cycle_table import Table
+from orientd.recorder.reader import Recording
+from orientd.rotation import Floats
+from orientd.rpc import control_pb2 as pb
+
+
+def planned_orientations(recording: Recording, device: str) -> tuple[Floats, Floats]:
+    """Return path time and planned orientation of every cycle of *device*.
+
+    The path is known at its samples, with its angular velocity; between them it is a cubic
+    quaternion segment.  A cycle's place on it is what the servo has said.
+
+    Returns:
+        Path times, s, shape ``(n,)``, and orientations ``(w, x, y, z)``, shape ``(n, 4)``; not a
+        number where no motion with a known path runs.
+    """
+    cycles = recording.cycles[device]
+    times: Floats = np.full(len(cycles), np.nan)
+    planned: Floats = np.full((len(cycles), 4), np.nan)
+    period = 1.0 / recording.rate_hz(device)
+    for event in recording.events:
+        if event.device != device or not event.samples:
+            continue
+        rows = np.flatnonzero(
+            (cycles["motion"] == event.motion_number)
+            & (cycles["deadline_ns"] >= event.time_ns - _EARLY_NS)
+        )
+        if len(rows):
+            first = _first_index(event, cycles[rows], period)
+            times[rows] = _path_times(cycles[rows], first, period)
+            planned[rows] = _path(event, times[rows])
+    return times, planned
+
+
+_EARLY_NS = 5_000_000_000
+"""A motion is under way before it is told, by less; numbers begin anew at a restart."""
+
+
+def _path_times(cycles: Table, first: int, period: float) -> Floats:
+    """Return how far along its path each cycle of one motion is, s."""
+    records: Floats = cycles["path_index"] - first + cycles["path_fraction"]
+    return records * period
+
+
+def _first_index(event: pb.Event, cycles: Table, period: float) -> int:
+    """Return the path index of a motion's first record.
+
+    A motion that had to wait for its turn did not know it yet: its first cycle is at that record,
+    or at the one after it, whichever is nearer to what was sent.
+    """
+    if event.HasField("path_index"):
+        return event.path_index
+    here = int(cycles["path_index"][0])
+
+    def distance(first: int) -> float:
+        path = _path(event, _path_times(cycles, first, period))
+        return float(np.median(rotation.angle(path, cycles["sent_q"])))
+
+    return min((here, here - 1), key=distance)
+
+
+def _path(event: pb.Event, times: Floats) -> Floats:
+    """Return the orientations of a motion at path times."""
+    knots = np.array([sample.path_time for sample in event.samples])
+    q = np.array([[s.orientation.w, s.orientation.x, s.orientation.y, s.orientation.z]
+                  for s in event.samples])  # fmt: skip
+    omega = np.array([[s.omega_body.x, s.omega_body.y, s.omega_body.z] for s in event.samples])
+    times = np.clip(times, knots[0], knots[-1])
+    span = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(knots) - 2)
+    length = (knots[span + 1] - knots[span])[:, None]
+    u = ((times - knots[span]) / length[:, 0])[:, None]
+    # In the tangent space of the sample before: Kim, Kim and Shin 1995, sec. 5.2, by one vector.
+    turn = rotation.log(rotation.between(q[span], q[span + 1]))
+    begin = omega[span] * length
+    end = rotation.right_jacobian_inverse(turn) @ (omega[span + 1] * length)[..., None]
+    r = (u - 2 * u**2 + u**3) * begin + (3 * u**2 - 2 * u**3) * turn + (u**3 - u**2) * end[..., 0]
+    return rotation.multiply(q[span], rotation.exp(r))

@@ -1,0 +1,227 @@
+"""Writes recordings: MCAP files with compressed, indexed chunks.
+
+Topics of a file, for a device called ``arm``:
+
+=======================  =============================  ===========================================
+topic                    schema                         holds
+=======================  =============================  ===========================================
+/arm/cycles              orientd.v1.CycleBlock          every cycle: sent, measured, timing
+/arm/events              orientd.v1.Event               events; plan, certificate, request, path
+/state                   orientd.v1.GetStateResponse    the daemon and its devices, now and then
+/arm/sent/tf             foxglove.FrameTransform        world to arm/sent
+/arm/sent/pose           foxglove.PoseInFrame           the same as a pose
+/arm/sent/odometry       foxglove.Odometry              with angular velocity
+/arm/measured/...        as sent                        with the time at which it was measured
+/arm/measured/joints     foxglove.JointStates           axis angles
+/arm/planned/path        foxglove.PosesInFrame          a motion's path, when it starts
+/log                     foxglove.Log                   events in words
+=======================  =============================  ===========================================
+
+Times are times of day: the monotonic clock and an offset, which is in the metadata ``orientd``.
+The configuration is the attachment ``configuration.json``.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+from importlib.metadata import version
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from google.protobuf.message import Message
+from mcap.writer import CompressionType, Writer
+from mcap_protobuf.schema import register_schema
+
+from orientd.errors import OrientdError
+from orientd.recorder import foxglove
+from orientd.recorder.cycle_table import Table, to_block
+from orientd.rpc import control_pb2 as pb
+
+SHOWN_HZ = 25.0
+"""How often viewers are given a device's pose."""
+
+BLOCK = 256
+"""Cycles in a message."""
+
+CHUNK_BYTES = 512 * 1024
+
+
+class RecordingError(OrientdError):
+    """A recording that cannot be written any further, or not be read."""
+
+
+class _Sink:
+    """A file without buffers, in which a full disk shows at once."""
+
+    def __init__(self, path: Path) -> None:
+        self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+        self._position = 0
+
+    def write(self, content: bytes) -> int:
+        rest = memoryview(content)
+        while rest:
+            written = os.write(self._descriptor, rest)
+            self._position += written
+            rest = rest[written:]
+        return len(content)
+
+    def tell(self) -> int:
+        return self._position
+
+    def flush(self) -> None:
+        """Do nothing: nothing is held back."""
+
+    def close(self) -> None:
+        os.close(self._descriptor)
+
+
+class RecordingWriter:
+    """One recording that is being written; a context manager that completes it.
+
+    Attributes:
+        path: of the file.
+        offset_ns: from the monotonic clock to the time of day.
+    """
+
+    def __init__(self, path: Path, *, offset_ns: int, shown_hz: float = SHOWN_HZ) -> None:
+        """Begin a file.
+
+        Args:
+            path: is overwritten.
+            offset_ns: from the monotonic clock to the time of day.
+            shown_hz: how often viewers are given poses, at the most; 0 for never.
+
+        Raises:
+            RecordingError: it cannot be written.
+        """
+        self.path = path
+        self.offset_ns = offset_ns
+        self._shown_hz = shown_hz
+        self._rates: dict[str, float] = {}
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+        self._is_broken = False
+        try:
+            self._sink = _Sink(path)
+        except OSError as error:
+            raise RecordingError(f"cannot write {path}: {error.strerror}") from error
+        with self._guarded():
+            self._writer = Writer(
+                self._sink,  # type: ignore[arg-type] # all of a stream that a writer uses
+                chunk_size=CHUNK_BYTES,
+                compression=CompressionType.ZSTD,
+            )
+            self._writer.start(library=f"orientd {version('orientd')}")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def add_device(self, name: str, rate_hz: float) -> None:
+        """Say how fast a device's cycles come, before the first of them."""
+        self._rates[name] = rate_hz
+
+    def add_cycles(self, device: str, cycles: Table) -> None:
+        """Add cycles of a device, in their order.
+
+        Raises:
+            RecordingError: it cannot be written any further.
+        """
+        for begin in range(0, len(cycles), BLOCK):
+            block = cycles[begin : begin + BLOCK]
+            time_ns = int(block["deadline_ns"][-1]) + self.offset_ns
+            self._add(f"/{device}/cycles", time_ns, to_block(block))
+        if self._shown_hz:
+            step = max(1, round(self._rates[device] / self._shown_hz))
+            shown = cycles[np.asarray(cycles["index"]) % step == 0]
+            for topic, time_ns, message in foxglove.cycles_shown(device, shown, self.offset_ns):
+                self._add(topic, time_ns, message)
+
+    def add_event(self, event: pb.Event) -> None:
+        """Add an event.
+
+        Raises:
+            RecordingError: it cannot be written any further.
+        """
+        self._add(f"/{event.device}/events", event.time_ns + self.offset_ns, event)
+        for topic, time_ns, message in foxglove.event_shown(event, self.offset_ns):
+            self._add(topic, time_ns, message)
+
+    def add_state(self, state: pb.GetStateResponse, time_ns: int) -> None:
+        """Add what the daemon said of itself and its devices at *time_ns*, monotonic clock.
+
+        Raises:
+            RecordingError: it cannot be written any further.
+        """
+        self._add("/state", time_ns + self.offset_ns, state)
+
+    def add_configuration(self, json: str, facts: dict[str, str]) -> None:
+        """Add the daemon's settings, and what else there is to know of the recording.
+
+        Raises:
+            RecordingError: it cannot be written any further.
+        """
+        facts = {
+            "clock_offset_ns": str(self.offset_ns),
+            "rates_hz": " ".join(f"{name}={rate!r}" for name, rate in self._rates.items()),
+            **facts,
+        }
+        with self._guarded():
+            self._writer.add_metadata("orientd", facts)
+            self._writer.add_attachment(
+                0, 0, "configuration.json", "application/json", json.encode()
+            )
+
+    def close(self) -> None:
+        """Complete the file.
+
+        Raises:
+            RecordingError: it cannot be completed.
+        """
+        if not self._is_broken:
+            with self._guarded():
+                self._writer.finish()  # type: ignore[no-untyped-call] # without annotations
+            self._is_broken = True
+            self._sink.close()
+
+    def _add(self, topic: str, time_ns: int, message: Message) -> None:
+        with self._guarded():
+            channel = self._channels.get(topic)
+            if channel is None:
+                channel = self._channel(topic, message)
+            self._writer.add_message(
+                channel, log_time=time_ns, data=message.SerializeToString(), publish_time=time_ns
+            )
+
+    def _channel(self, topic: str, message: Message) -> int:
+        name = message.DESCRIPTOR.full_name
+        if name not in self._schemas:
+            self._schemas[name] = register_schema(self._writer, type(message))
+        channel = self._writer.register_channel(topic, "protobuf", self._schemas[name])
+        self._channels[topic] = channel
+        return channel
+
+    @contextlib.contextmanager
+    def _guarded(self) -> Iterator[None]:
+        """Turn the end of the disk into the end of the recording."""
+        if self._is_broken:
+            raise RecordingError(f"the recording {self.path} has ended")
+        try:
+            yield
+        except OSError as error:
+            self._is_broken = True
+            self._sink.close()
+            raise RecordingError(
+                f"the recording {self.path} ends after {self._sink.tell()} bytes: {error.strerror}"
+            ) from error

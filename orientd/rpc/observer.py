@@ -1,0 +1,115 @@
+"""What a client that only looks asks for: records of cycles, events, the settings."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import grpc
+
+from orientd.errors import DaemonError, OrientdError
+from orientd.rpc import control_pb2 as pb
+from orientd.stream.records import CYCLE_RECORD
+
+
+@dataclass(frozen=True, slots=True)
+class Configuration:
+    """The settings that the daemon runs with.
+
+    Attributes:
+        json: with the keys of its file; what is not in the file included.
+        offset_ns: from the daemon's monotonic clock to its time of day.
+    """
+
+    json: str
+    offset_ns: int
+
+
+class Observer:
+    """Watches devices until it is closed; made by :meth:`orientd.rpc.client.Robot.observe`."""
+
+    def __init__(
+        self,
+        stub: Any,  # noqa: ANN401 - generated, without types
+        explain: Callable[[grpc.RpcError], OrientdError],
+        *,
+        timeout: float,
+    ) -> None:
+        """Watch through *stub*, a stub of the control service."""
+        self._stub = stub
+        self._explain = explain
+        self._timeout = timeout
+        self._lock = threading.Lock()
+        self._streams: list[Any] = []
+        self._is_closed = False
+
+    def configuration(self) -> Configuration:
+        """Return the settings that the daemon runs with."""
+        answer = self._ask(self._stub.GetConfiguration, pb.GetConfigurationRequest())
+        return Configuration(answer.json, answer.time.ToNanoseconds() - answer.monotonic_ns)
+
+    def state(self) -> pb.GetStateResponse:
+        """Return the daemon and its devices as they are now, as the message that says so."""
+        answer: pb.GetStateResponse = self._ask(self._stub.GetState, pb.GetStateRequest())
+        return answer
+
+    def records(self, device: str = "", *, rate_hz: float = 20.0) -> Iterator[tuple[bytes, int]]:
+        """Yield every cycle of a device as packed records, in batches, until closed.
+
+        Args:
+            device: its name.
+            rate_hz: batches a second, 0.1 to 100.
+
+        Yields:
+            Records (:data:`~orientd.stream.records.CYCLE_RECORD`) one after the other, and how many
+            cycles were lost since the batch before.
+
+        Raises:
+            UnknownNameError: there is no such device.
+            DaemonError: the daemon is lost, or packs its records otherwise.
+        """
+        request = pb.WatchStateRequest(device=device, rate_hz=rate_hz, as_records=True)
+        for batch in self._stream(self._stub.WatchState, request):
+            if batch.layout != CYCLE_RECORD.format:
+                raise DaemonError("the daemon is of another version: it packs cycles otherwise")
+            yield batch.records, batch.lost
+
+    def events(self, device: str = "") -> Iterator[pb.Event]:
+        """Yield what happens to a device, or to all of them, until closed.
+
+        Raises:
+            UnknownNameError: there is no such device.
+            DaemonError: the daemon is lost.
+        """
+        for batch in self._stream(self._stub.WatchEvents, pb.WatchEventsRequest(device=device)):
+            yield from batch.events
+
+    def close(self) -> None:
+        """End all that is being watched."""
+        with self._lock:
+            self._is_closed = True
+            streams, self._streams = self._streams, []
+        for stream in streams:
+            stream.cancel()
+
+    def _stream(self, method: Callable[..., Any], request: object) -> Iterator[Any]:
+        with self._lock:
+            if self._is_closed:
+                return
+            stream = method(request)
+            self._streams.append(stream)
+        try:
+            yield from stream
+        except grpc.RpcError as error:
+            if not self._is_closed:
+                raise self._explain(error) from error
+        finally:
+            stream.cancel()
+
+    def _ask(self, method: Callable[..., Any], request: object) -> Any:  # noqa: ANN401
+        try:
+            return method(request, timeout=self._timeout)
+        except grpc.RpcError as error:
+            raise self._explain(error) from error

@@ -1,0 +1,166 @@
+"""Recordings of a real daemon: nothing missing, nothing confused, nobody disturbed."""
+
+import json
+import os
+import resource
+import signal
+
+import numpy as np
+import pytest
+from command_line import assert_refused, begin, environment, orientd
+from harness import DEVICE, DaemonProcess, spin, until
+
+from orientd import rotation
+from orientd.recorder import reader
+from orientd.recorder.planned import planned_orientations
+from orientd.rpc import control_pb2 as pb
+
+
+@pytest.fixture
+def daemon(tmp_path):
+    with DaemonProcess(tmp_path / "daemon") as process:
+        yield process
+
+
+def run_motion(daemon, seconds):
+    """Run a motion to its end and return its summary."""
+    for response in daemon.move(spin(seconds)):
+        daemon.renew()
+        summary = response.summary
+    return summary
+
+
+def recorder(daemon, path, **more):
+    """Return a recorder that has begun."""
+    process = begin(
+        "record", path, "--json", env=environment(ORIENTD_SOCKET=str(daemon.socket)), **more
+    )
+    until(lambda: path.exists() and path.stat().st_size > 0, "a recording")
+    return process
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """A daemon that has run a motion, the recording of it, and what the recorder has said."""
+    folder = tmp_path_factory.mktemp("recorded")
+    path = folder / "a.mcap"
+    with DaemonProcess(folder / "daemon") as daemon:
+        process = recorder(daemon, path)
+        run_motion(daemon, 1.0)
+        process.send_signal(signal.SIGINT)
+        output, errors = process.communicate(timeout=20)
+        assert (process.returncode, errors) == (0, "")
+        yield daemon, reader.load(path), json.loads(output)
+
+
+def test_a_recording_has_every_cycle_as_it_was_sent_and_measured(recorded):
+    daemon, recording, told = recorded
+    cycles = recording.cycles[DEVICE]
+    assert told["cycles"] == {DEVICE: len(cycles)}
+    assert told["lost"] == {DEVICE: 0}
+    assert np.all(np.diff(cycles["index"]) == 1)
+    # What the driver itself has written down, one setpoint a cycle from the first one on.
+    sent, index = daemon.sent(), cycles["index"]
+    errors = [
+        rotation.angle(cycles["sent_q"], sent[index - first]).max()
+        for first in range(int(index[-1]) + 1 - len(sent), int(index[0]) + 1)
+    ]
+    assert min(errors) < 1e-9
+    # The loopback returns every setpoint two cycles later, and that is read in the next one.
+    lag = rotation.angle(cycles["measured_q"][10:], cycles["sent_q"][7:-3])
+    assert float(np.median(lag)) < 2e-8
+    assert np.all(cycles["feedback_time_ns"] < cycles["deadline_ns"])
+
+
+def test_a_recording_has_plan_certificate_request_and_settings(recorded):
+    daemon, recording, _ = recorded
+    kinds = [event.kind for event in recording.events]
+    assert kinds == [pb.EVENT_KIND_MOTION_STARTED, pb.EVENT_KIND_MOTION_DONE]
+    started = recording.events[0]
+    assert started.plan == daemon.started.plan
+    assert started.motion.end_velocity == pb.Vector3(x=0.3, y=0.0, z=0.5)
+    assert recording.configuration["devices"][DEVICE]["driver"] == "loopback"
+    assert recording.states[0].devices[0].device.name == DEVICE
+    _, planned = planned_orientations(recording, DEVICE)
+    known = np.isfinite(planned[:, 0])
+    assert np.count_nonzero(known) >= started.plan.duration * 500
+    away = rotation.angle(planned[known], recording.cycles[DEVICE]["sent_q"][known])
+    assert float(away.max()) < 3e-4
+
+
+def test_a_full_disk_ends_the_recording_and_not_the_motion(daemon, tmp_path):
+    def limited():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, 30_000))
+
+    process = recorder(daemon, tmp_path / "a.mcap", preexec_fn=limited)
+    summary = run_motion(daemon, 2.0)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=20)
+    assert process.returncode == 1
+    (line,) = errors.splitlines()
+    assert "File too large" in line
+    assert "Traceback" not in line
+    assert summary.outcome == pb.OUTCOME_DONE
+    assert daemon.device().state == pb.STATE_HOLDING
+
+
+def test_a_device_that_is_not_there_is_refused(daemon, tmp_path):
+    done = orientd("record", tmp_path / "a.mcap", "-d", "leg", "--socket", daemon.socket)
+    assert_refused(done, "expected one of arm, got 'leg'")
+
+
+def flight_files(daemon):
+    return sorted((daemon.folder / "state").rglob("flight-*.mcap"))
+
+
+def test_a_fault_leaves_a_file_with_its_cycle_and_all_before(tmp_path):
+    fault = tmp_path / "fault"
+    with DaemonProcess(tmp_path / "daemon", options=f'fault_file = "{fault}"') as daemon:
+        events = daemon.stub.WatchEvents(pb.WatchEventsRequest())
+        assert not next(events).events
+        daemon.move(spin(20.0))
+        until(lambda: daemon.device().path_time > 0.5, "motion")
+        fault.write_text("device_fault")
+        (path,) = until(lambda: flight_files(daemon), "a file")
+        seen = []
+        while pb.EVENT_KIND_RECORDED not in (event.kind for event in seen):
+            seen += next(events).events
+        events.cancel()
+    assert seen[-1].text == str(path)
+    recording = reader.load(path)
+    cycles = recording.cycles[DEVICE]
+    np.testing.assert_array_equal(cycles["index"], np.arange(len(cycles)))
+    (at,) = np.flatnonzero(np.diff(np.minimum(cycles["fault"], 1).astype(int)) == 1)
+    assert cycles["fault"][at] == 0
+    assert cycles["fault"][at + 1] == 3  # Fault.DEVICE_FAULT
+    assert len(cycles) - at > 400
+    kinds = [event.kind for event in recording.events]
+    assert pb.EVENT_KIND_FAULT in kinds
+    assert pb.EVENT_KIND_MOTION_STARTED in kinds
+    (started,) = (e for e in recording.events if e.kind == pb.EVENT_KIND_MOTION_STARTED)
+    assert started.plan.certificate.duration > 20.0
+
+
+def test_a_servo_that_is_killed_leaves_a_file_up_to_its_last_cycle(daemon):
+    run_motion(daemon, 0.5)
+    last = daemon.device().cycle.index
+    os.kill(daemon.device().servo_pid, signal.SIGKILL)
+    (path,) = until(lambda: flight_files(daemon), "a file")
+    cycles = reader.load(path).cycles[DEVICE]
+    np.testing.assert_array_equal(cycles["index"], np.arange(len(cycles)))
+    assert len(cycles) > last
+
+
+def test_a_flight_recorder_that_cannot_write_says_so_and_the_daemon_goes_on(tmp_path):
+    process = DaemonProcess(tmp_path / "daemon")
+    (tmp_path / "taken").write_text("a file where a directory is to be")
+    text = process.config.read_text()
+    process.config.write_text(f'{text}\n[recorder]\ndirectory = "{tmp_path}/taken/here"\n')
+    with process as daemon:
+        os.kill(daemon.device().servo_pid, signal.SIGKILL)
+        log = daemon.folder / "log"
+        until(lambda: "recording failed: " in log.read_text(), "a line in the log")
+        daemon.stub.Reset(pb.ResetRequest(lease_token=daemon.token, device=DEVICE))
+        until(lambda: daemon.device().state == pb.STATE_HOLDING, "rest")
+        (line,) = [line for line in log.read_text().splitlines() if "recording failed" in line]
+        assert "Not a directory" in line

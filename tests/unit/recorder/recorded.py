@@ -1,0 +1,44 @@
+"""Cycles of a device that moves, with noise in what is measured and in time."""
+
+import numpy as np
+
+from orientd import rotation
+from orientd.recorder.cycle_table import CYCLES
+from orientd.stream import CycleFlag, State
+
+RATE_HZ = 500.0
+OFFSET_NS = 1_700_000_000_000_000_000
+
+
+def moving(count, *, first=0, joints=0, noise=1.0, seed=1):
+    """Return *count* cycles of a device on its way, *joints* axes measured."""
+    rng = np.random.default_rng(seed)
+    index = first + np.arange(count)
+    t = index / RATE_HZ
+    sway = np.array([[0.6, 1.3, 0.0], [0.5, 0.9, 1.0], [1.2, 0.7, 2.0]])
+    size, rate, phase = (sway[:, k][None] for k in range(3))
+    angles = rate * t[:, None] + phase
+    r, rates = size * np.sin(angles), size * rate * np.cos(angles)
+    omega = (rotation.right_jacobian(r) @ rates[..., None])[..., 0]
+    table = np.zeros(count, CYCLES)
+    table["index"] = index
+    table["deadline_ns"] = 5_000_000_000 + 2_000_000 * index
+    table["lateness_ns"] = rng.gamma(2.0, 15e3, count)
+    table["work_ns"] = rng.gamma(9.0, 20e3, count)
+    age = 1_000_000 + rng.gamma(2.0, 50e3, count).astype(np.int64)
+    table["feedback_time_ns"] = table["deadline_ns"] - age
+    table["path_index"] = index + 500
+    table["state"], table["motion"], table["speed"] = State.STREAMING, 1, 1.0
+    table["flags"] = CycleFlag.FEEDBACK | CycleFlag.WRITTEN
+    table["sent_q"], table["sent_omega_body"] = rotation.exp(r), omega
+    table["sent_alpha_body"] = np.gradient(omega, 1.0 / RATE_HZ, axis=0)
+    table["sent_position"] = 0.1 * np.sin(angles)
+    table["measured_q"] = rotation.multiply(
+        rotation.exp(r), rotation.exp(1e-5 * noise * rng.normal(size=(count, 3)))
+    )
+    table["measured_omega_body"] = omega + 1e-3 * noise * rng.normal(size=(count, 3))
+    table["measured_position"] = table["sent_position"] + 1e-5 * noise * rng.normal(size=(count, 3))
+    table["measured_joints"] = np.nan
+    for axis in range(joints):
+        table["measured_joints"][:, axis] = r[:, axis % 3] + 1e-5 * noise * rng.normal(size=count)
+    return table

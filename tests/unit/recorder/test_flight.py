@@ -1,0 +1,126 @@
+"""What the flight recorder's process makes of the memory it is handed."""
+
+import io
+import json
+
+import numpy as np
+import pytest
+from recorded import RATE_HZ, moving
+
+from orientd.daemon.cycle_memory import CycleMemory
+from orientd.recorder import flight, reader
+from orientd.recorder.writer import RecordingError
+from orientd.rpc import control_pb2 as pb
+from orientd.stream import RecordRing
+from orientd.stream.records import CYCLE_RECORD
+
+
+class Servo:
+    """A ring of cycles that a servo publishes to, and the memory that keeps them."""
+
+    def __init__(self, memory, *, capacity=4096):
+        size = RecordRing.bytes_needed(CYCLE_RECORD, capacity)
+        self.ring = RecordRing(memoryview(bytearray(size)), CYCLE_RECORD, capacity)
+        self.memory = memory
+
+    def publish(self, table, *, every=5):
+        """Publish *table*, and have the memory look *every* so many cycles, as a thread does."""
+        for row in table:
+            self.ring.publish(*CYCLE_RECORD.unpack(row.tobytes())[1:])
+            if self.ring.head % every == 0:
+                self.memory.take(self.ring)
+
+    def end(self):
+        self.memory.take(self.ring, is_last=True)
+
+
+def stream(memory, directory, *, since_ns=0, fault_ns=0, events=(), keep_files=20, keep_bytes=1e9):
+    packed = [event.SerializeToString() for event in events]
+    header = {
+        "device": "arm", "rate_hz": RATE_HZ, "reason": "link lost", "fault_ns": fault_ns,
+        "since_ns": since_ns, "offset_ns": 10**18, "layout": CYCLE_RECORD.format,
+        "configuration": "{}", "directory": str(directory), "keep_files": keep_files,
+        "keep_bytes": keep_bytes, "events": [len(one) for one in packed],
+    }  # fmt: skip
+    return io.BytesIO(
+        b"".join([json.dumps(header).encode(), b"\n", *packed, *map(bytes, memory.pieces())])
+    )
+
+
+def test_the_last_minute_is_there_without_a_gap(tmp_path):
+    table = moving(3000)
+    memory = CycleMemory(1000)
+    servo = Servo(memory)
+    servo.publish(table)
+    servo.end()
+    since = int(table["deadline_ns"][-900])
+    path = flight.write(stream(memory, tmp_path, since_ns=since))
+    cycles = reader.load(path).cycles["arm"]
+    np.testing.assert_array_equal(cycles["index"], np.arange(2100, 3000))
+
+
+def test_a_servo_that_was_started_anew_goes_on_in_the_same_file(tmp_path):
+    table = moving(700)
+    memory = CycleMemory(1000)
+    for part in (table[:300], table[300:]):
+        servo = Servo(memory)
+        part = part.copy()
+        servo.publish(part)
+        servo.end()
+    cycles = reader.load(flight.write(stream(memory, tmp_path))).cycles["arm"]
+    np.testing.assert_array_equal(cycles["deadline_ns"], table["deadline_ns"])
+    np.testing.assert_array_equal(cycles["index"], [*range(300), *range(400)])
+
+
+def test_a_slot_that_is_being_overwritten_is_left_out(tmp_path):
+    memory = CycleMemory(100)
+    servo = Servo(memory)
+    servo.publish(moving(100))
+    servo.end()
+    memory.pieces()[0][40:60] = bytes(20)
+    cycles = reader.load(flight.write(stream(memory, tmp_path))).cycles["arm"]
+    np.testing.assert_array_equal(cycles["index"], np.arange(1, 100))
+
+
+def test_memory_that_fell_behind_keeps_what_is_left(tmp_path):
+    memory = CycleMemory(1000)
+    servo = Servo(memory, capacity=256)
+    servo.publish(moving(600), every=10_000)
+    servo.end()
+    cycles = reader.load(flight.write(stream(memory, tmp_path))).cycles["arm"]
+    np.testing.assert_array_equal(cycles["index"], np.arange(600 - 240, 600))
+
+
+def test_events_and_reason_are_in_the_file(tmp_path):
+    memory = CycleMemory(10)
+    event = pb.Event(device="arm", kind=pb.EVENT_KIND_FAULT, text="link lost", time_ns=7)
+    recording = reader.load(flight.write(stream(memory, tmp_path, events=[event], fault_ns=7)))
+    assert recording.events == [event]
+    assert recording.facts["reason"] == "link lost"
+    assert recording.facts["fault_ns"] == "7"
+
+
+def test_the_oldest_files_make_room(tmp_path):
+    memory = CycleMemory(10)
+    (tmp_path / "mine.mcap").write_text("not the flight recorder's")
+    paths = [
+        flight.write(stream(memory, tmp_path, fault_ns=k * 10**9, keep_files=2)) for k in range(4)
+    ]
+    assert sorted(tmp_path.iterdir()) == sorted([tmp_path / "mine.mcap", *paths[2:]])
+    last = flight.write(stream(memory, tmp_path, fault_ns=9 * 10**9, keep_bytes=1))
+    assert sorted(tmp_path.iterdir()) == sorted([tmp_path / "mine.mcap", last])
+
+
+def test_nothing_is_left_of_what_cannot_be_written(tmp_path, monkeypatch):
+    memory = CycleMemory(10)
+    servo = Servo(memory)
+    servo.publish(moving(10))
+    servo.end()
+
+    def full(descriptor, content):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("orientd.recorder.writer.os.write", full)
+    with pytest.raises(RecordingError, match="No space left on device"):
+        flight.write(stream(memory, tmp_path))
+    assert list(tmp_path.iterdir()) == []
