@@ -27,6 +27,8 @@ def check_motion(robot, tmp_path, *, seconds, count):
         motion = swing_motion(device, seconds=seconds, count=count)
         before = robot.state()
         robot.ask("record on")
+        # The motion's first record is where the device holds: one of those must be recorded.
+        robot.wait_until(lambda s: s["setpoints"] > before["setpoints"] + 5)
         number = device.start(Prepared(motion))
         streaming(device)
         until(lambda: is_holding(device), "the end", motion.duration + 10.0)
