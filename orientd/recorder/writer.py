@@ -29,7 +29,7 @@ from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from google.protobuf.message import Message
@@ -110,10 +110,9 @@ class RecordingWriter:
         except OSError as error:
             raise RecordingError(f"cannot write {path}: {error.strerror}") from error
         with self._guarded():
-            self._writer = Writer(
-                self._sink,  # type: ignore[arg-type] # all of a stream that a writer uses
-                chunk_size=CHUNK_BYTES,
-                compression=CompressionType.ZSTD,
+            sink: Any = self._sink  # all of a stream that a writer uses
+            self._writer: Any = Writer(
+                sink, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD
             )
             self._writer.start(library=f"orientd {version('orientd')}")
 
@@ -191,7 +190,7 @@ class RecordingWriter:
         """
         if not self._is_broken:
             with self._guarded():
-                self._writer.finish()  # type: ignore[no-untyped-call] # without annotations
+                self._writer.finish()
             self._is_broken = True
             self._sink.close()
 
@@ -208,7 +207,7 @@ class RecordingWriter:
         name = message.DESCRIPTOR.full_name
         if name not in self._schemas:
             self._schemas[name] = register_schema(self._writer, type(message))
-        channel = self._writer.register_channel(topic, "protobuf", self._schemas[name])
+        channel: int = self._writer.register_channel(topic, "protobuf", self._schemas[name])
         self._channels[topic] = channel
         return channel
 
