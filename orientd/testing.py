@@ -150,6 +150,14 @@ class DriverConformance(ABC):
                 self.pass_cycle(driver)
             assert last > start.time_ns, "feedback never changed"
 
+    def test_its_outline_is_made_of_lines(self) -> None:
+        """What is drawn of a device has two points a line at the least, all of them somewhere."""
+        with self.opened() as driver:
+            joints = driver.enable().joints
+        for line in self.make_driver().outline(joints):
+            assert len(line) >= 2, f"a line of {len(line)} points"
+            assert all(len(point) == 3 and all(map(math.isfinite, point)) for point in line)
+
     def test_it_can_be_disabled_and_enabled_again(self) -> None:
         """Disabling is idempotent and not the end."""
         with self.opened() as driver:

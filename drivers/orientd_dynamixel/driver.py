@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
 from orientd.clock import Clock
-from orientd.driver import Driver, Feedback, Finding, Quaternion, Setpoint, ShapedPath
+from orientd.driver import Driver, Feedback, Finding, Quaternion, Setpoint, ShapedPath, Vector3
 from orientd.errors import DeviceError, DeviceFaultError, LinkError
 from orientd_dynamixel import startup
 from orientd_dynamixel.axis import Axis
@@ -88,6 +88,13 @@ class DynamixelDriver(Driver):
         shaping = importlib.import_module("orientd_dynamixel.shaping")
         shaped: ShapedPath = shaping.shape(self.settings, period, orientations, joints, before)
         return shaped
+
+    def outline(self, joints: tuple[float, ...]) -> Sequence[Sequence[Vector3]]:
+        """Return nested rings with pins."""
+        outline = importlib.import_module("orientd_dynamixel.outline")
+        planning = importlib.import_module("orientd_dynamixel.planning")
+        lines: list[list[Vector3]] = outline.outline(planning.gimbal_of(self.settings), joints)
+        return lines
 
     def open(self) -> None:
         """Find every servo, put its settings right, and begin to listen; nothing moves.

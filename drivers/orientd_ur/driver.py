@@ -22,6 +22,7 @@ from orientd_ur.dashboard import Dashboard
 from orientd_ur.deadline import arm, disarm
 from orientd_ur.inspection import inspect
 from orientd_ur.joint_path import examine, tool_in_flange
+from orientd_ur.kinematics import JOINT_NAMES, frames
 from orientd_ur.link import Link
 from orientd_ur.pose import continued
 from orientd_ur.probe import look, whereabouts
@@ -97,6 +98,10 @@ class UrDriver(Driver):
         except LinkError as error:
             raise PlanError(f"cannot predict the joints: {error}") from error
         examine(times, poses, joints, tcp_offset=tool_in_flange(joints, pose))
+
+    def outline(self, joints: tuple[float, ...]) -> Sequence[Sequence[Vector3]]:
+        """Return the links of a UR5e, whichever arm it is, up to the flange."""
+        return (frames(joints),) if len(joints) == len(JOINT_NAMES) else ()
 
     def open(self) -> None:
         """Look at the robot, then connect; the arm need not be running yet.

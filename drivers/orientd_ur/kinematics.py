@@ -86,6 +86,20 @@ def forward(joints: Sequence[float]) -> tuple[Matrix, Vector3]:
     return ((x6[0], y6[0], axis[0]), (x6[1], y6[1], axis[1]), (x6[2], y6[2], axis[2])), position
 
 
+def frames(joints: Sequence[float]) -> tuple[Vector3, ...]:
+    """Return the origins of the base, of the six Denavit-Hartenberg frames in their order (m)."""
+    q1, q2, q3, q4, _, _ = joints
+    u, n = (cos(q1), sin(q1), 0.0), (sin(q1), -cos(q1), 0.0)
+    bend = q2 + q3 + q4
+    _, flange = forward(joints)
+    shoulder = (0.0, 0.0, _D1)
+    elbow = _beside(shoulder, u, -_UPPER_ARM * cos(q2), -_UPPER_ARM * sin(q2))
+    forearm_end = _beside(elbow, u, -_FOREARM * cos(q2 + q3), -_FOREARM * sin(q2 + q3))
+    wrist_1 = _beside(forearm_end, n, _D4, 0.0)
+    wrist_2 = _beside(wrist_1, u, _D5 * sin(bend), -_D5 * cos(bend))
+    return (0.0, 0.0, 0.0), shoulder, elbow, forearm_end, wrist_1, wrist_2, flange
+
+
 def inverse(rotation: Matrix, position: Vector3, near: Sequence[float]) -> Joints | None:
     """Return the joints that bring the flange to *rotation* and *position*, nearest to *near*.
 
@@ -165,6 +179,11 @@ def _shoulder_sign(rotation: Matrix, position: Vector3, near: Sequence[float]) -
 
 def _near(angle: float, seed: float) -> float:
     return angle + tau * round((seed - angle) / tau)
+
+
+def _beside(point: Vector3, direction: Vector3, along: float, up: float) -> Vector3:
+    x, y, z = _mix(point, 1.0, direction, along)
+    return (x, y, z + up)
 
 
 def _mix(a: Vector3, s: float, b: Vector3, t: float) -> Vector3:

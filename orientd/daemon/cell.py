@@ -285,6 +285,17 @@ class Cell:
             )
         return motion
 
+    def present(self, device: Device, motion_id: str) -> Motion | None:
+        """Return the motion that *device* runs or ran last, or the plan called *motion_id*.
+
+        Raises:
+            UnknownNameError: there is no motion or plan of that name, or no longer.
+        """
+        motion = device.snapshot().motion
+        if not motion_id or (motion is not None and motion.id == motion_id):
+            return motion
+        return self.kept(device, motion_id)
+
     def instant(self, time_ns: int) -> int:
         """Return when it will be *time_ns* since the epoch, on the monotonic clock.
 

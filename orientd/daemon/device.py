@@ -12,7 +12,7 @@ import logging
 import os
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -100,6 +100,7 @@ class Device:
         self._ready = threading.Event()
         self._number = 0
         self._speed = 1.0
+        self._has_no_outline = False
         self._forget()
 
     def _forget(self) -> None:
@@ -471,6 +472,19 @@ class Device:
         """Return the records of cycles from number *since* on, as far as they are still known."""
         link = self._link
         return [] if link is None else link.cycle_records(since, limit)
+
+    def outline(self) -> Sequence[Sequence[Vector3]]:
+        """Return the device's shape as it stands: lines, m; none where it has no axes."""
+        link = self._link
+        cycle = link.newest() if link is not None else None
+        if cycle is None or not cycle.joints or self._has_no_outline:
+            return ()
+        try:
+            return self._examiner.outline(cycle.joints)
+        except Exception:  # noqa: BLE001 - a picture is worth no trouble
+            _log.exception("%s: the driver cannot draw its device", self.name)
+            self._has_no_outline = True
+            return ()
 
     def statistics(self, motion_number: int) -> MotionStatistics | None:
         """Return what was measured of a motion; ``None`` unless it is one of the newest."""

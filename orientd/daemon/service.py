@@ -11,7 +11,7 @@ import math
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Any, NoReturn, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, Protocol, TypeVar
 
 import grpc
 
@@ -34,11 +34,15 @@ from orientd.rpc.state_wire import (
     device_to_message,
     limits_to_message,
     method_to_message,
+    outline_to_messages,
 )
 from orientd.rpc.status import DETAILS_KEY, to_status
 from orientd.rpc.track_wire import report_to_message
 from orientd.stream import UNKNOWN
 from orientd.stream.records import CYCLE_RECORD
+
+if TYPE_CHECKING:
+    from orientd.planner import Motion
 
 _log = logging.getLogger(__name__)
 
@@ -125,17 +129,20 @@ class ControlService(ControlServicer):
         reader = report.CycleReader(device)
         step = max(1, request.decimation)
         while not await self._is_closing_within(interval):
+            response = pb.WatchStateResponse()
             if request.as_records:
-                records, lost = reader.read_records()
-                if records or lost:
-                    yield pb.WatchStateResponse(
-                        records=b"".join(records), lost=lost, layout=CYCLE_RECORD.format
-                    )
+                records, response.lost = reader.read_records()
+                response.records, response.layout = b"".join(records), CYCLE_RECORD.format
+            else:
+                cycles, response.lost = reader.read()
+                response.cycles.extend(
+                    cycle_to_message(cycle) for cycle in cycles if cycle.index % step == 0
+                )
+            if not (response.records or response.cycles or response.lost):
                 continue
-            cycles, lost = reader.read()
-            if cycles or lost:
-                chosen = [cycle_to_message(cycle) for cycle in cycles if cycle.index % step == 0]
-                yield pb.WatchStateResponse(cycles=chosen, lost=lost)
+            if request.with_outline:
+                response.outline.extend(outline_to_messages(device.outline()))
+            yield response
 
     async def WatchEvents(
         self, request: pb.WatchEventsRequest, context: Context
@@ -200,31 +207,30 @@ class ControlService(ControlServicer):
         """Plan a motion and keep it."""
 
         def work() -> pb.PlanResponse:
-            from orientd.daemon import motion_report
-            from orientd.rpc.move_wire import plan_to_message, samples_to_messages
-
             device = self._cell.device(request.device)
-            rate_hz = request.sample_rate_hz
-            if not 0.0 <= rate_hz <= device.rate_hz:
-                raise RequestError(
-                    "sample_rate_hz", f"expected 0 to {device.rate_hz:g}, got {rate_hz:g}"
-                )
+            rate_hz = _sample_rate(request.sample_rate_hz, device)
             motion = self._cell.plan(device, to_mapping(request.motion))
-            if rate_hz * motion.duration > MOST_SAMPLES:
-                raise RequestError(
-                    "sample_rate_hz",
-                    f"{motion.duration:.6g} s make more than {MOST_SAMPLES} samples at "
-                    f"{rate_hz:g} Hz",
-                )
-            samples = samples_to_messages(motion_report.samples(motion, rate_hz)) if rate_hz else []
-            return pb.PlanResponse(
-                plan=plan_to_message(motion_report.plan(motion)), samples=samples
-            )
+            plan, samples = _planned_messages(motion, rate_hz)
+            return pb.PlanResponse(plan=plan, samples=samples)
 
         try:
             return await self._planned(self._planners.submit(work))
         except OrientdError as error:
             await _refuse(context, error)
+
+    async def GetPlan(self, request: pb.GetPlanRequest, context: Context) -> pb.GetPlanResponse:
+        """Report the plan of a motion."""
+
+        def work() -> pb.GetPlanResponse:
+            device = self._cell.device(request.device)
+            rate_hz = _sample_rate(request.sample_rate_hz, device)
+            motion = self._cell.present(device, request.motion_id)
+            if motion is None:
+                return pb.GetPlanResponse()
+            plan, samples = _planned_messages(motion, rate_hz)
+            return pb.GetPlanResponse(plan=plan, samples=samples)
+
+        return await self._do(context, work)
 
     async def Move(
         self, request: pb.MoveRequest, context: Context
@@ -549,6 +555,26 @@ def _started(run: Run, timing: MoveTiming) -> pb.MoveResponse:
             timing=timing_to_message(timing),
         )
     )
+
+
+def _sample_rate(rate_hz: float, device: Device) -> float:
+    """Return *rate_hz*, at which a motion of *device* is to be sampled; 0 for not at all."""
+    if not 0.0 <= rate_hz <= device.rate_hz:
+        raise RequestError("sample_rate_hz", f"expected 0 to {device.rate_hz:g}, got {rate_hz:g}")
+    return rate_hz
+
+
+def _planned_messages(motion: Motion, rate_hz: float) -> tuple[pb.Plan, list[pb.MotionSample]]:
+    from orientd.daemon import motion_report
+    from orientd.rpc.move_wire import plan_to_message, samples_to_messages
+
+    if rate_hz * motion.duration > MOST_SAMPLES:
+        raise RequestError(
+            "sample_rate_hz",
+            f"{motion.duration:.6g} s make more than {MOST_SAMPLES} samples at {rate_hz:g} Hz",
+        )
+    samples = samples_to_messages(motion_report.samples(motion, rate_hz)) if rate_hz else []
+    return plan_to_message(motion_report.plan(motion)), samples
 
 
 def _progress(reader: report.ProgressReader) -> pb.MoveProgress | None:

@@ -202,6 +202,21 @@ class Driver(ABC):
         """
         return None
 
+    def outline(self, joints: tuple[float, ...]) -> Sequence[Sequence[Vector3]]:  # noqa: ARG002 - many devices have no axes
+        """Return the device's shape as it stands, for a picture of it.
+
+        Called in the daemon's process, on a driver that is not open, while somebody watches; from
+        any thread, so it must depend on nothing but *joints* and the options.
+
+        Args:
+            joints: axis angles as measured, rad.
+
+        Returns:
+            Lines, each from point to point, in the coordinates of the positions, m; empty where
+            there is nothing to show.
+        """
+        return ()
+
     @abstractmethod
     def open(self) -> None:
         """Connect.  May take long; no cycle runs yet.

@@ -152,7 +152,7 @@ class Robot:
             stream.cancel()
 
     def observe(self) -> Observer:
-        """Return what watches every cycle and event, for a recorder."""
+        """Return what watches every cycle and event, for recorders and viewers."""
         return Observer(self._stub, self._explain, timeout=self._timeout)
 
     def methods(self) -> list[Method]:
@@ -208,6 +208,28 @@ class Robot:
             ),
             None,
         )
+        samples = samples_from_messages(answer.samples) if sample_rate_hz else None
+        return plan_from_message(answer.plan, samples)
+
+    def planned(
+        self, motion_id: str = "", *, device: str = "", sample_rate_hz: float = 0.0
+    ) -> Plan | None:
+        """Return the plan of a motion, whoever commanded it; ``None`` before the first.
+
+        Args:
+            motion_id: of a plan that is kept, or of the newest motion; empty for the latter.
+            device: what moves.
+            sample_rate_hz: as for :meth:`plan`.
+
+        Raises:
+            UnknownNameError: there is no such plan, or no longer.
+        """
+        request = pb.GetPlanRequest(
+            device=device, motion_id=motion_id, sample_rate_hz=sample_rate_hz
+        )
+        answer = self._ask(self._stub.GetPlan, request)
+        if not answer.HasField("plan"):
+            return None
         samples = samples_from_messages(answer.samples) if sample_rate_hz else None
         return plan_from_message(answer.plan, samples)
 

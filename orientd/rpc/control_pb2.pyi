@@ -430,28 +430,38 @@ class GetStateResponse(_message.Message):
     def __init__(self, daemon: _Optional[_Union[DaemonReport, _Mapping]] = ..., devices: _Optional[_Iterable[_Union[DeviceReport, _Mapping]]] = ...) -> None: ...
 
 class WatchStateRequest(_message.Message):
-    __slots__ = ("device", "rate_hz", "decimation", "as_records")
+    __slots__ = ("device", "rate_hz", "decimation", "as_records", "with_outline")
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     RATE_HZ_FIELD_NUMBER: _ClassVar[int]
     DECIMATION_FIELD_NUMBER: _ClassVar[int]
     AS_RECORDS_FIELD_NUMBER: _ClassVar[int]
+    WITH_OUTLINE_FIELD_NUMBER: _ClassVar[int]
     device: str
     rate_hz: float
     decimation: int
     as_records: bool
-    def __init__(self, device: _Optional[str] = ..., rate_hz: _Optional[float] = ..., decimation: _Optional[int] = ..., as_records: bool = ...) -> None: ...
+    with_outline: bool
+    def __init__(self, device: _Optional[str] = ..., rate_hz: _Optional[float] = ..., decimation: _Optional[int] = ..., as_records: bool = ..., with_outline: bool = ...) -> None: ...
+
+class Polyline(_message.Message):
+    __slots__ = ("coordinates",)
+    COORDINATES_FIELD_NUMBER: _ClassVar[int]
+    coordinates: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, coordinates: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class WatchStateResponse(_message.Message):
-    __slots__ = ("cycles", "lost", "records", "layout")
+    __slots__ = ("cycles", "lost", "records", "layout", "outline")
     CYCLES_FIELD_NUMBER: _ClassVar[int]
     LOST_FIELD_NUMBER: _ClassVar[int]
     RECORDS_FIELD_NUMBER: _ClassVar[int]
     LAYOUT_FIELD_NUMBER: _ClassVar[int]
+    OUTLINE_FIELD_NUMBER: _ClassVar[int]
     cycles: _containers.RepeatedCompositeFieldContainer[Cycle]
     lost: int
     records: bytes
     layout: str
-    def __init__(self, cycles: _Optional[_Iterable[_Union[Cycle, _Mapping]]] = ..., lost: _Optional[int] = ..., records: _Optional[bytes] = ..., layout: _Optional[str] = ...) -> None: ...
+    outline: _containers.RepeatedCompositeFieldContainer[Polyline]
+    def __init__(self, cycles: _Optional[_Iterable[_Union[Cycle, _Mapping]]] = ..., lost: _Optional[int] = ..., records: _Optional[bytes] = ..., layout: _Optional[str] = ..., outline: _Optional[_Iterable[_Union[Polyline, _Mapping]]] = ...) -> None: ...
 
 class WatchEventsRequest(_message.Message):
     __slots__ = ("device",)
@@ -550,6 +560,24 @@ class PlanRequest(_message.Message):
     def __init__(self, device: _Optional[str] = ..., motion: _Optional[_Union[MotionRequest, _Mapping]] = ..., sample_rate_hz: _Optional[float] = ...) -> None: ...
 
 class PlanResponse(_message.Message):
+    __slots__ = ("plan", "samples")
+    PLAN_FIELD_NUMBER: _ClassVar[int]
+    SAMPLES_FIELD_NUMBER: _ClassVar[int]
+    plan: Plan
+    samples: _containers.RepeatedCompositeFieldContainer[MotionSample]
+    def __init__(self, plan: _Optional[_Union[Plan, _Mapping]] = ..., samples: _Optional[_Iterable[_Union[MotionSample, _Mapping]]] = ...) -> None: ...
+
+class GetPlanRequest(_message.Message):
+    __slots__ = ("device", "motion_id", "sample_rate_hz")
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    MOTION_ID_FIELD_NUMBER: _ClassVar[int]
+    SAMPLE_RATE_HZ_FIELD_NUMBER: _ClassVar[int]
+    device: str
+    motion_id: str
+    sample_rate_hz: float
+    def __init__(self, device: _Optional[str] = ..., motion_id: _Optional[str] = ..., sample_rate_hz: _Optional[float] = ...) -> None: ...
+
+class GetPlanResponse(_message.Message):
     __slots__ = ("plan", "samples")
     PLAN_FIELD_NUMBER: _ClassVar[int]
     SAMPLES_FIELD_NUMBER: _ClassVar[int]

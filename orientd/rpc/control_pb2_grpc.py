@@ -69,6 +69,11 @@ class ControlStub(object):
                 request_serializer=orientd_dot_rpc_dot_control__pb2.PlanRequest.SerializeToString,
                 response_deserializer=orientd_dot_rpc_dot_control__pb2.PlanResponse.FromString,
                 _registered_method=True)
+        self.GetPlan = channel.unary_unary(
+                '/orientd.v1.Control/GetPlan',
+                request_serializer=orientd_dot_rpc_dot_control__pb2.GetPlanRequest.SerializeToString,
+                response_deserializer=orientd_dot_rpc_dot_control__pb2.GetPlanResponse.FromString,
+                _registered_method=True)
         self.Move = channel.unary_stream(
                 '/orientd.v1.Control/Move',
                 request_serializer=orientd_dot_rpc_dot_control__pb2.MoveRequest.SerializeToString,
@@ -184,6 +189,13 @@ class ControlServicer(object):
     def Plan(self, request, context):
         """Plan from where the device is commanded to be, or will be once its present motions have ended,
         and keep the plan for a Move.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
+    def GetPlan(self, request, context):
+        """The plan of a motion: of the one that runs or ran last, or one that is kept for a Move.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -321,6 +333,11 @@ def add_ControlServicer_to_server(servicer, server):
                     servicer.Plan,
                     request_deserializer=orientd_dot_rpc_dot_control__pb2.PlanRequest.FromString,
                     response_serializer=orientd_dot_rpc_dot_control__pb2.PlanResponse.SerializeToString,
+            ),
+            'GetPlan': grpc.unary_unary_rpc_method_handler(
+                    servicer.GetPlan,
+                    request_deserializer=orientd_dot_rpc_dot_control__pb2.GetPlanRequest.FromString,
+                    response_serializer=orientd_dot_rpc_dot_control__pb2.GetPlanResponse.SerializeToString,
             ),
             'Move': grpc.unary_stream_rpc_method_handler(
                     servicer.Move,
@@ -577,6 +594,33 @@ class Control(object):
             '/orientd.v1.Control/Plan',
             orientd_dot_rpc_dot_control__pb2.PlanRequest.SerializeToString,
             orientd_dot_rpc_dot_control__pb2.PlanResponse.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
+
+    @staticmethod
+    def GetPlan(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(
+            request,
+            target,
+            '/orientd.v1.Control/GetPlan',
+            orientd_dot_rpc_dot_control__pb2.GetPlanRequest.SerializeToString,
+            orientd_dot_rpc_dot_control__pb2.GetPlanResponse.FromString,
             options,
             channel_credentials,
             insecure,

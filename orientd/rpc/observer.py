@@ -11,6 +11,9 @@ import grpc
 
 from orientd.errors import DaemonError, OrientdError
 from orientd.rpc import control_pb2 as pb
+from orientd.rpc.reports import Outline
+from orientd.rpc.state_wire import outline_from_messages
+from orientd.stream import Cycle, unpack_cycle
 from orientd.stream.records import CYCLE_RECORD
 
 
@@ -71,10 +74,29 @@ class Observer:
             DaemonError: the daemon is lost, or packs its records otherwise.
         """
         request = pb.WatchStateRequest(device=device, rate_hz=rate_hz, as_records=True)
-        for batch in self._stream(self._stub.WatchState, request):
-            if batch.layout != CYCLE_RECORD.format:
-                raise DaemonError("the daemon is of another version: it packs cycles otherwise")
+        for batch in self._records(request):
             yield batch.records, batch.lost
+
+    def sight(
+        self, device: str = "", *, rate_hz: float = 20.0
+    ) -> Iterator[tuple[list[Cycle], Outline]]:
+        """Yield every cycle of a device and its shape after each batch of them, until closed.
+
+        Args:
+            device: its name.
+            rate_hz: batches a second, 0.1 to 100.
+
+        Raises:
+            UnknownNameError: there is no such device.
+            DaemonError: the daemon is lost, or packs its records otherwise.
+        """
+        request = pb.WatchStateRequest(
+            device=device, rate_hz=rate_hz, as_records=True, with_outline=True
+        )
+        for batch in self._records(request):
+            starts = range(0, len(batch.records), CYCLE_RECORD.size)
+            cycles = [unpack_cycle(batch.records, start) for start in starts]
+            yield cycles, outline_from_messages(batch.outline)
 
     def events(self, device: str = "") -> Iterator[pb.Event]:
         """Yield what happens to a device, or to all of them, until closed.
@@ -93,6 +115,12 @@ class Observer:
             streams, self._streams = self._streams, []
         for stream in streams:
             stream.cancel()
+
+    def _records(self, request: pb.WatchStateRequest) -> Iterator[pb.WatchStateResponse]:
+        for batch in self._stream(self._stub.WatchState, request):
+            if batch.layout != CYCLE_RECORD.format:
+                raise DaemonError("the daemon is of another version: it packs cycles otherwise")
+            yield batch
 
     def _stream(self, method: Callable[..., Any], request: object) -> Iterator[Any]:
         with self._lock:

@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from orientd.rotation import Floats
 
 
+Outline = tuple["Floats", ...]
+"""A device's shape: lines from point to point in the world, m, each of shape ``(n, 3)``."""
+
+
 class Outcome(Enum):
     """How a motion ended."""
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from orientd.driver import IDENTITY, ZERO
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from orientd.driver import IDENTITY, ZERO, Vector3
 from orientd.driver.floats import difference, norm
 from orientd.errors import Fault
 from orientd.planner import Limits
 from orientd.planner.limits import ANGULAR, NO_AXES
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.reports import DaemonReport, DeviceReport, Method
+from orientd.rpc.reports import DaemonReport, DeviceReport, Method, Outline
 from orientd.rpc.value_wire import (
     RATES,
     STATES,
@@ -169,6 +173,18 @@ def device_from_message(message: pb.DeviceReport) -> DeviceReport:
         is_memory_locked=message.is_memory_locked,
         cycle=cycle_from_message(message.cycle) if message.HasField("cycle") else None,
         lead=message.device.lead,
+    )
+
+
+def outline_to_messages(outline: Sequence[Sequence[Vector3]]) -> list[pb.Polyline]:
+    """Return one message for each line."""
+    return [pb.Polyline(coordinates=[x for point in line for x in point]) for line in outline]
+
+
+def outline_from_messages(messages: Iterable[pb.Polyline]) -> Outline:
+    """Return the lines that *messages* were made of."""
+    return tuple(
+        np.array(message.coordinates, dtype=np.float64).reshape(-1, 3) for message in messages
     )
 
 

@@ -9,6 +9,8 @@ from command_line import assert_refused, orientd
 from gimbal_bench import ROOT, EmulatedGimbal, GimbalDaemon
 from harness import until
 
+from orientd import connect
+
 pytest.importorskip("dynamixel_sdk")
 
 
@@ -35,6 +37,11 @@ def test_three_commands_turn_an_emulated_gimbal(bus, daemon):
     done = orientd("move", motion, "--socket", daemon.socket)
     assert (done.returncode, done.stderr) == (0, ""), done
     assert "yaw: 0.0 to 7" in done.stdout
+    with connect(daemon.socket) as robot:
+        _, outline = next(robot.observe().sight())
+    # Pins and rings of three axes; the yaw is about the vertical.
+    assert [len(line) for line in outline] == [2, 2, 25] * 3
+    assert outline[0] == pytest.approx(np.array([[0, 0, 0.15], [0, 0, 0.12]]), abs=1e-6)
     for servo, degrees in ((1, 60), (2, 20), (3, -15)):
         state = bus.state(servo)
         assert abs(state["goal"] - ticks(degrees)) <= 0.5 + 1e-6

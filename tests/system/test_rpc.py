@@ -373,3 +373,27 @@ def test_a_daemon_that_goes_away_is_said_clearly(tmp_path):
         with pytest.raises(DaemonError, match="no daemon answers"):
             next(robot.watch())
     process.end()
+
+
+def test_whoever_watches_can_see_the_plan_that_runs(robot):
+    handle = long_motion(robot)
+    plan = robot.planned(sample_rate_hz=50.0)
+    assert plan.motion_id == handle.plan.motion_id == robot.state().devices[DEVICE].motion_id
+    assert plan.certificate == handle.plan.certificate
+    assert plan.samples.times[-1] == pytest.approx(plan.duration, abs=1e-9)
+    assert robot.planned(plan.motion_id).samples is None
+
+
+def test_a_plan_that_is_kept_can_be_seen_by_its_name(robot):
+    plan = robot.plan([here(robot), {"rotation_vector": [0.1, 0.0, 0.2]}])
+    assert robot.planned(plan.motion_id) == plan
+    with pytest.raises(UnknownNameError, match="has no plan 'nowhere'"):
+        robot.planned("nowhere")
+
+
+def test_a_device_without_axes_has_no_outline(robot):
+    observer = robot.observe()
+    cycles, outline = next(observer.sight(rate_hz=50.0))
+    observer.close()
+    assert cycles
+    assert outline == ()

@@ -1,16 +1,18 @@
 """The UR driver's parts without a robot: options, rotation vectors, clock, bytes, states."""
 
 import math
+import random
 import re
 import struct
 from dataclasses import fields
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
 from orientd import config
 from orientd.driver.floats import exp, multiply
-from orientd_ur import options, rtde, states
+from orientd_ur import kinematics, options, rtde, states
 from orientd_ur.controller_clock import ControllerClock
 from orientd_ur.pose import LONGEST, continued, shortest
 
@@ -175,3 +177,25 @@ def test_example_configuration_is_whole():
     assert checked == options.check({"host": "127.0.0.2"}, period=0.002)
     mentioned = set(re.findall(r"^#? ?(\w+) = ", path.read_text(), re.MULTILINE))
     assert {field.name for field in fields(options.UrOptions)} <= mentioned
+
+
+@pytest.mark.parametrize(
+    ("joints", "elbow", "flange"),
+    [
+        # The published table, all joints zero and the shoulder upright.
+        ((0.0,) * 6, (-0.425, 0.0, 0.1625), (-0.8172, -0.2329, 0.0628)),
+        ((0.0, -math.pi / 2, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.5875), (-0.0997, -0.2329, 0.9797)),
+    ],
+)
+def test_frames_are_where_the_published_table_says(joints, elbow, flange):
+    origins = kinematics.frames(joints)
+    assert origins[2] == pytest.approx(elbow, abs=1e-12)
+    assert origins[-1] == pytest.approx(flange, abs=1e-12)
+
+
+def test_links_keep_their_lengths():
+    generator = random.Random(4)
+    for _ in range(50):
+        origins = kinematics.frames([generator.uniform(-6.0, 6.0) for _ in range(6)])
+        lengths = [math.dist(a, b) for a, b in pairwise(origins)]
+        assert lengths == pytest.approx([0.1625, 0.425, 0.3922, 0.1333, 0.0997, 0.0996])

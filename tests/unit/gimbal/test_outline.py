@@ -1,0 +1,45 @@
+"""What is drawn of a gimbal."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from orientd.rotation.convert import from_rotation_vector
+from orientd.rotation.quaternion import rotate
+from orientd_dynamixel.kinematics import Gimbal
+from orientd_dynamixel.outline import outline
+
+ANGLES = (0.7, -0.4, 1.1)
+
+
+def drawn(gimbal, angles):
+    lines = [np.array(line) for line in outline(gimbal, angles)]
+    return [lines[k : k + 3] for k in range(0, len(lines), 3)]
+
+
+@pytest.mark.parametrize("order", ["ZYX", "ZXY", "XYX"])
+def test_pins_point_along_the_axes_of_the_jacobian(order):
+    gimbal = Gimbal(order)
+    directions = gimbal.jacobian(ANGLES).T
+    for (pin, opposite, _), direction in zip(drawn(gimbal, ANGLES), directions, strict=True):
+        assert pin[0] / np.linalg.norm(pin[0]) == pytest.approx(direction)
+        assert opposite == pytest.approx(-pin)
+
+
+def test_rings_are_joined_by_pins():
+    axes = drawn(Gimbal("ZYX"), ANGLES)
+    for (_, _, ring), (pin, _, _) in pairwise(axes):
+        assert np.linalg.norm(ring - pin[0], axis=1).min() < 1e-12
+
+
+def test_the_mount_turns_all_of_it():
+    mount = tuple(from_rotation_vector([0.3, -1.0, 0.2]).tolist())
+    plain, mounted = drawn(Gimbal("ZYX"), ANGLES), drawn(Gimbal("ZYX", mount=mount), ANGLES)
+    for one, other in zip(plain, mounted, strict=True):
+        for line, turned in zip(one, other, strict=True):
+            assert rotate(np.array(mount), line) == pytest.approx(turned)
+
+
+def test_unknown_angles_are_not_drawn():
+    assert outline(Gimbal("ZYX"), ()) == []
