@@ -27,7 +27,7 @@ from orientd.driver.floats import difference, norm
 from orientd.driver.registry import driver_target
 from orientd.errors import DaemonError, Fault, StateError
 from orientd.servo.process import ProcessSettings
-from orientd.servo.servo import LEFT_OUT_WORD
+from orientd.servo.pursuit import LEFT_OUT_WORD
 from orientd.stream import Command, Cycle, CycleFlag, NoteKind, State, unpack_cycle
 
 if TYPE_CHECKING:

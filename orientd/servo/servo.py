@@ -24,9 +24,9 @@ from orientd.servo.brake_law import BrakeLaw
 from orientd.servo.guard import Guard
 from orientd.servo.path_clock import PathClock
 from orientd.servo.path_follower import Leg, PathFollower, StarvedError
+from orientd.servo.pursuit import Pursuit
 from orientd.servo.segment import PathPoint
 from orientd.servo.table import Event, advance
-from orientd.servo.tracking import Target, Tracker
 from orientd.servo.vigil import Vigil, Watch
 from orientd.stream import (
     JOINTS,
@@ -52,12 +52,6 @@ PARENT_CHECK = 8
 
 _NO_TERMS = Terms(1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 1.0)
 _START_TOLERANCE = 1e-9
-
-TARGETS_PER_CYCLE = 8
-"""Targets taken in one cycle; the others wait."""
-
-LEFT_OUT_WORD = 1
-"""Word of the ring of targets: how many the servo has left out."""
 
 
 class Servo:
@@ -101,10 +95,7 @@ class Servo:
         self._terms = _NO_TERMS
         self._start_ns = UNKNOWN
         self._is_waiting = False
-        self._tracker = Tracker(period)
-        self._is_tracking = False
-        self._aimed = memory.targets.head
-        self._left_out = 0
+        self._pursuit = Pursuit(memory.targets, period)
         self._escape: Iterator[tuple[Quaternion, Vector3]] | None = None
         self._fault = Fault.NONE
         self._fault_text = ""
@@ -257,7 +248,7 @@ class Servo:
             return self._splice(leg)
         elif command is Command.HALT:
             self._stop(Event.HALT)
-            if self.is_moving and self._escape is None and not self._is_tracking:
+            if self.is_moving and self._escape is None and not self._pursuit.is_on:
                 self._escape = self._guard.soft_stop(self._terms)
         elif command is Command.TRACK:
             self._track(leg)
@@ -357,16 +348,14 @@ class Servo:
         guard = self._guard
         self._path_clock.halt()
         self._terms, self._motion = leg.terms, leg.number
-        self._tracker.begin(guard.q, guard.omega, guard.alpha, leg.terms)
-        self._aimed = self._memory.targets.head
-        self._is_tracking = True
+        self._pursuit.begin(guard.q, guard.omega, guard.alpha, leg.terms)
         self.state = following
 
     def _stop(self, event: Event) -> None:
         """Begin to come to rest, on the path or away from the target."""
         following = advance(self.state, event)
         self._path_clock.target = 0.0
-        self._tracker.cease()
+        self._pursuit.cease()
         self.state = following
 
     # Motion
@@ -375,7 +364,7 @@ class Servo:
         """Return the next setpoint of a motion or of a stop."""
         if self._escape is not None:
             return self._step_off_path()
-        if self._is_tracking:
+        if self._pursuit.is_on:
             return self._follow(deadline_ns)
         clock, follower = self._path_clock, self._follower
         if self.state is _STREAMING:
@@ -422,37 +411,16 @@ class Servo:
 
     def _follow(self, deadline_ns: int) -> PathPoint:
         """Return the next setpoint on the way to a target, or to rest."""
-        tracker, position = self._tracker, self._held.position
+        pursuit, position = self._pursuit, self._held.position
         if self.state is _TRACKING:
-            self._aim(deadline_ns)
-        point = tracker.step(deadline_ns)
+            pursuit.aim(deadline_ns)
+        point = pursuit.step(deadline_ns)
         problem = self._guard.admit(point.q, position, self._terms)
         if problem:
             return self._leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")
-        if self.state is _STOPPING and tracker.is_at_rest:
+        if self.state is _STOPPING and pursuit.is_at_rest:
             self._finish(Event.REST)
         return PathPoint(point.q, point.omega_body, point.alpha_body, position, ZERO)
-
-    def _aim(self, now_ns: int) -> None:
-        """Hand the targets that have arrived to the tracker."""
-        ring = self._memory.targets
-        head = ring.head
-        if self._aimed == head:
-            return
-        self._aimed = max(self._aimed, head - ring.capacity)
-        for index in range(self._aimed, min(head, self._aimed + TARGETS_PER_CYCLE)):
-            fields = ring.read(index)
-            if fields is None and head - index < ring.capacity:
-                return  # still being written
-            self._aimed = index + 1
-            if fields is not None:
-                _, time_ns, expires_ns, *floats = fields
-                w, x, y, z, u, v, s = floats
-                target = Target((w, x, y, z), (u, v, s), time_ns, expires_ns)
-                if not self._tracker.take(target, now_ns):
-                    continue
-            self._left_out += 1
-            ring.set_word(LEFT_OUT_WORD, self._left_out)
 
     def _leave_path(self, fault: Fault, text: str) -> PathPoint:
         """Begin to come to rest without the path."""
@@ -473,7 +441,7 @@ class Servo:
     def _finish(self, event: Event) -> None:
         """Go to rest: into holding, or into the fault that made the stop necessary."""
         self._path_clock.halt()
-        self._is_tracking = False
+        self._pursuit.end()
         if self._fault is not _NO_FAULT:
             self._fail(self._fault, self._fault_text, is_enabled=self._is_enabled)
         else:
@@ -511,7 +479,7 @@ class Servo:
             return
         self._fault, self._fault_text = fault, text
         self._escape = None
-        self._is_tracking = False
+        self._pursuit.end()
         self._path_clock.halt()
         self.state = advance(self.state, Event.FAIL)
         self._memory.notes.publish(*pack_note(0, NoteKind.FAULT, fault, text))

@@ -1,0 +1,79 @@
+"""The pursuit of targets: from the ring they arrive in to the setpoint of the cycle."""
+
+from __future__ import annotations
+
+from orientd.driver import Quaternion, Vector3
+from orientd.servo.tracking import Target, Tracker, TrackPoint
+from orientd.stream import RecordRing, Terms
+
+TARGETS_PER_CYCLE = 8
+"""Targets taken in one cycle; the others wait."""
+
+LEFT_OUT_WORD = 1
+"""Word of the ring of targets: how many have been left out."""
+
+
+class Pursuit:
+    """Targets of one ring, followed.
+
+    Attributes:
+        is_on: whether targets are followed, or their following is coming to rest.
+    """
+
+    def __init__(self, ring: RecordRing, period: float) -> None:
+        """Follow nothing yet; cycles are *period* seconds apart."""
+        self.is_on = False
+        self._ring = ring
+        self._tracker = Tracker(period)
+        self._next = ring.head
+        self._left_out = 0
+
+    def begin(self, q: Quaternion, omega: Vector3, alpha: Vector3, terms: Terms) -> None:
+        """Begin from what was last commanded; targets of before do not count.
+
+        Args:
+            q: orientation last commanded.
+            omega: angular velocity of the step to it, rad/s.
+            alpha: change from the step before over the period, rad/s^2.
+            terms: limits.
+        """
+        self._tracker.begin(q, omega, alpha, terms)
+        self._next = self._ring.head
+        self.is_on = True
+
+    def cease(self) -> None:
+        """Forget every target, and come to rest."""
+        self._tracker.cease()
+
+    def end(self) -> None:
+        """Follow no more."""
+        self.is_on = False
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether nothing moves and no target lives."""
+        return self._tracker.is_at_rest
+
+    def step(self, now_ns: int) -> TrackPoint:
+        """Return the setpoint of the cycle that is due at *now_ns*."""
+        return self._tracker.step(now_ns)
+
+    def aim(self, now_ns: int) -> None:
+        """Take the targets that have arrived."""
+        ring = self._ring
+        head = ring.head
+        if self._next == head:
+            return
+        self._next = max(self._next, head - ring.capacity)
+        for index in range(self._next, min(head, self._next + TARGETS_PER_CYCLE)):
+            fields = ring.read(index)
+            if fields is None and head - index < ring.capacity:
+                return  # still being written
+            self._next = index + 1
+            if fields is not None:
+                _, time_ns, expires_ns, w, x, y, z, *omega = fields
+                target = Target((w, x, y, z), (omega[0], omega[1], omega[2]), time_ns, expires_ns)
+                if not self._tracker.take(target, now_ns):
+                    continue
+            self._left_out += 1
+            ring.set_word(LEFT_OUT_WORD, self._left_out)
