@@ -100,7 +100,7 @@ def compare(
 def _servo_slot(rate_hz: float, seconds: float, priority: int, *, is_loaded: bool) -> Slot:
     with (
         tempfile.TemporaryDirectory(prefix="orientd-bench-") as folder,
-        _daemon(Path(folder), rate_hz, priority) as socket,
+        daemon(Path(folder), rate_hz, priority) as socket,
     ):
         load = [[sys.executable, "-m", "orientd.bench.clients", str(socket), DEVICE]]
         with processes(load if is_loaded else []):
@@ -108,7 +108,7 @@ def _servo_slot(rate_hz: float, seconds: float, priority: int, *, is_loaded: boo
 
 
 @contextlib.contextmanager
-def _daemon(folder: Path, rate_hz: float, priority: int) -> Iterator[Path]:
+def daemon(folder: Path, rate_hz: float, priority: int) -> Iterator[Path]:
     """Run a daemon with one loopback device for as long as the context lasts."""
     socket = folder / "control.sock"
     config = folder / "config.toml"

@@ -1,4 +1,4 @@
-"""`orientd bench`: the servo's lateness and the curves' speed on this machine."""
+"""`orientd bench`: punctuality of the servo, speed of curves and of retargets, on this machine."""
 
 from __future__ import annotations
 
@@ -12,9 +12,13 @@ if TYPE_CHECKING:
     from orientd.bench.curves import CurveSpeed
     from orientd.bench.servo import Comparison
 
+bench = typer.Typer(name="bench", rich_markup_mode=None)
 
+
+@bench.callback(invoke_without_command=True)
 @command
-def bench(
+def measure(
+    context: typer.Context,
     seconds: Annotated[float, typer.Option(min=0.5, help="Length of one slot, s.")] = 2.0,
     slots: Annotated[
         int, typer.Option(min=1, help="Pairs of slots, servo and bare C loop, per condition.")
@@ -27,12 +31,58 @@ def bench(
 
     With the defaults this takes some three minutes.
     """
+    if context.invoked_subcommand is not None:
+        return
     found = {
         "curves": _curves(as_json=as_json) if curves else None,
         "servo": _servo(seconds, slots, as_json=as_json) if servo else None,
     }
     if as_json:
         say_json(found)
+
+
+@bench.command()
+@command
+def retarget(
+    count: Annotated[
+        int, typer.Option(min=10, help="Retargets for each number of keyframes.")
+    ] = 200,
+    keyframes: Annotated[
+        list[int] | None,
+        typer.Option(min=1, help="Of each motion; may be given several times.  [default: 1, 20]"),
+    ] = None,
+    rate: Annotated[float, typer.Option(min=1.0, max=2000.0, help="Of the device, Hz.")] = 500.0,
+    priority: Annotated[
+        int, typer.Option(min=0, max=99, help="SCHED_FIFO priority of the servo; 0 for none.")
+    ] = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Measure how long a retarget takes, from the call to the first setpoint that it changes.
+
+    A daemon of its own moves a simulated device; with the defaults this takes a minute.
+    """
+    from orientd.bench.retarget import PARTS, measure_retargets
+
+    found = measure_retargets(
+        tuple(keyframes or (1, 20)), count=count, rate_hz=rate, priority=priority
+    )
+    if as_json:
+        say_json({"rate_hz": rate, "priority": priority, "retargets": found})
+        return
+    say(f"retargets on the way at {rate:g} Hz, p50 / p99 in ms; each part begins after the other")
+    rows = [
+        [
+            str(one.keyframes),
+            str(one.retargets),
+            str(one.replanned),
+            *(
+                f"{1e3 * one.parts[part].p50:.2f} / {1e3 * one.parts[part].p99:.2f}"
+                for part in PARTS
+            ),
+        ]
+        for one in found
+    ]
+    say(*table(["keyframes", "count", "replanned", *PARTS], rows))
 
 
 def _curves(*, as_json: bool) -> CurveSpeed:

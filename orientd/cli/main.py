@@ -71,10 +71,10 @@ for _command in (
     device_commands.enable,
     device_commands.disable,
     device_commands.reset,
-    bench.bench,
     doctor.doctor,
 ):
     app.command()(_command)
+app.add_typer(bench.bench)
 app.add_typer(sim.sim)
 
 

@@ -497,7 +497,8 @@ class Device:
 
     def began_ns(self, motion_number: int) -> int | None:
         """Return when a motion began to move, monotonic clock, where that is known."""
-        return None if self._motions is None else self._motions.began_ns(motion_number)
+        with self._lock:
+            return None if self._motions is None else self._motions.began_ns(motion_number)
 
     # The thread
 

@@ -21,6 +21,8 @@ METERS = 16
 """Motions whose measurements are kept."""
 
 _METER_BLOCK = 256
+"""Cycles measured at a time: few of them would cost nearly as much as so many."""
+
 _FEED_TIME = 0.25
 """How much of a motion is fed before the servo is told of it, beyond what a stop takes; s."""
 
@@ -228,6 +230,12 @@ class Itinerary:
             self._stages[0].leave = leave
             self._stages += following
 
+    def measure_some(self) -> None:
+        """Add the cycles since the last look to the measurements, if they have become many."""
+        ring = self._link.memory.cycles
+        if ring.head - self._metered >= min(_METER_BLOCK, ring.capacity // 4):
+            self.measure()
+
     def measure(self) -> None:
         """Add the cycles since the last look to the measurements."""
         while records := self._link.cycle_records(self._metered, _METER_BLOCK):
@@ -240,11 +248,15 @@ class Itinerary:
     def passed(self, cycle: Cycle) -> list[Stage]:
         """Take out the stages that the servo has left behind by *cycle*, and return them."""
         place = next((k for k, s in enumerate(self._stages) if s.number == cycle.motion), 0)
+        if place:
+            self.measure()
         passed, self._stages = self._stages[:place], self._stages[place:]
         return passed
 
     def clear(self) -> list[Stage]:
         """Take out all stages, and return them."""
+        if self._stages:
+            self.measure()
         stages, self._stages = self._stages, []
         return stages
 

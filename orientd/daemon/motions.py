@@ -18,16 +18,12 @@ from orientd.daemon.itinerary import Itinerary, Leave, Stage
 from orientd.daemon.manner import Manner, Prepared
 from orientd.daemon.meter import MotionStatistics
 from orientd.daemon.motion_planner import MotionPlanner
+from orientd.daemon.notice import Notice
 from orientd.daemon.servo_link import ServoLink
 from orientd.errors import LateError, StateError
 from orientd.planner import Motion, MotionRequest
 from orientd.planner import State as PlannedState
 from orientd.stream import UNKNOWN, Command, Cycle, State
-
-FIRST_NOTICE = 0.006
-"""How long it takes to plan a motion and to hand it over, s, before that has been measured."""
-
-LONGEST_NOTICE = 0.25
 
 LONGEST_STOP = 30.0
 """How long a stop on the path may take, s."""
@@ -70,7 +66,7 @@ class Motions:
         self._arrivals = Arrivals(link, tell)
         self._tell = tell
         self._tuned: Mapping[str, Any] = {}
-        self._notice = FIRST_NOTICE
+        self._notice = Notice()
         self._shown: Stage | None = None
         self._is_closed = False
 
@@ -120,7 +116,7 @@ class Motions:
             leave = replace(leave, record=record, state=last.motion.state_at(record))
         else:
             motion = self._planner.plan(request, start=leave.state, joints=())
-        self._notice = max(0.8 * self._notice, 1.5 * (time.monotonic() - begun) + 0.003)
+        self._notice.add(time.monotonic() - begun)
         return Prepared(motion, leave, manner)
 
     def held(self) -> PlannedState:
@@ -147,7 +143,7 @@ class Motions:
                 self._link.ask(Command.STOP)
             self._await_rest()
             return None
-        notice = min(self._notice * 2.0**attempt, LONGEST_NOTICE)
+        notice = self._notice.ahead(attempt)
         if not itinerary.is_active:
             return None
         ahead = itinerary.ahead(cycle, math.ceil(notice / self._period) + 2)
@@ -230,7 +226,7 @@ class Motions:
             for stage in itinerary.miss():
                 self._tell(EventKind.MOTION_STOPPED, stage.number, str(error))
         cycle = self._link.newest()
-        itinerary.measure()
+        itinerary.measure_some()
         if cycle is None:
             return
         for stage in itinerary.passed(cycle):
@@ -293,8 +289,7 @@ class Motions:
 
     def statistics(self, number: int) -> MotionStatistics | None:
         """Return what was measured of motion *number*; ``None`` unless it is one of the newest."""
-        if not self._is_closed:
-            self._itinerary.measure()
+        self._measure()
         return self._itinerary.statistics(number)
 
     def settled_after(self, number: int) -> float | None:
@@ -303,4 +298,9 @@ class Motions:
 
     def began_ns(self, number: int) -> int | None:
         """Return when motion *number* began to move, monotonic clock, where that is known."""
+        self._measure()
         return self._itinerary.began_ns(number)
+
+    def _measure(self) -> None:
+        if not self._is_closed:
+            self._itinerary.measure()

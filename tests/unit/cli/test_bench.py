@@ -5,9 +5,10 @@ import json
 import pytest
 from typer.testing import CliRunner
 
-from orientd.bench import curves, servo
+from orientd.bench import curves, retarget, servo
 from orientd.bench.curves import Building, CurveSpeed, Sampling
 from orientd.bench.lateness import Slot
+from orientd.bench.retarget import PARTS, Part, RetargetLatency
 from orientd.bench.servo import Comparison
 from orientd.cli.main import app
 from orientd.errors import OrientdError
@@ -23,6 +24,11 @@ def slot(p99_us, work_us=float("nan")):
     return Slot(5000, 20.0, p99_us, 100.0, 200.0, 1, 0, work_us)
 
 
+def latency(keyframes, count):
+    parts = {name: Part(0.001 * (k + 1), 0.0105) for k, name in enumerate(PARTS)}
+    return RetargetLatency(keyframes, count, 3, parts)
+
+
 @pytest.fixture(autouse=True)
 def _measured(monkeypatch):
     def compare(*, rate_hz, is_loaded, priority, slots, seconds):
@@ -33,6 +39,11 @@ def _measured(monkeypatch):
 
     monkeypatch.setattr(curves, "measure_curves", lambda **_: SPEED)
     monkeypatch.setattr(servo, "compare", compare)
+    monkeypatch.setattr(
+        retarget,
+        "measure_retargets",
+        lambda keyframes, *, count, **_: [latency(some, count) for some in keyframes],
+    )
 
 
 def test_people_get_tables():
@@ -60,3 +71,17 @@ def test_either_part_can_be_left_out():
     assert found["servo"] is None
     found = json.loads(CliRunner().invoke(app, ["bench", "--json", "--no-curves"]).stdout)
     assert found["curves"] is None
+
+
+def test_retargets_are_taken_apart():
+    result = CliRunner().invoke(app, ["bench", "retarget", "--count", "50"])
+    header, *rows = [line.split() for line in result.stdout.splitlines()[1:]]
+    assert header == ["keyframes", "count", "replanned", *PARTS]
+    assert [row[:6] for row in rows] == [
+        ["1", "50", "3", "1.00", "/", "10.50"],
+        ["20", "50", "3", "1.00", "/", "10.50"],
+    ]
+    result = CliRunner().invoke(app, ["bench", "retarget", "--keyframes", "5", "--json"])
+    (one,) = json.loads(result.stdout)["retargets"]
+    assert one["keyframes"] == 5
+    assert one["parts"]["total"] == {"p50": 0.005, "p99": 0.0105}

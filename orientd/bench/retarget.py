@@ -1,0 +1,219 @@
+"""How long a retarget takes, from the call to the first setpoint that it changes.
+
+A real daemon with the loopback driver moves, and is given new aims on its way.  The client and the
+daemon read one monotonic clock, so that the way of a request can be taken apart:
+
+``rpc``
+    until the daemon has the request;
+``planning``
+    until the motion is planned and certified;
+``splicing``
+    until the servo has taken it up;
+``waiting``
+    until the first setpoint that is not the one it would have been: the point at which a motion is
+    left is chosen before its successor is planned, far enough ahead that planning is done by then.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import random
+import tempfile
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import grpc
+import numpy as np
+
+from orientd.bench.servo import DEVICE, daemon
+from orientd.errors import OrientdError
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc.control_pb2_grpc import ControlStub
+
+PARTS = ("rpc", "planning", "splicing", "waiting", "total")
+
+_REST = (0.08, 0.16)
+"""The shortest and the longest time from one retarget to the next, s."""
+
+_WARM_UP = 30
+_STEP = 0.3
+"""Turn from each keyframe to the next, rad."""
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """How long one part of the way took.
+
+    Attributes:
+        p50: median, s.
+        p99: 99th percentile, s.
+    """
+
+    p50: float
+    p99: float
+
+
+@dataclass(frozen=True, slots=True)
+class RetargetLatency:
+    """Retargets to motions of so many keyframes.
+
+    Attributes:
+        keyframes: of each motion.
+        retargets: how many there were.
+        replanned: how many of them were planned more than once, because the device had passed the
+            point of departure meanwhile.
+        parts: by the names in :data:`PARTS`; the last is the whole way.
+    """
+
+    keyframes: int
+    retargets: int
+    replanned: int
+    parts: dict[str, Part]
+
+
+@dataclass(frozen=True, slots=True)
+class _Retarget:
+    number: int
+    sent_ns: int
+    received_ns: int
+    planned_ns: int
+    taken_ns: int
+    attempts: int
+
+    def parts(self, first_ns: int) -> list[float]:
+        """Return the parts of the way in s, when the first setpoint changed at *first_ns*."""
+        marks = (self.sent_ns, self.received_ns, self.planned_ns, self.taken_ns, first_ns)
+        steps = [(b - a) * 1e-9 for a, b in itertools.pairwise(marks)]
+        return [*steps, (first_ns - self.sent_ns) * 1e-9]
+
+
+def measure_retargets(
+    keyframes: Sequence[int] = (1, 20),
+    *,
+    count: int = 200,
+    rate_hz: float = 500.0,
+    priority: int = 0,
+    seed: int = 1,
+) -> list[RetargetLatency]:
+    """Measure *count* retargets for each number of keyframes.
+
+    Args:
+        keyframes: of the motions, each without times and with an approach.
+        count: retargets for each, after some that are not counted.
+        rate_hz: of the device.
+        priority: of its servo; 0 for the ordinary scheduler.
+        seed: of the aims and of when they come.
+
+    Raises:
+        OrientdError: the daemon does not come up, or refuses a motion.
+    """
+    with (
+        tempfile.TemporaryDirectory(prefix="orientd-bench-") as folder,
+        daemon(Path(folder), rate_hz, priority) as socket,
+        grpc.insecure_channel(f"unix:{socket}") as channel,
+    ):
+        stub = ControlStub(channel)  # type: ignore[no-untyped-call] # generated
+        with _first_setpoints(stub) as first:
+            chance = random.Random(seed)
+            # What plans is loaded, and compiled, with the first motions.
+            _measure(stub, first, max(keyframes), _WARM_UP, chance)
+            return [_measure(stub, first, some, count, chance) for some in keyframes]
+
+
+def _measure(
+    stub: ControlStub, first: dict[int, int], keyframes: int, count: int, chance: random.Random
+) -> RetargetLatency:
+    token = stub.AcquireLease(pb.AcquireLeaseRequest(holder="orientd bench")).lease.token
+    found: list[_Retarget] = []
+    calls = []
+    for number in range(1 + count):
+        stub.RenewLease(pb.RenewLeaseRequest(token=token))
+        call, retarget = _retarget(stub, token, aims(keyframes, chance))
+        calls.append(call)  # a call that is dropped is cancelled, and its motion stopped
+        if number:  # the first one begins at rest
+            found.append(retarget)
+        time.sleep(chance.uniform(*_REST))
+    stub.Stop(pb.StopRequest(device=DEVICE, caller="orientd bench"))
+    for call in calls:
+        for _ in call:
+            pass
+    stub.ReleaseLease(pb.ReleaseLeaseRequest(token=token))
+    _await(first, found[-1].number)
+    parts = np.array([one.parts(first[one.number]) for one in found if one.number in first])
+    p50, p99 = np.percentile(parts, (50.0, 99.0), axis=0).tolist()
+    return RetargetLatency(
+        keyframes=keyframes,
+        retargets=len(parts),
+        replanned=sum(one.attempts > 1 for one in found),
+        parts={name: Part(*figures) for name, *figures in zip(PARTS, p50, p99, strict=True)},
+    )
+
+
+def _retarget(
+    stub: ControlStub, token: str, motion: pb.MotionRequest
+) -> tuple[Iterator[pb.MoveResponse], _Retarget]:
+    request = pb.MoveRequest(lease_token=token, device=DEVICE, motion=motion, progress_rate_hz=0.1)
+    sent_ns = time.monotonic_ns()
+    call = stub.Move(request)
+    started = next(call).started
+    timing = started.timing
+    planned_ns = timing.received_ns + round(timing.planning * 1e9)
+    return call, _Retarget(
+        number=started.motion_number,
+        sent_ns=sent_ns,
+        received_ns=timing.received_ns,
+        planned_ns=planned_ns,
+        taken_ns=planned_ns + round(timing.splicing * 1e9),
+        attempts=timing.attempts,
+    )
+
+
+def aims(count: int, chance: random.Random) -> pb.MotionRequest:
+    """Return *count* keyframes a third of a radian or less apart, the first of them anywhere."""
+    vector = [chance.uniform(-1.0, 1.0) for _ in range(3)]
+    keyframes = []
+    for _ in range(count):
+        x, y, z = vector
+        keyframes.append(pb.Keyframe(rotation_vector=pb.Vector3(x=x, y=y, z=z)))
+        vector = [part + chance.uniform(-_STEP, _STEP) / 2.0 for part in vector]
+    return pb.MotionRequest(keyframes=keyframes, approach=True)
+
+
+@contextlib.contextmanager
+def _first_setpoints(stub: ControlStub) -> Iterator[dict[int, int]]:
+    """Note when the first setpoint of each motion was due, for as long as the context lasts.
+
+    The setpoint that two motions share, where one leaves the other, belongs to the one before:
+    what is noted is the first setpoint behind it.
+    """
+    first: dict[int, int] = {}
+    begun: dict[int, int] = {}
+    stream = stub.WatchState(pb.WatchStateRequest(device=DEVICE, rate_hz=10.0))
+
+    def read() -> None:
+        with contextlib.suppress(grpc.RpcError):
+            for batch in stream:
+                for cycle in batch.cycles:
+                    index = begun.setdefault(cycle.motion_number, cycle.path_index)
+                    if cycle.path_index + cycle.path_fraction > index:
+                        first.setdefault(cycle.motion_number, cycle.deadline_ns)
+
+    thread = threading.Thread(target=read, daemon=True)
+    thread.start()
+    try:
+        yield first
+    finally:
+        stream.cancel()
+        thread.join()
+
+
+def _await(first: dict[int, int], number: int) -> None:
+    end = time.monotonic() + 5.0
+    while number not in first:
+        if time.monotonic() > end:
+            raise OrientdError(f"motion {number} was never seen to begin")
+        time.sleep(0.05)
