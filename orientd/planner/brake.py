@@ -36,6 +36,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from orientd.planner.fast import kernels
 from orientd.planner.limits import Limits
 from orientd.rotation import Floats
 
@@ -149,6 +150,22 @@ def _least(
     speed: Floats, size: Floats, along: Floats, jerk: Floats, most: float, most_jerk: float
 ) -> tuple[float, int]:
     """Return the least rate over all points, looking closely only at those that could set it."""
+    compiled = kernels().least_rate
+    if compiled is not None:
+        return compiled(
+            speed,
+            size,
+            along,
+            jerk,
+            most,
+            most_jerk,
+            _SIGMA,
+            _G,
+            _WORST,
+            _SIGMA_G,
+            FASTEST_BRAKE_RATE,
+            _MARGIN,
+        )
     best, place = FASTEST_BRAKE_RATE, 0
     bound = _lower_bound(speed, size, most)
     # The point nearest to its limit first; most others are ruled out by it.

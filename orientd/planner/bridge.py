@@ -17,9 +17,18 @@ import numpy as np
 
 from orientd.curves import Curve
 from orientd.errors import PlanError
+from orientd.planner.fast import Booleans, kernels
 from orientd.planner.limits import ACCELERATION_RESERVE, ANGULAR, Limits
 from orientd.planner.path import Stretch
-from orientd.planner.quintic import Ends, increments, join, rates, rough_rates
+from orientd.planner.quintic import (
+    AT_FINE,
+    TO_RATES,
+    Ends,
+    increments,
+    join,
+    rates,
+    rough_rates,
+)
 from orientd.planner.request import State
 from orientd.rotation import Floats, between, exp, log, multiply
 
@@ -31,9 +40,9 @@ _BEST = 6  # bridges that are measured first
 _BLOCK = 12  # bridges measured in one go: the first few mostly decide
 _SUBSTEPS = 2
 _STILL = 1e-9
+_ROUNDING = 1e-9
 
 Indices = np.ndarray[Any, np.dtype[np.intp]]
-Booleans = np.ndarray[Any, np.dtype[np.bool_]]
 
 
 class _Ramps(NamedTuple):
@@ -106,12 +115,9 @@ def bridge(
     for some in tries:
         for begin in range(0, len(some.totals), _BLOCK):
             block = some.some(slice(begin, begin + _BLOCK))
-            durations = block.totals - ramped[block.pairs]
-            w = increments(first.at(block.pairs), last.at(block.pairs), durations)
-            w = w[block.ways, np.arange(len(durations))]
-            is_kept = bounds.keeps(rates(w, durations, with_axes=bounds.has_axes))
-            if is_kept.any():
-                index = int(np.argmax(is_kept))
+            kept = _first_kept(first, last, ramped, block, bounds)
+            if kept is not None:
+                index, w = kept
                 pair = int(block.pairs[index])
                 return _stretches(
                     start,
@@ -119,7 +125,7 @@ def bridge(
                     Ends(*(part[pair] for part in first)),
                     Ends(*(part[pair] for part in last)),
                     (float(into.durations[one[pair]]), float(out_of.durations[other[pair]])),
-                    w[index],
+                    w,
                     float(block.totals[index]),
                 )
     raise PlanError(
@@ -157,14 +163,40 @@ def _look(
     durations = totals - ramped[pairs]
     is_long = durations > 1e-6
     pairs, totals, durations = pairs[is_long], totals[is_long], durations[is_long]
-    w = increments(first.at(pairs), last.at(pairs), durations)
-    found = [
-        np.flatnonzero(bounds.keeps(rough_rates(way, durations, with_axes=bounds.has_axes)))
-        for way in w
-    ]
+    compiled = kernels().look
+    if compiled is not None:
+        is_kept = np.empty((2, len(pairs)), dtype=np.bool_)
+        compiled(*first, *last, pairs, durations, TO_RATES, bounds.most, is_kept)
+    else:
+        is_kept = np.stack(
+            [
+                bounds.keeps(rough_rates(way, durations, with_axes=bounds.has_axes))
+                for way in increments(first.at(pairs), last.at(pairs), durations)
+            ]
+        )
+    found = [np.flatnonzero(way) for way in is_kept]
     ways = np.repeat([0, 1], [len(part) for part in found])
     index = np.concatenate(found)
     return _Found(pairs[index], ways, totals[index]).sorted()
+
+
+def _first_kept(
+    first: Ends, last: Ends, ramped: Floats, some: _Found, bounds: Bounds
+) -> tuple[int, Floats] | None:
+    """Return the first of some bridges that keeps the bounds on the curve, and its increments."""
+    durations = some.totals - ramped[some.pairs]
+    compiled = kernels().measure
+    if compiled is not None:
+        found: Floats = np.empty((5, 3))
+        index = compiled(
+            *first, *last, some.pairs, some.ways, durations, AT_FINE, bounds.most, found
+        )
+        return None if index < 0 else (index, found)
+    w = increments(first.at(some.pairs), last.at(some.pairs), durations)
+    w = w[some.ways, np.arange(len(durations))]
+    is_kept = bounds.keeps(rates(w, durations, with_axes=bounds.has_axes))
+    index = int(np.argmax(is_kept))
+    return (index, w[index]) if is_kept[index] else None
 
 
 class Bounds(NamedTuple):
@@ -192,8 +224,10 @@ class Bounds(NamedTuple):
         for state in (start, end):
             for row, vector in enumerate((state.omega_body, state.alpha_body)):
                 given = np.array([np.linalg.norm(vector), *np.abs(vector)])
-                most[row] = np.maximum(most[row], (1.0 + 1e-9) * given)
-        return cls(most if limits.has_axes else most[:, :1], limits.has_axes)
+                most[row] = np.maximum(most[row], given)
+        # Ramps go right up to the bounds: rounding must not decide which of them keep them.
+        most *= 1.0 + _ROUNDING
+        return cls(most if limits.has_axes else most[:, :1].copy(), limits.has_axes)
 
     @property
     def least(self) -> tuple[float, float, float]:

@@ -19,6 +19,7 @@ from orientd.planner.brake import (
     brake_rate,
     linear_brake_rate,
 )
+from orientd.planner.fast import kernels
 from orientd.planner.limits import ANGULAR, AXES, Limits
 from orientd.rotation import Floats, conjugate, log, multiply
 
@@ -264,15 +265,12 @@ def measure(
         q_tail, p_tail = q[-HISTORY:].copy(), p[-HISTORY:].copy()
 
         # In units of rad a period: the powers of the period come in once, at the end.
-        omega = log(multiply(conjugate(q[:-1]), q[1:]))
-        alpha = np.diff(omega, axis=0)
-        jerk = np.diff(alpha, axis=0)
+        (omega, alpha, jerk), squares = differences(q)
         # What ends before the first record is the past, which nothing can change.
         past = 1 if first == 0 and before is not None else 0
-        jerk_squares = _squares(jerk)
-        turn.see(_squares(omega[2 * past :]), index + 1 + 2 * past)
-        bend.see(_squares(alpha[past:]), index + 2 + past)
-        twist.see(jerk_squares, index + 3)
+        turn.see(squares[0][2 * past :], index + 1 + 2 * past)
+        bend.see(squares[1][past:], index + 2 + past)
+        twist.see(squares[2], index + 3)
         components.see(index + 2 + len(jerk), omega[2 * past :], alpha[past:], jerk)
         # A device that keeps its place is the ordinary case; see whether it moves at all.
         is_still = bool(np.all(p == p[0]))
@@ -287,7 +285,7 @@ def measure(
         rate, place = brake_rate(
             omega[2:] / period,
             alpha[1:] / period**2 * bends[:, None],
-            np.sqrt(jerk_squares) / period**3 * twists,
+            np.sqrt(squares[2]) / period**3 * twists,
             brake_limits,
         )
         if rate < slowest:
@@ -317,6 +315,31 @@ def measure(
         slowest_index * period,
         **components.peaks(),
     )
+
+
+def differences(q: Floats) -> tuple[list[Floats], list[Floats]]:
+    """Return the first three backward differences of orientations, in units of rad a period.
+
+    Args:
+        q: setpoints, shape ``(n, 4)``.
+
+    Returns:
+        The rotation vectors from one to the next, the change of these and the change of that,
+        shapes ``(n - 1, 3)`` to ``(n - 3, 3)``; the squares of their norms.
+    """
+    compiled = kernels().differences
+    if compiled is not None:
+        counts = [max(len(q) - order, 0) for order in (1, 2, 3)]
+        first, second, third = (np.empty((count, 3)) for count in counts)
+        norms: Floats = np.empty((3, len(q)))
+        compiled(q, first, second, third, norms)
+        return [first, second, third], [
+            row[:count] for row, count in zip(norms, counts, strict=True)
+        ]
+    omega = log(multiply(conjugate(q[:-1]), q[1:]))
+    alpha = np.diff(omega, axis=0)
+    jerk = np.diff(alpha, axis=0)
+    return [omega, alpha, jerk], [_squares(rate) for rate in (omega, alpha, jerk)]
 
 
 def _squares(vectors: Floats) -> Floats:

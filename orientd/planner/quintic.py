@@ -33,17 +33,21 @@ def _values(points: int) -> Floats:
 
 
 def _commuting(points: int) -> Floats:
-    """Return what turns the increments to velocity, acceleration and jerk, ``(3 points, 5)``."""
+    """Return what turns the increments to velocity, acceleration and jerk, ``(3, points, 5)``."""
     u = np.linspace(0.0, 1.0, points)
     v = 2.0 * _values(points)[1].T
     a = 2.0 * _values(points)[2].T
     # The third derivative of a quintic, from its second at three points: exact for a cubic.
     j = np.gradient(a, u, axis=0, edge_order=2)
-    return np.concatenate([v, a, j])
+    return np.stack([v, a, j])
 
 
-_TO_RATES = _commuting(_ROUGH)
-_AT_FINE = _values(_FINE)
+TO_RATES = _commuting(_ROUGH)
+"""Velocity, acceleration and jerk of increments over a second at so many points, if turns commuted,
+shape ``(3, points, 5)``."""
+
+AT_FINE = _values(_FINE)
+"""Basis functions with two derivatives at more points, shape ``(3, 5, points)``."""
 
 
 class Ends(NamedTuple):
@@ -104,7 +108,7 @@ def rough_rates(w: Floats, durations: Floats, *, with_axes: bool) -> Floats:
     Returns:
         Norms, and components behind them if asked for, shape ``(3, 1 or 4, n)``.
     """
-    rates = np.matmul(_TO_RATES, w).reshape(len(w), 3, _ROUGH, 3)
+    rates = np.matmul(TO_RATES.reshape(-1, 5), w).reshape(len(w), 3, _ROUGH, 3)
     largest = _largest(rates, "nrpi,nrpi->nrp", 2, with_axes=with_axes)
     found: Floats = np.moveaxis(largest, 0, -1) / durations ** np.array([[[1.0]], [[2.0]], [[3.0]]])
     return found
@@ -116,7 +120,7 @@ def rates(w: Floats, durations: Floats, *, with_axes: bool) -> Floats:
     lengths = np.sqrt(np.einsum("nki,nki->nk", w, w))
     axes = w / np.where(lengths > 0.0, lengths, 1.0)[..., None]
     scale = durations ** -np.arange(3.0)[:, None]
-    turns = np.einsum("rkp,nk,rn->rknp", _AT_FINE, lengths, scale).reshape(3, 5, count)
+    turns = np.einsum("rkp,nk,rn->rknp", AT_FINE, lengths, scale).reshape(3, 5, count)
     spread = np.repeat(np.moveaxis(axes, 0, -1), _FINE, axis=2)
     base: Floats = np.zeros((4, count))
     base[0] = 1.0

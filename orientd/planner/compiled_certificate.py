@@ -1,0 +1,147 @@
+"""What a certificate takes of every record, compiled by Numba.
+
+Imported by :mod:`orientd.planner.fast` only.  The references are
+:func:`orientd.planner.certificate.differences` and :mod:`orientd.planner.brake`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import cast
+
+from numba import float64, int64, njit, types, void
+
+from orientd.curves.compiled_rotation import conjugated, inner, logarithm, multiplied
+from orientd.planner.fast import Differences, LeastRate
+from orientd.rotation import Floats
+
+
+def _differences(q: Floats, omega: Floats, alpha: Floats, jerk: Floats, squares: Floats) -> None:
+    """Write the first three backward differences of orientations, in units of rad a period.
+
+    Args:
+        q: setpoints, shape ``(n, 4)``.
+        omega: receives the rotation vectors from one to the next, shape ``(n - 1, 3)``.
+        alpha: receives the change of these, shape ``(n - 2, 3)``.
+        jerk: receives the change of these, shape ``(n - 3, 3)``.
+        squares: receives the squared norms of all three, shape ``(3, n)``.
+    """
+    for i in range(len(q) - 1):
+        here = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
+        there = q[i + 1, 0], q[i + 1, 1], q[i + 1, 2], q[i + 1, 3]
+        w, x, y, z = multiplied(conjugated(here), there)
+        if w < 0.0:
+            w, x, y, z = -w, -x, -y, -z
+        x, y, z = logarithm((w, x, y, z))
+        omega[i, 0], omega[i, 1], omega[i, 2] = 2.0 * x, 2.0 * y, 2.0 * z
+        squares[0, i] = omega[i, 0] ** 2 + omega[i, 1] ** 2 + omega[i, 2] ** 2
+        if i >= 1:
+            for k in range(3):
+                alpha[i - 1, k] = omega[i, k] - omega[i - 1, k]
+            squares[1, i - 1] = alpha[i - 1, 0] ** 2 + alpha[i - 1, 1] ** 2 + alpha[i - 1, 2] ** 2
+        if i >= 2:
+            for k in range(3):
+                jerk[i - 2, k] = alpha[i - 1, k] - alpha[i - 2, k]
+            squares[2, i - 2] = jerk[i - 2, 0] ** 2 + jerk[i - 2, 1] ** 2 + jerk[i - 2, 2] ** 2
+
+
+@inner
+def _root(rest: float, half: float, leading: float) -> float:
+    rest = max(rest, 0.0)
+    divisor = half + math.sqrt(half * half + leading * rest)
+    return rest / divisor if divisor > 0.0 else math.inf
+
+
+@inner
+def _rate(
+    speed: float, size: float, along: float, jerk: float, most: float, most_jerk: float,
+    sigma: Floats, g: Floats, fastest: float, margin: float,
+) -> float:  # fmt: skip
+    """Return the largest safe rate of a point."""
+    if size > most or jerk > most_jerk:
+        return 0.0
+    rate = fastest / margin
+    for k in range(len(sigma)):
+        square = sigma[k] * sigma[k]
+        if most < math.inf:
+            rest = most * most - (size * square) ** 2
+            rate = min(rate, _root(rest, g[k] * square * along, (g[k] * speed) ** 2))
+        if most_jerk < math.inf:
+            rest = most_jerk - jerk * square
+            rate = min(rate, _root(rest, 1.5 * sigma[k] * g[k] * size, 4.0 * speed))
+    return margin * rate
+
+
+@inner
+def _lower_bound(speed: float, size: float, most: float, worst: Floats) -> float:
+    """Return a rate that the acceleration allows a point, whatever its directions are."""
+    if not most < math.inf:
+        return math.inf
+    if not size <= most:
+        return 0.0
+    cells = len(worst) - 1
+    root = math.sqrt(1.0 - size / most) * cells
+    cell = min(int(root), cells - 1)
+    allowed = most * (worst[cell] + (root - cell) * (worst[cell + 1] - worst[cell]))
+    return allowed / speed if speed > 0.0 else math.inf
+
+
+def _least_rate(
+    speed: Floats, size: Floats, along: Floats, jerk: Floats, most: float, most_jerk: float,
+    sigma: Floats, g: Floats, worst: Floats, sigma_g: float, fastest: float, margin: float,
+) -> tuple[float, int]:  # fmt: skip
+    """Return the least rate over all points and which sets it; see :mod:`orientd.planner.brake`.
+
+    Args:
+        speed: angular speed of the path, shape ``(n,)``.
+        size: of its acceleration, shape ``(n,)``.
+        along: size of the product of both, shape ``(n,)``.
+        jerk: size of the jerk, shape ``(n,)``.
+        most: limit of the acceleration.
+        most_jerk: limit of the jerk.
+        sigma: rates to look at.
+        g: how fast the rate may change there.
+        worst: share of the acceleration over the speed that is allowed at roots of the reserve
+            from 0 to 1.
+        sigma_g: the largest ``3 sigma g``.
+        fastest: the largest rate to return.
+        margin: to keep.
+    """
+    best, place = fastest, 0
+    # The point nearest to its limit first; most others are ruled out by it.
+    nearest, least = 0, math.inf
+    for i in range(len(speed)):
+        bound = _lower_bound(speed[i], size[i], most, worst)
+        if bound < least:
+            nearest, least = i, bound
+    for turn in range(-1, len(speed)):
+        i = nearest if turn < 0 else turn
+        if i == len(speed):
+            break
+        bound = _lower_bound(speed[i], size[i], most, worst)
+        limited = jerk[i] + sigma_g * size[i] * best + 4.0 * speed[i] * best * best
+        if bound < best or limited > most_jerk:
+            rate = _rate(
+                speed[i], size[i], along[i], jerk[i], most, most_jerk, sigma, g, fastest, margin
+            )
+            if rate < best:
+                best, place = rate, i
+    return best, place
+
+
+_ONE = types.Array(float64, 1, "A", readonly=True)
+_TWO = types.Array(float64, 2, "A", readonly=True)
+_OUT = float64[:, ::1]
+_RATE = types.Tuple((float64, int64))  # type: ignore[no-untyped-call]  # Numba's own
+
+_SIGNATURE = void(_TWO, _OUT, _OUT, _OUT, _OUT)
+_RATE_SIGNATURE = _RATE(
+    _ONE, _ONE, _ONE, _ONE, float64, float64, _ONE, _ONE, _ONE, float64, float64, float64
+)
+
+differences: Differences = cast(
+    Differences, njit(_SIGNATURE, error_model="numpy", nogil=True, cache=True)(_differences)
+)
+least_rate: LeastRate = cast(
+    LeastRate, njit(_RATE_SIGNATURE, error_model="numpy", nogil=True, cache=True)(_least_rate)
+)

@@ -1,0 +1,93 @@
+"""When the compiled kernels of the planner may be used: loaded in the background after the curves'.
+
+As long as they are not there, and where Numba is not, NumPy serves; see
+:mod:`orientd.curves.fast`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import ModuleType
+from typing import Any, cast
+
+import numpy as np
+
+from orientd.curves import fast
+from orientd.curves.basis import Indices
+from orientd.rotation import Floats
+
+Booleans = np.ndarray[Any, np.dtype[np.bool_]]
+
+Look = Callable[
+    [
+        Floats, Floats, Floats, Floats, Floats, Floats,
+        Indices, Floats, Floats, Floats, Booleans,
+    ],
+    None,
+]  # fmt: skip
+"""Tells which joins seem to keep their bounds; see ``orientd.planner.compiled_bridge``."""
+
+Measure = Callable[
+    [
+        Floats, Floats, Floats, Floats, Floats, Floats,
+        Indices, Indices, Floats, Floats, Floats, Floats,
+    ],
+    int,
+]  # fmt: skip
+"""Finds the first join that keeps its bounds; see ``orientd.planner.compiled_bridge``."""
+
+Differences = Callable[[Floats, Floats, Floats, Floats, Floats], None]
+"""Takes backward differences of setpoints; see ``orientd.planner.compiled_certificate``."""
+
+LeastRate = Callable[
+    [Floats, Floats, Floats, Floats, float, float, Floats, Floats, Floats, float, float, float],
+    tuple[float, int],
+]
+"""Finds the least brake rate of a path; see ``orientd.planner.compiled_certificate``."""
+
+
+class PlannerKernels(fast.Background):
+    """The compiled kernels of the planner; nothing each as long as they are not ready.
+
+    Attributes:
+        look: looks at many joins at once.
+        measure: measures joins until one will do.
+        differences: backward differences of setpoints.
+        least_rate: the least brake rate of a path.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("orientd.planner.compiled_bridge", "orientd.planner.compiled_certificate")
+        self.look: Look | None = None
+        self.measure: Measure | None = None
+        self.differences: Differences | None = None
+        self.least_rate: LeastRate | None = None
+
+    def _take(self, *modules: ModuleType) -> None:
+        bridge, certificate = modules
+        self.look, self.measure = cast(Look, bridge.look), cast(Measure, bridge.measure)
+        self.differences = cast(Differences, certificate.differences)
+        self.least_rate = cast(LeastRate, certificate.least_rate)
+
+
+KERNELS = PlannerKernels()
+"""The planner's kernels of this process."""
+
+
+def kernels() -> PlannerKernels:
+    """Return the planner's kernels, and send for them once those of the curves are in use."""
+    if KERNELS.status is fast.Status.NOT_STARTED and fast.KERNEL.status is fast.Status.READY:
+        KERNELS.start()
+    return KERNELS
+
+
+def wait_ready(timeout: float | None = None) -> bool:
+    """Wait until the kernels of the curves and of the planner are in use, starting both.
+
+    Args:
+        timeout: how long to wait for each, in seconds; without it as long as it takes.
+
+    Returns:
+        Whether all are ready.
+    """
+    return fast.wait_ready(timeout) and KERNELS.wait_ready(timeout)

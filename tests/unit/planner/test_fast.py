@@ -1,0 +1,123 @@
+"""The compiled kernels of the planner against NumPy, and when they are sent for."""
+
+import numpy as np
+import pytest
+
+from orientd.curves import fast as curves_fast
+from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, fast, plan, retarget
+from orientd.planner.brake import axis_brake_rate, brake_rate
+from orientd.planner.bridge import bridge
+from orientd.planner.certificate import differences
+from orientd.rotation import exp, normalize
+
+PERIOD = 0.002
+LIMITS = [DEFAULT_LIMITS, DEFAULT_LIMITS.with_rates({"velocity": [2.0, 0.7, 1.5], "jerk": 300.0})]
+
+
+@pytest.fixture(scope="module")
+def loaded():
+    pytest.importorskip("numba")
+    assert fast.wait_ready()
+    return fast.KERNELS
+
+
+@pytest.fixture
+def both(loaded, monkeypatch):
+    """Call something with NumPy alone, and with the compiled kernels."""
+
+    def call(work):
+        with monkeypatch.context() as patch:
+            patch.setattr(fast, "KERNELS", fast.PlannerKernels())
+            fast.KERNELS.status = curves_fast.Status.MISSING
+            reference = work()
+        return reference, work()
+
+    return call
+
+
+def random_state(rng, speed):
+    return State(
+        normalize(rng.normal(size=4)), speed * rng.normal(size=3), 4.0 * speed * rng.normal(size=3),
+        np.zeros(3),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("limits", LIMITS)
+@pytest.mark.parametrize("speed", [0.0, 0.3])
+def test_both_find_the_same_bridges(both, limits, speed):
+    rng = np.random.default_rng(3)
+    for _ in range(8):
+        start, end = random_state(rng, speed), random_state(rng, 0.5 * speed)
+        reference, found = both(lambda a=start, b=end: bridge(a, b, limits=limits, period=PERIOD))
+        assert [part.end for part in found] == pytest.approx([part.end for part in reference])
+        for part, other in zip(found, reference, strict=True):
+            times = np.linspace(part.begin, part.end, 7)
+            assert np.abs(part.sample(times)[0] - other.sample(times)[0]).max() <= 1e-12
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 400])
+def test_both_take_the_same_differences(both, count):
+    rng = np.random.default_rng(count)
+    q = exp(rng.normal(size=(count, 3))) * rng.choice([-1.0, 1.0], count)[:, None]
+    for layout in (q, np.asfortranarray(q)):
+        (rates, squares), (others, other_squares) = both(lambda q=layout: differences(q))
+        for one, other in zip([*rates, *squares], [*others, *other_squares], strict=True):
+            assert one.shape == other.shape
+            assert one == pytest.approx(other, abs=1e-13)
+
+
+@pytest.mark.parametrize("scale", [0.1, 0.9, 1.0, 1.2])
+def test_both_find_the_same_brake_rate(both, scale):
+    rng = np.random.default_rng(7)
+    limits = LIMITS[1].with_rates({"acceleration": [9.0, 12.0, 15.0]})
+    for count in (1, 500):
+        omega, alpha, jerk = (
+            scale * limit * rng.uniform(-0.55, 0.55, (count, 3)) for limit in (1.0, 12.0, 300.0)
+        )
+        size = np.linalg.norm(jerk, axis=1)
+        for work in (
+            lambda a=omega, b=alpha, c=size: brake_rate(a, b, c, limits),
+            lambda a=omega, b=alpha, c=jerk: axis_brake_rate(a, b, c, limits),
+        ):
+            reference, found = both(work)
+            assert found[0] == pytest.approx(reference[0], rel=1e-12)
+            # Of several points where nothing is left either may be named.
+            assert found[1] == reference[1] or found[0] == 0.0
+
+
+@pytest.mark.parametrize("limits", LIMITS)
+def test_both_plan_the_same_motions(both, limits):
+    rng = np.random.default_rng(5)
+    here = State.at_rest([1.0, 0.0, 0.0, 0.0])
+    target = normalize(rng.normal(size=4))
+    first = retarget(target, start=here, limits=limits, period=PERIOD)
+    start = first.state_at(first.record_count // 2)
+    keys = [tuple(q) for q in normalize(np.array([1, 0, 0, 0]) + rng.normal(size=(5, 4))).tolist()]
+    request = MotionRequest([Keyframe(q) for q in keys], approach=True)
+    for work in (
+        lambda: retarget(keys[0], start=start, limits=limits, period=PERIOD),
+        lambda: plan(request, start=start, limits=limits, period=PERIOD),
+    ):
+        reference, found = both(work)
+        assert found.record_count == reference.record_count
+        assert found.certificate.stop_time == pytest.approx(reference.certificate.stop_time)
+        records = (motion.records(0, motion.record_count)[:, :4] for motion in (found, reference))
+        assert np.abs(np.subtract(*records)).max() <= 1e-11
+
+
+def test_the_kernels_are_sent_for_once_those_of_the_curves_are_in_use(loaded, monkeypatch):
+    monkeypatch.setattr(fast, "KERNELS", fast.PlannerKernels())
+    monkeypatch.setattr(curves_fast, "KERNEL", curves_fast.FastKernel())
+    assert fast.kernels().status is curves_fast.Status.NOT_STARTED
+    curves_fast.KERNEL.status = curves_fast.Status.READY
+    assert fast.kernels().status is not curves_fast.Status.NOT_STARTED
+    assert fast.KERNELS.wait_ready(60.0)
+    assert fast.kernels().look is not None
+
+
+def test_without_numba_numpy_plans_on(monkeypatch):
+    monkeypatch.setattr(curves_fast, "find_spec", lambda name: None)
+    kernels = fast.PlannerKernels()
+    assert not kernels.wait_ready(60.0)
+    assert kernels.status is curves_fast.Status.MISSING
+    assert kernels.look is None
