@@ -103,4 +103,4 @@ def _fitted(
         return motion
     q = motion.records(0, motion.record_count)[:, :4]
     shape = driver.shape(motion.period, list(map(tuple, q.tolist())), joints, before)
-    return motion if shape is None else planner.reshaped(motion, shape)
+    return motion if shape is None else planner.reshaped(motion, shape, joints_before=before)

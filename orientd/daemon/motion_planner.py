@@ -31,8 +31,21 @@ class MotionPlanner:
         self._limits = limits
         self._period = period
 
-    def plan(self, request: MotionRequest, *, start: State, joints: Sequence[float]) -> Motion:
-        """Plan a motion from *start*, where the axes are at *joints* (rad).
+    def plan(
+        self,
+        request: MotionRequest,
+        *,
+        start: State,
+        joints: Sequence[float],
+        before: Sequence[tuple[float, ...]] = (),
+    ) -> Motion:
+        """Plan a motion from *start*.
+
+        Args:
+            request: what to do.
+            start: where the device is commanded to be.
+            joints: its axis angles there, rad.
+            before: axis angles planned for the cycles before, where it moves.
 
         Raises:
             RequestError: the request is not one that its method or the device allows.
@@ -46,6 +59,7 @@ class MotionPlanner:
             joints=tuple(joints),
             limits=self._limits,
             period=self._period,
+            before=before,
         )
         self._examine(motion)
         return motion

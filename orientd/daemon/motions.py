@@ -20,10 +20,14 @@ from orientd.daemon.meter import MotionStatistics
 from orientd.daemon.motion_planner import MotionPlanner
 from orientd.daemon.notice import Notice
 from orientd.daemon.servo_link import ServoLink
-from orientd.errors import LateError, StateError
+from orientd.errors import LateError, PlanError, StateError
 from orientd.planner import Motion, MotionRequest
 from orientd.planner import State as PlannedState
+from orientd.planner.table_path import TablePath
 from orientd.stream import UNKNOWN, Command, Cycle, State
+
+_SHAPED_ATTEMPTS = 3
+"""How often a path that the driver shapes is planned from on the way before it begins at rest."""
 
 LONGEST_STOP = 30.0
 """How long a stop on the path may take, s."""
@@ -104,18 +108,20 @@ class Motions:
         """
         begun = time.monotonic()
         leave = self._leave(manner, attempt)
-        if leave is None:
-            motion = self._planner.plan(request, start=self.held(), joints=self._joints())
-        elif manner.is_queued:
-            last = self._itinerary.stage(leave.number)
-            if last is None:
-                raise LateError(f"motion {leave.number} has ended")
+        motion = None
+        if leave is not None and manner.is_queued:
+            left = self._left(leave)
             record, motion = self._planner.blend(
-                last.motion, request, tolerance=manner.blend, earliest=leave.record
+                left, request, tolerance=manner.blend, earliest=leave.record
             )
-            leave = replace(leave, record=record, state=last.motion.state_at(record))
-        else:
-            motion = self._planner.plan(request, start=leave.state, joints=())
+            leave = replace(leave, record=record, state=left.state_at(record))
+        elif leave is not None:
+            motion = self._taking_over(request, leave, attempt)
+        if motion is None:
+            if leave is not None:
+                self._stop_on_path()
+                begun, leave = time.monotonic(), None
+            motion = self._planner.plan(request, start=self.held(), joints=self._joints())
         self._notice.add(time.monotonic() - begun)
         return Prepared(motion, leave, manner)
 
@@ -137,10 +143,7 @@ class Motions:
             return None
         if manner.start_ns != UNKNOWN:
             raise StateError("the device is moving: a start time needs one at rest")
-        if cycle.state is State.STOPPING or (self._planner.shapes_paths and not manner.is_queued):
-            # The axes' own path begins at rest: what runs is left on its path.
-            if cycle.state is State.STREAMING:
-                self._link.ask(Command.STOP)
+        if cycle.state is State.STOPPING:
             self._await_rest()
             return None
         notice = self._notice.ahead(attempt)
@@ -150,6 +153,38 @@ class Motions:
         if manner.is_queued and ahead.number != itinerary.last.number:
             return itinerary.end(record=0)
         return ahead
+
+    def _taking_over(self, request: MotionRequest, leave: Leave, attempt: int) -> Motion | None:
+        """Plan a motion from *leave* on; ``None`` where the axes can begin it at rest only.
+
+        Raises:
+            LateError: what it was to replace has ended.
+            PlanError: it cannot be planned, at rest neither; nothing has changed.
+        """
+        if not self._planner.shapes_paths:
+            return self._planner.plan(request, start=leave.state, joints=())
+        joints, before = _axes(self._left(leave), leave)
+        if attempt < _SHAPED_ATTEMPTS:
+            try:
+                return self._planner.plan(request, start=leave.state, joints=joints, before=before)
+            except PlanError:
+                # What cannot be planned from rest near there is not worth a stop.
+                rest = PlannedState.at_rest(leave.state.q, leave.state.position)
+                self._planner.plan(request, start=rest, joints=joints)
+        return None
+
+    def _left(self, leave: Leave) -> Motion:
+        stage = self._itinerary.stage(leave.number)
+        if stage is None:
+            raise LateError(f"motion {leave.number} has ended")
+        return stage.motion
+
+    def _stop_on_path(self) -> None:
+        """Have what runs stop on its path, and wait for that."""
+        cycle = self._link.newest()
+        if cycle is not None and cycle.state is State.STREAMING:
+            self._link.ask(Command.STOP)
+        self._await_rest()
 
     def _await_rest(self) -> None:
         """Wait until a stop has come to its end."""
@@ -304,3 +339,12 @@ class Motions:
     def _measure(self) -> None:
         if not self._is_closed:
             self._itinerary.measure()
+
+
+def _axes(motion: Motion, leave: Leave) -> tuple[tuple[float, ...], tuple[tuple[float, ...], ...]]:
+    """Return the axis angles planned where *motion* is left, and those before if it moves there."""
+    path = motion.path
+    if not isinstance(path, TablePath):
+        return (), ()
+    before = () if leave.state.is_at_rest else path.joints_before(leave.record)
+    return path.joints_at(leave.record), before

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,12 +21,15 @@ from orientd.rotation import Floats, angle, check_unit
 _SAME_TIME = 1e-9
 
 
-def reshaped(motion: Motion, shape: ShapedPath) -> Motion:
+def reshaped(
+    motion: Motion, shape: ShapedPath, *, joints_before: Sequence[Sequence[float]] = ()
+) -> Motion:
     """Return *motion* on the path of *shape*, held against its limits again.
 
     Args:
         motion: as it was planned.
         shape: what the driver made of it, on the same grid.
+        joints_before: axis angles of the three records before it, where it begins in motion.
 
     Raises:
         LimitError: the path as shaped breaks a limit.
@@ -51,7 +55,8 @@ def reshaped(motion: Motion, shape: ShapedPath) -> Motion:
         raise StartError(
             f"the device's axes begin {begun:.3g} rad from where the motion takes over in motion"
         )
-    path = TablePath.of(q, course, motion.path, period, joints)
+    earlier = np.asarray(joints_before, dtype=np.float64) if len(joints_before) else None
+    path = TablePath.of(q, course, motion.path, period, joints, earlier)
 
     def setpoints(first: int, size: int) -> tuple[Floats, Floats]:
         times = period * np.arange(first, first + size, dtype=np.float64)

@@ -48,6 +48,7 @@ class TablePath:
         positions: what the position does by *course*.
         course: how far along the positions each record is, s, shape ``(n,)``.
         joints: axis angles that make the orientations, rad, unwrapped, shape ``(n, axes)``.
+        earlier: axis angles of the three records before the first, rad, shape ``(3, axes)``.
     """
 
     period: float
@@ -57,15 +58,23 @@ class TablePath:
     positions: PositionPath
     course: Floats
     joints: Floats
+    earlier: Floats
 
     @classmethod
     def of(
-        cls, q: Floats, course: Floats, original: Path, period: float, joints: Floats
+        cls,
+        q: Floats,
+        course: Floats,
+        original: Path,
+        period: float,
+        joints: Floats,
+        earlier: Floats | None = None,
     ) -> TablePath:
         """Return the path through *q*, with the position of *original* at the times *course*.
 
         Where it is the original's path, in the original's time, it keeps the derivatives of that,
-        which know what happens between the records.
+        which know what happens between the records.  The axes were at rest before it unless
+        *earlier* says otherwise.
         """
         q = align(q)
         given = original.sample(course)
@@ -87,7 +96,9 @@ class TablePath:
         # It takes over from what the device does, and held means held: no velocity where it stands.
         omega[0], alpha[0] = given.omega_body[0], given.alpha_body[0]
         omega[-1], alpha[-1] = 0.0, 0.0
-        return cls(period, q, omega, alpha, original.positions, course, joints)
+        if earlier is None:
+            earlier = np.repeat(joints[:1], HISTORY, axis=0)
+        return cls(period, q, omega, alpha, original.positions, course, joints, earlier)
 
     @property
     def duration(self) -> float:
@@ -114,7 +125,10 @@ class TablePath:
         As many as a third difference reaches back to, which is what :meth:`.Driver.shape` wants of
         a motion that takes over from this one at that record.
         """
-        return tuple(self.joints_at(at) for at in range(record - HISTORY, record))
+        return tuple(
+            self.joints_at(at) if at >= 0 else tuple(self.earlier[at].tolist())
+            for at in range(record - HISTORY, record)
+        )
 
     def sample(self, times: Floats) -> Samples:
         """Return the path at *times*, in any order; beyond its ends it is held."""

@@ -193,6 +193,8 @@ def test_path_that_begins_in_motion_goes_on_from_the_axes_as_they_move(share):
     assert np.linalg.norm(ours[4:7]) > 0.3
     axes = np.array([*motion.path.joints_before(record), *onward.path.joints])
     assert axes[3] == pytest.approx(motion.path.joints_at(record), abs=1e-9)
+    # Whoever replaces it at once is told of the axes as they moved before it.
+    assert np.array_equal(onward.path.joints_before(1), axes[1:4])
     velocity, acceleration = np.diff(axes, axis=0) / PERIOD, np.diff(axes, 2, axis=0) / PERIOD**2
     assert np.max(np.abs(velocity)) <= np.deg2rad(220) * 1.001
     assert np.max(np.abs(acceleration)) <= 40.0 * 1.001

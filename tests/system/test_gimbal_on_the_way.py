@@ -1,0 +1,192 @@
+"""What happens to a gimbal's motions on their way: a real daemon on the emulated bus."""
+
+import contextlib
+import threading
+
+import numpy as np
+import pytest
+from gimbal_bench import EmulatedGimbal, GimbalDaemon
+from harness import until
+
+import orientd
+from orientd import rotation
+from orientd.errors import LimitError, OrientdError
+from orientd.rpc.reports import Outcome
+from orientd.stream import State
+
+pytest.importorskip("dynamixel_sdk")
+
+from orientd_dynamixel.tracker import Tracker
+
+DEVICE = "gimbal"
+PERIOD = 0.01
+AXIS_VELOCITY, AXIS_ACCELERATION = np.deg2rad(220), 40.0
+ACCELERATION = 8.0
+WIDE = (
+    ("limits_deg = [-100, 100]", "limits_deg = [-200, 200]"),
+    ("limits_deg = [-120, 120]", "limits_deg = [-200, 200]"),
+)
+DEVIATION = ("max_deviation_deg = 0.0", "max_deviation_deg = 3.0")
+SLEWS = ("# allow_slews = true ", "allow_slews = true ")
+
+
+class Watched:
+    """A robot on the emulated bus, with every cycle of its servo."""
+
+    def __init__(self, folder, *changes):
+        self.bus = EmulatedGimbal(folder / "bus")
+        self.daemon = GimbalDaemon(folder, self.bus.link, *WIDE, *changes).start()
+        self.robot = orientd.connect(self.daemon.socket)
+        self.cycles = []
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+        self._thread.start()
+        until(lambda: self.cycles, "the first cycles")
+
+    def _watch(self):
+        with contextlib.suppress(OrientdError):
+            for batch in self.robot.watch(DEVICE):
+                self.cycles += batch
+
+    def end(self):
+        self.robot.close()
+        self._thread.join(10.0)
+        self.daemon.end()
+        self.bus.end()
+
+    @property
+    def report(self):
+        return self.robot.state().devices[DEVICE]
+
+    def pitch(self):
+        """Return the angle of pitch as measured, deg."""
+        return (self.bus.state(2)["position"] - 2048) * 360 / 4096
+
+    def sent(self):
+        """Return the cycles from the enabling on until all of them are here."""
+        last = self.report.cycle.index
+        until(lambda: self.cycles[-1].index >= last, "the last cycles")
+        return list(self.cycles)
+
+
+@pytest.fixture
+def gimbal(request, tmp_path):
+    it = Watched(tmp_path, *getattr(request, "param", (DEVIATION,)))
+    yield it
+    it.end()
+
+
+def key(*vector):
+    w, x, y, z = rotation.exp(np.array(vector, float)).tolist()
+    return orientd.Quaternion(w=w, x=x, y=y, z=z)
+
+
+def over_the_top(miss_deg=2.0, seconds=6.0):
+    """Return a motion that turns over by 150 degrees, missing the pole."""
+    miss = np.deg2rad(miss_deg)
+    axis = np.array([0, -np.cos(miss), np.sin(miss)])
+    return [
+        {"rotation_vector": (np.deg2rad(sweep) * axis).tolist(), "time": seconds * sweep / 150}
+        for sweep in np.linspace(0, 150, 7)
+    ]
+
+
+def axes_of(cycles):
+    """Return the axis angles that the driver made of what was sent, unwrapped, from 0 on."""
+    tracker = Tracker("ZYX", (1.0, 0, 0, 0), (1.0, 0, 0, 0))
+    rows = []
+    for cycle in cycles:
+        tracker.angles, _ = tracker.solve(cycle.q)
+        rows.append(tracker.angles)
+    return np.array(rows)
+
+
+def assert_smooth(cycles):
+    """Check that axes and orientation kept their limits, over all that was sent."""
+    times = np.array([cycle.deadline_ns for cycle in cycles]) * 1e-9
+    axes, q = axes_of(cycles), np.array([cycle.q for cycle in cycles])
+    steps = np.diff(times)[:, None]
+    turns = rotation.log(rotation.multiply(rotation.conjugate(q[:-1]), q[1:]))
+    # Where a deadline was skipped, differences are over two cycles.
+    even = np.flatnonzero(np.abs(np.diff(times, 2)) < 1e-6)
+    for way, velocity, acceleration in (
+        (np.diff(axes, axis=0), AXIS_VELOCITY, AXIS_ACCELERATION),
+        (turns, 1.5, ACCELERATION),
+    ):
+        rates = way / steps
+        assert np.max(np.abs(rates)) <= velocity * 1.001
+        assert np.max(np.abs(np.diff(rates, axis=0) / PERIOD)[even]) <= acceleration * 1.001
+    # What is sent beside the orientation is its derivative, across the seam as well.
+    omega = np.array([cycle.omega_body for cycle in cycles])
+    alpha = np.array([cycle.alpha_body for cycle in cycles])
+    assert (
+        np.max(np.linalg.norm(np.diff(omega, axis=0), axis=1) / steps[:, 0]) <= ACCELERATION * 1.01
+    )
+    assert np.max(np.linalg.norm(alpha, axis=1)) <= ACCELERATION * 1.01
+
+
+def assert_never_at_rest(cycles, first, second):
+    """Check that motion *second* took over from *first* at full speed."""
+    moving = [cycle for cycle in cycles if cycle.motion in (first, second)]
+    at = next(k for k, cycle in enumerate(moving) if cycle.motion == second)
+    around = moving[at - 5 : at + 5]
+    assert {cycle.state for cycle in around} == {State.STREAMING}
+    assert min(np.linalg.norm(cycle.omega_body) for cycle in around) > 0.1
+    assert {cycle.speed for cycle in around} == {1.0}
+
+
+def numbers(cycles):
+    return sorted({cycle.motion for cycle in cycles} - {0})
+
+
+def test_gimbal_is_given_a_new_target_on_its_way(gimbal):
+    first = gimbal.robot.move([key(0, 0, 0), key(0, -0.6, 2.0)], approach=True)
+    until(lambda: gimbal.report.path_time > 0.5, "a motion under way")
+    second = gimbal.robot.move([key(0.4, 0.5, 0.6)], approach=True)
+    assert second.wait(30.0).outcome is Outcome.DONE
+    assert first.wait(5.0).outcome is Outcome.REPLACED
+    cycles = gimbal.sent()
+    assert_never_at_rest(cycles, *numbers(cycles))
+    assert_smooth(cycles)
+    assert rotation.angle(np.array(cycles[-1].q), rotation.exp([0.4, 0.5, 0.6])) < 1e-6
+
+
+def test_gimbal_keeps_moving_where_a_new_target_is_refused(gimbal):
+    first = gimbal.robot.move([key(0, 0, 0), key(0, 0, 1.5)], approach=True)
+    until(lambda: gimbal.report.path_time > 0.3, "a motion under way")
+    with pytest.raises(LimitError, match="angular acceleration"):
+        gimbal.robot.move([{"rotation_vector": [0, 0, 0], "time": 0},
+                           {"rotation_vector": [0, 0, 3], "time": 0.5}], approach=True)  # fmt: skip
+    assert first.wait(30.0).outcome is Outcome.DONE
+    assert gimbal.report.fault_text == ""
+
+
+@pytest.mark.slow
+def test_gimbal_is_given_new_targets_again_and_again(gimbal):
+    generator = np.random.default_rng(3)
+    handles = [gimbal.robot.move([key(0, 0, 1.5)], approach=True)]
+    for _ in range(8):
+        target = generator.normal(size=3) * 0.5
+        handles.append(gimbal.robot.move([key(*target)], approach=True))
+    assert handles[-1].wait(30.0).outcome is Outcome.DONE
+    assert {handle.wait(5.0).outcome for handle in handles[:-1]} <= {
+        Outcome.REPLACED,
+        Outcome.STOPPED,
+    }
+    cycles = gimbal.sent()
+    assert_smooth(cycles)
+    assert rotation.angle(np.array(cycles[-1].q), rotation.exp(target)) < 1e-6
+
+
+def test_gimbal_is_given_a_new_target_in_the_midst_of_a_passage_by_the_pole(gimbal):
+    first = gimbal.robot.move(over_the_top(), approach=True)
+    until(lambda: gimbal.pitch() < -84, "the pole")
+    # Straight on and a little aside.
+    second = gimbal.robot.move([key(0.1, -2.2, 0)], approach=True)
+    assert second.wait(30.0).outcome is Outcome.DONE
+    assert first.wait(5.0).outcome is Outcome.REPLACED
+    cycles = gimbal.sent()
+    assert_smooth(cycles)
+    assert_never_at_rest(cycles, *numbers(cycles))
+    at = next(k for k, cycle in enumerate(cycles) if cycle.motion == numbers(cycles)[1])
+    assert abs(np.rad2deg(axes_of(cycles)[at, 1]) + 90) < 12
+    assert rotation.angle(np.array(cycles[-1].q), rotation.exp([0.1, -2.2, 0])) < 1e-6
