@@ -10,7 +10,7 @@ from harness import until
 
 import orientd
 from orientd import rotation
-from orientd.errors import LimitError, OrientdError
+from orientd.errors import LimitError, OrientdError, StartError
 from orientd.rpc.reports import Outcome
 from orientd.stream import State
 
@@ -21,13 +21,20 @@ from orientd_dynamixel.tracker import Tracker
 DEVICE = "gimbal"
 PERIOD = 0.01
 AXIS_VELOCITY, AXIS_ACCELERATION = np.deg2rad(220), 40.0
-ACCELERATION = 8.0
 WIDE = (
     ("limits_deg = [-100, 100]", "limits_deg = [-200, 200]"),
     ("limits_deg = [-120, 120]", "limits_deg = [-200, 200]"),
 )
 DEVIATION = ("max_deviation_deg = 0.0", "max_deviation_deg = 3.0")
-SLEWS = ("# allow_slews = true ", "allow_slews = true ")
+SLEWS = (
+    ("# allow_slews = true ", "allow_slews = true "),
+    ("limits_deg = [-270, 270]", "limits_deg = [-100, 100]"),
+)
+QUICK = (
+    ("velocity = 1.5 ", "velocity = 3.5 "),
+    ("acceleration = 8 ", "acceleration = 30 "),
+    ("jerk = 1500 ", "jerk = 5000 "),
+)
 
 
 class Watched:
@@ -100,7 +107,7 @@ def axes_of(cycles):
     return np.array(rows)
 
 
-def assert_smooth(cycles):
+def assert_smooth(cycles, *, velocity=1.5, acceleration=8.0):
     """Check that axes and orientation kept their limits, over all that was sent."""
     times = np.array([cycle.deadline_ns for cycle in cycles]) * 1e-9
     axes, q = axes_of(cycles), np.array([cycle.q for cycle in cycles])
@@ -108,20 +115,19 @@ def assert_smooth(cycles):
     turns = rotation.log(rotation.multiply(rotation.conjugate(q[:-1]), q[1:]))
     # Where a deadline was skipped, differences are over two cycles.
     even = np.flatnonzero(np.abs(np.diff(times, 2)) < 1e-6)
-    for way, velocity, acceleration in (
+    for way, fastest, hardest in (
         (np.diff(axes, axis=0), AXIS_VELOCITY, AXIS_ACCELERATION),
-        (turns, 1.5, ACCELERATION),
+        (turns, velocity, acceleration),
     ):
         rates = way / steps
-        assert np.max(np.abs(rates)) <= velocity * 1.001
-        assert np.max(np.abs(np.diff(rates, axis=0) / PERIOD)[even]) <= acceleration * 1.001
+        assert np.max(np.abs(rates)) <= fastest * 1.001
+        assert np.max(np.abs(np.diff(rates, axis=0) / PERIOD)[even]) <= hardest * 1.001
     # What is sent beside the orientation is its derivative, across the seam as well.
     omega = np.array([cycle.omega_body for cycle in cycles])
     alpha = np.array([cycle.alpha_body for cycle in cycles])
-    assert (
-        np.max(np.linalg.norm(np.diff(omega, axis=0), axis=1) / steps[:, 0]) <= ACCELERATION * 1.01
-    )
-    assert np.max(np.linalg.norm(alpha, axis=1)) <= ACCELERATION * 1.01
+    change = np.linalg.norm(np.diff(omega, axis=0), axis=1) / steps[:, 0]
+    assert np.max(change) <= acceleration * 1.01
+    assert np.max(np.linalg.norm(alpha, axis=1)) <= acceleration * 1.01
 
 
 def assert_never_at_rest(cycles, first, second):
@@ -190,3 +196,62 @@ def test_gimbal_is_given_a_new_target_in_the_midst_of_a_passage_by_the_pole(gimb
     at = next(k for k, cycle in enumerate(cycles) if cycle.motion == numbers(cycles)[1])
     assert abs(np.rad2deg(axes_of(cycles)[at, 1]) + 90) < 12
     assert rotation.angle(np.array(cycles[-1].q), rotation.exp([0.1, -2.2, 0])) < 1e-6
+
+
+def test_gimbal_slows_down_and_stops_in_the_midst_of_a_passage_by_the_pole(gimbal):
+    first = gimbal.robot.move(over_the_top(), approach=True)
+    until(lambda: gimbal.pitch() < -75, "the way to the pole")
+    gimbal.robot.set_speed(0.5)
+    until(lambda: gimbal.pitch() < -86, "the pole")
+    gimbal.robot.stop()
+    assert first.wait(30.0).outcome is Outcome.STOPPED
+    assert gimbal.report.state is State.HOLDING
+    cycles = gimbal.sent()
+    assert_smooth(cycles)
+    slow = [cycle.speed for cycle in cycles if cycle.state is State.STREAMING]
+    assert min(slow) == pytest.approx(0.5, abs=1e-9)
+    # It stands near the pole, off the exact path, and goes on from there on the branch it is on.
+    at = np.rad2deg(axes_of(cycles)[-1])
+    assert abs(at[1] + 90) < 15
+    gimbal.robot.set_speed(1.0)
+    second = gimbal.robot.move([key(0, -2.0, 0)], approach=True)
+    assert second.wait(30.0).outcome is Outcome.DONE
+    cycles = gimbal.sent()
+    assert_smooth(cycles)
+    assert abs(np.rad2deg(axes_of(cycles)[-1, 0]) - at[0]) < 30
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("gimbal", [(*SLEWS, *QUICK)], indirect=True)
+def test_gimbal_stops_and_slews_where_an_axis_has_no_way_on(gimbal):
+    """Yaw to 120 degrees where it may turn to 100: over the top it may."""
+    plan = gimbal.robot.plan([key(0, 0, np.deg2rad(a)) for a in (0, 40, 80, 120)], approach=True)
+    (note,) = [note for note in plan.certificate.notes if "stops and the axes slew" in note]
+    assert "to -" in note
+    move = gimbal.robot.move(plan)
+    assert move.wait(60.0).outcome is Outcome.DONE
+    cycles = gimbal.sent()
+    assert_smooth(cycles, velocity=3.5, acceleration=30.0)
+    axes = np.rad2deg(axes_of(cycles))
+    assert np.max(np.abs(axes[:, 0])) <= 100.5
+    assert rotation.angle(np.array(cycles[-1].q), rotation.exp([0, 0, np.deg2rad(120)])) < 1e-6
+    assert abs(gimbal.bus.state(1)["goal"] - (2048 + axes[-1, 0] * 4096 / 360)) <= 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("gimbal", [QUICK], indirect=True)
+def test_kept_plan_is_refused_where_the_gimbal_is_on_another_turn_by_now(gimbal):
+    def turn(*degrees):
+        vectors = [key(0, 0, np.deg2rad(a)) for a in degrees]
+        assert gimbal.robot.move(vectors, approach=True).wait(30.0).outcome is Outcome.DONE
+
+    turn(0, -85, -170)
+    kept = gimbal.robot.plan([key(0, 0, np.deg2rad(a)) for a in (-170, -120)], approach=True)
+    turn(-170, -60, 60, 170, 190)
+    # The same orientation, a turn of yaw away.
+    with pytest.raises(StartError, match="other axis angles"):
+        gimbal.robot.move(kept)
+    assert gimbal.report.state is State.HOLDING
+    assert np.rad2deg(axes_of(gimbal.sent())[-1, 0]) == pytest.approx(190, abs=0.1)
+    turn(190, 60, -60, -170)
+    assert gimbal.robot.move(kept).wait(30.0).outcome is Outcome.DONE
