@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from orientd.rotation import conjugate, log, multiply
 from orientd.rotation.quaternion import Floats
 
 
@@ -27,6 +28,40 @@ class AxisLimits:
     velocity: float = 3.85
     acceleration: float = 40.0
     name: str = "axis"
+
+
+@dataclass(frozen=True, slots=True)
+class ToolLimits:
+    """What the tool may do where the plan leaves the path or its times.
+
+    Attributes:
+        velocity: rad/s.
+        acceleration: rad/s^2.
+        jerk: rad/s^3.
+    """
+
+    velocity: float = math.inf
+    acceleration: float = math.inf
+    jerk: float = math.inf
+
+    def excess(self, q: Floats, period: float) -> float:
+        """Return how much longer orientations must take, at least, to keep the limits.
+
+        Args:
+            q: from rest to rest, shape ``(n, 4)``.
+            period: from one to the next, s.
+        """
+        q = np.concatenate([q[:1], q[:1], q[:1], q, q[-1:], q[-1:], q[-1:]])
+        rate = log(multiply(conjugate(q[:-1]), q[1:])) / period
+        most = []
+        for _ in range(3):
+            most.append(float(np.max(np.linalg.norm(rate, axis=1))))
+            rate = np.diff(rate, axis=0) / period
+        return max(
+            most[0] / self.velocity,
+            math.sqrt(most[1] / self.acceleration),
+            math.cbrt(most[2] / self.jerk),
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -82,11 +82,14 @@ class DynamixelDriver(Driver):
         orientations: Sequence[Quaternion],
         joints: tuple[float, ...],
         before: Sequence[tuple[float, ...]] = (),
+        rates: Vector3 = (math.inf, math.inf, math.inf),
     ) -> ShapedPath:
         """Choose branch, winding and deviation of every axis over the whole path."""
         # By name: planning needs NumPy, which a servo process does without.
         shaping = importlib.import_module("orientd_dynamixel.shaping")
-        shaped: ShapedPath = shaping.shape(self.settings, period, orientations, joints, before)
+        shaped: ShapedPath = shaping.shape(
+            self.settings, period, orientations, joints, before, rates
+        )
         return shaped
 
     def outline(self, joints: tuple[float, ...]) -> Sequence[Sequence[Vector3]]:

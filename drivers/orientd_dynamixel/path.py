@@ -22,15 +22,18 @@ from orientd_dynamixel.certificate import (
     Keyhole,
     Peak,
     Policy,
+    ToolLimits,
     peak,
     rates,
 )
 from orientd_dynamixel.keyhole import Passage, outer_line, passages, windows
 from orientd_dynamixel.kinematics import Gimbal, wrapped
-from orientd_dynamixel.stops import Timeline, with_stops
+from orientd_dynamixel.stops import Timeline, stop_time, with_stops
 
 _SLACK = 1 + 1e-3
 _STILL = 1e-9
+_RESERVE = 0.97
+"""Share of the fastest slew that keeps the tool's limits; the rest is for stops on it."""
 _ADVICE = "allow a deviation, a slower path or a slew, or choose another path"
 
 
@@ -43,6 +46,7 @@ def plan_axes(
     start: ArrayLike | None = None,
     before: ArrayLike | None = None,
     policy: Policy | None = None,
+    tool: ToolLimits | None = None,
 ) -> AxisPath:
     """Return axis angles for a path of orientations.
 
@@ -58,6 +62,7 @@ def plan_axes(
         before: axis angles of the samples before a path that begins in motion, the oldest first,
             rad, shape ``(m, axes)``; none where it begins at rest.
         policy: what may be done where the exact path is too much; by default nothing.
+        tool: what it keeps to on a slew; by default nothing.
 
     Raises:
         LimitError: the path needs more than an axis has, and the policy allows no way round.
@@ -73,7 +78,7 @@ def plan_axes(
     past = np.empty((0, len(limits))) if before is None else np.reshape(before, (-1, len(limits)))
     choice = _choose(gimbal, q, period, limits, origin, policy)
     _refuse(choice, gimbal, q, period, limits, policy, past)
-    path = _path(gimbal, q, period, limits, choice, past)
+    path = _path(gimbal, q, period, limits, choice, past, tool or ToolLimits())
     _verify(path.certificate, limits)
     return path
 
@@ -183,8 +188,13 @@ def _path(
     limits: Sequence[AxisLimits],
     choice: Choice,
     past: Floats,
+    tool: ToolLimits,
 ) -> AxisPath:
-    line = with_stops(choice.angles, period, choice.slews, limits, is_moving=_is_moving(past))
+    line = with_stops(
+        choice.angles, period, choice.slews, limits, is_moving=_is_moving(past),
+        ramp=stop_time(q, period, tool),
+        excess=lambda angles: tool.excess(gimbal.forward(angles), period) / _RESERVE,
+    )  # fmt: skip
     reached = gimbal.forward(line.angles)
     velocity, acceleration = rates(line.angles, period, past)
     axes = range(len(limits))

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import degrees
+from math import degrees, inf
 
 import numpy as np
 
-from orientd.driver import Figure, Quaternion, ShapedPath
+from orientd.driver import Figure, Quaternion, ShapedPath, Vector3
 from orientd.errors import LimitError
 from orientd.rotation.quaternion import angle
-from orientd_dynamixel.certificate import AxisPath, Policy
+from orientd_dynamixel.certificate import AxisPath, Policy, ToolLimits
 from orientd_dynamixel.options import GimbalOptions
 from orientd_dynamixel.path import plan_axes
 from orientd_dynamixel.planning import describe, gimbal_of, limits_of
@@ -23,6 +23,7 @@ def shape(
     orientations: Sequence[Quaternion],
     joints: tuple[float, ...],
     before: Sequence[tuple[float, ...]] = (),
+    rates: Vector3 = (inf, inf, inf),
 ) -> ShapedPath:
     """Return the path that the gimbal will follow.
 
@@ -36,6 +37,7 @@ def shape(
         joints: axis angles planned or reported where the path begins, rad; empty where they are
             not known.
         before: axis angles planned for the periods before, where it begins in motion.
+        rates: largest velocity, acceleration and jerk of the tool off the path or its times.
 
     Raises:
         LimitError: an axis cannot follow, or a gimbal of two axes leaves too much roll.
@@ -49,6 +51,7 @@ def shape(
     path = plan_axes(
         gimbal_of(options), orientations, period, limits_of(options), start=start, before=before,
         policy=Policy(max_deviation=options.max_deviation, allow_slews=options.allow_slews),
+        tool=ToolLimits(*rates),
     )  # fmt: skip
     figures = _figures(path, options)
     if len(options.axes) == 2 and not options.pointing:

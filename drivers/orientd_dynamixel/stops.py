@@ -6,16 +6,23 @@ Everything here has continuous acceleration: quintic ramps of the path's clock, 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from orientd.errors import PlanError
-from orientd.rotation.quaternion import Floats
-from orientd_dynamixel.certificate import AxisLimits, Slew
+from orientd.rotation.quaternion import Floats, angle
+from orientd_dynamixel.certificate import AxisLimits, Slew, ToolLimits
 
+Excess = Callable[[Floats], float]
+"""How much longer axis angles must take for the tool to keep its limits, at most 1 if it does."""
+
+_RAMP = 0.5
+"""How long the path takes to stop at least, s."""
+_RAMP_SHARE = 0.5
+"""Share of the tool's acceleration that a stop may take beside what the path itself needs."""
 _PEAK_SPEED = 1.875
 """Of the quintic from rest to rest, in lengths a duration."""
 _PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)
@@ -60,6 +67,29 @@ def slew_duration(before: Floats, after: Floats, limits: Sequence[AxisLimits]) -
             math.sqrt(_PEAK_ACCELERATION * float(gap) / limit.acceleration),
         )
     return needed
+
+
+def stop_time(q: Floats, period: float, tool: ToolLimits) -> float:
+    """Return how long a path of orientations should take to stop, wherever that is, s."""
+    if len(q) < 2:
+        return _RAMP
+    fastest = float(np.max(angle(q[:-1], q[1:]))) / period
+    return max(_RAMP, _PEAK_SPEED * fastest / (_RAMP_SHARE * tool.acceleration))
+
+
+def _slew(
+    here: Floats, there: Floats, period: float, limits: Sequence[AxisLimits], excess: Excess
+) -> Floats:
+    """Return axis angles between *here* and *there*, as quick as the axes and the tool allow."""
+    seconds = slew_duration(here, there, limits)
+    for _ in range(_ATTEMPTS):
+        count = max(1, math.ceil(seconds / period))
+        angles: Floats = here + quintic(np.arange(count + 1) / count)[:, None] * (there - here)
+        more = excess(angles)
+        if more <= 1.0:
+            break
+        seconds = count * period * max(more, 1.01)
+    return angles[1:-1]
 
 
 def _ramp_times(elapsed: Floats, ramp: float) -> Floats:
@@ -113,7 +143,9 @@ def _between(grid_values: Floats, at: Floats) -> Floats:
     return values
 
 
-def _crawl(part: Floats, period: float, limits: Sequence[AxisLimits]) -> tuple[Floats, Floats]:
+def _crawl(
+    part: Floats, period: float, limits: Sequence[AxisLimits], excess: Excess
+) -> tuple[Floats, Floats]:
     """Return axis angles, and where in *part* they are, of going along it from rest to rest."""
     length = len(part) - 1
     speed = np.array([limit.velocity for limit in limits]) * period
@@ -128,7 +160,7 @@ def _crawl(part: Floats, period: float, limits: Sequence[AxisLimits]) -> tuple[F
         angles = _between(part, at)
         change = np.abs(np.diff(angles, axis=0))
         bend = np.abs(np.diff(angles, n=2, axis=0))
-        if np.all(change <= speed) and np.all(bend <= most):
+        if np.all(change <= speed) and np.all(bend <= most) and excess(angles) <= 1.0:
             break
         count = math.ceil(count * 1.2)
     return angles, at
@@ -159,8 +191,9 @@ def with_stops(
     slews: Sequence[int],
     limits: Sequence[AxisLimits],
     *,
-    ramp: float = 0.5,
+    ramp: float = _RAMP,
     is_moving: bool = False,
+    excess: Excess = lambda _: 0.0,
 ) -> Timeline:
     """Return a path that stops before each sample of *slews* and slews to it.
 
@@ -171,6 +204,7 @@ def with_stops(
         limits: of every axis.
         ramp: how long the path takes to stop, s.
         is_moving: whether the path begins in motion.
+        excess: of axis angles from rest to rest.
 
     Raises:
         PlanError: it does, and would have to stop sooner than it can.
@@ -202,13 +236,11 @@ def with_stops(
         if number == len(events):
             break
         if is_crawl:
-            inside, at = _crawl(angles[last : after + 1], period, limits)
+            inside, at = _crawl(angles[last : after + 1], period, limits, excess)
             inside, path_times = inside[1:-1], (last + at[1:-1]) * period
         else:
             here, there = angles[last], angles[after]
-            count = max(1, math.ceil(slew_duration(here, there, limits) / period))
-            share = quintic(np.arange(1, count) / count)
-            inside = here + share[:, None] * (there - here)
+            inside = _slew(here, there, period, limits, excess)
             path_times = np.full(len(inside), last * period)
         pieces.append(inside)
         path_pieces.append(path_times)

@@ -102,5 +102,16 @@ def _fitted(
     if type(driver).shape is Driver.shape:
         return motion
     q = motion.records(0, motion.record_count)[:, :4]
-    shape = driver.shape(motion.period, list(map(tuple, q.tolist())), joints, before)
+    shape = driver.shape(
+        motion.period, list(map(tuple, q.tolist())), joints, before, _rates(motion.limits)
+    )
     return motion if shape is None else planner.reshaped(motion, shape, joints_before=before)
+
+
+def _rates(limits: Limits) -> tuple[float, float, float]:
+    """Return the angular rates that keep *limits* about whatever axis."""
+    return (
+        min(limits.velocity, *limits.axis_velocity),
+        min(limits.acceleration, *limits.axis_acceleration),
+        min(limits.jerk, *limits.axis_jerk),
+    )

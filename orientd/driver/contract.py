@@ -9,6 +9,7 @@ which are made in a quarter of the time of a frozen dataclass.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple
@@ -179,6 +180,7 @@ class Driver(ABC):
         orientations: Sequence[Quaternion],  # noqa: ARG002
         joints: tuple[float, ...],  # noqa: ARG002
         before: Sequence[tuple[float, ...]] = (),  # noqa: ARG002
+        rates: Vector3 = (math.inf, math.inf, math.inf),  # noqa: ARG002
     ) -> ShapedPath | None:
         """Return the path that the device's axes will follow, where that is not any path.
 
@@ -192,6 +194,8 @@ class Driver(ABC):
                 device last reported; empty where they are not known.
             before: axis angles that were planned for the periods before a motion that begins while
                 the device moves, the oldest first; empty where it begins at rest.
+            rates: largest angular velocity, acceleration and jerk that the tool may have where the
+                device leaves the path or its times; rad/s, rad/s^2, rad/s^3.
 
         Returns:
             ``None`` where the device follows the path as it is.

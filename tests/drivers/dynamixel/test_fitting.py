@@ -104,6 +104,25 @@ def test_planning_for_the_axes_is_bounded_in_attempts(monkeypatch):
     assert len(made) <= 17
 
 
+@pytest.mark.parametrize("seconds", [None, 12.0])
+def test_slew_keeps_the_limits_of_the_tool(seconds):
+    turns = np.linspace(0, 300, 7)
+    keyframes = [
+        {"rotation_vector": [0, 0, np.deg2rad(turn)]}
+        | ({} if seconds is None else {"time": seconds * turn / 300})
+        for turn in turns
+    ]
+    motion = fit({"keyframes": keyframes, "approach": True}, allow_slews=True)
+    assert any("stops and the axes slew" in note for note in motion.certificate.notes)
+    assert motion.certificate.peak_velocity.value <= LIMITS.velocity
+    assert motion.certificate.peak_acceleration.value <= LIMITS.acceleration
+    # A turn back at no more than that takes this long, and not much longer.
+    axes = motion.path.joints[:, 0]
+    first, last = np.argmax(axes), np.argmin(axes)
+    needed = 1.875 * (axes[first] - axes[last]) / LIMITS.velocity
+    assert needed <= PERIOD * (last - first) < 1.1 * needed
+
+
 def test_angle_outside_the_limits_is_refused_with_axis_and_time():
     axes = [dict(AXES[0], limits_deg=[-60, 60]), *AXES[1:]]
     turn = {"keyframes": [{"rotation_vector": [0, 0, 0]}, {"rotation_vector": [0, 0, 2.0]}],
