@@ -5,7 +5,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 
-.PHONY: demo test check bench soak standard proto clean
+.PHONY: demo test check bench peers soak standard proto clean
 
 demo: $(VENV)/.user
 	$(BIN)/orientd demo
@@ -21,6 +21,16 @@ check: $(VENV)/.dev
 
 bench: $(VENV)/.dev
 	$(BIN)/python -m pytest tests/bench -m bench -s
+
+# The tables of the README's "How it compares"; a peer that cannot be installed says so there.
+PEERS = ruckig toppra splines drake
+
+peers:
+	$(PYTHON) -m venv build/peers
+	build/peers/bin/python -m pip install --quiet --disable-pip-version-check -e ".[fast]"
+	for peer in $(PEERS); do \
+	    build/peers/bin/python -m pip install --quiet --disable-pip-version-check $$peer; done; true
+	build/peers/bin/python tests/bench/compare_peers.py
 
 soak: $(VENV)/.dev
 	$(BIN)/python -m pytest -m slow --timeout=5400 -s

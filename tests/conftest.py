@@ -11,5 +11,6 @@ for folder in (
     "system",
     "drivers/ur",
     "data/standard",
+    "bench",
 ):
     sys.path.insert(0, str(Path(__file__).parent / folder))

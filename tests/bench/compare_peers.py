@@ -1,0 +1,72 @@
+"""Write the tables of README's section "How it compares", every cell from a run.
+
+``make peers`` makes an environment with the peers and runs this file in it.  What cannot be
+imported there says so in its cells.
+"""
+
+from __future__ import annotations
+
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import peer_curves
+import peer_timing
+
+from orientd.curves import fast as fast_curves
+from orientd.planner import fast as fast_planner
+
+README = Path(__file__).parents[2] / "README.md"
+BEGIN, END = "<!-- peers:begin -->", "<!-- peers:end -->"
+PACKAGES = ("numpy", "numba", "scipy", "splines", "drake", "ruckig", "toppra")
+
+
+def table(what, rows, peers):
+    """Return a Markdown table: a row a property, a column a package, each cell measured."""
+    lines = [
+        f"| {what} | " + " | ".join(f"{peer.name}<br>{peer.what}" for peer in peers) + " |",
+        "|" + "---|" * (len(peers) + 1),
+    ]
+    for name, measure in rows:
+        cells = [cell(measure, peer) for peer in peers]
+        print(name, cells, flush=True)
+        lines.append(f"| {name} | " + " | ".join(cells) + " |")
+    return lines
+
+
+def cell(measure, peer):
+    """Return what was measured, or that the package is not there."""
+    try:
+        return measure(peer)
+    except ImportError as error:
+        return f"not run: no {error.name}"
+
+
+def versions():
+    """Return the versions of the packages that were run."""
+    found = []
+    for package in PACKAGES:
+        try:
+            found.append(f"{package} {version(package)}")
+        except PackageNotFoundError:
+            found.append(f"{package} not installed")
+    return ", ".join(found)
+
+
+def main():
+    if not (fast_curves.wait_ready(120) and fast_planner.wait_ready(120)):
+        raise RuntimeError("the compiled kernels are not there")
+    lines = [
+        *table("Curves through keyframes", peer_curves.ROWS, peer_curves.PEERS),
+        "",
+        *table("Motion within limits", peer_timing.ROWS, peer_timing.PEERS),
+        "",
+        f"Measured with {versions()}.",
+    ]
+    text = README.read_text()
+    before, rest = text.split(BEGIN)
+    _, after = rest.split(END)
+    README.write_text(before + BEGIN + "\n" + "\n".join(lines) + "\n" + END + after)
+
+
+if __name__ == "__main__":
+    main()
