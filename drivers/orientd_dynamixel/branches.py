@@ -82,6 +82,7 @@ def choose(
     period: float,
     *,
     start: Floats | None = None,
+    entry: float = 1e-3,
     passages: Sequence[Passage] = (),
     allow_slews: bool = False,
 ) -> Choice:
@@ -92,12 +93,13 @@ def choose(
         limits: of every axis.
         period: s.
         start: axis angles from which the path is entered, shape ``(axes,)``; ``None`` is anywhere.
+        entry: how far from *start* it may be entered, rad.
         passages: ways past the pole that may be taken.
         allow_slews: whether the path may stop for a change of branch or turn.
     """
     length, count = every.shape[:2]
     most = np.array([limit.velocity for limit in limits]) * period * (1 + 1e-9) + 1e-12
-    cost = np.where(np.isnan(every[0, :, 0]), np.inf, _entry(every[0], start))
+    cost = np.where(np.isnan(every[0, :, 0]), np.inf, _entry(every[0], start, entry))
     back = np.full((length, count), -1, dtype=np.int32)
     jumped = np.zeros((length, count), dtype=bool)
     via: dict[tuple[int, int], tuple[int, int, Passage]] = {}
@@ -129,12 +131,12 @@ def choose(
     return _trace(every, costs, back, jumped, via, reached)
 
 
-def _entry(candidate: Floats, start: Floats | None) -> Floats:
+def _entry(candidate: Floats, start: Floats | None, entry: float) -> Floats:
     if start is None:
         least: Floats = np.sum(np.abs(candidate), axis=-1) * 1e-3
         return least
     gap = np.max(np.abs(candidate - start), axis=-1)
-    return np.where(gap < 1e-3, gap, np.inf)
+    return np.where(gap < entry, gap, np.inf)
 
 
 def _offer(

@@ -17,12 +17,14 @@ import numpy as np
 
 from orientd.rotation.quaternion import Floats
 from orientd_dynamixel.certificate import AxisLimits, rates
-from orientd_dynamixel.kinematics import Gimbal
+from orientd_dynamixel.kinematics import LOCK, Gimbal
 from orientd_dynamixel.stops import quintic
 from orientd_dynamixel.tube import smooth, taut_string
 
 _BRANCHES = (0, 1, -1, 2, -2)
 _BISECTIONS = 20
+_THROUGH = 2
+"""So many samples at the pole belong to a path that goes straight through it."""
 _CLOSE = 0.2
 """Share of an axis' limit from which a sample counts as near the pole."""
 
@@ -54,24 +56,45 @@ class Passage:
         return "pass" if self.branch % 2 else "deviation"
 
 
-def outer_line(gimbal: Gimbal, matrix: Floats) -> tuple[Floats, Floats]:
+def outer_line(gimbal: Gimbal, matrix: Floats, first: float | None = None) -> tuple[Floats, Floats]:
     """Return one continuous line of exact outer angles, and the distance from the pole.
 
     Exact angles lie half a turn apart, so the line goes straight over the pole where the path does.
+    Where the path stays at the pole any angle is exact, and the outer axis alone turns the tool, as
+    the driver has it: the line may jump where the path leaves in another direction.
 
     Args:
         gimbal: whose.
         matrix: as from :meth:`.Gimbal.matrix`, shape ``(n, 3, 3)``.
+        first: the outer angle where the path begins, rad, for one that begins at the pole; by
+            default that with which it leaves the pole.
 
     Returns:
         Angles in rad and the sine of the distance from the pole, both of shape ``(n,)``.
     """
     outer, sine = gimbal.pointing(matrix)
-    known = np.nonzero(sine > 1e-9)[0]
-    if known.size == 0:
-        return np.zeros_like(outer), sine
-    line = np.unwrap(outer[known], period=np.pi)
-    return np.interp(np.arange(len(outer)), known, line), sine
+    is_known = sine > LOCK
+    known = np.nonzero(is_known)[0]
+    if known.size:
+        line = np.interp(np.arange(len(outer)), known, np.unwrap(outer[known], period=np.pi))
+    else:
+        line = np.zeros_like(outer)
+    edges = np.nonzero(np.diff(np.concatenate([[True], is_known, [True]])))[0]
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        if begin > 0 and end - begin <= _THROUGH:
+            continue
+        turn = gimbal.turn_at_pole(matrix[begin:end])
+        if begin:
+            line[begin:end] = line[begin - 1] + turn
+        elif first is not None:
+            line[:end] = first + turn
+        elif end < len(line):
+            line[:end] = line[end] + turn - turn[-1]
+        else:
+            line += turn
+        if 0 < end < len(line):
+            line[end:] += np.pi * np.round((line[end - 1] - line[end]) / np.pi)
+    return line, sine
 
 
 def windows(line: Floats, period: float, limit: AxisLimits) -> list[tuple[int, int]]:

@@ -24,7 +24,8 @@ from orientd.rotation import from_axis_angle, multiply, to_matrix
 from orientd.rotation.quaternion import Floats, check_unit, conjugate, normalize
 
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
-_LOCK = 1e-6
+LOCK = 1e-6
+"""Sine of the distance from the pole below which outer and inner angle turn about one line."""
 
 
 class Rest(NamedTuple):
@@ -167,7 +168,7 @@ class Gimbal:
         matrix = self.matrix(check_unit(q))
         outer, sine = self.pointing(matrix)
         kept = np.broadcast_to(np.asarray(0.0 if inner is None else inner), outer.shape)
-        outer = np.where(sine < _LOCK, self._outer_at_pole(matrix, kept), outer)
+        outer = np.where(sine < LOCK, self._outer_at_pole(matrix, kept), outer)
         branches = []
         for turn in (0.0, np.pi):
             chosen = wrapped(outer + turn)
@@ -235,6 +236,18 @@ class Gimbal:
             jacobian = jacobian - direction[..., :, None] * along[..., None, :]
         sigma = np.linalg.svd(jacobian, compute_uv=False)
         return np.asarray(sigma[..., len(self.axes) - 1], dtype=np.float64)
+
+    def turn_at_pole(self, matrix: Floats) -> Floats:
+        """Return by how much the outer axis turns while the inner ones stand still at the pole.
+
+        Args:
+            matrix: as from :meth:`matrix`, all at the pole, shape ``(n, 3, 3)``.
+
+        Returns:
+            Angles from the first on, rad, unwrapped, shape ``(n,)``.
+        """
+        turn = np.unwrap(self._outer_at_pole(matrix, np.zeros(len(matrix))))
+        return np.asarray(turn - turn[0], dtype=np.float64)
 
     def _outer_at_pole(self, matrix: Floats, kept: Floats) -> Floats:
         if len(self.axes) == 2:

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.errors import LimitError, StartError
+from orientd.errors import LimitError, PlanError, StartError
 from orientd.rotation.quaternion import Floats, angle, check_unit
 from orientd_dynamixel.branches import Choice, candidates, choose
 from orientd_dynamixel.certificate import (
@@ -27,11 +27,15 @@ from orientd_dynamixel.certificate import (
     rates,
 )
 from orientd_dynamixel.keyhole import Passage, outer_line, passages, windows
-from orientd_dynamixel.kinematics import Gimbal, wrapped
+from orientd_dynamixel.kinematics import LOCK, Gimbal, wrapped
 from orientd_dynamixel.stops import Timeline, stop_time, with_stops
 
 _SLACK = 1 + 1e-3
 _STILL = 1e-9
+_SAME = 1e-3
+"""How far a path may begin from the angles that are given, rad."""
+_LAG = 5e-3
+"""The same at the pole, where the angles are as measured, some ticks from what was commanded."""
 _RESERVE = 0.97
 """Share of the fastest slew that keeps the tool's limits; the rest is for stops on it."""
 _ADVICE = "allow a deviation, a slower path or a slew, or choose another path"
@@ -91,23 +95,34 @@ def _choose(
     start: Floats | None,
     policy: Policy,
 ) -> Choice:
-    every = candidates(_principal(gimbal, q), limits)
+    first, entry = None, _SAME
+    if start is not None and _is_at_pole(gimbal, q[0]):
+        line, _ = outer_line(gimbal, gimbal.matrix(q))
+        away = float(start[0] - line[0])
+        away -= np.pi * round(away / np.pi)
+        if abs(away) > _LAG:
+            first = float(start[0])
+        else:
+            entry = 2.0 * _LAG
+    every = candidates(_principal(gimbal, q, first), limits)
     ways: list[Passage] = []
     if policy.max_deviation > 0.0:
         matrix = gimbal.matrix(q)
         line, _ = outer_line(gimbal, matrix)
         for window in windows(line, period, limits[0]):
             ways += passages(gimbal, matrix, window, limits, period, policy.max_deviation)
-    choice = choose(every, limits, period, start=start, passages=ways)
+    choice = choose(every, limits, period, start=start, entry=entry, passages=ways)
     if choice.reached < len(q) and policy.allow_slews:
-        choice = choose(every, limits, period, start=start, passages=ways, allow_slews=True)
+        choice = choose(
+            every, limits, period, start=start, entry=entry, passages=ways, allow_slews=True
+        )
     return choice
 
 
-def _principal(gimbal: Gimbal, q: Floats) -> Floats:
+def _principal(gimbal: Gimbal, q: Floats, first: float | None) -> Floats:
     """Return both branches along a path, the outer angle continuous through the pole itself."""
     matrix = gimbal.matrix(q)
-    line, _ = outer_line(gimbal, matrix)
+    line, _ = outer_line(gimbal, matrix, first)
     branches = []
     for turn in (0.0, np.pi):
         inner = gimbal.rest(matrix, line + turn).inner
@@ -143,6 +158,13 @@ def _refuse(
         share = gaps / (np.array([limit.velocity for limit in limits]) * period)
         best = int(np.nanargmin(np.max(share, axis=-1)))
         axis = int(np.argmax(share[best]))
+        if _is_at_pole(gimbal, q[at - 1]):
+            away = float(np.nanmin(gaps[:, 0]))
+            raise PlanError(
+                f"at {time:.6g} s the path leaves the pole in a direction that is "
+                f"{np.rad2deg(away):.1f} deg away from where {limits[0].name} is; allow slews, or "
+                f"first turn {limits[0].name} with the tool off the pole"
+            )
         rate = float(gaps[best, axis] / period)
         raise LimitError(
             f"velocity of {limits[axis].name}", rate, limits[axis].velocity, time, "rad/s", _ADVICE
@@ -159,6 +181,11 @@ def _refuse(
                 f"acceleration of {limit.name}", worst.value, worst.limit, worst.time, "rad/s^2",
                 _ADVICE,
             )  # fmt: skip
+
+
+def _is_at_pole(gimbal: Gimbal, q: Floats) -> bool:
+    _, sine = gimbal.pointing(gimbal.matrix(q))
+    return bool(sine < LOCK)
 
 
 def _refuse_angle(principal: Floats, limits: Sequence[AxisLimits], time: float) -> None:
@@ -194,6 +221,7 @@ def _path(
         choice.angles, period, choice.slews, limits, is_moving=_is_moving(past),
         ramp=stop_time(q, period, tool),
         excess=lambda angles: tool.excess(gimbal.forward(angles), period) / _RESERVE,
+        is_at_pole=lambda angles: _is_at_pole(gimbal, gimbal.forward(angles)),
     )  # fmt: skip
     reached = gimbal.forward(line.angles)
     velocity, acceleration = rates(line.angles, period, past)

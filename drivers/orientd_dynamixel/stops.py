@@ -30,6 +30,8 @@ _PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)
 _CRAWL_STEPS = 8.0
 """Up to so many times what an axis can turn in a sample, a step is a path that is too fast."""
 _ATTEMPTS = 40
+_TILT = math.radians(2.0)
+"""How far off the pole the tool is tilted to turn the outer axis there."""
 
 
 @dataclass(frozen=True)
@@ -78,14 +80,37 @@ def stop_time(q: Floats, period: float, tool: ToolLimits) -> float:
 
 
 def _slew(
-    here: Floats, there: Floats, period: float, limits: Sequence[AxisLimits], excess: Excess
+    here: Floats,
+    there: Floats,
+    period: float,
+    limits: Sequence[AxisLimits],
+    excess: Excess,
+    *,
+    is_at_pole: bool,
 ) -> Floats:
-    """Return axis angles between *here* and *there*, as quick as the axes and the tool allow."""
-    seconds = slew_duration(here, there, limits)
+    """Return axis angles between *here* and *there*, as quick as the axes and the tool allow.
+
+    At the pole itself an orientation says nothing of the outer angle, so the tool is tilted off it
+    meanwhile: the driver would not see the axes turn.
+    """
+    tilt = np.zeros_like(here)
+    if is_at_pole:
+        middle = limits[1]
+        tilt[1] = math.copysign(_TILT, (middle.low + middle.high) / 2 - here[1])
+    seconds = slew_duration(here, there, limits) + slew_duration(np.zeros_like(tilt), tilt, limits)
+    speed = np.array([limit.velocity for limit in limits]) * period
+    bend = np.array([limit.acceleration for limit in limits]) * period**2
     for _ in range(_ATTEMPTS):
         count = max(1, math.ceil(seconds / period))
-        angles: Floats = here + quintic(np.arange(count + 1) / count)[:, None] * (there - here)
-        more = excess(angles)
+        share = np.arange(count + 1) / count
+        angles: Floats = here + quintic(share)[:, None] * (there - here)
+        angles += (64.0 * (share * (1.0 - share)) ** 3)[:, None] * tilt
+        held = np.concatenate([angles[:1], angles, angles[-1:]])
+        more = max(
+            excess(angles),
+            float(np.max(np.abs(np.diff(angles, axis=0)) / speed)),
+            math.sqrt(float(np.max(np.abs(np.diff(held, 2, axis=0)) / bend))),
+        )
         if more <= 1.0:
             break
         seconds = count * period * max(more, 1.01)
@@ -194,6 +219,7 @@ def with_stops(
     ramp: float = _RAMP,
     is_moving: bool = False,
     excess: Excess = lambda _: 0.0,
+    is_at_pole: Callable[[Floats], bool] = lambda _: False,
 ) -> Timeline:
     """Return a path that stops before each sample of *slews* and slews to it.
 
@@ -205,6 +231,7 @@ def with_stops(
         ramp: how long the path takes to stop, s.
         is_moving: whether the path begins in motion.
         excess: of axis angles from rest to rest.
+        is_at_pole: whether axis angles are.
 
     Raises:
         PlanError: it does, and would have to stop sooner than it can.
@@ -240,7 +267,7 @@ def with_stops(
             inside, path_times = inside[1:-1], (last + at[1:-1]) * period
         else:
             here, there = angles[last], angles[after]
-            inside = _slew(here, there, period, limits, excess)
+            inside = _slew(here, there, period, limits, excess, is_at_pole=is_at_pole(here))
             path_times = np.full(len(inside), last * period)
         pieces.append(inside)
         path_pieces.append(path_times)

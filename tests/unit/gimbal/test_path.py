@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from orientd.errors import LimitError, StartError
+from orientd.errors import LimitError, PlanError, StartError
 from orientd.rotation import angle, exp, from_axis_angle, from_matrix, log, multiply
-from orientd_dynamixel.certificate import AxisLimits, Policy, rates
+from orientd_dynamixel.certificate import AxisLimits, Policy, ToolLimits, rates
 from orientd_dynamixel.kinematics import Gimbal, damped_rates
 from orientd_dynamixel.path import plan_axes
+from orientd_dynamixel.tracker import Tracker
 
 PERIOD = 0.005
 NO_LOAD = 4.817
@@ -318,3 +319,87 @@ def test_stretch_that_is_too_fast_is_gone_along_slowly_on_the_path():
     inside = (path.times >= crawl.start) & (path.times <= crawl.end)
     near = np.max(np.abs(path.q[inside] @ q[700:900].T), axis=1)
     assert 2 * np.arccos(np.min(near).clip(-1, 1)) < np.deg2rad(15) * PERIOD
+
+
+def leaving_the_pole(order, away, *, seconds=2.0, hold=0):
+    """A path from rest at the pole, and where the gimbal stands: *away* from its direction."""
+    times = np.arange(0, seconds, PERIOD) / seconds
+    way = 1.2 * (10 * times**3 - 15 * times**4 + 6 * times**5)
+    way = np.concatenate([np.zeros(hold), way])
+    gimbal = Gimbal(order)
+    start = np.array([0.4, -np.pi / 2 if order != "ZXY" else np.pi / 2, 0.3])[: len(order)]
+    q = gimbal.forward(start)
+    turned = start.copy()
+    turned[0] += away
+    if len(order) == 3:
+        # The same orientation: what the outer axis is turned, the inner one is turned back.
+        signs = (1, -1)
+        turned = min(
+            (np.add(turned, (0, 0, sign * away)) for sign in signs),
+            key=lambda angles: float(angle(gimbal.forward(angles), q)),
+        )
+        assert angle(gimbal.forward(turned), q) < 1e-9
+    outer = from_axis_angle([0, 0, 1], start[0])
+    axis = multiply(
+        multiply(outer, [0, *np.eye(3)["XYZ".index(order[1])]]), outer * [1, -1, -1, -1]
+    )
+    return multiply(from_axis_angle(axis[1:], way), q), turned
+
+
+@pytest.mark.parametrize("order", ["ZYX", "ZXY", "ZY"])
+@pytest.mark.parametrize("away", [0.3, -1.2, 1.5])
+@pytest.mark.parametrize("hold", [0, 100])
+def test_path_that_leaves_the_pole_elsewhere_is_refused_for_what_it_is(order, away, hold):
+    q, start = leaving_the_pole(order, away, hold=hold)
+    with pytest.raises(PlanError, match=f"{np.rad2deg(abs(away)):.1f} deg away from where pan is"):
+        plan_axes(Gimbal(order), q, PERIOD, limits(order), start=start)
+
+
+@pytest.mark.parametrize("order", ["ZYX", "ZXY", "ZY"])
+@pytest.mark.parametrize("away", [0.3, -1.2, 1.5])
+@pytest.mark.parametrize("hold", [0, 100])
+def test_slew_at_the_pole_is_one_that_the_driver_follows(order, away, hold):
+    q, start = leaving_the_pole(order, away, hold=hold)
+    tool = ToolLimits(1.5, 8.0, 1500.0)
+    bounds = limits(order)
+    path = plan_axes(Gimbal(order), q, PERIOD, bounds, start=start,
+                     policy=Policy(allow_slews=True), tool=tool)  # fmt: skip
+    (slew,) = path.certificate.slews
+    assert not slew.is_on_path
+    assert path.angles[0] == pytest.approx(start, abs=1e-9)
+    tracker = Tracker(order, (1.0, 0, 0, 0), (1.0, 0, 0, 0), is_pointing=True)
+    tracker.angles = tuple(start.tolist())
+    worst = 0.0
+    for wanted, row in zip(path.q.tolist(), path.angles, strict=True):
+        tracker.angles, _ = tracker.solve(wanted)
+        worst = max(worst, float(np.max(np.abs(np.subtract(tracker.angles, row)))))
+    assert worst < 1e-4
+    velocity, acceleration = rates(path.angles, PERIOD)
+    for axis, limit in enumerate(bounds):
+        assert np.max(np.abs(velocity[:, axis])) <= limit.velocity * 1.001
+        assert np.max(np.abs(acceleration[:, axis])) <= limit.acceleration * 1.001
+    if len(order) == 3:
+        assert angle(path.q[-1], q[-1]) < 1e-9
+    assert path.certificate.error.value < 1e-6
+
+
+@pytest.mark.parametrize("order", ["ZYX", "ZXY"])
+def test_turn_at_the_pole_is_one_of_the_outer_axis_as_in_the_driver(order):
+    q, start = leaving_the_pole(order, 0.3)
+    times = np.linspace(0, 1, 400)
+    spin = 0.8 * (10 * times**3 - 15 * times**4 + 6 * times**5)
+    q = multiply(from_axis_angle([0, 0, 1], spin), q[0])
+    path = plan_axes(Gimbal(order), q, PERIOD, limits(order), start=start)
+    assert path.angles[-1] == pytest.approx(np.add(start, (0.8, 0, 0)), abs=1e-9)
+    tracker = Tracker(order, (1.0, 0, 0, 0), (1.0, 0, 0, 0))
+    tracker.angles = tuple(start.tolist())
+    for wanted in path.q.tolist():
+        tracker.angles, _ = tracker.solve(wanted)
+    assert tracker.angles == pytest.approx(path.angles[-1], abs=1e-6)
+
+
+def test_path_that_leaves_the_pole_as_the_gimbal_stands_needs_nothing():
+    for away in (0.0, 1e-3, -2e-3):
+        q, start = leaving_the_pole("ZYX", away)
+        path = plan_axes(Gimbal("ZYX"), q, PERIOD, limits("ZYX"), start=start)
+        assert path.certificate.error.value < 1e-9
