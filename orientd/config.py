@@ -22,9 +22,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
     Field,
     ValidationError,
     ValidationInfo,
@@ -35,6 +32,7 @@ from pydantic_core import PydanticCustomError
 
 from orientd.errors import ConfigError
 from orientd.limit_field import AngularLimit, LinearLimit
+from orientd.operation_settings import AccessSettings, SomePath, Table, TcpSettings
 
 if TYPE_CHECKING:
     from orientd.planner import Limits
@@ -43,11 +41,6 @@ NANOSECONDS = 1_000_000_000
 MAX_RATE_HZ = 4000.0
 LONGEST_LEAD = 1.0
 """s."""
-
-
-def _expand(value: object) -> object:
-    # TOML knows no paths; anything but text is left for the model to refuse.
-    return Path(value).expanduser() if isinstance(value, str) else value
 
 
 _EXPECTED = {
@@ -63,14 +56,9 @@ _EXPECTED = {
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-SomePath = Annotated[Path, BeforeValidator(_expand)]
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
-
-
-class DaemonSettings(_Table):
+class DaemonSettings(Table):
     """The table ``[daemon]``.
 
     Attributes:
@@ -82,7 +70,7 @@ class DaemonSettings(_Table):
     lease_seconds: Annotated[float, Field(ge=0.2, le=3600.0)] = 5.0
 
 
-class RecorderSettings(_Table):
+class RecorderSettings(Table):
     """The table ``[recorder]``: the flight recorder, which writes a file on every fault.
 
     Attributes:
@@ -99,7 +87,7 @@ class RecorderSettings(_Table):
     keep_megabytes: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] = 200.0
 
 
-class LimitSettings(_Table):
+class LimitSettings(Table):
     """The table ``[devices.NAME.limits]``; what is not given is the default of the planner.
 
     The angular ones are limits of a norm, or of three components in the body frame.
@@ -140,7 +128,7 @@ class LimitSettings(_Table):
         return base.with_rates(given)
 
 
-class DeviceSettings(_Table):
+class DeviceSettings(Table):
     """The table ``[devices.NAME]``.
 
     Attributes:
@@ -210,17 +198,21 @@ class DeviceSettings(_Table):
         return round(NANOSECONDS / self.rate_hz)
 
 
-class Settings(_Table):
+class Settings(Table):
     """A whole file.
 
     Attributes:
         daemon: the table ``[daemon]``.
         recorder: the table ``[recorder]``.
+        access: the table ``[access]``.
+        tcp: the table ``[tcp]``; without it there is the Unix socket only.
         devices: the tables ``[devices.NAME]`` by name.
     """
 
     daemon: DaemonSettings = DaemonSettings()
     recorder: RecorderSettings = RecorderSettings()
+    access: AccessSettings = AccessSettings()
+    tcp: TcpSettings | None = None
     devices: Annotated[dict[str, DeviceSettings], Field(min_length=1)]
 
     @model_validator(mode="before")

@@ -14,6 +14,8 @@ An error is ours (a call failed); a fault is the device's (it stopped and waits 
     ├── StateError              not possible in the device's present state
     │   └── LateError           the device has gone past the point that it was for
     ├── LeaseError              the caller does not hold the lease
+    ├── AccessError             the caller may not do that, whoever holds the lease
+    ├── TooMuchError            the caller asks for more at a time than one may
     ├── DeviceError             raised by drivers, in the servo process
     │   ├── LinkError           the connection to the device is gone
     │   ├── FeedbackError       feedback is missing or older than its limit
@@ -95,6 +97,14 @@ class LateError(StateError):
 
 class LeaseError(OrientdError):
     """A command from somebody who does not hold the lease."""
+
+
+class AccessError(OrientdError):
+    """A call that its caller's role does not permit, or of somebody unknown."""
+
+
+class TooMuchError(OrientdError):
+    """More requests, or more at the same time, than one caller may make."""
 
 
 class DeviceError(OrientdError):

@@ -40,7 +40,7 @@ class PictureFormat(StrEnum):
 @command
 def run(
     config: ConfigFile = None,
-    socket: Socket = None,
+    listen: Socket = None,
     until_end_of_input: Annotated[
         bool, typer.Option("--until-end-of-input", help="End when standard input does.")
     ] = False,
@@ -73,7 +73,7 @@ def run(
 
     server.run(
         settings,
-        socket=(socket or settings.daemon.socket or default_socket()).absolute(),
+        socket=(listen or settings.daemon.socket or default_socket()).absolute(),
         configuration=str(path.absolute()) if path else "",
         on_ready=ready,
     )
@@ -103,7 +103,8 @@ def status(socket: Socket = None, as_json: AsJson = False) -> None:
         f"at {daemon.socket}"
     )
     if daemon.lease_holder:
-        say(f"lease   {daemon.lease_holder}, for another {daemon.lease_remaining:.1f} s")
+        whose = f" ({daemon.lease_identity})" if daemon.lease_identity else ""
+        say(f"lease   {daemon.lease_holder}{whose}, for another {daemon.lease_remaining:.1f} s")
     else:
         say("lease   free")
     for device in report.devices.values():

@@ -11,11 +11,13 @@ import typer
 import orientd
 from orientd.cli import (
     bench,
+    certs,
     compare,
     daemon_commands,
     demo,
     device_commands,
     doctor,
+    lease,
     motion_commands,
     plot,
     record,
@@ -76,6 +78,8 @@ for _command in (
     app.command()(_command)
 app.add_typer(bench.bench)
 app.add_typer(sim.sim)
+app.add_typer(lease.lease)
+app.add_typer(certs.certs)
 
 
 def main() -> None:

@@ -7,6 +7,7 @@ Standard output carries what was asked for, standard error what went wrong.  Exi
 from __future__ import annotations
 
 import functools
+import inspect
 import json
 import math
 import os
@@ -30,6 +31,16 @@ DeviceName = Annotated[
     str, typer.Option("--device", "-d", help="Which device, where there are several.")
 ]
 
+_REMOTE = {
+    "address": Annotated[
+        str | None,
+        typer.Option("--address", metavar="HOST:PORT", help="Reach a daemon over TCP, with TLS."),
+    ],
+    "cert": Annotated[Path | None, typer.Option("--cert", help="For --address: who this is.")],
+    "key": Annotated[Path | None, typer.Option("--key", help="For --address: of --cert.")],
+    "ca": Annotated[Path | None, typer.Option("--ca", help="For --address: of the daemon.")],
+}
+
 _QUATERNIONS = {"q", "feedback_q"}
 
 Parameters = ParamSpec("Parameters")
@@ -39,12 +50,19 @@ Returned = TypeVar("Returned")
 def command(run: Callable[Parameters, None]) -> Callable[Parameters, None]:
     """Make a command of *run*: what goes wrong becomes one line and exit status 1.
 
-    Where the command has ``as_json``, it is one JSON object instead, on standard error too.
+    Where the command has ``as_json``, it is one JSON object instead, on standard error too.  Where
+    it has ``socket`` to connect to, it gets the options of a daemon that is reached over TCP.
     """
 
     @functools.wraps(run)
     def reporting(*arguments: Parameters.args, **options: Parameters.kwargs) -> None:
         as_json = bool(options.get("as_json"))
+        for name in _REMOTE:
+            given = options.pop(name, None)
+            if given is not None:
+                os.environ[f"ORIENTD_{name.upper()}"] = str(given)
+                if name == "address":
+                    options["socket"] = None
         try:
             run(*arguments, **options)
             sys.stdout.flush()
@@ -57,6 +75,15 @@ def command(run: Callable[Parameters, None]) -> Callable[Parameters, None]:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             raise typer.Exit(1) from None
 
+    signature = inspect.signature(run, eval_str=True)
+    if "socket" in signature.parameters:
+        more = [
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=kind)
+            for name, kind in _REMOTE.items()
+        ]
+        listed = [*signature.parameters.values(), *more]
+        reporting.__signature__ = signature.replace(parameters=listed)  # type: ignore[attr-defined] # typer reads it
+        reporting.__annotations__ = {**run.__annotations__, **_REMOTE}
     return reporting
 
 

@@ -144,19 +144,44 @@ class Cell:
 
     # The lease
 
-    def acquire(self, holder: str) -> Lease:
-        """Give the lease to *holder*.
+    def acquire(self, holder: str, owner: str = "") -> Lease:
+        """Give the lease to *holder*, who is *owner*, if it is free or was handed over to them.
 
         Raises:
             RequestError: the holder has no name.
             LeaseError: somebody else holds it.
         """
-        holder = " ".join(holder.split())[:200]
-        if not holder:
-            raise RequestError("holder", "expected a name to tell others, got nothing")
+        holder = _holder(holder)
         self.expire()
-        lease = self.desk.acquire(holder)
+        lease = self.desk.acquire(holder, owner)
         _log.info("lease: acquired by %r", holder)
+        return lease
+
+    def transfer(self, token: str, owner: str, name: str) -> Lease:
+        """Hand the lease, and the motions under it, over to *owner*, called *name*.
+
+        Raises:
+            LeaseError: it is not held with *token*.
+        """
+        before, lease = self.desk.transfer(token, owner, name)
+        self.runs.reassign(before.token, lease.token)
+        _log.info("lease: %r hands it over to %r", before.holder, name)
+        return lease
+
+    def seize(self, holder: str, owner: str, reason: str) -> Lease:
+        """Give the lease to *holder* whoever has it; a motion that was started with it stops.
+
+        Raises:
+            RequestError: the holder has no name, or there is no reason.
+        """
+        holder, reason = _holder(holder), " ".join(reason.split())[:200]
+        if not reason:
+            raise RequestError("reason", "expected why the lease is seized, got nothing")
+        before, lease = self.desk.seize(holder, owner)
+        whose = "nobody" if before is None else repr(before.holder)
+        _log.warning("lease: %r seizes it from %s: %s", holder, whose, reason)
+        if before is not None:
+            self._disown(before, f"was seized by {holder}: {reason}")
         return lease
 
     def release(self, token: str) -> None:
@@ -462,6 +487,13 @@ class Cell:
             if self._is_closing:
                 raise DaemonError("the daemon is going down")
         return lease
+
+
+def _holder(name: str) -> str:
+    name = " ".join(name.split())[:200]
+    if not name:
+        raise RequestError("holder", "expected a name to tell others, got nothing")
+    return name
 
 
 def pause(device: Device) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import secrets
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from orientd.clock import Clock
 from orientd.errors import LeaseError
@@ -24,11 +24,15 @@ class Lease:
         token: secret of the holder; goes into every command.
         holder: who holds it, as they named themselves.
         expires_ns: when it ends unless it is renewed, monotonic clock.
+        owner: whose it is, as the daemon knows them; empty where it knows nobody.
+        is_offered: whether it was handed over to the owner, who has not taken it yet.
     """
 
     token: str
     holder: str
     expires_ns: int
+    owner: str = ""
+    is_offered: bool = False
 
 
 class LeaseDesk:
@@ -63,18 +67,57 @@ class LeaseDesk:
         """Return for how many seconds *lease* still lasts; never negative."""
         return max(0, lease.expires_ns - self._clock.now_ns()) / NANOSECONDS
 
-    def acquire(self, holder: str) -> Lease:
-        """Give the lease to *holder*.
+    def owner(self, token: str) -> str | None:
+        """Return whose the lease of *token* is; ``None`` if that is not the present one."""
+        with self._lock:
+            held = self._valid()
+            return held.owner if held is not None and _is_same(held.token, token) else None
+
+    def acquire(self, holder: str, owner: str = "") -> Lease:
+        """Give the lease to *holder*, if it is free or was handed over to *owner*.
 
         Raises:
             LeaseError: somebody holds it; the message names them and the time that is left.
         """
         with self._lock:
             held = self._valid()
-            if held is not None:
+            if held is None:
+                self._lease = self._new(holder, owner)
+            elif held.is_offered and held.owner == owner:
+                self._lease = replace(
+                    held, holder=holder, is_offered=False, expires_ns=self._deadline()
+                )
+            else:
                 raise LeaseError(self._taken(held))
-            self._lease = Lease(secrets.token_hex(16), holder, self._deadline())
             return self._lease
+
+    def transfer(self, token: str, owner: str, name: str) -> tuple[Lease, Lease]:
+        """Hand the lease over to *owner*, called *name*, who has its full time to acquire it.
+
+        Returns:
+            The lease before and after; the token of the former is worthless from now on.
+
+        Raises:
+            LeaseError: *token* is not that of the present holder.
+        """
+        with self._lock:
+            held = self._check(token)
+            self._ended = held
+            self._lease = replace(self._new(name, owner), is_offered=True)
+            return held, self._lease
+
+    def seize(self, holder: str, owner: str) -> tuple[Lease | None, Lease]:
+        """Give the lease to *holder* whoever has it.
+
+        Returns:
+            The lease before, if there was one, and the one now.
+        """
+        with self._lock:
+            before = self._valid()
+            if before is not None:
+                self._ended = before
+            self._lease = self._new(holder, owner)
+            return before, self._lease
 
     def renew(self, token: str) -> Lease:
         """Let the lease of *token* last its full time from now.
@@ -84,7 +127,7 @@ class LeaseDesk:
         """
         with self._lock:
             held = self._check(token)
-            self._lease = Lease(held.token, held.holder, self._deadline())
+            self._lease = replace(held, expires_ns=self._deadline())
             return self._lease
 
     def release(self, token: str) -> Lease:
@@ -115,6 +158,9 @@ class LeaseDesk:
             self._ended, self._lease = self._lease, None
             return self._ended
 
+    def _new(self, holder: str, owner: str) -> Lease:
+        return Lease(secrets.token_hex(16), holder, self._deadline(), owner)
+
     def _deadline(self) -> int:
         return self._clock.now_ns() + self._span_ns
 
@@ -126,7 +172,7 @@ class LeaseDesk:
         if not token:
             raise LeaseError("a command needs the lease: acquire it and send its token")
         held = self._valid()
-        if held is not None and secrets.compare_digest(held.token.encode(), token.encode()):
+        if held is not None and _is_same(held.token, token):
             return held
         if held is not None:
             raise LeaseError(self._taken(held))
@@ -140,3 +186,8 @@ class LeaseDesk:
     def _taken(self, held: Lease) -> str:
         remaining = self.remaining(held)
         return f"the lease is held by {held.holder!r}, for another {remaining:.1f} s if not renewed"
+
+
+def _is_same(token: str, other: str) -> bool:
+    """Compare in a time that does not tell how much of it was right."""
+    return secrets.compare_digest(token.encode(), other.encode())

@@ -91,6 +91,13 @@ class Runs:
                 if not run.ended.done() and token in (None, run.token)
             ]
 
+    def reassign(self, before: str, token: str) -> None:
+        """Have the motions under the lease of token *before* go on under that of *token*."""
+        with self._lock:
+            for run in self._runs.values():
+                if run.token == before:
+                    run.token = token
+
     def begin(
         self,
         device: Device,

@@ -17,6 +17,7 @@ from grpc_reflection.v1alpha import reflection
 
 import orientd
 from orientd.config import Settings
+from orientd.daemon.access.entry import Entry, inner_socket
 from orientd.daemon.claim import claimed
 from orientd.daemon.gate import Gate
 from orientd.daemon.notify import notify
@@ -43,7 +44,6 @@ GRACE = 1.0
 _LEASE_CHECKS = 0.02  # s between looks at whether the lease has run out
 
 _OPTIONS = (
-    ("grpc.max_receive_message_length", MAX_MESSAGE_BYTES),
     ("grpc.max_send_message_length", MAX_MESSAGE_BYTES),
     ("grpc.keepalive_time_ms", 10_000),
     ("grpc.keepalive_timeout_ms", 5_000),
@@ -71,9 +71,9 @@ def run(
         ConfigError: a device of the settings is not possible here.
         DaemonError: there is a daemon at *socket* already, or it cannot be listened at.
     """
-    address = target(socket)
-    with claimed(socket):
-        asyncio.run(_Daemon(settings, socket, configuration, on_ready).run(address))
+    target(socket)  # whether the path can be that of a socket
+    with claimed(socket), inner_socket(socket) as inner:
+        asyncio.run(_Daemon(settings, socket, configuration, on_ready).run(inner))
 
 
 class _Daemon:
@@ -91,20 +91,23 @@ class _Daemon:
         self._started = time.monotonic()
         self._stopping = asyncio.Event()
 
-    async def run(self, address: str) -> None:
-        """Serve until told to stop, then bring everything to rest."""
+    async def run(self, inner: str) -> None:
+        """Serve at *inner*, behind the door, until told to stop; then bring everything to rest."""
         loop = asyncio.get_running_loop()
         for number in (signal.SIGTERM, signal.SIGINT):
             loop.add_signal_handler(number, self._stop, number)
         gate = Gate(SERVICE)
+        entry = Entry(self._settings.access, self._settings.tcp, inner)
         checks = health.aio.HealthServicer()  # type: ignore[attr-defined] # not in the stubs
-        server = _server(gate, checks)
-        _bind(server, address, self._socket)
+        server = _server(gate, checks, entry, self._settings.access.message_bytes)
+        _bind(server, inner, self._socket)
         await server.start()
         try:
+            await entry.open(self._socket)
             for name in ("", SERVICE):
                 await checks.set(name, health_pb2.HealthCheckResponse.SERVING)
-            cell, service = await asyncio.to_thread(self._load)
+            cell, service = await asyncio.to_thread(self._load, entry)
+            entry.checkpoint.guard_leases(cell.desk.owner)
             try:
                 gate.open(lambda into: add_ControlServicer_to_server(service, into))  # type: ignore[no-untyped-call] # generated
                 await self._serve(cell)
@@ -117,15 +120,16 @@ class _Daemon:
                 _log.info("daemon: ended")
         finally:
             await server.stop(None)
+            entry.close()
 
-    def _load(self) -> tuple[Cell, ControlService]:
+    def _load(self, entry: Entry) -> tuple[Cell, ControlService]:
         """Import, and start, what takes its time."""
         from orientd.daemon.cell import Cell
         from orientd.daemon.service import ControlService
 
         cell = Cell(self._settings)
         cell.launch()
-        return cell, ControlService(cell, lambda: self._describe(cell))
+        return cell, ControlService(cell, lambda: self._describe(cell), who=entry.named)
 
     async def _serve(self, cell: Cell) -> None:
         expiry = asyncio.create_task(_expire_leases(cell))
@@ -153,6 +157,7 @@ class _Daemon:
             socket=str(self._socket),
             configuration=self._configuration,
             lease_holder=lease.holder if lease else "",
+            lease_identity=lease.owner if lease else "",
             lease_remaining=cell.desk.remaining(lease) if lease else 0.0,
         )
 
@@ -172,8 +177,11 @@ async def _expire_leases(cell: Cell) -> None:
             await asyncio.to_thread(cell.expire)
 
 
-def _server(gate: Gate, checks: health_pb2_grpc.HealthServicer) -> grpc.aio.Server:
-    server = grpc.aio.server(interceptors=(gate,), options=_OPTIONS)
+def _server(
+    gate: Gate, checks: health_pb2_grpc.HealthServicer, entry: Entry, message_bytes: int
+) -> grpc.aio.Server:
+    options = (*_OPTIONS, ("grpc.max_receive_message_length", message_bytes))
+    server = grpc.aio.server(interceptors=(entry.checkpoint, gate), options=options)
     server.add_generic_rpc_handlers((gate,))
     health_pb2_grpc.add_HealthServicer_to_server(checks, server)
     names = (SERVICE, health.SERVICE_NAME, reflection.SERVICE_NAME)
@@ -181,13 +189,12 @@ def _server(gate: Gate, checks: health_pb2_grpc.HealthServicer) -> grpc.aio.Serv
     return server
 
 
-def _bind(server: grpc.aio.Server, address: str, socket: Path) -> None:
-    """Listen at *address*, for the user alone."""
+def _bind(server: grpc.aio.Server, inner: str, socket: Path) -> None:
+    """Listen at *inner*, for the user alone."""
     before = os.umask(0o177)
     try:
-        server.add_insecure_port(address)
+        server.add_insecure_port(f"unix:{inner}")
     except RuntimeError as error:
         raise DaemonError(f"cannot listen at {socket}: {error}") from error
     finally:
         os.umask(before)
-    socket.chmod(0o600)

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, Protocol, TypeVar
 import grpc
 
 from orientd.daemon import report
+from orientd.daemon.access.identity import Identity, caller_key
 from orientd.daemon.cell import Cell, pause, resume
 from orientd.daemon.device import Device
 from orientd.daemon.following import Following
@@ -84,9 +85,22 @@ class _CommandRequest(Protocol):
 class ControlService(ControlServicer):
     """What the control socket offers."""
 
-    def __init__(self, cell: Cell, describe: Callable[[], DaemonReport]) -> None:
-        """Serve *cell*; *describe* says what there is to say about the daemon itself."""
+    def __init__(
+        self,
+        cell: Cell,
+        describe: Callable[[], DaemonReport],
+        *,
+        who: Callable[[str], Identity],
+    ) -> None:
+        """Serve *cell*.
+
+        Args:
+            cell: devices, lease and motions.
+            describe: says what there is to say about the daemon itself.
+            who: returns who is called by a name and may command.
+        """
         self._cell = cell
+        self._who = who
         self._describe = describe
         self._planners = Planners(PLANNERS)
         self._commanders = ThreadPoolExecutor(COMMANDERS, thread_name_prefix="command")
@@ -439,7 +453,8 @@ class ControlService(ControlServicer):
         self, request: pb.AcquireLeaseRequest, context: Context
     ) -> pb.AcquireLeaseResponse:
         """Take the lease if it is free."""
-        lease = await self._do(context, lambda: self._cell.acquire(request.holder))
+        owner = caller_key()
+        lease = await self._do(context, lambda: self._cell.acquire(request.holder, owner))
         return pb.AcquireLeaseResponse(lease=self._lease_message(lease))
 
     async def RenewLease(
@@ -459,6 +474,28 @@ class ControlService(ControlServicer):
         """Give the lease back."""
         await self._do(context, lambda: self._cell.release(request.token))
         return pb.ReleaseLeaseResponse()
+
+    async def TransferLease(
+        self, request: pb.TransferLeaseRequest, context: Context
+    ) -> pb.TransferLeaseResponse:
+        """Hand the lease over."""
+
+        def work() -> Lease:
+            to = self._who(request.to)
+            return self._cell.transfer(request.token, to.key, to.name)
+
+        lease = await self._do(context, work)
+        return pb.TransferLeaseResponse(seconds=self._cell.desk.remaining(lease))
+
+    async def SeizeLease(
+        self, request: pb.SeizeLeaseRequest, context: Context
+    ) -> pb.SeizeLeaseResponse:
+        """Take the lease whoever holds it."""
+        owner = caller_key()
+        lease = await self._do(
+            context, lambda: self._cell.seize(request.holder, owner, request.reason)
+        )
+        return pb.SeizeLeaseResponse(lease=self._lease_message(lease))
 
     def _lease_message(self, lease: Lease) -> pb.Lease:
         return pb.Lease(

@@ -20,7 +20,7 @@ import grpc
 from orientd.errors import LeaseError, OrientdError
 from orientd.planner import MotionRequest
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.address import MAX_MESSAGE_BYTES, default_socket, target
+from orientd.rpc.channel import Way
 from orientd.rpc.control_pb2_grpc import ControlStub
 from orientd.rpc.lease_keeper import LeaseKeeper
 from orientd.rpc.motion_request import Wishes, motion_request
@@ -40,30 +40,38 @@ from orientd.rpc.status import from_call
 from orientd.rpc.tracking import Tracking
 from orientd.stream import Cycle
 
-_OPTIONS = (
-    ("grpc.max_receive_message_length", MAX_MESSAGE_BYTES),
-    ("grpc.max_send_message_length", MAX_MESSAGE_BYTES),
-    ("grpc.keepalive_time_ms", 10_000),
-    ("grpc.keepalive_timeout_ms", 5_000),
-)
-
 Answer = TypeVar("Answer")
 
 
-def connect(socket: str | Path | None = None, *, holder: str = "", timeout: float = 30.0) -> Robot:
+def connect(
+    socket: str | Path | None = None,
+    *,
+    address: str | None = None,
+    certificate: str | Path | None = None,
+    key: str | Path | None = None,
+    ca: str | Path | None = None,
+    holder: str = "",
+    timeout: float = 30.0,
+) -> Robot:
     """Connect to the daemon.
 
     Args:
         socket: where it listens; by default ``$ORIENTD_SOCKET``, or the user's runtime directory.
+        address: ``HOST:PORT``, where it listens for TLS; by default ``$ORIENTD_ADDRESS`` unless
+            *socket* is given.
+        certificate: who this client is, a file; by default ``$ORIENTD_CERT``.
+        key: of that certificate, a file; by default ``$ORIENTD_KEY``.
+        ca: who has signed the daemon's certificate, a file; by default ``$ORIENTD_CA``.
         holder: what others are told when they are refused because of this client.
         timeout: how long the daemon may take to answer a command, s.  Planning has no limit.
 
     Raises:
-        DaemonError: no daemon answers there.
+        DaemonError: no daemon answers there, or not to this certificate.
+        AccessError: it does not let this user do anything.
     """
-    path = Path(socket).expanduser() if socket is not None else default_socket()
+    way = Way.find(socket, address, certificate, key, ca)
     program = Path(sys.argv[0]).name or "python"
-    robot = Robot(path, holder=holder or f"{program}, process {os.getpid()}", timeout=timeout)
+    robot = Robot(way, holder=holder or f"{program}, process {os.getpid()}", timeout=timeout)
     try:
         robot.state()
     except OrientdError:
@@ -80,19 +88,20 @@ class Robot:
     ``device`` may be left out wherever the daemon has one device only.
     """
 
-    def __init__(self, socket: Path, *, holder: str, timeout: float) -> None:
-        """Prepare to talk to the daemon at *socket*; see :func:`connect`.
+    def __init__(self, way: Way, *, holder: str, timeout: float) -> None:
+        """Prepare to talk to the daemon at the end of *way*; see :func:`connect`.
 
         Args:
-            socket: where the daemon listens.
+            way: to the daemon.
             holder: what others are told.
             timeout: how long an answer may take, s.
         """
-        self.socket = socket
+        self.socket = way.socket
+        self._way = way
         self.holder = holder
         self._timeout = timeout
         self._borrowed = ""
-        self._channel = grpc.insecure_channel(target(socket), options=_OPTIONS)
+        self._channel = way.open()
         self._stub: Any = ControlStub(self._channel)  # type: ignore[no-untyped-call] # generated
         self._moves: list[MoveHandle] = []
         self._keeper = LeaseKeeper(acquire=self._acquire, renew=self._renew, release=self._release)
@@ -401,6 +410,37 @@ class Robot:
         """Give the lease back now, rather than at the end; what still runs is stopped."""
         self._keeper.release()
 
+    def transfer_lease(self, to: str) -> float:
+        """Hand the lease, and what runs under it, over to somebody else.
+
+        Args:
+            to: a user's name or number, or ``certificate:NAME``; they acquire the lease.
+
+        Returns:
+            For how many seconds it waits for them.
+
+        Raises:
+            RequestError: nobody is called so who may command.
+            LeaseError: this client does not hold the lease.
+        """
+        request = pb.TransferLeaseRequest(token=self._token(), to=to)
+        seconds: float = self._ask(self._stub.TransferLease, request).seconds
+        self._keeper.forsake()
+        self._borrowed = ""
+        return seconds
+
+    def seize_lease(self, reason: str) -> None:
+        """Take the lease whoever holds it; motions that run under it are stopped.
+
+        Args:
+            reason: why; it is recorded, and told to whoever runs a motion.
+
+        Raises:
+            AccessError: that is for administrators.
+        """
+        request = pb.SeizeLeaseRequest(holder=self.holder, reason=reason)
+        self._keeper.hold(self._ask(self._stub.SeizeLease, request).lease)
+
     def _token(self) -> str:
         return self._borrowed or self._keeper.token()
 
@@ -440,4 +480,4 @@ class Robot:
             raise self._explain(error) from error
 
     def _explain(self, error: grpc.RpcError) -> OrientdError:
-        return from_call(error, where=str(self.socket))
+        return from_call(error, where=str(self._way))

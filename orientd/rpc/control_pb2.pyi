@@ -392,12 +392,14 @@ class DeviceReport(_message.Message):
     def __init__(self, device: _Optional[_Union[Device, _Mapping]] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., fault_text: _Optional[str] = ..., is_paused: bool = ..., speed: _Optional[float] = ..., motion_number: _Optional[int] = ..., motion_id: _Optional[str] = ..., path_time: _Optional[float] = ..., duration: _Optional[float] = ..., servo_pid: _Optional[int] = ..., scheduling: _Optional[str] = ..., is_memory_locked: bool = ..., cycle: _Optional[_Union[Cycle, _Mapping]] = ...) -> None: ...
 
 class LeaseReport(_message.Message):
-    __slots__ = ("holder", "remaining")
+    __slots__ = ("holder", "remaining", "identity")
     HOLDER_FIELD_NUMBER: _ClassVar[int]
     REMAINING_FIELD_NUMBER: _ClassVar[int]
+    IDENTITY_FIELD_NUMBER: _ClassVar[int]
     holder: str
     remaining: float
-    def __init__(self, holder: _Optional[str] = ..., remaining: _Optional[float] = ...) -> None: ...
+    identity: str
+    def __init__(self, holder: _Optional[str] = ..., remaining: _Optional[float] = ..., identity: _Optional[str] = ...) -> None: ...
 
 class DaemonReport(_message.Message):
     __slots__ = ("version", "pid", "uptime", "socket", "configuration", "lease")
@@ -948,3 +950,31 @@ class ReleaseLeaseRequest(_message.Message):
 class ReleaseLeaseResponse(_message.Message):
     __slots__ = ()
     def __init__(self) -> None: ...
+
+class TransferLeaseRequest(_message.Message):
+    __slots__ = ("token", "to")
+    TOKEN_FIELD_NUMBER: _ClassVar[int]
+    TO_FIELD_NUMBER: _ClassVar[int]
+    token: str
+    to: str
+    def __init__(self, token: _Optional[str] = ..., to: _Optional[str] = ...) -> None: ...
+
+class TransferLeaseResponse(_message.Message):
+    __slots__ = ("seconds",)
+    SECONDS_FIELD_NUMBER: _ClassVar[int]
+    seconds: float
+    def __init__(self, seconds: _Optional[float] = ...) -> None: ...
+
+class SeizeLeaseRequest(_message.Message):
+    __slots__ = ("holder", "reason")
+    HOLDER_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    holder: str
+    reason: str
+    def __init__(self, holder: _Optional[str] = ..., reason: _Optional[str] = ...) -> None: ...
+
+class SeizeLeaseResponse(_message.Message):
+    __slots__ = ("lease",)
+    LEASE_FIELD_NUMBER: _ClassVar[int]
+    lease: Lease
+    def __init__(self, lease: _Optional[_Union[Lease, _Mapping]] = ...) -> None: ...

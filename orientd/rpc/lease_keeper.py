@@ -65,8 +65,13 @@ class LeaseKeeper:
             LeaseError: it is not the present one.
             DaemonError: the daemon does not answer.
         """
-        lease = self._renew(token)
+        self.hold(self._renew(token))
+
+    def hold(self, lease: pb.Lease) -> None:
+        """Keep *lease*, which somebody has asked for, from now on."""
         with self._lock:
+            self._done.set()
+            self._lost = None
             self._hold(lease)
 
     def forsake(self) -> None:

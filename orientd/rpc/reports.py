@@ -302,6 +302,7 @@ class DaemonReport:
         configuration: path of its file; empty for the built-in one.
         lease_holder: who holds the lease; empty when it is free.
         lease_remaining: how long the lease lasts unless renewed, s.
+        lease_identity: whose the lease is as the daemon knows them, for example ``user:1000``.
     """
 
     version: str
@@ -311,6 +312,7 @@ class DaemonReport:
     configuration: str
     lease_holder: str
     lease_remaining: float
+    lease_identity: str = ""
 
 
 @dataclass(frozen=True, slots=True)

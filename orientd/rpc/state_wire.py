@@ -192,7 +192,11 @@ def daemon_to_message(report: DaemonReport) -> pb.DaemonReport:
     """Return *report* as a message."""
     return pb.DaemonReport(
         **{name: getattr(report, name) for name in _DAEMON},
-        lease=pb.LeaseReport(holder=report.lease_holder, remaining=report.lease_remaining),
+        lease=pb.LeaseReport(
+            holder=report.lease_holder,
+            remaining=report.lease_remaining,
+            identity=report.lease_identity,
+        ),
     )
 
 
@@ -202,6 +206,7 @@ def daemon_from_message(message: pb.DaemonReport) -> DaemonReport:
         **{name: getattr(message, name) for name in _DAEMON},
         lease_holder=message.lease.holder,
         lease_remaining=message.lease.remaining,
+        lease_identity=message.lease.identity,
     )
 
 

@@ -13,6 +13,7 @@ from google.protobuf.message import DecodeError, Message
 from google.rpc import code_pb2, error_details_pb2, status_pb2
 
 from orientd.errors import (
+    AccessError,
     DaemonError,
     LeaseError,
     LimitError,
@@ -21,6 +22,7 @@ from orientd.errors import (
     RequestError,
     StartError,
     StateError,
+    TooMuchError,
     UnknownNameError,
 )
 
@@ -36,6 +38,13 @@ _PRECONDITIONS: Mapping[str, type[OrientdError]] = {
     "PLAN": PlanError,
     "STATE": StateError,
     "LEASE": LeaseError,
+}
+
+
+_CODES: Mapping[type[OrientdError], int] = {
+    DaemonError: code_pb2.UNAVAILABLE,
+    AccessError: code_pb2.PERMISSION_DENIED,
+    TooMuchError: code_pb2.RESOURCE_EXHAUSTED,
 }
 
 
@@ -56,8 +65,10 @@ def to_status(error: OrientdError) -> status_pb2.Status:
     for kind, exception in _PRECONDITIONS.items():
         if isinstance(error, exception):
             return _failed_precondition(error, kind, message)
-    code = code_pb2.UNAVAILABLE if isinstance(error, DaemonError) else code_pb2.INTERNAL
-    return status_pb2.Status(code=code, message=message)
+    for exception, code in _CODES.items():
+        if isinstance(error, exception):
+            return status_pb2.Status(code=code, message=message)
+    return status_pb2.Status(code=code_pb2.INTERNAL, message=message)
 
 
 def from_status(status: status_pb2.Status) -> OrientdError:
@@ -71,8 +82,10 @@ def from_status(status: status_pb2.Status) -> OrientdError:
     if _find(status, precondition) and precondition.violations:
         exception = _PRECONDITIONS.get(precondition.violations[0].type, OrientdError)
         return _limit_error(status) if exception is LimitError else exception(status.message)
-    is_daemon = status.code == code_pb2.UNAVAILABLE
-    return (DaemonError if is_daemon else OrientdError)(status.message)
+    for exception, code in _CODES.items():
+        if status.code == code:
+            return exception(status.message)
+    return OrientdError(status.message)
 
 
 def from_call(error: grpc.RpcError, *, where: str) -> OrientdError:
@@ -94,6 +107,8 @@ def from_call(error: grpc.RpcError, *, where: str) -> OrientdError:
             return from_status(status)
     code, text = error.code(), " ".join((error.details() or "").split())
     if code is grpc.StatusCode.UNAVAILABLE:
+        if "/" not in where:
+            return DaemonError(f"no daemon answers at {where}, or not to this certificate")
         return DaemonError(f"no daemon answers at {where}; start one with `orientd run`")
     if code is grpc.StatusCode.DEADLINE_EXCEEDED:
         return DaemonError(f"the daemon at {where} did not answer in time")

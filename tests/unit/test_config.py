@@ -1,11 +1,14 @@
 """The daemon's settings: what is read, what is refused, and how it is said."""
 
+import json
+import re
 from pathlib import Path
 
 import pytest
 
 from orientd import config
 from orientd.errors import ConfigError
+from orientd.operation_settings import Role
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "config").glob("*.toml"))
 
@@ -182,3 +185,43 @@ def test_wrong_limits_are_refused_in_one_line_that_names_the_field(tmp_path, tab
         limits_of(tmp_path, table)
     assert f"devices.arm.{complaint}" in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+OPERATION = """
+[access.users]
+alice = "operator"
+[access.certificates]
+pendant = "observer"
+[tcp]
+listen = "[::1]:7450"
+certificate = "/c"
+key = "/k"
+ca = "/a"
+revoked = ["00:ab:12"]
+[devices.arm]
+driver = "loopback"
+"""
+
+
+def test_roles_and_tcp_are_read(tmp_path):
+    settings = config.load(write(tmp_path, OPERATION))
+    assert settings.access.users == {"alice": Role.OPERATOR}
+    assert settings.tcp.host_and_port == ("::1", 7450)
+    assert settings.tcp.revoked == ["AB12"]
+    assert json.loads(settings.model_dump_json())["access"]["users"] == {"alice": "operator"}
+
+
+@pytest.mark.parametrize(
+    ("was", "is_now", "complaint"),
+    [
+        ('"operator"', '"king"', "access.users.alice: expected one of observer, operator, admin"),
+        ('"operator"', "3", "access.users.alice: expected one of observer, operator, admin"),
+        ("[::1]:7450", "7450", "tcp.listen: expected HOST:PORT, got '7450'"),
+        ("[::1]:7450", "a:b", "tcp.listen: expected HOST:PORT, got 'a:b'"),
+        ("00:ab:12", "xyz", "tcp.revoked.0: expected a serial number of at most 40 hexadecimal"),
+        ('key = "/k"', "", "tcp.key: missing"),
+    ],
+)
+def test_roles_and_addresses_that_are_none_are_refused(tmp_path, was, is_now, complaint):
+    with pytest.raises(ConfigError, match=re.escape(complaint)):
+        config.load(write(tmp_path, OPERATION.replace(was, is_now)))

@@ -82,3 +82,42 @@ def test_without_the_token_nothing_is_allowed(desk, token):
     desk.acquire("ana")
     with pytest.raises(LeaseError):
         desk.check(token)
+
+
+def test_a_lease_is_somebodys(desk):
+    lease = desk.acquire("ana", "user:1")
+    assert desk.owner(lease.token) == "user:1"
+    assert desk.owner("no such") is None
+
+
+def test_a_lease_that_is_handed_over_waits_for_its_new_owner_alone(desk, clock):
+    lease = desk.acquire("ana", "user:1")
+    clock.advance(4 * SECOND)
+    before, after = desk.transfer(lease.token, "user:2", "ben")
+    assert before == lease
+    assert desk.remaining(after) == 5.0
+    with pytest.raises(LeaseError, match="held by 'ben'"):
+        desk.check(lease.token)
+    with pytest.raises(LeaseError, match="held by 'ben'"):
+        desk.acquire("ana", "user:1")
+    taken = desk.acquire("ben's pendant", "user:2")
+    assert (taken.token, taken.holder) == (after.token, "ben's pendant")
+    with pytest.raises(LeaseError, match='held by "ben\'s pendant"'):
+        desk.acquire("ben again", "user:2")
+
+
+def test_a_lease_that_is_handed_over_and_not_taken_runs_out(desk, clock):
+    _, after = desk.transfer(desk.acquire("ana", "user:1").token, "user:2", "ben")
+    clock.advance(5 * SECOND)
+    assert desk.collect_expired() == after
+    assert desk.acquire("ana", "user:1").owner == "user:1"
+
+
+def test_a_lease_is_seized_whoever_holds_it(desk):
+    before, first = desk.seize("chief", "user:0")
+    assert before is None
+    held, second = desk.seize("other", "user:9")
+    assert held == first
+    assert desk.check(second.token).owner == "user:9"
+    with pytest.raises(LeaseError, match="held by 'other'"):
+        desk.check(first.token)

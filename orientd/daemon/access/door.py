@@ -1,0 +1,274 @@
+"""The door: whoever connects is identified here, before gRPC hears a byte of them.
+
+gRPC's Python server cannot say which process is at the other end of a Unix socket, and cannot ask
+for TLS 1.3.  It therefore listens at a socket of its own that the daemon's user alone can open.
+The door accepts connections, asks the kernel (``SO_PEERCRED``) or the TLS handshake who is there,
+turns away whom no table admits, and carries the bytes of the others to the server from a socket
+with an abstract name.  That name is what the server tells as the peer of a call.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import logging
+import os
+import secrets
+import socket
+import ssl
+import struct
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from orientd.daemon.access.identity import Credentials, Identity, Policy, Process
+from orientd.daemon.access.tls import peer_certificate
+from orientd.errors import DaemonError
+
+_log = logging.getLogger(__name__)
+
+HANDSHAKE_TIMEOUT = 5.0
+"""How long a TLS handshake may take, s."""
+
+MOST_HANDSHAKES = 32
+"""TLS handshakes at the same time."""
+
+_CHUNK = 256 * 1024
+_SO_PEERGROUPS = 59
+_GROUPS_BYTES = 1024  # as much as Python asks the kernel for: 256 groups
+_UCRED = struct.Struct("iII")
+
+Refused = Callable[[str, str], None]
+"""Called with where somebody came from and why they were turned away."""
+
+
+@dataclass(eq=False)
+class Connection:
+    """Somebody who came in.
+
+    Attributes:
+        credentials: what they proved.
+        origin: where they came from, for people.
+        identity: who that makes them at present.
+        hang_up: ends it.
+    """
+
+    credentials: Credentials
+    origin: str
+    identity: Identity
+    hang_up: Callable[[], object]
+
+
+class Door:
+    """Let in whom the policy admits, and know who they are."""
+
+    def __init__(
+        self, policy: Policy, inner: str, *, most_connections: int, refused: Refused
+    ) -> None:
+        """Admit nobody yet.
+
+        Args:
+            policy: who somebody is.
+            inner: path of the socket that the server listens at.
+            most_connections: of one identity at the same time.
+            refused: told of everybody who is turned away.
+        """
+        self._policy = policy
+        self._inner = inner
+        self._most = most_connections
+        self._refused = refused
+        self._connections: dict[str, Connection] = {}
+        self._counts: Counter[str] = Counter()
+        self._listeners: list[asyncio.Server] = []
+        self._context: ssl.SSLContext | None = None
+        self._handshakes = 0
+
+    # In and out
+
+    async def open_unix(self, path: Path) -> None:
+        """Listen at the Unix socket *path*: for the daemon's user, or for all if any may come in.
+
+        Raises:
+            DaemonError: that is not possible.
+        """
+        listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        before = os.umask(0o177)
+        try:
+            listener.bind(str(path))
+        except OSError as error:
+            listener.close()
+            raise DaemonError(f"cannot listen at {path}: {error.strerror}") from error
+        finally:
+            os.umask(before)
+        path.chmod(0o666 if self._policy.admits_others else 0o600)
+        self._listeners.append(await asyncio.start_unix_server(self._from_unix, sock=listener))
+
+    async def open_tcp(self, host: str, port: int, context: ssl.SSLContext) -> int:
+        """Listen for TLS at *host* and *port*; return the port, which 0 leaves to the system.
+
+        Raises:
+            DaemonError: that is not possible.
+        """
+        self._context = context
+        try:
+            server = await asyncio.start_server(self._from_tcp, host, port)
+        except OSError as error:
+            raise DaemonError(f"cannot listen at {host}:{port}: {error.strerror}") from error
+        self._listeners.append(server)
+        return int(server.sockets[0].getsockname()[1])
+
+    def change(self, policy: Policy, context: ssl.SSLContext | None) -> None:
+        """Go by another policy from now on, and hang up on whom it does not admit."""
+        self._policy = policy
+        if context is not None:
+            self._context = context
+        for connection in list(self._connections.values()):
+            now = policy.identify(connection.credentials)
+            if now is None:
+                self._refused(connection.origin, f"{connection.identity.name} is admitted no more")
+                connection.hang_up()
+            else:
+                connection.identity = now
+
+    def close(self) -> None:
+        """Let nobody in any more, and hang up on everybody."""
+        for listener in self._listeners:
+            listener.close()
+        for connection in list(self._connections.values()):
+            connection.hang_up()
+
+    def who(self, peer: str) -> Connection | None:
+        """Return whose connection the server calls *peer*; ``None`` if it did not come in here."""
+        connection = self._connections.get(peer.removeprefix("unix-abstract:"))
+        # A certificate may have expired since.
+        if connection is None or self._policy.identify(connection.credentials) is None:
+            return None
+        return connection
+
+    # How
+
+    async def _from_unix(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        try:
+            process = peer_process(writer.get_extra_info("socket"))
+        except OSError as error:
+            self._refused("unix", f"credentials: {error}")
+            writer.close()
+            return
+        await self._admit(process, f"unix, process {process.pid}", reader, writer)
+
+    async def _from_tcp(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        host, port, *_ = writer.get_extra_info("peername") or ("?", 0)
+        origin = f"tcp, {host}:{port}"
+        context = self._context
+        if context is None or self._handshakes >= MOST_HANDSHAKES:
+            self._refused(origin, "too many handshakes at the same time")
+            writer.close()
+            return
+        self._handshakes += 1
+        try:
+            await writer.start_tls(context, ssl_handshake_timeout=HANDSHAKE_TIMEOUT)
+            certificate = peer_certificate(writer.get_extra_info("ssl_object"))
+        except (OSError, ValueError, EOFError) as error:
+            self._refused(origin, f"handshake: {_reason(error)}")
+            writer.transport.abort()
+            return
+        finally:
+            self._handshakes -= 1
+        await self._admit(certificate, origin, reader, writer)
+
+    async def _admit(
+        self,
+        credentials: Credentials,
+        origin: str,
+        reader: asyncio.StreamReader,
+        writer: asyncio.StreamWriter,
+    ) -> None:
+        identity = self._policy.identify(credentials)
+        problem = ""
+        if identity is None:
+            problem = f"nobody admits {credentials}"
+        elif self._counts[identity.key] >= self._most:
+            problem = f"{identity.name} has {self._most} connections already"
+        if identity is None or problem:
+            self._refused(origin, problem)
+            writer.transport.abort()
+            return
+        connection = Connection(credentials, origin, identity, writer.transport.abort)
+        self._counts[identity.key] += 1
+        try:
+            await self._carry(connection, reader, writer)
+        finally:
+            self._counts[identity.key] -= 1
+            if not self._counts[identity.key]:
+                del self._counts[identity.key]
+
+    async def _carry(
+        self, connection: Connection, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
+        """Carry bytes both ways until either end has had enough."""
+        name = f"orientd-{secrets.token_hex(16)}"
+        inside = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        inside.setblocking(False)
+        try:
+            inside.bind(f"\0{name}")
+            await asyncio.get_running_loop().sock_connect(inside, self._inner)
+            inner_reader, inner_writer = await asyncio.open_unix_connection(
+                sock=inside, limit=_CHUNK
+            )
+        except OSError as error:
+            _log.warning("door: the server does not answer: %s", error)
+            inside.close()
+            writer.transport.abort()
+            return
+        self._connections[name] = connection
+        try:
+            ways = {
+                asyncio.ensure_future(_pour(reader, inner_writer)),
+                asyncio.ensure_future(_pour(inner_reader, writer)),
+            }
+            try:
+                await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
+            finally:
+                for way in ways:
+                    way.cancel()
+                await asyncio.gather(*ways, return_exceptions=True)
+        finally:
+            del self._connections[name]
+            inner_writer.close()
+            # What is written is still sent; a peer that does not take it is not waited for.
+            writer.close()
+
+
+async def _pour(source: asyncio.StreamReader, into: asyncio.StreamWriter) -> None:
+    with contextlib.suppress(OSError):
+        while chunk := await source.read(_CHUNK):
+            into.write(chunk)
+            await into.drain()
+
+
+def peer_process(connected: socket.socket) -> Process:
+    """Return what the kernel says of who connected: ``SO_PEERCRED`` and ``SO_PEERGROUPS``, unix(7).
+
+    Of somebody in more than 256 groups only the first one counts.
+
+    Raises:
+        OSError: the kernel does not say.
+    """
+    credentials = connected.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _UCRED.size)
+    pid, uid, gid = _UCRED.unpack(credentials)
+    try:
+        listed = connected.getsockopt(socket.SOL_SOCKET, _SO_PEERGROUPS, _GROUPS_BYTES)
+    except OSError as error:
+        if error.errno != errno.ERANGE:
+            raise
+        listed = b""
+    gids = struct.unpack(f"{len(listed) // 4}I", listed)
+    return Process(pid, uid, (gid, *gids))
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, ssl.SSLError):
+        return error.reason or str(error)
+    return str(error) or type(error).__name__

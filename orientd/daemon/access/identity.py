@@ -1,0 +1,157 @@
+"""Who somebody is and what they may do, by what the kernel or a certificate says of them."""
+
+from __future__ import annotations
+
+import contextlib
+import grp
+import os
+import pwd
+import time
+from collections.abc import Mapping, Sequence
+from contextvars import ContextVar
+from dataclasses import dataclass
+
+from orientd.errors import ConfigError, RequestError
+from orientd.operation_settings import AccessSettings, Role
+
+
+@dataclass(frozen=True)
+class Identity:
+    """Somebody who has come in.
+
+    Attributes:
+        key: names them for good, ``user:NUMBER`` or ``certificate:NAME``.
+        name: for people.
+        role: what they may do.
+    """
+
+    key: str
+    name: str
+    role: Role
+
+
+@dataclass(frozen=True)
+class Process:
+    """What the kernel says of the process at the other end of a Unix socket.
+
+    Attributes:
+        pid: of the process that connected.
+        uid: its effective user.
+        gids: its groups, all of them.
+    """
+
+    pid: int
+    uid: int
+    gids: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What a certificate says that was signed by who we trust.
+
+    Attributes:
+        name: the common name.
+        serial: hexadecimal, upper case, without leading zeros.
+        expires: seconds since the epoch.
+    """
+
+    name: str
+    serial: str
+    expires: float
+
+
+Credentials = Process | Certificate
+
+CALLER: ContextVar[Identity | None] = ContextVar("CALLER", default=None)
+"""Whose call is being handled."""
+
+
+def caller_key() -> str:
+    """Return the key of whose call is being handled; empty where nobody calls."""
+    identity = CALLER.get()
+    return "" if identity is None else identity.key
+
+
+class Policy:
+    """The tables of roles, with every name looked up."""
+
+    def __init__(self, settings: AccessSettings, revoked: Sequence[str] = ()) -> None:
+        """Look up the names in *settings*.
+
+        Args:
+            settings: roles by name.
+            revoked: serial numbers of certificates that count for nothing.
+
+        Raises:
+            ConfigError: there is no such user or group.
+        """
+        self._users = {_uid(name): role for name, role in settings.users.items()}
+        self._users |= {0: Role.ADMINISTRATOR, os.geteuid(): Role.ADMINISTRATOR}
+        self._groups = {_gid(name): role for name, role in settings.groups.items()}
+        self._certificates: Mapping[str, Role] = settings.certificates
+        self._revoked = frozenset(revoked)
+
+    @property
+    def admits_others(self) -> bool:
+        """Whether anybody but the daemon's own user may come in by the Unix socket."""
+        return bool(self._groups) or set(self._users) != {0, os.geteuid()}
+
+    def identify(self, credentials: Credentials) -> Identity | None:
+        """Return who has these *credentials*; ``None`` for nobody who may do anything."""
+        if isinstance(credentials, Process):
+            return self._user(credentials.uid, credentials.gids)
+        if credentials.serial in self._revoked or credentials.expires <= time.time():
+            return None
+        return self._certificate(credentials.name)
+
+    def named(self, name: str) -> Identity:
+        """Return who is called *name*: a user's name or number, or ``certificate:NAME``.
+
+        Raises:
+            RequestError: nobody is called so who may command.
+        """
+        found: Identity | None = None
+        if name.startswith("certificate:"):
+            found = self._certificate(name.removeprefix("certificate:"))
+        else:
+            with contextlib.suppress(ConfigError, KeyError):
+                user = pwd.getpwuid(_uid(name.removeprefix("user:")))
+                found = self._user(user.pw_uid, os.getgrouplist(user.pw_name, user.pw_gid))
+        if found is None or found.role < Role.OPERATOR:
+            raise RequestError("to", f"expected somebody who may command, got {name[:100]!r}")
+        return found
+
+    def _user(self, uid: int, gids: Sequence[int]) -> Identity | None:
+        roles = [self._groups[gid] for gid in gids if gid in self._groups]
+        if uid in self._users:
+            roles.append(self._users[uid])
+        return Identity(f"user:{uid}", _user_name(uid), max(roles)) if roles else None
+
+    def _certificate(self, name: str) -> Identity | None:
+        role = self._certificates.get(name)
+        return None if role is None else Identity(f"certificate:{name}", name, role)
+
+
+def _uid(name: str) -> int:
+    if name.isascii() and name.isdigit():
+        return int(name)
+    try:
+        return pwd.getpwnam(name).pw_uid
+    except KeyError as error:
+        raise ConfigError(f"access.users: there is no user {name!r} on this machine") from error
+
+
+def _gid(name: str) -> int:
+    if name.isascii() and name.isdigit():
+        return int(name)
+    try:
+        return grp.getgrnam(name).gr_gid
+    except KeyError as error:
+        raise ConfigError(f"access.groups: there is no group {name!r} on this machine") from error
+
+
+def _user_name(uid: int) -> str:
+    try:
+        return pwd.getpwuid(uid).pw_name
+    except KeyError:
+        return f"uid {uid}"

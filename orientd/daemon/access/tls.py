@@ -1,0 +1,57 @@
+"""TLS 1.3 with certificates on both sides: what the daemon asks of whoever comes over TCP."""
+
+from __future__ import annotations
+
+import ssl
+from typing import Any
+
+from orientd.daemon.access.identity import Certificate
+from orientd.errors import ConfigError
+from orientd.operation_settings import TcpSettings
+
+
+def server_context(settings: TcpSettings) -> ssl.SSLContext:
+    """Return what to speak TLS with.
+
+    A client without a certificate of the CA, or with one that is out of date or on the revocation
+    list, does not get past the handshake.
+
+    Raises:
+        ConfigError: a file of *settings* cannot be read or does not fit.
+    """
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.minimum_version = ssl.TLSVersion.TLSv1_3
+    context.verify_mode = ssl.CERT_REQUIRED
+    context.set_alpn_protocols(["h2"])
+    # A session that is taken up again would not be checked against a newer revocation list.
+    context.num_tickets = 0
+    name, path = "certificate", settings.certificate
+    try:
+        context.load_cert_chain(settings.certificate, settings.key)
+        name, path = "ca", settings.ca
+        context.load_verify_locations(settings.ca)
+        if settings.crl is not None:
+            name, path = "crl", settings.crl
+            context.load_verify_locations(settings.crl)
+            context.verify_flags |= ssl.VerifyFlags.VERIFY_CRL_CHECK_LEAF
+    except (OSError, ssl.SSLError) as error:
+        raise ConfigError(f"tcp.{name}: cannot use {path}: {error}") from error
+    return context
+
+
+def peer_certificate(transport: ssl.SSLObject) -> Certificate:
+    """Return the certificate at the other end, which has been verified.
+
+    Raises:
+        ValueError: it has not exactly one common name.
+    """
+    found: dict[str, Any] = dict(transport.getpeercert() or {})
+    fields = [pair for part in found.get("subject", ()) for pair in part]
+    names = [value for key, value in fields if key == "commonName"]
+    if len(names) != 1:
+        raise ValueError(f"expected one common name, got {len(names)}")
+    return Certificate(
+        name=str(names[0]),
+        serial=str(found["serialNumber"]).upper().lstrip("0"),
+        expires=ssl.cert_time_to_seconds(str(found["notAfter"])),
+    )

@@ -1,0 +1,142 @@
+"""The tables of the settings that say how the daemon is operated: who may reach it, and how.
+
+.. code-block:: toml
+
+    [access.users]
+    alice = "operator"
+
+    [tcp]
+    listen = "192.168.10.1:7450"
+    certificate = "~/cell/server.pem"
+    key = "~/cell/server.key"
+    ca = "~/cell/ca.pem"
+    crl = "~/cell/crl.pem"
+
+    [access.certificates]
+    pendant = "operator"
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer
+from pydantic_core import PydanticCustomError
+
+MEBIBYTE = 1024 * 1024
+
+
+class Role(IntEnum):
+    """What somebody may do; each role may do what the ones before it may."""
+
+    OBSERVER = 1
+    """Look, and stop."""
+    OPERATOR = 2
+    """Plan, take the lease, and move."""
+    ADMINISTRATOR = 3
+    """Take the lease away from others."""
+
+
+def _expand(value: object) -> object:
+    # TOML knows no paths; anything but text is left for the model to refuse.
+    return Path(value).expanduser() if isinstance(value, str) else value
+
+
+def _role(value: object) -> object:
+    names = [role.name.lower() for role in Role]
+    if value not in names:
+        raise PydanticCustomError("role", f"one of {', '.join(names)}")
+    return Role[str(value).upper()]
+
+
+def _endpoint(value: object) -> object:
+    if not isinstance(value, str):
+        return value
+    host, colon, port = value.rpartition(":")
+    if not (host and colon and port.isascii() and port.isdigit() and int(port) < 65536):
+        raise PydanticCustomError("endpoint", "HOST:PORT")
+    return value
+
+
+def _serial(value: object) -> object:
+    digits = value.replace(":", "") if isinstance(value, str) else ""
+    if not digits or len(digits) > 40 or set(digits) - set("0123456789abcdefABCDEF"):
+        raise PydanticCustomError("serial", "a serial number of at most 40 hexadecimal digits")
+    return digits.upper().lstrip("0")
+
+
+SomePath = Annotated[Path, BeforeValidator(_expand)]
+SomeRole = Annotated[
+    Role, BeforeValidator(_role), PlainSerializer(lambda role: role.name.lower(), return_type=str)
+]
+Endpoint = Annotated[str, BeforeValidator(_endpoint)]
+Serial = Annotated[str, BeforeValidator(_serial)]
+Count = Annotated[int, Field(ge=1)]
+
+
+class Table(BaseModel):
+    """A table of the settings: unknown keys are errors, and nothing is converted."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class AccessSettings(Table):
+    """The table ``[access]``: who may do what, and how much of it.
+
+    The user that runs the daemon is always an administrator, and so is root, which nothing could
+    keep from being one.  Nobody else may do anything unless a table here says so.
+
+    Attributes:
+        users: roles by name or number of a user, on the Unix socket.
+        groups: roles by name or number of a group, on the Unix socket.
+        certificates: roles by the name in a certificate, over TCP.
+        audit: where commands are recorded; ``None`` is ``audit.jsonl`` in the user's state
+            directory.
+        audit_bytes: how large that file becomes before another is begun.
+        audit_files: how many of those before it are kept.
+        message_bytes: the largest message.
+        keyframes: the most of one motion.
+        requests_per_second: of one connection, over time; stops do not count.
+        streams: calls of one identity at the same time.
+        connections: of one identity at the same time.
+    """
+
+    users: dict[str, SomeRole] = Field(default_factory=dict)
+    groups: dict[str, SomeRole] = Field(default_factory=dict)
+    certificates: dict[str, SomeRole] = Field(default_factory=dict)
+    audit: SomePath | None = None
+    audit_bytes: Annotated[int, Field(ge=4096)] = 10 * MEBIBYTE
+    audit_files: Annotated[int, Field(ge=1, le=1000)] = 5
+    message_bytes: Annotated[int, Field(ge=4096, le=512 * MEBIBYTE)] = 64 * MEBIBYTE
+    keyframes: Count = 200_000
+    requests_per_second: Count = 2000
+    streams: Count = 128
+    connections: Count = 128
+
+
+class TcpSettings(Table):
+    """The table ``[tcp]``: a second way in, with TLS 1.3 and certificates on both sides.
+
+    Attributes:
+        listen: address and port.
+        certificate: of the daemon, PEM.
+        key: of that certificate, PEM.
+        ca: certificates that those of clients are signed with, PEM.
+        crl: which of them are revoked, PEM.
+        revoked: serial numbers of more that are, hexadecimal.
+    """
+
+    listen: Endpoint
+    certificate: SomePath
+    key: SomePath
+    ca: SomePath
+    crl: SomePath | None = None
+    revoked: list[Serial] = Field(default_factory=list)
+
+    @property
+    def host_and_port(self) -> tuple[str, int]:
+        """Where to listen."""
+        host, _, port = self.listen.rpartition(":")
+        return host.removeprefix("[").removesuffix("]"), int(port)

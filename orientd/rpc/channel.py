@@ -1,0 +1,95 @@
+"""How the daemon is reached: over its Unix socket, or over TCP with certificates on both sides."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+import grpc
+
+from orientd.errors import DaemonError
+from orientd.rpc.address import MAX_MESSAGE_BYTES, default_socket, runtime_directory, target
+
+_OPTIONS = (
+    ("grpc.max_receive_message_length", MAX_MESSAGE_BYTES),
+    ("grpc.max_send_message_length", MAX_MESSAGE_BYTES),
+    ("grpc.keepalive_time_ms", 10_000),
+    ("grpc.keepalive_timeout_ms", 5_000),
+)
+
+
+@dataclass(frozen=True)
+class Way:
+    """One way to a daemon.
+
+    Attributes:
+        socket: its Unix socket; or where what belongs to this address is kept.
+        address: ``HOST:PORT``; empty for the Unix socket.
+        certificate: of this client, PEM.
+        key: of that certificate, PEM.
+        ca: what the daemon's certificate is signed with, PEM.
+    """
+
+    socket: Path
+    address: str = ""
+    certificate: Path | None = None
+    key: Path | None = None
+    ca: Path | None = None
+
+    @classmethod
+    def find(
+        cls,
+        socket: str | Path | None,
+        address: str | None,
+        certificate: str | Path | None,
+        key: str | Path | None,
+        ca: str | Path | None,
+    ) -> Self:
+        """Return the way that is asked for; what is ``None`` is looked up in the environment.
+
+        ``ORIENTD_SOCKET``, or ``ORIENTD_ADDRESS`` with ``ORIENTD_CERT``, ``ORIENTD_KEY`` and
+        ``ORIENTD_CA``; a socket that is given goes before an address of the environment.
+
+        Raises:
+            DaemonError: a certificate is missing for an address.
+        """
+        if address is None and socket is None:
+            address = os.environ.get("ORIENTD_ADDRESS", "")
+        if not address:
+            return cls(Path(socket).expanduser() if socket is not None else default_socket())
+        files = {
+            "ORIENTD_CERT": certificate or os.environ.get("ORIENTD_CERT"),
+            "ORIENTD_KEY": key or os.environ.get("ORIENTD_KEY"),
+            "ORIENTD_CA": ca or os.environ.get("ORIENTD_CA"),
+        }
+        missing = [name for name, path in files.items() if not path]
+        if missing:
+            raise DaemonError(
+                f"{address} needs a certificate, its key and that of the CA: "
+                f"--cert, --key and --ca, or the environment's {', '.join(missing)}"
+            )
+        found = [Path(path).expanduser() for path in files.values() if path]
+        name = "".join(letter if letter.isalnum() else "_" for letter in address)
+        return cls(runtime_directory() / f"{name}.tcp", address, *found)
+
+    def __str__(self) -> str:
+        return self.address or str(self.socket)
+
+    def open(self) -> grpc.Channel:
+        """Return a channel to the daemon, which connects when it is first used.
+
+        Raises:
+            DaemonError: a certificate cannot be read, or the path cannot be that of a socket.
+        """
+        if not self.address:
+            return grpc.insecure_channel(target(self.socket), options=_OPTIONS)
+        contents = []
+        for path in (self.ca, self.key, self.certificate):
+            try:
+                contents.append(path.read_bytes() if path is not None else None)
+            except OSError as error:
+                raise DaemonError(f"cannot read {path}: {error.strerror}") from error
+        credentials = grpc.ssl_channel_credentials(*contents)
+        return grpc.secure_channel(self.address, credentials, options=_OPTIONS)

@@ -1,0 +1,385 @@
+"""Who may do what: every call, by every role, over the Unix socket and over TCP."""
+
+import json
+import os
+import shutil
+import socket
+import ssl
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import grpc
+import pytest
+from command_line import orientd as orientd_command
+from every_call import SERVICE, walk
+from harness import DaemonProcess, spin, until
+
+import orientd
+from orientd.daemon.access.rules import RULES
+from orientd.errors import AccessError, DaemonError, LeaseError, RequestError
+from orientd.operation_settings import Role
+from orientd.rpc import control_pb2 as pb
+
+certificates = pytest.importorskip("orientd.certificates")
+
+OBSERVER, OPERATOR, MEMBER, STRANGER = 54301, 54302, 54303, 54304
+GROUP = 54399
+
+needs_root = pytest.mark.skipif(os.getuid() != 0, reason="becomes other users, which root may")
+
+
+def free_port():
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        return listener.getsockname()[1]
+
+
+class Cell:
+    """A daemon with roles for users and certificates, and an authority that signed those."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        self.authority = certificates.Authority.make(folder / "ca", "cell")
+        self.other = certificates.Authority.make(folder / "other", "cell")
+        self.authority.issue("server", days=1, hosts=["127.0.0.1", "localhost"])
+        for name in ("watcher", "pendant", "chief", "revoked", "listed", "unknown"):
+            self.authority.issue(name, days=1)
+        self.authority.issue("expired", days=-0.1)
+        self.authority.revoke("revoked")
+        for name in ("pendant", "server"):
+            self.other.issue(name, days=1)
+        (listed,) = (one for one in self.authority.issued() if one.name == "listed")
+        self.port = free_port()
+        self.daemon = DaemonProcess(folder)
+        text = self.daemon.config.read_text()
+        names = ("pendant", "revoked", "listed", "expired", "server")
+        ca = folder / "ca"
+        self.daemon.config.write_text(
+            f"[access.users]\n{OBSERVER} = 'observer'\n{OPERATOR} = 'operator'\n"
+            f"[access.groups]\n{GROUP} = 'operator'\n"
+            "[access.certificates]\nwatcher = 'observer'\nchief = 'administrator'\n"
+            + "".join(f"{name} = 'operator'\n" for name in names)
+            + f"[tcp]\nlisten = '127.0.0.1:{self.port}'\ncertificate = '{ca}/server.pem'\n"
+            f"key = '{ca}/server.key'\nca = '{ca}/ca.pem'\ncrl = '{ca}/crl.pem'\n"
+            f"revoked = ['{listed.serial}']\n"
+            + text.replace("[daemon]", "[daemon]\nlease_seconds = 30")
+        )
+
+    @property
+    def address(self):
+        return f"127.0.0.1:{self.port}"
+
+    def files(self, name, folder="ca"):
+        ca = self.folder / folder
+        return {"certificate": ca / f"{name}.pem", "key": ca / f"{name}.key", "ca": ca / "ca.pem"}
+
+    def channel(self, name, folder="ca"):
+        files = self.files(name, folder)
+        trusted = (self.folder / "ca/ca.pem").read_bytes()
+        credentials = grpc.ssl_channel_credentials(
+            trusted, files["key"].read_bytes(), files["certificate"].read_bytes()
+        )
+        return grpc.secure_channel(self.address, credentials)
+
+    def robot(self, name, **more):
+        return orientd.connect(address=self.address, holder=name, **self.files(name), **more)
+
+    def audit(self):
+        path = self.folder / "state/orientd/audit.jsonl"
+        return [json.loads(line) for line in path.read_text().splitlines()]
+
+    def is_as(self):
+        """Return everything that a call without the right to it must not change."""
+        device = self.daemon.device()
+        answer = self.daemon.stub.GetState(pb.GetStateRequest())
+        return (
+            device.state,
+            device.speed,
+            device.motion_number,
+            device.is_paused,
+            device.servo_pid,
+            device.cycle.orientation,
+            answer.daemon.lease.holder,
+            answer.daemon.lease.identity,
+        )
+
+
+@pytest.fixture(scope="module")
+def cell():
+    # Others cannot look into the folders that pytest makes.
+    folder = Path(tempfile.mkdtemp(prefix="orientd-"))
+    folder.chmod(0o755)
+    cell = Cell(folder)
+    with cell.daemon:
+        yield cell
+    shutil.rmtree(folder)
+
+
+def as_user(cell, uid, *groups, token=""):
+    """Return what came of every call by a process of *uid*."""
+    program = Path(__file__).with_name("every_call.py")
+    arguments = [cell.daemon.socket, token, uid, uid, *groups]
+    done = subprocess.run(
+        [sys.executable, str(program), *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=100,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+NEED_LEASE = {
+    *("Move", "Track", "Pause", "Resume", "SetSpeed", "Enable", "Disable", "Reset"),
+    *("RenewLease", "ReleaseLease", "TransferLease"),
+}
+
+
+def check(codes, role):
+    """Check what came of every call by somebody with *role* and without the lease."""
+    assert set(codes) == {method.name for method in SERVICE.methods}
+    for name, code in codes.items():
+        if RULES[name].role > role:
+            assert code == "PERMISSION_DENIED", name
+        elif name in NEED_LEASE or name == "AcquireLease":
+            assert code == "FAILED_PRECONDITION", name
+        else:
+            assert code == "OK", name
+
+
+@needs_root
+@pytest.mark.parametrize("has_token", [False, True], ids=["no token", "stolen token"])
+@pytest.mark.parametrize(
+    ("uid", "groups", "role"),
+    [
+        (OBSERVER, (), Role.OBSERVER),
+        (OPERATOR, (), Role.OPERATOR),
+        (MEMBER, (GROUP,), Role.OPERATOR),
+        (OBSERVER, (GROUP,), Role.OPERATOR),
+    ],
+)
+def test_users_do_what_their_role_permits_and_change_nothing(cell, uid, groups, role, has_token):
+    before = cell.is_as()
+    check(as_user(cell, uid, *groups, token=cell.daemon.token if has_token else ""), role)
+    assert cell.is_as() == before
+
+
+@needs_root
+def test_strangers_get_no_answer_from_the_socket(cell):
+    before = cell.is_as()
+    codes = as_user(cell, STRANGER, token=cell.daemon.token)
+    assert set(codes.values()) == {"UNAVAILABLE"}
+    assert cell.is_as() == before
+
+
+@needs_root
+def test_nobody_passes_by_the_door(cell):
+    inner = cell.daemon.socket.with_name("control.sock.in")
+    assert inner.is_socket()
+    assert inner.stat().st_mode & 0o777 == 0o600
+    # Even the daemon's own user is nobody there.
+    with grpc.insecure_channel(f"unix:{inner}") as channel:
+        assert set(walk(channel, cell.daemon.token).values()) == {"PERMISSION_DENIED"}
+
+
+def test_without_roles_the_socket_is_the_users_alone(tmp_path):
+    with DaemonProcess(tmp_path) as daemon:
+        assert daemon.socket.stat().st_mode & 0o777 == 0o600
+
+
+@pytest.mark.parametrize("has_token", [False, True], ids=["no token", "stolen token"])
+@pytest.mark.parametrize(("name", "role"), [("watcher", Role.OBSERVER), ("pendant", Role.OPERATOR)])
+def test_certificates_do_what_their_role_permits_and_change_nothing(cell, name, role, has_token):
+    before = cell.is_as()
+    with cell.channel(name) as channel:
+        check(walk(channel, cell.daemon.token if has_token else ""), role)
+    assert cell.is_as() == before
+
+
+@pytest.mark.parametrize(
+    ("name", "folder"),
+    [
+        ("pendant", "other"),
+        ("expired", "ca"),
+        ("revoked", "ca"),
+        ("listed", "ca"),
+        ("unknown", "ca"),
+        ("server", "ca"),
+    ],
+    ids=["wrong CA", "expired", "revoked", "serial listed", "no role", "not a client's"],
+)
+def test_certificates_that_do_not_count_get_no_answer(cell, name, folder):
+    before = cell.is_as()
+    with cell.channel(name, folder) as channel:
+        codes = walk(channel, cell.daemon.token)
+    assert set(codes.values()) == {"UNAVAILABLE"}
+    assert cell.is_as() == before
+
+
+def test_plain_text_and_no_certificate_get_no_answer(cell):
+    before = cell.is_as()
+    trusted = (cell.folder / "ca/ca.pem").read_bytes()
+    bare = grpc.ssl_channel_credentials(trusted)
+    for channel in (
+        grpc.insecure_channel(cell.address),
+        grpc.secure_channel(cell.address, bare),
+    ):
+        with channel:
+            assert set(walk(channel, cell.daemon.token).values()) == {"UNAVAILABLE"}
+    assert cell.is_as() == before
+
+
+def handshake(cell, context):
+    context.load_verify_locations(cell.folder / "ca/ca.pem")
+    context.load_cert_chain(cell.folder / "ca/pendant.pem", cell.folder / "ca/pendant.key")
+    context.set_alpn_protocols(["h2"])
+    with (
+        socket.create_connection(("127.0.0.1", cell.port), timeout=5.0) as plain,
+        context.wrap_socket(plain, server_hostname="localhost") as secured,
+    ):
+        return secured.version()
+
+
+def test_tls_is_1_3_and_nothing_before(cell):
+    assert handshake(cell, ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)) == "TLSv1.3"
+    old = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    old.maximum_version = ssl.TLSVersion.TLSv1_2
+    with pytest.raises((ssl.SSLError, ConnectionError)):
+        handshake(cell, old)
+
+
+def test_a_client_takes_no_daemon_of_another_authority(cell):
+    files = cell.files("pendant") | {"ca": cell.folder / "other/ca.pem"}
+    with pytest.raises(DaemonError, match="or not to this certificate"):
+        orientd.connect(address=cell.address, **files)
+
+
+def test_a_missing_certificate_is_said_before_connecting(cell):
+    with pytest.raises(DaemonError, match="--cert, --key and --ca"):
+        orientd.connect(address=cell.address)
+
+
+@pytest.fixture
+def free(cell):
+    """Give the cell's lease back, and hold it again in the end."""
+    stub = cell.daemon.stub
+    stub.ReleaseLease(pb.ReleaseLeaseRequest(token=cell.daemon.token))
+    yield
+    until(lambda: not stub.GetState(pb.GetStateRequest()).daemon.lease.holder, "the lease", 40.0)
+    answer = stub.AcquireLease(pb.AcquireLeaseRequest(holder="test"))
+    cell.daemon.token = answer.lease.token
+
+
+def test_an_operator_moves_over_tcp(cell, free):
+    with cell.robot("pendant") as robot:
+        report = robot.move([{"rotation_vector": [0.0, 0.0, 0.1]}], approach=True).wait(20.0)
+        assert report.outcome.name == "DONE"
+        assert robot.state().daemon.lease_identity == "certificate:pendant"
+        with pytest.raises(AccessError, match="SeizeLease needs the role administrator"):
+            robot.seize_lease("impatience")
+
+
+def test_a_token_is_of_no_use_to_others(cell, free):
+    with cell.robot("pendant") as robot, cell.robot("chief") as chief:
+        robot.acquire_lease()
+        assert not chief.borrow_lease(robot.lease_token)
+        assert not chief.adopt_lease(robot.lease_token)
+        robot.enable()
+
+
+def test_a_motion_goes_on_under_whom_it_is_handed_over_to(cell, free):
+    with cell.robot("pendant") as robot, cell.robot("chief") as chief:
+        motion = robot.move(
+            [
+                {"time": 0.0, "rotation_vector": [0.0, 0.0, 0.1]},
+                {"time": 3.0, "rotation_vector": [0.3, 0.0, 0.1]},
+            ],
+            approach=True,
+        )
+        token = robot.lease_token
+        with pytest.raises(RequestError, match="expected somebody who may command"):
+            robot.transfer_lease("certificate:watcher")
+        assert robot.transfer_lease("certificate:chief") == pytest.approx(30.0, abs=5.0)
+        with pytest.raises(LeaseError), cell.robot("pendant") as late:
+            late.enable()
+        assert not robot.borrow_lease(token)
+        chief.pause()
+        assert cell.daemon.device().is_paused
+        chief.resume()
+        assert motion.wait(20.0).outcome.name == "DONE"
+        assert cell.daemon.device().motion_number
+
+
+def test_an_administrator_seizes_the_lease_and_what_ran_stops(cell, free):
+    with cell.robot("pendant") as robot, cell.robot("chief") as chief:
+        motion = robot.move(
+            [
+                {"time": 0.0, "rotation_vector": [0.0, 0.0, 0.1]},
+                {"time": 9.0, "rotation_vector": [0.3, 0.0, 0.1]},
+            ],
+            approach=True,
+        )
+        with pytest.raises(RequestError, match="why the lease is seized"):
+            chief.seize_lease("")
+        chief.seize_lease("arm in the way")
+        summary = motion.wait(20.0)
+        assert (summary.outcome.name, summary.text) == (
+            "STOPPED",
+            "the lease of 'pendant' was seized by chief: arm in the way",
+        )
+        chief.enable()
+    records = [record for record in cell.audit() if record.get("method") == "SeizeLease"]
+    assert records[-1]["identity"] == "certificate:chief"
+
+
+def test_commands_and_refusals_are_recorded_without_secrets(cell):
+    stub, token = cell.daemon.stub, cell.daemon.token
+    stub.SetSpeed(pb.SetSpeedRequest(lease_token=token, speed=0.9))
+    stub.SetSpeed(pb.SetSpeedRequest(lease_token=token, speed=1.0))
+    *_, last = cell.daemon.move(spin(1.0))
+    assert last.summary.outcome == pb.OUTCOME_DONE
+    with cell.channel("watcher") as channel:
+        walk(channel, token)
+
+    def mine(event, method, identity):
+        return [
+            record
+            for record in cell.audit()
+            if (record["event"], record.get("method"), record.get("identity"))
+            == (event, method, identity)
+        ]
+
+    me = f"user:{os.getuid()}"
+    until(lambda: mine("answered", "Enable", "certificate:watcher"), "the records")
+    assert mine("asked", "SetSpeed", me)[-1]["request"] == {"speed": 1.0}
+    assert mine("answered", "SetSpeed", me)[-1]["outcome"] == "OK"
+    moved = until(lambda: mine("answered", "Move", me), "the record")[-1]
+    assert (moved["motion"], moved["motion_outcome"]) == (
+        last.summary.motion_number,
+        "OUTCOME_DONE",
+    )
+    refused = mine("answered", "Enable", "certificate:watcher")[-1]
+    assert refused["outcome"] == "PERMISSION_DENIED"
+    assert refused["role"] == "observer"
+    texts = [path.read_text() for path in (cell.folder / "state").rglob("*") if path.is_file()]
+    texts.append((cell.folder / "log").read_text())
+    assert not [text for text in texts if token in text]
+
+
+def test_the_audit_log_is_the_users_alone(cell):
+    path = cell.folder / "state/orientd/audit.jsonl"
+    assert path.stat().st_mode & 0o777 == 0o600
+
+
+def test_the_command_line_reaches_a_daemon_over_tcp(cell):
+    files = cell.files("watcher")
+    remote = ["--address", cell.address, "--cert", files["certificate"], "--key", files["key"]]
+    done = orientd_command("status", "--json", *remote, "--ca", files["ca"])
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["daemon"]["pid"] == cell.daemon.process.pid
+    done = orientd_command("lease", "seize", "--reason", "x", *remote, "--ca", files["ca"])
+    assert done.returncode == 1
+    assert "SeizeLease needs the role administrator" in done.stderr

@@ -1,0 +1,135 @@
+"""Calls that no client would make: random and mutated bytes through a bare channel."""
+
+import os
+import random
+
+import grpc
+import pytest
+from every_call import SERVICE, call, requests
+from harness import DaemonProcess, is_alive, resident_kib, until
+
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc.control_pb2_grpc import ControlStub
+
+LONG = int(os.environ.get("ORIENTD_FUZZ_CALLS", "10000"))
+GROWTH_KIB = 16 * 1024
+
+
+STOP = SERVICE.methods_by_name["Stop"]
+LOOK = SERVICE.methods_by_name["ListDevices"]
+
+
+def limited(folder, text):
+    daemon = DaemonProcess(folder)
+    daemon.config.write_text(f"[access]\n{text}\n" + daemon.config.read_text())
+    return daemon
+
+
+def connection(daemon):
+    """Return a channel with a connection that it shares with no other."""
+    options = (("grpc.use_local_subchannel_pool", 1),)
+    return grpc.insecure_channel(f"unix:{daemon.socket}", options)
+
+
+def mutated(rng, content):
+    """Return *content* with bytes changed, left out, doubled, or put in."""
+    content = bytearray(content)
+    for _ in range(rng.randint(1, 8)):
+        place = rng.randrange(len(content) + 1)
+        match rng.randrange(4):
+            case 0 if content:
+                content[place % len(content)] = rng.randrange(256)
+            case 1:
+                del content[place : place + rng.randint(1, 8)]
+            case 2:
+                content[place:place] = content[place : place + rng.randint(1, 64)]
+            case _:
+                content[place:place] = rng.randbytes(rng.randint(1, 8))
+    return bytes(content)
+
+
+def fuzz(daemon, rng, calls):
+    for _ in range(calls):
+        method = rng.choice(SERVICE.methods)
+        if rng.random() < 0.3:
+            messages = [rng.randbytes(rng.randrange(200)) for _ in range(rng.randint(1, 3))]
+        else:
+            # With a token that is none; a stop, or a plan, needs no token.
+            token = rng.choice(["", "0" * 32, "\ud7ff" * 9])
+            messages = [
+                mutated(rng, message.SerializeToString()) for message in requests(method, token)
+            ]
+        code = call(daemon.channel, method, messages, timeout=3.0)
+        # Not UNAVAILABLE: then the daemon would be gone.
+        assert code != "UNAVAILABLE", (method.name, messages)
+
+
+def check(daemon, calls, seed):
+    rng = random.Random(seed)
+    daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))
+    servo = daemon.device().servo_pid
+    skipped = {"AcquireLease", "SeizeLease"}  # whoever asks for the lease may have it
+    assert skipped < {method.name for method in SERVICE.methods}
+    fuzz(daemon, rng, calls // 2)
+    halfway = resident_kib(daemon.process.pid)
+    fuzz(daemon, rng, calls - calls // 2)
+    growth = resident_kib(daemon.process.pid) - halfway
+    print(f"{calls} calls: {halfway} KiB halfway, {growth} KiB more in the end")
+    assert growth < GROWTH_KIB
+    device = daemon.device()
+    assert device.servo_pid == servo
+    assert is_alive(servo)
+    assert (device.state, device.fault) == (pb.STATE_HOLDING, pb.FAULT_NONE)
+    assert device.motion_number == 0
+    assert (daemon.sent() == daemon.sent()[0]).all()
+
+
+def test_calls_of_nonsense_move_nothing(tmp_path):
+    with DaemonProcess(tmp_path) as daemon:
+        check(daemon, 300, seed=7)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3000)
+def test_many_calls_of_nonsense_move_nothing(tmp_path):
+    with DaemonProcess(tmp_path) as daemon:
+        check(daemon, LONG, seed=8)
+
+
+def test_a_message_too_large_or_a_motion_too_long_is_refused(tmp_path):
+    with limited(tmp_path, "message_bytes = 20000\nkeyframes = 50") as daemon:
+        for count, code in ((60, "INVALID_ARGUMENT"), (9000, "RESOURCE_EXHAUSTED")):
+            motion = pb.MotionRequest(keyframes=[pb.Keyframe(time=float(k)) for k in range(count)])
+            plan = SERVICE.methods_by_name["Plan"]
+            assert call(daemon.channel, plan, [pb.PlanRequest(motion=motion)]) == code
+
+
+def test_who_asks_too_often_is_refused_but_may_stop(tmp_path):
+    with limited(tmp_path, "requests_per_second = 1") as daemon, connection(daemon) as hasty:
+        codes = [call(hasty, LOOK, [pb.ListDevicesRequest()]) for _ in range(6)]
+        assert codes[0] == "OK"
+        assert codes[-1] == "RESOURCE_EXHAUSTED"
+        assert {call(hasty, STOP, [pb.StopRequest()]) for _ in range(20)} == {"OK"}
+        with connection(daemon) as other:
+            assert call(other, LOOK, [pb.ListDevicesRequest()]) == "OK"
+
+
+def test_who_has_too_many_calls_open_is_refused_but_may_stop(tmp_path):
+    with limited(tmp_path, "streams = 2") as daemon, connection(daemon) as busy:
+        watch = ControlStub(busy).WatchState
+        held = [watch(pb.WatchStateRequest()) for _ in range(2)]
+        for stream in held:
+            next(stream)
+        assert call(busy, LOOK, [pb.ListDevicesRequest()]) == "RESOURCE_EXHAUSTED"
+        assert call(busy, STOP, [pb.StopRequest()]) == "OK"
+        for stream in held:
+            stream.cancel()
+        until(lambda: call(busy, LOOK, [pb.ListDevicesRequest()]) == "OK", "room for a call")
+
+
+def test_who_has_too_many_connections_is_turned_away(tmp_path):
+    with limited(tmp_path, "connections = 2") as daemon, connection(daemon) as second:
+        assert call(second, LOOK, [pb.ListDevicesRequest()]) == "OK"
+        with connection(daemon) as third:
+            assert call(third, LOOK, [pb.ListDevicesRequest()]) == "UNAVAILABLE"
+        assert call(second, LOOK, [pb.ListDevicesRequest()]) == "OK"
