@@ -131,7 +131,7 @@ def daemon(folder: Path, rate_hz: float, priority: int) -> Iterator[Path]:
         yield socket
     finally:
         process.terminate()
-        process.wait()
+        process.communicate()  # closes the pipe, too
 
 
 def _stream(socket: Path, seconds: float, priority: int, *, is_loaded: bool) -> Slot:
