@@ -138,6 +138,11 @@ def cumulative_basis(knots: Floats, order: int) -> CumulativeBasis:
         rates=np.empty((count, functions, functions)),
         curvatures=np.zeros((count, functions, max(functions - 1, 1))),
     )
+    if fast.KERNEL.fill_basis is not None:
+        fast.KERNEL.fill_basis(
+            spans, knots, order, basis.values, basis.rates, basis.curvatures
+        )
+        return basis
     for begin in range(0, count, _PIECE):
         part = slice(begin, begin + _PIECE)
         _fill(

@@ -14,8 +14,7 @@ from importlib.util import find_spec
 from types import ModuleType
 from typing import cast
 
-from orientd.curves.basis import Indices
-from orientd.rotation import Floats
+from orientd.rotation import Floats, Indices
 
 Fill = Callable[[Floats, Floats, Floats, float, Floats], int]
 """Takes instants, breaks, table, slack and the buffer to fill; see ``orientd.curves.compiled``."""
@@ -24,6 +23,9 @@ FillProduct = Callable[
     [Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, float, Floats], int
 ]
 """The same for any number of factors; see ``orientd.curves.compiled_product``."""
+
+FillBasis = Callable[[Indices, Floats, int, Floats, Floats, Floats], None]
+"""Writes the coefficients of a B-spline basis; see ``orientd.curves.compiled_basis``."""
 
 Increments = Callable[[Indices, Floats, Floats, Floats, Floats, float, float, Floats], bool]
 """Finds the increments of an interpolating spline; see ``orientd.curves.compiled_increments``."""
@@ -104,6 +106,7 @@ class FastKernel(Background):
     Attributes:
         fill: samples a cubic cumulative product; nothing as long as it is not ready.
         fill_product: samples any other cumulative product, likewise.
+        fill_basis: writes the coefficients of a B-spline basis, likewise.
         find: finds the increments of an interpolating spline, likewise.
     """
 
@@ -112,9 +115,11 @@ class FastKernel(Background):
             "orientd.curves.compiled",
             "orientd.curves.compiled_product",
             "orientd.curves.compiled_increments",
+            "orientd.curves.compiled_basis",
         )
         self.fill: Fill | None = None
         self.fill_product: FillProduct | None = None
+        self.fill_basis: FillBasis | None = None
         self.find: Increments | None = None
         self._samples = 0
 
@@ -126,8 +131,9 @@ class FastKernel(Background):
                 self.start()
 
     def _take(self, *modules: ModuleType) -> None:
-        samples, products, increments = modules
+        samples, products, increments, bases = modules
         self.fill_product = cast(FillProduct, products.fill)
+        self.fill_basis = cast(FillBasis, bases.fill)
         self.find = cast(Increments, increments.find)
         self.fill = cast(Fill, samples.fill)
 

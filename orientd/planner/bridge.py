@@ -307,11 +307,11 @@ def _ramps(
         is_slow &= np.all(np.abs(speeds) <= bounds.most[0, 1:], axis=1)
     is_slow[0] = True
     goals, durations, speeds = goals[is_slow], durations[is_slow], speeds[is_slow]
-    q = _turned(state.q, omega, alpha, goals, durations)
+    q = turned(state.q, omega, alpha, goals, durations)
     return _Ramps(Ends(q, speeds, goals), durations)
 
 
-def _turned(q: Floats, omega: Floats, alpha: Floats, goals: Floats, durations: Floats) -> Floats:
+def turned(q: Floats, omega: Floats, alpha: Floats, goals: Floats, durations: Floats) -> Floats:
     r"""Return where ramps lead to, by Magnus' expansion of fourth order.
 
     .. math:: \exp\bigl(\tfrac h2 (\omega_a + \omega_b) + \tfrac{\sqrt3}{12} h^2
@@ -320,7 +320,12 @@ def _turned(q: Floats, omega: Floats, alpha: Floats, goals: Floats, durations: F
     Blanes et al. (2009), eq. 254, for :math:`\dot q = \tfrac12 q \omega`, whose sign of the
     commutator is the opposite one, with the velocities at Gauss' two nodes.
     """
-    turned = np.repeat(q[None], len(goals), axis=0)
+    compiled = kernels().turn
+    if compiled is not None:
+        ends: Floats = np.empty((len(goals), 4))
+        compiled(q, omega, alpha, goals, durations, _SUBSTEPS, ends)
+        return ends
+    ends = np.repeat(q[None], len(goals), axis=0)
     h = durations[:, None] / _SUBSTEPS
     slope = (goals - alpha) / np.where(durations > 0.0, durations, 1.0)[:, None]
     for step in range(_SUBSTEPS):
@@ -328,10 +333,10 @@ def _turned(q: Floats, omega: Floats, alpha: Floats, goals: Floats, durations: F
             omega + t * alpha + 0.5 * t * t * slope
             for t in ((step + 0.5 + side * math.sqrt(3.0) / 6.0) * h for side in (-1.0, 1.0))
         )
-        turned = multiply(
-            turned, exp(h / 2.0 * (a + b) + math.sqrt(3.0) / 12.0 * h * h * np.cross(a, b))
+        ends = multiply(
+            ends, exp(h / 2.0 * (a + b) + math.sqrt(3.0) / 12.0 * h * h * np.cross(a, b))
         )
-    return turned
+    return ends
 
 
 def ramped_stops(
@@ -372,5 +377,10 @@ def _stretches(
 
 
 def _single(first: Ends, last: Ends, duration: float) -> Curve:
+    compiled = kernels().join
+    if compiled is not None:
+        w: Floats = np.empty((5, 3))
+        compiled(*first, *last, duration, w)
+        return join(first.q, w, duration)
     one, other = (Ends(*(part[None] for part in ends)) for ends in (first, last))
     return join(first.q, increments(one, other, np.array([duration]))[0, 0], duration)

@@ -25,7 +25,7 @@ from orientd.curves.compiled_rotation import (
     multiplied,
     turned,
 )
-from orientd.planner.fast import Booleans, Look, Measure
+from orientd.planner.fast import Booleans, Join, Look, Measure, Turn
 from orientd.rotation import Floats
 
 
@@ -245,6 +245,71 @@ def _measure(
     return -1
 
 
+def _turn(
+    q: Floats, omega: Floats, alpha: Floats, goals: Floats, durations: Floats, substeps: int,
+    ends: Floats,
+) -> None:  # fmt: skip
+    """Write where ramps of the acceleration lead to; see :func:`orientd.planner.bridge.turned`.
+
+    Args:
+        q: orientation they begin at, shape ``(4,)``.
+        omega: velocity there, shape ``(3,)``.
+        alpha: acceleration there.
+        goals: accelerations they lead to, shape ``(n, 3)``.
+        durations: s, shape ``(n,)``.
+        substeps: of the expansion.
+        ends: receives the orientations, shape ``(n, 4)``.
+    """
+    begin = (alpha[0], alpha[1], alpha[2])
+    for i in range(len(goals)):
+        h = durations[i] / substeps
+        slope = _sum(_row3(goals, i), 1.0, begin, -1.0)
+        rate = 1.0 / durations[i] if durations[i] > 0.0 else 1.0
+        here = (q[0], q[1], q[2], q[3])
+        for step in range(substeps):
+            t = (step + 0.5 - math.sqrt(3.0) / 6.0) * h
+            other = (step + 0.5 + math.sqrt(3.0) / 6.0) * h
+            a = _sum((omega[0], omega[1], omega[2]), 1.0, begin, t)
+            b = _sum((omega[0], omega[1], omega[2]), 1.0, begin, other)
+            a = _sum(a, 1.0, slope, 0.5 * t * t * rate)
+            b = _sum(b, 1.0, slope, 0.5 * other * other * rate)
+            share = math.sqrt(3.0) / 24.0 * h * h
+            here = multiplied(
+                here,
+                exponential(
+                    h / 4.0 * (a[0] + b[0]) + share * (a[1] * b[2] - a[2] * b[1]),
+                    h / 4.0 * (a[1] + b[1]) + share * (a[2] * b[0] - a[0] * b[2]),
+                    h / 4.0 * (a[2] + b[2]) + share * (a[0] * b[1] - a[1] * b[0]),
+                ),
+            )
+        ends[i, 0], ends[i, 1], ends[i, 2], ends[i, 3] = here
+
+
+def _join(
+    q: Floats, omega: Floats, alpha: Floats,
+    other_q: Floats, other_omega: Floats, other_alpha: Floats, duration: float, w: Floats,
+) -> None:  # fmt: skip
+    """Write the increments of one join, the shorter way round.
+
+    Args:
+        q: where it begins, shape ``(4,)``.
+        omega: velocity there, shape ``(3,)``.
+        alpha: acceleration there.
+        other_q: the same where it ends.
+        other_omega: likewise.
+        other_alpha: likewise.
+        duration: s.
+        w: receives the increments, shape ``(5, 3)``.
+    """
+    middle = _increments(
+        (q[0], q[1], q[2], q[3]), (omega[0], omega[1], omega[2]), (alpha[0], alpha[1], alpha[2]),
+        (other_q[0], other_q[1], other_q[2], other_q[3]),
+        (other_omega[0], other_omega[1], other_omega[2]),
+        (other_alpha[0], other_alpha[1], other_alpha[2]), duration, w,
+    )  # fmt: skip
+    _put_middle(w, middle, 0)
+
+
 _INDICES = types.Array(int64, 1, "A", readonly=True)
 _ONE, _TWO, _THREE = (types.Array(float64, n, "A", readonly=True) for n in (1, 2, 3))
 _ENDS = (_TWO,) * 6
@@ -262,4 +327,17 @@ measure: Measure = cast(
         int64(*_ENDS, _INDICES, _INDICES, _ONE, _THREE, _TWO, float64[:, ::1]),
         error_model="numpy", nogil=True, cache=True,
     )(_measure),
+)  # fmt: skip
+turn: Turn = cast(
+    Turn,
+    njit(
+        void(_ONE, _ONE, _ONE, _TWO, _ONE, int64, float64[:, ::1]),
+        error_model="numpy", nogil=True, cache=True,
+    )(_turn),
+)  # fmt: skip
+join: Join = cast(
+    Join,
+    njit(
+        void(*(_ONE,) * 6, float64, float64[:, ::1]), error_model="numpy", nogil=True, cache=True
+    )(_join),
 )  # fmt: skip

@@ -55,6 +55,12 @@ class Core:
         """Whether neither end turns."""
         return all(np.linalg.norm(state.omega_body) <= STILL for state in self.stretch.ends())
 
+    def is_held_at_both_ends(self, limits: Limits) -> bool:
+        """Return whether neither end needs a lead of its own."""
+        return all(
+            is_still(state.omega_body, state.alpha_body, limits) for state in self.stretch.ends()
+        )
+
     def slowed(self, duration: float) -> Core:
         """Return the same curve taking *duration* seconds."""
         factor = duration / self.duration

@@ -36,6 +36,12 @@ Measure = Callable[
 ]  # fmt: skip
 """Finds the first join that keeps its bounds; see ``orientd.planner.compiled_bridge``."""
 
+Turn = Callable[[Floats, Floats, Floats, Floats, Floats, int, Floats], None]
+"""Tells where ramps lead to; see ``orientd.planner.compiled_bridge``."""
+
+Join = Callable[[Floats, Floats, Floats, Floats, Floats, Floats, float, Floats], None]
+"""Finds the increments of one join; see ``orientd.planner.compiled_bridge``."""
+
 Differences = Callable[[Floats, Floats, Floats, Floats, Floats], None]
 """Takes backward differences of setpoints; see ``orientd.planner.compiled_certificate``."""
 
@@ -52,6 +58,8 @@ class PlannerKernels(fast.Background):
     Attributes:
         look: looks at many joins at once.
         measure: measures joins until one will do.
+        turn: tells where ramps lead to.
+        join: finds the increments of one join.
         differences: backward differences of setpoints.
         least_rate: the least brake rate of a path.
     """
@@ -60,12 +68,15 @@ class PlannerKernels(fast.Background):
         super().__init__("orientd.planner.compiled_bridge", "orientd.planner.compiled_certificate")
         self.look: Look | None = None
         self.measure: Measure | None = None
+        self.turn: Turn | None = None
+        self.join: Join | None = None
         self.differences: Differences | None = None
         self.least_rate: LeastRate | None = None
 
     def _take(self, *modules: ModuleType) -> None:
         bridge, certificate = modules
         self.look, self.measure = cast(Look, bridge.look), cast(Measure, bridge.measure)
+        self.turn, self.join = cast(Turn, bridge.turn), cast(Join, bridge.join)
         self.differences = cast(Differences, certificate.differences)
         self.least_rate = cast(LeastRate, certificate.least_rate)
 

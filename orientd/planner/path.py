@@ -152,22 +152,35 @@ class Path:
         return ()
 
     def sample(self, times: Floats) -> Samples:
-        """Return the path at *times*, in any order; beyond its ends it is held."""
+        """Return the path at *times*, in any order; beyond its ends it is held.
+
+        Raises:
+            ValueError: an instant is not a number.
+        """
+        if np.isnan(times).any():
+            raise ValueError("times must be numbers, got nan")
+        if np.any(times[1:] < times[:-1]):
+            order = np.argsort(times, kind="stable")
+            back = np.argsort(order)
+            return Samples(*(part[back] for part in self.sample(times[order])))
         position, velocity = self.positions.sample(times)
-        starts = [stretch.begin for stretch in self.stretches[1:]]
-        is_held = (times < 0.0) | (times >= self.duration - _AT_REST)
-        where = np.searchsorted(starts, times, side="right")
-        if len(times) and not is_held.any() and where[0] == where[-1] and np.all(where == where[0]):
-            q, omega, alpha = self.stretches[where[0]].sample(times)
-            return Samples(q, omega, alpha, position, velocity)
-        velocity[is_held] = 0.0
-        position[is_held & (times >= 0.0)] = self.positions.last
-        q = np.where((times < 0.0)[:, None], self.first, self.last)
+        begins = [0.0, *(stretch.begin for stretch in self.stretches[1:])]
+        edges = np.searchsorted(times, [*begins, self.duration - _AT_REST])
+        first, *_, last = edges = np.minimum(edges, edges[-1]).tolist()
+        parts = list(zip(self.stretches, edges[:-1], edges[1:], strict=True))
+        if (first, last) == (0, len(times)):
+            for stretch, begin, end in parts:
+                if (begin, end) == (first, last) and end:
+                    return Samples(*stretch.sample(times), position, velocity)
+        velocity[:first] = velocity[last:] = 0.0
+        position[last:] = self.positions.last
+        q: Floats = np.empty((len(times), 4))
+        q[:first], q[last:] = self.first, self.last
         omega, alpha = np.zeros((len(times), 3)), np.zeros((len(times), 3))
-        for index, stretch in enumerate(self.stretches):
-            is_here = (where == index) & ~is_held
-            if is_here.any():
-                q[is_here], omega[is_here], alpha[is_here] = stretch.sample(times[is_here])
+        for stretch, begin, end in parts:
+            if begin < end:
+                here = slice(begin, end)
+                q[here], omega[here], alpha[here] = stretch.sample(times[here])
         return Samples(q, omega, alpha, position, velocity)
 
     def state(self, time: float) -> State:

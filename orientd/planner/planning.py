@@ -170,21 +170,27 @@ class _Job:
         """
         period, reserved = self.period, self.limits.with_reserve()
         course, shape = self._shape()
-        survey = Survey.of(shape, reserved, period)
+        is_same = course.has_one_shape
+        is_held = is_same and shape.is_held_at_both_ends(self.limits)
+        survey = Survey.of(shape, reserved, period, has_one_shape=is_same)
         first = math.ceil(shape.duration * survey.factor / period)
         # Two steps of the acceleration within a difference of the setpoints would add up.
         fewest = 1 if shape.continuity >= 2 else _CYCLES_A_STEP * (len(course.kept) - 1)
         drafts: dict[int, Draft] = {}
+        cores: dict[int, Core] = {}
         refusals: list[PlanError] = []
 
         def attempt(cycles: int) -> float:
             duration = cycles * period
             try:
                 # The same curve at another rate need not be made again.
-                core = shape.slowed(duration) if course.has_one_shape else course.core(duration)
+                core = shape.slowed(duration) if is_same else course.core(duration)
                 factor = survey.look(core, reserved, period, everywhere=everywhere)
                 if factor <= 1.0:
-                    drafts[cycles] = self._with_leads(core)
+                    cores[cycles] = core
+                    # From hold to hold the leads are the same for any duration.
+                    if not is_held:
+                        drafts[cycles] = self._with_leads(core)
             except StartError:
                 raise
             except PlanError as error:
@@ -199,7 +205,7 @@ class _Job:
                 if refusals
                 else PlanError(f"no duration keeps the limits of {self.limits}")
             )
-        return drafts[cycles]
+        return drafts.get(cycles) or self._with_leads(cores[cycles])
 
     def _shape(self) -> tuple[Course, Core]:
         """Return the course of keyframes without times, and a core on it of about its duration."""

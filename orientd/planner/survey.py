@@ -18,11 +18,12 @@ from orientd.planner.limits import Limits
 from orientd.planner.timing import excess
 from orientd.rotation import Floats
 
-_SHORT = 4 * CHUNK  # records that are looked at as a whole
+_SHORT = 4 * CHUNK  # records that are looked at as a whole where the shape may change
 _PIECES = 256  # that a curve of fewer pieces is cut into
 _SHARES = np.array([1e-6, 0.25, 0.5, 0.75, 1.0 - 1e-6])  # of a piece
 _HOT = 0.97  # of the largest factor
 _LARGEST_STEP = 0.75 * OFF_GRID[1][1]  # of what a step over a period is taken for
+_GAP = 256  # records that cost less than another call
 _END_KEYFRAMES = 10  # to which the ends of a curve reach, whatever the duration
 
 
@@ -33,25 +34,37 @@ class Survey:
     Attributes:
         factor: by which it should take longer to just keep them, about.
         spots: parts of the duration where that is decided, from 0 to 1, in order, shape ``(m, 2)``.
+        has_one_shape: whether the spots are the same at any duration.
     """
 
     factor: float
     spots: Floats
+    has_one_shape: bool = False
 
     @classmethod
-    def of(cls, core: Core, limits: Limits, period: float) -> Survey:
-        """Return the survey of a core."""
+    def of(
+        cls, core: Core, limits: Limits, period: float, *, has_one_shape: bool = False
+    ) -> Survey:
+        """Return the survey of a core.
+
+        Args:
+            core: to look at.
+            limits: to keep.
+            period: of the device, s.
+            has_one_shape: whether another duration is the same curve at another rate.
+        """
         instants = _instants(core)
         factors = _factors(core, instants, limits, period)
         largest = float(factors.max())
         hot = np.flatnonzero(factors >= _HOT * largest)
-        reach = min(_END_KEYFRAMES, len(core.times) - 1)
-        begins = np.concatenate([[0.0, core.times[-1 - reach]], instants[np.maximum(hot - 1, 0)]])
-        last = len(instants) - 1
-        ends = np.concatenate(
-            [[core.times[reach], core.duration], instants[np.minimum(hot + 1, last)]]
-        )
-        return cls(largest, _merged(begins, ends) / core.duration)
+        begins = instants[np.maximum(hot - 1, 0)]
+        ends = instants[np.minimum(hot + 1, len(instants) - 1)]
+        # Where the acceleration goes on from that of a hold the ends are as smooth as the rest.
+        if not (has_one_shape and core.continuity >= 2 and core.is_held_at_both_ends(limits)):
+            reach = 0 if has_one_shape else min(_END_KEYFRAMES, len(core.times) - 1)
+            begins = np.concatenate([[0.0, core.times[-1 - reach]], begins])
+            ends = np.concatenate([[core.times[reach], core.duration], ends])
+        return cls(largest, _merged(begins, ends) / core.duration, has_one_shape)
 
     def look(self, core: Core, limits: Limits, period: float, *, everywhere: bool) -> float:
         """Return by which factor a core should take longer, from its records.
@@ -64,7 +77,7 @@ class Survey:
         """
         count = core.record_count(period)
         ranges = _ranges(self.spots, count)
-        if everywhere or count <= _SHORT:
+        if everywhere or (count <= _SHORT and not self.has_one_shape):
             ranges = [(0, count - 1)]
         factor = max(
             excess(core.peaks(period, limits, first, last), core.continuity)
@@ -149,8 +162,7 @@ def _ranges(spots: Floats, count: int) -> list[tuple[int, int]]:
     lasts = np.minimum(np.ceil(spots[:, 1] * (count - 1)) + margin, count - 1).astype(int)
     ranges = [(int(firsts[0]), int(lasts[0]))]
     for first, last in zip(firsts[1:].tolist(), lasts[1:].tolist(), strict=True):
-        # A short gap costs less than another call.
-        if first <= ranges[-1][1] + 256:
+        if first <= ranges[-1][1] + _GAP:
             ranges[-1] = ranges[-1][0], max(last, ranges[-1][1])
         else:
             ranges.append((first, last))

@@ -51,7 +51,7 @@ def test_a_peak_that_a_survey_has_missed_is_found_in_the_end(monkeypatch):
     right = plan(asked, start=start, limits=ARM, period=PERIOD)
     assert right.record_count > 4 * 8192
 
-    def nowhere(core, limits, period):
+    def nowhere(core, limits, period, *, has_one_shape):
         return Survey(1.0, np.array([[0.0, 0.01]]))
 
     monkeypatch.setattr(survey.Survey, "of", staticmethod(nowhere))
