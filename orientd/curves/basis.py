@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from orientd.curves import fast
 from orientd.rotation import Floats
 
 Indices = NDArray[np.intp]
@@ -139,9 +140,7 @@ def cumulative_basis(knots: Floats, order: int) -> CumulativeBasis:
         curvatures=np.zeros((count, functions, max(functions - 1, 1))),
     )
     if fast.KERNEL.fill_basis is not None:
-        fast.KERNEL.fill_basis(
-            spans, knots, order, basis.values, basis.rates, basis.curvatures
-        )
+        fast.KERNEL.fill_basis(spans, knots, order, basis.values, basis.rates, basis.curvatures)
         return basis
     for begin in range(0, count, _PIECE):
         part = slice(begin, begin + _PIECE)

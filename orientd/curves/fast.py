@@ -14,7 +14,12 @@ from importlib.util import find_spec
 from types import ModuleType
 from typing import cast
 
-from orientd.rotation import Floats, Indices
+import numpy as np
+from numpy.typing import NDArray
+
+from orientd.rotation import Floats
+
+Indices = NDArray[np.intp]
 
 Fill = Callable[[Floats, Floats, Floats, float, Floats], int]
 """Takes instants, breaks, table, slack and the buffer to fill; see ``orientd.curves.compiled``."""

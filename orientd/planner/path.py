@@ -65,7 +65,8 @@ class Stretch:
         """Return orientation, velocity and acceleration at path *times* inside the stretch."""
         first, last = self.curve.domain
         origin = first if self.rate > 0.0 else last
-        instants = np.clip(origin + self.rate * (times - self.begin + self.skipped), first, last)
+        instants = origin + self.rate * (times - self.begin + self.skipped)
+        instants = np.minimum(np.maximum(instants, first), last)
         q, omega, alpha = self.curve.evaluate(instants)
         if self.sign < 0.0:
             q = -q
@@ -174,9 +175,10 @@ class Path:
                     return Samples(*stretch.sample(times), position, velocity)
         velocity[:first] = velocity[last:] = 0.0
         position[last:] = self.positions.last
-        q: Floats = np.empty((len(times), 4))
+        # Components first in memory, as they come from the curves.
+        rows: Floats = np.zeros((10, len(times)))
+        q, omega, alpha = rows[:4].T, rows[4:7].T, rows[7:].T
         q[:first], q[last:] = self.first, self.last
-        omega, alpha = np.zeros((len(times), 3)), np.zeros((len(times), 3))
         for stretch, begin, end in parts:
             if begin < end:
                 here = slice(begin, end)

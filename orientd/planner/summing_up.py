@@ -35,7 +35,6 @@ def summed_up(
         period: of the device, s.
     """
     begin, end = ends
-    at_start, at_end = (path.state(time).omega_body for time in ends)
     keyframes = path.sample(keyframe_times).q
     return Certificate(
         rate_hz=1.0 / period,
@@ -47,8 +46,8 @@ def summed_up(
         peak_jerk=peaks.jerk,
         peak_linear_velocity=peaks.linear_velocity,
         peak_linear_acceleration=peaks.linear_acceleration,
-        start_velocity_error=_distance(at_start, request.omega_start),
-        end_velocity_error=_distance(at_end, request.omega_end),
+        start_velocity_error=_miss(path, begin, request.omega_start),
+        end_velocity_error=_miss(path, end, request.omega_end),
         keyframe_error=float(np.max(angle(keyframes, request.keys))),
         brake_rate=peaks.brake_rate,
         stop_time=1.0 / peaks.brake_rate if peaks.brake_rate > 0.0 else math.inf,
@@ -65,8 +64,9 @@ def _axis_figures(peaks: Peaks) -> Iterator[Figure]:
                 yield Figure(words, peak.value, UNITS[name], peak.limit, peak.time)
 
 
-def _distance(omega: Floats, wanted: Floats | None) -> float:
-    return 0.0 if wanted is None else float(np.linalg.norm(omega - wanted))
+def _miss(path: Path | TablePath, time: float, omega: Floats | None) -> float:
+    """Return by how much a path misses a velocity, if one was asked for."""
+    return 0.0 if omega is None else float(np.linalg.norm(path.state(time).omega_body - omega))
 
 
 def before(start: State, period: float) -> tuple[Floats, Floats]:

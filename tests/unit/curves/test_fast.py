@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from orientd.curves import METHODS, fast
+from orientd.curves.basis import cumulative_basis
 
 
 @pytest.fixture(scope="module")
@@ -144,6 +145,18 @@ def test_steps_too_large_for_the_compiled_search_are_left_to_numpy(
     numpy_kernel.find = loaded.find
     curve = METHODS["c2_cumulative"](**given)
     assert np.abs(curve.increments - reference.increments).max() <= 1e-13
+
+
+@pytest.mark.parametrize("order", [2, 3, 4, 6])
+def test_both_kernels_make_the_same_basis(loaded, numpy_kernel, order):
+    rng = np.random.default_rng(order)
+    inner = np.cumsum(rng.choice([0.0, 0.01, 1.0, 30.0], 40, p=[0.1, 0.2, 0.4, 0.3]))
+    knots = np.concatenate([np.full(order, -1.0), inner, np.full(order, inner[-1] + 1.0)])
+    reference = cumulative_basis(knots, order)
+    numpy_kernel.fill_basis = loaded.fill_basis
+    basis = cumulative_basis(knots, order)
+    for name in ("values", "rates", "curvatures"):
+        assert getattr(basis, name) == pytest.approx(getattr(reference, name), rel=1e-13, abs=1e-15)
 
 
 def test_increments_that_are_not_numbers_are_not_found(loaded):
