@@ -232,6 +232,8 @@ def _controls(basis: CumulativeBasis, places: Indices, keys: Floats, solved: Flo
     first = exp_half(-begun[spans, 0, None] * solved[spans])
     second = exp_half(-begun[spans, 1, None] * solved[spans + 1])
     controls[spans] = multiply(keys[:-1], multiply(second, first))
+    if len(spans) == count:
+        return controls
     for span in np.setdiff1d(np.arange(count), spans):
         controls[span] = multiply(controls[span - 1], exp_half(solved[span - 1]))
     return controls

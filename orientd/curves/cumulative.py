@@ -51,8 +51,8 @@ class CumulativeCurve(Curve):
             self._table[:4] = base
             factors = self._table[4:].reshape(3, 7, -1)
             taylor = basis.taylor() * lengths[window][..., None] / _FACTORIALS
-            factors[:functions, :4] = np.moveaxis(taylor, 0, -1)
-            factors[:functions, 4:] = np.moveaxis(axes[window], 0, -1)
+            factors[:functions, :4] = taylor.transpose(1, 2, 0)
+            factors[:functions, 4:] = axes[window].transpose(1, 2, 0)
         else:
             self._basis = replace(
                 basis,
@@ -61,7 +61,7 @@ class CumulativeCurve(Curve):
                 curvatures=np.ascontiguousarray(basis.curvatures),
             )
             self._base = np.ascontiguousarray(base)
-            self._axes = np.ascontiguousarray(np.moveaxis(axes[window], 0, -1))
+            self._axes = np.ascontiguousarray(axes[window].transpose(1, 2, 0))
             self._lengths = np.ascontiguousarray(lengths[window].T)
 
     @property

@@ -266,7 +266,9 @@ def _grid(
         + 8.0 * period
     )
     longest = max(longest, 3.0 * least, shortest)
-    return np.unique(np.ceil(np.geomspace(shortest, longest, _GRID) / period - 1e-9)) * period
+    step = math.log(longest / shortest) / (_GRID - 1)
+    durations = shortest * np.exp(step * np.arange(_GRID))
+    return np.unique(np.ceil(durations / period - 1e-9)) * period
 
 
 def _ramps(

@@ -212,15 +212,12 @@ class Rough:
     continuity: int
 
 
-def _off_grid(
-    rough: Rough | None, first: float, period: float, count: int
-) -> tuple[Floats, Floats]:
+def _off_grid(rough: Rough, first: float, period: float, count: int) -> tuple[Floats, Floats]:
     """Return by how much to scale accelerations and jerks of records from time *first* on."""
     bends, twists = np.ones(count), np.ones(count)
-    if rough is not None:
-        times = first + period * np.arange(count)
-        is_rough = (times >= rough.begin) & (times < rough.end + HISTORY * period)
-        bends[is_rough], twists[is_rough] = OFF_GRID[rough.continuity]
+    times = first + period * np.arange(count)
+    is_rough = (times >= rough.begin) & (times < rough.end + HISTORY * period)
+    bends[is_rough], twists[is_rough] = OFF_GRID[rough.continuity]
     return bends, twists
 
 
@@ -281,22 +278,17 @@ def measure(
             push.see(_squares(a[past:]), index + 2 + past)
         if brake_limits is None:
             continue
-        bends, twists = _off_grid(rough, period * (index + 3), period, len(jerk))
-        rate, place = brake_rate(
-            omega[2:] / period,
-            alpha[1:] / period**2 * bends[:, None],
-            np.sqrt(squares[2]) / period**3 * twists,
-            brake_limits,
-        )
+        velocity, acceleration = omega[2:] / period, alpha[1:] / period**2
+        sizes = np.sqrt(squares[2]) / period**3
+        if rough is not None:
+            bends, twists = _off_grid(rough, period * (index + 3), period, len(jerk))
+            acceleration *= bends[:, None]
+            jerk, sizes = jerk * twists[:, None], sizes * twists
+        rate, place = brake_rate(velocity, acceleration, sizes, brake_limits)
         if rate < slowest:
             slowest, slowest_index = rate, index + 3 + place
         if brake_limits.has_axes:
-            rate, place = axis_brake_rate(
-                omega[2:] / period,
-                alpha[1:] / period**2 * bends[:, None],
-                jerk / period**3 * twists[:, None],
-                brake_limits,
-            )
+            rate, place = axis_brake_rate(velocity, acceleration, jerk / period**3, brake_limits)
             if rate < slowest:
                 slowest, slowest_index = rate, index + 3 + place
         if not is_still:

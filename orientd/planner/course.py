@@ -96,12 +96,13 @@ class Core:
             times = np.minimum(period * indices, self.duration)
             return self.stretch.sample(times)[0], self.positions.sample(times)[0]
 
-        start, end = self.stretch.ends()
-        before = None
-        if first == 0 and is_still(start.omega_body, start.alpha_body, limits):
-            q, p = setpoints(0, 1)
-            before = np.repeat(q, HISTORY, axis=0), np.repeat(p, HISTORY, axis=0)
-        holds_after = last == final and is_still(end.omega_body, end.alpha_body, limits)
+        before, holds_after = None, False
+        if first == 0 or last == final:
+            start, end = self.stretch.ends()
+            if first == 0 and is_still(start.omega_body, start.alpha_body, limits):
+                q, p = setpoints(0, 1)
+                before = np.repeat(q, HISTORY, axis=0), np.repeat(p, HISTORY, axis=0)
+            holds_after = last == final and is_still(end.omega_body, end.alpha_body, limits)
         return measure(
             setpoints,
             last - first + 1,

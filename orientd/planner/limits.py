@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import lru_cache
 
 from orientd.errors import RequestError
 
@@ -209,11 +210,11 @@ class Limits:
         Args:
             share: of acceleration and jerk that the timing may use.
         """
-        return self.times(acceleration=share, jerk=share, linear_acceleration=share)
+        return _with_reserve(self, share)
 
     def scaled(self, factor: float) -> Limits:
         """Return every limit multiplied by *factor*."""
-        return self.times(**dict.fromkeys(UNITS, factor))
+        return _scaled(self, factor)
 
     def slowed(self, speed: float) -> Limits:
         """Return the limits under which motions run *speed* times as fast."""
@@ -252,3 +253,14 @@ DEFAULT_LIMITS = Limits(
     linear_acceleration=10.0,
 )
 """Where a configuration says nothing; the angular ones are those of the Franka Research 3."""
+
+
+# A plan asks for the same few again and again.
+@lru_cache(maxsize=64)
+def _with_reserve(limits: Limits, share: float) -> Limits:
+    return limits.times(acceleration=share, jerk=share, linear_acceleration=share)
+
+
+@lru_cache(maxsize=64)
+def _scaled(limits: Limits, factor: float) -> Limits:
+    return limits.times(**dict.fromkeys(UNITS, factor))

@@ -19,7 +19,7 @@ from orientd.planner.timing import excess
 from orientd.rotation import Floats
 
 _SHORT = 4 * CHUNK  # records that are looked at as a whole where the shape may change
-_PIECES = 256  # that a curve of fewer pieces is cut into
+_PIECES = 64  # that a curve of fewer pieces is cut into
 _SHARES = np.array([1e-6, 0.25, 0.5, 0.75, 1.0 - 1e-6])  # of a piece
 _HOT = 0.97  # of the largest factor
 _LARGEST_STEP = 0.75 * OFF_GRID[1][1]  # of what a step over a period is taken for
