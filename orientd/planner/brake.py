@@ -79,15 +79,7 @@ def brake_rate(omega: Floats, alpha: Floats, jerk: Floats, limits: Limits) -> tu
     Returns:
         The rate in 1/s, in ``[0, FASTEST_BRAKE_RATE]``, and the index of the point that sets it.
     """
-    speed = _norm(omega)
-    return _least(
-        speed,
-        _norm(alpha),
-        np.abs(np.einsum("ij,ij->i", omega, alpha)),
-        jerk,
-        limits.acceleration,
-        limits.jerk,
-    )
+    return _least(omega, alpha, jerk, limits.acceleration, limits.jerk)
 
 
 def axis_brake_rate(
@@ -108,9 +100,8 @@ def axis_brake_rate(
     """
     return min(
         _least(
-            np.abs(omega[:, axis]),
-            np.abs(alpha[:, axis]),
-            np.abs(omega[:, axis] * alpha[:, axis]),
+            omega[:, axis : axis + 1],
+            alpha[:, axis : axis + 1],
             np.abs(jerk[:, axis]),
             limits.axis_acceleration[axis],
             limits.axis_jerk[axis],
@@ -130,14 +121,8 @@ def linear_brake_rate(velocity: Floats, acceleration: Floats, limits: Limits) ->
     Returns:
         As :func:`brake_rate`.
     """
-    along = np.abs(np.einsum("ij,ij->i", velocity, acceleration))
     return _least(
-        _norm(velocity),
-        _norm(acceleration),
-        along,
-        np.zeros(len(velocity)),
-        limits.linear_acceleration,
-        np.inf,
+        velocity, acceleration, np.zeros(len(velocity)), limits.linear_acceleration, np.inf
     )
 
 
@@ -147,15 +132,14 @@ def _norm(vectors: Floats) -> Floats:
 
 
 def _least(
-    speed: Floats, size: Floats, along: Floats, jerk: Floats, most: float, most_jerk: float
+    velocity: Floats, acceleration: Floats, jerk: Floats, most: float, most_jerk: float
 ) -> tuple[float, int]:
     """Return the least rate over all points, looking closely only at those that could set it."""
     compiled = kernels().least_rate
     if compiled is not None:
         return compiled(
-            speed,
-            size,
-            along,
+            velocity,
+            acceleration,
             jerk,
             most,
             most_jerk,
@@ -166,6 +150,8 @@ def _least(
             FASTEST_BRAKE_RATE,
             _MARGIN,
         )
+    speed, size = _norm(velocity), _norm(acceleration)
+    along = np.abs(np.einsum("ij,ij->i", velocity, acceleration))
     best, place = FASTEST_BRAKE_RATE, 0
     bound = _lower_bound(speed, size, most)
     # The point nearest to its limit first; most others are ruled out by it.

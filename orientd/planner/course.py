@@ -64,9 +64,10 @@ class Core:
     def slowed(self, duration: float) -> Core:
         """Return the same curve taking *duration* seconds."""
         factor = duration / self.duration
+        positions = self.positions if self.positions.is_held else self.positions.slowed(factor)
         return Core(
             replace(self.stretch, end=duration, rate=self.stretch.rate / factor),
-            self.positions.slowed(factor),
+            positions,
             self.times * factor,
         )
 

@@ -46,7 +46,7 @@ Differences = Callable[[Floats, Floats, Floats, Floats, Floats], None]
 """Takes backward differences of setpoints; see ``orientd.planner.compiled_certificate``."""
 
 LeastRate = Callable[
-    [Floats, Floats, Floats, Floats, float, float, Floats, Floats, Floats, float, float, float],
+    [Floats, Floats, Floats, float, float, Floats, Floats, Floats, float, float, float],
     tuple[float, int],
 ]
 """Finds the least brake rate of a path; see ``orientd.planner.compiled_certificate``."""

@@ -8,7 +8,7 @@ from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, fast
 from orientd.planner.brake import axis_brake_rate, brake_rate
 from orientd.planner.bridge import bridge
 from orientd.planner.certificate import differences
-from orientd.rotation import exp, normalize
+from orientd.rotation import exp, multiply, normalize
 
 PERIOD = 0.002
 LIMITS = [DEFAULT_LIMITS, DEFAULT_LIMITS.with_rates({"velocity": [2.0, 0.7, 1.5], "jerk": 300.0})]
@@ -64,6 +64,16 @@ def test_both_take_the_same_differences(both, count):
         for one, other in zip([*rates, *squares], [*others, *other_squares], strict=True):
             assert one.shape == other.shape
             assert one == pytest.approx(other, abs=1e-13)
+
+
+@pytest.mark.parametrize("angle", [1e-12, 1e-4, 0.0624, 0.0625, 0.0626, 1.0])
+def test_both_take_the_same_differences_of_small_turns(both, angle):
+    rng = np.random.default_rng(1)
+    axis = np.array([2.0, -1.0, 2.0]) / 3.0
+    q = multiply(exp(rng.normal(size=3)), exp(angle * np.arange(5)[:, None] * axis))
+    (rates, _), (others, _) = both(lambda: differences(q))
+    assert rates[0] == pytest.approx(others[0], rel=1e-14, abs=1e-17)
+    assert rates[0] == pytest.approx(np.tile(angle * axis, (4, 1)), abs=1e-15)
 
 
 @pytest.mark.parametrize("scale", [0.1, 0.9, 1.0, 1.2])
