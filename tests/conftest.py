@@ -6,6 +6,7 @@ for folder in (
     "unit/servo",
     "unit/servo/tracking",
     "unit/daemon",
+    "unit/curves",
     "unit/planner",
     "unit/recorder",
     "system",

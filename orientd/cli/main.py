@@ -21,6 +21,7 @@ from orientd.cli import (
     motion_commands,
     plot,
     record,
+    replay,
     sim,
     track,
 )
@@ -65,6 +66,7 @@ for _command in (
     plot.plot,
     record.record,
     record.export,
+    replay.replay,
     device_commands.stop,
     device_commands.halt,
     device_commands.pause,

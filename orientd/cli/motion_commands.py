@@ -57,7 +57,7 @@ def plan(
             param_hint="--output",
         )
     request = motion_file.load(file)
-    settings = _device_settings(config, device)
+    settings = device_settings(config, device)
     first = request.keyframes[0]
     start = planner.State.at_rest(request.keys[0], first.position or (0.0, 0.0, 0.0))
     # The driver is asked as in the daemon, but not for where its axes are: then it chooses.
@@ -207,7 +207,7 @@ def raise_unless_done(summary: Summary) -> None:
         raise OrientdError(f"motion {summary.motion_number} {texts.ending(summary)}")
 
 
-def _device_settings(config: Path | None, device: str) -> DeviceSettings:
+def device_settings(config: Path | None, device: str) -> DeviceSettings:
     """Return the settings of the device that a plan without a daemon is made for."""
     from orientd import config as configuration
 

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from orientd.cli.compare import KeyframeTimes, Times
-from orientd.cli.output import AsJson, command, say, say_json, table
+from orientd.cli.output import AsJson, DeviceName, command, say, say_json, table
 from orientd.errors import OrientdError, RequestError
 
 
@@ -28,7 +28,8 @@ def plot(
         str | None,
         typer.Argument(
             metavar="[FILE|NAME]",
-            help="A motion file, or a family or figure by its name; without it, the names.",
+            help="A motion file, a recording (.mcap), or a family or figure by its name; without "
+            "it, the names.",
         ),
     ] = None,
     output: Annotated[
@@ -43,9 +44,10 @@ def plot(
         ),
     ] = Show.MOTION,
     times: Times = KeyframeTimes.FILE,
+    device: DeviceName = "",
     as_json: AsJson = False,
 ) -> None:
-    """Draw the curve of a motion file, a family on its example, or a figure of the papers.
+    """Draw a motion file's curve, a recording, a family on its example, or a figure of the papers.
 
     The curve alone, without lead-in and limits of a device: `orientd plan --plot` draws the motion.
     """
@@ -61,6 +63,8 @@ def plot(
         plots.draw_family(path, what)
     elif what in plots.FIGURES:
         plots.draw_figure(path, what)
+    elif Path(what).suffix == ".mcap" and Path(what).exists():
+        _draw_recording(Path(what), path, device)
     elif Path(what).exists():
         _draw_file(Path(what), path, show, times)
     else:
@@ -82,6 +86,19 @@ def _list(*, as_json: bool) -> None:
         return
     rows = [[name, text] for name, text in (*families.items(), *figures.items())]
     say(*table(["name", "what is drawn"], rows))
+
+
+def _draw_recording(file: Path, path: Path, device: str) -> None:
+    from orientd import plots
+    from orientd.cli.record import need_record
+
+    need_record()
+    from orientd.recorder import reader
+    from orientd.recorder.planned import strands
+
+    recording = reader.load(file)
+    name = recording.device(device)
+    plots.draw_recording(path, strands(recording, name), title=f"{file.name}: {name}")
 
 
 def _draw_file(file: Path, path: Path, show: Show, times: KeyframeTimes) -> None:

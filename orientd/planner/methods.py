@@ -116,8 +116,30 @@ def _bezier(given: Given) -> dict[str, Any]:
 
 def _bspline(given: Given) -> dict[str, Any]:
     order = min(_order(given.options.get("order", 4)), len(given.keys))
-    knots = averaged_knots(given.times, order)
+    wanted = given.options.get("knots")
+    if wanted is None:
+        knots = averaged_knots(given.times, order)
+    else:
+        knots = _on_the_clock(wanted, given.times, order)
     return {"control": given.keys, "order": order, "knots": knots}
+
+
+def _on_the_clock(knots: object, times: Floats, order: int) -> Floats:
+    """Return knots of the user's, in any unit, with the curve they bound as long as *times*."""
+    expected = f"expected {len(times) + order} numbers that do not decrease"
+    try:
+        vector = np.asarray(knots, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise RequestError("options.knots", expected) from error
+    if vector.shape != (len(times) + order,) or not np.all(np.isfinite(vector)):
+        raise RequestError("options.knots", f"{expected}, got {np.size(vector)}")
+    begin, end = vector[order - 1], vector[-order]
+    if np.any(np.diff(vector) < 0.0) or not end > begin:
+        raise RequestError("options.knots", f"{expected}, and span some time")
+    mapped: Floats = times[0] + (vector - begin) * ((times[-1] - times[0]) / (end - begin))
+    mapped[order - 1], mapped[-order] = times[0], times[-1]
+    # Rounding must not put a knot that is repeated at an end on either side of it.
+    return np.maximum.accumulate(np.where(vector >= end, np.maximum(mapped, times[-1]), mapped))
 
 
 def _order(order: object) -> int:
@@ -185,7 +207,7 @@ TABLE: dict[str, Method] = {
     "kks_hermite_spline": Method(
         _keys_with_velocities, has_velocities=True, options=("rule", "align")
     ),
-    "kks_bspline": Method(_bspline, options=("order", "align")),
+    "kks_bspline": Method(_bspline, options=("order", "knots", "align")),
     "kks_uniform": Method(_uniform),
     "c2_cumulative": Method(
         _cumulative, has_velocities=True, has_accelerations=True, turns="turns"

@@ -7,11 +7,13 @@ from orientd.plots.motion import draw_motion, draw_sent, draw_traces
 from orientd.plots.paper import check_format, is_available
 from orientd.plots.parts import draw_bodies_alone, draw_rates_alone, draw_triads_alone
 from orientd.plots.punctuality import Timing
+from orientd.plots.recording import Strands, draw_recording
 from orientd.plots.sampling import traces_of
 from orientd.plots.sheet import draw_sheet
 
 __all__ = [
     "FIGURES",
+    "Strands",
     "Timing",
     "Traces",
     "check_format",
@@ -21,6 +23,7 @@ __all__ = [
     "draw_gallery",
     "draw_motion",
     "draw_rates_alone",
+    "draw_recording",
     "draw_sent",
     "draw_sheet",
     "draw_traces",

@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from orientd import rotation
+from orientd.plots import Strands
 from orientd.recorder.cycle_table import Table
 from orientd.recorder.reader import Recording
 from orientd.rotation import Floats
 from orientd.rpc import control_pb2 as pb
+from orientd.stream import CycleFlag
 
 
 def planned_orientations(recording: Recording, device: str) -> tuple[Floats, Floats]:
@@ -82,3 +84,39 @@ def _path(event: pb.Event, times: Floats) -> Floats:
     end = rotation.right_jacobian_inverse(turn) @ (omega[span + 1] * length)[..., None]
     r = (u - 2 * u**2 + u**3) * begin + (3 * u**2 - 2 * u**3) * turn + (u**3 - u**2) * end[..., 0]
     return rotation.multiply(q[span], rotation.exp(r))
+
+
+def strands(recording: Recording, device: str) -> Strands:
+    """Return what a picture of a recording shows."""
+    cycles = recording.cycles[device]
+    _, planned = planned_orientations(recording, device)
+    begin = int(cycles["deadline_ns"][0]) if len(cycles) else 0
+    told = np.flatnonzero(cycles["flags"] & CycleFlag.FEEDBACK)
+    marks = [
+        ((event.time_ns - begin) * 1e-9, _SHOWN[event.kind])
+        for event in recording.events
+        if event.device == device and event.kind in _SHOWN
+    ]
+    return Strands(
+        times=(cycles["deadline_ns"] - begin) * 1e-9,
+        planned_q=planned,
+        sent_q=cycles["sent_q"],
+        sent_omega_body=cycles["sent_omega_body"],
+        measured_times=(cycles["feedback_time_ns"][told] - begin) * 1e-9,
+        measured_q=cycles["measured_q"][told],
+        measured_omega_body=cycles["measured_omega_body"][told],
+        tracking_error=rotation.angle(cycles["measured_q"][told], cycles["sent_q"][told]),
+        lateness=cycles["lateness_ns"] * 1e-9,
+        period=1.0 / recording.rate_hz(device),
+        marks=marks,
+    )
+
+
+_SHOWN = {
+    pb.EVENT_KIND_MOTION_STARTED: "started",
+    pb.EVENT_KIND_MOTION_DONE: "done",
+    pb.EVENT_KIND_MOTION_STOPPED: "stopped",
+    pb.EVENT_KIND_MOTION_REPLACED: "replaced",
+    pb.EVENT_KIND_FAULT: "FAULT",
+    pb.EVENT_KIND_SERVO_DIED: "SERVO DIED",
+}

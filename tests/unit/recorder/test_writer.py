@@ -94,16 +94,14 @@ def test_a_recording_gives_back_the_cycles(path, table):
         np.testing.assert_allclose(back[name], table[name], rtol=0, atol=0.501 * quantum)
 
 
-def test_a_recording_without_its_end_gives_back_what_is_there(path, table, tmp_path):
+def test_a_recording_without_its_end_gives_back_what_is_there(tmp_path):
     cut = tmp_path / "cut.mcap"
-    whole = path.read_bytes()
-    cut.write_bytes(whole[: len(whole) // 2])
-    small = write(tmp_path / "small.mcap", moving(40_000))
+    small = write(tmp_path / "small.mcap", moving(10_000))
     whole = small.read_bytes()
     cut.write_bytes(whole[: len(whole) * 3 // 4])
     recording = reader.load(cut)
     assert not recording.is_complete
-    assert 0 < len(recording.cycles["arm"]) < 40_000
+    assert 0 < len(recording.cycles["arm"]) < 10_000
 
 
 def test_events_are_kept_and_said_in_the_log(tmp_path):

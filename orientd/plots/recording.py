@@ -1,0 +1,204 @@
+"""The picture of a recording: what was planned, sent and measured over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from orientd import rotation
+from orientd.plots.charts import MOST_POINTS
+from orientd.plots.paper import AXES, INK, LIMIT, QUIET, check_format, new_figure, save, tidy
+from orientd.rotation import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+PLANNED = "#c4c4c4"
+_LEAST = 1e-6  # rad and ms; what is less is drawn as this much
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Strands:
+    """What the picture of a recording shows.
+
+    Attributes:
+        times: of the cycles, s, shape ``(n,)``.
+        planned_q: where the motion was to be, not a number where none runs, shape ``(n, 4)``.
+        sent_q: orientations sent, shape ``(n, 4)``.
+        sent_omega_body: rad/s, shape ``(n, 3)``.
+        measured_times: when the feedback of a cycle was measured, s, shape ``(m,)``.
+        measured_q: orientations measured, shape ``(m, 4)``.
+        measured_omega_body: rad/s, shape ``(m, 3)``.
+        tracking_error: angle between what was sent and measured in one cycle, rad, shape ``(m,)``.
+        lateness: s, shape ``(n,)``.
+        period: s.
+        marks: instants and what happened then.
+    """
+
+    times: Floats
+    planned_q: Floats
+    sent_q: Floats
+    sent_omega_body: Floats
+    measured_times: Floats
+    measured_q: Floats
+    measured_omega_body: Floats
+    tracking_error: Floats
+    lateness: Floats
+    period: float
+    marks: Sequence[tuple[float, str]] = ()
+
+
+def draw_recording(path: Path, strands: Strands, *, title: str) -> None:
+    """Draw a recording to *path*: orientation, angular velocity, deviations, lateness.
+
+    Planned is a broad grey line, sent a thin one in the colour of its axis, measured dots in that
+    colour, at the times at which it was measured.  Orientations are rotation vectors from the first
+    one sent, carried on past half a turn.
+
+    Raises:
+        OrientdError: the file cannot be written, or its ending names no format of a picture.
+    """
+    check_format(path)
+    figure = new_figure(12.0, 10.0, title)
+    names = ("orientation", "velocity", "deviation", "lateness")
+    charts: dict[str, Axes] = figure.subplot_mosaic(
+        [[name] for name in names], sharex=True, height_ratios=[1.5, 1.2, 0.9, 0.7]
+    )
+    _draw_orientation(charts["orientation"], strands)
+    _draw_velocity(charts["velocity"], strands)
+    _draw_deviation(charts["deviation"], strands)
+    _draw_lateness(charts["lateness"], strands)
+    for name, axes in charts.items():
+        _mark(axes, strands.marks, is_named=name == "orientation")
+    charts["lateness"].set_xlabel("time, s", fontsize=9)
+    if len(strands.times):
+        charts["lateness"].set_xlim(strands.times[0], strands.times[-1])
+    save(figure, path)
+
+
+def _draw_orientation(axes: Axes, strands: Strands) -> None:
+    tidy(axes, "rotation vector, rad")
+    every = _every(strands.times)
+    sent = _unwound(_vectors(strands.sent_q, strands.sent_q[:1]))
+    # The same branch as what was sent, whatever the sign of a quaternion.
+    planned = _near(_vectors(strands.planned_q, strands.sent_q[:1]), sent)
+    later = np.clip(
+        np.searchsorted(strands.times, strands.measured_times), 0, len(strands.times) - 1
+    )
+    measured = _near(_vectors(strands.measured_q, strands.sent_q[:1]), sent[later])
+    for k in range(3):
+        axes.plot(
+            strands.times[every], planned[every, k], color=PLANNED, linewidth=5.0,
+            label="planned" if k == 0 else None, zorder=1.5, solid_capstyle="butt",
+        )  # fmt: skip
+    for k, axis in enumerate(AXES):
+        axes.plot(
+            strands.times[every], sent[every, k], color=axis.colour, linewidth=1.4,
+            label=f"{axis.name} sent", zorder=2.0,
+        )  # fmt: skip
+        _dots(axes, strands.measured_times, measured[:, k], axis.colour, f"{axis.name} measured")
+    _legend(axes)
+
+
+def _draw_velocity(axes: Axes, strands: Strands) -> None:
+    tidy(axes, "angular velocity, rad/s")
+    every = _every(strands.times)
+    for k, axis in enumerate(AXES):
+        axes.plot(
+            strands.times[every], strands.sent_omega_body[every, k], color=axis.colour,
+            linewidth=1.4, zorder=2.0,
+        )  # fmt: skip
+        _dots(axes, strands.measured_times, strands.measured_omega_body[:, k], axis.colour, None)
+
+
+def _draw_deviation(axes: Axes, strands: Strands) -> None:
+    tidy(axes, "deviation, mrad")
+    every = _every(strands.times)
+    off_plan = 1e3 * rotation.angle(strands.planned_q, strands.sent_q)
+    axes.plot(
+        strands.times[every], np.maximum(off_plan, 1e3 * _LEAST)[every], color=QUIET,
+        linewidth=1.3, label="planned to sent",
+    )  # fmt: skip
+    few = _every(strands.measured_times)
+    axes.plot(
+        strands.measured_times[few], np.maximum(1e3 * strands.tracking_error, 1e3 * _LEAST)[few],
+        color=INK, linewidth=1.0, label="sent to measured, of the same cycle",
+    )  # fmt: skip
+    axes.set_yscale("log")
+    _legend(axes)
+
+
+def _draw_lateness(axes: Axes, strands: Strands) -> None:
+    tidy(axes, "lateness, ms")
+    every = _every(strands.times)
+    late = np.maximum(1e3 * strands.lateness, 1e-3)
+    axes.scatter(strands.times[every], late[every], s=2, color=AXES[2].colour, linewidth=0)
+    axes.axhline(500.0 * strands.period, color=LIMIT, linewidth=1.0, linestyle=":")
+    axes.set_yscale("log")
+
+
+def _dots(axes: Axes, times: Floats, values: Floats, colour: str, label: str | None) -> None:
+    step = max(1, len(times) // 150)
+    axes.plot(
+        times[::step], values[::step], linestyle="none", marker="o", markersize=3.2,
+        markerfacecolor="none", markeredgecolor=colour, markeredgewidth=0.8, label=label,
+        zorder=2.5,
+    )  # fmt: skip
+
+
+def _mark(axes: Axes, marks: Sequence[tuple[float, str]], *, is_named: bool) -> None:
+    for time, name in marks:
+        is_bad = name.isupper()
+        axes.axvline(time, color=LIMIT if is_bad else QUIET, linewidth=0.8, linestyle=":")
+        if is_named:
+            axes.annotate(
+                name, (time, 0.99), xycoords=("data", "axes fraction"), xytext=(2, 0),
+                textcoords="offset points", ha="left", va="top", fontsize=7.5, rotation=90,
+                color=LIMIT if is_bad else QUIET,
+            )  # fmt: skip
+
+
+def _legend(axes: Axes) -> None:
+    axes.legend(
+        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=7, frameon=False, fontsize=8.5,
+        borderaxespad=0.1,
+    )  # fmt: skip
+
+
+def _every(times: Floats) -> slice:
+    return slice(None, None, max(1, len(times) // MOST_POINTS))
+
+
+def _vectors(q: Floats, origin: Floats) -> Floats:
+    return rotation.log(rotation.multiply(rotation.conjugate(origin), q))
+
+
+def _unwound(vectors: Floats) -> Floats:
+    """Return rotation vectors without jumps: each one of those that mean the same turn."""
+    result = vectors.copy()
+    for k in range(1, len(result)):
+        if np.sum((result[k] - result[k - 1]) ** 2) > 1.0:
+            result[k] = _nearest(result[k], result[k - 1])
+    return result
+
+
+def _near(vectors: Floats, guides: Floats) -> Floats:
+    result = vectors.copy()
+    away = np.sum((vectors - guides) ** 2, axis=-1) > 1.0
+    for k in np.flatnonzero(away):
+        result[k] = _nearest(vectors[k], guides[k])
+    return result
+
+
+def _nearest(vector: Floats, guide: Floats) -> Floats:
+    length = float(np.sqrt(np.sum(vector**2)))
+    if length < 1e-9:
+        return vector
+    axis = vector / length
+    turns = np.rint((float(axis @ guide) - length) / (2.0 * np.pi))
+    nearest: Floats = vector + 2.0 * np.pi * turns * axis
+    return nearest

@@ -1,0 +1,225 @@
+"""Orientations over time, out of whatever they were recorded in: MCAP, ROS 2 bags in MCAP, csv.
+
+Of our own recordings every cycle is taken, from ``/DEVICE/measured`` or ``/DEVICE/sent``.
+Elsewhere a topic may hold anything with a quaternion in it, by the field names of Foxglove and of
+ROS: poses, odometry, transforms, inertial measurements; as protobuf, JSON or ROS 2 messages.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from orientd.recorder.reader import load, records
+from orientd.recorder.writer import RecordingError
+from orientd.rotation import Floats
+from orientd.stream import CycleFlag
+
+_NESTS = ("pose", "transform", "odometry")
+_NAMES = ("orientation", "rotation", "quaternion", "q")
+_TIMES = {"time_s": 1.0, "time": 1.0, "t": 1.0, "timestamp": 1.0, "time_ns": 1e-9, "stamp": 1.0}
+_DECODERS = ("mcap_protobuf.decoder", "mcap_ros2.decoder")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Orientations:
+    """What a topic holds.
+
+    Attributes:
+        topic: its name.
+        times: s, the first one 0, shape ``(n,)``.
+        q: orientations ``(w, x, y, z)`` as they were found, shape ``(n, 4)``.
+    """
+
+    topic: str
+    times: Floats
+    q: Floats
+
+
+def read_orientations(path: Path, topic: str = "") -> Orientations:
+    """Return the orientations of a topic; of the only one where none is named.
+
+    Args:
+        path: a .mcap or a .csv file.
+        topic: in an MCAP file, the topic, with ``#CHILD`` for one frame of several transforms; in
+            a csv file, what stands before ``_qw`` or ``_w`` in the names of the columns.
+
+    Raises:
+        RecordingError: the file cannot be read, or has no such topic, or several.
+    """
+    tables = _from_csv(path) if path.suffix == ".csv" else _from_mcap(path)
+    if topic and topic not in tables:
+        raise RecordingError(f"{path}: no orientations in {topic!r}, there is {_listed(tables)}")
+    if not tables:
+        raise RecordingError(f"{path}: no orientations in it")
+    if not topic and len(tables) > 1:
+        measured = [name for name in tables if name.split("/")[-1] == "measured"]
+        if len(measured) != 1:
+            raise RecordingError(f"{path}: name one topic of {_listed(tables)}")
+        topic = measured[0]
+    name = topic or next(iter(tables))
+    times, q = tables[name]
+    return Orientations(name, times - (times[0] if len(times) else 0.0), q)
+
+
+Tables = dict[str, tuple[Floats, Floats]]
+
+
+def _listed(tables: Mapping[str, object]) -> str:
+    return ", ".join(repr(name) for name in tables) or "none"
+
+
+def _from_mcap(path: Path) -> Tables:
+    tables = _from_ours(path)
+    return tables or _from_others(path)
+
+
+def _from_ours(path: Path) -> Tables:
+    try:
+        recording = load(path)
+    except RecordingError:
+        return {}
+    tables: Tables = {}
+    for device, cycles in recording.cycles.items():
+        told = cycles[(cycles["flags"] & CycleFlag.FEEDBACK) != 0]
+        if len(told):
+            # A measurement that is read twice is one measurement.
+            stamps, first = np.unique(told["feedback_time_ns"], return_index=True)
+            tables[f"/{device}/measured"] = (stamps * 1e-9, told["measured_q"][first])
+        written = cycles[(cycles["flags"] & CycleFlag.WRITTEN) != 0]
+        if len(written):
+            tables[f"/{device}/sent"] = (written["deadline_ns"] * 1e-9, written["sent_q"])
+    return tables
+
+
+def _from_others(path: Path) -> Tables:
+    from importlib import import_module
+
+    from mcap.records import Channel, Message, Schema
+
+    factories = [import_module(name).DecoderFactory() for name in _DECODERS]
+    schemas: dict[int, Any] = {}
+    channels: dict[int, Any] = {}
+    decoders: dict[int, Any] = {}
+    rows: dict[str, list[tuple[float, ...]]] = {}
+    for record in records(path):
+        if isinstance(record, Schema):
+            schemas[record.id] = record
+        elif isinstance(record, Channel):
+            channels[record.id] = record
+        elif isinstance(record, Message):
+            channel = channels[record.channel_id]
+            if channel.id not in decoders:
+                decoders[channel.id] = _decoder(channel, schemas.get(channel.schema_id), factories)
+            decode = decoders[channel.id]
+            if decode is None:
+                continue
+            for child, stamp, q in _orientations(decode(record.data)):
+                name = f"{channel.topic}#{child}" if child else channel.topic
+                time = record.log_time * 1e-9 if stamp is None else stamp
+                rows.setdefault(name, []).append((time, *q))
+    tables: Tables = {}
+    for name, found in rows.items():
+        table = np.array(found)
+        tables[name] = (table[:, 0], table[:, 1:])
+    return tables
+
+
+def _decoder(channel: Any, schema: Any, factories: Sequence[Any]) -> Any:  # noqa: ANN401 - of mcap
+    if channel.message_encoding == "json":
+        return json.loads
+    found = (factory.decoder_for(channel.message_encoding, schema) for factory in factories)
+    return next((decode for decode in found if decode is not None), None)
+
+
+def _orientations(message: object) -> Iterator[tuple[str, float | None, tuple[float, ...]]]:
+    """Yield child frame, time stamp and quaternion of everything in a message that has one."""
+    many = _field(message, "transforms")
+    if many is not None:
+        for one in many:
+            for _, stamp, q in _orientations(one):
+                yield str(_field(one, "child_frame_id") or ""), stamp, q
+        return
+    found = _quaternion(message)
+    if found is not None:
+        yield "", _stamp(message), found
+
+
+def _quaternion(message: object, depth: int = 0) -> tuple[float, ...] | None:
+    parts = [_field(message, axis) for axis in "wxyz"]
+    if all(isinstance(part, int | float) for part in parts):
+        return tuple(float(part) for part in parts)
+    if depth < 4:
+        for name in (*_NAMES, *_NESTS):
+            inner = _field(message, name)
+            found = None if inner is None else _quaternion(inner, depth + 1)
+            if found is not None:
+                return found
+    return None
+
+
+def _stamp(message: object) -> float | None:
+    header = _field(message, "header")
+    holders = ((header, "stamp"), (message, "stamp"), (message, "timestamp"))
+    for holder, name in holders:
+        stamp = None if holder is None else _field(holder, name)
+        if stamp is None:
+            continue
+        if isinstance(stamp, int | float):
+            return float(stamp)
+        seconds = next((s for n in ("sec", "seconds") if (s := _field(stamp, n)) is not None), None)
+        rest = next(
+            (s for n in ("nanosec", "nanos", "nsec") if (s := _field(stamp, n)) is not None), 0
+        )
+        if seconds is not None and (seconds or rest):
+            return float(seconds) + 1e-9 * float(rest)
+    return None
+
+
+def _field(message: object, name: str) -> Any:  # noqa: ANN401 - whatever a message holds
+    if isinstance(message, Mapping):
+        return message.get(name)
+    return getattr(message, name, None)
+
+
+def _from_csv(path: Path) -> Tables:
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            rows = csv.reader(stream)
+            header = [name.strip() for name in next(rows, [])]
+            body = [row for row in rows if row]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise RecordingError(f"cannot read {path}: {error}") from error
+    places = {name: place for place, name in enumerate(header)}
+    clock = next((name for name in _TIMES if name in places), None)
+    if clock is None:
+        raise RecordingError(f"{path}: no column of times; expected {', '.join(_TIMES)}")
+    times = _column(body, places[clock]) * _TIMES[clock]
+    tables: Tables = {}
+    for name in header:
+        if not name.endswith("w"):
+            continue
+        prefix = name[:-1]
+        if all(prefix + axis in places for axis in "xyz"):
+            q = np.stack([_column(body, places[prefix + axis]) for axis in "wxyz"], axis=-1)
+            topic = prefix.removesuffix("q").rstrip("_.")
+            own = places.get(f"{topic}_time_s")
+            tables[topic] = (times if own is None else _column(body, own), q)
+    return tables
+
+
+def _column(body: list[list[str]], place: int) -> Floats:
+    def number(row: list[str]) -> float:
+        try:
+            return float(row[place])
+        except (ValueError, IndexError):
+            return math.nan
+
+    return np.array([number(row) for row in body])

@@ -1,0 +1,87 @@
+"""The commands about recordings, without a daemon."""
+
+import json
+import sys
+
+import numpy as np
+import pytest
+from command_line import assert_refused, inside
+from hand_held import recorded as hand_held
+from recorded import OFFSET_NS, RATE_HZ, moving
+
+from orientd.recorder.writer import RecordingWriter
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    path = tmp_path_factory.mktemp("recording") / "a.mcap"
+    with RecordingWriter(path, offset_ns=OFFSET_NS) as writer:
+        writer.add_device("arm", RATE_HZ)
+        writer.add_configuration("{}", {})
+        writer.add_cycles("arm", moving(1500))
+    return path
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory):
+    path = tmp_path_factory.mktemp("table") / "hand.csv"
+    rows = [",".join(map(str, (t, *q))) for t, q in zip(*hand_held(0, seconds=30.0), strict=True)]
+    path.write_text("\n".join(["time_s,qw,qx,qy,qz", *rows]))
+    return path
+
+
+def test_export_writes_what_was_sent_and_measured_apart(recording, tmp_path):
+    for name in ("a.csv", "a.npz"):
+        assert inside("export", recording, "-o", tmp_path / name).returncode == 0
+    with np.load(tmp_path / "a.npz") as opened:
+        arrays = dict(opened)
+    rows = (tmp_path / "a.csv").read_text().splitlines()
+    assert rows[0].split(",") == list(arrays)
+    assert len(rows) == 1501
+    first = moving(1500)[0]
+    np.testing.assert_allclose(arrays["sent_qw"][0], first["sent_q"][0], atol=1e-9)
+    np.testing.assert_allclose(arrays["measured_qw"][0], first["measured_q"][0], atol=1e-8)
+    assert arrays["measured_time_s"][0] < arrays["time_s"][0]
+
+
+def test_parquet_without_pyarrow_is_refused_in_one_line(recording, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    done = inside("export", recording, "-o", tmp_path / "a.parquet")
+    assert_refused(done, "pip install pyarrow")
+
+
+def test_an_ending_that_is_not_known_is_a_mistake_of_usage(recording, tmp_path):
+    assert inside("export", recording, "-o", tmp_path / "a.xlsx").returncode == 2
+
+
+def test_plot_draws_a_recording(recording, tmp_path):
+    pytest.importorskip("matplotlib")
+    assert inside("plot", recording, "-o", tmp_path / "a.svg").returncode == 0
+    drawn = (tmp_path / "a.svg").read_text()
+    assert "<svg" in drawn
+
+
+def test_replay_says_what_it_made_of_the_samples_and_certifies(table, tmp_path):
+    out = tmp_path / "a.json"
+    done = inside("replay", table, "--dry-run", "-o", out, "--json")
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["fit"]["noise_deg"] == pytest.approx(0.5, rel=0.25)
+    assert 10 * told["fit"]["knots"] <= told["fit"]["samples"]
+    assert told["fit"]["error_deg"] <= 1.0
+    peak = told["plan"]["certificate"]["peak_velocity"]
+    assert 0.0 < peak["value"] <= peak["limit"]
+    again = inside("plan", out, "--json")
+    assert again.returncode == 0, again.stderr
+    planned = json.loads(again.stdout)["plan"]
+    assert planned["duration"] == pytest.approx(told["plan"]["duration"], abs=0.01)
+
+
+def test_replay_as_quickly_as_the_limits_permit(table):
+    quick = inside("replay", table, "--dry-run", "--pace", "minimum", "--json")
+    assert json.loads(quick.stdout)["slower"] < 1.0
+
+
+def test_replay_refuses_what_holds_no_orientation(tmp_path):
+    (tmp_path / "a.csv").write_text("time,load\n0,1\n")
+    assert_refused(inside("replay", tmp_path / "a.csv", "--dry-run"), "no orientations in it")
