@@ -7,6 +7,7 @@ from pathlib import Path
 from orientd.driver import Finding, Verdict
 from orientd.errors import DeviceError, LinkError
 from orientd_dynamixel.doctor import (
+    SCAN_WAIT_MS,
     Servo,
     advise,
     cycle_ms,
@@ -40,16 +41,17 @@ def diagnose(options: GimbalOptions, period: float, open_bus: OpenBus) -> list[F
     timer = latency_timer_ms(port)
     found.append(_timer(timer))
     wanted = [axis.id for axis in options.axes]
+    wait = max(SCAN_WAIT_MS, options.latency_ms, timer or 0.0)
     try:
         # First at the speed that the daemon would use: a port in use is not touched further.
         servos = scan(
             options.port, bauds=[options.baud], ids=sorted({*range(_IDS), *wanted}),
-            open_bus=open_bus,
+            wanted=wanted, wait_ms=wait, open_bus=open_bus,
         )  # fmt: skip
         missing = [number for number in wanted if number not in {one.id for one in servos}]
         if missing:
             others = [baud for baud in BAUD_RATES if baud != options.baud]
-            servos += scan(options.port, bauds=others, ids=missing, open_bus=open_bus)
+            servos += scan(options.port, bauds=others, ids=missing, wait_ms=wait, open_bus=open_bus)
         found += [_servo(servo, options) for servo in servos]
         found += [_absent(number) for number in missing if number not in {s.id for s in servos}]
         found += [

@@ -6,7 +6,7 @@ Nothing is changed: every finding comes with what to do about it.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +16,8 @@ from orientd_dynamixel.reading import BLOCK, explain_error
 from orientd_dynamixel.servo_bus import READ_WAIT_S, OpenBus, ServoBus, open_bus
 
 SCAN_WAIT_MS = 4.0
+ATTEMPTS = 4
+"""How often a servo is asked that should be there; an answer may be late or damaged once."""
 TURNAROUND_MS = 0.05
 HOST_MS = 0.3
 """What the host itself needs each cycle, on the safe side."""
@@ -79,6 +81,8 @@ def scan(
     *,
     bauds: Iterable[int] = BAUD_RATES,
     ids: Sequence[int] = tuple(range(1, 21)),
+    wanted: Collection[int] = (),
+    wait_ms: float = SCAN_WAIT_MS,
     open_bus: OpenBus = open_bus,
 ) -> list[Servo]:
     """Return every servo that answers, at any line speed.
@@ -87,6 +91,8 @@ def scan(
         port: path of the serial port.
         bauds: line speeds to try.
         ids: numbers to ask; each that is silent costs some milliseconds a line speed.
+        wanted: numbers that are asked again where they are silent.
+        wait_ms: how long an answer may take; more than the adapter's latency.
         open_bus: for tests.
 
     Raises:
@@ -94,20 +100,33 @@ def scan(
     """
     found: list[Servo] = []
     for baud in bauds:
-        bus = open_bus(port, baud, wait_ms=SCAN_WAIT_MS, glance_s=READ_WAIT_S)
+        bus = open_bus(port, baud, wait_ms=wait_ms, glance_s=READ_WAIT_S)
         try:
             for number in ids:
-                try:
-                    answer = bus.ping(number)
-                    if answer is not None:
-                        found.append(_look(bus, number, baud, answer))
-                except LinkError:
-                    raise
-                except DeviceError:
-                    continue
+                servo = _asked(bus, number, baud, ATTEMPTS if number in wanted else 1)
+                found += [] if servo is None else [servo]
         finally:
             bus.close()
     return found
+
+
+def _asked(bus: ServoBus, number: int, baud: int, attempts: int) -> Servo | None:
+    """Return what servo *number* is, ``None`` if it does not say so.
+
+    Raises:
+        LinkError: it answers a ping and then no more, or the port is gone.
+    """
+    for attempt in range(1, attempts + 1):
+        try:
+            answer = bus.ping(number)
+            if answer is not None:
+                return _look(bus, number, baud, answer)
+        except LinkError:
+            if attempt == attempts:
+                raise
+        except DeviceError:
+            return None
+    return None
 
 
 def _look(bus: ServoBus, number: int, baud: int, answer: tuple[int, int]) -> Servo:

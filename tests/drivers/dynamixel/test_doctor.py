@@ -8,8 +8,10 @@ from dynamixel_sdk import Protocol2PacketHandler
 
 from orientd.clock import ManualClock
 from orientd_dynamixel import doctor
+from orientd_dynamixel.diagnosis import diagnose
+from orientd_dynamixel.options import parse
 from orientd_dynamixel.servo_bus import ServoBus
-from orientd_sim.dynamixel import XL330_M288, Bus, Line, VirtualPort
+from orientd_sim.dynamixel import XL330_M288, Bus, FaultKind, Line, ReplyFault, VirtualPort
 from orientd_sim.dynamixel import Servo as EmulatedServo
 
 
@@ -43,6 +45,36 @@ def test_servos_are_found_at_every_line_speed(bench):
         (7, "XL330-M288", 1_000_000),
     ]
     assert [s.return_delay_us for s in found] == [500, 500, 500]
+
+
+@pytest.mark.parametrize("kind", [FaultKind.DROP, FaultKind.CORRUPT, FaultKind.DELAY])
+@pytest.mark.parametrize("answer", range(3))
+def test_servo_that_should_be_there_is_asked_again(bench, kind, answer):
+    """Two answers in a row are lost: to pings, or to the reads that follow."""
+    bench.bus.faults.add(1, ReplyFault(kind, remaining=2))
+    for _ in range(answer):
+        bench.bus.faults.apply(1, bytes(11))
+    found = doctor.scan(
+        "virtual", bauds=[1_000_000], ids=[1, 7], wanted=[1, 7], open_bus=bench.open_bus
+    )
+    assert [servo.id for servo in found] == [1, 7]
+
+
+def test_servos_are_found_through_an_adapter_as_it_comes():
+    """With a latency timer of 16 ms, which an answer may need all of."""
+    port = VirtualPort(Bus([EmulatedServo(1)], line=Line(is_paced=True)), ManualClock())
+    port.bus.faults.add(1, ReplyFault(FaultKind.DELAY, delay_ns=16_000_000))
+    options = parse({"port": "/dev/null", "latency_ms": 16.0, "order": "ZY",
+                     "axes": [{"id": 1, "name": "pan"}, {"id": 2, "name": "tilt"}]})  # fmt: skip
+
+    def open_bus(name, baud, *, wait_ms, glance_s):
+        port.setBaudRate(baud)
+        port.ser.timeout = glance_s
+        return ServoBus(port, Protocol2PacketHandler(), wait_ms=wait_ms)
+
+    found = {one.name: one for one in diagnose(options, 0.01, open_bus)}
+    assert "XM430-W350" in found["servo 1 (pan)"].found
+    assert found["servo 2"].found == "does not answer at any line speed"
 
 
 def test_advice_names_what_to_change(bench):
