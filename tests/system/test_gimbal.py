@@ -99,8 +99,9 @@ def test_path_near_the_keyhole_is_bounded_in_deviation_and_says_so(bus, deviatin
             assert figure["value"] <= figure["limit"] * 1.001
     (hole,) = [note for note in certificate["notes"] if "near the pole" in note]
     assert "pass near the pole, missing by at most 2.0" in hole
-    # Between two records, where a late cycle falls, servo and plan have a cubic each.
-    assert told["summary"]["statistics"]["path_error"] < 1e-7
+    # At the planned speed every setpoint is a record, after a late or a skipped cycle too; between
+    # two records, where only another speed leads, servo and plan have a cubic each.
+    assert told["summary"]["statistics"]["path_error"] < 1e-9
     # Pitch has gone over the top, to where it would not be on the other branch.
     assert abs(bus.state(2)["goal"] - ticks(-150)) <= 2
 
