@@ -54,6 +54,11 @@ FATAL = {
     "adapter unplugged": (_unplug, LinkError),
     "overload": (lambda rig, s: rig.servo(s).fail(1 << 5, rig.clock.now_ns()), DeviceFaultError),
     "overheated": (lambda rig, s: rig.servo(s).fail(1 << 2, rig.clock.now_ns()), DeviceFaultError),
+    "voltage": (lambda rig, s: rig.servo(s).fail(1 << 0, rig.clock.now_ns()), DeviceFaultError),
+    "electric shock": (
+        lambda rig, s: rig.servo(s).fail(1 << 4, rig.clock.now_ns()),
+        DeviceFaultError,
+    ),
     "jammed": (_jam, DeviceFaultError),
     "stalled": (_stall, DeviceFaultError),
     "watchdog": (lambda rig, s: rig.clock.advance(800 * MS), DeviceFaultError),
