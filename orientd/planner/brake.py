@@ -26,8 +26,8 @@ Why this uniform rate, where the servo usually stops two to ten times as quickly
 (:mod:`orientd.servo.brake_law`)?  Because it needs no foresight: it is certified for every point,
 for resumptions and changes of speed as for stops, and for a path of which only a little is in the
 ring.  The quick law takes in each cycle the least rate that keeps the limits there, which can lead
-to a place from which none does; it is used only after a look ahead over the records at hand has
-come to rest.  Considered and left out: a brake rate for each record (one
+to a place from which none does; it is used only after it has been rehearsed to rest, cycle by
+cycle, over the records at hand.  Considered and left out: a brake rate for each record (one
 number would still have to serve a whole stop), and planning the stop beforehand in the daemon
 (a stop has to work without one).
 """

@@ -20,6 +20,7 @@ class PathClock:
         acceleration: its derivative over the last cycle, 1/s.
         target: the rate it is moving to.
         is_led: whether another law moves it; see :mod:`orientd.servo.brake_law`.
+        moves: how often it has been moved, begun or halted.
     """
 
     def __init__(self, period: float) -> None:
@@ -29,6 +30,7 @@ class PathClock:
         self.acceleration = 0.0
         self.target = 0.0
         self.is_led = False
+        self.moves = 0
         self._largest_acceleration = 0.0
         self._step = 0.0
 
@@ -44,17 +46,20 @@ class PathClock:
         self.rate = target
         self.acceleration = 0.0
         self.is_led = False
+        self.moves += 1
 
     def halt(self) -> None:
         """Stand still at once: the path has ended, or nothing runs along it any more."""
         self.rate = self.acceleration = self.target = 0.0
         self.is_led = False
+        self.moves += 1
 
     def lead(self, rate: float) -> None:
         """Take a rate of another law's, which is responsible for the limits until it is zero."""
         self.acceleration = (rate - self.rate) / self.period if rate > 0.0 else 0.0
         self.rate = rate
         self.is_led = rate > 0.0
+        self.moves += 1
 
     @property
     def brake_rate(self) -> float:
@@ -82,6 +87,7 @@ class PathClock:
 
     def advance(self) -> float:
         """Move by one cycle and return the new rate, which is the path records to advance by."""
+        self.moves += 1
         difference = self.target - self.rate
         if difference == 0.0 and self.acceleration == 0.0:
             return self.rate

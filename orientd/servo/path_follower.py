@@ -68,6 +68,7 @@ class PathFollower:
         index: the record at or before the setpoint.
         fraction: how far beyond it, in records, in [0, 1).
         leg: the motion that it belongs to.
+        revision: how often the path ahead has been changed.
     """
 
     def __init__(self, ring: RecordRing, period: float, terms: Terms) -> None:
@@ -75,6 +76,7 @@ class PathFollower:
         self.index = 0
         self.fraction = 0.0
         self.leg = Leg(0, 0, terms)
+        self.revision = 0
         self._ahead: list[Leg] = []
         self._ring = ring
         self._period = period
@@ -95,6 +97,7 @@ class PathFollower:
     def begin(self, leg: Leg) -> None:
         """Stand on the first record of *leg*, which is in the ring."""
         self.leg = leg
+        self.revision += 1
         self._ahead.clear()
         self.index, self.fraction = leg.first, 0.0
         self._load(leg.first)
@@ -122,6 +125,7 @@ class PathFollower:
         if problem:
             return problem
         self._ahead = [*legs[1 : place + 1], leg]
+        self.revision += 1
         return ""
 
     @property

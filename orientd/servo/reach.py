@@ -21,6 +21,7 @@ from orientd.driver import Vector3
 from orientd.stream import Terms
 
 _LEAST_RELEASE = 0.3
+_RELEASE = 0.9  # of the share of jerk
 _STILL = 1e-9  # rad/s: where the path stands still by itself, its clock does not matter
 
 
@@ -133,6 +134,22 @@ def released(past: Past, ahead: Ahead, terms: Terms, period: float, share: float
     whole = floor(0.5 * (sqrt(1.0 + 8.0 * left) - 1.0))
     change = (left / (whole + 1) + 0.5 * whole) * step
     return (speed - change - (a * x + b * y + c * z)) / path_speed
+
+
+def least(
+    past: Past, ahead: Ahead, terms: Terms, period: float, share: float, most: float
+) -> float | None:
+    """Return the least rate that is allowed and can still be released.
+
+    The share of the limits is exceeded, up to *most*, where nothing else is left.
+    """
+    wanted = released(past, ahead, terms, period, _RELEASE * share)
+    for part, jerk_part in ((share, share), (share, most), (most, most)):
+        low, high = allowed(past, ahead, terms, period, part, jerk_part)
+        low, high = max(low, 0.0), min(high, 1.0)
+        if low <= high:
+            return min(max(wanted, low), high)
+    return None
 
 
 def _ball(

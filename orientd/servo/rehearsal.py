@@ -1,0 +1,218 @@
+r"""The rehearsal of a quick stop: the rates of all its cycles, before the first of them is taken.
+
+Every cycle is played through as the guard will see it.  Between two records the servo turns by a
+cubic with the records' velocities :math:`\omega_a, \omega_b` at its ends and their mean velocity
+:math:`m` over the whole, so that the angle from the first of them, in units of the period, is
+
+.. math::
+    P(u) = \omega_a u + (3m - 2\omega_a - \omega_b) u^2 + (\omega_a + \omega_b - 2m) u^3
+
+(what does not commute is of the third order in the period).  A difference of the guard's is the
+difference of *P* at two places; its slope by the rate is the velocity at the second.
+"""
+
+from __future__ import annotations
+
+from copy import copy
+from enum import Enum
+
+from orientd.driver import Vector3
+from orientd.driver.floats import difference
+from orientd.servo.guard import Guard
+from orientd.servo.path_clock import PathClock
+from orientd.servo.path_follower import PathFollower
+from orientd.servo.reach import Ahead, Past, least
+from orientd.stream import Terms
+
+Cubic = tuple[Vector3, Vector3, Vector3, Vector3]
+"""Coefficients of the powers 1, 2, 3 of *u*, and the value at ``u = 1``."""
+
+Piece = tuple[Cubic, Cubic | None]
+"""How the path turns between two records, and travels, if it does."""
+
+_ZERO = (0.0, 0.0, 0.0)
+_STILL = 1e-9
+_ATTEMPTS = 6
+_NEAR = 2e-3  # records from a rate to the next guess; what is left of them is its square
+
+
+class Outcome(Enum):
+    """How far a rehearsal has come."""
+
+    UNFINISHED = "unfinished"
+    REST = "rest"
+    END = "end"
+    FAILED = "failed"
+
+
+class Rehearsal:
+    """A stop from where the device is, some cycles of the certified law first.
+
+    Attributes:
+        rates: of the cycles rehearsed so far.
+        lead: how many of them the certified law, or a coasting clock, takes.
+        share: part of the limits that the stop uses.
+        outcome: of the rehearsal so far.
+    """
+
+    def __init__(
+        self,
+        clock: PathClock,
+        follower: PathFollower,
+        guard: Guard,
+        *,
+        lead: int,
+        share: float,
+        is_coasting: bool,
+    ) -> None:
+        """Begin at the present cycle, before it has moved anything."""
+        self.rates: list[float] = []
+        self.lead = lead
+        self.share = share
+        self.outcome = Outcome.UNFINISHED
+        self._clock = copy(clock)
+        self._is_coasting = is_coasting
+        self._follower = follower
+        self._revision = follower.revision
+        self._passed, self._here = 0, follower.index
+        self._index, self._fraction = 0, follower.fraction
+        self._past = Past(guard.omega, guard.alpha, guard.velocity)
+        self._rate, self._change = clock.rate, clock.acceleration * clock.period
+        self._pieces: dict[int, Piece] = {}
+
+    def go_on(self, terms: Terms, steps: int, *, may_end: bool) -> int:
+        """Rehearse at most so many cycles more and return how many.
+
+        It is called in the cycle that the rehearsal begins in and in each one after that.
+
+        Args:
+            terms: the limits.
+            steps: cycles to rehearse.
+            may_end: whether the end of the path is as good as a stop before it.
+        """
+        follower = self._follower
+        if follower.revision != self._revision:
+            self.outcome = Outcome.FAILED
+        if follower.index != self._here:
+            self._passed, self._here = self._passed + 1, follower.index
+        end = self._passed + follower.fraction + follower.records_left()
+        for step in range(steps):
+            if self.outcome is not Outcome.UNFINISHED:
+                return step
+            self._step(terms, end, may_end=may_end)
+        return steps
+
+    def _step(self, terms: Terms, end: float, *, may_end: bool) -> None:
+        is_led = len(self.rates) >= self.lead
+        if is_led:
+            rate = min(max(self._rate + self._change, 0.0), 1.0)
+        else:
+            rate = self._rate if self._is_coasting else self._clock.advance()
+        if self._index + self._fraction + rate >= end:
+            self.rates.append(rate)
+            self.outcome = Outcome.END if may_end else Outcome.FAILED
+            return
+        h = self._clock.period
+        start = self._load(self._index)
+        if start is None:
+            self.outcome = Outcome.FAILED
+            return
+        turn, travel = start
+        none = (_ZERO, _ZERO, _ZERO, _ZERO)
+        before = self._fraction
+        for _ in range(_ATTEMPTS):
+            u, there, gone, drift = before + rate, start, _ZERO, _ZERO
+            if u >= 1.0:
+                following = self._load(self._index + 1)
+                if following is None:
+                    self.outcome = Outcome.FAILED
+                    return
+                u, there, gone, drift = u - 1.0, following, turn[3], travel[3] if travel else _ZERO
+            omega, slope = _from(turn, before, there[0], u, gone)
+            velocity = push = _ZERO
+            if travel or there[1]:
+                velocity, push = _from(travel or none, before, there[1] or none, u, drift)
+            if not is_led:
+                break
+            ahead = Ahead(slope, _plus(omega, slope, -rate), push, _plus(velocity, push, -rate))
+            found = least(self._past, ahead, terms, h, self.share, 1.0)
+            if found is None:
+                self.outcome = Outcome.FAILED
+                return
+            error, rate = abs(found - rate), found
+            if error < _NEAR:
+                omega = _plus(ahead.bend, slope, rate)
+                velocity = _plus(ahead.shift, push, rate)
+                break
+        else:
+            self.outcome = Outcome.FAILED
+            return
+        if rate <= _STILL and is_led:
+            rate = 0.0
+            is_there = self._follower.peek_ahead(self._index + 1 - self._passed) is not None
+            self.outcome = Outcome.REST if is_there else Outcome.FAILED
+        u, v, w = self._past.omega
+        x, y, z = omega
+        self._past = Past(omega, ((x - u) / h, (y - v) / h, (z - w) / h), velocity)
+        self.rates.append(rate)
+        self._change, self._rate = rate - self._rate, rate
+        self._fraction += rate
+        if self._fraction >= 1.0:
+            self._index, self._fraction = self._index + 1, self._fraction - 1.0
+
+    def _load(self, index: int) -> Piece | None:
+        """Return what lies between a record and the next, or ``None`` beyond the last."""
+        pieces = self._pieces
+        if index in pieces:
+            return pieces[index]
+        start = self._follower.peek_ahead(index - self._passed)
+        end = self._follower.peek_ahead(index + 1 - self._passed)
+        if start is None or end is None:
+            return None
+        h = self._clock.period
+        x, y, z = difference(start.q, end.q)
+        turn = _cubic(start.omega_body, end.omega_body, (x / h, y / h, z / h))
+        travel = None
+        if start.position != end.position:
+            x, y, z = start.position
+            u, v, w = end.position
+            mean = ((u - x) / h, (v - y) / h, (w - z) / h)
+            travel = _cubic(start.velocity, end.velocity, mean)
+        piece = turn, travel
+        self._pieces = {k: pieces[k] for k in pieces if k == index - 1}
+        self._pieces[index] = piece
+        return piece
+
+
+def _cubic(a: Vector3, b: Vector3, m: Vector3) -> Cubic:
+    ax, ay, az = a
+    bx, by, bz = b
+    mx, my, mz = m
+    return (
+        a,
+        (3.0 * mx - 2.0 * ax - bx, 3.0 * my - 2.0 * ay - by, 3.0 * mz - 2.0 * az - bz),
+        (ax + bx - 2.0 * mx, ay + by - 2.0 * my, az + bz - 2.0 * mz),
+        m,
+    )
+
+
+def _from(
+    start: Cubic, s: float, end: Cubic, u: float, between: Vector3
+) -> tuple[Vector3, Vector3]:
+    """Return how far it is from *s* in one cubic to *u* in another, and the slope there."""
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz), _ = end
+    (px, py, pz), (qx, qy, qz), (rx, ry, rz), _ = start
+    x, y, z = between
+    u2, u3 = 2.0 * u, 3.0 * u * u
+    return (
+        (
+            ((cx * u + bx) * u + ax) * u - ((rx * s + qx) * s + px) * s + x,
+            ((cy * u + by) * u + ay) * u - ((ry * s + qy) * s + py) * s + y,
+            ((cz * u + bz) * u + az) * u - ((rz * s + qz) * s + pz) * s + z,
+        ),
+        (ax + bx * u2 + cx * u3, ay + by * u2 + cy * u3, az + bz * u2 + cz * u3),
+    )
+
+
+def _plus(base: Vector3, slope: Vector3, rate: float) -> Vector3:
+    return (base[0] + slope[0] * rate, base[1] + slope[1] * rate, base[2] + slope[2] * rate)
