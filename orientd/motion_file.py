@@ -26,7 +26,7 @@ from orientd.limit_field import AngularLimit, LinearLimit
 from orientd.planner import DEFAULT_METHOD, Keyframe, Limits, MotionRequest
 from orientd.planner.methods import check_method, did_you_mean
 from orientd.rotation import Floats, from_euler, from_matrix, from_rotation_vector
-from orientd.structured_text import read_structured
+from orientd.structured_text import parse_structured, read_structured
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Triple = Annotated[list[Number], Field(min_length=3, max_length=3)]
@@ -134,6 +134,11 @@ def load(path: str | Path) -> MotionRequest:
             well-formed motion.
     """
     return parse(read_structured(Path(path)))
+
+
+def loads(content: bytes, name: str) -> MotionRequest:
+    """Return the request in the *content* of a file called *name*; see :func:`load`."""
+    return parse(parse_structured(content, name))
 
 
 def parse(mapping: object) -> MotionRequest:

@@ -48,25 +48,40 @@ def read_structured(path: Path) -> object:
         RequestError: it cannot be read, is neither YAML nor JSON, is empty, or has a key twice.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        content = path.read_bytes()
     except OSError as error:
         raise RequestError("", f"cannot read {path}: {error.strerror}") from error
+    return parse_structured(content, str(path))
+
+
+def parse_structured(content: bytes, source: str) -> object:
+    """Return what the *content* of a YAML or JSON file says.
+
+    Args:
+        content: the file's bytes.
+        source: the file's name, for errors; one that ends in ``.json`` must be JSON.
+
+    Raises:
+        RequestError: it is neither YAML nor JSON, is empty, or has a key twice.
+    """
+    try:
+        text = content.decode("utf-8")
     except UnicodeDecodeError as error:
-        raise RequestError("", f"{path}: not UTF-8 text (byte {error.start})") from error
+        raise RequestError("", f"{source}: not UTF-8 text (byte {error.start})") from error
     if not text.strip():
-        raise RequestError("", f"{path}: the file is empty")
+        raise RequestError("", f"{source}: the file is empty")
     # YAML reads JSON too, a hundred times as slowly.
     if text.lstrip().startswith("{"):
         try:
             return json.loads(text, object_pairs_hook=_once)
         except RecursionError as error:
-            raise RequestError("", f"{path}: nested too deeply") from error
+            raise RequestError("", f"{source}: nested too deeply") from error
         except json.JSONDecodeError as error:
-            if path.suffix == ".json":
+            if source.endswith(".json"):
                 raise RequestError(
-                    "", f"{path}: line {error.lineno}: not JSON: {error.msg}"
+                    "", f"{source}: line {error.lineno}: not JSON: {error.msg}"
                 ) from error
-    return _read_yaml(text, str(path))
+    return _read_yaml(text, source)
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -8,6 +8,7 @@ for folder in (
     "unit/daemon",
     "unit/curves",
     "unit/planner",
+    "unit/viewer",
     "unit/recorder",
     "system",
     "drivers/ur",

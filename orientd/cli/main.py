@@ -24,6 +24,7 @@ from orientd.cli import (
     replay,
     sim,
     track,
+    view,
 )
 from orientd.cli.output import say
 
@@ -76,6 +77,7 @@ for _command in (
     device_commands.disable,
     device_commands.reset,
     doctor.doctor,
+    view.view,
 ):
     app.command()(_command)
 app.add_typer(bench.bench)

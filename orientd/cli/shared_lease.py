@@ -49,10 +49,14 @@ def shared(robot: Robot) -> Iterator[None]:
 def commander(socket: Path | None, holder: str) -> Iterator[Robot]:
     """Connect to the daemon, under the lease of a running move if there is one."""
     with connect(socket, holder=holder) as robot:
-        token, _ = _read(_token_path(robot.socket))
-        if token:
-            robot.borrow_lease(token)
+        borrow(robot)
         yield robot
+
+
+def borrow(robot: Robot) -> bool:
+    """Have *robot* command under the lease of a running move; return whether there is one."""
+    token, _ = _read(_token_path(robot.socket))
+    return bool(token) and robot.borrow_lease(token)
 
 
 def _token_path(socket: Path) -> Path:

@@ -407,7 +407,11 @@ class Robot:
         self._keeper.forsake()
 
     def release_lease(self) -> None:
-        """Give the lease back now, rather than at the end; what still runs is stopped."""
+        """Give the lease back now, rather than at the end; what still runs is stopped.
+
+        One that is borrowed is left to whoever keeps it.
+        """
+        self._borrowed = ""
         self._keeper.release()
 
     def transfer_lease(self, to: str) -> float:

@@ -1,0 +1,189 @@
+"""What can be done on the page: stop and halt always; the rest with the lease.
+
+What is pressed on one page happens once, and every page shows it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import viser
+
+from orientd.errors import LeaseError, OrientdError
+from orientd.rpc.client import Robot
+from orientd.rpc.reports import DeviceReport
+from orientd.stream import State
+from orientd.viewer.proposal import Proposal
+from orientd.viewer.watcher import Sight, Watcher
+
+Act = Callable[[Robot, str], object]
+Borrow = Callable[[Robot], bool]
+
+STOP, HALT = "■ Stop", "▼ Halt: quickest, off the path"
+TAKE, GIVE_BACK = "Take the lease", "Give the lease back"
+
+_RED = (176, 42, 22)
+_LONG_TEXT = 8.0
+"""s that a refusal stays on the page."""
+
+
+class StopButtons:
+    """Stop and halt, of every device; anybody may, whether or not the daemon is known to answer."""
+
+    def __init__(self, server: viser.ViserServer, watcher: Watcher) -> None:
+        """Put them on the page."""
+        stop = server.gui.add_button(STOP, color=_RED, hint="Come to rest on the path.")
+        halt = server.gui.add_button(HALT, color="gray", hint="Leave the path where that helps.")
+        stop.on_click(lambda event: attempt(watcher, event, lambda robot, _: robot.stop()))
+        halt.on_click(lambda event: attempt(watcher, event, lambda robot, _: robot.halt()))
+
+
+class Controls:
+    """What needs the lease."""
+
+    def __init__(self, server: viser.ViserServer, watcher: Watcher, borrow: Borrow) -> None:
+        """Put it on the page.
+
+        Args:
+            server: of the page.
+            watcher: has the connection.
+            borrow: commands under the lease that the same user holds elsewhere, if there is one.
+        """
+        self.proposal = Proposal()
+        self._watcher = watcher
+        self._borrow = borrow
+        self._borrowed: tuple[Robot, str] | None = None
+        gui = server.gui
+        self._lease = gui.add_button(TAKE, hint="Commands need it; there is one for the daemon.")
+        self._lease.on_click(lambda event: attempt(watcher, event, self._take_or_give))
+        self._pause = gui.add_button("Ⅱ Pause", hint="Come to rest on the path, to be resumed.")
+        self._pause.on_click(lambda event: self._command(event, self._pause_or_resume))
+        self._speed = gui.add_slider(
+            "Speed, %", min=5, max=100, step=5, initial_value=100,
+            hint="Of the motions as they are planned.",
+        )  # fmt: skip
+        self._speed.on_update(self._set_speed)
+        self._reset = gui.add_button("Reset", hint="Leave a fault.")
+        self._reset.on_click(lambda event: self._command(event, Robot.reset))
+        with gui.add_folder("Motion file"):
+            self._file = gui.add_upload_button(
+                "Choose a motion file", mime_type=".yaml,.yml,.json",
+                hint="It is planned and shown; nothing moves before it is sent.",
+            )  # fmt: skip
+            self._file.on_upload(self._read)
+            self._about = gui.add_html("", visible=False)
+            self._send = gui.add_button("▶ Send: the device moves", visible=False)
+            self._send.on_click(lambda event: self._command(event, self.proposal.send))
+            self._discard = gui.add_button("Discard", color="gray", visible=False)
+            self._discard.on_click(lambda _: self.proposal.discard())
+
+    def is_ours(self, sight: Sight) -> bool:
+        """Whether this view may command."""
+        robot = self._watcher.connection
+        if robot is None or sight.cell is None:
+            return False
+        # A lease that is borrowed is over when its keeper gives it back.
+        holder = sight.cell.daemon.lease_holder
+        return bool(robot.lease_token) or (holder != "" and self._borrowed == (robot, holder))
+
+    def show(self, sight: Sight) -> None:
+        """Make the buttons say what they do now, and lock those that can do nothing."""
+        self.proposal.look()
+        is_ours, report = self.is_ours(sight), sight.report
+        is_connected = report is not None and not sight.problem
+        _set(self._lease, label=GIVE_BACK if is_ours else TAKE, disabled=not is_connected)
+        can_command = is_ours and is_connected
+        is_moving = report is not None and report.state is State.STREAMING
+        is_paused = report is not None and report.is_paused
+        _set(
+            self._pause,
+            label="▶ Resume" if is_paused else "Ⅱ Pause",
+            disabled=not (can_command and is_moving),
+        )
+        _set(self._speed, disabled=not can_command)
+        if report is not None and not can_command:
+            self._follow_speed(report)
+        is_fault = report is not None and report.state is State.FAULT
+        _set(self._reset, disabled=not (can_command and is_fault), visible=is_fault)
+        proposal = self.proposal
+        _set(self._file, disabled=not is_connected)
+        _set(self._about, content=proposal.html, visible=bool(proposal.html))
+        has_plan = proposal.plan is not None
+        _set(self._send, visible=has_plan, disabled=not can_command)
+        _set(self._discard, visible=bool(proposal.html))
+
+    def give_up(self) -> None:
+        """Give the lease back, for nobody is left to command; what it started stops."""
+        robot = self._watcher.connection
+        if robot is not None and (robot.lease_token or self._borrowed is not None):
+            robot.release_lease()
+        self._borrowed = None
+
+    def _follow_speed(self, report: DeviceReport) -> None:
+        percent = round(100.0 * report.speed)
+        _set(self._speed, value=percent)
+
+    def _take_or_give(self, robot: Robot, _: str) -> None:
+        is_given_back = self.is_ours(self._watcher.sight)
+        self.give_up()
+        if is_given_back:
+            return
+        if self._borrow(robot):
+            self._borrowed = (robot, robot.state().daemon.lease_holder)
+        else:
+            robot.acquire_lease()
+
+    def _pause_or_resume(self, robot: Robot, device: str) -> None:
+        report = self._watcher.sight.report
+        if report is not None and report.is_paused:
+            robot.resume(device)
+        else:
+            robot.pause(device)
+
+    def _set_speed(self, event: Any) -> None:  # noqa: ANN401 - the library's own
+        # Without a client it is the page that follows the device.
+        if event.client is None or self._speed.disabled:
+            return
+        speed = self._speed.value / 100.0
+        self._command(event, lambda robot, device: robot.set_speed(speed, device))
+
+    def _command(self, event: Any, act: Act) -> None:  # noqa: ANN401 - the library's own
+        """Do *act* if the lease is held: a connection takes it unasked with the first command."""
+
+        def with_lease(robot: Robot, device: str) -> None:
+            if not self.is_ours(self._watcher.sight):
+                raise LeaseError("take the lease first")
+            act(robot, device)
+
+        attempt(self._watcher, event, with_lease)
+
+    def _read(self, event: Any) -> None:  # noqa: ANN401 - the library's own
+        file, report = self._file.value, self._watcher.sight.report
+        if report is None:
+            return
+        attempt(
+            self._watcher,
+            event,
+            lambda robot, device: self.proposal.read(
+                file.name, file.content, robot, device, report.rate_hz
+            ),
+        )
+
+
+def attempt(watcher: Watcher, event: Any, act: Act) -> None:  # noqa: ANN401 - the library's own
+    """Do *act* for whoever pressed, and tell them why not."""
+    try:
+        act(watcher.robot(), watcher.sight.device)
+    except OrientdError as error:
+        if event.client is not None:
+            event.client.add_notification(
+                "Refused", str(error), color="red", auto_close_seconds=_LONG_TEXT
+            )
+
+
+def _set(handle: Any, **properties: object) -> None:  # noqa: ANN401 - the library's own
+    """Set what has changed: every setting is sent to every page."""
+    for name, value in properties.items():
+        if getattr(handle, name) != value:
+            setattr(handle, name, value)

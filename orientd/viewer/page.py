@@ -1,0 +1,186 @@
+"""The page: everything on it, and the loop that keeps it up to date."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import viser
+
+from orientd.rpc.client import Robot
+from orientd.viewer import web, words
+from orientd.viewer.charts import Charts
+from orientd.viewer.controls import Borrow, Controls, StopButtons
+from orientd.viewer.scene import RADIUS, Scene
+from orientd.viewer.watcher import Sight, Watcher
+
+FRAMES_HZ = 30.0
+CHARTS_HZ = 8.0
+LONELY = 10.0
+"""How long after the last page has gone the lease is given back, s."""
+
+PANEL_WIDTH, PANEL_SHARE = 390.0, 0.6
+"""Of the page: pixels at the right, or the share of an upright page at the bottom."""
+
+UPRIGHT_DISTANCE = 1.9
+"""How much farther away one looks from on an upright page, which is narrow."""
+
+_NEAR, _FAR = (2.1, 2.1, 1.1), (4.2, 3.4, 1.8)
+"""Where one looks from, in radii of the sphere from its centre: at a tool, at an arm."""
+
+
+class Page:
+    """One page, as every browser shows it."""
+
+    def __init__(
+        self,
+        connect: Callable[[], Robot],
+        borrow: Borrow,
+        *,
+        host: str,
+        port: int,
+        may_command: bool,
+        is_dark: bool,
+    ) -> None:
+        """Connect to the daemon and serve the page.
+
+        Args:
+            connect: makes a connection to the daemon.
+            borrow: commands under the lease that the same user holds elsewhere, if there is one.
+            host: where to serve.
+            port: where to serve; 0 for any.
+            may_command: whether the page has more than stop and halt.
+            is_dark: whether pages are dark at first.
+
+        Raises:
+            OrientdError: no daemon answers, or the page cannot be served there.
+        """
+        self._is_dark = is_dark
+        self._watcher = watcher = Watcher(connect)
+        watcher.start()
+        try:
+            self._server = server = web.serve(host, port)
+        except BaseException:
+            watcher.close()
+            raise
+        self.port = server.get_port()
+        self._status_text = ""
+        self._status = server.gui.add_html("")
+        self._stop = StopButtons(server, watcher)
+        self._choice: Any = None
+        self._add_choice()
+        self._controls: Controls | None = None
+        if may_command:
+            with server.gui.add_folder("Control", expand_by_default=True):
+                self._controls = Controls(server, watcher, borrow)
+        self._folder = server.gui.add_folder("Last ten seconds")
+        self._charts: Charts | None = None
+        self._charted = ""
+        self._scene = Scene(server)
+        self._left: float | None = None
+        self._next_charts = 0.0
+        server.on_client_connect(self._welcome)
+
+    def run(self, closing: threading.Event) -> None:
+        """Keep the page up to date until *closing* is set."""
+        try:
+            while not closing.wait(1.0 / FRAMES_HZ):
+                self._frame(time.monotonic())
+        finally:
+            self._watcher.close()
+            web.stop(self._server)
+
+    def _frame(self, now: float) -> None:
+        sight = self._watcher.sight
+        self._notice_pages(now)
+        with self._server.atomic():
+            self._scene.move(sight.cycle, sight.outline)
+            self._scene.show_path("path", sight.plan)
+            if self._controls is not None:
+                self._controls.show(sight)
+                self._scene.show_path("proposal", self._controls.proposal.plan, prefix="new ")
+            self._show_status(sight, now)
+        if now >= self._next_charts:
+            self._next_charts = now + 1.0 / CHARTS_HZ
+            self._show_charts(sight)
+
+    def _notice_pages(self, now: float) -> None:
+        """Have cycles flow while a page is open; soon after the last one, give the lease back."""
+        is_seen = bool(self._server.get_clients())
+        self._watcher.watch(is_seen)
+        if is_seen:
+            self._left = None
+        elif self._left is None:
+            self._left = now
+        elif now - self._left > LONELY and self._controls is not None:
+            self._controls.give_up()
+
+    def _show_status(self, sight: Sight, now: float) -> None:
+        report, problem = sight.report, sight.trouble(now)
+        if sight.cell is None or report is None:
+            text = words.trouble(problem)
+        else:
+            is_ours = self._controls is not None and self._controls.is_ours(sight)
+            text = words.status(report, sight.cell.daemon, is_ours=is_ours, problem=problem)
+        if text != self._status_text:
+            self._status_text = self._status.content = text
+
+    def _show_charts(self, sight: Sight) -> None:
+        report = sight.report
+        if report is None:
+            return
+        if self._charted != report.name:
+            if self._charts is not None:
+                self._charts.remove()
+            with self._folder:
+                self._charts = Charts(self._server, report)
+            self._charted = report.name
+        if self._charts is not None and self._server.get_clients():
+            self._charts.show(*self._watcher.strips.read(), sight.plan)
+
+    def _add_choice(self) -> None:
+        cell = self._watcher.sight.cell
+        names = list(cell.devices) if cell is not None else []
+        if len(names) > 1:
+            self._choice = self._server.gui.add_dropdown("Device", names)
+            self._choice.on_update(lambda _: self._watcher.choose(self._choice.value))
+
+    # Each browser's own
+
+    def _welcome(self, client: viser.ClientHandle) -> None:
+        self._watcher.watch(True)
+        is_dark = client.gui.add_checkbox("Dark", self._is_dark, order=1e9)
+        is_dark.on_update(lambda _: _dress(client, is_dark.value))
+        _dress(client, self._is_dark)
+        self._aim(client)
+
+    def _aim(self, client: viser.ClientHandle) -> None:
+        """Look at the tool, so that it is in the middle of what the panel leaves free."""
+        cycle = self._watcher.sight.cycle
+        target = np.array(cycle.position if cycle is not None else (0.0, 0.0, 0.0))
+        camera = client.camera
+        width, height = camera.image_width, camera.image_height
+        is_upright = height > width
+        away = np.array(_FAR if self._scene.has_device else _NEAR) * RADIUS
+        away *= UPRIGHT_DISTANCE if is_upright else 1.0
+        distance = float(np.linalg.norm(away))
+        metres_per_pixel = 2.0 * distance * math.tan(0.5 * camera.fov) / max(height, 1)
+        right = np.cross((0.0, 0.0, 1.0), away)
+        up = np.cross(away, right)
+        if is_upright:
+            shift = -0.5 * PANEL_SHARE * height * metres_per_pixel * up / np.linalg.norm(up)
+        else:
+            shift = 0.5 * PANEL_WIDTH * metres_per_pixel * right / np.linalg.norm(right)
+        camera.up_direction = (0.0, 0.0, 1.0)
+        camera.position = target + away + shift
+        camera.look_at = target + shift
+
+
+def _dress(client: viser.ClientHandle, is_dark: bool) -> None:
+    client.gui.configure_theme(
+        dark_mode=is_dark, show_logo=False, show_share_button=False, control_width="large"
+    )

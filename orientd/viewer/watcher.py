@@ -1,0 +1,257 @@
+"""Watches one daemon for all pages: state, cycles and the plan that runs; comes back when it does.
+
+The stream of cycles flows while somebody looks.  What arrives replaces what was there, so a page
+that is slow, or many pages, hold nothing up.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from orientd.errors import DaemonError, OrientdError
+from orientd.rpc.client import Robot
+from orientd.rpc.observer import Observer
+from orientd.rpc.reports import CellReport, DeviceReport, Outline, Plan
+from orientd.stream import Cycle
+from orientd.viewer.strips import Strips
+
+BATCHES_HZ = 30.0
+POLL = 0.2
+"""From one look at the state to the next, s."""
+
+LONGEST_SILENCE = 2.0
+"""s; after that what is shown is called old."""
+
+MOST_SAMPLES = 1500
+FASTEST_SAMPLES_HZ = 100.0
+SLOWEST_SAMPLES_HZ = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """What there is to see.
+
+    Attributes:
+        problem: why nothing newer is known; empty while all is well.
+        cell: the daemon and its devices; ``None`` before they were first seen.
+        device: the one that is shown.
+        cycle: its newest one.
+        outline: its shape.
+        plan: of its newest motion.
+        tracking_error: in the newest cycle, rad.
+        seen: when that was, s on :func:`time.monotonic`.
+    """
+
+    problem: str = ""
+    cell: CellReport | None = None
+    device: str = ""
+    cycle: Cycle | None = None
+    outline: Outline = ()
+    plan: Plan | None = None
+    tracking_error: float | None = None
+    seen: float = 0.0
+
+    @property
+    def report(self) -> DeviceReport | None:
+        """The device that is shown, as it is."""
+        return None if self.cell is None else self.cell.devices.get(self.device)
+
+    def trouble(self, now: float) -> str:
+        """Return why what there is to see is old; empty while it is not.
+
+        Args:
+            now: s on :func:`time.monotonic`.
+        """
+        if self.problem:
+            return self.problem
+        silent = now - self.seen
+        return f"no word from the daemon for {silent:.0f} s" if silent > LONGEST_SILENCE else ""
+
+
+def sample_rate(duration: float, device_hz: float) -> float:
+    """Return how often to sample a motion so that its traces are smooth, and no more than needed.
+
+    >>> sample_rate(2.0, 500.0), sample_rate(150.0, 500.0)
+    (100.0, 10.0)
+    """
+    wanted = min(FASTEST_SAMPLES_HZ, MOST_SAMPLES / max(duration, 1e-3))
+    return min(max(wanted, SLOWEST_SAMPLES_HZ), device_hz)
+
+
+class Watcher:
+    """Looks at a daemon from a thread of its own."""
+
+    def __init__(self, connect: Callable[[], Robot]) -> None:
+        """Look at nothing yet; see :meth:`start`.
+
+        Args:
+            connect: makes a connection, and raises :class:`~orientd.errors.OrientdError` where
+                that is not possible.
+        """
+        self._connect = connect
+        self._lock = threading.Lock()
+        self._sight = Sight()
+        self._robot: Robot | None = None
+        self._observer: Observer | None = None
+        self._streaming: threading.Thread | None = None
+        self._is_watched = False
+        self._closing = threading.Event()
+        self._wake = threading.Event()
+        self._thread = threading.Thread(target=self._work, name="watcher", daemon=True)
+        self.strips = Strips()
+
+    @property
+    def sight(self) -> Sight:
+        """What there is to see now."""
+        return self._sight
+
+    @property
+    def is_streaming(self) -> bool:
+        """Whether cycles flow."""
+        return self._streaming is not None
+
+    @property
+    def connection(self) -> Robot | None:
+        """The connection, if there is one."""
+        return self._robot
+
+    def robot(self) -> Robot:
+        """Return the connection, for commands.
+
+        Raises:
+            DaemonError: there is none at present.
+        """
+        robot = self._robot
+        if robot is None:
+            raise DaemonError(self._sight.problem or "no daemon answers")
+        return robot
+
+    def start(self) -> None:
+        """Connect now, and look from now on.
+
+        Raises:
+            OrientdError: no daemon answers.
+        """
+        self._meet(self._connect())
+        self._thread.start()
+
+    def watch(self, is_watched: bool) -> None:
+        """Have cycles flow while somebody looks."""
+        self._is_watched = is_watched
+        self._wake.set()
+
+    def choose(self, device: str) -> None:
+        """Show another device."""
+        with self._lock:
+            self._sight = Sight(self._sight.problem, self._sight.cell, device)
+            self._end_stream()
+        self._wake.set()
+
+    def close(self) -> None:
+        """Look no more and hang up, which gives back the lease if it is held."""
+        self._closing.set()
+        self._wake.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        self._part()
+
+    # The thread
+
+    def _work(self) -> None:
+        while not self._closing.is_set():
+            try:
+                if self._robot is None:
+                    self._meet(self._connect())
+                else:
+                    self._look(self._robot)
+            except OrientdError as error:
+                self._part()
+                with self._lock:
+                    self._sight = replace(self._sight, problem=str(error))
+            self._wake.wait(POLL if self._is_watched else 5.0 * POLL)
+            self._wake.clear()
+
+    def _meet(self, robot: Robot) -> None:
+        self._robot = robot
+        self._look(robot)
+
+    def _part(self) -> None:
+        with self._lock:
+            self._end_stream()
+        robot, self._robot = self._robot, None
+        if robot is not None:
+            robot.close()
+
+    def _look(self, robot: Robot) -> None:
+        """Take in the state, and fetch the plan of a motion that is new."""
+        cell = robot.state()
+        with self._lock:
+            device = self._sight.device
+            if device not in cell.devices:
+                device = next(iter(cell.devices))
+            report = cell.devices[device]
+            plan, motion_id = self._sight.plan, report.motion_id
+        if not motion_id:
+            plan = None
+        elif plan is None or plan.motion_id != motion_id:
+            rate_hz = sample_rate(report.duration, report.rate_hz)
+            plan = robot.planned(device=device, sample_rate_hz=rate_hz)
+        with self._lock:
+            if self._sight.device not in ("", device):
+                return
+            cycle = self._sight.cycle if self._streaming is not None else report.cycle
+            self._sight = replace(
+                self._sight,
+                problem="",
+                cell=cell,
+                device=device,
+                cycle=cycle,
+                plan=plan,
+                seen=time.monotonic(),
+            )
+            if self._is_watched and self._streaming is None:
+                self._begin_stream(robot, report)
+            elif not self._is_watched:
+                self._end_stream()
+
+    # The stream of cycles, with the lock held
+
+    def _begin_stream(self, robot: Robot, report: DeviceReport) -> None:
+        self.strips = strips = Strips(round(report.lead * report.rate_hz))
+        self._observer = observer = robot.observe()
+        self._streaming = threading.Thread(
+            target=self._stream,
+            args=(observer, strips, report.name),
+            name="cycles",
+            daemon=True,
+        )
+        self._streaming.start()
+
+    def _end_stream(self) -> None:
+        if self._observer is not None:
+            self._observer.close()
+        self._observer = self._streaming = None
+
+    def _stream(self, observer: Observer, strips: Strips, device: str) -> None:
+        try:
+            for cycles, outline in observer.sight(device, rate_hz=BATCHES_HZ):
+                strips.add(cycles)
+                with self._lock:
+                    if self._observer is not observer:
+                        return
+                    self._sight = replace(
+                        self._sight,
+                        cycle=cycles[-1] if cycles else self._sight.cycle,
+                        outline=outline,
+                        tracking_error=strips.tracking_error,
+                        seen=time.monotonic(),
+                    )
+        except OrientdError:
+            # The next look at the state says what is wrong.
+            pass
+        with self._lock:
+            if self._observer is observer:
+                self._end_stream()

@@ -1,0 +1,125 @@
+"""The web server of the pages: where it may listen, and who may talk to it.
+
+The pages can stop a robot, and more.  A browser lets any web page open a connection to this
+machine, so a connection is taken only from a page that was served here.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import logging
+import socket
+from collections.abc import Mapping
+from ipaddress import ip_address
+from urllib.parse import urlsplit
+
+import viser
+from viser import _messages
+
+from orientd.errors import DaemonError
+
+TITLE = "orientd"
+
+
+class _ForeignPageError(Exception):
+    """A page from elsewhere wants to talk."""
+
+
+def is_own_page(headers: Mapping[str, str], *, is_local: bool) -> bool:
+    """Return whether a connection comes from a page that was served here, or from no browser.
+
+    Args:
+        headers: of the request.
+        is_local: whether pages are served to this machine only: then under its own names only, as
+            the name of another machine can be made to mean this one.
+    """
+    origin, host = headers.get("Origin"), headers.get("Host", "")
+    if is_local and not is_loopback(urlsplit(f"//{host}").hostname or ""):
+        return False
+    return origin is None or urlsplit(origin).netloc == host
+
+
+def is_loopback(host: str) -> bool:
+    """Return whether *host* is a name or an address of this machine for itself.
+
+    >>> is_loopback("localhost"), is_loopback("127.0.0.1"), is_loopback("192.0.2.1")
+    (True, True, False)
+    """
+    if host == "localhost":
+        return True
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def serve(host: str, port: int) -> viser.ViserServer:
+    """Serve pages, which are empty as yet.
+
+    Args:
+        host: a name or an address of this machine.
+        port: where to listen; 0 for any.
+
+    Raises:
+        DaemonError: the port is in use, or the address not one of this machine's.
+    """
+    # The library takes the next port that is free, whoever expects this one.
+    _check_free(host, port)
+    # It reports every handshake that is refused with a traceback, and greets on standard output.
+    logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
+    with contextlib.redirect_stdout(io.StringIO()):
+        server = viser.ViserServer(host=host, port=port, label=TITLE, verbose=False)
+    if port not in (0, server.get_port()):
+        stop(server)
+        raise DaemonError(_in_use(host, port))
+    _refuse_foreign_pages(server, is_local=is_loopback(host))
+    server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
+    # What it calls sharing shows the pages to everybody, by way of a machine of somebody else's.
+    infra = server._websock_server  # noqa: SLF001 - there is no other way
+    infra.unregister_handler(_messages.ShareUrlRequest)
+    return server
+
+
+def stop(server: viser.ViserServer) -> None:
+    """End a server and what it has begun."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        server.stop()
+
+
+def _check_free(host: str, port: int) -> None:
+    try:
+        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+        for family, kind, protocol, _, address in found:
+            with socket.socket(family, kind, protocol) as probe:
+                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                probe.bind(address)
+    except socket.gaierror as error:
+        raise DaemonError(f"cannot serve at {host!r}: {error.strerror}") from error
+    except PermissionError as error:
+        raise DaemonError(f"cannot serve at {host} port {port}: {error.strerror}") from error
+    except OSError as error:
+        raise DaemonError(_in_use(host, port) if _is_taken(error) else
+                          f"cannot serve at {host}: {error.strerror}") from error  # fmt: skip
+
+
+def _is_taken(error: OSError) -> bool:
+    import errno
+
+    return error.errno == errno.EADDRINUSE
+
+
+def _in_use(host: str, port: int) -> str:
+    return f"cannot serve at {host}: port {port} is in use; choose another with --port"
+
+
+def _refuse_foreign_pages(server: viser.ViserServer, *, is_local: bool) -> None:
+    infra = server._websock_server  # noqa: SLF001 - the library has no check of its own
+
+    def check(client: viser.infra.WebsockClientConnection) -> None:
+        request = infra._live_connections[client.client_id].request  # noqa: SLF001
+        if request is None or not is_own_page(request.headers, is_local=is_local):
+            # Whatever is raised here ends the connection before anything is read from it.
+            raise _ForeignPageError
+
+    infra.on_client_connect(check)

@@ -1,0 +1,135 @@
+"""What the page says, in plain words; nothing that others have written gets into it unescaped."""
+
+from __future__ import annotations
+
+from html import escape
+
+from orientd.errors import Fault
+from orientd.planner import Certificate, Peak
+from orientd.rpc.reports import DaemonReport, DeviceReport
+from orientd.stream import State
+
+FAULTS = {
+    Fault.NONE: "no fault",
+    Fault.LINK_LOST: "The connection to the device is gone.",
+    Fault.FEEDBACK_STALE: "The device has not said where it is for too long.",
+    Fault.DEVICE_FAULT: "The device says that it cannot go on.",
+    Fault.LIMIT_GUARD: "The next setpoint would have broken a limit, so it was not sent.",
+    Fault.PATH_STARVED: "The path did not arrive in time.",
+    Fault.HEARTBEAT_LOST: "The daemon was not heard of for too long.",
+    Fault.SERVO_DIED: "The process that drives the device has ended.",
+    Fault.INTERNAL: "There is an error in orientd itself.",
+}
+
+_STATES = {
+    State.IDLE: ("○", "Idle", "not enabled, nothing is sent"),
+    State.HOLDING: ("●", "Holding", "at rest, ready to move"),
+    State.STREAMING: ("▶", "Moving", ""),
+    State.STOPPING: ("▼", "Stopping", "coming to rest"),
+    State.FAULT: ("⚠", "Fault", "stopped; reset it once it is safe to"),
+    State.TRACKING: ("◎", "Tracking", "following targets"),
+}
+
+
+def state(device: DeviceReport) -> tuple[str, str, str]:
+    """Return what a device is doing: a sign, a word, and what there is to add."""
+    if device.state is State.STREAMING:
+        where = f"motion {device.motion_number}, {device.path_time:.1f} of {device.duration:.1f} s"
+        sign, word = ("Ⅱ", "Paused") if device.is_paused else ("▶", "Moving")
+        speed = "" if device.speed == 1.0 else f", at {100.0 * device.speed:.0f} % speed"
+        return sign, word, where + speed
+    return _STATES[device.state]
+
+
+def lease(daemon: DaemonReport, *, is_ours: bool) -> str:
+    """Return who may command."""
+    if is_ours:
+        return "held by this view"
+    if not daemon.lease_holder:
+        return "free"
+    return f"held by {daemon.lease_holder}"
+
+
+def status(device: DeviceReport, daemon: DaemonReport, *, is_ours: bool, problem: str = "") -> str:
+    """Return the head of the page, as HTML.
+
+    Args:
+        device: that is shown.
+        daemon: whose it is.
+        is_ours: whether this view holds the lease.
+        problem: why what is shown is old; empty while it is not.
+    """
+    sign, word, more = state(device)
+    lines = []
+    if problem:
+        lines.append(_banner("✕ Not connected", problem))
+    head = f'<span style="font-size:1.35em;font-weight:700">{sign} {escape(word)}</span>'
+    lines.append(f"<div>{head} {escape(more)}</div>")
+    if device.state is State.FAULT:
+        lines.append(_banner(f"⚠ {FAULTS[device.fault]}", device.fault_text))
+    lines.append(
+        _row("Device", f"{device.name} ({device.driver}, {device.rate_hz:g} Hz)")
+        + _row("Lease", lease(daemon, is_ours=is_ours))
+    )
+    return _page(*lines)
+
+
+def trouble(problem: str) -> str:
+    """Return the head of a page that has never had anything to show, as HTML."""
+    return _page(_banner("✕ Not connected", problem))
+
+
+def certificate(of: Certificate) -> str:
+    """Return what a motion promises, as HTML."""
+    rows = [
+        ("Duration", f"{of.duration:.2f} s"),
+        ("of it lead-in", f"{of.lead_in:.2f} s"),
+        ("of it lead-out", f"{of.lead_out:.2f} s"),
+        ("Velocity", peak(of.peak_velocity, "rad/s")),
+        ("Acceleration", peak(of.peak_acceleration, "rad/s²")),
+        ("Jerk", peak(of.peak_jerk, "rad/s³")),
+    ]
+    if of.peak_linear_velocity.value > 0.0:
+        rows.append(("Linear velocity", peak(of.peak_linear_velocity, "m/s")))
+        rows.append(("Linear accel.", peak(of.peak_linear_acceleration, "m/s²")))
+    rows.append(("A stop takes", f"{of.stop_time:.2f} s at the most"))
+    for name, value, unit, limit, _ in of.figures:
+        against = "" if limit is None else f" of {limit:.3g}"
+        rows.append((name, f"{value:.3g}{against} {unit}"))
+    notes = "".join(f"<div>{escape(note)}</div>" for note in of.notes)
+    return _page("".join(_row(name, text) for name, text in rows), notes)
+
+
+def peak(measured: Peak, unit: str) -> str:
+    """Return a largest value against its limit.
+
+    >>> peak(Peak(1.5, 0.25, 2.5), "rad/s")
+    '1.5 of 2.5 rad/s (60 %)'
+    """
+    share = 100.0 * measured.value / measured.limit
+    return f"{measured.value:.3g} of {measured.limit:.3g} {unit} ({share:.0f} %)"
+
+
+def refusal(problem: str) -> str:
+    """Return why something was not done, as HTML."""
+    return _page(_banner("✕ Refused", problem))
+
+
+def note(text: str) -> str:
+    """Return a remark, as HTML."""
+    return _page(f"<div>{escape(text)}</div>")
+
+
+def _banner(title: str, text: str) -> str:
+    style = "border:2px solid #c03a17;border-radius:4px;padding:0.3em 0.5em;margin:0.3em 0"
+    return f'<div role="alert" style="{style}"><b>{escape(title)}</b><br>{escape(text)}</div>'
+
+
+def _row(name: str, text: str) -> str:
+    label = f'<span style="flex:0 0 7.2em;opacity:0.72">{escape(name)}</span>'
+    return f'<div style="display:flex">{label}<span>{escape(text)}</span></div>'
+
+
+def _page(*lines: str) -> str:
+    style = "padding:0 0.8em 0.5em;font-size:0.875em;line-height:1.45;overflow-wrap:anywhere"
+    return f'<div style="{style}">{"".join(lines)}</div>'

@@ -1,0 +1,68 @@
+"""What the page says."""
+
+from dataclasses import replace
+
+import pytest
+
+from orientd.errors import Fault
+from orientd.planner import DEFAULT_LIMITS
+from orientd.rpc.reports import DaemonReport, DeviceReport
+from orientd.stream import State
+from orientd.viewer import words
+
+DAEMON = DaemonReport("1", 7, 60.0, "/run/it.sock", "", "ana", 3.0)
+DEVICE = DeviceReport(
+    "arm", "loopback", 500.0, DEFAULT_LIMITS, State.HOLDING, Fault.NONE, "", False, 1.0, 3, "id",
+    1.24, 8.0, 12, "SCHED_FIFO 80", True, None,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("state", State)
+def test_every_state_has_a_sign_and_a_word(state):
+    sign, word, _ = words.state(replace(DEVICE, state=state))
+    assert sign
+    assert word
+
+
+def test_no_two_states_look_alike():
+    said = {words.state(replace(DEVICE, state=state))[:2] for state in State}
+    paused = words.state(replace(DEVICE, state=State.STREAMING, is_paused=True))[:2]
+    assert len({*said, paused}) == len(State) + 1
+    assert len({sign for sign, _ in (*said, paused)}) == len(State) + 1
+
+
+@pytest.mark.parametrize("fault", Fault)
+def test_every_fault_is_put_in_words(fault):
+    assert words.FAULTS[fault]
+
+
+def test_a_fault_is_told_with_what_the_device_said():
+    device = replace(
+        DEVICE, state=State.FAULT, fault=Fault.FEEDBACK_STALE, fault_text="silent for 0.1 s"
+    )
+    html = words.status(device, DAEMON, is_ours=False)
+    assert words.FAULTS[Fault.FEEDBACK_STALE] in html
+    assert "silent for 0.1 s" in html
+
+
+def test_a_slow_motion_is_told_with_its_speed():
+    device = replace(DEVICE, state=State.STREAMING, speed=0.5)
+    assert words.state(device)[2] == "motion 3, 1.2 of 8.0 s, at 50 % speed"
+
+
+@pytest.mark.parametrize(
+    ("holder", "is_ours", "said"),
+    [("", False, "free"), ("ana", False, "held by ana"), ("it", True, "held by this view")],
+)
+def test_who_may_command_is_said(holder, is_ours, said):
+    daemon = replace(DAEMON, lease_holder=holder)
+    assert said in words.status(DEVICE, daemon, is_ours=is_ours)
+
+
+def test_what_others_wrote_is_no_markup():
+    evil = "<img src=x onerror=alert(1)>"
+    device = replace(DEVICE, state=State.FAULT, fault_text=evil, fault=Fault.DEVICE_FAULT)
+    daemon = replace(DAEMON, lease_holder=evil)
+    page = words.status(device, daemon, is_ours=False, problem=evil)
+    for html in (page, words.trouble(evil), words.refusal(evil), words.note(evil)):
+        assert "<img" not in html
