@@ -7,12 +7,10 @@ for the first time on a machine; nothing waits for either unless it asks to.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from enum import Enum
 from importlib import import_module
 from importlib.util import find_spec
-from types import ModuleType
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,18 +48,21 @@ class Status(Enum):
 
 
 class Background:
-    """Compiled modules of this process, loaded once, in a thread of their own.
+    """Compiled kernels of this process, loaded once, in a thread of their own.
+
+    Each is in use as soon as it has been loaded itself.
 
     Attributes:
-        status: how far it is.  ``MISSING`` means that Numba is not installed, ``FAILED`` that it
+        status: how far they are.  ``MISSING`` means that Numba is not installed, ``FAILED`` that it
             is, but does not work here.
         error: what went wrong, if the status is ``FAILED``.
     """
 
-    def __init__(self, *modules: str) -> None:
+    def __init__(self, homes: Mapping[str, str]) -> None:
+        """Take the names of the kernels' attributes, each with ``module:function``."""
         self.status = Status.NOT_STARTED
         self.error: Exception | None = None
-        self._modules = modules
+        self._homes = homes
         self._lock = threading.Lock()
         self._done = threading.Event()
 
@@ -92,17 +93,15 @@ class Background:
 
     def _load(self) -> None:
         try:
-            self._take(*(import_module(name) for name in self._modules))
+            for attribute, home in self._homes.items():
+                module, _, function = home.partition(":")
+                setattr(self, attribute, getattr(import_module(module), function))
         except Exception as error:  # noqa: BLE001 - a compiler can fail in any way; NumPy serves on
             self.error = error
             self.status = Status.FAILED
         else:
             self.status = Status.READY
         self._done.set()
-
-    def _take(self, *modules: ModuleType) -> None:
-        """Take the kernels of the modules into use."""
-        raise NotImplementedError
 
 
 class FastKernel(Background):
@@ -117,10 +116,12 @@ class FastKernel(Background):
 
     def __init__(self) -> None:
         super().__init__(
-            "orientd.curves.compiled",
-            "orientd.curves.compiled_product",
-            "orientd.curves.compiled_increments",
-            "orientd.curves.compiled_basis",
+            {
+                "fill": "orientd.curves.compiled:fill",
+                "find": "orientd.curves.compiled_increments:find",
+                "fill_basis": "orientd.curves.compiled_basis:fill",
+                "fill_product": "orientd.curves.compiled_product:fill",
+            }
         )
         self.fill: Fill | None = None
         self.fill_product: FillProduct | None = None
@@ -134,13 +135,6 @@ class FastKernel(Background):
             self._samples += samples
             if self._samples > START_AFTER:
                 self.start()
-
-    def _take(self, *modules: ModuleType) -> None:
-        samples, products, increments, bases = modules
-        self.fill_product = cast(FillProduct, products.fill)
-        self.fill_basis = cast(FillBasis, bases.fill)
-        self.find = cast(Increments, increments.find)
-        self.fill = cast(Fill, samples.fill)
 
 
 KERNEL = FastKernel()

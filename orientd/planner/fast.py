@@ -7,8 +7,7 @@ As long as they are not there, and where Numba is not, NumPy serves; see
 from __future__ import annotations
 
 from collections.abc import Callable
-from types import ModuleType
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -65,20 +64,22 @@ class PlannerKernels(fast.Background):
     """
 
     def __init__(self) -> None:
-        super().__init__("orientd.planner.compiled_bridge", "orientd.planner.compiled_certificate")
+        super().__init__(
+            {
+                "differences": "orientd.planner.compiled_certificate:differences",
+                "least_rate": "orientd.planner.compiled_certificate:least_rate",
+                "look": "orientd.planner.compiled_bridge:look",
+                "measure": "orientd.planner.compiled_bridge:measure",
+                "turn": "orientd.planner.compiled_bridge:turn",
+                "join": "orientd.planner.compiled_bridge:join",
+            }
+        )
         self.look: Look | None = None
         self.measure: Measure | None = None
         self.turn: Turn | None = None
         self.join: Join | None = None
         self.differences: Differences | None = None
         self.least_rate: LeastRate | None = None
-
-    def _take(self, *modules: ModuleType) -> None:
-        bridge, certificate = modules
-        self.look, self.measure = cast(Look, bridge.look), cast(Measure, bridge.measure)
-        self.turn, self.join = cast(Turn, bridge.turn), cast(Join, bridge.join)
-        self.differences = cast(Differences, certificate.differences)
-        self.least_rate = cast(LeastRate, certificate.least_rate)
 
 
 KERNELS = PlannerKernels()

@@ -35,6 +35,12 @@ def test_samples_take_one_dimension_of_times():
         MOTION.sample([[0.0]])
 
 
+def test_instants_that_are_not_numbers_are_refused():
+    for times in ([np.nan], [0.0, np.nan, 0.1], [0.2, np.nan, 0.1]):
+        with pytest.raises(ValueError, match="must be numbers"):
+            MOTION.sample(times)
+
+
 @pytest.mark.parametrize("motion", MOTIONS)
 def test_a_motion_is_held_before_and_after(motion):
     held = motion.sample([-10.0, -1e-6, motion.duration, motion.duration + 10.0])
