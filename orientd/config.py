@@ -19,7 +19,7 @@ import os
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import (
     Field,
@@ -32,7 +32,7 @@ from pydantic_core import PydanticCustomError
 
 from orientd.errors import ConfigError
 from orientd.limit_field import AngularLimit, LinearLimit
-from orientd.operation_settings import AccessSettings, SomePath, Table, TcpSettings
+from orientd.operation_settings import AccessSettings, MetricsSettings, SomePath, Table, TcpSettings
 
 if TYPE_CHECKING:
     from orientd.planner import Limits
@@ -64,10 +64,12 @@ class DaemonSettings(Table):
     Attributes:
         socket: where to listen; ``None`` is the user's runtime directory.
         lease_seconds: how long a lease lasts when its holder does not renew it, s.
+        log_level: of what is logged.
     """
 
     socket: SomePath | None = None
     lease_seconds: Annotated[float, Field(ge=0.2, le=3600.0)] = 5.0
+    log_level: Literal["debug", "info", "warning", "error"] = "info"
 
 
 class RecorderSettings(Table):
@@ -206,6 +208,7 @@ class Settings(Table):
         recorder: the table ``[recorder]``.
         access: the table ``[access]``.
         tcp: the table ``[tcp]``; without it there is the Unix socket only.
+        metrics: the table ``[metrics]``; without it there are none.
         devices: the tables ``[devices.NAME]`` by name.
     """
 
@@ -213,6 +216,7 @@ class Settings(Table):
     recorder: RecorderSettings = RecorderSettings()
     access: AccessSettings = AccessSettings()
     tcp: TcpSettings | None = None
+    metrics: MetricsSettings | None = None
     devices: Annotated[dict[str, DeviceSettings], Field(min_length=1)]
 
     @model_validator(mode="before")

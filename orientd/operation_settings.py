@@ -116,6 +116,16 @@ class AccessSettings(Table):
     connections: Count = 128
 
 
+class MetricsSettings(Table):
+    """The table ``[metrics]``: what Prometheus scrapes, at 127.0.0.1 alone.
+
+    Attributes:
+        port: where; 0 is any that is free, which the log tells.
+    """
+
+    port: Annotated[int, Field(ge=0, le=65535)]
+
+
 class TcpSettings(Table):
     """The table ``[tcp]``: a second way in, with TLS 1.3 and certificates on both sides.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import os
 import signal
 import sys
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from orientd.cli.output import AsJson, Socket, command, say, say_json, table
+from orientd.daemon.story import LogFormat
 
 if TYPE_CHECKING:
     from orientd.rpc.reports import DaemonReport
@@ -44,6 +44,9 @@ def run(
     until_end_of_input: Annotated[
         bool, typer.Option("--until-end-of-input", help="End when standard input does.")
     ] = False,
+    log_format: Annotated[
+        LogFormat, typer.Option("--log-format", help="auto: json where journald reads, or text.")
+    ] = LogFormat.AUTO,
     as_json: AsJson = False,
 ) -> None:
     """Be the daemon, in the foreground, until SIGTERM or Ctrl-C.
@@ -51,12 +54,12 @@ def run(
     Prints one line beginning "ready" once commands are taken; what happens goes to standard error.
     """
     from orientd import config as configuration
-    from orientd.daemon import server
+    from orientd.daemon import server, story
     from orientd.rpc.address import default_socket
 
-    logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.INFO)
     path = config or configuration.find()
     settings = configuration.load(path) if path else configuration.default_settings()
+    story.set_up(log_format, settings.daemon.log_level)
     if until_end_of_input:
         threading.Thread(target=_end_with_input, name="input", daemon=True).start()
 

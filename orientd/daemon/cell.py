@@ -23,6 +23,7 @@ from orientd.daemon.journal import Journal
 from orientd.daemon.lease import Lease, LeaseDesk
 from orientd.daemon.manner import AT_ONCE, Manner, Prepared
 from orientd.daemon.runs import Run, Runs
+from orientd.daemon.story import about
 from orientd.driver.floats import difference, norm
 from orientd.errors import (
     DaemonError,
@@ -85,6 +86,7 @@ class Cell:
         self._instants: OrderedDict[int, int] = OrderedDict()
         self._is_closing = False
         self.configuration = settings.model_dump_json(exclude_none=True)
+        self.listeners: list[Callable[[DeviceEvent, Device], object]] = []
         self.devices: dict[str, Device] = {}
         self.runs = Runs(self.devices)
         self.journal = Journal()
@@ -94,6 +96,8 @@ class Cell:
             self._flight.attach(self.devices[name])
 
     def _hear(self, event: DeviceEvent) -> None:
+        for listen in self.listeners:
+            listen(event, self.devices[event.device])
         self.runs.hear(event)
         self.journal.hear(event)
         self._flight.hear(event)
@@ -411,7 +415,19 @@ class Cell:
             is_owned=is_owned,
             start_ns=start_ns,
         )
-        _log.info("%s: motion %d is commanded by %r", device.name, run.number, lease.holder)
+        _log.info(
+            "%s: motion %d is commanded by %r",
+            device.name,
+            run.number,
+            lease.holder,
+            extra=about(
+                device=device.name,
+                motion=run.number,
+                motion_id=motion.id if motion is not None else "",
+                identity=lease.owner,
+                planned_duration=motion.duration if motion is not None else None,
+            ),
+        )
         return run
 
     def _check_start(self, device: Device, motion: Motion) -> None:

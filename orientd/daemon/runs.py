@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from orientd.daemon.device import Device
 from orientd.daemon.device_report import DeviceEvent, EventKind
+from orientd.daemon.story import about
 from orientd.errors import OrientdError, StateError
 from orientd.rpc.reports import Outcome
 from orientd.stream import UNKNOWN, State
@@ -73,6 +74,7 @@ class Runs:
         self._lock = threading.Lock()
         self._runs: dict[tuple[str, int], Run] = {}
         self._ends: dict[str, dict[int, Ended]] = {}
+        self._ids: dict[str, dict[int, str]] = {}
         self._stops: dict[str, int] = {}
         self._reasons: dict[str, str] = {}
         self._timed: list[Run] = []
@@ -201,9 +203,26 @@ class Runs:
             event.kind.value,
             number,
             f": {text}" if text else "",
+            extra=about(
+                device=event.device,
+                event=event.kind.value,
+                motion=event.motion_number,
+                motion_id=self._id_of(event),
+                outcome=ended[0].name.lower() if ended is not None else None,
+            ),
         )
         if ended is not None:
             self._end(event, ended)
+
+    def _id_of(self, event: DeviceEvent) -> str:
+        """Return the id of the motion of *event*; empty where it is about none, or of a track."""
+        with self._lock:
+            ids = self._ids.setdefault(event.device, {})
+            if event.motion is not None:
+                ids[event.motion_number] = event.motion.id
+                while len(ids) > _KEPT_ENDS:
+                    del ids[min(ids)]
+            return ids.get(event.motion_number, "")
 
     def _how(self, event: DeviceEvent) -> Ended | None:
         """Return how the motion of *event* ended; ``None`` where it did not by that."""

@@ -29,6 +29,7 @@ from orientd.rpc.control_pb2_grpc import add_ControlServicer_to_server
 if TYPE_CHECKING:
     from orientd.daemon.cell import Cell
     from orientd.daemon.service import ControlService
+    from orientd.daemon.telemetry import Telemetry
     from orientd.rpc.reports import DaemonReport
 
 _log = logging.getLogger(__name__)
@@ -108,7 +109,9 @@ class _Daemon:
                 await checks.set(name, health_pb2.HealthCheckResponse.SERVING)
             cell, service = await asyncio.to_thread(self._load, entry)
             entry.checkpoint.guard_leases(cell.desk.owner)
+            telemetry: Telemetry | None = None
             try:
+                telemetry = self._measure(cell, entry)
                 gate.open(lambda into: add_ControlServicer_to_server(service, into))  # type: ignore[no-untyped-call] # generated
                 await self._serve(cell)
             finally:
@@ -117,10 +120,25 @@ class _Daemon:
                 service.end_calls()
                 await server.stop(GRACE)
                 service.close()
+                if telemetry is not None:
+                    telemetry.close()
                 _log.info("daemon: ended")
         finally:
             await server.stop(None)
             entry.close()
+
+    def _measure(self, cell: Cell, entry: Entry) -> Telemetry | None:
+        """Begin to count, where somebody may ask."""
+        if self._settings.metrics is None:
+            return None
+        from orientd.daemon.telemetry import Telemetry
+
+        telemetry = Telemetry()
+        telemetry.serve(self._settings.metrics)
+        telemetry.follow(cell.devices)
+        cell.listeners.append(telemetry.hear)
+        entry.checkpoint.count_call = telemetry.count_call
+        return telemetry
 
     def _load(self, entry: Entry) -> tuple[Cell, ControlService]:
         """Import, and start, what takes its time."""

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import grpc
@@ -36,8 +37,16 @@ def until(condition, what, seconds=10.0):
 class DaemonProcess:
     """``orientd run`` with one loopback device that records what it is sent."""
 
-    def __init__(self, folder: Path, *, rate_hz: float = 500.0, options: str = "") -> None:
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        rate_hz: float = 500.0,
+        options: str = "",
+        arguments: Sequence[str] = (),
+    ) -> None:
         folder.mkdir(exist_ok=True)
+        self.arguments = ["--config", str(folder / "config.toml"), *arguments]
         self.folder = folder
         self.socket = folder / "control.sock"
         self.recording = folder / "sent"
@@ -61,7 +70,7 @@ class DaemonProcess:
         """Start it and wait until it is ready."""
         self.log = (self.folder / "log").open("ab")
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "orientd.cli.main", "run", "--config", str(self.config)],
+            [sys.executable, "-m", "orientd.cli.main", "run", *self.arguments],
             stdout=subprocess.PIPE,
             stderr=self.log,
             text=True,

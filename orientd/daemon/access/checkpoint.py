@@ -11,6 +11,7 @@ import asyncio
 import contextlib
 import inspect
 import itertools
+import logging
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from typing import Any, NoReturn
@@ -25,11 +26,17 @@ from orientd.daemon.access.identity import CALLER
 from orientd.daemon.access.rules import Rule, rule
 from orientd.daemon.access.throttle import Throttle
 from orientd.daemon.gate import Interceptor
+from orientd.daemon.story import about
 from orientd.errors import AccessError, LeaseError, OrientdError, RequestError, TooMuchError
 from orientd.rpc.status import DETAILS_KEY, to_status
 
+_log = logging.getLogger(__name__)
+
 Context = Any
 Handler = Any
+
+CountCall = Callable[[str, str, float], object]
+"""Told the name of a call that has ended, its code, and how long it took in s."""
 
 OwnerOf = Callable[[str], str | None]
 """Returns whose a lease is by its token; ``None`` if it is nobody's."""
@@ -52,6 +59,7 @@ class Checkpoint(Interceptor):
         self._audit = audit
         self._throttle = throttle
         self._owner_of: OwnerOf = lambda _: None
+        self.count_call: CountCall = lambda *_: None
         self._numbers = itertools.count(1)
         self._wrapped: dict[tuple[str, Handler], Handler] = {}
 
@@ -189,6 +197,13 @@ class Checkpoint(Interceptor):
             yield request
 
     def _conclude(self, call: _Call, code: str, text: str) -> None:
+        self.count_call(call.name, code, time.monotonic() - call.began)
+        level = logging.INFO if call.rule.is_command else logging.DEBUG
+        if code != "OK" and call.rule.is_command:
+            level = logging.WARNING
+        story = about(**call.who(), outcome=code, **call.result)
+        detail = f": {text}" if text else ""
+        _log.log(level, "call %d: %s: %s%s", call.number, call.name, code, detail, extra=story)
         if call.rule.is_command or code in ("PERMISSION_DENIED", "RESOURCE_EXHAUSTED"):
             self._audit.record(
                 event="answered", **call.who(), outcome=code, text=text[:400], **call.result
@@ -202,6 +217,7 @@ class _Call:
         self, number: int, method: str, found: Rule, connection: Connection | None
     ) -> None:
         self.number = number
+        self.began = time.monotonic()
         self.name = method.rpartition("/")[2]
         self.rule = found
         self.request: Any = None
@@ -234,6 +250,15 @@ class _Call:
         if started is not None and started.ByteSize():
             self.result["motion"] = started.motion_number
             self.result["motion_id"] = started.plan.motion_id
+            story = about(**self.who(), device=getattr(self.request, "device", ""), **self.result)
+            _log.info(
+                "call %d: %s began motion %d (%s)",
+                self.number,
+                self.who()["name"],
+                started.motion_number,
+                started.plan.motion_id,
+                extra=story,
+            )
         if summary is not None and summary.ByteSize():
             kind = summary.DESCRIPTOR.fields_by_name["outcome"].enum_type
             self.result["motion_outcome"] = kind.values_by_number[summary.outcome].name

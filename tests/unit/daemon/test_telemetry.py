@@ -1,0 +1,183 @@
+"""What Prometheus is told, in its own format, by its own conventions."""
+
+import json
+import re
+import urllib.request
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from orientd.daemon.device_report import DeviceEvent, EventKind
+from orientd.daemon.telemetry import RECENT, Telemetry
+from orientd.errors import ConfigError, Fault
+from orientd.operation_settings import MetricsSettings
+from orientd.stream import Cycle, CycleFlag, State
+
+pytest.importorskip("prometheus_client")
+
+DASHBOARD = Path(__file__).parents[3] / "config" / "grafana.json"
+PERIOD_NS = 2_000_000
+UNIT = (1.0, 0.0, 0.0, 0.0)
+ZERO = (0.0, 0.0, 0.0)
+
+
+def cycle(index, *, lateness_ns=20_000, overruns=0, missed=0):
+    return Cycle(
+        index=index,
+        deadline_ns=index * PERIOD_NS,
+        lateness_ns=lateness_ns,
+        work_ns=0,
+        feedback_time_ns=index * PERIOD_NS - 3_000_000,
+        path_index=0,
+        state=State.HOLDING,
+        fault=0,
+        motion=0,
+        flags=CycleFlag.FEEDBACK,
+        overruns=overruns,
+        missed=missed,
+        path_fraction=0.0,
+        speed=1.0,
+        q=UNIT,
+        omega_body=ZERO,
+        alpha_body=ZERO,
+        position=ZERO,
+        feedback_q=UNIT,
+        feedback_omega_body=ZERO,
+        feedback_position=ZERO,
+    )
+
+
+class FakeDevice:
+    """Cycles as a device would hand them out."""
+
+    name, rate_hz = "arm", 500.0
+
+    def __init__(self):
+        self.log = []
+        self.state, self.fault = State.HOLDING, Fault.NONE
+
+    def cycles(self, first, count):
+        return [one for one in self.log if one.index >= first][:count]
+
+    def snapshot(self):
+        newest = self.log[-1] if self.log else None
+        return SimpleNamespace(
+            cycle=newest, state=self.state, fault=self.fault, tracking_error=0.01
+        )
+
+
+@pytest.fixture
+def device():
+    return FakeDevice()
+
+
+@pytest.fixture
+def telemetry(device):
+    made = Telemetry()
+    made.follow({"arm": device})
+    yield made
+    made.close()
+
+
+def value(telemetry, name, **labels):
+    return telemetry.registry.get_sample_value(f"orientd_{name}", labels)
+
+
+def test_cycles_are_counted_once_and_by_how_late_they_were(telemetry, device):
+    device.log = [cycle(k) for k in range(50)]
+    device.log += [cycle(50, lateness_ns=1_500_000, overruns=1), cycle(51, overruns=1, missed=3)]
+    telemetry.sample()
+    telemetry.sample()
+    assert value(telemetry, "cycles_total", device="arm") == 52
+    assert value(telemetry, "cycle_overruns_total", device="arm") == 1
+    assert value(telemetry, "cycle_missed_deadlines_total", device="arm") == 3
+    assert value(telemetry, "cycle_lateness_seconds_count", device="arm") == 52
+    assert value(telemetry, "cycle_lateness_seconds_bucket", device="arm", le="0.001") == 51
+    assert value(telemetry, "feedback_age_seconds", device="arm") == pytest.approx(3e-3)
+    assert value(telemetry, "tracking_error_radians", device="arm") == 0.01
+    assert value(telemetry, "device_state", device="arm", state="holding") == 1
+    assert value(telemetry, "device_state", device="arm", state="fault") == 0
+
+
+def test_the_success_ratio_is_of_the_last_hundred_cycles_and_missed_deadlines(telemetry, device):
+    device.log = [cycle(k, lateness_ns=1_500_000) for k in range(500)]
+    device.log += [cycle(500 + k) for k in range(RECENT)]
+    telemetry.sample()
+    assert value(telemetry, "cycle_success_ratio", device="arm") == 1.0
+    device.log += [cycle(600, lateness_ns=1_500_000), replace(cycle(601), missed=9)]
+    telemetry.sample()
+    assert value(telemetry, "cycle_success_ratio", device="arm") == pytest.approx(0.90)
+
+
+def test_counters_do_not_fall_when_a_servo_is_started_anew(telemetry, device):
+    device.log = [cycle(k, overruns=5, missed=5) for k in range(10)]
+    telemetry.sample()
+    device.log += [cycle(10, overruns=7, missed=8)]
+    telemetry.sample()
+    device.log = [cycle(0, overruns=1, missed=0)]
+    telemetry.sample()
+    assert value(telemetry, "cycle_overruns_total", device="arm") == 3
+    assert value(telemetry, "cycle_missed_deadlines_total", device="arm") == 3
+    assert value(telemetry, "cycles_total", device="arm") == 12
+
+
+def event(kind):
+    return DeviceEvent("arm", kind, 1, "", 0)
+
+
+def test_motions_and_faults_are_counted_by_what_they_were(telemetry, device):
+    telemetry.hear(event(EventKind.MOTION_DONE), device)
+    telemetry.hear(event(EventKind.MOTION_STOPPED), device)
+    device.state, device.fault = State.FAULT, Fault.LINK_LOST
+    telemetry.hear(event(EventKind.FAULT), device)
+    telemetry.hear(event(EventKind.MOTION_STOPPED), device)
+    for outcome in ("done", "stopped", "fault"):
+        assert value(telemetry, "motions_total", device="arm", outcome=outcome) == 1
+    assert value(telemetry, "faults_total", device="arm", kind="link_lost") == 1
+
+
+def test_it_is_served_at_the_loopback_interface(telemetry):
+    telemetry.count_call("Move", "OK", 0.02)
+    port = telemetry.serve(MetricsSettings(port=0))
+    with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics") as answer:
+        text = answer.read().decode()
+    assert 'orientd_rpcs_total{code="OK",method="Move"} 1.0' in text
+    with pytest.raises(ConfigError, match=f"cannot listen at 127.0.0.1:{port}"):
+        Telemetry().serve(MetricsSettings(port=port))
+
+
+def names(telemetry):
+    return {
+        name
+        for family in telemetry.registry.collect()
+        for name in (
+            family.name,
+            *(f"{family.name}_{end}" for end in ("total", "bucket", "sum", "count")),
+        )
+    }
+
+
+def test_names_end_in_their_unit(telemetry):
+    for family in telemetry.registry.collect():
+        last = family.name.rpartition("_")[2]
+        if family.type == "histogram":
+            assert last == "seconds"
+        if family.type == "gauge":
+            assert last in ("seconds", "radians", "ratio", "state", "info"), family.name
+
+
+def test_the_dashboard_asks_for_what_there_is(telemetry):
+    board = json.loads(DASHBOARD.read_text())
+    asked = {
+        name
+        for panel in board["panels"]
+        for target in panel["targets"]
+        for name in re.findall(r"orientd_\w+", target["expr"])
+    }
+    assert asked
+    assert asked <= names(telemetry)
+    shown = {re.sub(r"_(bucket|total)$", "", name) for name in asked}
+    assert shown == {family.name for family in telemetry.registry.collect()}
+    assert len({panel["id"] for panel in board["panels"]}) == len(board["panels"])
