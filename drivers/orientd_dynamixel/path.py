@@ -165,6 +165,7 @@ def _refuse(
                 f"{np.rad2deg(away):.1f} deg away from where {limits[0].name} is; allow slews, or "
                 f"first turn {limits[0].name} with the tool off the pole"
             )
+        _refuse_way_on(principal, choice.angles[at - 1], limits, period, time)
         rate = float(gaps[best, axis] / period)
         raise LimitError(
             f"velocity of {limits[axis].name}", rate, limits[axis].velocity, time, "rad/s", _ADVICE
@@ -180,6 +181,23 @@ def _refuse(
             raise LimitError(
                 f"acceleration of {limit.name}", worst.value, worst.limit, worst.time, "rad/s^2",
                 _ADVICE,
+            )  # fmt: skip
+
+
+def _refuse_way_on(
+    principal: Floats, last: Floats, limits: Sequence[AxisLimits], period: float, time: float
+) -> None:
+    """Raise where the axes could go on from *last* but for the limits of their angles."""
+    turn = 2 * np.pi
+    onward = principal + turn * np.round((last - principal) / turn)
+    nearest = onward[int(np.argmin(np.max(np.abs(onward - last), axis=-1)))]
+    if np.any(np.abs(nearest - last) > period * np.array([limit.velocity for limit in limits])):
+        return
+    for value, limit in zip(nearest.tolist(), limits, strict=True):
+        if not limit.low - 1e-9 <= value <= limit.high + 1e-9:
+            raise LimitError(
+                f"angle of {limit.name}", value, limit.high if value > limit.high else limit.low,
+                time, "rad", "allow a slew, or begin on another turn",
             )  # fmt: skip
 
 

@@ -153,6 +153,15 @@ def test_angle_outside_every_branch_is_refused_with_its_time():
     assert caught.value.time == pytest.approx(1 / np.pi * 399 * PERIOD, abs=0.01)
 
 
+def test_axis_that_has_wound_up_is_refused_for_its_angle_not_for_a_jump():
+    q = from_axis_angle([0, 0, 1], np.deg2rad(np.linspace(0, 300, 2000)))
+    with pytest.raises(LimitError, match=r"angle of pan reaches .*begin on another turn") as caught:
+        plan_axes(Gimbal("ZYX"), q, PERIOD, limits("ZYX"), start=[0.0, 0.0, 0.0])
+    assert np.rad2deg(caught.value.value) == pytest.approx(270, abs=0.2)
+    assert caught.value.limit == pytest.approx(np.deg2rad(270))
+    assert caught.value.time == pytest.approx(0.9 * 2000 * PERIOD, abs=2 * PERIOD)
+
+
 def test_winding_is_chosen_for_the_whole_path():
     """A turn of 400 degrees fits +-270 only when it begins at the far end."""
     q = from_axis_angle([0, 0, 1], np.deg2rad(np.linspace(0, 400, 2000)))
