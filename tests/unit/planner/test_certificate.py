@@ -125,7 +125,7 @@ def test_a_long_motion_needs_no_more_memory_than_a_short_one():
         return np.repeat(unit, size, axis=0), np.repeat(nowhere, size, axis=0)
 
     used = []
-    for count in (10_000, 400_000):
+    for count in (50_000, 500_000):
         tracemalloc.start()
         measure(
             setpoints,
