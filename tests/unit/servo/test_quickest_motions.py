@@ -46,8 +46,7 @@ def test_whatever_is_commanded_the_limits_are_kept(seed, limits):
             rig.run(int(random.integers(1, 400)))
             if rig.servo.state is not State.STREAMING:
                 break
-            # A stop by the law without foresight can meet a jerk at the limit that leaves no rate.
-            if random.random() < 0.3 and limits is not TIGHT:
+            if random.random() < 0.3:
                 rig.ask(Command.STOP)
                 rig.run_until(lambda servo: servo.state is State.HOLDING)
             else:
