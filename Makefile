@@ -5,7 +5,10 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 
-.PHONY: demo test check bench peers soak standard proto clean
+ROUNDS ?= 50
+SEED ?= 1
+
+.PHONY: demo test check bench peers soak chaos standard proto clean
 
 demo: $(VENV)/.user
 	$(BIN)/orientd demo
@@ -34,6 +37,12 @@ peers:
 
 soak: $(VENV)/.dev
 	$(BIN)/python -m pytest -m slow --timeout=5400 -s
+
+# Real processes killed, stopped, starved and lied to; one round again: ORIENTD_CHAOS_ONLY=17.
+chaos: $(VENV)/.dev
+	-ORIENTD_CHAOS_ROUNDS=$(ROUNDS) ORIENTD_CHAOS_SEED=$(SEED) \
+		$(BIN)/python -m pytest tests/chaos -m chaos --timeout=0 -s
+	$(BIN)/python tests/chaos/ledger.py
 
 standard: $(VENV)/.dev
 	$(BIN)/python tests/data/standard/sequences.py

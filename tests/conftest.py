@@ -11,6 +11,7 @@ for folder in (
     "unit/viewer",
     "unit/recorder",
     "system",
+    "chaos",
     "drivers/ur",
     "data/standard",
     "bench",

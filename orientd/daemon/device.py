@@ -153,22 +153,26 @@ class Device:
         capacity = self._read_ahead
         self._ready.clear()
         self._forget()
-        self._link = ServoLink(
-            ProcessSettings(
-                device=self.name,
-                driver=self._target,
-                options=settings.options,
-                period_ns=self.period_ns,
-                path_capacity=2 * capacity,
-                cycle_capacity=capacity,
-                heartbeat_timeout_ns=round(settings.heartbeat_timeout * 1e9),
-                feedback_timeout_ns=round(settings.feedback_timeout * 1e9),
-                priority=settings.priority,
-                spin_ns=settings.spin_us * 1000,
-                daemon_pid=os.getpid(),
-                report_path=str(Path(report_directory()) / f"servo-{self.name}.json"),
-            )
+        process = ProcessSettings(
+            device=self.name,
+            driver=self._target,
+            options=settings.options,
+            period_ns=self.period_ns,
+            path_capacity=2 * capacity,
+            cycle_capacity=capacity,
+            heartbeat_timeout_ns=round(settings.heartbeat_timeout * 1e9),
+            feedback_timeout_ns=round(settings.feedback_timeout * 1e9),
+            priority=settings.priority,
+            spin_ns=settings.spin_us * 1000,
+            daemon_pid=os.getpid(),
+            report_path=str(Path(report_directory()) / f"servo-{self.name}.json"),
         )
+        try:
+            self._link = ServoLink(process)
+        except DaemonError as error:
+            self._link, self._failure = None, str(error)
+            self._fault, self._fault_text = Fault.SERVO_DIED, self._failure
+            raise
 
     @property
     def _read_ahead(self) -> int:

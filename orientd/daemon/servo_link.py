@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -41,6 +42,7 @@ SLOW_ANSWER_TIMEOUT = 20.0
 
 _SLOW = (Command.ENABLE, Command.DISABLE, Command.RESET)
 _POLL = 0.0005
+_LOOK = 0.05
 _NO_TERMS = Terms(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -53,21 +55,32 @@ class ServoLink:
     """
 
     def __init__(self, settings: ProcessSettings) -> None:
-        """Start the process; :meth:`notes` will say when it is ready."""
-        self.memory = SharedMemory.create(settings.path_capacity, settings.cycle_capacity)
+        """Start the process; :meth:`words` will say when it is ready.
+
+        Raises:
+            DaemonError: there is no room in shared memory, or too much else runs or is open.
+        """
+        try:
+            self.memory = SharedMemory.create(settings.path_capacity, settings.cycle_capacity)
+        except OSError as error:
+            raise DaemonError(f"no shared memory for the servo process: {error}") from error
         self.memory.beat(time.monotonic_ns())
         self._lock = threading.Lock()
         self._note_index = 0
         self._answers: dict[int, Note] = {}
         self._words: deque[Note] = deque(maxlen=256)
         self._is_closed = False
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "orientd.servo", str(self.memory.descriptor)],
-            stdin=subprocess.PIPE,
-            pass_fds=[self.memory.descriptor],
-            start_new_session=True,
-            cwd="/",
-        )
+        try:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "orientd.servo", str(self.memory.descriptor)],
+                stdin=subprocess.PIPE,
+                pass_fds=[self.memory.descriptor],
+                start_new_session=True,
+                cwd="/",
+            )
+        except OSError as error:
+            self.close()
+            raise DaemonError(f"the servo process cannot be started: {error}") from error
         if self.process.stdin is not None:
             with contextlib.suppress(BrokenPipeError):
                 self.process.stdin.write(settings.to_json().encode())
@@ -77,6 +90,15 @@ class ServoLink:
     def is_alive(self) -> bool:
         """Whether the process runs."""
         return self.process.poll() is None
+
+    @property
+    def is_stopped(self) -> bool:
+        """Whether a signal or a debugger has stopped the process, which then does nothing."""
+        try:
+            with open(f"/proc/{self.process.pid}/stat") as stat:  # noqa: PTH123 - no pathlib here
+                return stat.read().rpartition(")")[2].split()[0] in "tT"
+        except OSError:
+            return False
 
     def beat(self) -> None:
         """Tell the servo that the daemon is alive."""
@@ -113,7 +135,8 @@ class ServoLink:
                 *terms.floats(),
             )
         timeout = SLOW_ANSWER_TIMEOUT if command in _SLOW else ANSWER_TIMEOUT
-        end = time.monotonic() + timeout
+        begun = time.monotonic()
+        end, look = begun + timeout, begun + ANSWER_TIMEOUT
         while True:
             self._hear()
             answer = self._answers.pop(index, None)
@@ -121,7 +144,15 @@ class ServoLink:
                 break
             if not self.is_alive:
                 raise DaemonError(f"the servo process has ended, it cannot {command.name.lower()}")
-            if time.monotonic() > end:
+            now = time.monotonic()
+            if now > look:
+                look = now + _LOOK
+                if self.is_stopped:
+                    raise DaemonError(
+                        f"the servo process {self.process.pid} is stopped (SIGSTOP or a debugger), "
+                        f"it cannot {command.name.lower()}"
+                    )
+            if now > end:
                 raise DaemonError(
                     f"the servo did not answer {command.name.lower()} within {timeout:g} s"
                 )
@@ -171,6 +202,9 @@ class ServoLink:
     def end(self, timeout: float) -> None:
         """Have the process stop on its path and end; kill it when it has not after *timeout* s."""
         if self.is_alive:
+            if self.is_stopped:
+                # It cannot stop on its path, nor end, unless it goes on.
+                self.process.send_signal(signal.SIGCONT)
             with contextlib.suppress(DaemonError, StateError):
                 self.ask(Command.SHUTDOWN)
             deadline = time.monotonic() + timeout

@@ -70,9 +70,20 @@ class SharedMemory:
         Args:
             path_capacity: path records the ring can hold.
             cycle_capacity: cycles the daemon may fall behind.
+
+        Raises:
+            OSError: there is no room for it, or too many files are open.
         """
+        size = cls.size(path_capacity, cycle_capacity)
         descriptor = os.open(DIRECTORY, os.O_TMPFILE | os.O_RDWR | os.O_CLOEXEC, 0o600)
-        os.ftruncate(descriptor, cls.size(path_capacity, cycle_capacity))
+        try:
+            # All of it now: a page that is not to be had later kills whoever touches it.
+            os.posix_fallocate(descriptor, 0, size)
+        except OSError as error:
+            os.close(descriptor)
+            raise OSError(
+                error.errno, f"{error.strerror}, {size / 1e6:.1f} MB are needed", DIRECTORY
+            ) from error
         return cls(descriptor, path_capacity, cycle_capacity)
 
     @staticmethod

@@ -10,7 +10,7 @@ from command_line import begin, environment
 ROOT = Path(__file__).parents[2]
 
 # A busy machine wakes the emulator late, by more than any servo would be.
-_PATIENT = (
+PATIENT = (
     ("max_losses = 10 ", "max_losses = 100 "),
     ("feedback_timeout = 0.3 ", "feedback_timeout = 2.0 "),
     ("watchdog_ms = 500 ", "watchdog_ms = 2000 "),
@@ -59,7 +59,7 @@ class GimbalDaemon:
         self.config = self.folder / "gimbal.toml"
         self.report = self.folder / "state" / "orientd" / "servo-gimbal.json"
         text = (ROOT / "config" / "gimbal.toml").read_text()
-        for old, new in (('/tmp/gimbal"', f'{port}"'), *_PATIENT, *changes):
+        for old, new in (('/tmp/gimbal"', f'{port}"'), *PATIENT, *changes):
             assert old in text
             text = text.replace(old, new)
         self.config.write_text(f'[daemon]\nsocket = "{self.socket}"\n{text}')

@@ -34,6 +34,11 @@ def until(condition, what, seconds=10.0):
     raise AssertionError(f"{what}: not within {seconds} s")
 
 
+def channel_to(socket: Path) -> grpc.Channel:
+    """Return a channel of its own: others of this process may still try to reach a dead daemon."""
+    return grpc.insecure_channel(f"unix:{socket}", options=[("grpc.use_local_subchannel_pool", 1)])
+
+
 class DaemonProcess:
     """``orientd run`` with one loopback device that records what it is sent."""
 
@@ -58,6 +63,8 @@ class DaemonProcess:
             f'[devices.{DEVICE}.options]\nrecord = "{self.recording}"\n{options}\n'
         )
         self.period = round(1e9 / rate_hz) * 1e-9
+        self.prefix: tuple[str, ...] = ()
+        self.environment: dict[str, str] = {}
 
     def __enter__(self) -> DaemonProcess:
         self.start()
@@ -70,15 +77,19 @@ class DaemonProcess:
         """Start it and wait until it is ready."""
         self.log = (self.folder / "log").open("ab")
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "orientd.cli.main", "run", *self.arguments],
+            [*self.prefix, sys.executable, "-m", "orientd.cli.main", "run", *self.arguments],
             stdout=subprocess.PIPE,
             stderr=self.log,
             text=True,
-            env={**os.environ, "XDG_STATE_HOME": str(self.folder / "state")},
+            env={
+                **os.environ,
+                "XDG_STATE_HOME": str(self.folder / "state"),
+                **self.environment,
+            },
         )
         line = self.process.stdout.readline()
         assert line.startswith("ready"), (line, (self.folder / "log").read_text())
-        self.channel = grpc.insecure_channel(f"unix:{self.socket}")
+        self.channel = channel_to(self.socket)
         self.stub = ControlStub(self.channel)
         self.token = self.stub.AcquireLease(pb.AcquireLeaseRequest(holder="test")).lease.token
 

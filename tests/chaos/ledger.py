@@ -1,0 +1,145 @@
+"""What was tried and what came of it: one file for each fault, and the table of the README.
+
+``python tests/chaos/ledger.py`` gathers what `make chaos` has left in ``build/chaos`` into
+``tests/chaos/results.json`` and writes the table between the markers of the README.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import traceback
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+FOLDER = Path(os.environ.get("ORIENTD_CHAOS_DIR", ROOT / "build" / "chaos"))
+RESULTS = Path(__file__).with_name("results.json")
+README = ROOT / "README.md"
+BEGIN, END = "<!-- chaos:begin -->", "<!-- chaos:end -->"
+
+ROUNDS = int(os.environ.get("ORIENTD_CHAOS_ROUNDS", "50"))
+SEED = int(os.environ.get("ORIENTD_CHAOS_SEED", "1"))
+ONLY = os.environ.get("ORIENTD_CHAOS_ONLY", "")
+"""Number of a single round to run, as a failure names it."""
+
+
+@dataclass
+class Broken:
+    """A round in which something did not hold."""
+
+    number: int
+    what: str
+
+
+@dataclass
+class Tally:
+    """All rounds of one fault.
+
+    Attributes:
+        fault: in words, for the table.
+        order: place in the table.
+        claims: what was checked, in words.
+        seed: of every random choice, together with the fault's name and the round's number.
+        rounds: that were run.
+        met: what happened, and how often.
+        slowest: the slowest call apart from the first motion of a daemon, its name and s.
+        broken: the rounds in which something did not hold.
+        skipped: why it could not be tried, or nothing.
+    """
+
+    fault: str
+    order: int
+    claims: str
+    seed: int = SEED
+    rounds: int = 0
+    met: Counter[str] = field(default_factory=Counter)
+    slowest: tuple[str, float] = ("", 0.0)
+    broken: list[Broken] = field(default_factory=list)
+    skipped: str = ""
+
+    def keep(self, name: str) -> None:
+        """Write it down."""
+        FOLDER.mkdir(parents=True, exist_ok=True)
+        path = FOLDER / f"{self.order:02d}-{name}.json"
+        path.write_text(json.dumps(vars(self), indent=1, default=vars) + "\n")
+
+
+def rounds_of(
+    name: str, tally: Tally, one: Callable[[int, random.Random], object], *, rounds: int = ROUNDS
+) -> None:
+    """Run *one* for every round, go on after those in which something breaks, and tell at the end.
+
+    Args:
+        name: of the fault, part of every seed.
+        tally: what is known of it so far.
+        one: runs a round, and raises what did not hold.
+        rounds: how many.
+
+    Raises:
+        AssertionError: something did not hold in one of them.
+    """
+    for number in [int(ONLY)] if ONLY else range(rounds):
+        tally.rounds += 1
+        try:
+            one(number, random.Random(f"{name}/{tally.seed}/{number}"))
+        except Exception as error:  # noqa: BLE001 - whatever it is, it is a result
+            where = traceback.extract_tb(error.__traceback__)[-1]
+            what = str(error).split("debug_error_string")[0] or str(where.line)
+            tally.broken.append(Broken(number, f"{type(error).__name__}: {what}"[:600]))
+            print(f"\n{name} round {number}:")
+            traceback.print_exc()
+        if not ONLY:
+            tally.keep(name)
+    print(
+        f"\n{name}: {tally.rounds} rounds, {len(tally.broken)} broken, slowest "
+        f"{tally.slowest[0]} {tally.slowest[1]:.3f} s, {dict(tally.met)}"
+    )
+    assert not tally.broken, tally.broken
+
+
+def table(results: list[dict]) -> str:
+    """Return the table of the README."""
+    lines = [
+        "| fault | how often | what held | what did not |",
+        "|---|---|---|---|",
+    ]
+    for result in results:
+        if result["skipped"]:
+            lines.append(f"| {result['fault']} | not tried | | {result['skipped']} |")
+            continue
+        kept = result["rounds"] - len(result["broken"])
+        met = ", ".join(f"{what} {count}" for what, count in sorted(result["met"].items()))
+        name, seconds = result["slowest"]
+        slowest = f"; slowest answer {seconds:.2f} s (`{name}`)" if name else ""
+        held = f"{result['claims']}: {kept} of {result['rounds']}{slowest}"
+        if met:
+            held += f". Met: {met}"
+        kinds = Counter(
+            broken["what"].split("\n")[0].split(": ", 1)[-1][:110].replace("|", "/")
+            for broken in result["broken"]
+        )
+        bad = "; ".join(f"{what} ({count})" for what, count in kinds.most_common(3)) or "nothing"
+        lines.append(f"| {result['fault']} | {result['rounds']} | {held} | {bad} |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Gather the results and write the table."""
+    known = {r["fault"]: r for r in json.loads(RESULTS.read_text())} if RESULTS.exists() else {}
+    for path in sorted(FOLDER.glob("*.json")):
+        result = json.loads(path.read_text())
+        known[result["fault"]] = result
+    results = sorted(known.values(), key=lambda result: (result["order"], result["fault"]))
+    RESULTS.write_text(json.dumps(results, indent=1) + "\n")
+    text = README.read_text()
+    before, rest = text.split(BEGIN)
+    _, after = rest.split(END)
+    README.write_text(f"{before}{BEGIN}\n{table(results)}\n{END}{after}")
+
+
+if __name__ == "__main__":
+    main()

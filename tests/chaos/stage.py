@@ -1,0 +1,331 @@
+"""A daemon to do harm to: every call is measured, and afterwards everything is looked at."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import json
+import os
+import signal
+import threading
+import time
+from pathlib import Path
+
+import grpc
+import numpy as np
+from command_line import inside
+from harness import (
+    DEVICE,
+    DaemonProcess,
+    assert_limits_kept,
+    channel_to,
+    is_alive,
+    nudge,
+    until,
+)
+from ledger import Tally
+
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc.control_pb2_grpc import ControlStub
+
+LONGEST = 1.0
+"""What no call may take, s."""
+
+RESTART = "Reset, new servo process"
+LONGEST_RESTART = 10.0
+"""What a reset may take that starts an interpreter, s."""
+
+_MARK = "ORIENTD_CHAOS_MARK"
+_marks = itertools.count()
+
+
+def waiting(*pids: int) -> dict[str, int]:
+    """Return how long each thread of the processes has waited for a processor so far, ns."""
+    found = {}
+    for pid in pids:
+        with contextlib.suppress(OSError):
+            for task in os.listdir(f"/proc/{pid}/task"):
+                with contextlib.suppress(OSError):
+                    path = Path(f"/proc/{pid}/task/{task}/schedstat")
+                    found[task] = int(path.read_text().split()[1])
+    return found
+
+
+class Calls:
+    """Measures calls; those that wait for a stopped daemon count from when it goes on.
+
+    A call is late if it took longer than is allowed and than it had to wait for a processor: the
+    longest such wait of one thread here and of one thread of the daemon are not held against it.
+    """
+
+    def __init__(self, tally: Tally, daemon_pid=lambda: 0) -> None:
+        self._tally = tally
+        self._daemon_pid = daemon_pid
+        self.late: list[str] = []
+        self.longest = LONGEST
+        self.went_on = 0.0
+
+    def measure(self, name, work):
+        """Do *work* and note how long it took, whether or not it fails."""
+        begun = time.monotonic()
+        pids = (os.getpid(), self._daemon_pid())
+        before = [waiting(pid) for pid in pids]
+        try:
+            return work()
+        finally:
+            took = time.monotonic() - max(begun, self.went_on)
+            if took > 0.5 * LONGEST:
+                took -= sum(_longest_wait(*pair) for pair in zip(pids, before, strict=True))
+            if took > self._tally.slowest[1]:
+                self._tally.slowest = (name, took)
+            if took > (LONGEST_RESTART if name == RESTART else self.longest):
+                self.late.append(f"{name} took {took:.2f} s")
+
+
+def _longest_wait(pid: int, before: dict[str, int]) -> float:
+    now = waiting(pid)
+    waits = (ns - before.get(task, ns) for task, ns in now.items())
+    return 1e-9 * max(waits, default=0)
+
+
+class Probe(threading.Thread):
+    """Asks for the state all the time."""
+
+    def __init__(self, stage: Stage) -> None:
+        super().__init__(daemon=True)
+        self._stage = stage
+        self._ending = threading.Event()
+        self.answers = 0
+
+    def run(self) -> None:
+        stage = self._stage
+        with channel_to(stage.daemon.socket) as channel:
+            stub = ControlStub(channel)
+            while not self._ending.wait(0.02):
+                with contextlib.suppress(grpc.RpcError):
+                    stage.calls.measure(
+                        "GetState", lambda: stub.GetState(pb.GetStateRequest(), timeout=30)
+                    )
+                    self.answers += 1
+
+    def end(self) -> None:
+        self._ending.set()
+        self.join()
+
+
+class Stage:
+    """A daemon with a loopback device, one round after the other."""
+
+    def __init__(
+        self, folder: Path, tally: Tally, *, prefix=(), environment=None, lease_seconds=30.0
+    ) -> None:
+        self.mark = f"{os.getpid()}-{next(_marks)}"
+        self.tally = tally
+        self.calls = Calls(tally, lambda: self.daemon.process.pid)
+        self.daemon = DaemonProcess(folder)
+        text = self.daemon.config.read_text()
+        lease = f"[daemon]\nlease_seconds = {lease_seconds!r}\n"
+        self.daemon.config.write_text(text.replace("[daemon]\n", lease))
+        self.daemon.prefix = tuple(prefix)
+        self.daemon.environment = {_MARK: self.mark, **(environment or {})}
+        self.streams: list = []
+        self._is_warm = False
+        self._side = 1.0
+
+    def __enter__(self) -> Stage:
+        self.shared = set(os.listdir("/dev/shm"))
+        self.start()
+        return self
+
+    def __exit__(self, kind, *_) -> None:
+        self.daemon.end()
+        until(lambda: not self.family(), f"processes are left: {self.family()}", 5.0)
+        if kind is None:
+            left = [name.name for name in self.daemon.folder.glob("*.sock*")]
+            assert not left, f"left behind: {left}"
+
+    def start(self) -> None:
+        """Start the daemon, and have it load all that a first motion needs."""
+        self.calls.went_on = float("inf")
+        self.daemon.start()
+        self._is_warm = False
+        self.move_once()
+        self.calls.went_on = time.monotonic()
+
+    def family(self) -> dict[int, str]:
+        """Return the processes that the daemon, or one before it, has brought about."""
+        mark, found = f"{_MARK}={self.mark}".encode(), {}
+        for path in Path("/proc").glob("[0-9]*"):
+            with contextlib.suppress(OSError):
+                if mark in (path / "environ").read_bytes().split(b"\0") and is_alive(
+                    int(path.name)
+                ):
+                    words = (path / "cmdline").read_bytes().replace(b"\0", b" ")
+                    found[int(path.name)] = words.decode(errors="replace")
+        return found
+
+    # Commands
+
+    def call(self, name, request):
+        """Call the daemon, measured."""
+        stub = getattr(self.daemon.stub, name)
+        return self.calls.measure(name, lambda: stub(request, timeout=30))
+
+    def command(self, name, **fields):
+        """Give a command with the lease, measured."""
+        kind = getattr(pb, f"{name}Request")
+        if "lease_token" in kind.DESCRIPTOR.fields_by_name:
+            fields["lease_token"] = self.daemon.token
+        stub, request = getattr(self.daemon.stub, name), kind(device=DEVICE, **fields)
+        is_restart = name == "Reset" and not self.servo
+        return self.calls.measure(
+            RESTART if is_restart else name, lambda: stub(request, timeout=30)
+        )
+
+    def begin(self, motion, **fields):
+        """Begin a motion, and return its stream once it has begun."""
+        request = pb.MoveRequest(
+            lease_token=self.daemon.token, device=DEVICE, motion=motion, **fields
+        )
+        stream = self.daemon.stub.Move(request, timeout=60)
+        self.streams.append(stream)
+        # The first motion of a daemon loads the planner.
+        if self._is_warm:
+            self.calls.measure("Move", lambda: next(stream))
+        else:
+            with self._lease_kept():
+                next(stream)
+        self._is_warm = True
+        return stream
+
+    @contextlib.contextmanager
+    def _lease_kept(self):
+        """Renew the lease all the while."""
+        ended = threading.Event()
+
+        def renew():
+            while not ended.wait(0.3):
+                self.daemon.renew()
+
+        thread = threading.Thread(target=renew, daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            thread.join()
+
+    def device(self) -> pb.DeviceReport:
+        """Return the device as the daemon tells of it."""
+        return self.call("GetState", pb.GetStateRequest(device=DEVICE)).devices[0]
+
+    def status(self) -> dict:
+        """Return what `orientd status` tells."""
+        told = inside("status", "--socket", self.daemon.socket, "--json")
+        assert told.returncode == 0, told
+        return json.loads(told.stdout)
+
+    @property
+    def servo(self) -> int:
+        """The servo's process."""
+        return self.device().servo_pid
+
+    # What must hold
+
+    def check_sent(self) -> None:
+        """Look at all that was sent since this was last done; the device is at rest now."""
+        sent = self.daemon.sent()
+        if len(sent):
+            assert np.isfinite(sent).all()
+            assert_limits_kept(sent, self.daemon.period)
+        os.truncate(self.daemon.recording, 0)
+
+    def rests(self) -> None:
+        """Wait until nothing moves and see that it holds what was last sent."""
+        until(lambda: self.device().state in (pb.STATE_HOLDING, pb.STATE_FAULT), "rest", 8.0)
+        time.sleep(0.01)
+        sent = self.daemon.sent()
+        assert len(sent) < 2 or np.array_equal(sent[-1], sent[-2]), "rest, but it moves"
+
+    def check_truth(self, *, faults, holder="test") -> str:
+        """See that what is told agrees with what is there; return the fault that is told of."""
+        told = self.status()
+        device = told["devices"][DEVICE]
+        assert told["daemon"]["pid"] == self.daemon.process.pid
+        assert told["daemon"]["lease_holder"] == holder, told["daemon"]
+        assert device["fault"] in faults, (device["fault"], device["fault_text"])
+        is_fault = device["fault"] != "none"
+        assert device["state"] == ("fault" if is_fault else "holding"), device
+        assert bool(device["fault_text"]) == is_fault, device
+        pid = device["servo_pid"]
+        servos = [pid for pid, words in self.family().items() if "orientd.servo" in words]
+        assert servos == ([pid] if pid else []), (pid, servos)
+        self.tally.met[device["fault"]] += 1
+        return device["fault"]
+
+    def check_clean(self) -> None:
+        """See that there is the daemon, at most one servo, and nothing in /dev/shm."""
+        expected = {self.daemon.process.pid, self.servo}
+
+        def orphans():
+            return {pid: words for pid, words in self.family().items() if pid not in expected}
+
+        # The flight recorder ends by itself once it has written its file.
+        until(lambda: not orphans(), "the end of all others", 20.0)
+        new = set(os.listdir("/dev/shm")) - self.shared
+        assert not {name for name in new if "orientd" in name}, new
+
+    def move_once(self) -> None:
+        """Make a small motion and see that it is done."""
+        self._side = -self._side
+        *_, last = self.begin(nudge(0.05 * self._side))
+        assert last.summary.outcome == pb.OUTCOME_DONE, last
+        self.streams.clear()
+
+    def recover(self) -> None:
+        """Bring it back as a user would, and see that it moves again."""
+        self.call("RenewLease", pb.RenewLeaseRequest(token=self.daemon.token))
+        if self.device().state == pb.STATE_FAULT:
+            self.command("Reset")
+        until(lambda: self.device().state == pb.STATE_HOLDING, "holding", 5.0)
+        self.command("SetSpeed", speed=1.0)
+        self.move_once()
+        self.check_sent()
+        self.check_clean()
+        assert not self.calls.late, "; ".join(self.calls.late)
+
+    def again(self) -> None:
+        """After a failure: go on with a new daemon, whatever state the old one was in."""
+        self.calls.late.clear()
+        self.streams.clear()
+        with contextlib.suppress(Exception):
+            self.daemon.channel.close()
+            self.daemon.process.stdout.close()
+            self.daemon.log.close()
+        for pid in self.family():
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        self.daemon.process.wait()
+        until(lambda: not self.family(), "the end of all")
+        with contextlib.suppress(FileNotFoundError):
+            os.truncate(self.daemon.recording, 0)
+        self.start()
+        os.truncate(self.daemon.recording, 0)
+        self.calls.late.clear()
+
+    @contextlib.contextmanager
+    def round(self):
+        """One round: probed all the while; begun anew if it fails."""
+        os.truncate(self.daemon.recording, 0)
+        self.calls.late.clear()
+        probe = Probe(self)
+        probe.start()
+        try:
+            yield
+            probe.end()
+            assert not self.calls.late, "; ".join(self.calls.late)
+        except Exception:
+            probe.end()
+            print((self.daemon.folder / "log").read_text()[-3000:])
+            self.again()
+            raise

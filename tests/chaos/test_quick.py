@@ -1,0 +1,47 @@
+"""One round each of some of the faults that `make chaos` tries many times."""
+
+import random
+
+import pytest
+from ledger import Tally
+from scenes import Retarget, Track
+from stage import Stage
+from test_clients import fuzzed, garbage, slow
+from test_processes import kill_daemon, renew
+
+
+@pytest.fixture(scope="module")
+def stage(tmp_path_factory):
+    tally = Tally("one round", 0, "")
+    with Stage(tmp_path_factory.mktemp("stage"), tally) as it:
+        it.calls.longest = 30.0  # only hanging is told of here
+        yield it
+
+
+def test_a_daemon_killed_in_a_retarget_leaves_a_stop_and_a_free_place(stage):
+    generator = random.Random(3)
+    with stage.round():
+        scene = Retarget(stage, generator)
+        scene.ending.wait(0.6)
+        kill_daemon(stage, generator)
+        scene.end()
+        stage.streams.clear()
+        renew(stage)
+        stage.recover()
+
+
+def test_bad_clients_do_not_disturb_the_following_of_targets(stage):
+    generator = random.Random(4)
+    with stage.round():
+        scene = Track(stage, generator)
+        pid = stage.servo
+        for harm in (garbage, fuzzed, slow):
+            for line in harm(stage, generator, stage.tally):
+                line.close()
+        scene.end()
+        stage.rests()
+        stage.streams.clear()
+        stage.check_truth(faults=("none",))
+        assert stage.servo == pid
+        stage.check_sent()
+        stage.recover()
