@@ -134,7 +134,11 @@ class Stage:
 
     def __enter__(self) -> Stage:
         self.shared = set(os.listdir("/dev/shm"))
-        self.start()
+        try:
+            self.start()
+        except BaseException:
+            self._kill()
+            raise
         return self
 
     def __exit__(self, kind, *_) -> None:
@@ -298,6 +302,14 @@ class Stage:
         """After a failure: go on with a new daemon, whatever state the old one was in."""
         self.calls.late.clear()
         self.streams.clear()
+        self._kill()
+        with contextlib.suppress(FileNotFoundError):
+            os.truncate(self.daemon.recording, 0)
+        self.start()
+        os.truncate(self.daemon.recording, 0)
+        self.calls.late.clear()
+
+    def _kill(self) -> None:
         with contextlib.suppress(Exception):
             self.daemon.channel.close()
             self.daemon.process.stdout.close()
@@ -307,11 +319,6 @@ class Stage:
                 os.kill(pid, signal.SIGKILL)
         self.daemon.process.wait()
         until(lambda: not self.family(), "the end of all")
-        with contextlib.suppress(FileNotFoundError):
-            os.truncate(self.daemon.recording, 0)
-        self.start()
-        os.truncate(self.daemon.recording, 0)
-        self.calls.late.clear()
 
     @contextlib.contextmanager
     def round(self):

@@ -54,15 +54,21 @@ class Rig:
 
     def __enter__(self):
         self.start_device()
-        self.daemon.start()
-        self.robot = orientd.connect(self.daemon.socket)
-        until(lambda: self.state().state is State.HOLDING, "holding", 30.0)
-        self.turn().wait(60.0)
+        try:
+            self.daemon.start()
+            self.robot = orientd.connect(self.daemon.socket)
+            until(lambda: self.state().state is State.HOLDING, "holding", 30.0)
+            self.turn().wait(60.0)
+        except BaseException:
+            self.__exit__()
+            raise
         return self
 
     def __exit__(self, *_):
-        self.robot.close()
-        self.daemon.end()
+        with contextlib.suppress(AttributeError):
+            self.robot.close()
+        with contextlib.suppress(AttributeError):
+            self.daemon.end()
         self.process.send_signal(signal.SIGCONT)
         self.process.terminate()
         self.process.communicate(timeout=20)

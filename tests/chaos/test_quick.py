@@ -1,7 +1,10 @@
 """One round each of some of the faults that `make chaos` tries many times."""
 
+import os
 import random
+import signal
 
+import grpc
 import pytest
 from ledger import Tally
 from scenes import Retarget, Track
@@ -45,3 +48,18 @@ def test_bad_clients_do_not_disturb_the_following_of_targets(stage):
         assert stage.servo == pid
         stage.check_sent()
         stage.recover()
+
+
+def test_a_stopped_servo_process_is_told_of_and_goes_on(stage):
+    with stage.round():
+        servo = stage.servo
+        os.kill(servo, signal.SIGSTOP)
+        try:
+            with pytest.raises(grpc.RpcError) as refused:
+                stage.command("Reset")
+        finally:
+            os.kill(servo, signal.SIGCONT)
+        assert refused.value.code() is grpc.StatusCode.UNAVAILABLE
+        assert "is stopped (SIGSTOP or a debugger), it cannot reset" in refused.value.details()
+        stage.recover()
+        assert stage.servo == servo
