@@ -23,8 +23,11 @@ CHARTS_HZ = 8.0
 LONELY = 10.0
 """How long after the last page has gone the lease is given back, s."""
 
-PANEL_WIDTH, PANEL_SHARE = 390.0, 0.6
-"""Of the page: pixels at the right, or the share of an upright page at the bottom."""
+PANEL_WIDTH, PANEL_HEIGHT = 0.33, 0.6
+"""Share of the page that the panel takes: at the right, or of an upright page at the bottom.
+
+Shares, as sizes are told in pixels of the screen, of which one on the page may have several.
+"""
 
 UPRIGHT_DISTANCE = 1.9
 """How much farther away one looks from on an upright page, which is narrow."""
@@ -172,9 +175,9 @@ class Page:
         right = np.cross((0.0, 0.0, 1.0), away)
         up = np.cross(away, right)
         if is_upright:
-            shift = -0.5 * PANEL_SHARE * height * metres_per_pixel * up / np.linalg.norm(up)
+            shift = -0.5 * PANEL_HEIGHT * height * metres_per_pixel * up / np.linalg.norm(up)
         else:
-            shift = 0.5 * PANEL_WIDTH * metres_per_pixel * right / np.linalg.norm(right)
+            shift = 0.5 * PANEL_WIDTH * width * metres_per_pixel * right / np.linalg.norm(right)
         camera.up_direction = (0.0, 0.0, 1.0)
         camera.position = target + away + shift
         camera.look_at = target + shift

@@ -1,0 +1,125 @@
+"""The page of `orientd view` as a browser shows it; skipped where there is no Chromium."""
+
+import base64
+import io
+import shutil
+
+import numpy as np
+import pytest
+from command_line import begin
+from harness import DaemonProcess, spin, until
+
+from orientd.rpc import control_pb2 as pb
+
+pytest.importorskip("viser")
+image = pytest.importorskip("matplotlib.image")
+playwright = pytest.importorskip("playwright.sync_api")
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+pytestmark = pytest.mark.skipif(
+    CHROMIUM is None, reason="pages are tested in Chromium: install it (Debian: chromium)"
+)
+
+TURN = (
+    b"keyframes: [{rotation_vector: [0.1, 0, 0]}, {rotation_vector: [0, 0, 0.2]}]\napproach: true\n"
+)
+# As the page is drawn without a graphics card.
+SOFTWARE = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+PATIENCE = 30_000
+"""ms; a browser on a busy machine."""
+
+
+@pytest.fixture(scope="module")
+def daemon(tmp_path_factory):
+    with DaemonProcess(tmp_path_factory.mktemp("daemon")) as process:
+        process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))
+        yield process
+
+
+@pytest.fixture(scope="module")
+def page(daemon):
+    """The page in a small window, of which a processor can draw enough."""
+    view = begin("view", "--no-open", "--port", 0, "--socket", daemon.socket)
+    line = view.stdout.readline()
+    assert line.startswith("ready"), (line, view.stderr.read())
+    with playwright.sync_playwright() as player:
+        browser = player.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE)
+        opened = browser.new_page(viewport={"width": 900, "height": 400})
+        opened.set_default_timeout(PATIENCE)
+        opened.goto(f"{line.split()[-1]}/?fixedDpr=0.5")
+        yield opened
+        browser.close()
+    view.terminate()
+    rest, errors = view.communicate(timeout=15.0)
+    assert (view.returncode, rest, errors) == (0, "", "")
+
+
+def press(page, name):
+    """Press a button at once, without waiting for the page to stand still, which it never does."""
+    press_button(page.get_by_role("button", name=name))
+
+
+def press_button(button):
+    button.wait_for()
+    until(button.is_enabled, "a button that can be pressed", seconds=30.0)
+    button.evaluate("button => button.click()")
+
+
+def test_the_page_draws_the_axes_and_the_charts(page):
+    page.get_by_text("Holding").wait_for()
+    page.locator(".uplot").nth(3).wait_for()
+    assert page.locator(".uplot").count() == 4
+
+    press_button(page.locator(".mantine-Notification-closeButton"))
+    camera = page.context.new_cdp_session(page)
+
+    def shows_all_axes():
+        # As it is: the page itself is photographed only once it has stood still.
+        shot = camera.send("Page.captureScreenshot")["data"]
+        pixels = image.imread(io.BytesIO(base64.b64decode(shot)))[:, :450, :3]
+        red, green, blue = (pixels[..., k] for k in range(3))
+        x = (red > green + 0.25) & (red > blue + 0.25)
+        y = (green > red + 0.15) & (green > blue + 0.05)
+        z = (blue > red + 0.25) & (blue > green + 0.1)
+        return all(np.count_nonzero(axis) > 50 for axis in (x, y, z))
+
+    until(shows_all_axes, "the axes", seconds=30.0)
+
+
+def test_the_stop_button_stops_a_motion_of_somebody_else(daemon, page):
+    daemon.token = daemon.stub.AcquireLease(pb.AcquireLeaseRequest(holder="ana")).lease.token
+    stream = daemon.move(spin(60.0))
+    page.get_by_text("Moving").wait_for()
+    page.get_by_text("held by ana").wait_for()
+    daemon.renew()
+    press(page, "Stop")
+    *_, last = stream
+    assert last.summary.outcome == pb.OUTCOME_STOPPED
+    assert "orientd view" in last.summary.text
+    page.get_by_text("Holding").wait_for()
+    daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))
+
+
+def test_a_file_is_shown_with_its_certificate_before_it_is_sent(daemon, page):
+    before = daemon.device().motion_number
+    page.locator("input[type=file]").set_input_files(
+        {"name": "turn.yaml", "mimeType": "text/plain", "buffer": TURN}
+    )
+    page.get_by_text("Not sent yet").wait_for()
+    page.get_by_text("A stop takes").wait_for()
+    assert daemon.device().motion_number == before
+    press(page, "Take the lease")
+    page.get_by_text("held by this view").wait_for()
+    press(page, "Send")
+    page.get_by_text("was run to its end").wait_for()
+    assert daemon.device().motion_number == before + 1
+    press(page, "Give the lease back")
+    page.get_by_text("free", exact=True).wait_for()
+
+
+def test_the_page_says_when_the_daemon_is_gone_and_when_it_is_back(daemon, page):
+    assert daemon.end() == 0
+    page.get_by_text("Not connected").wait_for()
+    daemon.start()
+    page.get_by_text("Not connected").wait_for(state="detached")
+    page.get_by_text("Holding").wait_for()
