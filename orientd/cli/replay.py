@@ -8,7 +8,6 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 
 from orientd.cli.daemon_commands import ConfigFile
@@ -96,7 +95,7 @@ def _told(topic: str, fit: Fit) -> dict[str, Any]:
         "topic": topic,
         "samples": len(fit.samples.times),
         "left_out": fit.samples.left_out,
-        "seconds": float(np.ptp(fit.times)),
+        "seconds": float(fit.times[-1] - fit.times[0]),
         "noise_deg": math.degrees(fit.samples.noise),
         "knots": len(np.unique(fit.knots)),
         "error_deg": math.degrees(fit.error),
@@ -112,7 +111,11 @@ def _paced(
         return plan_as_recorded(fit, plan)
     request = replay_request(fit, duration="minimum")
     planned = plan(request)
-    return planned, request, (planned.end_time - planned.start_time) / float(np.ptp(fit.times))
+    return (
+        planned,
+        request,
+        (planned.end_time - planned.start_time) / float(fit.times[-1] - fit.times[0]),
+    )
 
 
 def _plan_offline(

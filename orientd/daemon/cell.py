@@ -89,7 +89,7 @@ class Cell:
         self.listeners: list[Callable[[DeviceEvent, Device], object]] = []
         self.devices: dict[str, Device] = {}
         self.runs = Runs(self.devices)
-        self.journal = Journal()
+        self.journal = Journal(kept=settings.recorder.seconds)
         self._flight = FlightRecorder(settings, self.journal)
         for name, device in settings.devices.items():
             self.devices[name] = make_device(device, on_event=self._hear)

@@ -80,8 +80,13 @@ class Subscription:
 class Journal:
     """Events as serialised messages ``orientd.v1.Event``, the newest of them kept."""
 
-    def __init__(self) -> None:
-        """Begin without a thread, which starts with the first event."""
+    def __init__(self, *, kept: float = 0.0) -> None:
+        """Begin without a thread, which starts with the first event.
+
+        Args:
+            kept: how old events may be for :meth:`kept`, s.
+        """
+        self._oldest_ns = round(kept * 1e9)
         self._queue: SimpleQueue[DeviceEvent | None] = SimpleQueue()
         self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
@@ -128,6 +133,12 @@ class Journal:
             self._queue.put(None)
             thread.join()
 
+    def _drop(self, since_ns: int) -> None:
+        """Keep no events that are older, nor too many; the newest stays in any case."""
+        kept = self._kept
+        while len(kept) > 1 and (self._kept_bytes > KEPT_BYTES or kept[0][1] < since_ns):
+            self._kept_bytes -= len(kept.popleft()[2])
+
     def _work(self) -> None:
         while (event := self._queue.get()) is not None:
             try:
@@ -138,8 +149,7 @@ class Journal:
             with self._lock:
                 self._kept.append((event.device, event.time_ns, message))
                 self._kept_bytes += len(message)
-                while self._kept_bytes > KEPT_BYTES and len(self._kept) > 1:
-                    self._kept_bytes -= len(self._kept.popleft()[2])
+                self._drop(event.time_ns - self._oldest_ns)
                 subscriptions = self._subscriptions
             for subscription in subscriptions:
                 subscription.put(event.device, message)

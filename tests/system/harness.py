@@ -49,6 +49,7 @@ class DaemonProcess:
         rate_hz: float = 500.0,
         options: str = "",
         arguments: Sequence[str] = (),
+        memory: float = 60.0,
     ) -> None:
         folder.mkdir(exist_ok=True)
         self.arguments = ["--config", str(folder / "config.toml"), *arguments]
@@ -61,6 +62,7 @@ class DaemonProcess:
             f'[daemon]\nsocket = "{self.socket}"\n'
             f'[devices.{DEVICE}]\ndriver = "loopback"\nrate_hz = {rate_hz!r}\n'
             f'[devices.{DEVICE}.options]\nrecord = "{self.recording}"\n{options}\n'
+            f"[recorder]\nseconds = {memory!r}\n"
         )
         self.period = round(1e9 / rate_hz) * 1e-9
         self.prefix: tuple[str, ...] = ()

@@ -174,7 +174,7 @@ def test_a_stopped_daemon_process_is_a_lost_heartbeat(tmp_path):
 
 
 def test_a_hundred_motions_in_a_row_leave_the_memory_as_it_was(tmp_path):
-    with DaemonProcess(tmp_path) as daemon:
+    with DaemonProcess(tmp_path, memory=1.0) as daemon:
         sizes = []
         for number in range(100):
             daemon.renew()

@@ -8,7 +8,9 @@ import signal
 import numpy as np
 import pytest
 from command_line import assert_refused, begin, environment, orientd
-from harness import DEVICE, DaemonProcess, spin, until
+from hand_held import recorded as hand_held
+from hand_held import truth
+from harness import DEVICE, DaemonProcess, assert_limits_kept, spin, until
 
 from orientd import rotation
 from orientd.recorder import reader
@@ -35,7 +37,12 @@ def recorder(daemon, path, **more):
     process = begin(
         "record", path, "--json", env=environment(ORIENTD_SOCKET=str(daemon.socket)), **more
     )
-    until(lambda: path.exists() and path.stat().st_size > 0, "a recording")
+
+    def is_begun():
+        daemon.renew()
+        return path.exists() and path.stat().st_size > 0
+
+    until(is_begun, "a recording", 30.0)
     return process
 
 
@@ -155,7 +162,7 @@ def test_a_flight_recorder_that_cannot_write_says_so_and_the_daemon_goes_on(tmp_
     process = DaemonProcess(tmp_path / "daemon")
     (tmp_path / "taken").write_text("a file where a directory is to be")
     text = process.config.read_text()
-    process.config.write_text(f'{text}\n[recorder]\ndirectory = "{tmp_path}/taken/here"\n')
+    process.config.write_text(f'{text}directory = "{tmp_path}/taken/here"\n')
     with process as daemon:
         os.kill(daemon.device().servo_pid, signal.SIGKILL)
         log = daemon.folder / "log"
@@ -164,3 +171,23 @@ def test_a_flight_recorder_that_cannot_write_says_so_and_the_daemon_goes_on(tmp_
         until(lambda: daemon.device().state == pb.STATE_HOLDING, "rest")
         (line,) = [line for line in log.read_text().splitlines() if "recording failed" in line]
         assert "Not a directory" in line
+
+
+def test_a_replay_moves_the_device_through_what_was_recorded(daemon, tmp_path):
+    table = tmp_path / "hand.csv"
+    times, q = hand_held(2, seconds=4.0, wild=2)
+    rows = [",".join(map(str, (t, *one))) for t, one in zip(times, q, strict=True)]
+    table.write_text("\n".join(["time_s,qw,qx,qy,qz", *rows]))
+    daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))
+    done = orientd("replay", table, "--json", "--socket", daemon.socket)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["slower"] == pytest.approx(1.0)
+    sent = daemon.sent()
+    assert_limits_kept(sent, daemon.period)
+    # Every tenth of a second of the turning is passed, in its order.
+    place = 0
+    for t in np.arange(0.4, 3.6, 0.1):
+        away = rotation.angle(sent[place:], truth(t))
+        place += int(np.argmin(away))
+        assert float(away.min()) < np.radians(1.0)
