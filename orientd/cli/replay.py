@@ -95,9 +95,9 @@ def _told(topic: str, fit: Fit) -> dict[str, Any]:
         "topic": topic,
         "samples": len(fit.samples.times),
         "left_out": fit.samples.left_out,
-        "seconds": float(fit.times[-1] - fit.times[0]),
+        "seconds": fit.seconds,
         "noise_deg": math.degrees(fit.samples.noise),
-        "knots": len(np.unique(fit.knots)),
+        "knots": fit.knot_count,
         "error_deg": math.degrees(fit.error),
     }
 
@@ -114,7 +114,7 @@ def _paced(
     return (
         planned,
         request,
-        (planned.end_time - planned.start_time) / float(fit.times[-1] - fit.times[0]),
+        (planned.end_time - planned.start_time) / fit.seconds,
     )
 
 

@@ -82,6 +82,16 @@ class Fit:
         return float(self.errors.max())
 
     @property
+    def seconds(self) -> float:
+        """How long it takes, s."""
+        return float(self.knots[-1] - self.knots[0])
+
+    @property
+    def knot_count(self) -> int:
+        """How many different knots there are."""
+        return len(np.unique(self.knots))
+
+    @property
     def times(self) -> Floats:
         """Instants that the control quaternions belong to: averages of their knots, s."""
         window = np.lib.stride_tricks.sliding_window_view(self.knots[1:-1], ORDER - 1)

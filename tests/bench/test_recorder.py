@@ -71,7 +71,5 @@ def test_the_daemon_is_small_with_a_minute_in_memory(tmp_path):
         before = resident_kib(daemon.process.pid) / 1024
         time.sleep(65.0)
         resident = resident_kib(daemon.process.pid) / 1024
-        print(
-            f"\ndaemon {before:.1f} MiB, {resident:.1f} MiB with a minute in memory, before its first plan"
-        )
+        print(f"\ndaemon {before:.1f} MiB, with a minute in memory {resident:.1f} MiB")
         assert resident <= 80.0
