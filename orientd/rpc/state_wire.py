@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-import numpy as np
-
 from orientd.driver import IDENTITY, ZERO, Vector3
 from orientd.driver.floats import difference, norm
 from orientd.errors import Fault
@@ -183,6 +181,9 @@ def outline_to_messages(outline: Sequence[Sequence[Vector3]]) -> list[pb.Polylin
 
 def outline_from_messages(messages: Iterable[pb.Polyline]) -> Outline:
     """Return the lines that *messages* were made of."""
+    # For clients: the daemon, which only sends them, does without NumPy until it plans.
+    import numpy as np
+
     return tuple(
         np.array(message.coordinates, dtype=np.float64).reshape(-1, 3) for message in messages
     )

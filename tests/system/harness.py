@@ -60,9 +60,9 @@ class DaemonProcess:
         self.config = folder / "config.toml"
         self.config.write_text(
             f'[daemon]\nsocket = "{self.socket}"\n'
+            f"[recorder]\nseconds = {memory!r}\n"
             f'[devices.{DEVICE}]\ndriver = "loopback"\nrate_hz = {rate_hz!r}\n'
             f'[devices.{DEVICE}.options]\nrecord = "{self.recording}"\n{options}\n'
-            f"[recorder]\nseconds = {memory!r}\n"
         )
         self.period = round(1e9 / rate_hz) * 1e-9
         self.prefix: tuple[str, ...] = ()

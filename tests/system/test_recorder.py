@@ -162,7 +162,8 @@ def test_a_flight_recorder_that_cannot_write_says_so_and_the_daemon_goes_on(tmp_
     process = DaemonProcess(tmp_path / "daemon")
     (tmp_path / "taken").write_text("a file where a directory is to be")
     text = process.config.read_text()
-    process.config.write_text(f'{text}directory = "{tmp_path}/taken/here"\n')
+    directory = f'directory = "{tmp_path}/taken/here"'
+    process.config.write_text(text.replace("[recorder]", f"[recorder]\n{directory}"))
     with process as daemon:
         os.kill(daemon.device().servo_pid, signal.SIGKILL)
         log = daemon.folder / "log"
