@@ -27,8 +27,10 @@ from orientd.stream import Terms
 SHARES = (0.98, 0.9, 0.75, 0.5)
 """Parts of the limits that a stop is rehearsed with, one after the other."""
 
-STEPS = 32
-"""Cycles of a stop that are rehearsed in one cycle."""
+STEPS_PER_SECOND = 16_000.0
+"""Cycles of a stop that are rehearsed in one second: few enough to leave most of a cycle free."""
+
+FEWEST_STEPS = 8
 
 _ALLOWANCE = 1.2  # times the cycles expected
 _MOST = 8.0  # times them, where they have proved too few
@@ -47,6 +49,7 @@ class BrakeLaw:
         self._clock = clock
         self._follower = follower
         self._guard = guard
+        self._steps = max(FEWEST_STEPS, round(STEPS_PER_SECOND * clock.period))
         self._is_coasting = False
         self._moves = -1
         self._taken = 0
@@ -88,7 +91,7 @@ class BrakeLaw:
 
     def _rehearse(self, terms: Terms, *, may_end: bool) -> None:
         """Go on with the rehearsal, or with others, as far as one cycle allows."""
-        left = STEPS
+        left = self._steps
         while left > 0:
             rehearsal = self._rehearsal
             if rehearsal is None:
@@ -127,7 +130,7 @@ class BrakeLaw:
             self._clock,
             self._follower,
             self._guard,
-            lead=ceil(cycles / (STEPS - 1)) - 1,
+            lead=ceil(cycles / (self._steps - 1)) - 1,
             share=SHARES[self._tries % len(SHARES)],
             is_coasting=self._is_coasting,
         )
