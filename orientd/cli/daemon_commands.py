@@ -78,6 +78,7 @@ def run(
         settings,
         socket=(listen or settings.daemon.socket or default_socket()).absolute(),
         configuration=str(path.absolute()) if path else "",
+        reread=(lambda: configuration.load(path)) if path else None,
         on_ready=ready,
     )
 

@@ -100,8 +100,8 @@ def _scheduling(got: str) -> Finding:
         "scheduling",
         f"SCHED_FIFO {PRIORITY} refused (RLIMIT_RTPRIO is {soft}, at most {hard}); got {got}",
         Verdict.IMPROVE,
-        f"`LimitRTPRIO={PRIORITY}` in the systemd unit, or `@GROUP - rtprio {PRIORITY}` in "
-        "/etc/security/limits.conf and a new login",
+        f"`LimitRTPRIO={PRIORITY}` in the systemd unit (`orientd service install` writes it), or "
+        f"`@GROUP - rtprio {PRIORITY}` in /etc/security/limits.conf and a new login",
     )
 
 
@@ -114,8 +114,8 @@ def _memory(is_locked: bool) -> Finding:
         "memory lock",
         f"refused (RLIMIT_MEMLOCK is {limit})",
         Verdict.IMPROVE,
-        "`LimitMEMLOCK=infinity` in the systemd unit, or `@GROUP - memlock unlimited` in "
-        "/etc/security/limits.conf and a new login",
+        "`LimitMEMLOCK=infinity` in the systemd unit (`orientd service install` writes it), or "
+        "`@GROUP - memlock unlimited` in /etc/security/limits.conf and a new login",
     )
 
 

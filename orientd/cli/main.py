@@ -22,6 +22,7 @@ from orientd.cli import (
     plot,
     record,
     replay,
+    service,
     sim,
     track,
     view,
@@ -82,6 +83,7 @@ for _command in (
     app.command()(_command)
 app.add_typer(bench.bench)
 app.add_typer(sim.sim)
+app.add_typer(service.service)
 app.add_typer(lease.lease)
 app.add_typer(certs.certs)
 

@@ -21,7 +21,8 @@ from orientd.daemon.access.entry import Entry, inner_socket
 from orientd.daemon.claim import claimed
 from orientd.daemon.gate import Gate
 from orientd.daemon.notify import notify
-from orientd.errors import DaemonError
+from orientd.daemon.watchdog import Watchdog
+from orientd.errors import ConfigError, DaemonError
 from orientd.rpc import control_pb2
 from orientd.rpc.address import MAX_MESSAGE_BYTES, target
 from orientd.rpc.control_pb2_grpc import add_ControlServicer_to_server
@@ -58,6 +59,7 @@ def run(
     *,
     socket: Path,
     configuration: str = "",
+    reread: Callable[[], Settings] | None = None,
     on_ready: Callable[[DaemonReport, list[str]], None],
 ) -> None:
     """Be the daemon until SIGTERM or SIGINT.
@@ -66,6 +68,7 @@ def run(
         settings: devices and lease.
         socket: where to listen.
         configuration: where the settings are from, for those who ask.
+        reread: returns the settings as they are now, for SIGHUP; ``None`` where there is no file.
         on_ready: called once commands are taken, with what is wrong with the devices, if anything.
 
     Raises:
@@ -74,7 +77,7 @@ def run(
     """
     target(socket)  # whether the path can be that of a socket
     with claimed(socket), inner_socket(socket) as inner:
-        asyncio.run(_Daemon(settings, socket, configuration, on_ready).run(inner))
+        asyncio.run(_Daemon(settings, socket, configuration, reread, on_ready).run(inner))
 
 
 class _Daemon:
@@ -83,14 +86,17 @@ class _Daemon:
         settings: Settings,
         socket: Path,
         configuration: str,
+        reread: Callable[[], Settings] | None,
         on_ready: Callable[[DaemonReport, list[str]], None],
     ) -> None:
-        self._settings = settings
+        self._settings = self._initial = settings
         self._socket = socket
         self._configuration = configuration
+        self._reread = reread
         self._on_ready = on_ready
         self._started = time.monotonic()
         self._stopping = asyncio.Event()
+        self._telemetry: Telemetry | None = None
 
     async def run(self, inner: str) -> None:
         """Serve at *inner*, behind the door, until told to stop; then bring everything to rest."""
@@ -109,9 +115,11 @@ class _Daemon:
                 await checks.set(name, health_pb2.HealthCheckResponse.SERVING)
             cell, service = await asyncio.to_thread(self._load, entry)
             entry.checkpoint.guard_leases(cell.desk.owner)
-            telemetry: Telemetry | None = None
+            watchdog = Watchdog(cell.devices)
             try:
-                telemetry = self._measure(cell, entry)
+                self._measure(cell, entry)
+                watchdog.start()
+                loop.add_signal_handler(signal.SIGHUP, self._reload, cell, entry)
                 gate.open(lambda into: add_ControlServicer_to_server(service, into))  # type: ignore[no-untyped-call] # generated
                 await self._serve(cell)
             finally:
@@ -120,17 +128,55 @@ class _Daemon:
                 service.end_calls()
                 await server.stop(GRACE)
                 service.close()
-                if telemetry is not None:
-                    telemetry.close()
+                watchdog.close()
+                if self._telemetry is not None:
+                    self._telemetry.close()
                 _log.info("daemon: ended")
         finally:
             await server.stop(None)
             entry.close()
 
-    def _measure(self, cell: Cell, entry: Entry) -> Telemetry | None:
-        """Begin to count, where somebody may ask."""
+    def _reload(self, cell: Cell, entry: Entry) -> None:
+        """Take up what can change of the settings, and say what cannot."""
+        from orientd.daemon.reload import changes
+
+        if self._reread is None:
+            _log.warning("reload: there is no file of settings")
+            return
+        try:
+            settings = self._reread()
+            can, _ = changes(self._settings, settings)
+            _, cannot = changes(self._initial, settings)
+            # The files that it names may have changed where the settings have not.
+            entry.change(settings.access, settings.tcp)
+        except ConfigError as error:
+            _log.error("reload: nothing changed: %s", error)
+            return
+        logging.getLogger().setLevel(settings.daemon.log_level.upper())
+        is_measured_anew = settings.metrics != self._settings.metrics
+        self._settings = settings
+        if is_measured_anew:
+            try:
+                self._measure(cell, entry)
+            except ConfigError as error:
+                _log.error("reload: %s", error)
+        _log.info("reload: changed: %s", ", ".join(can) or "nothing but the files that are named")
+        if cannot:
+            _log.warning("reload: needs a restart: %s", ", ".join(cannot))
+
+    def _measure(self, cell: Cell, entry: Entry) -> None:
+        """Begin to count, where somebody may ask; what counted before ends.
+
+        Raises:
+            ConfigError: the port is in use, or the library is not installed.
+        """
+        if self._telemetry is not None:
+            cell.listeners.remove(self._telemetry.hear)
+            entry.checkpoint.count_call = lambda *_: None
+            self._telemetry.close()
+            self._telemetry = None
         if self._settings.metrics is None:
-            return None
+            return
         from orientd.daemon.telemetry import Telemetry
 
         telemetry = Telemetry()
@@ -138,7 +184,7 @@ class _Daemon:
         telemetry.follow(cell.devices)
         cell.listeners.append(telemetry.hear)
         entry.checkpoint.count_call = telemetry.count_call
-        return telemetry
+        self._telemetry = telemetry
 
     def _load(self, entry: Entry) -> tuple[Cell, ControlService]:
         """Import, and start, what takes its time."""

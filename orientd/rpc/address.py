@@ -10,6 +10,9 @@ from orientd.errors import DaemonError
 # struct sockaddr_un has 108 bytes for the path and its terminating zero.
 MAX_PATH_BYTES = 107
 
+SYSTEM_SOCKET = Path("/run/orientd/control.sock")
+"""Of the daemon that runs as a service of the system."""
+
 # A motion of 100,000 keyframes takes some 8 MiB.
 MAX_MESSAGE_BYTES = 64 * 1024 * 1024
 
@@ -23,6 +26,14 @@ def runtime_directory() -> Path:
     if runtime:
         return Path(runtime) / "orientd"
     return Path(f"/tmp/orientd-{os.getuid()}")
+
+
+def found_socket() -> Path:
+    """Return where a daemon is to be found: the user's own, or else the one of the system."""
+    socket = default_socket()
+    if "ORIENTD_SOCKET" not in os.environ and not socket.exists() and SYSTEM_SOCKET.exists():
+        return SYSTEM_SOCKET
+    return socket
 
 
 def default_socket() -> Path:

@@ -10,7 +10,7 @@ from typing import Self
 import grpc
 
 from orientd.errors import DaemonError
-from orientd.rpc.address import MAX_MESSAGE_BYTES, default_socket, runtime_directory, target
+from orientd.rpc.address import MAX_MESSAGE_BYTES, found_socket, runtime_directory, target
 
 _OPTIONS = (
     ("grpc.max_receive_message_length", MAX_MESSAGE_BYTES),
@@ -64,7 +64,7 @@ class Way:
         if address is None and socket is None:
             address = os.environ.get("ORIENTD_ADDRESS", "")
         if not address:
-            return cls(Path(socket).expanduser() if socket is not None else default_socket())
+            return cls(Path(socket).expanduser() if socket is not None else found_socket())
         files = {
             "ORIENTD_CERT": certificate or os.environ.get("ORIENTD_CERT"),
             "ORIENTD_KEY": key or os.environ.get("ORIENTD_KEY"),

@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import signal
 import socket
 import ssl
 import subprocess
@@ -21,6 +22,7 @@ from orientd.daemon.access.rules import RULES
 from orientd.errors import AccessError, DaemonError, LeaseError, RequestError
 from orientd.operation_settings import Role
 from orientd.rpc import control_pb2 as pb
+from orientd.rpc.control_pb2_grpc import ControlStub
 
 certificates = pytest.importorskip("orientd.certificates")
 
@@ -383,3 +385,37 @@ def test_the_command_line_reaches_a_daemon_over_tcp(cell):
     done = orientd_command("lease", "seize", "--reason", "x", *remote, "--ca", files["ca"])
     assert done.returncode == 1
     assert "SeizeLease needs the role administrator" in done.stderr
+
+
+def test_a_revocation_counts_at_once_and_for_the_one_revoked_alone(cell):
+    def reload():
+        told = (cell.folder / "log").read_text().count("reload: changed")
+        cell.daemon.process.send_signal(signal.SIGHUP)
+        until(lambda: (cell.folder / "log").read_text().count("reload: changed") > told, "it")
+
+    with cell.channel("watcher") as channel:
+        stream = ControlStub(channel).WatchState(pb.WatchStateRequest())
+        next(stream)
+        reload()
+        next(stream)
+        cell.authority.revoke("watcher")
+        reload()
+        with pytest.raises(grpc.RpcError) as caught:
+            list(stream)
+        assert caught.value.code() is grpc.StatusCode.UNAVAILABLE
+    with cell.channel("watcher") as channel:
+        assert set(walk(channel).values()) == {"UNAVAILABLE"}
+    with cell.robot("chief") as robot:
+        assert robot.devices()
+
+
+def test_a_role_that_is_taken_away_counts_at_once(cell):
+    with cell.channel("chief") as channel:
+        stream = ControlStub(channel).WatchState(pb.WatchStateRequest())
+        next(stream)
+        text = cell.daemon.config.read_text()
+        cell.daemon.config.write_text(text.replace("chief = 'administrator'\n", ""))
+        cell.daemon.process.send_signal(signal.SIGHUP)
+        with pytest.raises(grpc.RpcError) as caught:
+            list(stream)
+        assert caught.value.code() is grpc.StatusCode.UNAVAILABLE

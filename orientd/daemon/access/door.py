@@ -23,7 +23,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from orientd.daemon.access.identity import Credentials, Identity, Policy, Process
+from orientd.daemon.access.identity import Certificate, Credentials, Identity, Policy, Process
 from orientd.daemon.access.tls import peer_certificate
 from orientd.errors import DaemonError
 
@@ -84,6 +84,7 @@ class Door:
         self._listeners: list[asyncio.Server] = []
         self._context: ssl.SSLContext | None = None
         self._handshakes = 0
+        self._path: Path | None = None
 
     # In and out
 
@@ -102,7 +103,8 @@ class Door:
             raise DaemonError(f"cannot listen at {path}: {error.strerror}") from error
         finally:
             os.umask(before)
-        path.chmod(0o666 if self._policy.admits_others else 0o600)
+        self._path = path
+        self._let_reach()
         self._listeners.append(await asyncio.start_unix_server(self._from_unix, sock=listener))
 
     async def open_tcp(self, host: str, port: int, context: ssl.SSLContext) -> int:
@@ -122,6 +124,7 @@ class Door:
     def change(self, policy: Policy, context: ssl.SSLContext | None) -> None:
         """Go by another policy from now on, and hang up on whom it does not admit."""
         self._policy = policy
+        self._let_reach()
         if context is not None:
             self._context = context
         for connection in list(self._connections.values()):
@@ -131,6 +134,12 @@ class Door:
                 connection.hang_up()
             else:
                 connection.identity = now
+
+    def have_certificates_shown_again(self) -> None:
+        """Hang up on everybody who came in with a certificate."""
+        for connection in list(self._connections.values()):
+            if isinstance(connection.credentials, Certificate):
+                connection.hang_up()
 
     def close(self) -> None:
         """Let nobody in any more, and hang up on everybody."""
@@ -148,6 +157,11 @@ class Door:
         return connection
 
     # How
+
+    def _let_reach(self) -> None:
+        """Let others open the socket if any may come in; who they are is asked then."""
+        if self._path is not None:
+            self._path.chmod(0o666 if self._policy.admits_others else 0o600)
 
     async def _from_unix(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         try:

@@ -55,6 +55,7 @@ class Entry:
         """
         self._tcp = tcp
         self._policy, self._context = _checked(access, tcp)
+        self._revocations = _revocations(tcp)
         path = access.audit or Path(report_directory()) / "audit.jsonl"
         self._audit = AuditLog(path, most_bytes=access.audit_bytes, most_files=access.audit_files)
         self._throttle = Throttle(per_second=access.requests_per_second, at_once=access.streams)
@@ -80,10 +81,20 @@ class Entry:
     def change(self, access: AccessSettings, tcp: TcpSettings | None) -> None:
         """Go by other roles, certificates and rates from now on; what cannot change stays.
 
+        A way in over TCP is neither opened nor closed by this.  Where the revocation list is
+        another, everybody who came in that way is hung up on, and may come again.
+
         Raises:
             ConfigError: the settings name what is not there; then nothing has changed.
         """
-        self._policy, self._context = _checked(access, tcp)
+        present = None if self._tcp is None else tcp or self._tcp
+        self._policy, self._context = _checked(access, present)
+        self._tcp = present
+        revocations = _revocations(present)
+        if revocations != self._revocations:
+            # Whether it is on the list is asked of a certificate in the handshake alone.
+            self._revocations = revocations
+            self._door.have_certificates_shown_again()
         self._throttle.per_second = access.requests_per_second
         self._throttle.at_once = access.streams
         self.checkpoint.keyframes = access.keyframes
@@ -101,6 +112,10 @@ class Entry:
     def _refused(self, origin: str, problem: str) -> None:
         _log.warning("door: refused %s: %s", origin, problem)
         self._audit.record(event="refused", origin=origin, text=problem)
+
+
+def _revocations(tcp: TcpSettings | None) -> bytes:
+    return tcp.crl.read_bytes() if tcp is not None and tcp.crl is not None else b""
 
 
 def _checked(

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from orientd.errors import DaemonError
+from orientd.rpc import address
 from orientd.rpc.address import MAX_PATH_BYTES, default_socket, target
 
 
@@ -27,3 +28,19 @@ def test_a_path_that_no_socket_can_have_is_refused_with_its_length():
     assert target(fits) == f"unix:{fits}"
     with pytest.raises(DaemonError, match=r"at most 107 bytes, .* has 108"):
         target(Path("/" + "x" * MAX_PATH_BYTES))
+
+
+def test_the_daemon_of_the_system_is_found_where_the_user_has_none(tmp_path, monkeypatch):
+    monkeypatch.delenv("ORIENTD_SOCKET", raising=False)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    own, shared = tmp_path / "orientd" / "control.sock", tmp_path / "system.sock"
+    monkeypatch.setattr(address, "SYSTEM_SOCKET", shared)
+    assert address.found_socket() == own
+    shared.touch()
+    assert address.found_socket() == shared
+    assert address.default_socket() == own
+    own.parent.mkdir()
+    own.touch()
+    assert address.found_socket() == own
+    monkeypatch.setenv("ORIENTD_SOCKET", str(tmp_path / "named"))
+    assert address.found_socket() == tmp_path / "named"

@@ -1,0 +1,179 @@
+"""`orientd service install`: a systemd unit for this machine, or for this user."""
+
+from __future__ import annotations
+
+import os
+import pwd
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from orientd.cli.output import AsJson, command, say, say_json
+from orientd.errors import ConfigError
+
+service = typer.Typer(
+    name="service", help="Run the daemon as a service of systemd.", no_args_is_help=True
+)
+
+NAME = "orientd.service"
+
+_COMMON = """\
+[Unit]
+Description=orientd, orientation motion for robots
+StartLimitIntervalSec=60
+StartLimitBurst=5
+
+[Service]
+Type=notify
+NotifyAccess=main
+ExecStart={python} -m orientd.cli.main run --config {config}
+ExecReload=/bin/kill -HUP $MAINPID
+{place}
+# A daemon that fails is started again. No motion is resumed: devices hold until somebody commands.
+Restart=on-failure
+RestartSec=2
+# Fed by the cycles of the servos. A servo may talk to its device for 20 s.
+WatchdogSec=60
+# An orderly end, in which whatever moves stops on its path; servos do so by themselves as well, at
+# SIGTERM or when the daemon dies.
+WatchdogSignal=SIGTERM
+KillMode=control-group
+TimeoutStopSec=30
+
+# Real time by limits rather than as root.
+LimitRTPRIO=90
+LimitMEMLOCK=infinity
+{capabilities}
+NoNewPrivileges=yes
+LockPersonality=yes
+RestrictAddressFamilies=AF_UNIX AF_INET AF_INET6 AF_NETLINK
+SystemCallArchitectures=native
+UMask=0077
+{sandbox}
+[Install]
+WantedBy={target}
+"""
+
+_SYSTEM_PLACE = """\
+User={user}
+RuntimeDirectory=orientd
+RuntimeDirectoryMode=0755
+StateDirectory=orientd
+StateDirectoryMode=0700
+Environment=ORIENTD_SOCKET=/run/orientd/control.sock XDG_STATE_HOME=/var/lib
+"""
+
+_SYSTEM_CAPABILITIES = """\
+AmbientCapabilities=
+CapabilityBoundingSet=
+"""
+
+# Not MemoryDenyWriteExecute, which keeps Numba from compiling, nor PrivateDevices, which hides
+# serial ports, nor RestrictRealtime.
+_SYSTEM_SANDBOX = """\
+SystemCallFilter=@system-service
+SystemCallErrorNumber=EPERM
+RestrictNamespaces=yes
+RestrictSUIDSGID=yes
+ProtectSystem=strict
+ProtectHome=read-only
+PrivateTmp=yes
+ProtectClock=yes
+ProtectControlGroups=yes
+ProtectHostname=yes
+ProtectKernelLogs=yes
+ProtectKernelModules=yes
+ProtectKernelTunables=yes
+DevicePolicy=closed
+DeviceAllow=char-ttyUSB rw
+DeviceAllow=char-ttyACM rw
+DeviceAllow=char-pts rw
+DeviceAllow=/dev/cpu_dma_latency rw
+SupplementaryGroups=dialout
+"""
+
+
+def unit(*, python: str, config: Path, user: str | None) -> str:
+    """Return the unit, of the system for *user*, or of the user where that is ``None``.
+
+    Args:
+        python: the interpreter that orientd is installed for.
+        config: the configuration.
+        user: as whom the daemon runs.
+    """
+    is_system = user is not None
+    return _COMMON.format(
+        python=_quoted(python),
+        config=_quoted(str(config)),
+        place=_SYSTEM_PLACE.format(user=user) if is_system else "",
+        capabilities=_SYSTEM_CAPABILITIES if is_system else "",
+        sandbox=_SYSTEM_SANDBOX if is_system else "",
+        target="multi-user.target" if is_system else "default.target",
+    )
+
+
+@service.command()
+@command
+def install(
+    config: Annotated[Path, typer.Option("--config", "-c", help="What the daemon runs with.")],
+    for_user: Annotated[
+        bool, typer.Option("--user", help="A unit of this user, rather than of the system.")
+    ] = False,
+    run_as: Annotated[
+        str, typer.Option("--as", metavar="USER", help="Who runs the daemon of the system.")
+    ] = "orientd",
+    only_print: Annotated[
+        bool, typer.Option("--print", help="Print the unit; write nothing.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Write a hardened unit, and say how to start it.  Starts nothing."""
+    from orientd import config as configuration
+
+    configuration.load(config)
+    text = unit(python=sys.executable, config=config.absolute(), user=None if for_user else run_as)
+    if only_print:
+        say_json({"unit": text}) if as_json else say(text.rstrip("\n"))
+        return
+    path = _directory(for_user=for_user) / NAME
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"cannot write {path}: {error.strerror}") from error
+    steps = _steps(for_user=for_user, run_as=run_as)
+    if as_json:
+        say_json({"path": path, "steps": steps})
+    else:
+        say(f"wrote {path}; now:", *(f"  {step}" for step in steps))
+
+
+def _directory(*, for_user: bool) -> Path:
+    if not for_user:
+        return Path("/etc/systemd/system")
+    home = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
+    return Path(home) / "systemd" / "user"
+
+
+def _steps(*, for_user: bool, run_as: str) -> list[str]:
+    if for_user:
+        return [
+            "systemctl --user daemon-reload",
+            "systemctl --user enable --now orientd",
+            "loginctl enable-linger   # to run without a login",
+            "orientd doctor           # real time needs rtprio and memlock in limits.conf",
+        ]
+    steps = ["systemctl daemon-reload", "systemctl enable --now orientd"]
+    try:
+        pwd.getpwnam(run_as)
+    except KeyError:
+        steps.insert(0, f"useradd --system --no-create-home --groups dialout {run_as}")
+    return steps
+
+
+def _quoted(text: str) -> str:
+    """Return *text* as one word of a unit's command line (systemd.service(5), systemd.unit(5))."""
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"').replace("%", "%%").replace("$", "$$")
+    return f'"{escaped}"'

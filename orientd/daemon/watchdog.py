@@ -1,0 +1,80 @@
+"""Feed systemd's watchdog for as long as the servos make progress (sd_watchdog_enabled(3)).
+
+A thread of its own looks at the cycles that the servos publish.  A servo process that runs and does
+not come to its next cycle starves the watchdog; one that has ended in a fault waits for a reset, of
+which a restart would make nothing better.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import threading
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from orientd.daemon.notify import notify
+
+if TYPE_CHECKING:
+    from orientd.daemon.device import Device
+
+_log = logging.getLogger(__name__)
+
+MEALS = 4
+"""Within the time after which systemd would act."""
+
+
+def watchdog_seconds() -> float | None:
+    """Return how often systemd wants to be told; ``None`` where it does not, or not by us."""
+    wanted, pid = os.environ.get("WATCHDOG_USEC", ""), os.environ.get("WATCHDOG_PID", "")
+    if not wanted.isdigit() or pid not in ("", str(os.getpid())):
+        return None
+    return int(wanted) * 1e-6 or None
+
+
+class Watchdog:
+    """Tell systemd that the servos make progress, or nothing."""
+
+    def __init__(self, devices: Mapping[str, Device]) -> None:
+        """Look at *devices*, once :meth:`start` is called."""
+        self._devices = devices
+        self._cycles: dict[str, tuple[int, int]] = {}
+        self._done = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def start(self) -> None:
+        """Begin, where systemd has a watchdog."""
+        seconds = watchdog_seconds()
+        if seconds is not None:
+            self._thread = threading.Thread(
+                target=self._feed, args=(seconds / MEALS,), name="watchdog", daemon=True
+            )
+            self._thread.start()
+
+    def close(self) -> None:
+        """Feed it no more."""
+        self._done.set()
+        if self._thread is not None:
+            self._thread.join()
+
+    def stuck(self) -> list[str]:
+        """Return the devices whose servo runs and has done no cycle since the last call."""
+        found = []
+        for name, device in self._devices.items():
+            now = device.snapshot()
+            if now.servo_pid is None or now.cycle is None:
+                self._cycles.pop(name, None)
+                continue
+            present = (now.servo_pid, now.cycle.index)
+            if self._cycles.get(name) == present:
+                found.append(name)
+            self._cycles[name] = present
+        return found
+
+    def _feed(self, interval: float) -> None:
+        while not self._done.wait(interval):
+            stuck = self.stuck()
+            if stuck:
+                _log.error("watchdog: no cycle of %s for %.1f s", ", ".join(stuck), interval)
+            else:
+                notify("WATCHDOG=1")

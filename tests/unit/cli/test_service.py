@@ -1,0 +1,46 @@
+"""The unit that is installed is one that systemd takes."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from orientd.cli.service import NAME, unit
+
+ANALYZE = shutil.which("systemd-analyze")
+
+
+def made(user, config="/etc/orientd/orientd.toml"):
+    return unit(python=sys.executable, config=Path(config), user=user)
+
+
+@pytest.mark.skipif(ANALYZE is None, reason="there is no systemd here")
+@pytest.mark.parametrize("user", ["root", None], ids=["system", "user"])
+@pytest.mark.parametrize("config", ["/etc/orientd.toml", '/odd path/100% "$HOME"\\x.toml'])
+def test_systemd_finds_nothing_wrong(tmp_path, user, config):
+    path = tmp_path / NAME
+    path.write_text(made(user, config))
+    manager = [] if user else ["--user"]
+    done = subprocess.run(
+        [ANALYZE, "verify", "--man=no", *manager, str(path)],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={"XDG_RUNTIME_DIR": str(tmp_path), "PATH": "/usr/bin:/bin", "HOME": str(tmp_path)},
+    )
+    about_it = [line for line in done.stderr.splitlines() if NAME in line]
+    assert about_it == [], done.stderr
+
+
+@pytest.mark.parametrize("user", ["orientd", None])
+def test_it_is_told_when_it_is_ready_and_asks_for_real_time_not_for_root(user):
+    lines = made(user).splitlines()
+    assert "Type=notify" in lines
+    assert "LimitMEMLOCK=infinity" in lines
+    assert any(line.startswith("LimitRTPRIO=") for line in lines)
+    assert any(line.startswith("WatchdogSec=") for line in lines)
+    assert "NoNewPrivileges=yes" in lines
+    assert ("AmbientCapabilities=" in lines) == (user is not None)
+    assert not [line for line in lines if line.startswith("RestrictRealtime")]
