@@ -6,6 +6,7 @@ may come from any thread.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import json
 import logging
@@ -410,7 +411,9 @@ class Device:
         try:
             if not link.is_alive:
                 return False
-            link.ask(Command.RESET)
+            cycle = link.newest()
+            if not (self._failure and cycle is not None and cycle.state is State.HOLDING):
+                link.ask(Command.RESET)  # else the failure was the daemon's own
             self._fault, self._fault_text, self._failure = Fault.NONE, "", ""
             if self._settings.auto_enable:
                 link.ask(Command.ENABLE)
@@ -515,8 +518,12 @@ class Device:
                 try:
                     self._tick(link)
                 except Exception as error:  # noqa: BLE001 - or it would go on unwatched
-                    # The servo stops by itself once it hears nothing more.
-                    _log.exception("%s: watching the servo failed", self.name)
+                    # The servo stops by itself once it hears nothing more; this is sooner.
+                    with contextlib.suppress(ValueError):
+                        link.stop()
+                    is_known = isinstance(error, DaemonError)
+                    what = "%s: watching the servo failed: %s"
+                    _log.error(what, self.name, error, exc_info=not is_known)
                     self._failure = f"{type(error).__name__}: {error}"
                     self._fault, self._fault_text = Fault.INTERNAL, self._failure
                     self._drop_all(self._failure)

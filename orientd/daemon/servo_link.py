@@ -122,18 +122,9 @@ class ServoLink:
             StateError: the servo's state does not allow it, or it was refused.
             DaemonError: the servo does not answer, or is not there.
         """
-        with self._lock:
-            index = self.memory.commands.head
-            self.memory.commands.publish(
-                command,
-                motion,
-                path_index,
-                leave_index,
-                final_index,
-                start_ns,
-                speed,
-                *terms.floats(),
-            )
+        index = self._post(
+            command, motion, path_index, leave_index, final_index, start_ns, speed, *terms.floats()
+        )
         timeout = SLOW_ANSWER_TIMEOUT if command in _SLOW else ANSWER_TIMEOUT
         begun = time.monotonic()
         end, look = begun + timeout, begun + ANSWER_TIMEOUT
@@ -161,6 +152,17 @@ class ServoLink:
             raise StateError(answer.text)
         if answer.code != Answer.DONE:
             raise DaemonError(f"{command.name.lower()} failed: {answer.text}")
+
+    def stop(self) -> None:
+        """Have the servo stop on its path as soon as it hears of it; waits for no answer."""
+        self._post(Command.STOP, 0, 0, UNKNOWN, UNKNOWN, 0, 0.0, *_NO_TERMS.floats())
+
+    def _post(self, *fields: float) -> int:
+        """Put a command where the servo looks for it; return its number."""
+        with self._lock:
+            index = self.memory.commands.head
+            self.memory.commands.publish(*fields)
+        return index
 
     def tune(self, options: Mapping[str, Any]) -> None:
         """Have the driver take *options* for the motions to come.

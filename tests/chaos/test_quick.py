@@ -3,14 +3,18 @@
 import os
 import random
 import signal
+import time
 
 import grpc
 import pytest
+from harness import nudge, until
 from ledger import Tally
 from scenes import Retarget, Track
 from stage import Stage
 from test_clients import fuzzed, garbage, slow
 from test_processes import kill_daemon, renew
+
+from orientd.rpc import control_pb2 as pb
 
 
 @pytest.fixture(scope="module")
@@ -61,5 +65,24 @@ def test_a_stopped_servo_process_is_told_of_and_goes_on(stage):
             os.kill(servo, signal.SIGCONT)
         assert refused.value.code() is grpc.StatusCode.UNAVAILABLE
         assert "is stopped (SIGSTOP or a debugger), it cannot reset" in refused.value.details()
+        stage.recover()
+        assert stage.servo == servo
+
+
+def test_what_was_to_follow_on_a_stopped_servo_process_ends_at_rest_in_a_fault(stage):
+    with stage.round():
+        servo = stage.servo
+        stage.begin(nudge(0.5))
+        os.kill(servo, signal.SIGSTOP)
+        try:
+            stage.begin(nudge(-0.4), queue=True)
+            until(lambda: stage.device().state == pb.STATE_FAULT, "the fault")
+        finally:
+            os.kill(servo, signal.SIGCONT)
+        time.sleep(1.0)
+        stage.rests()
+        stage.streams.clear()
+        stage.check_truth(faults=("internal",))
+        stage.check_sent()
         stage.recover()
         assert stage.servo == servo
