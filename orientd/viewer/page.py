@@ -32,7 +32,7 @@ Shares, as sizes are told in pixels of the screen, of which one on the page may 
 UPRIGHT_DISTANCE = 1.9
 """How much farther away one looks from on an upright page, which is narrow."""
 
-_NEAR, _FAR = (2.1, 2.1, 1.1), (4.2, 3.4, 1.8)
+_NEAR, _FAR = (1.9, 1.9, 1.0), (4.2, 3.4, 1.8)
 """Where one looks from, in radii of the sphere from its centre: at a tool, at an arm."""
 
 
@@ -100,6 +100,7 @@ class Page:
     def _frame(self, now: float) -> None:
         sight = self._watcher.sight
         self._notice_pages(now)
+        had_device = self._scene.has_device
         with self._server.atomic():
             self._scene.move(sight.cycle, sight.outline)
             self._scene.show_path("path", sight.plan)
@@ -107,6 +108,9 @@ class Page:
                 self._controls.show(sight)
                 self._scene.show_path("proposal", self._controls.proposal.plan, prefix="new ")
             self._show_status(sight, now)
+        if self._scene.has_device and not had_device:
+            for client in self._server.get_clients().values():
+                self._aim(client)
         if now >= self._next_charts:
             self._next_charts = now + 1.0 / CHARTS_HZ
             self._show_charts(sight)
