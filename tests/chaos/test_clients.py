@@ -187,8 +187,12 @@ def crowd(stage, generator, tally):
             continue
         lines.append(line)
         if number % 10 == 0:
-            line.sendall(PREFACE + SETTINGS)
-            answered += bool(line.recv(9))
+            # Beyond so many, the door hangs up at once.
+            try:
+                line.sendall(PREFACE + SETTINGS)
+                answered += bool(line.recv(9))
+            except OSError:
+                tally.met["hung up on"] += 1
     tally.met["connected"] += len(lines)
     tally.met["answered"] += answered
     return lines
@@ -207,7 +211,7 @@ KINDS = {
 @pytest.mark.parametrize("harm", KINDS, ids=lambda harm: harm.__name__)
 def test_a_client_does_no_harm(tmp_path, harm):
     order = 30 + list(KINDS).index(harm)
-    tally = Tally(KINDS[harm], order, "motion undisturbed, every call of others answered, "
+    tally = Tally(KINDS[harm], order, "no fault, every call of others answered, "
                   "limits, status, nothing left open")  # fmt: skip
 
     def one(number, generator: random.Random):
