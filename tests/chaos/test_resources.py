@@ -144,7 +144,7 @@ def test_the_disk_is_full(tmp_path):
 
 def test_the_setpoints_of_a_recording_driver_find_no_room(tmp_path):
     tally = Tally("disk full under the driver's own recording", 43, "fault internal that says so, "
-                  "limits up to it, status, reset refused or done, recovery")  # fmt: skip
+                  "status, reset refused or done, recovery")  # fmt: skip
     skip_without_namespaces(tally, "driver-disk-full")
     folder = tmp_path / "small"
     folder.mkdir()
