@@ -106,7 +106,7 @@ class Page:
             self._scene.show_path("path", sight.plan)
             if self._controls is not None:
                 self._controls.show(sight)
-                self._scene.show_path("proposal", self._controls.proposal.plan, prefix="new ")
+                self._scene.show_path("proposal", self._controls.proposal.plan, prefix="+")
             self._show_status(sight, now)
         if self._scene.has_device and not had_device:
             for client in self._server.get_clients().values():

@@ -57,7 +57,10 @@ class Proposal:
             except OrientdError as error:
                 self.html = words.refusal(str(error))
                 return
-            title = f"{name}: {len(request.keyframes)} keyframes. Not sent yet."
+            title = (
+                f"{name}: {len(request.keyframes)} keyframes, shown as +1, +2 and so on. "
+                "Not sent yet: that needs the lease."
+            )
             self.html = words.note(title) + words.certificate(planned.certificate)
 
     def send(self, robot: Robot, device: str) -> None:

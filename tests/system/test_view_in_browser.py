@@ -70,7 +70,7 @@ def test_the_page_draws_the_axes_and_the_charts(page):
     page.locator(".uplot").nth(3).wait_for()
     assert page.locator(".uplot").count() == 4
 
-    press_button(page.locator(".mantine-Notification-closeButton"))
+    press_button(page.locator("#webgl-software-rendering button"))
     camera = page.context.new_cdp_session(page)
 
     def shows_all_axes():
