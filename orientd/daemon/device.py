@@ -51,6 +51,8 @@ _READ_AHEAD = 8.0
 _SAME_BRANCH = 0.5
 """How far axis angles as measured may be from those planned to be on the same branch, rad."""
 
+_MOVING = (State.STREAMING, State.STOPPING, State.TRACKING)
+
 _LONGEST_END = 30.0
 """How long a servo may take to stop on its path and to park its device, s."""
 
@@ -450,7 +452,8 @@ class Device:
         state = cycle.state if cycle is not None else State.IDLE
         return DeviceSnapshot(
             cycle=cycle,
-            state=State.FAULT if fault is not Fault.NONE else state,
+            # With the reason known already, it may still be coming to rest.
+            state=State.FAULT if fault is not Fault.NONE and state not in _MOVING else state,
             fault=fault,
             fault_text=self._fault_text,
             is_paused=self.is_paused and state is State.STREAMING,

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING
 from orientd.daemon.device import Device
 from orientd.daemon.device_report import DeviceEvent, EventKind
 from orientd.daemon.story import about
-from orientd.errors import OrientdError, StateError
+from orientd.errors import Fault, OrientdError, StateError
 from orientd.rpc.reports import Outcome
-from orientd.stream import UNKNOWN, State
+from orientd.stream import UNKNOWN
 
 if TYPE_CHECKING:
     from orientd.planner import Motion
@@ -233,7 +233,7 @@ class Runs:
 
     def _why(self, event: DeviceEvent) -> Ended:
         snapshot = self._devices[event.device].snapshot()
-        if snapshot.state is State.FAULT:
+        if snapshot.fault is not Fault.NONE:
             return Outcome.FAULT, snapshot.fault_text or event.text
         with self._lock:
             return Outcome.STOPPED, self._reasons.get(event.device, event.text)

@@ -260,7 +260,7 @@ def test_a_signal_to_a_move_stops_the_motion_on_its_path(daemon, tmp_path, numbe
         ),
     )
     process = begin("move", path, "--socket", daemon.socket)
-    until(lambda: is_moving(daemon.device()), "motion")
+    until(lambda: daemon.device().path_time > 0.3, "motion")
     process.send_signal(number)
     output, errors = process.communicate(timeout=20)
     assert process.returncode == 1

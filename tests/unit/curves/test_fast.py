@@ -13,7 +13,7 @@ from orientd.curves.basis import cumulative_basis
 @pytest.fixture(scope="module")
 def loaded():
     pytest.importorskip("numba")
-    assert fast.wait_ready()
+    assert fast.wait_ready(), repr(fast.KERNEL.error)
     return fast.KERNEL
 
 

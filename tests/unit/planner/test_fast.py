@@ -17,7 +17,7 @@ LIMITS = [DEFAULT_LIMITS, DEFAULT_LIMITS.with_rates({"velocity": [2.0, 0.7, 1.5]
 @pytest.fixture(scope="module")
 def loaded():
     pytest.importorskip("numba")
-    assert fast.wait_ready()
+    assert fast.wait_ready(), repr(fast.KERNEL.error)
     return fast.KERNELS
 
 
