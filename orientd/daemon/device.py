@@ -51,8 +51,6 @@ _READ_AHEAD = 8.0
 _SAME_BRANCH = 0.5
 """How far axis angles as measured may be from those planned to be on the same branch, rad."""
 
-_MOVING = (State.STREAMING, State.STOPPING, State.TRACKING)
-
 _LONGEST_END = 30.0
 """How long a servo may take to stop on its path and to park its device, s."""
 
@@ -453,7 +451,7 @@ class Device:
         return DeviceSnapshot(
             cycle=cycle,
             # With the reason known already, it may still be coming to rest.
-            state=State.FAULT if fault is not Fault.NONE and state not in _MOVING else state,
+            state=State.FAULT if fault is not Fault.NONE and state is not State.STOPPING else state,
             fault=fault,
             fault_text=self._fault_text,
             is_paused=self.is_paused and state is State.STREAMING,

@@ -316,7 +316,9 @@ class Motions:
         stage = self._itinerary.stage(cycle.motion) if cycle is not None else None
         if stage is not None:
             self._shown = stage
-        return self._shown
+        shown = self._shown
+        # A motion begins before it is entered here: until then there is nothing to say of it.
+        return shown if shown is None or cycle is None or shown.number == cycle.motion else None
 
     def stage(self, number: int) -> Stage | None:
         """Return a motion that is under way or waits for its turn."""

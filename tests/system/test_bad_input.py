@@ -259,8 +259,12 @@ def test_a_signal_to_a_move_stops_the_motion_on_its_path(daemon, tmp_path, numbe
             approach=True,
         ),
     )
+    before = daemon.device().motion_number
     process = begin("move", path, "--socket", daemon.socket)
-    until(lambda: daemon.device().path_time > 0.3, "motion")
+    until(
+        lambda: (now := daemon.device()).motion_number > before and is_moving(now),
+        "motion",
+    )
     process.send_signal(number)
     output, errors = process.communicate(timeout=20)
     assert process.returncode == 1
