@@ -126,8 +126,9 @@ def run_cycles(
     jump.
     """
     overrun_ns, most_ns = period_ns // 2, period_ns // LARGEST_SHIFT
-    # On whole periods of the clock: devices of one rate begin in the same cycle.
-    deadline = (time.monotonic_ns() // period_ns + 2) * period_ns
+    # At one phase of the clock, so that devices of one rate begin in the same cycle; beside whole
+    # milliseconds, where the kernel's own timers are.
+    deadline = (time.monotonic_ns() // period_ns + 2) * period_ns + period_ns * 3 // 8
     while not servo.has_ended:
         woken = timer.wait(deadline)
         lateness = woken - deadline
