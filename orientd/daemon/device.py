@@ -256,10 +256,12 @@ class Device:
             StateError: the device is not holding, or not where the motion begins.
         """
         with self._lock:
+            motions = self._loaded()
             if prepared.leave is None:
+                motions.tend(self._fault_text, speed=self._speed)
                 self.commanded()
             self._number += 1
-            self._loaded().start(prepared, self._number, speed=self._speed)
+            motions.start(prepared, self._number, speed=self._speed)
             return self._number
 
     def _check_able(self) -> None:
@@ -411,6 +413,8 @@ class Device:
         try:
             if not link.is_alive:
                 return False
+            if self._motions is not None:
+                self._motions.tend(self._fault_text, speed=self._speed)
             cycle = link.newest()
             if not (self._failure and cycle is not None and cycle.state is State.HOLDING):
                 link.ask(Command.RESET)  # else the failure was the daemon's own

@@ -84,7 +84,10 @@ class Motions:
             StateError: the device is neither holding nor moving.
             PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
         """
-        last = self._itinerary.last if self._itinerary.is_active else None
+        cycle = self._link.newest()
+        is_moving = cycle is not None and cycle.state in (State.STREAMING, State.STOPPING)
+        # A motion stopped a moment ago may not have been taken out yet.
+        last = self._itinerary.last if is_moving and self._itinerary.is_active else None
         if last is None:
             start, joints = self.held(), self._joints()
         else:
@@ -214,6 +217,8 @@ class Motions:
         motion, leave, manner = prepared.motion, prepared.leave, prepared.manner
         options = motion.request.device_options
         if leave is None:
+            if self._itinerary.is_active:
+                raise LateError("a motion that was to follow has begun")
             self._check_start_time(manner)
             if options != self._tuned:
                 self._link.tune(options)
