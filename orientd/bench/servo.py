@@ -17,11 +17,13 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import grpc
 
 from orientd.bench.clients import motion
 from orientd.bench.lateness import Slot, bare_loop, busy_cores, processes, run_bare_loop
+from orientd.config import SPIN_US
 from orientd.errors import OrientdError
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.control_pb2_grpc import ControlStub
@@ -38,6 +40,7 @@ class Comparison:
         rate_hz: cycles a second.
         is_loaded: whether the daemon and every core were busy.
         priority: SCHED_FIFO priority, 0 for the ordinary scheduler.
+        spin_us: how long the servo spins before a deadline; the C loop never does.
         servo: slots of the servo.
         bare: slots of the C loop, each taken beside the one of the servo.
     """
@@ -45,6 +48,7 @@ class Comparison:
     rate_hz: float
     is_loaded: bool
     priority: int
+    spin_us: int
     servo: tuple[Slot, ...]
     bare: tuple[Slot, ...]
 
@@ -71,6 +75,7 @@ def compare(
     rate_hz: float,
     is_loaded: bool,
     priority: int = PRIORITY,
+    spin_us: int = SPIN_US,
     slots: int = 6,
     seconds: float = 5.0,
     on_slot: Callable[[str, Slot], None] = lambda _name, _slot: None,
@@ -88,19 +93,21 @@ def compare(
             for name, found in order if number % 2 == 0 else reversed(order):
                 with processes(busy_cores() if is_loaded else []):
                     slot = (
-                        _servo_slot(rate_hz, seconds, priority, is_loaded=is_loaded)
+                        _servo_slot(rate_hz, seconds, priority, spin_us, is_loaded=is_loaded)
                         if name == "servo"
                         else run_bare_loop(program, rate_hz, seconds, priority)
                     )
                 found.append(slot)
                 on_slot(name, slot)
-    return Comparison(rate_hz, is_loaded, priority, tuple(servo), tuple(bare))
+    return Comparison(rate_hz, is_loaded, priority, spin_us, tuple(servo), tuple(bare))
 
 
-def _servo_slot(rate_hz: float, seconds: float, priority: int, *, is_loaded: bool) -> Slot:
+def _servo_slot(
+    rate_hz: float, seconds: float, priority: int, spin_us: int, *, is_loaded: bool
+) -> Slot:
     with (
         tempfile.TemporaryDirectory(prefix="orientd-bench-") as folder,
-        daemon(Path(folder), rate_hz, priority) as socket,
+        daemon(Path(folder), rate_hz, priority, spin_us) as socket,
     ):
         load = [[sys.executable, "-m", "orientd.bench.clients", str(socket), DEVICE]]
         with processes(load if is_loaded else []):
@@ -108,13 +115,14 @@ def _servo_slot(rate_hz: float, seconds: float, priority: int, *, is_loaded: boo
 
 
 @contextlib.contextmanager
-def daemon(folder: Path, rate_hz: float, priority: int) -> Iterator[Path]:
+def daemon(folder: Path, rate_hz: float, priority: int, spin_us: int = SPIN_US) -> Iterator[Path]:
     """Run a daemon with one loopback device for as long as the context lasts."""
     socket = folder / "control.sock"
     config = folder / "config.toml"
     config.write_text(
-        f'[daemon]\nsocket = "{socket}"\n[devices.{DEVICE}]\ndriver = "loopback"\n'
-        f"rate_hz = {rate_hz!r}\npriority = {priority}\n"
+        f'[daemon]\nsocket = "{socket}"\nlease_seconds = 60.0\n'
+        f'[devices.{DEVICE}]\ndriver = "loopback"\n'
+        f"rate_hz = {rate_hz!r}\npriority = {priority}\nspin_us = {spin_us}\n"
     )
     environment = {**os.environ, "XDG_STATE_HOME": str(folder)}
     process = subprocess.Popen(
@@ -168,11 +176,20 @@ def _stream(socket: Path, seconds: float, priority: int, *, is_loaded: bool) -> 
     )
 
 
-def conditions(rates_hz: Sequence[float] = (500.0, 1000.0)) -> list[tuple[float, bool, int]]:
-    """Return rate, load and priority of every comparison that a full report makes."""
+class Condition(NamedTuple):
+    """What one comparison of a full report is made under; fields as in :class:`Comparison`."""
+
+    rate_hz: float
+    is_loaded: bool
+    priority: int
+    spin_us: int
+
+
+def conditions(rates_hz: Sequence[float] = (500.0, 1000.0)) -> list[Condition]:
+    """Return the conditions of every comparison of a full report: as installed, then without."""
     return [
-        (rate, is_loaded, priority)
+        Condition(rate, is_loaded, priority, spin_us)
         for rate in rates_hz
         for is_loaded in (False, True)
-        for priority in (PRIORITY, 0)
+        for priority, spin_us in ((PRIORITY, SPIN_US), (PRIORITY, 0), (0, SPIN_US))
     ]

@@ -124,29 +124,25 @@ def _servo(seconds: float, slots: int, *, as_json: bool) -> list[dict[str, Any]]
 
     done: list[dict[str, Any]] = []
     rows = []
-    for rate_hz, is_loaded, priority in conditions():
+    for condition in conditions():
+        rate_hz, is_loaded, priority, spin_us = condition
         load = "busy" if is_loaded else "idle"
         scheduler = f"FIFO {priority}" if priority else "OTHER"
+        row = [f"{rate_hz:g}", load, scheduler, f"{spin_us}"]
         if not as_json and is_terminal():
-            say(f"{rate_hz:g} Hz, {load}, {scheduler} ...")
+            say(f"{rate_hz:g} Hz, {load}, {scheduler}, spin {spin_us} us ...")
         try:
-            comparison = compare(
-                rate_hz=rate_hz,
-                is_loaded=is_loaded,
-                priority=priority,
-                slots=slots,
-                seconds=seconds,
-            )
+            comparison = compare(**condition._asdict(), slots=slots, seconds=seconds)
         except OrientdError as error:
-            failed = {"rate_hz": rate_hz, "load": load, "priority": priority}
+            failed = {"rate_hz": rate_hz, "load": load, "priority": priority, "spin_us": spin_us}
             done.append({**failed, "error": str(error)})
-            rows.append([f"{rate_hz:g}", load, scheduler, str(error), "", "", "", ""])
+            rows.append([*row, str(error), "", "", "", ""])
             continue
         done.append(_figures(comparison, load))
-        rows.append([f"{rate_hz:g}", load, scheduler, *_cells(comparison)])
+        rows.append([*row, *_cells(comparison)])
     if not as_json:
-        header = ["Hz", "load", "scheduler", "p50 us", "p99 us", "C p99", "overruns", "work p99"]
-        say(*table(header, rows))
+        header = ["Hz", "load", "scheduler", "spin us", "p50 us", "p99 us", "C p99"]
+        say(*table([*header, "overruns", "work p99"], rows))
     return done
 
 
@@ -160,6 +156,7 @@ def _figures(comparison: Comparison, load: str) -> dict[str, Any]:
         "rate_hz": comparison.rate_hz,
         "load": load,
         "priority": comparison.priority,
+        "spin_us": comparison.spin_us,
         "servo": comparison.servo,
         "bare": comparison.bare,
         "p99_ratio": comparison.p99_ratio,
@@ -171,8 +168,8 @@ def _figures(comparison: Comparison, load: str) -> dict[str, Any]:
 def _cells(comparison: Comparison) -> list[str]:
     ours, bare = comparison.overruns
     return [
-        f"{_median([slot.p50_us for slot in comparison.servo]):.0f}",
-        f"{_median([slot.p99_us for slot in comparison.servo]):.0f}",
+        f"{_median([slot.p50_us for slot in comparison.servo]):.1f}",
+        f"{_median([slot.p99_us for slot in comparison.servo]):.1f}",
         f"{_median([slot.p99_us for slot in comparison.bare]):.0f}",
         f"{ours} (C {bare})",
         f"{comparison.work_p99_us:.0f}",
