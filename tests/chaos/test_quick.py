@@ -7,7 +7,7 @@ import time
 
 import grpc
 import pytest
-from harness import nudge, until
+from harness import is_alive, nudge, until
 from ledger import Tally
 from scenes import Retarget, Track
 from stage import Stage
@@ -30,10 +30,13 @@ def test_a_daemon_killed_in_a_retarget_leaves_a_stop_and_a_free_place(stage):
     with stage.round():
         scene = Retarget(stage, generator)
         scene.ending.wait(0.6)
+        killed = stage.servo
         kill_daemon(stage, generator)
+        assert not is_alive(killed)
         scene.end()
         stage.streams.clear()
         renew(stage)
+        assert stage.servo != killed
         stage.recover()
 
 

@@ -265,7 +265,7 @@ def test_a_demo_that_is_interrupted_leaves_no_process(tmp_path):
     assert process.returncode == 1
     (complaint,) = errors.splitlines()
     assert complaint.startswith("orientd: motion 1 stopped")
-    until(lambda: not is_alive(servo), "the servo's end")
+    assert until(lambda: not is_alive(servo), "the servo's end")
 
 
 def test_a_demo_that_is_killed_leaves_no_process(tmp_path):
@@ -280,7 +280,7 @@ def test_a_demo_that_is_killed_leaves_no_process(tmp_path):
     servo = int(re.search(r"servo process (\d+)", process.stdout.readline())[1])
     process.kill()
     process.communicate()
-    until(lambda: not is_alive(servo), "the servo's end")
+    assert until(lambda: not is_alive(servo), "the servo's end")
 
 
 def test_the_doctor_measures_and_says_how_to_mend():

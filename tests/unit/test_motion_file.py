@@ -323,12 +323,14 @@ def test_aliases_repeat_what_they_name(written):
     assert keys[2] == pytest.approx(keys[0])
 
 
-@pytest.mark.parametrize("levels", [5, 30])
-def test_aliases_that_multiply_do_no_harm(written, levels):
+@pytest.mark.parametrize(
+    ("levels", "told"), [(5, "expected a mapping"), (30, "more than 20000000 values")]
+)
+def test_aliases_that_multiply_do_no_harm(written, levels, told):
     lists = "\n".join(f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]" for k in range(1, levels))
     text = f"a0: &a0 [1]\n{lists}\nkeyframes: *a{levels - 1}\n"
     _, problem = refusal(written(text))
-    assert "more than 20000000 values" in problem or "expected a mapping" in problem
+    assert told in problem
 
 
 def test_long_answers_are_cut(written):

@@ -294,6 +294,7 @@ def test_lost_supply_is_a_fault_and_its_zeros_are_never_a_reading(gimbal):
     gimbal.seen.clear()
     with pytest.raises((DeviceFaultError, FeedbackError)):
         gimbal.run(200)
+    assert gimbal.seen
     assert all(feedback.joints == pytest.approx(before, abs=0.2) for feedback in gimbal.seen)
 
 

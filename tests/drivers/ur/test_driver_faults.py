@@ -234,6 +234,9 @@ def test_reset_after_a_lost_link_unlocks_a_protective_stop_too(ur_robot):
         swing(device)
         streaming(device)
         ur_robot.ask("drop rtde")
-        fault_of(device)
+        fault, *_ = fault_of(device)
+        assert fault in (Fault.LINK_LOST, Fault.SERVO_DIED)
         ur_robot.ask("protective_stop")
+        assert ur_robot.state()["safety_mode"] == "PROTECTIVE_STOP"
         recover(device)
+        assert ur_robot.state()["safety_mode"] == "NORMAL"

@@ -12,20 +12,29 @@ from ur_rig import is_alive, until
 
 from orientd_sim.ur import LaunchError
 
+VERSION_2 = struct.pack(">HBH", 5, ord("V"), 2)
+ACCEPTED = struct.pack(">HBB", 4, ord("V"), 1)
+
+
+def answer_to_version_2(client):
+    client.sendall(VERSION_2)
+    return client.recv(100)
+
 
 def test_dropping_busy_connections_again_and_again_leaves_it_alive(ur_robot):
     generator = random.Random(1)
-    version = struct.pack(">HBH", 5, ord("V"), 2)
     for _ in range(40):
         clients = [socket.create_connection((ur_robot.host, 30004), 2.0) for _ in range(3)]
         for client in clients:
-            client.sendall(version * generator.randrange(1, 50))
+            client.sendall(VERSION_2 * generator.randrange(1, 50))
         ur_robot.ask("drop rtde")
         for client in clients:
             with contextlib.suppress(OSError):
-                client.sendall(version)
+                client.sendall(VERSION_2)
             client.close()
     ur_robot.wait_until(lambda s: s["rtde_clients"] == 0)
+    with socket.create_connection((ur_robot.host, 30004), 2.0) as client:
+        assert answer_to_version_2(client) == ACCEPTED
 
 
 def test_bytes_that_are_no_package_end_only_their_own_connection(ur_robot):
@@ -35,8 +44,7 @@ def test_bytes_that_are_no_package_end_only_their_own_connection(ur_robot):
     ):
         bad.sendall(b"\xff\xff" * 100)
         ur_robot.wait_until(lambda s: s["rtde_clients"] == 1)
-        good.sendall(struct.pack(">HBH", 5, ord("V"), 2))
-        assert good.recv(100) == struct.pack(">HBB", 4, ord("V"), 1)
+        assert answer_to_version_2(good) == ACCEPTED
 
 
 def test_unknown_fault_is_answered_with_those_that_are_known(ur_robot):
@@ -55,4 +63,4 @@ def test_emulator_ends_with_whoever_started_it(ur_host):
         "os.kill(os.getpid(), signal.SIGKILL)\n"
     )
     pid = int(subprocess.run([sys.executable, "-c", code], stdout=subprocess.PIPE).stdout)
-    until(lambda: not is_alive(pid), "the emulator's end")
+    assert until(lambda: not is_alive(pid), "the emulator's end")

@@ -109,10 +109,13 @@ def test_no_random_first_shoulder_is_better_than_the_one_found(random_keys, crit
     best = ARCS(keys=keys, criterion=criterion)
     assert best.weights.min() > 0.0
     rng = np.random.default_rng(1)
-    for _ in range(200):
-        other = ARCS(keys=keys, M1=best.shoulders[0] + rng.normal(scale=0.3, size=4))
-        if other.weights.min() > 0.0:
-            assert cost(other.shoulders) >= cost(best.shoulders) - 1e-12
+    others = [
+        ARCS(keys=keys, M1=best.shoulders[0] + rng.normal(scale=0.3, size=4)) for _ in range(200)
+    ]
+    possible = [other for other in others if other.weights.min() > 0.0]
+    assert len(possible) > 20
+    for other in possible:
+        assert cost(other.shoulders) >= cost(best.shoulders) - 1e-12
 
 
 def test_the_reparametrisation_makes_the_speed_continuous(random_keys):

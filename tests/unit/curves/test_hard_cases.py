@@ -106,7 +106,7 @@ ALWAYS = sorted(set(KEYED) - {"circular_blending", "nielson_shieh", "nielson_hei
 @pytest.mark.parametrize("case", [case for case in CASES if "ratio" not in case])
 def test_the_families_without_such_conditions_always_find_a_curve(name, case):
     keys, times = CASES[case]
-    made(name, keys, times)
+    assert made(name, keys, times).domain == (times[0], times[-1])
 
 
 @pytest.mark.parametrize("name", KEYED)

@@ -300,13 +300,14 @@ POLICIES = [
 @pytest.mark.parametrize("order", ["ZYX", "ZXY", "ZYZ", "ZY"])
 @pytest.mark.parametrize("number", range(len(POLICIES)))
 def test_any_path_is_inside_its_limits_or_refused(order, number):
-    policy, bounds = POLICIES[number], limits(order)
+    policy, bounds, planned = POLICIES[number], limits(order), 0
     for seed in range(3):
         q = wandering(10 * number + seed)
         try:
             path = plan_axes(Gimbal(order), q, PERIOD, bounds, policy=policy)
         except LimitError:
             continue
+        planned += 1
         got = path.certificate
         velocity, acceleration = rates(path.angles, path.times[1] - path.times[0])
         for axis, limit in enumerate(bounds):
@@ -317,6 +318,7 @@ def test_any_path_is_inside_its_limits_or_refused(order, number):
         assert got.error.value <= policy.max_deviation * (1 + 1e-6) + 1e-9
         if not got.slews and len(order) == 3:
             assert np.max(angle(path.q, q)) <= policy.max_deviation * (1 + 1e-6) + 1e-9
+    assert planned > 0
 
 
 def test_stretch_that_is_too_fast_is_gone_along_slowly_on_the_path():

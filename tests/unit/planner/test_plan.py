@@ -217,7 +217,8 @@ def test_a_pure_move_of_the_position_keeps_the_linear_limits():
     keyframes = at(ZERO, ZERO, ZERO, positions=[(0, 0, 0), (0.5, 0, 0), (0.5, 0.5, 0)])
     motion = made(keyframes)
     c = motion.certificate
-    assert 0.98 < c.peak_linear_velocity.ratio <= 1.0 or c.peak_linear_acceleration.ratio > 0.94
+    ratios = c.peak_linear_velocity.ratio, c.peak_linear_acceleration.ratio
+    assert 0.94 < max(ratios) <= 1.0
     assert c.peak_velocity.value == 0.0
 
 

@@ -282,3 +282,4 @@ def test_it_begins_anywhere_inside_the_limits_of_components(ceases):
         if not ceases:
             world.take(normalize(tuple(rng.gauss(0.0, 1.0) for _ in range(4))), live=5.0)
         world.run(1.0)
+        assert world.tracker.is_at_rest or not ceases
