@@ -106,7 +106,7 @@ def export(
 ) -> None:
     """Write the cycles of a recording as a table: planned, sent and measured side by side.
 
-    Parquet needs pyarrow.
+    Parquet needs the extra `parquet`.
     """
     if output.suffix not in ENDINGS:
         raise typer.BadParameter(

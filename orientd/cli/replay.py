@@ -33,7 +33,11 @@ class Pace(StrEnum):
 @command
 def replay(
     file: Annotated[
-        Path, typer.Argument(metavar="RECORDING", help="A .mcap (ours or not) or .csv file.")
+        Path,
+        typer.Argument(
+            metavar="RECORDING",
+            help="A .mcap (ours or not) or .csv file, or a ROS 2 bag: its folder or .db3 file.",
+        ),
     ],
     topic: Annotated[
         str, typer.Option("--topic", "-t", help="Which orientation, where there are several.")

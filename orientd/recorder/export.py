@@ -59,7 +59,7 @@ def export(recording: Recording, device: str, path: Path) -> int:
     """Write the cycles of *device* to *path*; return how many.
 
     Raises:
-        OrientdError: the file cannot be written, or pyarrow is needed and not there.
+        OrientdError: the file cannot be written, or needs the extra `parquet`, which is not there.
     """
     table = columns(recording, device)
     rows = len(table["time_s"])
@@ -101,5 +101,6 @@ def _write_parquet(path: Path, table: dict[str, Floats]) -> None:
         import pyarrow as arrow
         from pyarrow import parquet
     except ImportError as error:
-        raise OrientdError("parquet needs pyarrow: pip install pyarrow") from error
+        problem = "parquet needs the extra `parquet`: pip install 'orientd[parquet]'"
+        raise OrientdError(problem) from error
     parquet.write_table(arrow.table(dict(table)), path)

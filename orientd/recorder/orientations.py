@@ -1,4 +1,4 @@
-"""Orientations over time, out of whatever they were recorded in: MCAP, ROS 2 bags in MCAP, csv.
+"""Orientations over time, out of whatever they were recorded in: MCAP, ROS 2 bags, csv.
 
 Of our own recordings every cycle is taken, from ``/DEVICE/measured`` or ``/DEVICE/sent``.
 Elsewhere a topic may hold anything with a quaternion in it, by the field names of Foxglove and of
@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from orientd.recorder import bags
 from orientd.recorder.reader import load, records
 from orientd.recorder.writer import RecordingError
 from orientd.rotation import Floats
@@ -47,14 +48,17 @@ def read_orientations(path: Path, topic: str = "") -> Orientations:
     """Return the orientations of a topic; of the only one where none is named.
 
     Args:
-        path: a .mcap or a .csv file.
-        topic: in an MCAP file, the topic, with ``#CHILD`` for one frame of several transforms; in
-            a csv file, what stands before ``_qw`` or ``_w`` in the names of the columns.
+        path: a .mcap or a .csv file, or a ROS 2 bag: its folder or its .db3 file.
+        topic: in an MCAP file or a bag, the topic, with ``#CHILD`` for one frame of several
+            transforms; in a csv file, what stands before ``_qw`` or ``_w`` in the names of columns.
 
     Raises:
         RecordingError: the file cannot be read, or has no such topic, or several.
     """
-    tables = _from_csv(path) if path.suffix == ".csv" else _from_mcap(path)
+    if path.suffix == ".csv":
+        tables = _from_csv(path)
+    else:
+        tables = _from_bag(path) if bags.is_bag(path) else _from_mcap(path)
     if topic and topic not in tables:
         raise RecordingError(f"{path}: no orientations in {topic!r}, there is {_listed(tables)}")
     if not tables:
@@ -70,6 +74,7 @@ def read_orientations(path: Path, topic: str = "") -> Orientations:
 
 
 Tables = dict[str, tuple[Floats, Floats]]
+Rows = dict[str, list[tuple[float, ...]]]
 
 
 def _listed(tables: Mapping[str, object]) -> str:
@@ -108,7 +113,7 @@ def _from_others(path: Path) -> Tables:
     schemas: dict[int, Any] = {}
     channels: dict[int, Any] = {}
     decoders: dict[int, Any] = {}
-    rows: dict[str, list[tuple[float, ...]]] = {}
+    rows: Rows = {}
     for record in records(path):
         if isinstance(record, Schema):
             schemas[record.id] = record
@@ -121,10 +126,25 @@ def _from_others(path: Path) -> Tables:
             decode = decoders[channel.id]
             if decode is None:
                 continue
-            for child, stamp, q in _orientations(decode(record.data)):
-                name = f"{channel.topic}#{child}" if child else channel.topic
-                time = record.log_time * 1e-9 if stamp is None else stamp
-                rows.setdefault(name, []).append((time, *q))
+            _add(rows, channel.topic, record.log_time, decode(record.data))
+    return _tables(rows)
+
+
+def _from_bag(path: Path) -> Tables:
+    rows: Rows = {}
+    for topic, time, message in bags.messages(path):
+        _add(rows, topic, time, message)
+    return _tables(rows)
+
+
+def _add(rows: Rows, topic: str, time_ns: int, message: object) -> None:
+    """Add what a message has of orientations; *time_ns* counts where it has no time of its own."""
+    for child, stamp, q in _orientations(message):
+        name = f"{topic}#{child}" if child else topic
+        rows.setdefault(name, []).append((time_ns * 1e-9 if stamp is None else stamp, *q))
+
+
+def _tables(rows: Rows) -> Tables:
     tables: Tables = {}
     for name, found in rows.items():
         table = np.array(found)

@@ -44,10 +44,21 @@ def test_export_writes_what_was_sent_and_measured_apart(recording, tmp_path):
     assert arrays["measured_time_s"][0] < arrays["time_s"][0]
 
 
+def test_parquet_holds_the_same_table(recording, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    for name in ("a.npz", "a.parquet"):
+        assert inside("export", recording, "-o", tmp_path / name).returncode == 0
+    table = parquet.read_table(tmp_path / "a.parquet")
+    with np.load(tmp_path / "a.npz") as opened:
+        assert table.column_names == list(opened)
+        for name in opened:
+            np.testing.assert_array_equal(table[name].to_numpy(), opened[name])
+
+
 def test_parquet_without_pyarrow_is_refused_in_one_line(recording, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     done = inside("export", recording, "-o", tmp_path / "a.parquet")
-    assert_refused(done, "pip install pyarrow")
+    assert_refused(done, "pip install 'orientd[parquet]'")
 
 
 def test_an_ending_that_is_not_known_is_a_mistake_of_usage(recording, tmp_path):

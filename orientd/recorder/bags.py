@@ -1,0 +1,51 @@
+"""ROS 2 bags as ROS 2 leaves them: a folder with ``metadata.yaml``, or one ``.db3`` file out of it.
+
+Needs the extra ``bags``: ``rosbags``, which reads both storages, sqlite3 and MCAP, compressed or
+not, without ROS.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from orientd.errors import OrientdError
+from orientd.recorder.writer import RecordingError
+
+
+def is_bag(path: Path) -> bool:
+    """Return whether *path* is to be read as a bag."""
+    return path.is_dir() or path.suffix == ".db3"
+
+
+def messages(path: Path) -> Iterator[tuple[str, int, Any]]:
+    """Yield topic, time at which it was recorded in ns, and content of every message that is known.
+
+    Up to Humble a bag does not hold the definitions of its messages: then those that come with
+    Humble are known, and topics of others are left out.
+
+    Raises:
+        OrientdError: the library is not there.
+        RecordingError: there is no bag at *path*, or it is damaged.
+    """
+    try:
+        import apsw
+        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.rosbag2 import ReaderError
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError as error:
+        raise OrientdError(
+            "ROS 2 bags need the extra `bags`: pip install 'orientd[bags]'"
+        ) from error
+    try:
+        known = get_typestore(Stores.ROS2_HUMBLE)
+        with AnyReader([path], default_typestore=known) as reader:
+            types = reader.typestore.fielddefs
+            readable = [one for one in reader.connections if one.msgtype in types]
+            # An empty list would mean all of them.
+            for connection, time, content in reader.messages(readable) if readable else ():
+                yield connection.topic, time, reader.deserialize(content, connection.msgtype)
+    except (AnyReaderError, ReaderError, apsw.Error, OSError) as error:
+        text = " ".join(str(error).split())
+        raise RecordingError(f"{path}: not a ROS 2 bag that can be read: {text}") from error
