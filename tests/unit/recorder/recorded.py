@@ -1,6 +1,9 @@
-"""Cycles of a device that moves, with noise in what is measured and in time."""
+"""Cycles of a device that moves, with noise in what is measured, and what others read of them."""
 
 import numpy as np
+from google.protobuf.unknown_fields import UnknownFieldSet
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
 
 from orientd import rotation
 from orientd.recorder.cycle_table import CYCLES
@@ -42,3 +45,24 @@ def moving(count, *, first=0, joints=0, noise=1.0, seed=1):
     for axis in range(joints):
         table["measured_joints"][:, axis] = r[:, axis % 3] + 1e-5 * noise * rng.normal(size=count)
     return table
+
+
+def decoded(path):
+    """Yield topic, schema, log time and message of everything in a file."""
+    with path.open("rb") as stream:
+        by_schema = make_reader(stream, decoder_factories=[DecoderFactory()])
+        for schema, channel, message, content in by_schema.iter_decoded_messages():
+            yield channel.topic, schema.name, message.log_time, content
+
+
+def validated(path):
+    """Check that every message decodes by the schema in the file; return how many, by topic.
+
+    Of blocks of cycles, how many cycles.
+    """
+    counts = {}
+    for topic, schema, _, content in decoded(path):
+        assert content.DESCRIPTOR.full_name == schema
+        assert len(UnknownFieldSet(content)) == 0
+        counts[topic] = counts.get(topic, 0) + getattr(content, "count", 1)
+    return counts

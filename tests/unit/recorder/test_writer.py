@@ -7,10 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from google.protobuf.unknown_fields import UnknownFieldSet
-from mcap.reader import make_reader
-from mcap_protobuf.decoder import DecoderFactory
-from recorded import OFFSET_NS, RATE_HZ, moving
+from recorded import OFFSET_NS, RATE_HZ, decoded, moving, validated
 
 from orientd.recorder import reader
 from orientd.recorder.cycle_table import QUANTA
@@ -29,23 +26,9 @@ def write(path, table, *, events=(), **options):
     return path
 
 
-def decoded(path):
-    """Return topic, schema, log time and message of everything in a file."""
-    with path.open("rb") as stream:
-        by_schema = make_reader(stream, decoder_factories=[DecoderFactory()])
-        return [
-            (channel.topic, schema.name, message.log_time, content)
-            for schema, channel, message, content in by_schema.iter_decoded_messages()
-        ]
-
-
 def check_validates(path, seconds):
     """Check that every message decodes by the schema in the file, and that none is missing."""
-    counts = {}
-    for topic, schema, _, content in decoded(path):
-        assert content.DESCRIPTOR.full_name == schema
-        assert len(UnknownFieldSet(content)) == 0
-        counts[topic] = counts.get(topic, 0) + (content.count if topic == "/arm/cycles" else 1)
+    counts = validated(path)
     assert counts.pop("/arm/cycles") == seconds * RATE_HZ
     assert set(counts.values()) == {25 * seconds}
     assert {topic.split("/")[2] for topic in counts} == {"sent", "measured"}
