@@ -335,13 +335,17 @@ class ControlService(ControlServicer):
         if request.HasField("start_time"):
             if request.queue:
                 raise RequestError("start_time", "expected without queue only")
-            ahead = request.start_time.ToNanoseconds() - time.time_ns()
+            try:
+                wanted_ns = request.start_time.ToNanoseconds()
+            except ValueError as error:
+                raise RequestError("start_time", f"expected a time: {error}") from error
+            ahead = wanted_ns - time.time_ns()
             if not 0 < ahead <= LONGEST_WAIT * 1e9:
                 raise RequestError(
                     "start_time",
                     f"expected up to {LONGEST_WAIT:g} s ahead of now, got {ahead * 1e-9:.6g} s",
                 )
-            start_ns = self._cell.instant(request.start_time.ToNanoseconds())
+            start_ns = self._cell.instant(wanted_ns)
         return Manner(is_queued=request.queue, blend=blend, start_ns=start_ns, gate=gate)
 
     def _summary(self, run: Run) -> pb.MoveResponse:

@@ -23,6 +23,7 @@ from orientd.daemon.access import request_text
 from orientd.daemon.access.audit import AuditLog
 from orientd.daemon.access.door import Connection, Door
 from orientd.daemon.access.identity import CALLER
+from orientd.daemon.access.legible import Illegible, legible
 from orientd.daemon.access.rules import Rule, rule
 from orientd.daemon.access.throttle import Throttle
 from orientd.daemon.gate import Interceptor
@@ -104,7 +105,10 @@ class Checkpoint(Interceptor):
                 call.hear(answer)
                 return answer
 
-        return handler._replace(**{kind: stream if makes_answers else single})
+        return handler._replace(
+            **{kind: stream if makes_answers else single},
+            request_deserializer=legible(handler.request_deserializer),
+        )
 
     @contextlib.asynccontextmanager
     async def _call(self, method: str, asked: Any, context: Context) -> AsyncIterator[_Call]:  # noqa: ANN401
@@ -119,7 +123,7 @@ class Checkpoint(Interceptor):
                 is_counted = self._throttle.begins(key)
                 if not is_counted and found.is_limited:
                     raise TooMuchError(f"at most {self._throttle.at_once} calls at the same time")
-                if isinstance(asked, Message):
+                if isinstance(asked, Message | Illegible):
                     self._look_at(asked, key)
                     call.request, call.told = asked, request_text.describe
                 else:
@@ -165,13 +169,15 @@ class Checkpoint(Interceptor):
             )
         return connection
 
-    def _look_at(self, request: Message, key: str) -> None:
+    def _look_at(self, request: Message | Illegible, key: str) -> None:
         """Check what a message itself says.
 
         Raises:
             LeaseError: it names a lease that is somebody else's.
-            RequestError: it has too many keyframes.
+            RequestError: it is no message, or has too many keyframes.
         """
+        if isinstance(request, Illegible):
+            raise RequestError("", f"the request cannot be read: {request.problem}")
         token = request_text.token(request)
         owner = self._owner_of(token) if token else None
         if owner is not None and owner != key:

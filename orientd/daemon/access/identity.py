@@ -137,7 +137,7 @@ def _uid(name: str) -> int:
         return int(name)
     try:
         return pwd.getpwnam(name).pw_uid
-    except KeyError as error:
+    except (KeyError, ValueError) as error:  # a name with a null byte is a mistake of another kind
         raise ConfigError(f"access.users: there is no user {name!r} on this machine") from error
 
 
@@ -146,7 +146,7 @@ def _gid(name: str) -> int:
         return int(name)
     try:
         return grp.getgrnam(name).gr_gid
-    except KeyError as error:
+    except (KeyError, ValueError) as error:
         raise ConfigError(f"access.groups: there is no group {name!r} on this machine") from error
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 from collections.abc import Mapping
 from typing import Any
 
-from google.protobuf.json_format import MessageToDict
+from google.protobuf.json_format import MessageToDict, SerializeToJsonError
 from google.protobuf.message import Message
 
 SECRETS = ("lease_token", "token")
@@ -28,7 +29,9 @@ def describe(request: Message) -> dict[str, Any]:
     """
     size = request.ByteSize()
     if size <= MOST_BYTES:
-        return _tidy(MessageToDict(request, preserving_proto_field_name=True))
+        # A time out of its range has no text; what it is in is refused by whoever reads it.
+        with contextlib.suppress(SerializeToJsonError):
+            return _tidy(MessageToDict(request, preserving_proto_field_name=True))
     told: dict[str, Any] = {
         "bytes": size,
         "sha256": hashlib.sha256(request.SerializeToString(deterministic=True)).hexdigest(),

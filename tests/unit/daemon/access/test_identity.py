@@ -73,7 +73,7 @@ def test_a_lease_is_handed_to_somebody_who_may_command():
     found = policy(certificates={"pendant": "operator", "watcher": "observer"})
     assert found.named("certificate:pendant").key == "certificate:pendant"
     assert found.named("root").key == found.named("user:0").key == found.named("0").key
-    for name in ("certificate:watcher", "certificate:none", "54321", "nobody-at-all", ""):
+    for name in ("certificate:watcher", "certificate:none", "54321", "nobody-at-all", "a\0b", ""):
         with pytest.raises(RequestError, match="expected somebody who may command"):
             found.named(name)
 

@@ -7,6 +7,7 @@ import pytest
 
 from orientd.daemon.access import request_text
 from orientd.daemon.access.audit import AuditLog
+from orientd.daemon.access.legible import Illegible, legible
 from orientd.daemon.access.throttle import BURST, Throttle
 from orientd.rpc import control_pb2 as pb
 
@@ -113,6 +114,25 @@ def test_a_long_request_is_told_by_its_digest():
 
 class Somebody:
     pass
+
+
+def test_a_request_with_an_impossible_time_is_told_by_its_digest():
+    request = pb.MoveRequest(device="arm", lease_token="secret")
+    request.start_time.nanos = -1
+    told = request_text.describe(request)
+    assert told["device"] == "arm"
+    assert "sha256" in told
+    assert "secret" not in json.dumps(told)
+
+
+def test_bytes_that_are_no_request_are_told_in_one_line():
+    read = legible(pb.StopRequest.FromString)
+    assert read(b"") == pb.StopRequest()
+    found = read(b"\xff\xff")
+    assert isinstance(found, Illegible)
+    assert "StopRequest" in found.problem
+    assert "\n" not in found.problem
+    assert legible(None) is None
 
 
 def test_requests_are_counted_over_time_by_connection():
