@@ -9,13 +9,15 @@ import ssl
 import subprocess
 import sys
 import tempfile
+import urllib.request
 from pathlib import Path
 
 import grpc
 import pytest
+from command_line import assert_refused, begin
 from command_line import orientd as orientd_command
 from every_call import SERVICE, walk
-from harness import DaemonProcess, spin, until
+from harness import DEVICE, DaemonProcess, spin, until
 
 import orientd
 from orientd.daemon.access.rules import RULES
@@ -385,6 +387,74 @@ def test_the_command_line_reaches_a_daemon_over_tcp(cell):
     done = orientd_command("lease", "seize", "--reason", "x", *remote, "--ca", files["ca"])
     assert done.returncode == 1
     assert "SeizeLease needs the role administrator" in done.stderr
+
+
+class Presser:
+    """Whoever presses a button on a page, and what they are told."""
+
+    def __init__(self):
+        self.client, self.told = self, []
+
+    def add_notification(self, title, text, **_):
+        self.told.append(text)
+
+
+def test_a_view_with_an_observers_certificate_shows_and_stops_and_commands_nothing(cell):
+    pytest.importorskip("viser")
+    from orientd.cli.shared_lease import borrow
+    from orientd.viewer.controls import attempt
+    from orientd.viewer.proposal import Proposal
+    from orientd.viewer.watcher import Watcher
+
+    turn = b"keyframes: [{rotation_vector: [0.1, 0, 0]}, {rotation_vector: [0, 0, 0.2]}]\n"
+    before = cell.is_as()
+    watcher = Watcher(lambda: cell.robot("watcher"))
+    watcher.start()
+    try:
+        watcher.watch(True)
+        until(lambda: watcher.is_streaming and watcher.sight.cycle is not None, "cycles")
+        asked = [
+            lambda robot, device: borrow(robot) or robot.acquire_lease(),
+            lambda robot, device: robot.move([{"rotation_vector": [0.1, 0.0, 0.0]}], device=device),
+            lambda robot, device: robot.set_speed(0.5, device),
+            lambda robot, device: robot.pause(device),
+            lambda robot, device: robot.reset(device),
+        ]
+        for act in asked:
+            presser = Presser()
+            attempt(watcher, presser, act)
+            (said,) = presser.told
+            assert "needs the role operator, watcher (certificate:watcher) is observer" in said
+        proposal = Proposal()
+        proposal.read("turn.yaml", turn, watcher.robot(), DEVICE, 500.0)
+        assert "needs the role operator" in proposal.html
+        assert proposal.plan is None
+        presser = Presser()
+        attempt(watcher, presser, lambda robot, _: robot.stop())
+        assert presser.told == []
+    finally:
+        watcher.close()
+    assert cell.is_as() == before
+
+
+def test_the_view_reaches_a_daemon_over_tcp_with_a_certificate_alone(cell):
+    pytest.importorskip("viser")
+    files = cell.files("watcher")
+    there = ("--address", cell.address, "--ca", files["ca"], "--no-open", "--port", 0)
+    own = ("--cert", files["certificate"], "--key", files["key"])
+    view = begin("view", *there, *own)
+    line = view.stdout.readline()
+    assert line.startswith("ready at http://127.0.0.1:"), (line, view.stderr.read())
+    with urllib.request.urlopen(line.split()[-1]) as page:
+        assert b"<html" in page.read()
+    view.terminate()
+    rest, errors = view.communicate(timeout=15.0)
+    assert (view.returncode, rest, errors) == (0, "", "")
+    revoked = cell.files("revoked")
+    done = orientd_command(
+        "view", *there, "--cert", revoked["certificate"], "--key", revoked["key"]
+    )
+    assert_refused(done, "no daemon answers")
 
 
 def test_a_revocation_counts_at_once_and_for_the_one_revoked_alone(cell):
