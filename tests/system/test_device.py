@@ -1,5 +1,8 @@
 """A device of the daemon on the loopback driver, asked faster than its own thread looks."""
 
+import os
+import signal
+
 import numpy as np
 import pytest
 from harness import until
@@ -9,6 +12,7 @@ from orientd.config import DeviceSettings
 from orientd.daemon.device import Device
 from orientd.daemon.device_report import EventKind
 from orientd.daemon.manner import Prepared
+from orientd.errors import Fault
 from orientd.planner import Keyframe, MotionRequest
 from orientd.stream import State
 
@@ -20,9 +24,15 @@ def events():
 
 @pytest.fixture
 def device(events, monkeypatch):
-    """A device that holds; its thread looks a few times a second."""
+    """A device that holds, and takes seconds to stop; its thread looks a few times a second."""
     monkeypatch.setattr("orientd.daemon.device.TICK", 0.5)
-    settings = DeviceSettings(name="arm", driver="loopback", priority=0, heartbeat_timeout=3.0)
+    settings = DeviceSettings(
+        name="arm",
+        driver="loopback",
+        priority=0,
+        heartbeat_timeout=3.0,
+        limits={"velocity": 1.0, "acceleration": 0.4},
+    )
     device = Device(settings, on_event=events.append)
     device.launch()
     try:
@@ -61,3 +71,31 @@ def test_a_plan_begins_where_a_stop_just_ended(device, events):
         (EventKind.MOTION_STARTED, second),
     ]
     until_holding(device)
+
+
+def test_a_fault_is_told_as_such_only_when_the_device_has_come_to_rest(device, monkeypatch):
+    def broken(link):
+        raise OSError("nothing to see")
+
+    device.start(Prepared(device.plan(turn_from_here(device, 2.5))))
+    until(lambda: device.snapshot().path_time > 0.8, "the motion under way")
+    monkeypatch.setattr(device, "_tick", broken)
+
+    def seen(claim):
+        snapshot = device.snapshot()
+        return snapshot.fault is Fault.INTERNAL and claim(snapshot.state) and snapshot
+
+    braking = until(lambda: seen(lambda state: state is State.STOPPING), "braking, in a fault")
+    assert braking.cycle.state is State.STOPPING
+    resting = until(lambda: seen(lambda state: state is not State.STOPPING), "rest")
+    assert resting.state is State.FAULT
+    assert "nothing to see" in resting.fault_text
+
+
+def test_a_servo_that_is_gone_is_a_fault_although_no_cycle_says_so(device):
+    os.kill(device.snapshot().servo_pid, signal.SIGKILL)
+    until(lambda: device.snapshot().fault is not Fault.NONE, "the fault")
+    snapshot = device.snapshot()
+    assert (snapshot.state, snapshot.fault) == (State.FAULT, Fault.SERVO_DIED)
+    assert snapshot.cycle is None
+    assert "signal 9" in snapshot.fault_text
