@@ -23,9 +23,10 @@ SERVICE = "orientd.v1.Control"
 MOST_KIB = 80 * 1024
 
 
-@pytest.fixture
-def daemon(tmp_path):
-    with DaemonProcess(tmp_path / "daemon") as process:
+@pytest.fixture(scope="module")
+def daemon(tmp_path_factory):
+    """A daemon at rest, which nobody has asked to plan."""
+    with DaemonProcess(tmp_path_factory.mktemp("daemon")) as process:
         yield process
 
 

@@ -25,7 +25,10 @@ from orientd.rpc import control_pb2 as pb
 from orientd.rpc.motion_wire import to_mapping
 
 RANDOM = random.Random(7)
-MOMENTS = [round(RANDOM.uniform(0.02, 3.2), 3) for _ in range(10)]
+MOMENTS = [
+    pytest.param(round(RANDOM.uniform(0.02, 3.2), 3), marks=() if k < 3 else pytest.mark.slow)
+    for k in range(10)
+]
 
 
 def planned_path(daemon, request):

@@ -10,8 +10,6 @@ from harness import (
     JERK,
     DaemonProcess,
     assert_limits_kept,
-    nudge,
-    spin,
     until,
 )
 
@@ -242,5 +240,3 @@ def test_what_cannot_be_asked_for_is_refused(robot):
     ):
         with pytest.raises(RequestError, match=field):
             turn(robot, 0.4, **how)
-    assert spin(1.0).keyframes
-    assert nudge(0.1).keyframes
