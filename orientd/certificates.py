@@ -101,7 +101,10 @@ class Authority:
             ConfigError: the name is in use or cannot be one.
         """
         if not name or name in RESERVED or "/" in name or name.startswith(".") or len(name) > 64:
-            raise ConfigError(f"expected a name of at most 64 characters, got {name!r}")
+            raise ConfigError(
+                "expected a name of at most 64 characters, without / and no dot in front, and none "
+                f"of {', '.join(sorted(RESERVED))}; got {name!r}"
+            )
         certificate, key_path = self._folder / f"{name}.pem", self._folder / f"{name}.key"
         if certificate.exists():
             raise ConfigError(f"{certificate} is there already: revoke it and move it away first")
@@ -230,15 +233,19 @@ def _pem(certificate: x509.Certificate) -> bytes:
 def _load(path: Path) -> x509.Certificate:
     try:
         return x509.load_pem_x509_certificate(path.read_bytes())
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"cannot read the certificate {path}: {error}") from error
+    except OSError as error:
+        raise ConfigError(f"cannot read {path}: {error.strerror}") from error
+    except ValueError as error:
+        raise ConfigError(f"{path}: expected a certificate (PEM): {error}") from error
 
 
 def _load_key(path: Path) -> ec.EllipticCurvePrivateKey:
     try:
         key = serialization.load_pem_private_key(path.read_bytes(), password=None)
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"cannot read the key {path}: {error}") from error
+    except OSError as error:
+        raise ConfigError(f"cannot read {path}: {error.strerror}") from error
+    except (TypeError, ValueError) as error:
+        raise ConfigError(f"{path}: expected a private key (PEM): {error}") from error
     if not isinstance(key, ec.EllipticCurvePrivateKey):
         raise ConfigError(f"{path}: expected a key on an elliptic curve")
     return key

@@ -15,6 +15,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import tomllib
 from collections.abc import Mapping
@@ -298,5 +299,7 @@ def _describe(error: ValidationError) -> str:
         return str(first["ctx"]["error"])
     if first["type"] in ("model_type", "model_attributes_type", "dict_type"):
         return f"{key}: expected a table, got {came!r}"
+    if isinstance(came, float) and not math.isfinite(came):
+        return f"{key}: expected a finite number, got {came!r}"
     expected = _EXPECTED.get(first["type"]) or first["msg"].removeprefix("Input should be ")
     return f"{key}: expected {expected}, got {came!r}"

@@ -27,9 +27,9 @@ def measure(
     curves: Annotated[bool, typer.Option(help="Measure the curves' speed.")] = True,
     as_json: AsJson = False,
 ) -> None:
-    """Measure the servo's lateness, beside a bare C loop, and the curves' speed, beside SciPy.
+    """Measure the servo's lateness and the curves' speed.
 
-    With the defaults this takes some three minutes.
+    Beside a bare C loop and SciPy.  With the defaults this takes some three minutes.
     """
     if context.invoked_subcommand is not None:
         return
@@ -57,9 +57,10 @@ def retarget(
     ] = 0,
     as_json: AsJson = False,
 ) -> None:
-    """Measure how long a retarget takes, from the call to the first setpoint that it changes.
+    """Measure how long a retarget takes.
 
-    A daemon of its own moves a simulated device; with the defaults this takes a minute.
+    From the call to the first setpoint that it changes.  A daemon of its own moves a simulated
+    device; with the defaults this takes a minute.
     """
     from orientd.bench.retarget import PARTS, measure_retargets
 

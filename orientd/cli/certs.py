@@ -13,7 +13,9 @@ from orientd.errors import ConfigError
 if TYPE_CHECKING:
     from orientd.certificates import Authority, Issued
 
-Folder = Annotated[Path, typer.Argument(help="Where the authority is; keep it to yourself.")]
+Folder = Annotated[
+    Path, typer.Argument(metavar="FOLDER", help="Where the authority is; keep it to yourself.")
+]
 Days = Annotated[float, typer.Option("--days", min=0.01, help="How long it lasts.")]
 
 certs = typer.Typer(
@@ -40,7 +42,9 @@ def init(
 @command
 def server(
     folder: Folder,
-    hosts: Annotated[list[str], typer.Argument(help="Names and addresses of the daemon.")],
+    hosts: Annotated[
+        list[str], typer.Argument(metavar="HOST...", help="Names and addresses of the daemon.")
+    ],
     name: Annotated[str, typer.Option("--name", help="Of the files.")] = "server",
     days: Days = 825.0,
     as_json: AsJson = False,
@@ -54,7 +58,9 @@ def server(
 @command
 def client(
     folder: Folder,
-    name: Annotated[str, typer.Argument(help="Who it is for; [access.certificates] has roles.")],
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="Who it is for; [access.certificates] has roles.")
+    ],
     days: Days = 825.0,
     as_json: AsJson = False,
 ) -> None:
@@ -66,10 +72,15 @@ def client(
 @command
 def revoke(
     folder: Folder,
-    name: Annotated[str, typer.Argument(help="Whose certificate is to count no longer.")],
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="Whose certificate is to count no longer.")
+    ],
     as_json: AsJson = False,
 ) -> None:
-    """Revoke a certificate; copy crl.pem to the daemon and send it SIGHUP."""
+    """Revoke a certificate.
+
+    Copy crl.pem to the daemon then, and send it SIGHUP.
+    """
     issued = _authority_class()(folder).revoke(name)
     if as_json:
         say_json({"revoked": _told(issued)})

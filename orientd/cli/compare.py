@@ -12,10 +12,12 @@ import typer
 
 from orientd.cli.motion_commands import MotionFile
 from orientd.cli.output import AsJson, command, say, say_json, table
+from orientd.errors import RequestError
 
 if TYPE_CHECKING:
     from orientd.curves.compare import Candidate
     from orientd.curves.measure import Figures
+    from orientd.planner.request import MotionRequest
     from orientd.rotation import Floats
 
 
@@ -73,7 +75,7 @@ def compare(
     ] = Column.EFFORT,
     as_json: AsJson = False,
 ) -> None:
-    """Put every family of curves to the keyframes of FILE and measure what each makes of them.
+    """Measure what every family of curves makes of FILE.
 
     Ends whose velocity the file does not give are natural (without acceleration).  Needs no daemon.
     """
@@ -88,6 +90,7 @@ def compare(
     if plot is not None:
         plots.check_format(plot)
     request = motion_file.load(file)
+    need_two(request)
     task = task_of(request, times.value)
     candidates = comparison.ranked(
         comparison.compare(task, inertia=moments, options={request.method: dict(request.options)}),
@@ -104,6 +107,16 @@ def compare(
     say(*_lines(candidates, has_ends=_has_ends(candidates), has_torque=moments is not None))
     if plot is not None:
         say("", f"wrote {plot}")
+
+
+def need_two(request: MotionRequest) -> None:
+    """Refuse a motion that is no curve yet.
+
+    Raises:
+        RequestError: it has a single keyframe.
+    """
+    if len(request.keyframes) == 1:
+        raise RequestError("keyframes", "expected at least 2 for a curve, got 1")
 
 
 def _moments(text: str | None) -> Floats | None:

@@ -91,7 +91,7 @@ def _end_with_input() -> None:
 
 @command
 def status(socket: Socket = None, as_json: AsJson = False) -> None:
-    """Show the daemon, who holds the lease, and what each device is doing."""
+    """Show the daemon, the lease, and what each device is doing."""
     from orientd.cli import texts
     from orientd.rpc.client import connect
     from orientd.rpc.state_wire import tracking_error
@@ -124,7 +124,7 @@ def status(socket: Socket = None, as_json: AsJson = False) -> None:
             late = texts.milliseconds(cycle.lateness_ns * 1e-9)
             say(
                 f"  cycle        {cycle.index}: late {late}, "
-                f"{cycle.overruns} overruns, {cycle.missed} missed, "
+                f"{texts.count(cycle.overruns, 'overrun')}, {cycle.missed} missed, "
                 f"tracking {texts.small_angle(tracking_error(cycle))}"
             )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import subprocess
 import sys
@@ -51,16 +52,21 @@ def demo(
     ] = Path("orientd-demo.png"),
     as_json: AsJson = False,
 ) -> None:
-    """Run a daemon with a device that is not there, move it, and say how well that went.
+    """Show a motion with no hardware, and say how well it went.
 
+    A daemon of its own with a device that is not there runs until the motion has ended.
     Six keyframes are passed with a velocity at both ends, so the device runs up to the first and
     comes to rest after the last.  All figures are measured from what the driver was sent.
     """
+    from orientd import plots
     from orientd.cli import texts
     from orientd.cli.motion_commands import follow, raise_unless_done
     from orientd.rpc.client import connect
     from orientd.rpc.reports import Outcome
 
+    plots.check_format(plot)
+    if not plot.absolute().parent.is_dir():
+        raise OrientdError(f"cannot write {plot}: {os.strerror(errno.ENOENT)}")
     with _daemon() as socket, connect(socket, holder="orientd demo") as robot:
         if not as_json:
             _introduce(robot)

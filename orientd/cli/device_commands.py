@@ -37,9 +37,9 @@ def stop(device: DeviceName = "", socket: Socket = None, as_json: AsJson = False
 
 @command
 def halt(device: DeviceName = "", socket: Socket = None, as_json: AsJson = False) -> None:
-    """Bring a device, or all of them, to rest as quickly as the limits allow, off the path.
+    """Bring a device, or all of them, to rest quickest, off the path.
 
-    Anybody may.
+    As quickly as the limits allow.  Anybody may.
     """
     from orientd.cli import texts
     from orientd.rpc.client import connect

@@ -10,8 +10,7 @@ import typer
 
 from orientd.cli.output import AsJson, command, say, say_json, table
 from orientd.driver import Finding, Verdict
-from orientd.driver.registry import load_driver
-from orientd.errors import ConfigError, OrientdError
+from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
     from orientd.config import DeviceSettings, Settings
@@ -56,14 +55,15 @@ def doctor(
 def _settings(config: Path | None, latency: str) -> Settings | None:
     if config is None:
         if latency:
-            raise typer.BadParameter("--latency needs --config")
+            raise typer.BadParameter("needs --config", param_hint="--latency")
         return None
     from orientd import config as configuration
 
     settings = configuration.load(config)
     if latency and latency not in settings.devices:
         raise typer.BadParameter(
-            f"no device {latency!r} in {config}, there are: {', '.join(sorted(settings.devices))}"
+            f"expected one of {', '.join(settings.devices)}, got {latency!r}",
+            param_hint="--latency",
         )
     return settings
 
@@ -74,14 +74,9 @@ def device_findings(device: DeviceSettings) -> list[Finding]:
     Raises:
         ConfigError: the driver is not installed, or refuses its options.
     """
-    from orientd.clock import MonotonicClock
+    from orientd.daemon.examiner import examiner_of
 
-    driver = load_driver(device.driver)
-    try:
-        looker = driver(device.options, period_ns=device.period_ns, clock=MonotonicClock())
-    except ValueError as error:
-        raise ConfigError(f"devices.{device.name}.options: {error}") from error
-    return list(looker.diagnose())
+    return list(examiner_of(device).diagnose())
 
 
 def latency_finding(device: DeviceSettings) -> Finding:

@@ -17,11 +17,13 @@ lease = typer.Typer(
 @lease.command()
 @command
 def give(
-    to: Annotated[str, typer.Argument(help="A user's name or number, or certificate:NAME.")],
+    to: Annotated[
+        str, typer.Argument(metavar="WHOM", help="A user's name or number, or certificate:NAME.")
+    ],
     socket: Socket = None,
     as_json: AsJson = False,
 ) -> None:
-    """Hand the lease of your running move, and the move with it, over to somebody else.
+    """Hand the lease of your running move over, and the move with it.
 
     They acquire it by their next command; until then, and for no longer than a lease lasts, the
     move goes on.
@@ -43,9 +45,9 @@ def seize(
     socket: Socket = None,
     as_json: AsJson = False,
 ) -> None:
-    """Take the lease from whoever holds it, and free it; what runs under it stops.
+    """Take the lease from whoever holds it, and free it.
 
-    For administrators.
+    What runs under it stops.  For administrators.
     """
     from orientd.rpc.client import connect
 

@@ -28,9 +28,11 @@ from orientd.cli import (
     view,
 )
 from orientd.cli.output import say
+from orientd.cli.usage import Commands
 
 app = typer.Typer(
     name="orientd",
+    cls=Commands,
     help="Plan smooth orientation motion and stream it to robots.",
     no_args_is_help=True,
     add_completion=False,
@@ -80,7 +82,9 @@ for _command in (
     doctor.doctor,
     view.view,
 ):
-    app.command()(_command)
+    # A negative speed is a wrong speed, not an option.
+    _is_lax = _command is device_commands.speed
+    app.command(context_settings={"ignore_unknown_options": _is_lax})(_command)
 app.add_typer(bench.bench)
 app.add_typer(sim.sim)
 app.add_typer(service.service)

@@ -13,7 +13,7 @@ import typer
 from orientd.cli.daemon_commands import ConfigFile
 from orientd.cli.device_commands import holder
 from orientd.cli.output import AsJson, DeviceName, Socket, command, say, say_json
-from orientd.errors import ConfigError, OrientdError
+from orientd.errors import OrientdError, RequestError
 
 if TYPE_CHECKING:
     from orientd.config import DeviceSettings
@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from orientd.rpc.reports import OnTarget, Summary
 
 MotionFile = Annotated[Path, typer.Argument(metavar="FILE", help="A motion file, YAML or JSON.")]
+
+LATEST_START = 3600.0
+"""Seconds ahead of now up to which the daemon takes a start time."""
 
 CANCEL_TIMEOUT = 15.0
 """Seconds in which a motion that was cancelled comes to rest."""
@@ -40,8 +43,9 @@ def plan(
     device: DeviceName = "",
     as_json: AsJson = False,
 ) -> None:
-    """Plan the motion of FILE for a device that stands at its first keyframe.  Needs no daemon.
+    """Plan the motion of FILE, without a daemon.
 
+    The device is taken to stand at the first keyframe.
     Rate and limits are those of the device in the configuration; the samples are what its servo
     would send, along the path that its driver makes of the motion where its axes need another.
     """
@@ -57,6 +61,16 @@ def plan(
             param_hint="--output",
         )
     request = motion_file.load(file)
+    if len(request.keyframes) == 1:
+        raise RequestError(
+            "keyframes",
+            "a single one says where to go from wherever the device is, which is not known "
+            "without a daemon; expected at least 2",
+        )
+    if plot is not None:
+        from orientd import plots
+
+        plots.check_format(plot)
     settings = device_settings(config, device)
     first = request.keyframes[0]
     start = planner.State.at_rest(request.keys[0], first.position or (0.0, 0.0, 0.0))
@@ -70,8 +84,6 @@ def plan(
     if output is not None:
         sample_files.write(output, samples, motion.certificate)
     if plot is not None:
-        from orientd import plots
-
         plots.draw_motion(plot, motion, title=f"{file.name}: {request.method}")
     if as_json:
         say_json({"plan": motion_report.plan(motion), "output": output, "plot": plot})
@@ -123,6 +135,16 @@ def move(
     from orientd.cli.shared_lease import shared
     from orientd.rpc.client import connect
 
+    if blend and not queue:
+        raise typer.BadParameter("needs --queue", param_hint="--blend")
+    if not 0.0 <= blend <= 180.0:
+        raise typer.BadParameter(f"expected 0 to 180 degrees, got {blend:g}", param_hint="--blend")
+    if start_in is not None and not 0.0 < start_in <= LATEST_START:
+        raise typer.BadParameter(
+            f"expected above 0 and up to {LATEST_START:g} s from now, got {start_in:g}",
+            param_hint="--start-in",
+        )
+    gate = _gate(on_target) if on_target else None
     request = motion_file.load(file)
     with connect(socket, holder=holder("move")) as robot, shared(robot):
         handle = robot.move(
@@ -131,13 +153,14 @@ def move(
             queue=queue,
             blend_tolerance=math.radians(blend),
             start_time=None if start_in is None else time.time() + start_in,
-            on_target=_gate(on_target) if on_target else None,
+            on_target=gate,
         )
         plan = handle.plan
         summary = follow(
             handle,
             title=f"motion {handle.motion_number}",
-            introduction=f"motion {handle.motion_number}: {len(request.keyframes)} keyframes, "
+            introduction=f"motion {handle.motion_number}: "
+            f"{texts.count(len(request.keyframes), 'keyframe')}, "
             f"{plan.duration:.3f} s with a lead-in of {plan.certificate.lead_in:.3f} s and a "
             f"lead-out of {plan.certificate.lead_out:.3f} s",
             notes=plan.certificate.notes,
@@ -152,16 +175,19 @@ def move(
 
 def _gate(text: str) -> OnTarget:
     """Return the gate that ``DEG,DEG/S,S[,S]`` stands for."""
-    from orientd.errors import RequestError
     from orientd.rpc.reports import OnTarget
 
     try:
         tolerance, rate, *seconds = map(float, text.split(","))
-        if not 1 <= len(seconds) <= 2:
+        if not 1 <= len(seconds) <= 2 or not all(
+            part > 0.0 and math.isfinite(part) for part in (tolerance, rate, *seconds)
+        ):
             raise ValueError
     except ValueError:
-        raise RequestError(
-            "on_target", f"expected degrees, degrees/s and seconds like 0.1,0.5,0.2, got {text!r}"
+        raise typer.BadParameter(
+            "expected degrees, degrees/s and seconds, each above 0, like 0.1,0.5,0.2, "
+            f"got {text!r}",
+            param_hint="--on-target",
         ) from None
     return OnTarget(math.radians(tolerance), math.radians(rate), *seconds)
 
@@ -215,5 +241,5 @@ def device_settings(config: Path | None, device: str) -> DeviceSettings:
     settings = configuration.load(path) if path else configuration.default_settings()
     names = list(settings.devices)
     if device and device not in names:
-        raise ConfigError(f"no device {device!r}, there is {', '.join(names)}")
+        raise RequestError("device", f"expected one of {', '.join(names)}, got {device!r}")
     return settings.devices[device or names[0]]

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from orientd.cli.compare import KeyframeTimes, Times
+from orientd.cli.compare import KeyframeTimes, Times, need_two
 from orientd.cli.output import AsJson, DeviceName, command, say, say_json, table
 from orientd.errors import OrientdError, RequestError
 
@@ -27,7 +27,7 @@ def plot(
     what: Annotated[
         str | None,
         typer.Argument(
-            metavar="[FILE|NAME]",
+            metavar="FILE|NAME",
             help="A motion file, a recording (.mcap), or a family or figure by its name; without "
             "it, the names.",
         ),
@@ -47,8 +47,9 @@ def plot(
     device: DeviceName = "",
     as_json: AsJson = False,
 ) -> None:
-    """Draw a motion file's curve, a recording, a family on its example, or a figure of the papers.
+    """Draw a motion file, a recording, a family of curves.
 
+    Of a motion file, its curve; of a family, its example; or a figure of the papers.
     The curve alone, without lead-in and limits of a device: `orientd plan --plot` draws the motion.
     """
     from orientd import plots
@@ -112,6 +113,7 @@ def _draw_file(file: Path, path: Path, show: Show, times: KeyframeTimes) -> None
     from orientd.planner.task import task_of
 
     request = motion_file.load(file)
+    need_two(request)
     task = task_of(request, times.value)
     try:
         curve = fit(METHODS[request.method], task, request.options)

@@ -34,19 +34,31 @@ def need_record() -> None:
 def record(
     file: Annotated[Path, typer.Argument(metavar="OUT.mcap", help="The file to write.")],
     device: Annotated[
-        list[str] | None, typer.Option("--device", "-d", help="Which devices; default: all.")
+        list[str] | None,
+        typer.Option("--device", "-d", metavar="DEVICE", help="Which devices; default: all."),
     ] = None,
     seconds: Annotated[
-        float | None, typer.Option("--seconds", "-s", help="For how long; default: until Ctrl-C.")
+        float | None,
+        typer.Option(
+            "--seconds", "-s", metavar="SECONDS", help="For how long; default: until Ctrl-C."
+        ),
     ] = None,
     socket: Socket = None,
     as_json: AsJson = False,
 ) -> None:
-    """Record every cycle, event and plan to an MCAP file, until Ctrl-C or SIGTERM.
+    """Record every cycle, event and plan to an MCAP file.
 
-    Foxglove and Lichtblick open it as it is.  What was planned, sent and measured are topics of
-    their own.
+    Ctrl-C or SIGTERM ends it.  Foxglove and Lichtblick open it as it is.  What was planned, sent
+    and measured are topics of their own.
     """
+    if seconds is not None and not 0.0 < seconds < threading.TIMEOUT_MAX:
+        raise typer.BadParameter(f"expected more than 0, got {seconds:g}", param_hint="--seconds")
+    if file.suffix != ".mcap":
+        raise typer.BadParameter(
+            f"expected a name that ends in .mcap, got {file.name!r}", param_hint="OUT.mcap"
+        )
+    if file.is_file():
+        raise OrientdError(f"cannot write {file}: it is there already")
     need_record()
     from orientd.recorder.session import Session
     from orientd.rpc.client import connect
@@ -104,9 +116,9 @@ def export(
     device: DeviceName = "",
     as_json: AsJson = False,
 ) -> None:
-    """Write the cycles of a recording as a table: planned, sent and measured side by side.
+    """Write the cycles of a recording as a table.
 
-    Parquet needs the extra `parquet`.
+    Planned, sent and measured stand side by side.  Parquet needs the extra `parquet`.
     """
     if output.suffix not in ENDINGS:
         raise typer.BadParameter(

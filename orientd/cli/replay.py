@@ -66,9 +66,10 @@ def replay(
     socket: Socket = None,
     as_json: AsJson = False,
 ) -> None:
-    """Repeat a recorded orientation: fit a spline to it, plan it, show its certificate, move.
+    """Repeat a recorded orientation.
 
-    Noise, sign flips, wild samples and gaps are dealt with.  The motion begins with a lead-in from
+    A spline is fitted to it and planned; its certificate is shown before anything moves.  Noise,
+    sign flips, wild samples and gaps are dealt with.  The motion begins with a lead-in from
     wherever the device is and ends with a stop, both certified with it.
     """
     need_record()
@@ -76,7 +77,13 @@ def replay(
     from orientd.recorder.orientations import read_orientations
 
     if not 0.0 < error < 180.0:
-        raise typer.BadParameter(f"expected more than 0, got {error:g}", param_hint="--error")
+        raise typer.BadParameter(
+            f"expected more than 0 and less than 180 degrees, got {error:g}", param_hint="--error"
+        )
+    if output is not None and output.suffix != ".json":
+        raise typer.BadParameter(
+            f"expected a name that ends in .json, got {output.name!r}", param_hint="--output"
+        )
     found = read_orientations(file, topic)
     fit = fit_orientations(found.times, found.q, tolerance=math.radians(error))
     told = _told(found.topic, fit)

@@ -24,9 +24,10 @@ sim = typer.Typer(
 def ur(
     host: Annotated[str, typer.Option(help="An address of this machine; each robot needs one.")],
 ) -> None:
-    """Run an emulated UR5e: RTDE on 30004, dashboard on 29999, script port 30003.
+    """Run an emulated UR5e.
 
-    Prints a line that begins with `ready` when it can be used. Any address of 127.0.0.0/8 serves.
+    RTDE on 30004, dashboard on 29999, script port 30003.  Prints a line that begins with `ready`
+    when it can be used.  Any address of 127.0.0.0/8 serves.
     """
     emulator: Any = importlib.import_module("orientd_sim.ur")
     try:

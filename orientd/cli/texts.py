@@ -17,7 +17,9 @@ def orientation(q: Sequence[float]) -> str:
     >>> orientation((1.0, 0.0, 0.0, 0.0))
     'w +1.0000 x +0.0000 y +0.0000 z +0.0000'
     """
-    return " ".join(f"{name} {part + 0.0:+.4f}" for name, part in zip("wxyz", q, strict=True))
+    # Rounded first: what is hardly below zero would be shown as -0.0000.
+    parts = (round(part, 4) + 0.0 for part in q)
+    return " ".join(f"{name} {part:+.4f}" for name, part in zip("wxyz", parts, strict=True))
 
 
 def milliseconds(seconds: float) -> str:
@@ -68,6 +70,15 @@ def peak(measured: Peak, unit: str) -> str:
         f"{measured.value:.5g} of {measured.limit:.5g} {unit} ({share:.1f} %) "
         f"at {measured.time:.3f} s"
     )
+
+
+def count(number: int, noun: str) -> str:
+    """Return a number of things.
+
+    >>> count(1, "keyframe"), count(3, "keyframe")
+    ('1 keyframe', '3 keyframes')
+    """
+    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def limit(rate: Rate) -> str:
@@ -141,21 +152,21 @@ def statistics(of: Statistics, plan: Plan) -> list[str]:
         return f"{measured:.5g} of {promised.limit:.5g} {unit} ({share:.1f} %)"
 
     return [
-        f"cycles               {of.cycles}, {of.overruns} overruns, {of.missed} missed",
+        f"cycles               {of.cycles}, {count(of.overruns, 'overrun')}, {of.missed} missed",
         f"lateness             {percentiles} / {milliseconds(late.largest)} "
         "(p50 / p99 / p99.9 / max)",
         f"velocity sent        {against(of.velocity, limits.peak_velocity, 'rad/s')}",
         f"acceleration sent    {against(of.acceleration, limits.peak_acceleration, 'rad/s^2')}",
         f"jerk sent            {against(of.jerk, limits.peak_jerk, 'rad/s^3')}",
         f"error to the plan    {of.path_error:.1e} rad at the most",
-        f"end velocities       off by {_error(of.start_velocity_error)} at the start, "
+        f"end velocities       {_error(of.start_velocity_error)} at the start, "
         f"{_error(of.end_velocity_error)} at the end",
         f"tracking error       {small_angle(of.tracking_error)} at the most",
     ]
 
 
 def _error(velocity: float | None) -> str:
-    return "(not measured)" if velocity is None else f"{velocity:.1e} rad/s"
+    return "not measured" if velocity is None else f"off by {velocity:.1e} rad/s"
 
 
 def rate(omega: Sequence[float]) -> float:

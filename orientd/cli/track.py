@@ -26,8 +26,9 @@ def track(
     socket: Socket = None,
     as_json: AsJson = False,
 ) -> None:
-    """Follow targets: one JSON object a line on standard input, until there are no more.
+    """Follow targets that arrive on standard input.
 
+    Each is one JSON object on one line; the device comes to rest when there are no more.
     A target has an orientation as in a motion file, and may have `angular_velocity` (rad/s) with
     `velocity_frame`, `time_ns` (monotonic clock) and `time_to_live` (s):
 

@@ -23,7 +23,7 @@ RUNS = 3
 """The shortest of so many counts."""
 
 PATIENCE = 1.0
-"""Seconds after which no further run is made."""
+"""Seconds after which no further run is made, the first apart, which may load and compile."""
 
 Timer = Callable[[], float]
 Made = TypeVar("Made")
@@ -93,18 +93,12 @@ def _tried(
 
 def _timed(run: Callable[[], Made], timer: Timer) -> tuple[Made, float]:
     """Return what *run* makes, and the shortest time it took."""
-    begin = timer()
-    made = run()
-    end = timer()
-    shortest = end - begin
-    for _ in range(RUNS - 1):
-        if end - begin > PATIENCE:
-            break
-        start = timer()
-        run()
-        end = timer()
-        shortest = min(shortest, end - start)
-    return made, shortest
+    took: list[float] = []
+    while len(took) < 2 or (len(took) < RUNS and sum(took) <= PATIENCE):
+        begin = timer()
+        made = run()
+        took.append(timer() - begin)
+    return made, min(took)
 
 
 Key = Callable[[Candidate, Figures], float]

@@ -15,7 +15,10 @@ def examiner_of(settings: DeviceSettings) -> Driver:
     Raises:
         ConfigError: the driver is not installed, or refuses its options.
     """
-    driver = load_driver(settings.driver)
+    try:
+        driver = load_driver(settings.driver)
+    except ConfigError as error:
+        raise ConfigError(f"devices.{settings.name}.driver: {error}") from error
     try:
         return driver(settings.options, period_ns=settings.period_ns, clock=MonotonicClock())
     except ValueError as error:

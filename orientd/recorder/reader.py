@@ -60,7 +60,7 @@ class Recording:
             return name
         if name or len(names) != 1:
             came = repr(name) if name else "no name"
-            raise RecordingError(f"expected one of the devices {', '.join(names)}, got {came}")
+            raise RecordingError(f"device: expected one of {', '.join(names)}, got {came}")
         return names[0]
 
     def rate_hz(self, device: str) -> float:

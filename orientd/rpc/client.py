@@ -7,6 +7,7 @@ goes wrong is raised as the exception that the daemon raised.
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -17,7 +18,7 @@ from typing import Any, Self, TypeVar, Unpack
 
 import grpc
 
-from orientd.errors import LeaseError, OrientdError
+from orientd.errors import LeaseError, OrientdError, RequestError
 from orientd.planner import MotionRequest
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.channel import Way
@@ -285,6 +286,8 @@ class Robot:
             request.motion.CopyFrom(from_request(motion_request(keyframes, **wishes)))
         request.queue, request.blend_tolerance = queue, blend_tolerance
         if start_time is not None:
+            if not isinstance(start_time, int | float) or not math.isfinite(start_time):
+                raise RequestError("start_time", f"expected seconds, got {start_time!r}")
             request.start_time.FromNanoseconds(round(start_time * 1e9))
         if on_target is not None:
             request.on_target.CopyFrom(pb.OnTarget(**asdict(on_target)))

@@ -7,7 +7,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from types import TracebackType
-from typing import Any, Literal, Self
+from typing import Any, Literal, Self, get_args
 
 import grpc
 
@@ -98,9 +98,17 @@ class Tracking:
         """
         if self._ended.is_set():
             raise self._error or OrientdError("the device follows targets no more")
+        if velocity_frame not in get_args(Frame):
+            raise RequestError(
+                "target.velocity_frame", f"expected 'body' or 'world', got {velocity_frame!r}"
+            )
+        if not isinstance(time_ns, int):
+            raise RequestError("target.time_ns", f"expected a whole number, got {time_ns!r}")
+        if not isinstance(time_to_live, int | float):
+            raise RequestError("target.time_to_live", f"expected a number, got {time_to_live!r}")
         message = target_to_message(
             _orientation(target),
-            angular_velocity,
+            None if angular_velocity is None else _velocity(angular_velocity),
             is_world=velocity_frame == "world",
             time_ns=time_ns,
             time_to_live=time_to_live,
@@ -129,6 +137,16 @@ class Tracking:
             self._error = self._explain(error)
         finally:
             self._ended.set()
+
+
+def _velocity(angular_velocity: object) -> Vector3:
+    try:
+        x, y, z = map(float, angular_velocity)  # type: ignore[call-overload] # whatever came
+    except (TypeError, ValueError):
+        raise RequestError(
+            "target.angular_velocity", f"expected three numbers, got {angular_velocity!r}"
+        ) from None
+    return (x, y, z)
 
 
 def _orientation(target: object) -> Orientation:

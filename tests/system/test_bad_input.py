@@ -6,6 +6,8 @@ through the socket, and the same field is named.
 
 import json
 import signal
+import subprocess
+import sys
 
 import pytest
 from command_line import assert_refused, begin, inside, orientd
@@ -236,13 +238,108 @@ def test_an_unknown_device_is_said_with_those_there_are(daemon, tmp_path, argume
         ["speed", "fast"],
         ["status", "--nonsense"],
         ["plan", "m.yaml", "-o", "m.txt"],
+        ["move", "m.yaml", "--blend", "5"],
+        ["move", "m.yaml", "--queue", "--blend", "nan"],
+        ["move", "m.yaml", "--start-in", "nan"],
+        ["move", "m.yaml", "--start-in", "-1"],
+        ["move", "m.yaml", "--on-target", "0.1,0.5"],
+        ["move", "m.yaml", "--on-target", "0.1,0.5,nan"],
+        ["record", "run.txt"],
+        ["record", "run.mcap", "--seconds", "nan"],
+        ["replay", "run.csv", "-o", "motion.txt"],
+        ["doctor", "--latency", "arm"],
+        ["lease", "seize"],
     ],
     ids=lambda arguments: " ".join(arguments),
 )
-def test_a_mistake_in_the_command_line_is_status_2(arguments):
-    result = inside(*arguments)
-    assert result.returncode == 2
-    assert "Traceback" not in result.stderr
+def test_a_mistake_in_the_command_line_is_one_line_and_status_2(arguments):
+    if arguments[0] == "replay":
+        pytest.importorskip("mcap")
+    assert_refused(inside(*arguments), "; see `orientd ", "--help`", status=2)
+    told = inside(*arguments, "--json")
+    assert (told.returncode, told.stdout) == (2, "")
+    assert json.loads(told.stderr)["error"]["kind"] == "UsageError"
+
+
+def test_a_wrong_speed_is_refused_for_what_it_is(daemon):
+    done = inside("speed", "-1", "--socket", daemon.socket)
+    assert_refused(done, "speed: expected more than 0 and at most 1, got -1")
+
+
+@pytest.mark.parametrize("command", ["plan", "compare", "plot"])
+def test_a_single_keyframe_is_no_curve(tmp_path, command):
+    done = inside(command, write(tmp_path, motion(TURNED)))
+    assert_refused(done, "keyframes: ", "expected at least 2")
+
+
+def test_a_picture_that_cannot_be_drawn_is_refused_before_anything_moves(tmp_path):
+    assert_refused(inside("demo", "--plot", tmp_path / "demo.txt"), ".png", "got 'demo.txt'")
+    assert_refused(inside("demo", "--plot", tmp_path / "none/demo.png"), "cannot write")
+
+
+def test_a_recording_is_not_written_over(tmp_path):
+    path = tmp_path / "run.mcap"
+    path.write_bytes(b"dear")
+    assert_refused(inside("record", path), "run.mcap", "there already")
+    assert path.read_bytes() == b"dear"
+
+
+@pytest.mark.parametrize("moment", [float("nan"), float("inf"), "soon"])
+def test_a_start_that_is_no_time_is_refused(daemon, moment):
+    with (
+        package.connect(daemon.socket) as robot,
+        pytest.raises(RequestError, match="start_time: expected seconds, got "),
+    ):
+        robot.move([TURNED], start_time=moment)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("angular_velocity", [1.0, 2.0]),
+        ("angular_velocity", "fast"),
+        ("velocity_frame", "tool"),
+        ("time_ns", 1.5),
+        ("time_to_live", "soon"),
+    ],
+)
+def test_a_target_that_is_not_well_formed_is_refused(daemon, field, value):
+    with package.connect(daemon.socket) as robot, robot.track() as tracking:
+        wishes = {"angular_velocity": [0.0, 0.0, 1.0], field: value}
+        with pytest.raises(RequestError, match=f"target.{field}: expected .*, got "):
+            tracking.aim(UPRIGHT, **wishes)
+
+
+def test_help_is_never_cut_short():
+    for group in ([], ["bench"], ["lease"], ["certs"], ["service"], ["sim"]):
+        listed = inside(*group, "--help").stdout.split("Commands:")[1]
+        assert "..." not in listed, group
+
+
+INTERRUPTED_WHILE_LOADING = """
+import os, signal, sys
+from orientd.cli.start import main
+
+class Interrupt:
+    def find_spec(self, name, *_):
+        if name == "typer":
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupt())
+signal.signal(signal.SIGINT, signal.default_int_handler)
+main()
+"""
+
+
+def test_ctrl_c_while_modules_are_loaded_is_one_line():
+    done = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED_WHILE_LOADING, "status"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", "orientd: interrupted\n")
 
 
 def is_moving(device):

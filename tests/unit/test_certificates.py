@@ -76,5 +76,5 @@ def test_names_that_cannot_be_files_are_refused(authority, name):
 
 
 def test_where_there_is_no_authority_that_is_said(tmp_path):
-    with pytest.raises(ConfigError, match="cannot read the certificate"):
+    with pytest.raises(ConfigError, match=r"cannot read .*\.pem: No such file"):
         certificates.Authority(tmp_path)
