@@ -31,11 +31,11 @@ def latency(keyframes, count):
 
 @pytest.fixture(autouse=True)
 def _measured(monkeypatch):
-    def compare(*, rate_hz, is_loaded, priority, slots, seconds):
+    def compare(*, rate_hz, is_loaded, priority, spin_us, slots, seconds):
         if not priority:
             raise OrientdError("not permitted here")
         ours, bare = (slot(60.0, 50.0),) * slots, (slot(40.0),) * slots
-        return Comparison(rate_hz, is_loaded, priority, ours, bare)
+        return Comparison(rate_hz, is_loaded, priority, spin_us, ours, bare)
 
     monkeypatch.setattr(curves, "measure_curves", lambda **_: SPEED)
     monkeypatch.setattr(servo, "compare", compare)
@@ -52,7 +52,9 @@ def test_people_get_tables():
     lines = [line.split() for line in result.stdout.splitlines()]
     assert ["500", "40", "(40", "x)", "400", "(4", "x)", "1600"] in lines
     assert ["100000", "not", "installed", "250", "(5", "x)", "1250"] in lines
-    assert ["500", "busy", "FIFO", "80", "20", "60", "40", "3", "(C", "3)", "50"] in lines
+    for spin in ("50", "0"):
+        figures = [spin, "20.0", "60.0", "40", "3", "(C", "3)", "50"]
+        assert ["500", "busy", "FIFO", "80", *figures] in lines
     assert any("not permitted here" in " ".join(line) for line in lines)
     assert "100 times the time" in result.stdout
 
@@ -63,7 +65,8 @@ def test_programs_get_one_object():
     assert found["curves"]["samplings"][0]["compiled_ns"] == 40.0
     assert found["servo"][0]["p99_ratio"] == 1.5
     assert found["servo"][0]["bare"][0]["work_p99_us"] is None
-    assert {"rate_hz", "load", "error"} <= set(found["servo"][1])
+    assert [one["spin_us"] for one in found["servo"][:3]] == [50, 0, 50]
+    assert {"rate_hz", "load", "error"} <= set(found["servo"][2])
 
 
 def test_either_part_can_be_left_out():
