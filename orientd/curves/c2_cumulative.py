@@ -229,11 +229,11 @@ def _controls(basis: CumulativeBasis, places: Indices, keys: Floats, solved: Flo
     begun = basis.values[:, :2, 0]
     controls: Floats = np.empty((count, 4))
     spans = places[:-1]
-    first = exp_half(-begun[spans, 0, None] * solved[spans])
-    second = exp_half(-begun[spans, 1, None] * solved[spans + 1])
+    turns = np.stack([solved[spans], solved[spans + 1]])
+    first, second = exp_half(-begun[spans].T[..., None] * turns)
     controls[spans] = multiply(keys[:-1], multiply(second, first))
-    if len(spans) == count:
-        return controls
-    for span in np.setdiff1d(np.arange(count), spans):
+    is_between = np.ones(count, dtype=np.bool_)
+    is_between[spans] = False
+    for span in np.flatnonzero(is_between).tolist():
         controls[span] = multiply(controls[span - 1], exp_half(solved[span - 1]))
     return controls

@@ -54,12 +54,11 @@ class CumulativeCurve(Curve):
             factors[:functions, :4] = taylor.transpose(1, 2, 0)
             factors[:functions, 4:] = axes[window].transpose(1, 2, 0)
         else:
-            self._basis = replace(
-                basis,
-                values=np.ascontiguousarray(basis.values),
-                rates=np.ascontiguousarray(basis.rates),
-                curvatures=np.ascontiguousarray(basis.curvatures),
-            )
+            parts = {name: getattr(basis, name) for name in ("values", "rates", "curvatures")}
+            if not all(part.flags.c_contiguous for part in parts.values()):
+                parts = {name: np.ascontiguousarray(part) for name, part in parts.items()}
+                basis = replace(basis, **parts)
+            self._basis = basis
             self._base = np.ascontiguousarray(base)
             self._axes = np.ascontiguousarray(axes[window].transpose(1, 2, 0))
             self._lengths = np.ascontiguousarray(lengths[window].T)

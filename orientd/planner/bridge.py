@@ -82,8 +82,8 @@ def bridge(
     out_of = _ramps(mirrored, -way, bounds, limits, period)
     out_of = out_of._replace(ends=out_of.ends._replace(omega=-out_of.ends.omega))
 
-    count = len(into.durations), len(out_of.durations)
-    one, other = (part.reshape(-1) for part in np.indices(count))
+    one = np.repeat(np.arange(len(into.durations)), len(out_of.durations))
+    other = np.tile(np.arange(len(out_of.durations)), len(into.durations))
     ramped = into.durations[one] + out_of.durations[other]
     first, last = into.ends.at(one), out_of.ends.at(other)
     totals = _grid(start, end, float(np.linalg.norm(way)), bounds, period, least)
@@ -217,14 +217,14 @@ class Bounds(NamedTuple):
     ) -> Bounds:
         """Return the bounds for a way between two states."""
         reserved = limits.with_reserve(reserve)
-        most: Floats = np.empty((3, 4))
-        for row, name in enumerate(ANGULAR):
-            most[row] = getattr(reserved, name), *reserved.axes(name)
+        most: Floats = np.array(
+            [(getattr(reserved, name), *reserved.axes(name)) for name in ANGULAR]
+        )
         most[0] *= _VELOCITY_MARGIN
-        for state in (start, end):
-            for row, vector in enumerate((state.omega_body, state.alpha_body)):
-                given = np.array([np.linalg.norm(vector), *np.abs(vector)])
-                most[row] = np.maximum(most[row], given)
+        given: Floats = np.empty((2, 2, 4))
+        given[..., 1:] = np.abs([(state.omega_body, state.alpha_body) for state in (start, end)])
+        given[..., 0] = np.sqrt(np.einsum("...i,...i->...", given[..., 1:], given[..., 1:]))
+        np.maximum(most[:2], given.max(axis=0), out=most[:2])
         # Ramps go right up to the bounds: rounding must not decide which of them keep them.
         most *= 1.0 + _ROUNDING
         return cls(most if limits.has_axes else most[:, :1].copy(), limits.has_axes)

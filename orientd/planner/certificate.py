@@ -163,9 +163,13 @@ class _Largest:
         if not len(squares):
             return
         place = int(np.argmax(squares))
+        self.note(float(squares[place]), first + place)
+
+    def note(self, square: float, index: int) -> None:
+        """Take in the largest of some squared values, and the record where it is."""
         # Not `>`: a NaN must not pass for small.
-        if not squares[place] <= self._square:
-            self._square, self._index = float(squares[place]), first + place
+        if not square <= self._square:
+            self._square, self._index = square, index
 
     def peak(self, limit: float) -> Peak:
         return Peak(float(np.sqrt(self._square)) / self._unit, self._index * self._period, limit)
@@ -181,11 +185,11 @@ class _Components:
             for power in range(1, len(ANGULAR) + 1)
         ]
 
-    def see(self, last: int, *rates: Floats) -> None:
-        """Take in rates of the records up to *last*."""
-        for row, rate in zip(self._largest, rates, strict=True):
+    def note(self, found: Differences, index: int) -> None:
+        """Take in the largest of some differences, the first setpoint of which is *index*."""
+        for order, row in enumerate(self._largest):
             for axis, largest in enumerate(row):
-                largest.see(rate[:, axis] ** 2, last + 1 - len(rate))
+                largest.note(*found.peak(order, 1 + axis, index))
 
     def peaks(self) -> dict[str, tuple[Peak, ...]]:
         return {
@@ -254,23 +258,22 @@ def measure(
     for first in range(0, count, CHUNK):
         size = min(CHUNK, count - first)
         q, p = setpoints(first, size)
-        if holds_after and first + size == count:
-            q = np.concatenate([q, np.repeat(q[-1:], HISTORY, axis=0)])
-            p = np.concatenate([p, np.repeat(p[-1:], HISTORY, axis=0)])
-        q, p = np.concatenate([q_tail, q]), np.concatenate([p_tail, p])
+        held = HISTORY if holds_after and first + size == count else 0
+        q = np.concatenate([q_tail, q, *(q[-1:],) * held])
+        p = np.concatenate([p_tail, p, *(p[-1:],) * held])
         index = first - len(q_tail)
         q_tail, p_tail = q[-HISTORY:].copy(), p[-HISTORY:].copy()
 
         # In units of rad a period: the powers of the period come in once, at the end.
-        (omega, alpha, jerk), squares = differences(q)
         # What ends before the first record is the past, which nothing can change.
         past = 1 if first == 0 and before is not None else 0
-        turn.see(squares[0][2 * past :], index + 1 + 2 * past)
-        bend.see(squares[1][past:], index + 2 + past)
-        twist.see(squares[2], index + 3)
-        components.see(index + 2 + len(jerk), omega[2 * past :], alpha[past:], jerk)
+        found = differences(q, past=past, with_axes=limits.has_axes)
+        (omega, alpha, jerk), squares = found.rates, found.squares
+        for order, largest in enumerate((turn, bend, twist)):
+            largest.note(*found.peak(order, 0, index))
+        components.note(found, index)
         # A device that keeps its place is the ordinary case; see whether it moves at all.
-        is_still = bool(np.all(p == p[0]))
+        is_still = bool((p == p[0]).all())
         if not is_still:
             v = np.diff(p, axis=0)
             a = np.diff(v, axis=0)
@@ -309,29 +312,59 @@ def measure(
     )
 
 
-def differences(q: Floats) -> tuple[list[Floats], list[Floats]]:
-    """Return the first three backward differences of orientations, in units of rad a period.
+@dataclass(frozen=True, slots=True)
+class Differences:
+    """Backward differences of orientations, in units of rad a period.
+
+    Attributes:
+        rates: the rotation vectors from one setpoint to the next, the change of these and the
+            change of that, shapes ``(n - 1, 3)`` to ``(n - 3, 3)``.
+        squares: the squares of their norms.
+        largest: the largest of these squares, and of those of the components where they are wanted,
+            shape ``(3, 4)``.
+        places: where these are, shape ``(3, 4)``.
+    """
+
+    rates: list[Floats]
+    squares: list[Floats]
+    largest: list[list[float]]
+    places: list[list[int]]
+
+    def peak(self, order: int, column: int, first: int) -> tuple[float, int]:
+        """Return the largest square, and its record where that of the first setpoint is *first*."""
+        return self.largest[order][column], first + order + 1 + self.places[order][column]
+
+
+def differences(q: Floats, *, past: int = 0, with_axes: bool = False) -> Differences:
+    """Return the first three backward differences of orientations.
 
     Args:
         q: setpoints, shape ``(n, 4)``.
-
-    Returns:
-        The rotation vectors from one to the next, the change of these and the change of that,
-        shapes ``(n - 1, 3)`` to ``(n - 3, 3)``; the squares of their norms.
+        past: how many accelerations, and twice as many velocities, do not count as largest.
+        with_axes: whether the largest components are wanted, too.
     """
+    largest: Floats = np.zeros((3, 4))
+    places = np.zeros((3, 4), dtype=np.intp)
     compiled = kernels().differences
     if compiled is not None:
         counts = [max(len(q) - order, 0) for order in (1, 2, 3)]
-        first, second, third = (np.empty((count, 3)) for count in counts)
+        rates = [np.empty((count, 3)) for count in counts]
         norms: Floats = np.empty((3, len(q)))
-        compiled(q, first, second, third, norms)
-        return [first, second, third], [
-            row[:count] for row, count in zip(norms, counts, strict=True)
-        ]
+        omega, alpha, jerk = rates
+        compiled(q, past, with_axes, omega, alpha, jerk, norms, largest, places)
+        squares = [row[:count] for row, count in zip(norms, counts, strict=True)]
+        return Differences(rates, squares, largest.tolist(), places.tolist())
     omega = log(multiply(conjugate(q[:-1]), q[1:]))
     alpha = np.diff(omega, axis=0)
-    jerk = np.diff(alpha, axis=0)
-    return [omega, alpha, jerk], [_squares(rate) for rate in (omega, alpha, jerk)]
+    rates = [omega, alpha, np.diff(alpha, axis=0)]
+    squares = [_squares(rate) for rate in rates]
+    for order, first in enumerate((2 * past, past, 0)):
+        columns = [squares[order], *(rates[order].T ** 2 if with_axes else ())]
+        for column, values in enumerate(columns):
+            if len(values) > first:
+                place = first + int(np.argmax(values[first:]))
+                largest[order, column], places[order, column] = values[place], place
+    return Differences(rates, squares, largest.tolist(), places.tolist())
 
 
 def _squares(vectors: Floats) -> Floats:

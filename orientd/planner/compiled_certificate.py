@@ -10,8 +10,9 @@ import math
 from typing import cast
 
 import numpy as np
-from numba import float64, int64, njit, types, void
+from numba import boolean, float64, int64, njit, types, void
 
+from orientd.curves.basis import Indices
 from orientd.curves.compiled_rotation import (
     Quaternion,
     Vector,
@@ -41,15 +42,41 @@ def _logarithm(q: Quaternion) -> Vector:
     return factor * x, factor * y, factor * z
 
 
-def _differences(q: Floats, omega: Floats, alpha: Floats, jerk: Floats, squares: Floats) -> None:
+@inner
+def _see(square: float, order: int, column: int, i: int, largest: Floats, places: Indices) -> None:
+    """Take note of a square that is larger than those before; one that is not a number stays."""
+    if not square <= largest[order, column] and largest[order, column] < math.inf:
+        largest[order, column], places[order, column] = square, i
+
+
+@inner
+def _see_all(
+    rates: Floats, squares: Floats, order: int, i: int, with_axes: bool,
+    largest: Floats, places: Indices,
+) -> None:  # fmt: skip
+    """Take note of a rate: of its norm, and of its components where they are wanted."""
+    _see(squares[order, i], order, 0, i, largest, places)
+    if with_axes:
+        for k in range(3):
+            _see(rates[i, k] ** 2, order, k + 1, i, largest, places)
+
+
+def _differences(
+    q: Floats, past: int, with_axes: bool, omega: Floats, alpha: Floats, jerk: Floats,
+    squares: Floats, largest: Floats, places: Indices,
+) -> None:  # fmt: skip
     """Write the first three backward differences of orientations, in units of rad a period.
 
     Args:
         q: setpoints, shape ``(n, 4)``.
+        past: how many accelerations, and twice as many velocities, are not to count as largest.
+        with_axes: whether the largest components are wanted, too.
         omega: receives the rotation vectors from one to the next, shape ``(n - 1, 3)``.
         alpha: receives the change of these, shape ``(n - 2, 3)``.
         jerk: receives the change of these, shape ``(n - 3, 3)``.
         squares: receives the squared norms of all three, shape ``(3, n)``.
+        largest: receives the largest squares, of norm and components, shape ``(3, 4)``; zeros.
+        places: receives where these are, shape ``(3, 4)``; zeros.
     """
     for i in range(len(q) - 1):
         here = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
@@ -60,14 +87,19 @@ def _differences(q: Floats, omega: Floats, alpha: Floats, jerk: Floats, squares:
         x, y, z = _logarithm((w, x, y, z))
         omega[i, 0], omega[i, 1], omega[i, 2] = 2.0 * x, 2.0 * y, 2.0 * z
         squares[0, i] = omega[i, 0] ** 2 + omega[i, 1] ** 2 + omega[i, 2] ** 2
+        if i >= 2 * past:
+            _see_all(omega, squares, 0, i, with_axes, largest, places)
         if i >= 1:
             for k in range(3):
                 alpha[i - 1, k] = omega[i, k] - omega[i - 1, k]
             squares[1, i - 1] = alpha[i - 1, 0] ** 2 + alpha[i - 1, 1] ** 2 + alpha[i - 1, 2] ** 2
+            if i - 1 >= past:
+                _see_all(alpha, squares, 1, i - 1, with_axes, largest, places)
         if i >= 2:
             for k in range(3):
                 jerk[i - 2, k] = alpha[i - 1, k] - alpha[i - 2, k]
             squares[2, i - 2] = jerk[i - 2, 0] ** 2 + jerk[i - 2, 1] ** 2 + jerk[i - 2, 2] ** 2
+            _see_all(jerk, squares, 2, i - 2, with_axes, largest, places)
 
 
 @inner
@@ -166,7 +198,7 @@ _TWO = types.Array(float64, 2, "A", readonly=True)
 _OUT = float64[:, ::1]
 _RATE = types.Tuple((float64, int64))  # type: ignore[no-untyped-call]  # Numba's own
 
-_SIGNATURE = void(_TWO, _OUT, _OUT, _OUT, _OUT)
+_SIGNATURE = void(_TWO, int64, boolean, _OUT, _OUT, _OUT, _OUT, _OUT, int64[:, ::1])
 _RATE_SIGNATURE = _RATE(
     _TWO, _TWO, _ONE, float64, float64, _ONE, _ONE, _ONE, float64, float64, float64
 )

@@ -41,7 +41,7 @@ Turn = Callable[[Floats, Floats, Floats, Floats, Floats, int, Floats], None]
 Join = Callable[[Floats, Floats, Floats, Floats, Floats, Floats, float, Floats], None]
 """Finds the increments of one join; see ``orientd.planner.compiled_bridge``."""
 
-Differences = Callable[[Floats, Floats, Floats, Floats, Floats], None]
+Differences = Callable[[Floats, int, bool, Floats, Floats, Floats, Floats, Floats, Indices], None]
 """Takes backward differences of setpoints; see ``orientd.planner.compiled_certificate``."""
 
 LeastRate = Callable[

@@ -132,7 +132,7 @@ class Limits:
     @property
     def has_axes(self) -> bool:
         """Whether any component is limited by itself."""
-        return any(self.axes(name) != NO_AXES for name in ANGULAR)
+        return not self.axis_velocity == self.axis_acceleration == self.axis_jerk == NO_AXES
 
     def rate(self, name: str) -> Rate:
         """Return a limit as a person would write it: three numbers where the norm is theirs."""

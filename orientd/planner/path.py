@@ -8,7 +8,7 @@ lead-out run backwards.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -60,6 +60,7 @@ class Stretch:
     rate: float = 1.0
     sign: float = 1.0
     skipped: float = 0.0
+    _ends: list[tuple[State, State]] = field(init=False, repr=False, default_factory=list)
 
     def sample(self, times: Floats) -> tuple[Floats, Floats, Floats]:
         """Return orientation, velocity and acceleration at path *times* inside the stretch."""
@@ -76,12 +77,14 @@ class Stretch:
 
     def ends(self) -> tuple[State, State]:
         """Return the states at both ends; their positions are left at the origin."""
-        q, omega, alpha = self.sample(np.array([self.begin, self.end]))
-        zero = np.zeros(3)
-        return (
-            State(q[0], omega[0], alpha[0], zero),
-            State(q[1], omega[1], alpha[1], zero),
-        )
+        if not self._ends:
+            # Whatever is done with a stretch begins by asking for them.
+            q, omega, alpha = self.sample(np.array([self.begin, self.end]))
+            zero = np.zeros(3)
+            self._ends.append(
+                (State(q[0], omega[0], alpha[0], zero), State(q[1], omega[1], alpha[1], zero))
+            )
+        return self._ends[0]
 
     def without(self, duration: float) -> Stretch:
         """Return the stretch with its first seconds left out, the rest where it was."""
@@ -123,7 +126,7 @@ class Path:
         for stretch in stretches:
             start, end = stretch.ends()
             flip = -1.0 if before is not None and float(start.q @ before) < 0.0 else 1.0
-            lined_up.append(replace(stretch, sign=flip * stretch.sign))
+            lined_up.append(replace(stretch, sign=-stretch.sign) if flip < 0.0 else stretch)
             before = flip * end.q
             if len(lined_up) == 1:
                 first = flip * start.q

@@ -8,13 +8,14 @@ The certificate looks at everything in the end.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from orientd.planner.certificate import CHUNK, OFF_GRID
+from orientd.planner.certificate import CHUNK, OFF_GRID, differences
 from orientd.planner.course import Core
-from orientd.planner.limits import Limits
+from orientd.planner.limits import ANGULAR, Limits
 from orientd.planner.timing import excess
 from orientd.rotation import Floats
 
@@ -79,10 +80,7 @@ class Survey:
         ranges = _ranges(self.spots, count)
         if everywhere or (count <= _SHORT and not self.has_one_shape):
             ranges = [(0, count - 1)]
-        factor = max(
-            excess(core.peaks(period, limits, first, last), core.continuity)
-            for first, last in ranges
-        )
+        factor = max(_excess(core, limits, period, first, last) for first, last in ranges)
         if core.continuity >= 2:
             return factor
         # What a step of the acceleration shows on the records changes with where it falls between
@@ -90,11 +88,31 @@ class Survey:
         return max(factor, float(_factors(core, _instants(core), limits, period).max()))
 
 
+def _excess(core: Core, limits: Limits, period: float, first: int, last: int) -> float:
+    """Return by which factor a core should take longer, from some of its records."""
+    is_inside = first > 0 and last < core.record_count(period) - 1
+    if not (is_inside and core.positions.is_held and core.continuity >= 2 and last < first + CHUNK):
+        return excess(core.peaks(period, limits, first, last), core.continuity)
+    # The ordinary case, many times in a search: the same without what only a certificate needs.
+    q = core.stretch.sample(period * np.arange(first, last + 1, dtype=np.float64))[0]
+    largest = differences(q, with_axes=limits.has_axes).largest
+    factor = 0.0
+    for order, (name, squares) in enumerate(zip(ANGULAR, largest, strict=True), 1):
+        bounds = (getattr(limits, name), *limits.axes(name))
+        share = max(
+            math.sqrt(square) / period**order / most
+            for square, most in zip(squares, bounds, strict=True)
+        )
+        factor = max(factor, share ** (1.0 / order))
+    return factor
+
+
 def _instants(core: Core) -> Floats:
     """Return instants on either side of every break of the core and between them, s."""
     curve = core.stretch.curve
     breaks = (curve.knots - curve.domain[0]) / core.stretch.rate
-    breaks = np.union1d(breaks, core.positions.breaks)
+    if not core.positions.is_held:
+        breaks = np.union1d(breaks, core.positions.breaks)
     breaks = breaks[(breaks >= 0.0) & (breaks <= core.duration)]
     if len(breaks) < _PIECES:
         breaks = np.union1d(breaks, np.linspace(0.0, core.duration, _PIECES + 1))
@@ -112,23 +130,22 @@ def _factors(core: Core, instants: Floats, limits: Limits, period: float) -> Flo
         some = slice(max(first - 1, 0), first + CHUNK)
         times = instants[some]
         _, omega, alpha = core.stretch.sample(times)
-        _, velocity = core.positions.sample(times)
         # What lies within a period counts as a step of the acceleration over one.
-        steps = np.maximum(np.diff(times), period)
+        steps = np.maximum(times[1:] - times[:-1], period)
         twists = np.zeros(len(times))
-        twists[1:] = _shares(np.diff(alpha, axis=0), limits, "jerk") / steps
-        push = np.concatenate([[0.0], _norm(np.diff(velocity, axis=0)) / steps])
-        twist = np.sqrt(_LARGEST_STEP * twists) if core.continuity < 2 else np.cbrt(twists)
-        factors[some] = np.maximum.reduce(
-            [
-                factors[some],
-                _shares(omega, limits, "velocity"),
-                np.sqrt(_shares(alpha, limits, "acceleration")),
-                twist,
-                _norm(velocity) / limits.linear_velocity,
-                np.sqrt(push / limits.linear_acceleration),
-            ]
-        )
+        twists[1:] = _shares(alpha[1:] - alpha[:-1], limits, "jerk") / steps
+        of_all = [
+            factors[some],
+            _shares(omega, limits, "velocity"),
+            np.sqrt(_shares(alpha, limits, "acceleration")),
+            np.sqrt(_LARGEST_STEP * twists) if core.continuity < 2 else np.cbrt(twists),
+        ]
+        if not core.positions.is_held:
+            _, velocity = core.positions.sample(times)
+            push = np.concatenate([[0.0], _norm(np.diff(velocity, axis=0)) / steps])
+            of_all.append(_norm(velocity) / limits.linear_velocity)
+            of_all.append(np.sqrt(push / limits.linear_acceleration))
+        factors[some] = np.maximum.reduce(of_all)
     return factors
 
 

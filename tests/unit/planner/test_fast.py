@@ -60,10 +60,31 @@ def test_both_take_the_same_differences(both, count):
     rng = np.random.default_rng(count)
     q = exp(rng.normal(size=(count, 3))) * rng.choice([-1.0, 1.0], count)[:, None]
     for layout in (q, np.asfortranarray(q)):
-        (rates, squares), (others, other_squares) = both(lambda q=layout: differences(q))
-        for one, other in zip([*rates, *squares], [*others, *other_squares], strict=True):
+        found, reference = both(lambda q=layout: differences(q))
+        pairs = zip(
+            [*found.rates, *found.squares], [*reference.rates, *reference.squares], strict=True
+        )
+        for one, other in pairs:
             assert one.shape == other.shape
             assert one == pytest.approx(other, abs=1e-13)
+
+
+@pytest.mark.parametrize("past", [0, 1])
+@pytest.mark.parametrize("with_axes", [False, True])
+def test_both_find_the_same_largest_differences(both, past, with_axes):
+    rng = np.random.default_rng(past)
+    for count in (1, 2, 3, 4, 400):
+        q = exp(np.cumsum(rng.normal(size=(count, 3)), axis=0))
+        found, reference = both(lambda q=q: differences(q, past=past, with_axes=with_axes))
+        assert found.places == reference.places
+        assert np.abs(np.subtract(found.largest, reference.largest)).max() <= 1e-12
+
+
+def test_what_is_not_a_number_is_the_largest_difference(both):
+    q = exp(np.linspace(0.0, 1.0, 40)[:, None] * np.ones(3))
+    q[20] = np.nan
+    for found in both(lambda: differences(q)):
+        assert np.isnan([row[0] for row in found.largest]).all()
 
 
 @pytest.mark.parametrize("angle", [1e-12, 1e-4, 0.0624, 0.0625, 0.0626, 1.0])
@@ -71,9 +92,9 @@ def test_both_take_the_same_differences_of_small_turns(both, angle):
     rng = np.random.default_rng(1)
     axis = np.array([2.0, -1.0, 2.0]) / 3.0
     q = multiply(exp(rng.normal(size=3)), exp(angle * np.arange(5)[:, None] * axis))
-    (rates, _), (others, _) = both(lambda: differences(q))
-    assert rates[0] == pytest.approx(others[0], rel=1e-14, abs=1e-17)
-    assert rates[0] == pytest.approx(np.tile(angle * axis, (4, 1)), abs=1e-15)
+    found, reference = both(lambda: differences(q))
+    assert found.rates[0] == pytest.approx(reference.rates[0], rel=1e-14, abs=1e-17)
+    assert found.rates[0] == pytest.approx(np.tile(angle * axis, (4, 1)), abs=1e-15)
 
 
 @pytest.mark.parametrize("scale", [0.1, 0.9, 1.0, 1.2])
