@@ -10,8 +10,12 @@ control looks for a solution near the Euclidean one.
 
 from __future__ import annotations
 
+import itertools
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -50,6 +54,28 @@ _FOLLOWED_STEPS = 300
 
 _DESCENT_ITERATIONS = 300
 _SMALLEST_SHARE = 1e-6
+
+
+_NOT_FOUND = (
+    "no twice differentiable interpolant was found through the keyframes: add keyframes, "
+    "lower the end velocities or make neighbouring intervals more alike"
+)
+
+_MOST_CORRECTIONS: ContextVar[float] = ContextVar("most corrections", default=math.inf)
+
+
+@contextmanager
+def corrections_at_most(count: int) -> Iterator[None]:
+    """Have searches in this context end with a PlanError after so many corrections.
+
+    For who has other curves to try: the ordinary search takes a handful, a hard one hundreds, and
+    one that finds nothing thousands.
+    """
+    token = _MOST_CORRECTIONS.set(count)
+    try:
+        yield
+    finally:
+        _MOST_CORRECTIONS.reset(token)
 
 
 @dataclass(frozen=True)
@@ -102,6 +128,7 @@ def solve(equations: KeyframeEquations) -> Floats:
 @dataclass(frozen=True)
 class _Search:
     _equations: KeyframeEquations
+    _corrections: Iterator[int] = field(default_factory=itertools.count)
 
     def solve(self) -> Floats:
         """Return all increments, shape ``(N + settled by the end conditions, 3)``.
@@ -117,11 +144,16 @@ class _Search:
         if found is None:
             found = self._descend()
         if found is None:
-            raise PlanError(
-                "no twice differentiable interpolant was found through the keyframes: add "
-                "keyframes, lower the end velocities or make neighbouring intervals more alike"
-            )
+            raise PlanError(_NOT_FOUND)
         return self._equations.complete(found, 1.0)
+
+    def _correction(self, here: Floats, scale: float, rows: Indices) -> Floats:
+        self._count()
+        return self._equations.correction(here, scale, rows)
+
+    def _count(self) -> None:
+        if next(self._corrections) >= _MOST_CORRECTIONS.get():
+            raise PlanError(_NOT_FOUND)
 
     def _compiled(self) -> Floats | None:
         """Return what Newton's method alone finds, if the compiled kernel is there.
@@ -159,7 +191,7 @@ class _Search:
         enough = _POLISHED * max(1.0, float(np.max(np.abs(found))))
         previous = _LARGEST_GUESS_ERROR
         for _ in range(_POLISHINGS):
-            correction = self._equations.correction(found, 1.0, everything)
+            correction = self._correction(found, 1.0, everything)
             size = float(np.max(np.abs(correction)))
             if not size <= previous:
                 break
@@ -236,7 +268,7 @@ class _Search:
         """Return the point of the path in the plane across the tangent, if it is near."""
         limit = _LARGEST_GUESS_ERROR
         while True:
-            correction = self._equations.correction(here, scale, rows)
+            correction = self._correction(here, scale, rows)
             rate = self._rate(here, scale, rows, path)
             slope = float(np.sum(tangent * rate)) + weight**2 * unit
             if slope == 0.0:
@@ -254,6 +286,7 @@ class _Search:
 
     def _rate(self, here: Floats, scale: float, rows: Indices, path: _Path) -> Floats:
         """Return how fast the increments of some rows change with the scale along the path."""
+        self._count()
         blocks, error = self._equations.linearised(here, scale, rows)
         step = 1e-6
         there = self._with_rows(path, scale + step, rows, here[rows])
@@ -295,7 +328,7 @@ class _Search:
         limit = _LARGEST_GUESS_ERROR
         enough = _ROUNDING if scale == 1.0 else _ON_THE_WAY
         while True:
-            correction = self._equations.correction(here, scale, rows)
+            correction = self._correction(here, scale, rows)
             size = np.max(np.abs(correction), axis=1)
             is_bad = ~(size <= limit)
             if np.any(is_bad):
@@ -325,7 +358,7 @@ class _Search:
         here = self._equations.linear_solution()
         error = self._total_error(here)
         for _ in range(_DESCENT_ITERATIONS):
-            correction = self._equations.correction(here, 1.0, everything)
+            correction = self._correction(here, 1.0, everything)
             share = 1.0
             while True:
                 tried = here + share * correction

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from orientd.curves import METHODS
+from orientd.curves.continuation import corrections_at_most
 from orientd.errors import LimitError, PlanError, StartError
 from orientd.planner import refusal
 from orientd.planner.certifying import certified
@@ -22,11 +23,13 @@ from orientd.planner.position_lead import position_lead
 from orientd.planner.quickest import SHARE, quickest
 from orientd.planner.request import MotionRequest, State
 from orientd.planner.survey import Survey
-from orientd.planner.timing import LONGEST, Indices, chord_knots, shortest
+from orientd.planner.timing import LONGER, LONGEST, Indices, chord_knots, shortest
 from orientd.rotation import Floats
 
-_LEAD_STEP = 1.02  # how much longer to try where there is no core, or no lead for it
 _CYCLES_A_STEP = 4
+_LONGEST_SEARCH = 256  # times as long as the first guess, where longer ones are other curves
+_MOST_REFUSALS = 10  # of leads, the last one at some four times the duration of the first
+_MOST_CORRECTIONS = 300  # of a curve that is one of many to try
 _LONGEST_STOP = 6.0  # s, on longer motions of minimum duration; so much of a path is read ahead
 
 
@@ -107,6 +110,8 @@ class _Job:
     def of(cls, request: MotionRequest, start: State, limits: Limits, period: float) -> _Job:
         """Check what can be checked before a curve is made."""
         method = check_method(request)
+        if request.limits is not None:
+            refusal.check_present_rates(start, limits, period)
         omega_start, alpha_start = request.omega_start, None
         if not start.is_at_rest and not request.approach:
             # The motion takes over from another one that is still moving.
@@ -184,7 +189,10 @@ class _Job:
             duration = cycles * period
             try:
                 # The same curve at another rate need not be made again.
-                core = shape.slowed(duration) if is_same else course.core(duration)
+                core = shape.slowed(duration) if is_same else self._moving(course, duration)
+            except PlanError:
+                return math.inf
+            try:
                 factor = survey.look(core, reserved, period, everywhere=everywhere)
                 if factor <= 1.0:
                     cores[cycles] = core
@@ -195,16 +203,20 @@ class _Job:
                 raise
             except PlanError as error:
                 refusals.append(error)
-                return _LEAD_STEP
+                if len(refusals) == _MOST_REFUSALS:
+                    raise
+                return LONGER
             return factor
 
-        cycles = shortest(attempt, first, least=fewest, most=int(LONGEST / period))
+        most = int(LONGEST / period)
+        if not is_same:
+            # There is a curve of that duration; a longer one may swing out further.
+            known = math.ceil(shape.duration / period)
+            first = first if first <= 2 * known else known
+            most = min(most, _LONGEST_SEARCH * known)
+        cycles = shortest(attempt, first, least=fewest, most=most, has_one_shape=is_same)
         if cycles is None:
-            raise (
-                refusals[-1]
-                if refusals
-                else PlanError(f"no duration keeps the limits of {self.limits}")
-            )
+            raise refusals[-1] if refusals else refusal.of_any_duration(self.start, self.limits)
         return drafts.get(cycles) or self._with_leads(cores[cycles])
 
     def _shape(self) -> tuple[Course, Core]:
@@ -214,7 +226,13 @@ class _Job:
         knots = chord_knots(self.request, self.limits, is_uniform=is_uniform)
         course = self._course(knots.times, knots.kept)
         guess = knots.first_guess(self.limits.with_reserve())
-        return course, course.core(max(guess, 2.0 * self.period))
+        guess = max(guess, 2.0 * self.period)
+        return course, course.core(guess) if course.has_one_shape else self._moving(course, guess)
+
+    def _moving(self, course: Course, duration: float) -> Core:
+        """Return one of many cores to try, each of which may be hard to find."""
+        with corrections_at_most(_MOST_CORRECTIONS):
+            return course.core(duration)
 
     def in_minimum_time(self, motion_id: str) -> Motion:
         """Return the motion on which the core is run through as quickly as the limits permit."""

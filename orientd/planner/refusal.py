@@ -51,6 +51,37 @@ def check_end_velocities(
                 )
 
 
+def check_present_rates(start: State, limits: Limits, period: float) -> None:
+    """Refuse limits that the present motion is beyond already, by more than a cycle can mend.
+
+    A motion is held to one set of limits from its first record on, and so are the stops on its
+    path: nothing of it could brake above them.
+
+    Raises:
+        LimitError: it is; the message says what to do.
+    """
+    soon = {
+        "velocity": (start.omega_body, limits.acceleration * period),
+        "acceleration": (start.alpha_body, 2.0 * limits.jerk * period),
+    }
+    for name, (vector, change) in soon.items():
+        bounds = [(_QUANTITIES[name], float(np.linalg.norm(vector)), getattr(limits, name))]
+        sizes = np.abs(vector).tolist()
+        for axis, size, most in zip(AXES, sizes, limits.axes(name), strict=True):
+            bounds.append((f"{_QUANTITIES[name]} about {axis}", size, most))
+        for quantity, size, most in bounds:
+            if size - change > most * (1.0 + _ROUNDING):
+                raise LimitError(
+                    quantity,
+                    size,
+                    most,
+                    0.0,
+                    UNITS[name],
+                    "the device moves like that already: stop it first, which it does within its "
+                    "own limits, or ask for no lower limit than that",
+                )
+
+
 def check_duration(duration: float) -> None:
     """Refuse motions that would take days.
 
@@ -144,6 +175,20 @@ class Place:
         if self.request.times is None:
             return place
         return f"{place}, at {time - self.begin + self.request.times[0]:.6g} s of their time"
+
+
+def of_any_duration(start: State, limits: Limits) -> PlanError:
+    """Return the refusal of a motion that breaks a limit however long it takes."""
+    problem = (
+        f"no duration keeps the limits of {limits.velocity:g} rad/s, {limits.acceleration:g} "
+        f"rad/s^2 and {limits.jerk:g} rad/s^3"
+    )
+    if not start.is_at_rest:
+        problem += (
+            f" on a way that begins with {np.linalg.norm(start.omega_body):.4g} rad/s and "
+            f"{np.linalg.norm(start.alpha_body):.4g} rad/s^2; `approach: true` would lead in"
+        )
+    return PlanError(problem)
 
 
 def check_limits(peaks: Peaks, place: Place) -> None:

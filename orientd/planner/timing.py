@@ -9,7 +9,7 @@ orientation, measured in time at the limits, the position sets the interval.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -25,6 +25,9 @@ from orientd.rotation import Floats, angle
 LONGEST = 86_400.0
 """Seconds that a motion may take, so that a slip of a unit does not plan for ever."""
 
+LONGER = 1.02
+"""What an attempt returns where the rates are not known: how much longer to try."""
+
 _SAME = 1e-9  # rad and m; keyframes nearer than this are one
 _PRECISION = 1e-3
 _MOST_ATTEMPTS = 60
@@ -32,6 +35,11 @@ _PATIENCE = 4  # attempts that trust the prediction before any has kept the limi
 _MOST_FAILURES = 16  # attempts until the first that keeps the limits
 _MOST_PREDICTIONS = 8  # attempts that trust the prediction; then bisection
 _LONGEST_STEP = 1e4
+_LONGEST_STRIDE = 2.0  # from one number of cycles to the next where the shape changes with them
+_FAR = 2.0  # a factor beyond which it is doubted that it falls with the cycles
+_DOWNWARD = 1.4  # from one to the next where fewer are looked at
+_MOST_DOWNWARD = 10
+_MOST_BETWEEN = 4
 
 
 Indices = np.ndarray[Any, np.dtype[np.intp]]
@@ -124,16 +132,24 @@ def excess(peaks: Peaks, continuity: int) -> float:
 
 
 def shortest(
-    attempt: Callable[[int], float], first: int, *, least: int = 1, most: int
+    attempt: Callable[[int], float],
+    first: int,
+    *,
+    least: int = 1,
+    most: int,
+    has_one_shape: bool = True,
 ) -> int | None:
     """Return the fewest cycles that keep the limits, to 0.1 %.
 
     Args:
         attempt: plans with a number of cycles and returns by which factor it should be longer; at
-            most 1 keeps the limits.
+            most 1 keeps the limits, and infinity says that there is no curve.
         first: where to begin.
         least: cycles not to go below.
         most: cycles not to go beyond.
+        has_one_shape: whether more cycles are the same curve at a lower rate.  A curve that begins
+            in motion swings out further the longer it takes: then the rates have a least at some
+            number of cycles, beyond which nothing is looked for, and no step is a long one.
 
     Returns:
         The number of cycles, for which *attempt* has returned at most 1; ``None`` if nothing was
@@ -142,14 +158,28 @@ def shortest(
     low, high = least - 1, most + 1
     cycles, growth = min(max(first, least), most), 1.02
     before: tuple[float, float] | None = None
+    tried: dict[int, float] = {}
     for count in range(_MOST_ATTEMPTS):
         factor = attempt(cycles)
+        if factor != LONGER:
+            tried[cycles] = factor
         if factor <= 1.0:
             high = cycles
             if factor >= 1.0 - _PRECISION:
                 break
+        elif not (count or has_one_shape) and factor > _FAR:
+            # Far more than the limits: perhaps because it swings out, which fewer would tell.
+            low, cycles = cycles, max(int(cycles / _DOWNWARD), least)
+            continue
+        elif high > most and not has_one_shape and factor != LONGER and _is_rising(tried):
+            found = _fewer(attempt, tried, least)
+            if found is None:
+                break
+            high, cycles = found, found
+            factor, low = tried[found], max((n for n in tried if n < found), default=least - 1)
+            before = None
         else:
-            low = cycles
+            low = max(low, cycles)
         if high - low <= max(1.0, _PRECISION * high):
             break
         here = math.log(cycles), math.log(min(max(factor, 1e-9), _LONGEST_STEP))
@@ -161,10 +191,53 @@ def shortest(
             if count >= _PATIENCE:
                 # Nothing has worked yet: no ever smaller steps.
                 guess, growth = max(guess, cycles * growth), min(growth**2, 2.0)
+            if not has_one_shape:
+                guess = min(guess, _LONGEST_STRIDE * cycles)
         elif count >= _MOST_PREDICTIONS or not low < guess < high:
             guess = math.sqrt(low * high) if low else 0.5 * high
         cycles = min(max(math.ceil(guess), low + 1), high - 1)
     return high if high <= most else None
+
+
+def _is_rising(tried: Mapping[int, float]) -> bool:
+    """Return whether more cycles have turned out to be worse, or too many for any curve."""
+    *_, before, here = sorted([(0, math.inf), *tried.items()])
+    if here[1] == math.inf:
+        return True
+    return here[0] > 1.01 * before[0] and here[1] > 1.001 * before[1]
+
+
+def _fewer(attempt: Callable[[int], float], tried: dict[int, float], least: int) -> int | None:
+    """Look for cycles that keep the limits, fewer than those where the factor begins to rise.
+
+    First downward as long as the factor falls, then around the least one.
+    """
+    best = min(tried, key=lambda cycles: tried[cycles])
+    cycles = min(tried)
+    for _ in range(_MOST_DOWNWARD):
+        cycles = int(cycles / _DOWNWARD)
+        if cycles < least:
+            break
+        tried[cycles] = attempt(cycles)
+        if tried[cycles] > tried[best]:
+            break
+        best = cycles
+        if tried[best] <= 1.0:
+            return best
+    for _ in range(_MOST_BETWEEN):
+        order = sorted(tried)
+        place = order.index(best)
+        if not 0 < place < len(order) - 1:
+            break
+        left, right = order[place - 1], order[place + 1]
+        cycles = round(math.sqrt(best * (right if best * best < left * right else left)))
+        if cycles in tried:
+            break
+        tried[cycles] = attempt(cycles)
+        if tried[cycles] <= 1.0:
+            return cycles
+        best = min(best, cycles, key=lambda some: tried[some])
+    return None
 
 
 def _secant(before: tuple[float, float] | None, here: tuple[float, float]) -> float:

@@ -6,7 +6,7 @@ from planned import LIMITS, PERIOD, differences, rotations, vector
 from scipy.spatial.transform import Rotation
 
 from orientd.errors import LimitError
-from orientd.planner import Keyframe, MotionRequest, State, plan, retarget
+from orientd.planner import Keyframe, Limits, MotionRequest, State, plan, retarget
 from orientd.rotation import angle, exp, multiply
 
 ARM = LIMITS["arm"]
@@ -264,3 +264,25 @@ def test_scipy_agrees_where_it_ends():
     motion = aimed(target.as_quat(scalar_first=True), moving()[0].state_at(50))
     end = Rotation.from_quat(orientations(motion)[-1], scalar_first=True)
     assert (end.inv() * target).magnitude() < 1e-9
+
+
+@pytest.mark.parametrize(
+    "narrow", [{"velocity": 0.5}, {"velocity": [2.0, 2.0, 0.01]}, {"velocity": 1e-3}]
+)
+def test_limits_below_the_present_motion_are_refused_with_what_to_do(narrow):
+    first, record = moving(limits=LIMITS["arm"])
+    start = first.state_at(record)
+    assert np.abs(start.omega_body).min() > 0.01
+    request = MotionRequest([Keyframe((1.0, 0.0, 0.0, 0.0))], limits=Limits.partial(**narrow))
+    with pytest.raises(LimitError, match="moves like that already: stop it first"):
+        plan(request, start=start, limits=ARM, period=PERIOD)
+
+
+def test_limits_that_the_present_motion_is_just_at_are_none_to_refuse():
+    first, record = moving(limits=LIMITS["arm"])
+    start = first.state_at(record)
+    speed = float(np.linalg.norm(start.omega_body))
+    request = MotionRequest(
+        [Keyframe((1.0, 0.0, 0.0, 0.0))], limits=Limits.partial(velocity=1.001 * speed)
+    )
+    plan(request, start=start, limits=ARM, period=PERIOD)
