@@ -7,6 +7,7 @@ has got is reported, never assumed.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import gc
 import os
@@ -54,25 +55,40 @@ class DeadlineTimer:
 def set_scheduling(priority: int) -> str:
     """Ask for ``SCHED_FIFO`` at *priority* (0: do not ask), else for a short slice.
 
+    For every thread that there is: a client library receives in threads of its own, and what comes
+    from the device would otherwise wait behind everything else that the machine has to do.  Threads
+    that are started later inherit it.
+
     Returns:
         What the process has got, in words.
     """
     ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
     if priority > 0:
+        first_come = os.sched_param(priority)
         try:
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+            os.sched_setscheduler(0, os.SCHED_FIFO, first_come)
         except OSError:
             pass
         else:
+            for thread in _threads():
+                with contextlib.suppress(ProcessLookupError):
+                    os.sched_setscheduler(thread, os.SCHED_FIFO, first_come)
             return f"SCHED_FIFO {priority}"
     number = _SCHED_SETATTR.get(platform.machine())
     if number is not None:
         attributes = ctypes.create_string_buffer(
             _SCHED_ATTR.pack(_SCHED_ATTR.size, os.SCHED_OTHER, 0, 0, 0, SLICE_NS, 0, 0)
         )
-        if ctypes.CDLL(None).syscall(number, 0, attributes, 0) == 0:
+        syscall = ctypes.CDLL(None).syscall
+        own, *_ = [syscall(number, thread, attributes, 0) for thread in (0, *_threads())]
+        if own == 0:
             return f"SCHED_OTHER, slice {SLICE_NS / 1e6:g} ms"
     return "SCHED_OTHER"
+
+
+def _threads() -> list[int]:
+    """Return the kernel's numbers of this process's threads."""
+    return [int(name) for name in os.listdir("/proc/self/task")]  # noqa: PTH208 - no pathlib here
 
 
 def lock_memory() -> bool:
