@@ -143,6 +143,8 @@ class DeviceSettings(Table):
         auto_enable: enable at start and after a reset.
         heartbeat_timeout: the servo stops when it has not heard the daemon for so long, s.
         feedback_timeout: feedback older than this is a fault, s.
+        stall_timeout: a servo process that did not run for longer in motion is a fault, s; after
+            a shorter time the motion goes on from rest.
         spin_us: the last part of the wait for a deadline that is spent spinning, microseconds.
         priority: SCHED_FIFO priority asked for; 0 asks for none.
         compensate_latency: s by which setpoints lead the path time that is reported, so that the
@@ -158,6 +160,7 @@ class DeviceSettings(Table):
     auto_enable: bool = True
     heartbeat_timeout: Positive = 1.0
     feedback_timeout: Positive = 0.1
+    stall_timeout: Positive = 0.5
     spin_us: Annotated[int, Field(ge=0, le=1000)] = SPIN_US
     priority: Annotated[int, Field(ge=0, le=99)] = 80
     compensate_latency: bool | float = False

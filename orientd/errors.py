@@ -139,3 +139,4 @@ class Fault(IntEnum):
     HEARTBEAT_LOST = 6
     SERVO_DIED = 7
     INTERNAL = 8
+    SERVO_STALLED = 9

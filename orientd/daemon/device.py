@@ -163,6 +163,7 @@ class Device:
             cycle_capacity=capacity,
             heartbeat_timeout_ns=round(settings.heartbeat_timeout * 1e9),
             feedback_timeout_ns=round(settings.feedback_timeout * 1e9),
+            stall_timeout_ns=round(settings.stall_timeout * 1e9),
             priority=settings.priority,
             spin_ns=settings.spin_us * 1000,
             daemon_pid=os.getpid(),
@@ -413,6 +414,7 @@ class Device:
         try:
             if not link.is_alive:
                 return False
+            self._hear(link)  # or it would be taken for what goes wrong after the reset
             if self._motions is not None:
                 self._motions.tend(self._fault_text, speed=self._speed)
             cycle = link.newest()
@@ -563,8 +565,9 @@ class Device:
             if note.kind is NoteKind.READY:
                 self._become_ready(link, note.text)
             elif note.kind is NoteKind.FAULT:
-                self._fault, self._fault_text = Fault(note.code), note.text
-                self._tell_fault(f"{self._fault.name.lower()}: {note.text}")
+                self._fault = Fault(note.code)
+                self._fault_text = note.text or self._fault.name.lower()
+                self._tell_fault(f"{self._fault.name.lower()}: {self._fault_text}")
             elif note.kind is NoteKind.ENDING:
                 self._last_words = note.text
 

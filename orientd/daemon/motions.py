@@ -267,8 +267,8 @@ class Motions:
                 self._tell(EventKind.MOTION_STOPPED, stage.number, str(error))
         cycle = self._link.newest()
         itinerary.measure_some()
-        if cycle is None:
-            return
+        if cycle is None or (cycle.state is State.FAULT and not fault_text):
+            return  # of a fault of this very moment the reason is heard before the next look
         for stage in itinerary.passed(cycle):
             kind = EventKind.MOTION_REPLACED if stage.is_replaced else EventKind.MOTION_DONE
             self._tell(kind, stage.number, "")

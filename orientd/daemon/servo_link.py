@@ -21,6 +21,7 @@ from orientd.errors import DaemonError, StateError
 from orientd.planner.limits import Limits
 from orientd.servo.process import ProcessSettings
 from orientd.stream import (
+    GIVEN_UP_WORD,
     UNKNOWN,
     Answer,
     Command,
@@ -68,6 +69,7 @@ class ServoLink:
         self._lock = threading.Lock()
         self._note_index = 0
         self._answers: dict[int, Note] = {}
+        self._reset = UNKNOWN
         self._words: deque[Note] = deque(maxlen=256)
         self._is_closed = False
         try:
@@ -118,6 +120,8 @@ class ServoLink:
     ) -> None:
         """Send a command and wait until the servo has taken it.
 
+        One that this has given up waiting for is not carried out later, unless it stops something.
+
         Raises:
             StateError: the servo's state does not allow it, or it was refused.
             DaemonError: the servo does not answer, or is not there.
@@ -139,11 +143,13 @@ class ServoLink:
             if now > look:
                 look = now + _LOOK
                 if self.is_stopped:
+                    self.memory.commands.set_word(GIVEN_UP_WORD, index + 1)
                     raise DaemonError(
                         f"the servo process {self.process.pid} is stopped (SIGSTOP or a debugger), "
                         f"it cannot {command.name.lower()}"
                     )
             if now > end:
+                self.memory.commands.set_word(GIVEN_UP_WORD, index + 1)
                 raise DaemonError(
                     f"the servo did not answer {command.name.lower()} within {timeout:g} s"
                 )
@@ -161,6 +167,8 @@ class ServoLink:
         """Put a command where the servo looks for it; return its number."""
         with self._lock:
             index = self.memory.commands.head
+            if fields[0] == Command.RESET:
+                self._reset = index
             self.memory.commands.publish(*fields)
         return index
 
@@ -237,6 +245,10 @@ class ServoLink:
                 note = unpack_note(record)
                 if note.kind is NoteKind.ANSWER:
                     self._answers[note.command] = note
+                    if note.command == self._reset and note.code == Answer.DONE:
+                        # What was wrong before is over.
+                        left = [word for word in self._words if word.kind is not NoteKind.FAULT]
+                        self._words = deque(left, self._words.maxlen)
                 else:
                     self._words.append(note)
 

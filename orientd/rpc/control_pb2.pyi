@@ -38,6 +38,7 @@ class Fault(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     FAULT_HEARTBEAT_LOST: _ClassVar[Fault]
     FAULT_SERVO_DIED: _ClassVar[Fault]
     FAULT_INTERNAL: _ClassVar[Fault]
+    FAULT_SERVO_STALLED: _ClassVar[Fault]
 
 class Duration(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
@@ -86,6 +87,7 @@ FAULT_PATH_STARVED: Fault
 FAULT_HEARTBEAT_LOST: Fault
 FAULT_SERVO_DIED: Fault
 FAULT_INTERNAL: Fault
+FAULT_SERVO_STALLED: Fault
 DURATION_UNSPECIFIED: Duration
 DURATION_MINIMUM: Duration
 EVENT_KIND_UNSPECIFIED: EventKind

@@ -32,6 +32,7 @@ _FAULTS = {
     Fault.HEARTBEAT_LOST: pb.FAULT_HEARTBEAT_LOST,
     Fault.SERVO_DIED: pb.FAULT_SERVO_DIED,
     Fault.INTERNAL: pb.FAULT_INTERNAL,
+    Fault.SERVO_STALLED: pb.FAULT_SERVO_STALLED,
 }
 _DAEMON = ("version", "pid", "uptime", "socket", "configuration")
 _METHOD = tuple(Method.__dataclass_fields__)

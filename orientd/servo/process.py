@@ -21,6 +21,7 @@ from orientd.clock import MonotonicClock
 from orientd.driver import Driver
 from orientd.servo.realtime import DeadlineTimer, freeze_garbage, lock_memory, set_scheduling
 from orientd.servo.servo import Servo
+from orientd.servo.stall import SHORTEST_NS
 from orientd.servo.vigil import Watch
 from orientd.stream import NoteKind, SharedMemory, pack_note
 
@@ -41,6 +42,7 @@ class ProcessSettings:
         cycle_capacity: size of the ring of cycles.
         heartbeat_timeout_ns: longest silence of the daemon in motion.
         feedback_timeout_ns: largest age of feedback.
+        stall_timeout_ns: longest time without a cycle after which a motion goes on by itself.
         priority: SCHED_FIFO priority to ask for; 0 for none.
         spin_ns: busy-wait before each deadline.
         daemon_pid: the process that started this one.
@@ -55,6 +57,7 @@ class ProcessSettings:
     cycle_capacity: int
     heartbeat_timeout_ns: int
     feedback_timeout_ns: int
+    stall_timeout_ns: int
     priority: int
     spin_ns: int
     daemon_pid: int
@@ -94,7 +97,9 @@ def run(descriptor: int, settings: ProcessSettings) -> int:
         driver,
         memory,
         period_ns=settings.period_ns,
-        watch=Watch(settings.heartbeat_timeout_ns, settings.feedback_timeout_ns),
+        watch=Watch(
+            settings.heartbeat_timeout_ns, settings.feedback_timeout_ns, settings.stall_timeout_ns
+        ),
         clock=clock,
         parent_is_alive=lambda: os.getppid() == settings.daemon_pid,
     )
@@ -122,8 +127,8 @@ def run_cycles(
 
     Deadlines are a period apart, or nearly: *shift_ns*, told the last one, says how much later the
     next should be, and is heeded up to a period over :data:`LARGEST_SHIFT`.  One that has passed
-    altogether is counted and skipped; path time is not, so that a late cycle never makes the device
-    jump.
+    altogether is counted and skipped, before a cycle too where the process has not run for long;
+    path time is not, so that a late cycle never makes the device jump.
     """
     overrun_ns, most_ns = period_ns // 2, period_ns // LARGEST_SHIFT
     # At one phase of the clock, so that devices of one rate begin in the same cycle; beside whole
@@ -132,6 +137,11 @@ def run_cycles(
     while not servo.has_ended:
         woken = timer.wait(deadline)
         lateness = woken - deadline
+        if lateness > SHORTEST_NS:
+            skipped = lateness // period_ns
+            servo.missed += skipped
+            deadline += skipped * period_ns
+            lateness = woken - deadline
         if lateness > overrun_ns:
             servo.overruns += 1
         servo.cycle(deadline, lateness)

@@ -41,6 +41,10 @@ class Pursuit:
         self._next = self._ring.head
         self.is_on = True
 
+    def rest(self, q: Quaternion) -> None:
+        """Go on from rest at *q*, with the target of before."""
+        self._tracker.rest(q)
+
     def cease(self) -> None:
         """Forget every target, and come to rest."""
         self._tracker.cease()

@@ -26,9 +26,11 @@ from orientd.servo.path_clock import PathClock
 from orientd.servo.path_follower import Leg, PathFollower, StarvedError
 from orientd.servo.pursuit import Pursuit
 from orientd.servo.segment import PathPoint
+from orientd.servo.stall import Stalls
 from orientd.servo.table import Event, advance
 from orientd.servo.vigil import Vigil, Watch
 from orientd.stream import (
+    GIVEN_UP_WORD,
     JOINTS,
     NO_JOINTS,
     UNKNOWN,
@@ -46,6 +48,8 @@ from orientd.stream import (
 _STREAMING, _STOPPING, _TRACKING = State.STREAMING, State.STOPPING, State.TRACKING
 _NO_FAULT = Fault.NONE
 _WRITTEN, _FEEDBACK = int(CycleFlag.WRITTEN), int(CycleFlag.FEEDBACK)
+
+_NEVER_TOO_LATE = (Command.STOP, Command.HALT, Command.SHUTDOWN)
 
 PARENT_CHECK = 8
 """Cycles from one look at whether the daemon lives to the next; it is a system call."""
@@ -84,6 +88,7 @@ class Servo:
         self._driver = driver
         self._memory = memory
         self._vigil = Vigil(watch, period_ns)
+        self._stalls = Stalls(period_ns, watch.stall_ns)
         self._clock = clock
         self._parent_is_alive = parent_is_alive
         period = period_ns * 1e-9
@@ -125,6 +130,9 @@ class Servo:
         self._read()
         self._take_command()
         self._look_for_life(deadline_ns)
+        stall_ns = self._stalls.notice(self._clock.now_ns())
+        if stall_ns and self.is_moving:
+            self._go_on_from_rest(stall_ns)
         if self.is_moving:
             point = self._move(deadline_ns)
         else:
@@ -222,6 +230,8 @@ class Servo:
             return  # still being written; it is there in the next cycle
         self._taken += 1
         index, code, motion, path_index, leave, final, start_ns, speed, *terms = fields
+        if index < ring.word(GIVEN_UP_WORD) and code not in _NEVER_TOO_LATE:
+            return
         leg = Leg(motion, path_index, Terms.from_floats(terms), leave, final)
         try:
             text = self._obey(Command(code), leg, speed, start_ns)
@@ -408,6 +418,21 @@ class Servo:
             path.position,
             _combine(path.velocity, rate, path.velocity, 0.0),
         )
+
+    def _go_on_from_rest(self, stall_ns: int) -> None:
+        """Have what moved go on from where the device has come to rest, if it may."""
+        guard = self._guard
+        guard.anchor(guard.q, guard.position)
+        self._path_clock.halt()
+        self._escape = None
+        problem = self._stalls.complain(stall_ns)
+        if self.state is _STOPPING:
+            self._finish(Event.REST)
+        elif problem:
+            self._pursuit.end()
+            self._fail(Fault.SERVO_STALLED, problem, is_enabled=self._is_enabled)
+        elif self.state is _TRACKING:
+            self._pursuit.rest(guard.q)
 
     def _follow(self, deadline_ns: int) -> PathPoint:
         """Return the next setpoint on the way to a target, or to rest."""

@@ -16,10 +16,12 @@ class Watch:
     Attributes:
         heartbeat_ns: longest silence of the daemon while something moves.
         feedback_ns: largest age of the device's feedback.
+        stall_ns: longest time without a cycle after which a motion goes on by itself.
     """
 
     heartbeat_ns: int
     feedback_ns: int
+    stall_ns: int = 500_000_000
 
 
 class Vigil:

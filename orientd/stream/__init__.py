@@ -1,6 +1,6 @@
 """What crosses the boundary between the daemon and a servo process, over shared memory."""
 
-from orientd.stream.memory import SharedMemory
+from orientd.stream.memory import GIVEN_UP_WORD, SharedMemory
 from orientd.stream.records import (
     JOINTS,
     NO_JOINTS,
@@ -21,6 +21,7 @@ from orientd.stream.records import (
 from orientd.stream.ring import RecordRing
 
 __all__ = [
+    "GIVEN_UP_WORD",
     "JOINTS",
     "NO_JOINTS",
     "UNKNOWN",

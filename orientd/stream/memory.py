@@ -28,6 +28,11 @@ TUNINGS = 4
 DIRECTORY = "/dev/shm"
 
 
+GIVEN_UP_WORD = 1
+"""Word of the ring of commands: one more than the index of the newest whose sender has given up
+waiting for an answer.  Only stops are still carried out then."""
+
+
 class SharedMemory:
     """The six rings between daemon and servo, and the heartbeat.
 

@@ -19,6 +19,7 @@ FAULTS = {
     Fault.HEARTBEAT_LOST: "The daemon was not heard of for too long.",
     Fault.SERVO_DIED: "The process that drives the device has ended.",
     Fault.INTERNAL: "There is an error in orientd itself.",
+    Fault.SERVO_STALLED: "The process that drives the device stood still for too long.",
 }
 
 _STATES = {

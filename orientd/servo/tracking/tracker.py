@@ -83,6 +83,11 @@ class Tracker:
         self._soft = softened(self._limits)
         self._bounds = loosened(self._limits, self._omega, self._alpha)
 
+    def rest(self, q: Quaternion) -> None:
+        """Go on from rest at *q*, with the target of before."""
+        self._q, self._omega, self._alpha = q, ZERO, ZERO
+        self._bounds = self._limits
+
     def take(self, target: Target, now_ns: int) -> str:
         """Take a target that arrived; return an empty string, or why it was refused."""
         return self._reference.take(target, now_ns)

@@ -49,6 +49,7 @@ class Rig:
     capacity: int = 4096
     heartbeat_ns: int = 500_000_000
     feedback_ns: int = 100_000_000
+    stall_ns: int = 500_000_000
 
     def __post_init__(self):
         self.clock = ManualClock(10**9)
@@ -61,7 +62,7 @@ class Rig:
             self.driver,
             self.memory,
             period_ns=PERIOD_NS,
-            watch=Watch(self.heartbeat_ns, self.feedback_ns),
+            watch=Watch(self.heartbeat_ns, self.feedback_ns, self.stall_ns),
             clock=self.clock,
             parent_is_alive=lambda: self.parent_is_alive,
         )
@@ -75,6 +76,12 @@ class Rig:
             if self.beats:
                 self.memory.beat(self.clock.now_ns())
             self.servo.cycle(self.clock.now_ns(), 0)
+        return self.cycle
+
+    def stall(self, milliseconds: float) -> Cycle:
+        """Let the process stand still, then run a cycle; the daemon has not run either."""
+        self.clock.advance(round(milliseconds * 1e6) // PERIOD_NS * PERIOD_NS)
+        self.servo.cycle(self.clock.now_ns(), 0)
         return self.cycle
 
     def run_until(self, condition, most: int = 20_000) -> int:

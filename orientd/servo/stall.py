@@ -1,0 +1,39 @@
+"""Stalls: the servo's own process did not run for a while, and nothing was sent.
+
+Path time does not pass then, so that the device never jumps; but it has come to rest at the last
+setpoint, and to go on at the old speed would be a step in velocity.  So motion goes on from rest,
+inside the limits; after a longer stall not by itself.
+"""
+
+from __future__ import annotations
+
+SHORTEST_NS = 50_000_000
+"""Shorter gaps a device rides out: its own control smooths them."""
+
+FEWEST_PERIODS = 3
+"""Nor is it a stall when the device's own answers take a cycle or two."""
+
+
+class Stalls:
+    """How long it was from one cycle to the next."""
+
+    def __init__(self, period_ns: int, longest_ns: int) -> None:
+        """Expect a cycle every *period_ns*; see :class:`~orientd.servo.vigil.Watch`."""
+        self._shortest_ns = max(SHORTEST_NS, FEWEST_PERIODS * period_ns)
+        self._longest_ns = longest_ns
+        self._before_ns = 0
+
+    def notice(self, now_ns: int) -> int:
+        """Return for how long the process has not run until *now_ns*; 0 where it is no stall."""
+        gap_ns = now_ns - self._before_ns
+        self._before_ns = now_ns
+        return gap_ns if gap_ns > self._shortest_ns else 0
+
+    def complain(self, stall_ns: int) -> str:
+        """Return what is wrong with a stall, or nothing where motion may go on by itself."""
+        if stall_ns <= self._longest_ns:
+            return ""
+        return (
+            f"the servo process did not run for {stall_ns * 1e-9:.3f} s, at most "
+            f"{self._longest_ns * 1e-9:g} s are allowed in motion"
+        )

@@ -1,0 +1,173 @@
+"""The servo's own process stands still in motion: what the device is sent afterwards."""
+
+import numpy as np
+import pytest
+from rig import PERIOD, PERIOD_NS, TERMS, Rig, peaks, turn
+
+from orientd import rotation
+from orientd.errors import Fault
+from orientd.servo.stall import SHORTEST_NS, Stalls
+from orientd.stream import GIVEN_UP_WORD, UNKNOWN, Answer, Command, NoteKind, State
+
+LIMITS = (TERMS.velocity, TERMS.acceleration, TERMS.jerk)
+
+
+def moving(**settings):
+    """Return a rig in the middle of a turn, and the path."""
+    rig, path = Rig(**settings), turn()
+    rig.start(path)
+    rig.run(500)
+    assert np.linalg.norm(rig.cycle.omega_body) > 1.0
+    return rig, path
+
+
+def since(rig, number):
+    """Return what was sent from setpoint *number* on."""
+    return np.array([setpoint.q for setpoint in rig.driver.setpoints[number:]])
+
+
+def keeps_limits(q):
+    return all(found <= 1.001 * limit for found, limit in zip(peaks(q), LIMITS, strict=True))
+
+
+@pytest.mark.parametrize("state", ["streaming", "slow", "paused", "changing"])
+@pytest.mark.parametrize("stall_ms", [52, 130, 480])
+def test_motion_goes_on_from_rest_inside_the_limits(state, stall_ms):
+    rig, path = moving()
+    if state != "streaming":
+        rig.ask(Command.SPEED, speed={"slow": 0.4, "paused": 0.0, "changing": 0.7}[state])
+        rig.run(5 if state == "changing" else 300)
+    last = len(rig.driver.setpoints) - 1
+    rig.stall(stall_ms)
+    rig.run(3)
+    rig.ask(Command.SPEED, speed=1.0)
+    rig.run_until(lambda servo: servo.state is State.HOLDING)
+    sent = since(rig, last)
+    assert keeps_limits(sent)
+    assert rotation.angle(sent[-1], path[0][-1]) < 1e-9
+    assert rig.cycle.fault == Fault.NONE
+
+
+def test_first_setpoint_after_a_stall_is_where_the_device_has_come_to_rest():
+    rig, _ = moving()
+    before = rig.sent()[-1]
+    rig.stall(200)
+    step = rotation.angle(before, rig.sent()[-1])
+    assert step <= TERMS.acceleration * PERIOD**2
+
+
+def test_shorter_gap_is_ridden_out_as_planned():
+    rig, path = moving()
+    rig.stall(SHORTEST_NS / 1e6 - 4)
+    rig.run_until(lambda servo: servo.state is State.HOLDING)
+    sent = rig.sent()
+    begin = np.any(sent != sent[0], axis=1).argmax() - 1
+    np.testing.assert_array_equal(sent[begin : begin + len(path[0])], path[0])
+
+
+@pytest.mark.parametrize("what", ["path", "targets"])
+def test_motion_does_not_go_on_by_itself_after_a_long_stall(what):
+    rig, _ = moving()
+    if what == "targets":
+        follow(rig, [0.0, 0.9, 0.0])
+        rig.run(60)
+    before = rig.sent()[-1]
+    rig.stall(600)
+    rig.run(50)
+    assert (rig.cycle.state, rig.cycle.fault) == (State.FAULT, Fault.SERVO_STALLED)
+    assert (since(rig, -51) == before).all()
+    (note,) = rig.notes(NoteKind.FAULT)
+    assert note.text == (
+        "the servo process did not run for 0.600 s, at most 0.5 s are allowed in motion"
+    )
+
+
+def test_after_a_long_stall_a_reset_makes_the_way_free():
+    rig, _ = moving()
+    rig.stall(600)
+    assert rig.ask(Command.RESET)[0] is Answer.DONE
+    rig.start(tuple(_anew(rig)))
+    rig.run_until(lambda servo: servo.state is State.HOLDING)
+    assert rig.cycle.fault == Fault.NONE
+
+
+def _anew(rig):
+    q, omega, alpha = turn(0.3)
+    return rotation.multiply(np.array(rig.cycle.q), q), omega, alpha
+
+
+@pytest.mark.parametrize("command", [Command.STOP, Command.HALT])
+@pytest.mark.parametrize("stall_ms", [130, 5000])
+def test_stop_is_over_after_a_stall(command, stall_ms):
+    rig, _ = moving()
+    rig.ask(command)
+    rig.run(5)
+    assert rig.servo.state is State.STOPPING
+    before = rig.sent()[-1]
+    rig.stall(stall_ms)
+    assert (rig.cycle.state, rig.cycle.fault) == (State.HOLDING, Fault.NONE)
+    rig.run(20)
+    assert (since(rig, -21) == before).all()
+
+
+def test_stop_for_a_fault_ends_in_that_fault_after_a_stall():
+    rig, _ = moving(heartbeat_ns=20_000_000)
+    rig.beats = False
+    rig.run_until(lambda servo: servo.state is State.STOPPING)
+    rig.stall(130)
+    assert (rig.cycle.state, rig.cycle.fault) == (State.FAULT, Fault.HEARTBEAT_LOST)
+
+
+def follow(rig, vector):
+    """Follow a target that lives for ever."""
+    if rig.servo.state is not State.TRACKING:
+        assert rig.ask(Command.TRACK)[0] is Answer.DONE
+    now = rig.clock.now_ns()
+    rig.memory.targets.publish(now, now + 10**12, *rotation.exp(vector), 0.0, 0.0, 0.0)
+
+
+def test_following_goes_on_from_rest_to_the_same_target():
+    rig = Rig()
+    rig.ask(Command.ENABLE)
+    follow(rig, [0.0, 0.9, 0.0])
+    rig.run(100)
+    assert rig.cycle.state is State.TRACKING
+    assert np.linalg.norm(rig.cycle.omega_body) > 0.5
+    last = len(rig.driver.setpoints) - 1
+    rig.stall(200)
+    rig.run(1500)
+    assert keeps_limits(since(rig, last))
+    assert rotation.angle(rig.sent()[-1], rotation.exp([0.0, 0.9, 0.0])) < 1e-9
+
+
+@pytest.mark.parametrize("state", ["idle", "holding"])
+def test_stall_at_rest_is_none_of_anybodys_business(state):
+    rig = Rig()
+    if state == "holding":
+        rig.ask(Command.ENABLE)
+    rig.run(10)
+    before = rig.cycle.state
+    rig.stall(5000)
+    rig.run(10)
+    assert (rig.cycle.state, rig.cycle.fault) == (before, Fault.NONE)
+
+
+def test_a_cycle_or_two_of_a_slow_device_are_no_stall():
+    stalls = Stalls(25_000_000, 10**9)
+    assert stalls.notice(0) == 0
+    assert stalls.notice(3 * 25_000_000) == 0
+    assert stalls.notice(6 * 25_000_000 + 1) > 0
+    assert PERIOD_NS < SHORTEST_NS
+
+
+@pytest.mark.parametrize("command", [Command.SPEED, Command.STOP])
+def test_of_what_was_given_up_only_stops_are_carried_out(command):
+    rig, _ = moving()
+    ring = rig.memory.commands
+    ring.publish(command, 1, 0, UNKNOWN, UNKNOWN, UNKNOWN, 0.5, *TERMS.floats())
+    ring.set_word(GIVEN_UP_WORD, ring.head)
+    rig.run(3)
+    assert (rig.cycle.speed, rig.cycle.state)[command is Command.STOP] == (
+        State.STOPPING if command is Command.STOP else 1.0
+    )
+    assert rig.ask(Command.SPEED, speed=0.5)[0] is not Answer.FAILED
