@@ -15,6 +15,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[2]
 FOLDER = Path(os.environ.get("ORIENTD_CHAOS_DIR", ROOT / "build" / "chaos"))
 RESULTS = Path(__file__).with_name("results.json")
@@ -60,6 +62,12 @@ class Tally:
     slowest: tuple[str, float] = ("", 0.0)
     broken: list[Broken] = field(default_factory=list)
     skipped: str = ""
+
+    def skip(self, name: str, why: str) -> None:
+        """Write down that it could not be tried, and skip the test."""
+        self.skipped = why
+        self.keep(name)
+        pytest.skip(why)
 
     def keep(self, name: str) -> None:
         """Write it down."""

@@ -23,7 +23,7 @@ from harness import (
     nudge,
     until,
 )
-from ledger import Tally
+from ledger import Tally, rounds_of
 
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.control_pb2_grpc import ControlStub
@@ -34,6 +34,15 @@ LONGEST = 1.0
 RESTART = "Reset, new servo process"
 LONGEST_RESTART = 10.0
 """What a reset may take that starts an interpreter, s."""
+
+FLIGHT_RECORDER = 100.0
+"""What the flight recorder, which gives way to all others, may take to write and end, s."""
+
+ATTEMPTS = 5
+"""How often what a busy machine has spoilt is begun anew."""
+
+STARVED = ("heartbeat_lost", "path_starved")
+"""What a servo says of a daemon that has had no processor for :data:`LONGEST`."""
 
 _MARK = "ORIENTD_CHAOS_MARK"
 _marks = itertools.count()
@@ -75,14 +84,15 @@ class Calls:
         finally:
             took = time.monotonic() - max(begun, self.went_on)
             if took > 0.5 * LONGEST:
-                took -= sum(_longest_wait(*pair) for pair in zip(pids, before, strict=True))
+                took -= sum(longest_wait(*pair) for pair in zip(pids, before, strict=True))
             if took > self._tally.slowest[1]:
                 self._tally.slowest = (name, took)
             if took > (LONGEST_RESTART if name == RESTART else self.longest):
                 self.late.append(f"{name} took {took:.2f} s")
 
 
-def _longest_wait(pid: int, before: dict[str, int]) -> float:
+def longest_wait(pid: int, before: dict[str, int]) -> float:
+    """Return for how long a thread of a process has waited for a processor since *before*, s."""
     now = waiting(pid)
     waits = (ns - before.get(task, ns) for task, ns in now.items())
     return 1e-9 * max(waits, default=0)
@@ -130,6 +140,7 @@ class Stage:
         self.daemon.environment = {_MARK: self.mark, **(environment or {})}
         self.streams: list = []
         self._is_warm = False
+        self._waited: dict[str, int] = {}
         self._side = 1.0
 
     def __enter__(self) -> Stage:
@@ -238,10 +249,10 @@ class Stage:
 
     def check_sent(self) -> None:
         """Look at all that was sent since this was last done; the device is at rest now."""
-        sent = self.daemon.sent()
-        if len(sent):
-            assert np.isfinite(sent).all()
-            assert_limits_kept(sent, self.daemon.period)
+        for stretch in self.daemon.stretches():
+            if len(stretch):
+                assert np.isfinite(stretch).all()
+                assert_limits_kept(stretch, self.daemon.period)
         os.truncate(self.daemon.recording, 0)
 
     def rests(self) -> None:
@@ -257,15 +268,27 @@ class Stage:
         device = told["devices"][DEVICE]
         assert told["daemon"]["pid"] == self.daemon.process.pid
         assert told["daemon"]["lease_holder"] == holder, told["daemon"]
-        assert device["fault"] in faults, (device["fault"], device["fault_text"])
-        is_fault = device["fault"] != "none"
+        met = fault = device["fault"]
+        if fault not in faults and self.was_starved(self._waited):
+            met = f"{fault}, the daemon waiting for a processor"
+        else:
+            assert fault in faults, (fault, device["fault_text"])
+        is_fault = fault != "none"
         assert device["state"] == ("fault" if is_fault else "holding"), device
         assert bool(device["fault_text"]) == is_fault, device
         pid = device["servo_pid"]
         servos = [pid for pid, words in self.family().items() if "orientd.servo" in words]
         assert servos == ([pid] if pid else []), (pid, servos)
-        self.tally.met[device["fault"]] += 1
-        return device["fault"]
+        self.tally.met[met] += 1
+        return fault
+
+    def was_starved(self, waited: dict[str, int]) -> bool:
+        """Whether the fault is that the daemon, less what it had *waited*, had no processor.
+
+        The servo says of it what it should; but it is no consequence of the harm.
+        """
+        fault = pb.Fault.Name(self.device().fault).removeprefix("FAULT_").lower()
+        return fault in STARVED and longest_wait(self.daemon.process.pid, waited) > LONGEST
 
     def check_clean(self) -> None:
         """See that there is the daemon, at most one servo, and nothing in /dev/shm."""
@@ -275,7 +298,9 @@ class Stage:
             return {pid: words for pid, words in self.family().items() if pid not in expected}
 
         # The flight recorder ends by itself once it has written its file.
-        until(lambda: not orphans(), "the end of all others", 20.0)
+        with contextlib.suppress(AssertionError):
+            until(lambda: not orphans(), "the end of all others", FLIGHT_RECORDER)
+        assert not orphans(), orphans()
         new = set(os.listdir("/dev/shm")) - self.shared
         assert not {name for name in new if "orientd" in name}, new
 
@@ -286,14 +311,41 @@ class Stage:
         assert last.summary.outcome == pb.OUTCOME_DONE, last
         self.streams.clear()
 
+    def await_fault(self, seconds: float = 2.0) -> None:
+        """Wait until the daemon tells of a fault."""
+        until(lambda: self.device().state == pb.STATE_FAULT, "the fault", seconds)
+
+    def come_to_rest(self) -> None:
+        """Stop whatever moves still, as anybody may."""
+        self.call("Stop", pb.StopRequest(device=DEVICE))
+        self.rests()
+
+    def settle(self, *, faults, holder="test") -> None:
+        """After the harm: what is told is true, what was sent kept the limits, and it recovers."""
+        self.streams.clear()
+        self.check_truth(faults=faults, holder=holder)
+        self.check_sent()
+        if not holder:
+            request = pb.AcquireLeaseRequest(holder="test")
+            self.daemon.token = self.call("AcquireLease", request).lease.token
+        self.recover()
+
     def recover(self) -> None:
         """Bring it back as a user would, and see that it moves again."""
-        self.call("RenewLease", pb.RenewLeaseRequest(token=self.daemon.token))
-        if self.device().state == pb.STATE_FAULT:
-            self.command("Reset")
-        until(lambda: self.device().state == pb.STATE_HOLDING, "holding", 5.0)
-        self.command("SetSpeed", speed=1.0)
-        self.move_once()
+        for _ in range(ATTEMPTS):
+            self.call("RenewLease", pb.RenewLeaseRequest(token=self.daemon.token))
+            if self.device().state == pb.STATE_FAULT:
+                self.command("Reset")
+            until(lambda: self.device().state == pb.STATE_HOLDING, "holding", 5.0)
+            self.command("SetSpeed", speed=1.0)
+            waited = waiting(self.daemon.process.pid)
+            try:
+                self.move_once()
+                break
+            except AssertionError:
+                if not self.was_starved(waited):
+                    raise
+                self.tally.met["begun anew, the daemon waiting for a processor"] += 1
         self.check_sent()
         self.check_clean()
         assert not self.calls.late, "; ".join(self.calls.late)
@@ -325,6 +377,7 @@ class Stage:
         """One round: probed all the while; begun anew if it fails."""
         os.truncate(self.daemon.recording, 0)
         self.calls.late.clear()
+        self._waited = waiting(self.daemon.process.pid)
         probe = Probe(self)
         probe.start()
         try:
@@ -336,3 +389,23 @@ class Stage:
             print((self.daemon.folder / "log").read_text()[-3000:])
             self.again()
             raise
+
+
+def rehearse(folder: Path, name: str, tally: Tally, harm, **settings) -> None:
+    """Do harm to one stage, round after round.
+
+    Args:
+        folder: of the daemon.
+        name: of the fault.
+        tally: of its rounds.
+        harm: does it, and looks at what came of it; told the stage, the round's number and its
+            generator.
+        settings: of the stage.
+    """
+    with Stage(folder, tally, **settings) as stage:
+
+        def one(number, generator):
+            with stage.round():
+                harm(stage, number, generator)
+
+        rounds_of(name, tally, one)

@@ -1,16 +1,15 @@
 """Clients that are slow, silent, many or malicious; run with `make chaos`."""
 
 import os
-import random
 import socket
 import time
 
 import grpc
 import pytest
 from harness import DEVICE, channel_to, until
-from ledger import Tally, rounds_of
+from ledger import Tally
 from scenes import under_way
-from stage import Stage
+from stage import rehearse
 
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.address import MAX_MESSAGE_BYTES
@@ -214,22 +213,17 @@ def test_a_client_does_no_harm(tmp_path, harm):
     tally = Tally(KINDS[harm], order, "no fault, every call of others answered, "
                   "limits, status, nothing left open")  # fmt: skip
 
-    def one(number, generator: random.Random):
-        with stage.round():
-            before = descriptors(stage)
-            pid = stage.servo
-            with under_way(stage, number, generator):
-                lines = harm(stage, generator, tally)
-            stage.call("Stop", pb.StopRequest(device=DEVICE))
-            stage.rests()
-            stage.streams.clear()
-            for line in lines:
-                line.close()
-            stage.check_truth(faults=("none",))
-            assert stage.servo == pid
-            until(lambda: descriptors(stage) <= before + 8, "open files are closed", 10.0)
-            stage.check_sent()
-            stage.recover()
+    def one(stage, number, generator):
+        before = descriptors(stage)
+        pid = stage.servo
+        with under_way(stage, number, generator):
+            lines = harm(stage, generator, tally)
+        stage.come_to_rest()
+        stage.streams.clear()
+        for line in lines:
+            line.close()
+        assert stage.servo == pid
+        until(lambda: descriptors(stage) <= before + 8, "open files are closed", 10.0)
+        stage.settle(faults=("none",))
 
-    with Stage(tmp_path, tally) as stage:
-        rounds_of(f"client-{harm.__name__}", tally, one)
+    rehearse(tmp_path, f"client-{harm.__name__}", tally, one)

@@ -12,12 +12,9 @@ import time
 from pathlib import Path
 
 import pytest
-from harness import DEVICE
-from ledger import Tally, rounds_of
+from ledger import Tally
 from scenes import under_way
-from stage import Stage
-
-from orientd.rpc import control_pb2 as pb
+from stage import rehearse
 
 pytestmark = [pytest.mark.chaos, pytest.mark.timeout(7200)]
 
@@ -29,27 +26,20 @@ def test_the_clock_on_the_wall_steps(tmp_path):
                   "limits, lease and status undisturbed")  # fmt: skip
     compiler = shutil.which("cc")
     if compiler is None:
-        tally.skipped = "there is no C compiler for the stand-in of the clock"
-        tally.keep("clock")
-        pytest.skip(tally.skipped)
+        tally.skip("clock", "there is no C compiler for the stand-in of the clock")
     shim, offset = tmp_path / "clock.so", tmp_path / "offset"
     source = Path(__file__).with_name("clock_shim.c")
     subprocess.run([compiler, "-shared", "-fPIC", "-O1", "-o", str(shim), str(source)], check=True)
     offset.write_bytes(bytes(4096))
 
-    def one(number, generator):
-        with stage.round():
-            with under_way(stage, number, generator):
-                for _ in range(generator.randrange(1, 5)):
-                    step = generator.choice(STEPS)
-                    page[:8] = struct.pack("=q", round(step * 1e9))
-                    time.sleep(generator.uniform(0.0, 0.3))
-            stage.call("Stop", pb.StopRequest(device=DEVICE))
-            stage.rests()
-            stage.streams.clear()
-            stage.check_truth(faults=("none",))
-            stage.check_sent()
-            stage.recover()
+    def harm(stage, number, generator):
+        with under_way(stage, number, generator):
+            for _ in range(generator.randrange(1, 5)):
+                step = generator.choice(STEPS)
+                page[:8] = struct.pack("=q", round(step * 1e9))
+                time.sleep(generator.uniform(0.0, 0.3))
+        stage.come_to_rest()
+        stage.settle(faults=("none",))
 
     environment = {"LD_PRELOAD": str(shim), "CHAOS_CLOCK": str(offset)}
     with offset.open("r+b") as file, mmap.mmap(file.fileno(), 4096) as page:
@@ -58,5 +48,4 @@ def test_the_clock_on_the_wall_steps(tmp_path):
             ["date", "+%s"], env=environment, capture_output=True, text=True, check=True
         )
         assert abs(float(told.stdout) + 86_400.0 - time.time()) < 60.0
-        with Stage(tmp_path / "daemon", tally, environment=environment) as stage:
-            rounds_of("clock", tally, one)
+        rehearse(tmp_path / "daemon", "clock", tally, harm, environment=environment)

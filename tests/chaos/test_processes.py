@@ -4,23 +4,25 @@ import json
 import os
 import signal
 import time
+import urllib.request
 from importlib.util import find_spec
 
 import grpc
 import pytest
 from command_line import begin, environment
 from harness import DEVICE, is_alive, until
-from ledger import Tally, rounds_of
+from ledger import Tally
 from scenes import under_way
-from stage import Stage
+from stage import rehearse
 
+from orientd.recorder import reader
 from orientd.rpc import control_pb2 as pb
 
 pytestmark = [pytest.mark.chaos, pytest.mark.timeout(7200)]
 
 
-def kill_daemon(stage, generator):
-    """Kill the daemon; see the servo brake and end, and a new daemon take its place."""
+def kill_daemon(stage):
+    """Kill the daemon; see the servo brake and end."""
     servo = stage.servo
     os.kill(stage.daemon.process.pid, signal.SIGKILL)
     stage.daemon.process.wait()
@@ -37,96 +39,84 @@ def renew(stage):
     stage.check_sent()
     stage.daemon.end()
     stage.start()
-    stage.check_truth(faults=("none",))
 
 
 def test_the_daemon_is_killed(tmp_path):
     tally = Tally("daemon: SIGKILL", 10, "stop on the path within the limits, servo gone, next "
                   "daemon at once and a motion")  # fmt: skip
 
-    def one(number, generator):
-        with stage.round():
-            with under_way(stage, number, generator):
-                kill_daemon(stage, generator)
-            stage.streams.clear()
-            renew(stage)
-            stage.recover()
+    def harm(stage, number, generator):
+        with under_way(stage, number, generator):
+            kill_daemon(stage)
+        renew(stage)
+        stage.settle(faults=("none",))
 
-    with Stage(tmp_path, tally) as stage:
-        rounds_of("daemon-killed", tally, one)
+    rehearse(tmp_path, "daemon-killed", tally, harm)
 
 
 def test_the_daemon_is_stopped_and_goes_on(tmp_path):
     tally = Tally("daemon: SIGSTOP 0.1 to 2.5 s, SIGCONT", 11, "limits, no fault but a lost "
-                  "heartbeat, status, recovery")  # fmt: skip
+                  "heartbeat or path, status, recovery")  # fmt: skip
 
-    def one(number, generator):
-        with stage.round():
-            with under_way(stage, number, generator):
-                process = stage.daemon.process
-                process.send_signal(signal.SIGSTOP)
-                stage.calls.went_on = float("inf")
-                time.sleep(generator.choice((0.1, 0.4, 0.8, 1.3, 2.5)))
-                stage.calls.went_on = time.monotonic()
-                process.send_signal(signal.SIGCONT)
-                time.sleep(0.1)
-            stage.call("Stop", pb.StopRequest(device=DEVICE))
-            stage.rests()
-            stage.streams.clear()
-            stage.check_truth(faults=("none", "heartbeat_lost"))
-            stage.check_sent()
-            stage.recover()
+    def harm(stage, number, generator):
+        with under_way(stage, number, generator):
+            process = stage.daemon.process
+            process.send_signal(signal.SIGSTOP)
+            stage.calls.went_on = float("inf")
+            time.sleep(generator.choice((0.1, 0.4, 0.8, 1.3, 2.5)))
+            stage.calls.went_on = time.monotonic()
+            process.send_signal(signal.SIGCONT)
+            time.sleep(0.1)
+        stage.come_to_rest()
+        stage.settle(faults=("none", "heartbeat_lost", "path_starved"))
 
-    with Stage(tmp_path, tally) as stage:
-        rounds_of("daemon-stopped", tally, one)
+    rehearse(tmp_path, "daemon-stopped", tally, harm)
 
 
 def test_the_servo_is_killed(tmp_path):
     tally = Tally("servo: SIGKILL", 12, "limits up to the end, fault servo_died, reset, a "
                   "motion")  # fmt: skip
 
-    def one(number, generator):
-        with stage.round():
-            with under_way(stage, number, generator):
-                servo = stage.servo
-                os.kill(servo, signal.SIGKILL)
-                until(lambda: stage.device().state == pb.STATE_FAULT, "the fault", 1.0)
-            stage.streams.clear()
-            stage.check_truth(faults=("servo_died",))
-            stage.check_sent()
-            stage.recover()
+    def harm(stage, number, generator):
+        with under_way(stage, number, generator):
+            os.kill(stage.servo, signal.SIGKILL)
+            stage.await_fault(1.0)
+        stage.settle(faults=("servo_died",))
 
-    with Stage(tmp_path, tally) as stage:
-        rounds_of("servo-killed", tally, one)
+    rehearse(tmp_path, "servo-killed", tally, harm)
 
 
 def test_the_servo_is_stopped_and_goes_on(tmp_path):
-    tally = Tally("servo: SIGSTOP 0.02 to 1.5 s, SIGCONT", 13, "limits from setpoint to setpoint, "
-                  "every call answered, status, recovery")  # fmt: skip
+    tally = Tally("servo: SIGSTOP 0.02 to 1.5 s, SIGCONT", 13, "on from rest within the limits, or "
+                  "fault servo_stalled, every call answered, status, recovery")  # fmt: skip
 
-    def one(number, generator):
-        with stage.round():
-            with under_way(stage, number, generator):
-                servo = stage.servo
-                os.kill(servo, signal.SIGSTOP)
-                try:
-                    time.sleep(generator.choice((0.02, 0.1, 0.3, 0.7, 1.5)))
-                finally:
-                    os.kill(servo, signal.SIGCONT)
-                time.sleep(generator.uniform(0.0, 0.1))
-            stage.call("Stop", pb.StopRequest(device=DEVICE))
-            stage.rests()
-            stage.streams.clear()
-            # A motion that is to follow cannot be handed over to who is stopped: internal.
-            stage.check_truth(faults=("none", "internal"))
-            stage.check_sent()
-            stage.recover()
+    def harm(stage, number, generator):
+        with under_way(stage, number, generator):
+            servo = stage.servo
+            os.kill(servo, signal.SIGSTOP)
+            try:
+                time.sleep(generator.choice((0.02, 0.1, 0.3, 0.7, 1.5)))
+            finally:
+                os.kill(servo, signal.SIGCONT)
+            time.sleep(generator.uniform(0.0, 0.1))
+        stage.come_to_rest()
+        # A motion that is to follow cannot be handed over to who is stopped: internal.
+        stage.settle(faults=("none", "servo_stalled", "internal"))
 
-    with Stage(tmp_path, tally) as stage:
-        rounds_of("servo-stopped", tally, one)
+    rehearse(tmp_path, "servo-stopped", tally, harm)
 
 
-COMMANDS_OF_A_STOPPED_SERVO = (
+def command(stage, name):
+    """Give a command that needs no more than its name."""
+    if name == "RenewLease":
+        stage.call(name, pb.RenewLeaseRequest(token=stage.daemon.token))
+    elif name in ("Stop", "Halt"):
+        stage.call(name, getattr(pb, f"{name}Request")(device=DEVICE))
+    else:
+        stage.command(name, **({"speed": 0.5} if name == "SetSpeed" else {}))
+
+
+COMMANDS = (
     "Stop", "Halt", "Pause", "Resume", "SetSpeed", "Enable", "Disable", "Reset", "RenewLease",
 )  # fmt: skip
 
@@ -135,33 +125,21 @@ def test_commands_to_a_stopped_servo_are_answered(tmp_path):
     tally = Tally("servo: SIGSTOP for good, any command", 14, "every call answered within a "
                   "second, status, recovery after SIGKILL")  # fmt: skip
 
-    def one(number, generator):
-        with stage.round():
-            with under_way(stage, 0, generator):
-                servo = stage.servo
-                os.kill(servo, signal.SIGSTOP)
-                name = COMMANDS_OF_A_STOPPED_SERVO[number % len(COMMANDS_OF_A_STOPPED_SERVO)]
-                fields = {"speed": 0.5} if name == "SetSpeed" else {}
-                try:
-                    if name == "RenewLease":
-                        stage.call(name, pb.RenewLeaseRequest(token=stage.daemon.token))
-                    elif name in ("Stop", "Halt"):
-                        stage.call(name, getattr(pb, f"{name}Request")(device=DEVICE))
-                    else:
-                        stage.command(name, **fields)
-                    tally.met["done"] += 1
-                except grpc.RpcError as error:
-                    tally.met[error.code().name.lower()] += 1
-                finally:
-                    os.kill(servo, signal.SIGKILL)
-                until(lambda: stage.device().state == pb.STATE_FAULT, "the fault", 2.0)
-            stage.streams.clear()
-            stage.check_truth(faults=("servo_died",))
-            stage.check_sent()
-            stage.recover()
+    def harm(stage, number, generator):
+        with under_way(stage, 0, generator):
+            servo = stage.servo
+            os.kill(servo, signal.SIGSTOP)
+            try:
+                command(stage, COMMANDS[number % len(COMMANDS)])
+                tally.met["done"] += 1
+            except grpc.RpcError as error:
+                tally.met[error.code().name.lower()] += 1
+            finally:
+                os.kill(servo, signal.SIGKILL)
+            stage.await_fault()
+        stage.settle(faults=("servo_died",))
 
-    with Stage(tmp_path, tally) as stage:
-        rounds_of("servo-frozen", tally, one)
+    rehearse(tmp_path, "servo-frozen", tally, harm)
 
 
 MOTION = {
@@ -169,80 +147,90 @@ MOTION = {
     "approach": True,
 }
 
+LOSSES = pytest.mark.parametrize("loss", [signal.SIGKILL, signal.SIGSTOP])
 
-@pytest.mark.parametrize("number_of_signal", [signal.SIGKILL, signal.SIGSTOP])
-def test_a_client_is_lost(tmp_path, number_of_signal):
-    word = number_of_signal.name
-    after = "stop once the call breaks" if word == "SIGKILL" else "stop once the lease ends"
-    tally = Tally(f"client `orientd move`: {word}", 20, f"{after}, limits, lease free")
+
+@LOSSES
+def test_a_client_is_lost(tmp_path, loss):
+    after = {signal.SIGKILL: "the call breaks", signal.SIGSTOP: "the lease ends"}[loss]
+    tally = Tally(f"client `orientd move`: {loss.name}", 20, f"stop once {after}, limits, lease "
+                  "free")  # fmt: skip
     path = tmp_path / "motion.json"
     path.write_text(json.dumps(MOTION))
 
-    def one(number, generator):
-        with stage.round():
-            stage.call("ReleaseLease", pb.ReleaseLeaseRequest(token=stage.daemon.token))
-            client = begin(
-                "move", path, "--socket", stage.daemon.socket,
-                env=environment(XDG_CONFIG_HOME=str(tmp_path)),
-            )  # fmt: skip
-            try:
-                until(lambda: stage.device().state == pb.STATE_STREAMING, "a motion", 20.0)
-                time.sleep(generator.uniform(0.0, 0.8))
-                client.send_signal(number_of_signal)
-                stage.rests()
-                until(lambda: not stage.status()["daemon"]["lease_holder"], "a free lease", 5.0)
-                assert stage.device().path_time <= stage.device().duration
-            finally:
-                client.kill()
-                client.communicate()
-                for left in stage.daemon.folder.glob("*.sock.lease*"):
-                    left.unlink()
-            stage.check_truth(faults=("none",), holder="")
-            stage.check_sent()
-            request = pb.AcquireLeaseRequest(holder="test")
-            stage.daemon.token = stage.call("AcquireLease", request).lease.token
-            stage.recover()
+    def harm(stage, number, generator):
+        stage.call("ReleaseLease", pb.ReleaseLeaseRequest(token=stage.daemon.token))
+        client = begin(
+            "move", path, "--socket", stage.daemon.socket,
+            env=environment(XDG_CONFIG_HOME=str(tmp_path)),
+        )  # fmt: skip
+        try:
+            until(lambda: stage.device().state == pb.STATE_STREAMING, "a motion", 20.0)
+            time.sleep(generator.uniform(0.0, 0.8))
+            client.send_signal(loss)
+            stage.rests()
+            until(lambda: not stage.status()["daemon"]["lease_holder"], "a free lease", 5.0)
+            assert stage.device().path_time <= stage.device().duration
+        finally:
+            client.kill()
+            client.communicate()
+            for left in stage.daemon.folder.glob("*.sock.lease*"):
+                left.unlink()
+        stage.settle(faults=("none",), holder="")
 
-    with Stage(tmp_path / "daemon", tally, lease_seconds=3.0) as stage:
-        rounds_of(f"client-{word.lower()}", tally, one)
+    name = f"client-{loss.name.lower()}"
+    rehearse(tmp_path / "daemon", name, tally, harm, lease_seconds=3.0)
 
 
-@pytest.mark.parametrize("number_of_signal", [signal.SIGKILL, signal.SIGSTOP])
-@pytest.mark.parametrize("what", ["record", "view"])
-def test_an_onlooker_is_lost(tmp_path, number_of_signal, what):
-    word = number_of_signal.name
-    tally = Tally(f"`orientd {what}`: {word}", 21 + (what == "view"), "no fault, "
-                  "limits, status, recovery")  # fmt: skip
-    needed = {"record": "mcap", "view": "viser"}[what]
+ONLOOKERS = {"record": ("mcap", 21), "view": ("viser", 22)}
+
+
+def onlooker(stage, what, output):
+    """Begin to record, or to show, and return the process and where it can be reached."""
+    arguments = [output] if what == "record" else ["--no-open", "--port", "0"]
+    process = begin(what, *arguments, "--socket", stage.daemon.socket)
+    return process, process.stdout.readline().split()[-1]
+
+
+def check_onlooker(process, what, address):
+    """See that it has gone on: its file opens, or its page answers."""
+    if what == "view":
+        with urllib.request.urlopen(address, timeout=20.0) as page:
+            assert page.status == 200
+    process.terminate()
+    _, said = process.communicate(timeout=30.0)
+    assert process.returncode == 0, said
+
+
+@LOSSES
+@pytest.mark.parametrize("what", ONLOOKERS)
+def test_an_onlooker_is_lost(tmp_path, loss, what):
+    needed, order = ONLOOKERS[what]
+    goes_on = loss is signal.SIGSTOP
+    word = "SIGSTOP 0.3 to 2 s, SIGCONT" if goes_on else "SIGKILL"
+    tally = Tally(f"`orientd {what}`: {word}", order, "no fault, limits, status, recovery, what is "
+                  "recorded opens" + ", and it goes on" * goes_on)  # fmt: skip
+    name = f"{what}-{loss.name.lower()}"
     if find_spec(needed) is None:
-        tally.skipped = f"{needed} was not installed"
-        tally.keep(f"{what}-{word.lower()}")
-        pytest.skip(tally.skipped)
+        tally.skip(name, f"{needed} was not installed")
 
-    def one(number, generator):
-        with stage.round():
-            output = tmp_path / f"{number}.mcap"
-            arguments = [output] if what == "record" else ["--no-open", "--port", "0"]
-            onlooker = begin(what, *arguments, "--socket", stage.daemon.socket)
-            try:
-                onlooker.stdout.readline()
-                with under_way(stage, number, generator):
-                    onlooker.send_signal(number_of_signal)
-                    time.sleep(0.3)
-                stage.call("Stop", pb.StopRequest(device=DEVICE))
-                stage.rests()
-            finally:
-                onlooker.kill()
-                onlooker.communicate()
-            if what == "record" and output.exists():
-                from orientd.recorder import reader
+    def harm(stage, number, generator):
+        output = tmp_path / f"{number}.mcap"
+        process, address = onlooker(stage, what, output)
+        try:
+            with under_way(stage, number, generator):
+                process.send_signal(loss)
+                time.sleep(generator.uniform(0.3, 2.0) if goes_on else 0.3)
+                process.send_signal(signal.SIGCONT)
+            stage.come_to_rest()
+            if goes_on:
+                check_onlooker(process, what, address)
+        finally:
+            process.kill()
+            process.communicate()
+        if output.exists():
+            reader.load(output)
+            output.unlink()
+        stage.settle(faults=("none",))
 
-                reader.load(output)
-                output.unlink()
-            stage.streams.clear()
-            stage.check_truth(faults=("none",))
-            stage.check_sent()
-            stage.recover()
-
-    with Stage(tmp_path / "daemon", tally) as stage:
-        rounds_of(f"{what}-{word.lower()}", tally, one)
+    rehearse(tmp_path / "daemon", name, tally, harm)

@@ -31,13 +31,12 @@ def test_a_daemon_killed_in_a_retarget_leaves_a_stop_and_a_free_place(stage):
         scene = Retarget(stage, generator)
         scene.ending.wait(0.6)
         killed = stage.servo
-        kill_daemon(stage, generator)
+        kill_daemon(stage)
         assert not is_alive(killed)
         scene.end()
-        stage.streams.clear()
         renew(stage)
         assert stage.servo != killed
-        stage.recover()
+        stage.settle(faults=("none",))
 
 
 def test_bad_clients_do_not_disturb_the_following_of_targets(stage):
@@ -89,3 +88,47 @@ def test_what_was_to_follow_on_a_stopped_servo_process_ends_at_rest_in_a_fault(s
         stage.check_sent()
         stage.recover()
         assert stage.servo == servo
+
+
+def test_motion_goes_on_from_rest_when_a_stopped_servo_process_goes_on(stage):
+    with stage.round():
+        moving = stage.begin(nudge(0.8))
+        hold_up(stage.servo, 0.25)
+        *_, last = moving
+        assert last.summary.outcome == pb.OUTCOME_DONE
+        assert len(stage.daemon.stretches()) == 2
+        stage.settle(faults=("none",))
+
+
+def test_motion_does_not_go_on_by_itself_when_a_servo_process_was_stopped_for_long(stage):
+    with stage.round():
+        stage.begin(nudge(0.8))
+        hold_up(stage.servo, 0.8)
+        stage.await_fault()
+        stage.rests()
+        assert "the servo process did not run for" in stage.device().fault_text
+        stage.settle(faults=("servo_stalled",))
+
+
+def test_what_a_stopped_servo_process_was_asked_in_vain_it_does_not_do_later(stage):
+    with stage.round():
+        servo, before = stage.servo, len(stage.daemon.sent())
+        os.kill(servo, signal.SIGSTOP)
+        try:
+            with pytest.raises(grpc.RpcError, match="is stopped"):
+                stage.begin(nudge(0.3))
+        finally:
+            os.kill(servo, signal.SIGCONT)
+        time.sleep(0.5)
+        sent = stage.daemon.sent()
+        assert len(sent) > before
+        assert (sent == sent[0]).all()
+        stage.settle(faults=("none",))
+
+
+def hold_up(pid, seconds):
+    """Stop a process for a while, in the middle of a motion."""
+    time.sleep(0.3)
+    os.kill(pid, signal.SIGSTOP)
+    time.sleep(seconds)
+    os.kill(pid, signal.SIGCONT)

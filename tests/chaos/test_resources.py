@@ -13,12 +13,10 @@ from pathlib import Path
 import grpc
 import pytest
 from command_line import COMMAND, environment
-from harness import DEVICE, DaemonProcess, is_alive, until
+from harness import DaemonProcess, is_alive
 from ledger import Tally, rounds_of
 from scenes import under_way
-from stage import Stage
-
-from orientd.rpc import control_pb2 as pb
+from stage import Stage, rehearse
 
 pytestmark = [pytest.mark.chaos, pytest.mark.timeout(7200)]
 
@@ -59,9 +57,7 @@ def fill(folder):
 
 def skip_without_namespaces(tally, name):
     if not has_namespaces():
-        tally.skipped = "this user may not make mount namespaces"
-        tally.keep(name)
-        pytest.skip(tally.skipped)
+        tally.skip(name, "this user may not make mount namespaces")
 
 
 def test_shared_memory_is_full(tmp_path):
@@ -69,27 +65,21 @@ def test_shared_memory_is_full(tmp_path):
                   "limits, status, reset, a motion")  # fmt: skip
     skip_without_namespaces(tally, "shm-full")
 
-    def one(number, generator):
-        with stage.round():
-            try:
-                with under_way(stage, number, generator):
-                    ballast = fill(inside_of(stage, "/dev/shm"))
-                    time.sleep(0.3)
-                    assert stage.device().state != pb.STATE_FAULT
-                stage.call("Stop", pb.StopRequest(device=DEVICE))
-                stage.rests()
-                stage.streams.clear()
-                stage.check_truth(faults=("none",))
-                os.kill(stage.servo, 9)
-                until(lambda: stage.device().state == pb.STATE_FAULT, "the fault", 2.0)
-                stage.check_truth(faults=("servo_died",))
-                stage.check_sent()
-                stage.recover()
-            finally:
-                ballast.unlink(missing_ok=True)
+    def harm(stage, number, generator):
+        try:
+            with under_way(stage, number, generator):
+                ballast = fill(inside_of(stage, "/dev/shm"))
+                time.sleep(0.3)
+            stage.come_to_rest()
+            stage.streams.clear()
+            stage.check_truth(faults=("none",))
+            os.kill(stage.servo, 9)
+            stage.await_fault()
+            stage.settle(faults=("servo_died",))
+        finally:
+            ballast.unlink(missing_ok=True)
 
-    with Stage(tmp_path, tally, prefix=mounting("/dev/shm", size="20m")) as stage:
-        rounds_of("shm-full", tally, one)
+    rehearse(tmp_path, "shm-full", tally, harm, prefix=mounting("/dev/shm", size="20m"))
 
 
 def test_a_daemon_is_started_where_shared_memory_is_full(tmp_path):
@@ -122,24 +112,18 @@ def test_the_disk_is_full(tmp_path):
     state = tmp_path / "state"
     state.mkdir()
 
-    def one(number, generator):
-        with stage.round():
+    def harm(stage, number, generator):
+        try:
             with under_way(stage, number, generator):
                 ballast = fill(inside_of(stage, state))
                 time.sleep(0.1)
-                servo = stage.servo
-                os.kill(servo, 9)
-                until(lambda: stage.device().state == pb.STATE_FAULT, "the fault", 2.0)
-            stage.streams.clear()
-            stage.check_truth(faults=("servo_died",))
-            stage.check_sent()
-            try:
-                stage.recover()
-            finally:
-                ballast.unlink(missing_ok=True)
+                os.kill(stage.servo, 9)
+                stage.await_fault()
+            stage.settle(faults=("servo_died",))
+        finally:
+            ballast.unlink(missing_ok=True)
 
-    with Stage(tmp_path, tally, prefix=mounting(state, size="4m")) as stage:
-        rounds_of("disk-full", tally, one)
+    rehearse(tmp_path, "disk-full", tally, harm, prefix=mounting(state, size="4m"))
 
 
 def test_the_setpoints_of_a_recording_driver_find_no_room(tmp_path):
@@ -154,7 +138,7 @@ def test_the_setpoints_of_a_recording_driver_find_no_room(tmp_path):
             with under_way(stage, 0, generator):
                 ballast = fill(inside_of(stage, folder))
                 try:
-                    until(lambda: stage.device().state == pb.STATE_FAULT, "the fault", 2.0)
+                    stage.await_fault()
                 finally:
                     text = stage.device().fault_text
                     ballast.unlink()
@@ -199,7 +183,7 @@ def test_descriptors_run_out(tmp_path):
                     servo = stage.servo
                     assert is_alive(servo)
                     os.kill(servo, 9)
-                    until(lambda: stage.device().state == pb.STATE_FAULT, "the fault", 2.0)
+                    stage.await_fault()
                 stage.streams.clear()
                 stage.check_sent()
                 answer = "reset done"

@@ -50,16 +50,15 @@ class EmulatedGimbal:
         return status
 
 
-class GimbalDaemon:
-    """``orientd run`` with the example gimbal on a port of its own, and other changes."""
+class ExampleDaemon:
+    """``orientd run`` with an example configuration, changed where need be."""
 
-    def __init__(self, folder, port, *changes):
+    def __init__(self, folder, example, *changes):
         self.folder = Path(folder)
         self.socket = self.folder / "control.sock"
-        self.config = self.folder / "gimbal.toml"
-        self.report = self.folder / "state" / "orientd" / "servo-gimbal.json"
-        text = (ROOT / "config" / "gimbal.toml").read_text()
-        for old, new in (('/tmp/gimbal"', f'{port}"'), *PATIENT, *changes):
+        self.config = self.folder / example
+        text = (ROOT / "config" / example).read_text()
+        for old, new in changes:
             assert old in text
             text = text.replace(old, new)
         self.config.write_text(f'[daemon]\nsocket = "{self.socket}"\n{text}')
@@ -85,3 +84,11 @@ class GimbalDaemon:
             self.process.send_signal(number)
         _, log = self.process.communicate(timeout=30)
         return self.process.returncode, log
+
+
+class GimbalDaemon(ExampleDaemon):
+    """The example gimbal on a port of its own."""
+
+    def __init__(self, folder, port, *changes):
+        super().__init__(folder, "gimbal.toml", ('/tmp/gimbal"', f'{port}"'), *PATIENT, *changes)
+        self.report = self.folder / "state" / "orientd" / "servo-gimbal.json"

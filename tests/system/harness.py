@@ -17,6 +17,7 @@ import numpy as np
 from orientd import rotation
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.control_pb2_grpc import ControlStub
+from orientd.servo.stall import SHORTEST_NS
 from orientd_loopback import read_recording
 
 DEVICE = "arm"
@@ -125,6 +126,18 @@ class DaemonProcess:
         """Hold the lease for its full time again."""
         self.stub.RenewLease(pb.RenewLeaseRequest(token=self.token))
 
+    def stretches(self) -> list[np.ndarray]:
+        """Return what was sent, cut where the servo process has not run for a while.
+
+        The device has come to rest then, and each stretch begins where the one before ends.
+        """
+        setpoints = read_recording(self.recording)
+        q = np.array([setpoint.q for setpoint in setpoints])
+        gaps = np.diff([setpoint.time_ns for setpoint in setpoints])
+        cuts = np.flatnonzero(gaps > SHORTEST_NS).tolist()
+        ends = [cut + 1 for cut in cuts] + [len(q)]
+        return [q[a:b] for a, b in zip([0, *cuts], ends, strict=True)]
+
     def sent(self) -> np.ndarray:
         """Return the orientations the driver has recorded so far, shape (n, 4)."""
         return np.array([setpoint.q for setpoint in read_recording(self.recording)])
@@ -160,14 +173,17 @@ def nudge(angle: float) -> pb.MotionRequest:
 
 def peaks(q: np.ndarray, period: float) -> tuple[float, float, float]:
     """Return the largest velocity, acceleration and jerk by backward differences, from rest."""
-    q = np.vstack([q[:1], q[:1], q[:1], q])
-    omega = rotation.log(rotation.multiply(rotation.conjugate(q[:-1]), q[1:])) / period
-    alpha = np.diff(omega, axis=0) / period
-    jerk = np.diff(alpha, axis=0) / period
-    velocity, acceleration, jerk = (
-        float(np.linalg.norm(derivative, axis=1).max()) for derivative in (omega, alpha, jerk)
-    )
-    return velocity, acceleration, jerk
+    return peaks_within(np.vstack([q[:1], q[:1], q[:1], q]), period)
+
+
+def peaks_within(q: np.ndarray, period: float) -> tuple[float, float, float]:
+    """Return the largest velocity, acceleration and jerk of what need not begin at rest."""
+    derivative = rotation.log(rotation.multiply(rotation.conjugate(q[:-1]), q[1:])) / period
+    found = []
+    for _ in range(3):
+        found.append(float(np.linalg.norm(derivative, axis=1).max(initial=0.0)))
+        derivative = np.diff(derivative, axis=0) / period
+    return found[0], found[1], found[2]
 
 
 def assert_limits_kept(q: np.ndarray, period: float) -> None:

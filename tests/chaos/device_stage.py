@@ -1,0 +1,218 @@
+"""An emulated device and a daemon that drives it, to do harm to."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import threading
+import time
+
+import numpy as np
+from command_line import begin, environment
+from gimbal_bench import PATIENT, ROOT, ExampleDaemon
+from harness import is_alive, peaks_within, until
+from stage import ATTEMPTS, LONGEST, STARVED, Calls, longest_wait, waiting
+
+import orientd
+from orientd import motion_file
+from orientd.errors import OrientdError
+from orientd.rpc.reports import Outcome
+from orientd.servo.stall import SHORTEST_NS
+from orientd.stream import CycleFlag, State
+
+EMULATOR_PRIORITY = 70
+"""A real device has a processor of its own: its emulator comes first, where that is permitted."""
+
+
+class DeviceStage:
+    """An emulated device, a daemon that drives it, and every setpoint that it is sent."""
+
+    def __init__(self, folder, tally, name):
+        self.tally = tally
+        self.calls = Calls(tally, lambda: self.daemon.process.pid)
+        self.servos = set()
+        if name == "ur":
+            address = f"127.{1 + os.getpid() // 250 % 250}.{1 + os.getpid() % 250}.7"
+            self.words = ("ur", "--host", address)
+            self.device, self.limits, self.rate_hz = "arm", (1.5, 8.0, 400.0), 500.0
+            example = "ur"
+            changes = (
+                ("127.0.0.2", address), ("feedback_timeout = 0.1 ", "feedback_timeout = 0.5 "),
+            )  # fmt: skip
+        else:
+            port = folder / "gimbal"
+            self.words = ("dynamixel", "--link", str(port))
+            self.device, self.limits, self.rate_hz = "gimbal", (1.5, 8.0, 1500.0), 100.0
+            example = "gimbal"
+            changes = (('/tmp/gimbal"', f'{port}"'), *PATIENT)
+        self.motion = motion_file.load(ROOT / "config" / f"{example}-turn.yaml")
+        self.daemon = ExampleDaemon(folder, f"{example}.toml", *changes)
+
+    def __enter__(self):
+        try:
+            self.start()
+        except BaseException:
+            self.kill()
+            raise
+        return self
+
+    def __exit__(self, kind, *_):
+        self.robot.close()
+        self.daemon.end()
+        self.emulator.send_signal(signal.SIGCONT)
+        self.emulator.terminate()
+        self.emulator.communicate(timeout=20)
+        assert kind or not self.left_servos(), "servo processes are left"
+
+    def start(self):
+        """Start both, and have a first motion made."""
+        self.start_emulator()
+        self.daemon.start()
+        self.robot = orientd.connect(self.daemon.socket)
+        self.unless_starved(lambda: self.await_holding(30.0))
+        self.unless_starved(self.turn_once)
+        self.calls.late.clear()
+
+    def kill(self):
+        """End both, whatever state they are in."""
+        for process in (getattr(self, "emulator", None), getattr(self.daemon, "process", None)):
+            if process is not None and process.poll() is None:
+                process.kill()
+                process.communicate()
+        with contextlib.suppress(AttributeError):
+            self.robot.close()
+        until(lambda: not self.left_servos(), "the end of all servo processes", 10.0)
+
+    def start_emulator(self):
+        """Start the emulator and wait for its line."""
+        self.emulator = begin("sim", *self.words, env=environment())
+        line = self.emulator.stdout.readline()
+        assert line.startswith("ready"), line
+        with contextlib.suppress(PermissionError):
+            of_its_own = os.sched_param(EMULATOR_PRIORITY)
+            os.sched_setscheduler(self.emulator.pid, os.SCHED_FIFO, of_its_own)
+
+    def left_servos(self, *but):
+        """Return the servo processes seen so far that are still there."""
+        return [pid for pid in self.servos if pid not in but and is_alive(pid)]
+
+    def state(self):
+        """Return the device as the daemon tells of it, measured."""
+        report = self.calls.measure("GetState", self.robot.state).devices[self.device]
+        if report.servo_pid:
+            self.servos.add(report.servo_pid)
+        return report
+
+    def check_well(self):
+        """See that there is no fault yet."""
+        report = self.state()
+        assert report.state is not State.FAULT, f"before any harm: {report.fault_text}"
+
+    def turn(self):
+        """Begin the example's motion."""
+        return self.robot.move(self.motion)
+
+    @contextlib.contextmanager
+    def round(self):
+        """One round: all that is sent is looked at; both are started anew if it fails."""
+        self.calls.late.clear()
+        try:
+            with self._watched() as cycles:
+                yield
+            self.check_sent(cycles)
+            assert not self.calls.late, "; ".join(self.calls.late)
+        except Exception:
+            self.kill()
+            self.start()
+            raise
+
+    @contextlib.contextmanager
+    def _watched(self):
+        """Collect what is sent, cycle by cycle."""
+        cycles, ending = [], threading.Event()
+
+        def watch():
+            with contextlib.suppress(OrientdError):
+                for batch in self.robot.watch(self.device, rate_hz=50.0):
+                    cycles.extend(batch)
+                    if ending.is_set():
+                        return
+
+        thread = threading.Thread(target=watch, daemon=True)
+        thread.start()
+        until(lambda: cycles, "cycles")
+        try:
+            yield cycles
+        finally:
+            time.sleep(0.1)
+            ending.set()
+
+    def check_sent(self, cycles):
+        """See that the setpoints that were written one after the other keep the limits."""
+        for run in _runs([cycle for cycle in list(cycles) if cycle.flags & CycleFlag.WRITTEN]):
+            q = np.array([cycle.q for cycle in run])
+            for found, limit in zip(peaks_within(q, 1 / self.rate_hz), self.limits, strict=True):
+                assert found <= 1.001 * limit, (found, limit)
+
+    def recover(self):
+        """Bring it back as a user would, and see that it moves again."""
+        self.reset()
+        self.unless_starved(self.turn_once)
+        assert not self.left_servos(self.state().servo_pid)
+
+    def reset(self):
+        """Reset the device until it holds."""
+        end = time.monotonic() + 30.0
+        while True:
+            # Servos and robots need some time after their own stops until they can be unlocked.
+            try:
+                self.robot.reset(self.device)
+                break
+            except OrientdError:
+                if time.monotonic() > end:
+                    raise
+                time.sleep(0.3)
+        self.await_holding(10.0)
+        self.robot.set_speed(1.0, self.device)
+
+    def await_holding(self, seconds):
+        """Wait until the device holds."""
+        until(lambda: self.state().state is State.HOLDING, "holding", seconds)
+
+    def turn_once(self):
+        """Make the example's motion."""
+        summary = self.turn().wait(60.0)
+        assert summary.outcome is Outcome.DONE, summary.text
+
+    def unless_starved(self, work):
+        """Return what *work* returns, begun anew where the daemon had no processor for it."""
+        for _ in range(ATTEMPTS - 1):
+            pid = self.daemon.process.pid
+            before = waiting(pid)
+            try:
+                return work()
+            except (AssertionError, OrientdError):
+                fault = self.state().fault.name.lower()
+                if fault not in STARVED or longest_wait(pid, before) <= LONGEST:
+                    raise
+                self.tally.met["begun anew, the daemon waiting for a processor"] += 1
+                self.reset()
+        return work()
+
+
+def _runs(cycles):
+    """Return the cycles that followed one another, cut where the servo process was held up.
+
+    In a cycle itself, by the device, it was as long as the cycle after it says of its work.
+    """
+    runs, longest = [[]], 0.8 * SHORTEST_NS
+    for before, cycle, after in zip([None, *cycles], cycles, [*cycles[1:], None], strict=False):
+        if before is not None and (
+            cycle.index != before.index + 1
+            or cycle.deadline_ns - before.deadline_ns > longest
+            or (after is not None and after.work_ns > longest)
+        ):
+            runs.append([])
+        runs[-1].append(cycle)
+    return [run for run in runs if run]
