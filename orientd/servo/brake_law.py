@@ -7,10 +7,14 @@ acceleration reach zero together.
 
 Such a law looks at one cycle and could run into a place from which no rate keeps the limits.  So
 the whole stop is rehearsed first, cycle by cycle over the records that are in the ring
-(:mod:`orientd.servo.rehearsal`), with one share of the limits after the other.  What comes to rest
-there is carried out as it was rehearsed; until then, and wherever nothing does, the certified law
-brakes, which always works.  A long stop is rehearsed in several cycles, from where the certified
-law will be by then.
+(:mod:`orientd.servo.rehearsal`), one plan after the other.  What comes to rest there is carried out
+as it was rehearsed; until then, and wherever nothing does, the certified law brakes, which always
+works.  A long stop is rehearsed in several cycles, from where the certified law will be by then.
+
+Where the path slows down by itself, as it does before it turns back, no rate gives the device the
+acceleration that a stop before the turn would need, and whoever brakes for one is too fast there
+and too slow to go on.  Such a place is passed: the device brakes a little, keeps that rate until
+the path is faster again, and stops behind it.
 """
 
 from __future__ import annotations
@@ -21,19 +25,27 @@ from orientd.driver.floats import norm
 from orientd.servo.guard import Guard
 from orientd.servo.path_clock import PathClock
 from orientd.servo.path_follower import PathFollower
-from orientd.servo.rehearsal import Outcome, Rehearsal
+from orientd.servo.reach import Past
+from orientd.servo.rehearsal import Outcome, Plan, Rehearsal
 from orientd.stream import Terms
 
-SHARES = (0.98, 0.9, 0.75, 0.5)
-"""Parts of the limits that a stop is rehearsed with, one after the other."""
+PLANS = (
+    Plan(0.998, 0.985),
+    *(Plan(0.995, 0.985, rate) for rate in (0.87, 0.93, 0.97, 1.0)),
+    Plan(0.9, 0.9),
+    Plan(0.75, 0.9),
+    Plan(0.5, 0.9),
+)
+"""Ways to stop, tried one after the other."""
 
 STEPS_PER_SECOND = 16_000.0
 """Cycles of a stop that are rehearsed in one second: few enough to leave most of a cycle free."""
 
 FEWEST_STEPS = 8
 
-_ALLOWANCE = 1.2  # times the cycles expected
-_MOST = 8.0  # times them, where they have proved too few
+_ALLOWANCE = 1.15  # times the cycles expected
+_SPARE = 4.0  # cycles more than that
+_FARTHEST = 4.0  # times as long as a stop is how far off a slowest point may be
 
 
 class BrakeLaw:
@@ -54,7 +66,8 @@ class BrakeLaw:
         self._moves = -1
         self._taken = 0
         self._tries = 0
-        self._allowance = _ALLOWANCE
+        self._expected = 0.0
+        self._trouble = 0.0
         self._rehearsal: Rehearsal | None = None
         self._rates: list[float] = []
 
@@ -71,18 +84,20 @@ class BrakeLaw:
         if not self._rates:
             self._rehearse(terms, may_end=may_end)
         if self._rates:
-            clock.lead(self._rates.pop())
+            rate = self._rates.pop()
+            clock.lead(rate, is_last=rate == 0.0 and not self._rates)
         elif self._is_coasting:
             clock.lead(clock.rate)
         else:
             clock.advance()
+        self._trouble -= clock.rate
         self._moves = clock.moves
         return clock.rate
 
     def _renew(self, *, may_end: bool) -> None:
         """Begin with another stop."""
         clock = self._clock
-        self._tries, self._allowance = 0, _ALLOWANCE
+        self._tries, self._expected, self._trouble = 0, 0.0, 0.0
         self._rehearsal, self._rates = None, []
         # A path that ends sooner than the certified stop is left as it is.
         rest = self._follower.records_left() * clock.period / clock.rate
@@ -100,6 +115,8 @@ class BrakeLaw:
             left -= rehearsal.go_on(terms, left, may_end=may_end)
             outcome = rehearsal.outcome
             if outcome is Outcome.FAILED:
+                if rehearsal.plan.rate is None:
+                    self._trouble = rehearsal.gone - sum(rehearsal.rates[: self._taken])
                 self._rehearsal = None
                 self._tries += 1
                 left -= 1
@@ -108,29 +125,67 @@ class BrakeLaw:
         rehearsal = self._rehearsal
         if rehearsal is None:
             return
+        if rehearsal.outcome is Outcome.UNFINISHED:
+            more = self._steps * (rehearsal.lead - self._taken)
+            remaining = self._remaining(rehearsal.past, terms)
+            if remaining > more or self._taken >= rehearsal.lead:
+                found = len(rehearsal.rates) - rehearsal.lead + remaining
+                self._expected = max(found, _ALLOWANCE * self._expected)
+                self._rehearsal = None
         if self._taken < rehearsal.lead:
             self._taken += 1
-        elif rehearsal.outcome is Outcome.UNFINISHED:
-            self._allowance = min(2.0 * self._allowance, _MOST)
-            self._rehearsal = None
-        else:
+        elif rehearsal.outcome is not Outcome.UNFINISHED:
             self._rates = rehearsal.rates[self._taken :][::-1]
+            if rehearsal.outcome is Outcome.REST:
+                # One cycle more at rest: a resumption that began at once would add its own jerk
+                # to that of the last step.
+                self._rates.insert(0, 0.0)
             self._rehearsal = None
 
-    def _begin(self, terms: Terms) -> Rehearsal:
-        """Rehearse with the next share, from where the device is when that is over."""
-        speed = norm(self._guard.omega)
+    def _remaining(self, past: Past, terms: Terms) -> float:
+        """Return the cycles that a stop takes at least, were its path straight."""
+        speed, push = _along(past)
         time = max(
-            speed / terms.acceleration + terms.acceleration / terms.jerk,
-            2.0 * sqrt(speed / terms.jerk),
-            norm(self._guard.velocity) / terms.linear_acceleration,
+            _shortest(speed, push, terms.acceleration, terms.jerk),
+            norm(past.velocity) / terms.linear_acceleration,
         )
-        cycles = self._allowance * time / self._clock.period + 4.0
+        return time / self._clock.period
+
+    def _begin(self, terms: Terms) -> Rehearsal:
+        """Rehearse the next plan, from where the device is when that is over."""
+        guard, period = self._guard, self._clock.period
+        past = Past(guard.omega, guard.alpha, guard.velocity)
+        cycles = self._remaining(past, terms)
+        plan = PLANS[self._tries % len(PLANS)]
+        if plan.rate is not None:
+            plan = plan._replace(distance=self._trouble)
+            speed, push = _along(past)
+            slowest = min(-speed / push, _FARTHEST * cycles * period) if push < 0.0 else 0.0
+            # What is left of the acceleration there has to fall, and then the speed it leads to:
+            # in a/j and 2 sqrt(v/j) with v = a^2/2j.
+            cycles = max(cycles, (slowest + 2.4 * norm(guard.alpha) / terms.jerk) / period)
+        cycles = _ALLOWANCE * max(cycles, self._expected) + _SPARE
         return Rehearsal(
             self._clock,
             self._follower,
-            self._guard,
+            guard,
             lead=ceil(cycles / (self._steps - 1)) - 1,
-            share=SHARES[self._tries % len(SHARES)],
+            plan=plan,
             is_coasting=self._is_coasting,
         )
+
+
+def _along(past: Past) -> tuple[float, float]:
+    """Return the speed and how fast it changes."""
+    speed = norm(past.omega)
+    (x, y, z), (u, v, w) = past.omega, past.alpha
+    return speed, (x * u + y * v + z * w) / speed if speed > 0.0 else 0.0
+
+
+def _shortest(speed: float, push: float, most: float, jerk: float) -> float:
+    """Return how long it takes to rest from a speed and its first change, in a straight line."""
+    peak = sqrt(jerk * speed + 0.5 * push * push)
+    if peak <= most:
+        return max(push + 2.0 * peak, 0.0) / jerk
+    held = speed + (push * push - 2.0 * most * most) / (2.0 * jerk)
+    return (push + 2.0 * most) / jerk + held / most

@@ -54,11 +54,11 @@ class PathClock:
         self.is_led = False
         self.moves += 1
 
-    def lead(self, rate: float) -> None:
-        """Take a rate of another law's, which is responsible for the limits until it is zero."""
+    def lead(self, rate: float, *, is_last: bool = False) -> None:
+        """Take a rate of another law's, which is responsible for the limits until its last one."""
         self.acceleration = (rate - self.rate) / self.period if rate > 0.0 else 0.0
         self.rate = rate
-        self.is_led = rate > 0.0
+        self.is_led = not is_last
         self.moves += 1
 
     @property

@@ -21,7 +21,6 @@ from orientd.driver import Vector3
 from orientd.stream import Terms
 
 _LEAST_RELEASE = 0.3
-_RELEASE = 0.9  # of the share of jerk
 _STILL = 1e-9  # rad/s: where the path stands still by itself, its clock does not matter
 
 
@@ -136,15 +135,14 @@ def released(past: Past, ahead: Ahead, terms: Terms, period: float, share: float
     return (speed - change - (a * x + b * y + c * z)) / path_speed
 
 
-def least(
-    past: Past, ahead: Ahead, terms: Terms, period: float, share: float, most: float
+def nearest(
+    past: Past, ahead: Ahead, terms: Terms, period: float, share: float, wanted: float
 ) -> float | None:
-    """Return the least rate that is allowed and can still be released.
+    """Return the rate in [0, 1] nearest to the one that is wanted, or ``None`` if none is allowed.
 
-    The share of the limits is exceeded, up to *most*, where nothing else is left.
+    The share of the limits is exceeded, up to all of them, where nothing else is left.
     """
-    wanted = released(past, ahead, terms, period, _RELEASE * share)
-    for part, jerk_part in ((share, share), (share, most), (most, most)):
+    for part, jerk_part in ((share, share), (share, 1.0), (1.0, 1.0)):
         low, high = allowed(past, ahead, terms, period, part, jerk_part)
         low, high = max(low, 0.0), min(high, 1.0)
         if low <= high:

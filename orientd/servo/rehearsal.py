@@ -15,13 +15,15 @@ from __future__ import annotations
 
 from copy import copy
 from enum import Enum
+from math import inf
+from typing import NamedTuple
 
 from orientd.driver import Vector3
-from orientd.driver.floats import difference
+from orientd.driver.floats import difference, norm
 from orientd.servo.guard import Guard
 from orientd.servo.path_clock import PathClock
 from orientd.servo.path_follower import PathFollower
-from orientd.servo.reach import Ahead, Past, least
+from orientd.servo.reach import Ahead, Past, nearest, released
 from orientd.stream import Terms
 
 Cubic = tuple[Vector3, Vector3, Vector3, Vector3]
@@ -45,14 +47,33 @@ class Outcome(Enum):
     FAILED = "failed"
 
 
+class Plan(NamedTuple):
+    """A way to stop.
+
+    Attributes:
+        share: part of the limits that is used.
+        release: part of the jerk's share that the release is begun with.
+        rate: to which the device brakes first, and which it keeps until the path has been through
+            its slowest point; ``None`` to stop wherever that is possible.
+        distance: records before which the slowest point is not looked for.
+    """
+
+    share: float
+    release: float
+    rate: float | None = None
+    distance: float = 0.0
+
+
 class Rehearsal:
     """A stop from where the device is, some cycles of the certified law first.
 
     Attributes:
         rates: of the cycles rehearsed so far.
         lead: how many of them the certified law, or a coasting clock, takes.
-        share: part of the limits that the stop uses.
+        plan: how to stop.
         outcome: of the rehearsal so far.
+        past: how the device moves after it.
+        gone: records that it has come along.
     """
 
     def __init__(
@@ -62,13 +83,13 @@ class Rehearsal:
         guard: Guard,
         *,
         lead: int,
-        share: float,
+        plan: Plan,
         is_coasting: bool,
     ) -> None:
         """Begin at the present cycle, before it has moved anything."""
         self.rates: list[float] = []
         self.lead = lead
-        self.share = share
+        self.plan = plan
         self.outcome = Outcome.UNFINISHED
         self._clock = copy(clock)
         self._is_coasting = is_coasting
@@ -76,9 +97,12 @@ class Rehearsal:
         self._revision = follower.revision
         self._passed, self._here = 0, follower.index
         self._index, self._fraction = 0, follower.fraction
-        self._past = Past(guard.omega, guard.alpha, guard.velocity)
+        self.past = Past(guard.omega, guard.alpha, guard.velocity)
         self._rate, self._change = clock.rate, clock.acceleration * clock.period
         self._pieces: dict[int, Piece] = {}
+        self.gone = 0.0
+        self._is_past = plan.rate is None
+        self._path_speed = inf
 
     def go_on(self, terms: Terms, steps: int, *, may_end: bool) -> int:
         """Rehearse at most so many cycles more and return how many.
@@ -135,7 +159,8 @@ class Rehearsal:
             if not is_led:
                 break
             ahead = Ahead(slope, _plus(omega, slope, -rate), push, _plus(velocity, push, -rate))
-            found = least(self._past, ahead, terms, h, self.share, 1.0)
+            wanted = self._wanted(ahead, terms)
+            found = nearest(self.past, ahead, terms, h, self.plan.share, wanted)
             if found is None:
                 self.outcome = Outcome.FAILED
                 return
@@ -151,14 +176,27 @@ class Rehearsal:
             rate = 0.0
             is_there = self._follower.peek_ahead(self._index + 1 - self._passed) is not None
             self.outcome = Outcome.REST if is_there else Outcome.FAILED
-        u, v, w = self._past.omega
+        self.gone += rate
+        if is_led and not self._is_past:
+            speed = norm(slope)
+            is_far = self.gone >= self.plan.distance
+            self._is_past, self._path_speed = is_far and speed > self._path_speed, speed
+        u, v, w = self.past.omega
         x, y, z = omega
-        self._past = Past(omega, ((x - u) / h, (y - v) / h, (z - w) / h), velocity)
+        self.past = Past(omega, ((x - u) / h, (y - v) / h, (z - w) / h), velocity)
         self.rates.append(rate)
         self._change, self._rate = rate - self._rate, rate
         self._fraction += rate
         if self._fraction >= 1.0:
             self._index, self._fraction = self._index + 1, self._fraction - 1.0
+
+    def _wanted(self, ahead: Ahead, terms: Terms) -> float:
+        """Return the rate that this cycle of the plan would have if every rate were allowed."""
+        plan = self.plan
+        if self._is_past or plan.rate is None:
+            share = plan.release * plan.share
+            return released(self.past, ahead, terms, self._clock.period, share)
+        return min(plan.rate, self._rate)
 
     def _load(self, index: int) -> Piece | None:
         """Return what lies between a record and the next, or ``None`` beyond the last."""

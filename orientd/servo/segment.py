@@ -9,6 +9,11 @@ Kim, Kim and Shin (1995), section 5.2, with the velocities of the two records at
 with the half-angle increments :math:`w_1 = h\Omega_a/6`, :math:`w_3 = h\Omega_b/6` and
 :math:`w_2 = \log(\exp(-w_1) q_a^{-1} q_b \exp(-w_3))`.  Here all rotation vectors are whole angles,
 twice the paper's.  At ``u = 0`` the record itself is returned, untouched by rounding.
+
+Between two records a smooth curve is met to the fourth order of the period.  Where the curve's
+acceleration has a step inside (methods of continuity 1, at their knots) the segment is off by at
+most 0.024 times the jerk limit times the cube of the period, 1.6e-6 rad for 8,500 rad/s^3 and 2 ms:
+one cubic has no place for a kink, and the records say nothing of where it is.
 """
 
 from __future__ import annotations
