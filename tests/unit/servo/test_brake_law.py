@@ -113,6 +113,7 @@ def test_pauses_resumptions_and_stops_in_any_order_keep_the_limits_and_the_path(
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(3600)
 @pytest.mark.parametrize("seed", [11, 12, 13])
 @pytest.mark.parametrize("kind", KINDS)
 def test_many_more_pauses_resumptions_and_stops_do(kind, seed):
