@@ -4,6 +4,10 @@ The curve is the C2 cumulative cubic B-spline of Kim, Kim and Shin (1995), sec. 
 comes near the samples; of knots it has as few as hold an error bound.  What is bounded is the angle
 between the curve and the *filtered* samples: residuals averaged over so many neighbours that noise
 no longer matters.  A single sample may be further away by its own noise.
+
+The turning itself is nowhere known, and nothing is promised of it.  Of forty recordings with half a
+degree of noise, fitted within a bound of one degree, every curve was within one degree of it, but
+for half a second without samples and a tenth of a second on either side: there, 1.4 at the most.
 """
 
 from __future__ import annotations

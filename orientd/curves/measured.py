@@ -81,6 +81,10 @@ def clean(times: ArrayLike, q: ArrayLike) -> Measured:
             break
         keep = np.ones(len(instants), dtype=bool)
         keep[2:-2] = ~is_wild
+        # The two outermost have no cubic of their own: whether it is they that are wild or the next
+        # one cannot be said, and if they stayed the next ones would go one after the other.
+        keep[:2] &= not is_wild[0]
+        keep[-2:] &= not is_wild[-1]
         instants, found = instants[keep], found[keep]
     signs = np.sign(np.sum(found[1:] * found[:-1], axis=-1))
     aligned = found * np.cumprod(np.append(1.0, np.where(signs < 0.0, -1.0, 1.0)))[:, None]

@@ -40,6 +40,15 @@ def test_wild_samples_are_left_out_and_others_are_not():
     assert 8 <= fit_orientations(*recorded(3)).samples.left_out <= 10
 
 
+@pytest.mark.parametrize("place", [0, 1, 2, 3, -4, -3, -2, -1])
+def test_a_wild_sample_near_an_end_takes_none_but_the_outermost_with_it(place):
+    t, q = recorded(3, seconds=15.0, wild=0)
+    q[place] = rotation.multiply(q[place], rotation.exp([0.0, 2.0, 0.5]))
+    fit = fit_orientations(t, q)
+    assert fit.samples.left_out <= 4
+    assert float(away(fit)[1].max()) <= DEGREE
+
+
 @pytest.mark.parametrize("tolerance_deg", [1.0, 0.1, 0.01])
 def test_without_noise_any_bound_is_held(tolerance_deg):
     t = np.arange(0.0, 10.0, 0.01)
