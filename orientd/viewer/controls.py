@@ -14,6 +14,7 @@ from orientd.errors import LeaseError, OrientdError
 from orientd.rpc.client import Robot
 from orientd.rpc.reports import DeviceReport
 from orientd.stream import State
+from orientd.viewer import drop
 from orientd.viewer.proposal import Proposal
 from orientd.viewer.watcher import Sight, Watcher
 
@@ -72,6 +73,7 @@ class Controls:
                 hint="It is planned and shown; nothing moves before it is sent.",
             )  # fmt: skip
             self._file.on_upload(self._read)
+            gui.add_html(drop.HTML)
             self._about = gui.add_html("", visible=False)
             self._send = gui.add_button("▶ Send: the device moves", visible=False)
             self._send.on_click(lambda event: self._command(event, self.proposal.send))

@@ -12,6 +12,8 @@ from harness import DaemonProcess, spin, until
 from orientd.rpc import control_pb2 as pb
 
 pytest.importorskip("viser")
+drop = pytest.importorskip("orientd.viewer.drop")
+web = pytest.importorskip("orientd.viewer.web")
 image = pytest.importorskip("matplotlib.image")
 playwright = pytest.importorskip("playwright.sync_api")
 
@@ -37,18 +39,24 @@ def daemon(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def page(daemon):
+def browser():
+    with playwright.sync_playwright() as player:
+        opened = player.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE)
+        yield opened
+        opened.close()
+
+
+@pytest.fixture(scope="module")
+def page(daemon, browser):
     """The page in a small window, of which a processor can draw enough."""
     view = begin("view", "--no-open", "--port", 0, "--socket", daemon.socket)
     line = view.stdout.readline()
     assert line.startswith("ready"), (line, view.stderr.read())
-    with playwright.sync_playwright() as player:
-        browser = player.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE)
-        opened = browser.new_page(viewport={"width": 900, "height": 400})
-        opened.set_default_timeout(PATIENCE)
-        opened.goto(f"{line.split()[-1]}/?fixedDpr=0.5")
-        yield opened
-        browser.close()
+    opened = browser.new_page(viewport={"width": 900, "height": 400})
+    opened.set_default_timeout(PATIENCE)
+    opened.goto(f"{line.split()[-1]}/?fixedDpr=0.5")
+    yield opened
+    opened.close()
     view.terminate()
     rest, errors = view.communicate(timeout=15.0)
     assert (view.returncode, rest, errors) == (0, "", "")
@@ -115,6 +123,46 @@ def test_a_file_is_shown_with_its_certificate_before_it_is_sent(daemon, page):
     assert daemon.device().motion_number == before + 1
     press(page, "Give the lease back")
     page.get_by_text("free", exact=True).wait_for()
+
+
+def drag(page, path, *kinds):
+    """Have a file dragged as by somebody's hand; the page only hears of it from the browser."""
+    files = {"items": [], "files": [str(path)], "dragOperationsMask": 1}
+    session = page.context.new_cdp_session(page)
+    for kind in kinds:
+        session.send("Input.dispatchDragEvent", {"type": kind, "x": 100, "y": 100, "data": files})
+
+
+def test_a_file_dropped_anywhere_goes_where_one_that_is_chosen_goes(browser, tmp_path):
+    server, taken = web.serve("127.0.0.1", 0), []
+    button = server.gui.add_upload_button("Choose")
+    button.on_upload(lambda _: taken.append((button.value.name, button.value.content)))
+    server.gui.add_html(drop.HTML)
+    address = f"http://127.0.0.1:{server.get_port()}/?fixedDpr=0.1"
+    page = browser.new_page(viewport={"width": 600, "height": 300})
+
+    def is_marked():
+        return page.locator("body.takes-file").count()
+
+    try:
+        page.set_default_timeout(PATIENCE)
+        page.goto(address)
+        page.get_by_text("drop it anywhere").wait_for()
+        path = tmp_path / "turn.yaml"
+        # The same file twice, with what it holds by then.
+        for content in (b"one", b"two"):
+            path.write_bytes(content)
+            drag(page, path, "dragEnter")
+            # A browser tells of what is held over it again and again.
+            until(lambda: drag(page, path, "dragOver") or is_marked(), "a mark", seconds=30.0)
+            drag(page, path, "drop")
+            until(lambda: taken and taken[-1][1] == content, "the file", seconds=30.0)  # noqa: B023
+            assert not is_marked()
+        assert taken == [("turn.yaml", b"one"), ("turn.yaml", b"two")]
+        assert page.url == address
+    finally:
+        page.close()
+        web.stop(server)
 
 
 def test_the_page_says_when_the_daemon_is_gone_and_when_it_is_back(daemon, page):
