@@ -293,14 +293,13 @@ class Stage:
     def check_clean(self) -> None:
         """See that there is the daemon, at most one servo, and nothing in /dev/shm."""
         expected = {self.daemon.process.pid, self.servo}
-
-        def orphans():
-            return {pid: words for pid, words in self.family().items() if pid not in expected}
-
+        end = time.monotonic() + FLIGHT_RECORDER
         # The flight recorder ends by itself once it has written its file.
-        with contextlib.suppress(AssertionError):
-            until(lambda: not orphans(), "the end of all others", FLIGHT_RECORDER)
-        assert not orphans(), orphans()
+        while orphans := {
+            pid: words for pid, words in self.family().items() if pid not in expected
+        }:
+            assert time.monotonic() < end, f"still there: {orphans}"
+            time.sleep(0.005)
         new = set(os.listdir("/dev/shm")) - self.shared
         assert not {name for name in new if "orientd" in name}, new
 
