@@ -1,6 +1,7 @@
 """Clients that keep a daemon busy: four watchers, and one that has motions planned without pause.
 
-Run as ``python -m orientd.bench.clients SOCKET`` until it is killed.
+Run as ``python -m orientd.bench.clients SOCKET DEVICE`` until it is killed; with ``watch`` after
+that there are the watchers only.
 """
 
 from __future__ import annotations
@@ -35,16 +36,18 @@ def watch(stub: ControlStub, device: str) -> None:
         pass
 
 
-def main(socket: str, device: str) -> None:
+def main(socket: str, device: str, only: str = "") -> None:
     """Keep the daemon at *socket* busy until this process is killed."""
     channel = grpc.insecure_channel(f"unix:{socket}")
     stub = ControlStub(channel)  # type: ignore[no-untyped-call] # generated
     for _ in range(WATCHERS):
         threading.Thread(target=watch, args=(stub, device), daemon=True).start()
+    if only == "watch":
+        threading.Event().wait()
     request = pb.PlanRequest(device=device, motion=motion())
     while True:
         stub.Plan(request)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], sys.argv[2])
+    main(*sys.argv[1:])

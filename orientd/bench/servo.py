@@ -111,18 +111,28 @@ def _servo_slot(
     ):
         load = [[sys.executable, "-m", "orientd.bench.clients", str(socket), DEVICE]]
         with processes(load if is_loaded else []):
-            return _stream(socket, seconds, priority, is_loaded=is_loaded)
+            return stream(socket, seconds, priority, progress_hz=20.0 if is_loaded else 1.0)
 
 
 @contextlib.contextmanager
-def daemon(folder: Path, rate_hz: float, priority: int, spin_us: int = SPIN_US) -> Iterator[Path]:
-    """Run a daemon with one loopback device for as long as the context lasts."""
+def daemon(
+    folder: Path, rate_hz: float, priority: int, spin_us: int = SPIN_US, *, more: str = ""
+) -> Iterator[Path]:
+    """Run a daemon with one loopback device for as long as the context lasts.
+
+    Args:
+        folder: for its files.
+        rate_hz: of the device.
+        priority: SCHED_FIFO priority of its servo, 0 for the ordinary scheduler.
+        spin_us: how long the servo spins before a deadline.
+        more: tables of the configuration besides those.
+    """
     socket = folder / "control.sock"
     config = folder / "config.toml"
     config.write_text(
         f'[daemon]\nsocket = "{socket}"\nlease_seconds = 60.0\n'
         f'[devices.{DEVICE}]\ndriver = "loopback"\n'
-        f"rate_hz = {rate_hz!r}\npriority = {priority}\nspin_us = {spin_us}\n"
+        f"rate_hz = {rate_hz!r}\npriority = {priority}\nspin_us = {spin_us}\n{more}"
     )
     environment = {**os.environ, "XDG_STATE_HOME": str(folder)}
     process = subprocess.Popen(
@@ -142,8 +152,18 @@ def daemon(folder: Path, rate_hz: float, priority: int, spin_us: int = SPIN_US) 
         process.communicate()  # closes the pipe, too
 
 
-def _stream(socket: Path, seconds: float, priority: int, *, is_loaded: bool) -> Slot:
-    """Move for *seconds* and return what was measured of the motion."""
+def stream(socket: Path, seconds: float, priority: int, *, progress_hz: float = 1.0) -> Slot:
+    """Move for *seconds* and return what was measured of the motion.
+
+    Args:
+        socket: of the daemon, as :func:`daemon` has started it.
+        seconds: how long the motion takes.
+        priority: that the servo has asked for.
+        progress_hz: how often this client is told of progress.
+
+    Raises:
+        OrientdError: the priority is not permitted, or the motion did not end well.
+    """
     with grpc.insecure_channel(f"unix:{socket}") as channel:
         stub = ControlStub(channel)  # type: ignore[no-untyped-call] # generated
         token = stub.AcquireLease(pb.AcquireLeaseRequest(holder="orientd bench")).lease.token
@@ -154,13 +174,14 @@ def _stream(socket: Path, seconds: float, priority: int, *, is_loaded: bool) -> 
             lease_token=token,
             device=DEVICE,
             motion=motion(count=round(seconds / 0.1) + 1),
-            progress_rate_hz=20.0 if is_loaded else 1.0,
+            progress_rate_hz=progress_hz,
         )
         summary = None
         for answer in stub.Move(request):
             stub.RenewLease(pb.RenewLeaseRequest(token=token))
             if answer.HasField("summary"):
                 summary = answer.summary
+        stub.ReleaseLease(pb.ReleaseLeaseRequest(token=token))
     if summary is None or summary.outcome != pb.OUTCOME_DONE:
         raise OrientdError(f"the motion did not end well: {summary.text if summary else 'no end'}")
     found = summary.statistics
