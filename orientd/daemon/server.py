@@ -134,7 +134,7 @@ class _Daemon:
                 _log.info("daemon: ended")
         finally:
             await server.stop(None)
-            entry.close()
+            await entry.close()
 
     def _reload(self, cell: Cell, entry: Entry) -> None:
         """Take up what can change of the settings, and say what cannot."""

@@ -19,9 +19,10 @@ import socket
 import ssl
 import struct
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from orientd.daemon.access.identity import Certificate, Credentials, Identity, Policy, Process
 from orientd.daemon.access.tls import peer_certificate
@@ -42,6 +43,9 @@ _UCRED = struct.Struct("iII")
 
 Refused = Callable[[str, str], None]
 """Called with where somebody came from and why they were turned away."""
+
+_Receive = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Coroutine[Any, Any, None]]
+_Meet = Callable[[asyncio.StreamReader, asyncio.StreamWriter], None]
 
 
 @dataclass(eq=False)
@@ -82,6 +86,7 @@ class Door:
         self._connections: dict[str, Connection] = {}
         self._counts: Counter[str] = Counter()
         self._listeners: list[asyncio.Server] = []
+        self._visits: set[asyncio.Task[None]] = set()
         self._context: ssl.SSLContext | None = None
         self._handshakes = 0
         self._path: Path | None = None
@@ -105,7 +110,9 @@ class Door:
             os.umask(before)
         self._path = path
         self._let_reach()
-        self._listeners.append(await asyncio.start_unix_server(self._from_unix, sock=listener))
+        self._listeners.append(
+            await asyncio.start_unix_server(self._meet(self._from_unix), sock=listener)
+        )
 
     async def open_tcp(self, host: str, port: int, context: ssl.SSLContext) -> int:
         """Listen for TLS at *host* and *port*; return the port, which 0 leaves to the system.
@@ -115,7 +122,7 @@ class Door:
         """
         self._context = context
         try:
-            server = await asyncio.start_server(self._from_tcp, host, port)
+            server = await asyncio.start_server(self._meet(self._from_tcp), host, port)
         except OSError as error:
             raise DaemonError(f"cannot listen at {host}:{port}: {error.strerror}") from error
         self._listeners.append(server)
@@ -141,12 +148,15 @@ class Door:
             if isinstance(connection.credentials, Certificate):
                 connection.hang_up()
 
-    def close(self) -> None:
-        """Let nobody in any more, and hang up on everybody."""
+    async def close(self) -> None:
+        """Let nobody in any more, hang up on everybody, and wait until they are out."""
         for listener in self._listeners:
             listener.close()
         for connection in list(self._connections.values()):
             connection.hang_up()
+        for visit in self._visits:
+            visit.cancel()
+        await asyncio.gather(*self._visits, return_exceptions=True)
 
     def who(self, peer: str) -> Connection | None:
         """Return whose connection the server calls *peer*; ``None`` if it did not come in here."""
@@ -162,6 +172,16 @@ class Door:
         """Let others open the socket if any may come in; who they are is asked then."""
         if self._path is not None:
             self._path.chmod(0o666 if self._policy.admits_others else 0o600)
+
+    def _meet(self, receive: _Receive) -> _Meet:
+        """Return what has *receive* look after everybody who comes, to their end or to ours."""
+
+        def meet(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            visit = asyncio.ensure_future(receive(reader, writer))
+            self._visits.add(visit)
+            visit.add_done_callback(self._visits.discard)
+
+        return meet
 
     async def _from_unix(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         try:

@@ -104,9 +104,9 @@ class Entry:
         """Return who is called *name*; see :meth:`Policy.named`."""
         return self._policy.named(name)
 
-    def close(self) -> None:
+    async def close(self) -> None:
         """Hang up on everybody, and finish the audit log."""
-        self._door.close()
+        await self._door.close()
         self._audit.close()
 
     def _refused(self, origin: str, problem: str) -> None:
