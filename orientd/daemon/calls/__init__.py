@@ -1,0 +1,1 @@
+"""The calls of the gRPC service ``orientd.v1.Control``, by subject: messages in, messages out."""

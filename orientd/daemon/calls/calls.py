@@ -1,0 +1,139 @@
+"""How a call is done: away from the event loop, refused in full, and over when the daemon ends."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any, NoReturn, TypeVar
+
+import grpc
+
+from orientd.daemon import report
+from orientd.daemon.access.identity import Identity
+from orientd.daemon.cell import Cell
+from orientd.daemon.device import Device
+from orientd.daemon.planners import Planners
+from orientd.errors import DaemonError, OrientdError, RequestError
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc.reports import DaemonReport
+from orientd.rpc.state_wire import device_to_message
+from orientd.rpc.status import DETAILS_KEY, to_status
+
+DEFAULT_REPORTS_HZ = 20.0
+SLOWEST_REPORTS_HZ = 0.1
+FASTEST_REPORTS_HZ = 100.0
+
+PLANNERS = 2
+"""Motions planned at the same time."""
+
+COMMANDERS = 8
+"""Commands under way at the same time; a device may take its time over one."""
+
+GONE = "its caller has gone away"
+
+Result = TypeVar("Result")
+Context = grpc.aio.ServicerContext[Any, Any]
+
+
+class Calls:
+    """What the calls of every subject have in common: the cell, and who works for them."""
+
+    def __init__(
+        self,
+        cell: Cell,
+        describe: Callable[[], DaemonReport],
+        *,
+        who: Callable[[str], Identity],
+    ) -> None:
+        """Serve *cell*.
+
+        Args:
+            cell: devices, lease and motions.
+            describe: says what there is to say about the daemon itself.
+            who: returns who is called by a name and may command.
+        """
+        self._cell = cell
+        self._who = who
+        self._describe = describe
+        self._planners = Planners(PLANNERS)
+        self._commanders = ThreadPoolExecutor(COMMANDERS, thread_name_prefix="command")
+        self._closing = asyncio.Event()
+
+    def end_calls(self) -> None:
+        """Let every WatchState come to its end, and every call that waits for a plan."""
+        self._closing.set()
+
+    def close(self) -> None:
+        """Take on no more work."""
+        self._commanders.shutdown(wait=False, cancel_futures=True)
+
+    async def _is_closing_within(self, seconds: float) -> bool:
+        try:
+            await asyncio.wait_for(self._closing.wait(), seconds)
+        except TimeoutError:
+            return False
+        return True
+
+    async def _is_woken(self, wake: asyncio.Event) -> bool:
+        """Wait for *wake*; return whether it came before the daemon's end."""
+        waiting = [asyncio.ensure_future(event.wait()) for event in (wake, self._closing)]
+        try:
+            await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for one in waiting:
+                one.cancel()
+        wake.clear()
+        return not self._closing.is_set()
+
+    async def _do(self, context: Context, work: Callable[[], Result]) -> Result:
+        try:
+            return await self._in_worker(work)
+        except OrientdError as error:
+            await refuse(context, error)
+
+    def _in_worker(self, work: Callable[[], Result]) -> Awaitable[Result]:
+        return asyncio.get_running_loop().run_in_executor(self._commanders, work)
+
+    async def _planned(self, planning: Future[Result]) -> Result:
+        """Wait for a plan; whoever waits for that does not keep the daemon from ending.
+
+        Raises:
+            DaemonError: the daemon is going down.
+        """
+        waiting = asyncio.wrap_future(planning)
+        closing = asyncio.ensure_future(self._closing.wait())
+        try:
+            either: set[asyncio.Future[Any]] = {waiting, closing}
+            await asyncio.wait(either, return_when=asyncio.FIRST_COMPLETED)
+            if waiting.done():
+                return waiting.result()
+            raise DaemonError("the daemon is going down")
+        finally:
+            waiting.cancel()
+            closing.cancel()
+
+
+def device_message(device: Device) -> pb.DeviceReport:
+    """Return what there is to say about *device*."""
+    return device_to_message(report.device_report(device))
+
+
+def interval(field: str, rate_hz: float) -> float:
+    """Return the seconds between reports, of which *rate_hz* are wanted; 0 is the default."""
+    if rate_hz == 0.0:
+        return 1.0 / DEFAULT_REPORTS_HZ
+    if not SLOWEST_REPORTS_HZ <= rate_hz <= FASTEST_REPORTS_HZ:
+        raise RequestError(
+            field, f"expected {SLOWEST_REPORTS_HZ:g} to {FASTEST_REPORTS_HZ:g}, got {rate_hz:g}"
+        )
+    return 1.0 / rate_hz
+
+
+async def refuse(context: Context, error: OrientdError) -> NoReturn:
+    """End the call with *error*, in full."""
+    status = to_status(error)
+    codes = {code.value[0]: code for code in grpc.StatusCode}
+    await context.abort(
+        codes[status.code], status.message, ((DETAILS_KEY, status.SerializeToString()),)
+    )

@@ -1,0 +1,93 @@
+"""Commands to devices: stop, pause, enable, reset and the like."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+from orientd.daemon.calls.calls import Calls, Context, device_message, refuse
+from orientd.daemon.cell import pause, resume
+from orientd.daemon.device import Device
+from orientd.errors import RequestError
+from orientd.rpc import control_pb2 as pb
+
+
+class _CommandRequest(Protocol):
+    """What every command to a device says."""
+
+    @property
+    def lease_token(self) -> str: ...
+
+    @property
+    def device(self) -> str: ...
+
+
+class CommandingCalls(Calls):
+    """Calls that command a device; all but those that stop it need the lease."""
+
+    async def Stop(self, request: pb.StopRequest, context: Context) -> pb.StopResponse:
+        """Stop devices on their paths."""
+
+        def work() -> pb.StopResponse:
+            devices = self._cell.stop(request.device, request.caller)
+            return pb.StopResponse(devices=[device_message(device) for device in devices])
+
+        return await self._do(context, work)
+
+    async def Halt(self, request: pb.HaltRequest, context: Context) -> pb.HaltResponse:
+        """Stop devices as quickly as the limits allow."""
+
+        def work() -> pb.HaltResponse:
+            devices = self._cell.stop(request.device, request.caller, is_quickest=True)
+            return pb.HaltResponse(devices=[device_message(device) for device in devices])
+
+        return await self._do(context, work)
+
+    async def Pause(self, request: pb.PauseRequest, context: Context) -> pb.PauseResponse:
+        """Pause a motion."""
+        device = await self._command(context, request, "pause", pause)
+        return pb.PauseResponse(device=device)
+
+    async def Resume(self, request: pb.ResumeRequest, context: Context) -> pb.ResumeResponse:
+        """Go on with a paused motion."""
+        device = await self._command(context, request, "resume", resume)
+        return pb.ResumeResponse(device=device)
+
+    async def SetSpeed(self, request: pb.SetSpeedRequest, context: Context) -> pb.SetSpeedResponse:
+        """Set the rate at which motions run."""
+        speed = request.speed
+        if not 0.0 < speed <= 1.0:
+            problem = f"expected more than 0 and at most 1, got {speed:g}"
+            await refuse(context, RequestError("speed", problem))
+        device = await self._command(
+            context, request, f"speed {speed:g}", lambda device: device.set_speed(speed)
+        )
+        return pb.SetSpeedResponse(device=device)
+
+    async def Enable(self, request: pb.EnableRequest, context: Context) -> pb.EnableResponse:
+        """Make a device follow."""
+        device = await self._command(context, request, "enable", lambda device: device.enable())
+        return pb.EnableResponse(device=device)
+
+    async def Disable(self, request: pb.DisableRequest, context: Context) -> pb.DisableResponse:
+        """Leave a device at rest, no longer following."""
+        device = await self._command(context, request, "disable", lambda device: device.disable())
+        return pb.DisableResponse(device=device)
+
+    async def Reset(self, request: pb.ResetRequest, context: Context) -> pb.ResetResponse:
+        """Clear a fault."""
+        device = await self._command(context, request, "reset", lambda device: device.reset())
+        return pb.ResetResponse(device=device)
+
+    async def _command(
+        self,
+        context: Context,
+        request: _CommandRequest,
+        what: str,
+        act: Callable[[Device], None],
+    ) -> pb.DeviceReport:
+        def work() -> pb.DeviceReport:
+            device = self._cell.command(request.lease_token, request.device, what, act)
+            return device_message(device)
+
+        return await self._do(context, work)

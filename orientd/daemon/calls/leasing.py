@@ -1,0 +1,66 @@
+"""The lease: taken, kept, given back, handed over, seized."""
+
+from __future__ import annotations
+
+from orientd.daemon.access.identity import caller_key
+from orientd.daemon.calls.calls import Calls, Context, refuse
+from orientd.daemon.lease import Lease
+from orientd.errors import OrientdError
+from orientd.rpc import control_pb2 as pb
+
+
+class LeasingCalls(Calls):
+    """Calls about who may command."""
+
+    async def AcquireLease(
+        self, request: pb.AcquireLeaseRequest, context: Context
+    ) -> pb.AcquireLeaseResponse:
+        """Take the lease if it is free."""
+        owner = caller_key()
+        lease = await self._do(context, lambda: self._cell.acquire(request.holder, owner))
+        return pb.AcquireLeaseResponse(lease=self._lease_message(lease))
+
+    async def RenewLease(
+        self, request: pb.RenewLeaseRequest, context: Context
+    ) -> pb.RenewLeaseResponse:
+        """Hold the lease for its full time again."""
+        try:
+            # At once and not in a worker, which might be busy until the lease has run out.
+            lease = self._cell.desk.renew(request.token)
+        except OrientdError as error:
+            await refuse(context, error)
+        return pb.RenewLeaseResponse(lease=self._lease_message(lease))
+
+    async def ReleaseLease(
+        self, request: pb.ReleaseLeaseRequest, context: Context
+    ) -> pb.ReleaseLeaseResponse:
+        """Give the lease back."""
+        await self._do(context, lambda: self._cell.release(request.token))
+        return pb.ReleaseLeaseResponse()
+
+    async def TransferLease(
+        self, request: pb.TransferLeaseRequest, context: Context
+    ) -> pb.TransferLeaseResponse:
+        """Hand the lease over."""
+
+        def work() -> Lease:
+            to = self._who(request.to)
+            return self._cell.transfer(request.token, to.key, to.name)
+
+        lease = await self._do(context, work)
+        return pb.TransferLeaseResponse(seconds=self._cell.desk.remaining(lease))
+
+    async def SeizeLease(
+        self, request: pb.SeizeLeaseRequest, context: Context
+    ) -> pb.SeizeLeaseResponse:
+        """Take the lease whoever holds it."""
+        owner = caller_key()
+        lease = await self._do(
+            context, lambda: self._cell.seize(request.holder, owner, request.reason)
+        )
+        return pb.SeizeLeaseResponse(lease=self._lease_message(lease))
+
+    def _lease_message(self, lease: Lease) -> pb.Lease:
+        return pb.Lease(
+            token=lease.token, holder=lease.holder, seconds=self._cell.desk.remaining(lease)
+        )

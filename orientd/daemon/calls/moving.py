@@ -1,0 +1,226 @@
+"""Motions: planned, begun, and reported on until they end."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import time
+from collections.abc import AsyncIterator, Callable
+from concurrent.futures import Future
+from typing import TYPE_CHECKING
+
+from orientd.daemon import report
+from orientd.daemon.calls.calls import GONE, Calls, Context, interval, refuse
+from orientd.daemon.device import Device
+from orientd.daemon.manner import Gate, Manner
+from orientd.daemon.runs import Run
+from orientd.errors import DaemonError, OrientdError, RequestError
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc.motion_wire import to_mapping
+from orientd.rpc.reports import MoveTiming
+from orientd.stream import UNKNOWN
+
+if TYPE_CHECKING:
+    from orientd.planner import Motion
+
+MOST_SAMPLES = 300_000
+"""In the answer to one Plan; each takes some 170 bytes of a message."""
+
+SETTLING_TIMEOUT = 5.0
+"""How long a device may take to be on target after the last setpoint, by default, s."""
+
+LONGEST_WAIT = 3600.0
+"""How far ahead a start time may be, s."""
+
+
+class MovingCalls(Calls):
+    """Calls that plan and run motions."""
+
+    async def Plan(self, request: pb.PlanRequest, context: Context) -> pb.PlanResponse:
+        """Plan a motion and keep it."""
+
+        def work() -> pb.PlanResponse:
+            device = self._cell.device(request.device)
+            rate_hz = _sample_rate(request.sample_rate_hz, device)
+            motion = self._cell.plan(device, to_mapping(request.motion))
+            plan, samples = _planned_messages(motion, rate_hz)
+            return pb.PlanResponse(plan=plan, samples=samples)
+
+        try:
+            return await self._planned(self._planners.submit(work))
+        except OrientdError as error:
+            await refuse(context, error)
+
+    async def GetPlan(self, request: pb.GetPlanRequest, context: Context) -> pb.GetPlanResponse:
+        """Report the plan of a motion."""
+
+        def work() -> pb.GetPlanResponse:
+            device = self._cell.device(request.device)
+            rate_hz = _sample_rate(request.sample_rate_hz, device)
+            motion = self._cell.present(device, request.motion_id)
+            if motion is None:
+                return pb.GetPlanResponse()
+            plan, samples = _planned_messages(motion, rate_hz)
+            return pb.GetPlanResponse(plan=plan, samples=samples)
+
+        return await self._do(context, work)
+
+    async def Move(
+        self, request: pb.MoveRequest, context: Context
+    ) -> AsyncIterator[pb.MoveResponse]:
+        """Run a motion and report until it ends; a caller that goes away stops it."""
+        run: Run | None = None
+        received_ns = time.monotonic_ns()
+        try:
+            pause = interval("progress_rate_hz", request.progress_rate_hz)
+            device = self._cell.device(request.device)
+            self._cell.desk.check(request.lease_token)
+            manner = self._manner(request)
+            stops = self._cell.runs.stops(device)
+            run, timing = await self._begun(
+                lambda: self._start(device, request, manner, stops, received_ns)
+            )
+            yield await self._in_worker(lambda: _started(run, timing))
+            reader = report.ProgressReader(run)
+            ended = asyncio.wrap_future(run.ended)
+            while not (await asyncio.wait({ended}, timeout=pause))[0]:
+                progress = _progress(reader)
+                if progress is not None:
+                    yield pb.MoveResponse(progress=progress)
+            yield await self._in_worker(lambda: self._summary(run))
+        except OrientdError as error:
+            await refuse(context, error)
+        finally:
+            if run is not None and not run.ended.done():
+                self._commanders.submit(self._cell.abandon, run, GONE)
+
+    def _start(
+        self,
+        device: Device,
+        request: pb.MoveRequest,
+        manner: Manner,
+        stops: int,
+        received_ns: int,
+    ) -> tuple[Run, MoveTiming]:
+        """Plan and begin a motion; called where planning may take its time."""
+        token, what = request.lease_token, request.WhichOneof("what")
+        if what == "motion":
+            return self._cell.move(
+                token,
+                device,
+                to_mapping(request.motion),
+                manner,
+                stops=stops,
+                received_ns=received_ns,
+            )
+        if what == "motion_id":
+            motion = self._cell.kept(device, request.motion_id)
+            planned_ns = time.monotonic_ns()
+            run = self._cell.start(token, device, motion, manner, stops=stops)
+            return run, _timing(received_ns, planned_ns, attempts=0)
+        raise RequestError("motion", "expected a motion or a motion_id, got neither")
+
+    async def _begun(self, work: Callable[[], tuple[Run, MoveTiming]]) -> tuple[Run, MoveTiming]:
+        """Do *work*, which begins a motion; if the caller goes away meanwhile, stop it again."""
+        beginning = self._planners.submit(work)
+        try:
+            return await self._planned(beginning)
+        except (asyncio.CancelledError, DaemonError):
+            beginning.add_done_callback(self._abandon)
+            raise
+
+    def _abandon(self, beginning: Future[tuple[Run, MoveTiming]]) -> None:
+        """Stop what was begun for a caller who has gone away meanwhile."""
+        if not beginning.cancelled() and beginning.exception() is None:
+            self._commanders.submit(self._cell.abandon, beginning.result()[0], GONE)
+
+    def _manner(self, request: pb.MoveRequest) -> Manner:
+        """Return how the motion of *request* is to begin and to end.
+
+        Raises:
+            RequestError: that is not well formed.
+        """
+        gate = None
+        if request.HasField("on_target"):
+            wish = request.on_target
+            timeout = wish.timeout or SETTLING_TIMEOUT
+            gate = Gate(wish.tolerance, wish.rate, wish.settle_time, timeout)
+        blend = request.blend_tolerance
+        if not 0.0 <= blend < math.pi:
+            raise RequestError("blend_tolerance", f"expected 0 to pi rad, got {blend!r}")
+        if blend and not request.queue:
+            raise RequestError("blend_tolerance", "expected with queue only")
+        start_ns = UNKNOWN
+        if request.HasField("start_time"):
+            if request.queue:
+                raise RequestError("start_time", "expected without queue only")
+            try:
+                wanted_ns = request.start_time.ToNanoseconds()
+            except ValueError as error:
+                raise RequestError("start_time", f"expected a time: {error}") from error
+            ahead = wanted_ns - time.time_ns()
+            if not 0 < ahead <= LONGEST_WAIT * 1e9:
+                raise RequestError(
+                    "start_time",
+                    f"expected up to {LONGEST_WAIT:g} s ahead of now, got {ahead * 1e-9:.6g} s",
+                )
+            start_ns = self._cell.instant(wanted_ns)
+        return Manner(is_queued=request.queue, blend=blend, start_ns=start_ns, gate=gate)
+
+    def _summary(self, run: Run) -> pb.MoveResponse:
+        from orientd.daemon import motion_report
+        from orientd.rpc.move_wire import summary_to_message
+
+        summary = motion_report.summary(run, self._cell.runs)
+        return pb.MoveResponse(summary=summary_to_message(summary))
+
+
+def _started(run: Run, timing: MoveTiming) -> pb.MoveResponse:
+    from orientd.daemon import motion_report
+    from orientd.rpc.move_wire import plan_to_message, timing_to_message
+
+    if run.motion is None:
+        raise ValueError("the run has no motion")
+    return pb.MoveResponse(
+        started=pb.MoveStarted(
+            motion_number=run.number,
+            plan=plan_to_message(motion_report.plan(run.motion)),
+            timing=timing_to_message(timing),
+        )
+    )
+
+
+def _sample_rate(rate_hz: float, device: Device) -> float:
+    """Return *rate_hz*, at which a motion of *device* is to be sampled; 0 for not at all."""
+    if not 0.0 <= rate_hz <= device.rate_hz:
+        raise RequestError("sample_rate_hz", f"expected 0 to {device.rate_hz:g}, got {rate_hz:g}")
+    return rate_hz
+
+
+def _planned_messages(motion: Motion, rate_hz: float) -> tuple[pb.Plan, list[pb.MotionSample]]:
+    from orientd.daemon import motion_report
+    from orientd.rpc.move_wire import plan_to_message, samples_to_messages
+
+    if rate_hz * motion.duration > MOST_SAMPLES:
+        raise RequestError(
+            "sample_rate_hz",
+            f"{motion.duration:.6g} s make more than {MOST_SAMPLES} samples at {rate_hz:g} Hz",
+        )
+    samples = samples_to_messages(motion_report.samples(motion, rate_hz)) if rate_hz else []
+    return plan_to_message(motion_report.plan(motion)), samples
+
+
+def _progress(reader: report.ProgressReader) -> pb.MoveProgress | None:
+    from orientd.rpc.move_wire import progress_to_message
+
+    progress = reader.read()
+    return None if progress is None else progress_to_message(progress)
+
+
+def _timing(received_ns: int, planned_ns: int, *, attempts: int) -> MoveTiming:
+    return MoveTiming(
+        planning=(planned_ns - received_ns) * 1e-9,
+        splicing=(time.monotonic_ns() - planned_ns) * 1e-9,
+        received_ns=received_ns,
+        attempts=attempts,
+    )

@@ -1,0 +1,123 @@
+"""What there is: the daemon, its devices, their cycles, and what happens to them."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import AsyncIterator
+
+from orientd.daemon import report
+from orientd.daemon.calls.calls import Calls, Context, device_message, interval, refuse
+from orientd.errors import OrientdError
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc.state_wire import (
+    cycle_to_message,
+    daemon_to_message,
+    limits_to_message,
+    method_to_message,
+    outline_to_messages,
+)
+from orientd.stream.records import CYCLE_RECORD
+
+
+class WatchingCalls(Calls):
+    """Calls that look on, and command nothing."""
+
+    async def GetState(self, request: pb.GetStateRequest, context: Context) -> pb.GetStateResponse:
+        """Report on the daemon and its devices."""
+        try:
+            devices = (
+                [self._cell.device(request.device)]
+                if request.device
+                else self._cell.devices.values()
+            )
+        except OrientdError as error:
+            await refuse(context, error)
+        return pb.GetStateResponse(
+            daemon=daemon_to_message(self._describe()),
+            devices=[device_message(device) for device in devices],
+        )
+
+    async def WatchState(
+        self, request: pb.WatchStateRequest, context: Context
+    ) -> AsyncIterator[pb.WatchStateResponse]:
+        """Report cycles until the caller goes."""
+        try:
+            device = self._cell.device(request.device)
+            pause = interval("rate_hz", request.rate_hz)
+        except OrientdError as error:
+            await refuse(context, error)
+        reader = report.CycleReader(device)
+        step = max(1, request.decimation)
+        while not await self._is_closing_within(pause):
+            response = pb.WatchStateResponse()
+            if request.as_records:
+                records, response.lost = reader.read_records()
+                response.records, response.layout = b"".join(records), CYCLE_RECORD.format
+            else:
+                cycles, response.lost = reader.read()
+                response.cycles.extend(
+                    cycle_to_message(cycle) for cycle in cycles if cycle.index % step == 0
+                )
+            if not (response.records or response.cycles or response.lost):
+                continue
+            if request.with_outline:
+                response.outline.extend(outline_to_messages(device.outline()))
+            yield response
+
+    async def WatchEvents(
+        self, request: pb.WatchEventsRequest, context: Context
+    ) -> AsyncIterator[pb.WatchEventsResponse]:
+        """Report events until the caller goes."""
+        try:
+            device = self._cell.device(request.device).name if request.device else ""
+        except OrientdError as error:
+            await refuse(context, error)
+        loop, wake = asyncio.get_running_loop(), asyncio.Event()
+        subscription = self._cell.journal.subscribe(
+            device, lambda: loop.call_soon_threadsafe(wake.set)
+        )
+        try:
+            yield pb.WatchEventsResponse()
+            while await self._is_woken(wake):
+                events, lost = subscription.take()
+                yield pb.WatchEventsResponse(
+                    events=[pb.Event.FromString(event) for event in events], lost=lost
+                )
+        finally:
+            subscription.close()
+
+    async def GetConfiguration(
+        self, request: pb.GetConfigurationRequest, context: Context
+    ) -> pb.GetConfigurationResponse:
+        """Report the settings."""
+        del request, context
+        answer = pb.GetConfigurationResponse(json=self._cell.configuration)
+        answer.monotonic_ns = time.monotonic_ns()
+        answer.time.FromNanoseconds(time.time_ns())
+        return answer
+
+    async def ListMethods(
+        self, request: pb.ListMethodsRequest, context: Context
+    ) -> pb.ListMethodsResponse:
+        """List the families of curves."""
+        del request, context
+        return pb.ListMethodsResponse(methods=[method_to_message(m) for m in report.methods()])
+
+    async def ListDevices(
+        self, request: pb.ListDevicesRequest, context: Context
+    ) -> pb.ListDevicesResponse:
+        """List the devices."""
+        del request, context
+        return pb.ListDevicesResponse(
+            devices=[
+                pb.Device(
+                    name=device.name,
+                    driver=device.driver,
+                    rate_hz=device.rate_hz,
+                    limits=limits_to_message(device.limits),
+                    lead=device.lead,
+                )
+                for device in self._cell.devices.values()
+            ]
+        )
