@@ -9,7 +9,6 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor, wait
 from typing import TYPE_CHECKING, Any
@@ -19,36 +18,29 @@ from orientd.config import Settings
 from orientd.daemon.device import Device
 from orientd.daemon.device_report import DeviceEvent
 from orientd.daemon.flight_recorder import FlightRecorder
+from orientd.daemon.instants import Instants
 from orientd.daemon.journal import Journal
 from orientd.daemon.lease import Lease, LeaseDesk
 from orientd.daemon.manner import AT_ONCE, Manner, Prepared
+from orientd.daemon.plan_store import PlanStore
 from orientd.daemon.runs import Run, Runs
+from orientd.daemon.start_place import check_start
 from orientd.daemon.story import about
-from orientd.driver.floats import difference, norm
+from orientd.daemon.tenure import Tenure
 from orientd.errors import (
     DaemonError,
     LateError,
     RequestError,
-    StartError,
     StateError,
     UnknownNameError,
 )
 from orientd.rpc.reports import MoveTiming, Outcome
-from orientd.stream import UNKNOWN, State
+from orientd.stream import UNKNOWN
 
 if TYPE_CHECKING:
     from orientd.planner import Limits, Motion
 
 _log = logging.getLogger(__name__)
-
-KEPT_PLANS = 4
-"""Plans kept for a later move; a plan of 100,000 keyframes takes some tens of MiB."""
-
-KEPT_INSTANTS = 64
-"""Start times that are remembered, for the motions of other devices."""
-
-START_TOLERANCE = 1e-6
-"""How far from where the device is commanded to be a kept plan may begin, rad and m."""
 
 ATTEMPTS = 6
 """How often a motion is planned anew because the device has passed where it was to begin."""
@@ -82,13 +74,14 @@ class Cell:
             seconds=settings.daemon.lease_seconds, clock=clock or MonotonicClock()
         )
         self._lock = threading.Lock()
-        self._plans: OrderedDict[str, tuple[str, Motion]] = OrderedDict()
-        self._instants: OrderedDict[int, int] = OrderedDict()
+        self.plans = PlanStore()
+        self.instants = Instants()
         self._is_closing = False
         self.configuration = settings.model_dump_json(exclude_none=True)
         self.listeners: list[Callable[[DeviceEvent, Device], object]] = []
         self.devices: dict[str, Device] = {}
         self.runs = Runs(self.devices)
+        self.tenure = Tenure(self.desk, self.runs)
         self.journal = Journal(kept=settings.recorder.seconds)
         self._flight = FlightRecorder(settings, self.journal)
         for name, device in settings.devices.items():
@@ -146,69 +139,6 @@ class Cell:
         self._flight.close()
         self.journal.close()
 
-    # The lease
-
-    def acquire(self, holder: str, owner: str = "") -> Lease:
-        """Give the lease to *holder*, who is *owner*, if it is free or was handed over to them.
-
-        Raises:
-            RequestError: the holder has no name.
-            LeaseError: somebody else holds it.
-        """
-        holder = _holder(holder)
-        self.expire()
-        lease = self.desk.acquire(holder, owner)
-        _log.info("lease: acquired by %r", holder)
-        return lease
-
-    def transfer(self, token: str, owner: str, name: str) -> Lease:
-        """Hand the lease, and the motions under it, over to *owner*, called *name*.
-
-        Raises:
-            LeaseError: it is not held with *token*.
-        """
-        before, lease = self.desk.transfer(token, owner, name)
-        self.runs.reassign(before.token, lease.token)
-        _log.info("lease: %r hands it over to %r", before.holder, name)
-        return lease
-
-    def seize(self, holder: str, owner: str, reason: str) -> Lease:
-        """Give the lease to *holder* whoever has it; a motion that was started with it stops.
-
-        Raises:
-            RequestError: the holder has no name, or there is no reason.
-        """
-        holder, reason = _holder(holder), " ".join(reason.split())[:200]
-        if not reason:
-            raise RequestError("reason", "expected why the lease is seized, got nothing")
-        before, lease = self.desk.seize(holder, owner)
-        whose = "nobody" if before is None else repr(before.holder)
-        _log.warning("lease: %r seizes it from %s: %s", holder, whose, reason)
-        if before is not None:
-            self._disown(before, f"was seized by {holder}: {reason}")
-        return lease
-
-    def release(self, token: str) -> None:
-        """Take the lease back; a motion that was started with it stops.
-
-        Raises:
-            LeaseError: it is not held with *token*.
-        """
-        lease = self.desk.release(token)
-        _log.info("lease: released by %r", lease.holder)
-        self._disown(lease, "was released")
-
-    def expire(self) -> None:
-        """Take the lease back if it has run out; a motion that was started with it stops."""
-        lease = self.desk.collect_expired()
-        if lease is not None:
-            _log.warning("lease: that of %r has expired", lease.holder)
-            self._disown(lease, "has expired")
-
-    def _disown(self, lease: Lease, what: str) -> None:
-        owned = [run.device for run in self.runs.unfinished(lease.token)]
-        self.runs.halt(owned, f"the lease of {lease.holder!r} {what}")
-
     # Motions
 
     def device(self, name: str) -> Device:
@@ -244,10 +174,7 @@ class Cell:
         from orientd import motion_file
 
         motion = device.plan(motion_file.parse(mapping))
-        with self._lock:
-            self._plans[motion.id] = (device.name, motion)
-            while len(self._plans) > KEPT_PLANS:
-                self._plans.popitem(last=False)
+        self.plans.keep(device.name, motion)
         return motion
 
     def move(
@@ -300,20 +227,6 @@ class Cell:
                 return run, timing
         raise StateError(f"device {device.name} was too quick for {ATTEMPTS} plans: {late}")
 
-    def kept(self, device: Device, motion_id: str) -> Motion:
-        """Return a plan that was kept for *device*.
-
-        Raises:
-            UnknownNameError: there is none of that name, or no longer.
-        """
-        with self._lock:
-            name, motion = self._plans.get(motion_id, ("", None))
-        if motion is None or name != device.name:
-            raise UnknownNameError(
-                "motion_id", f"device {device.name!r} has no plan {motion_id!r}, plan it again"
-            )
-        return motion
-
     def present(self, device: Device, motion_id: str) -> Motion | None:
         """Return the motion that *device* runs or ran last, or the plan called *motion_id*.
 
@@ -323,20 +236,7 @@ class Cell:
         motion = device.snapshot().motion
         if not motion_id or (motion is not None and motion.id == motion_id):
             return motion
-        return self.kept(device, motion_id)
-
-    def instant(self, time_ns: int) -> int:
-        """Return when it will be *time_ns* since the epoch, on the monotonic clock.
-
-        Whoever asks for the same time is given the same instant, whatever is done to the clock on
-        the wall meanwhile.
-        """
-        with self._lock:
-            if time_ns not in self._instants:
-                self._instants[time_ns] = time.monotonic_ns() + time_ns - time.time_ns()
-                while len(self._instants) > KEPT_INSTANTS:
-                    self._instants.popitem(last=False)
-            return self._instants[time_ns]
+        return self.plans.find(device.name, motion_id)
 
     def start(
         self,
@@ -361,7 +261,7 @@ class Cell:
             StateError: the device is not at rest, ready to move, or was stopped meanwhile.
             StartError: the motion does not begin where the device is commanded to be.
         """
-        self._check_start(device, motion)
+        check_start(device, motion)
         return self._begin(token, device, Prepared(motion, manner=manner), stops=stops)
 
     def _begin(self, token: str, device: Device, prepared: Prepared, *, stops: int) -> Run:
@@ -430,26 +330,6 @@ class Cell:
         )
         return run
 
-    def _check_start(self, device: Device, motion: Motion) -> None:
-        here, begin = device.commanded(), motion.start_state
-        turn = norm(difference(here.q.tolist(), begin.q.tolist()))
-        if turn > START_TOLERANCE:
-            raise StartError(
-                f"the motion begins {turn:.6g} rad from where device {device.name!r} is commanded "
-                f"to be; plan it again"
-            )
-        if not device.is_at(motion.first_joints):
-            raise StartError(
-                f"the motion begins with other axis angles than those of device {device.name!r}; "
-                "plan it again"
-            )
-        away = float(abs(here.position - begin.position).max())
-        if away > START_TOLERANCE:
-            raise StartError(
-                f"the motion begins {away:.6g} m from where device {device.name!r} is commanded "
-                f"to be; plan it again"
-            )
-
     def abandon(self, run: Run, reason: str) -> None:
         """Stop *run* on its path, unless it has ended."""
         if not run.ended.done():
@@ -503,36 +383,3 @@ class Cell:
             if self._is_closing:
                 raise DaemonError("the daemon is going down")
         return lease
-
-
-def _holder(name: str) -> str:
-    name = " ".join(name.split())[:200]
-    if not name:
-        raise RequestError("holder", "expected a name to tell others, got nothing")
-    return name
-
-
-def pause(device: Device) -> None:
-    """Pause the motion that *device* runs.
-
-    Raises:
-        StateError: it runs none.
-    """
-    _check_moving(device, "pause")
-    device.pause()
-
-
-def resume(device: Device) -> None:
-    """Go on with the motion that *device* has paused.
-
-    Raises:
-        StateError: it has none.
-    """
-    _check_moving(device, "resume")
-    device.resume()
-
-
-def _check_moving(device: Device, what: str) -> None:
-    state = device.snapshot().state
-    if state is not State.STREAMING:
-        raise StateError(f"device {device.name} is {state.name.lower()}: no motion to {what}")

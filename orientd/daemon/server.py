@@ -238,7 +238,7 @@ async def _expire_leases(cell: Cell) -> None:
     while True:
         await asyncio.sleep(_LEASE_CHECKS)
         if cell.desk.has_expired:
-            await asyncio.to_thread(cell.expire)
+            await asyncio.to_thread(cell.tenure.expire)
 
 
 def _server(

@@ -17,7 +17,7 @@ class LeasingCalls(Calls):
     ) -> pb.AcquireLeaseResponse:
         """Take the lease if it is free."""
         owner = caller_key()
-        lease = await self._do(context, lambda: self._cell.acquire(request.holder, owner))
+        lease = await self._do(context, lambda: self._cell.tenure.acquire(request.holder, owner))
         return pb.AcquireLeaseResponse(lease=self._lease_message(lease))
 
     async def RenewLease(
@@ -35,7 +35,7 @@ class LeasingCalls(Calls):
         self, request: pb.ReleaseLeaseRequest, context: Context
     ) -> pb.ReleaseLeaseResponse:
         """Give the lease back."""
-        await self._do(context, lambda: self._cell.release(request.token))
+        await self._do(context, lambda: self._cell.tenure.release(request.token))
         return pb.ReleaseLeaseResponse()
 
     async def TransferLease(
@@ -45,7 +45,7 @@ class LeasingCalls(Calls):
 
         def work() -> Lease:
             to = self._who(request.to)
-            return self._cell.transfer(request.token, to.key, to.name)
+            return self._cell.tenure.transfer(request.token, to.key, to.name)
 
         lease = await self._do(context, work)
         return pb.TransferLeaseResponse(seconds=self._cell.desk.remaining(lease))
@@ -56,7 +56,7 @@ class LeasingCalls(Calls):
         """Take the lease whoever holds it."""
         owner = caller_key()
         lease = await self._do(
-            context, lambda: self._cell.seize(request.holder, owner, request.reason)
+            context, lambda: self._cell.tenure.seize(request.holder, owner, request.reason)
         )
         return pb.SeizeLeaseResponse(lease=self._lease_message(lease))
 

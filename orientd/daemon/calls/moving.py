@@ -114,7 +114,7 @@ class MovingCalls(Calls):
                 received_ns=received_ns,
             )
         if what == "motion_id":
-            motion = self._cell.kept(device, request.motion_id)
+            motion = self._cell.plans.find(device.name, request.motion_id)
             planned_ns = time.monotonic_ns()
             run = self._cell.start(token, device, motion, manner, stops=stops)
             return run, _timing(received_ns, planned_ns, attempts=0)
@@ -164,7 +164,7 @@ class MovingCalls(Calls):
                     "start_time",
                     f"expected up to {LONGEST_WAIT:g} s ahead of now, got {ahead * 1e-9:.6g} s",
                 )
-            start_ns = self._cell.instant(wanted_ns)
+            start_ns = self._cell.instants.of(wanted_ns)
         return Manner(is_queued=request.queue, blend=blend, start_ns=start_ns, gate=gate)
 
     def _summary(self, run: Run) -> pb.MoveResponse:

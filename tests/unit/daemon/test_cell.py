@@ -7,8 +7,10 @@ from fake_device import FakeDevice
 
 from orientd import config
 from orientd.clock import ManualClock
-from orientd.daemon.cell import KEPT_PLANS, Cell, pause, resume
+from orientd.daemon.cell import Cell
 from orientd.daemon.manner import Manner
+from orientd.daemon.pausing import pause, resume
+from orientd.daemon.plan_store import KEPT_PLANS
 from orientd.errors import (
     DaemonError,
     Fault,
@@ -53,7 +55,7 @@ def begin(cell, device, token):
 
 
 def test_a_motion_runs_to_its_end(cell, arm):
-    run = begin(cell, arm, cell.acquire("ana").token)
+    run = begin(cell, arm, cell.tenure.acquire("ana").token)
     assert not run.ended.done()
     arm.finish()
     assert run.ended.result(0) == (Outcome.DONE, "")
@@ -61,7 +63,7 @@ def test_a_motion_runs_to_its_end(cell, arm):
 
 def test_a_motion_that_ends_before_its_start_returns_has_ended(cell, arm):
     arm.during_start = arm.finish
-    run = begin(cell, arm, cell.acquire("ana").token)
+    run = begin(cell, arm, cell.tenure.acquire("ana").token)
     assert run.ended.result(0) == (Outcome.DONE, "")
 
 
@@ -69,45 +71,45 @@ def test_a_motion_needs_the_lease(cell, arm):
     motion = cell.plan(arm, MOTION)
     with pytest.raises(LeaseError, match="needs the lease"):
         cell.start("", arm, motion, stops=0)
-    cell.acquire("ana")
+    cell.tenure.acquire("ana")
     with pytest.raises(LeaseError, match="held by 'ana'"):
         cell.start("nonsense", arm, motion, stops=0)
     assert "start 1" not in arm.calls
 
 
 def test_a_motion_of_an_expired_lease_is_stopped(cell, arm, clock):
-    run = begin(cell, arm, cell.acquire("ana").token)
-    cell.expire()
+    run = begin(cell, arm, cell.tenure.acquire("ana").token)
+    cell.tenure.expire()
     assert not run.ended.done()
     clock.advance(5 * SECOND)
-    cell.expire()
+    cell.tenure.expire()
     assert run.ended.result(0) == (Outcome.STOPPED, "the lease of 'ana' has expired")
 
 
 def test_a_motion_of_a_released_lease_is_stopped(cell, arm):
-    lease = cell.acquire("ana")
+    lease = cell.tenure.acquire("ana")
     run = begin(cell, arm, lease.token)
-    cell.release(lease.token)
+    cell.tenure.release(lease.token)
     assert run.ended.result(0) == (Outcome.STOPPED, "the lease of 'ana' was released")
 
 
 def test_only_motions_of_that_lease_are_stopped_with_it(cell, arm):
-    lease = cell.acquire("ana")
+    lease = cell.tenure.acquire("ana")
     begin(cell, arm, lease.token)
     arm.finish()
-    cell.release(lease.token)
+    cell.tenure.release(lease.token)
     assert "stop" not in arm.calls
 
 
 def test_whoever_takes_an_expired_lease_finds_its_motion_stopped(cell, arm, clock):
-    run = begin(cell, arm, cell.acquire("ana").token)
+    run = begin(cell, arm, cell.tenure.acquire("ana").token)
     clock.advance(5 * SECOND)
-    cell.acquire("ben")
+    cell.tenure.acquire("ben")
     assert run.ended.result(0)[0] is Outcome.STOPPED
 
 
 def test_anybody_may_stop_and_is_named(cell, arm):
-    run = begin(cell, arm, cell.acquire("ana").token)
+    run = begin(cell, arm, cell.tenure.acquire("ana").token)
     cell.stop("arm", "ben")
     assert run.ended.result(0) == (Outcome.STOPPED, "stopped by ben")
 
@@ -126,7 +128,7 @@ def test_one_dead_servo_does_not_keep_the_others_from_stopping(cell, arm):
 
 
 def test_a_stop_while_a_motion_is_planned_keeps_it_from_beginning(cell, arm):
-    token = cell.acquire("ana").token
+    token = cell.tenure.acquire("ana").token
     stops = cell.runs.stops(arm)
     motion = cell.plan(arm, MOTION)
     cell.stop("arm", "ben")
@@ -143,24 +145,24 @@ def test_a_stop_while_a_motion_is_started_stops_it(cell, arm):
         cell.runs.halt([arm], "stopped by ben"),
         setattr(arm, "stop", real_stop),
     )
-    run = begin(cell, arm, cell.acquire("ana").token)
+    run = begin(cell, arm, cell.tenure.acquire("ana").token)
     assert run.ended.result(0) == (Outcome.STOPPED, "stopped by ben")
 
 
 def test_a_lease_that_is_lost_while_a_motion_is_started_stops_it(cell, arm, clock):
-    token = cell.acquire("ana").token
+    token = cell.tenure.acquire("ana").token
     arm.during_start = lambda: clock.advance(5 * SECOND)
     assert begin(cell, arm, token).ended.result(0)[0] is Outcome.STOPPED
 
 
 def test_a_fault_ends_a_motion_as_a_fault(cell, arm):
-    run = begin(cell, arm, cell.acquire("ana").token)
+    run = begin(cell, arm, cell.tenure.acquire("ana").token)
     arm.fail(Fault.LIMIT_GUARD, "velocity of 3 rad/s")
     assert run.ended.result(0) == (Outcome.FAULT, "velocity of 3 rad/s")
 
 
 def test_the_reason_of_a_stop_is_not_that_of_a_later_one(cell, arm):
-    token = cell.acquire("ana").token
+    token = cell.tenure.acquire("ana").token
     begin(cell, arm, token)
     cell.stop("arm", "ben")
     run = begin(cell, arm, token)
@@ -169,7 +171,7 @@ def test_the_reason_of_a_stop_is_not_that_of_a_later_one(cell, arm):
 
 
 def test_an_abandoned_motion_is_stopped_but_not_the_one_after_it(cell, arm):
-    token = cell.acquire("ana").token
+    token = cell.tenure.acquire("ana").token
     first = begin(cell, arm, token)
     arm.finish()
     second = begin(cell, arm, token)
@@ -208,17 +210,17 @@ def test_a_motion_that_the_device_could_not_follow_is_refused(cell, arm):
 
 def test_a_kept_plan_is_found_by_its_name_and_device(cell, arm):
     motion = cell.plan(arm, MOTION)
-    assert cell.kept(arm, motion.id) is motion
+    assert cell.plans.find(arm.name, motion.id) is motion
     for device, name in ((cell.device("leg"), motion.id), (arm, "nonsense")):
         with pytest.raises(UnknownNameError, match=r"^motion_id: device .* has no plan"):
-            cell.kept(device, name)
+            cell.plans.find(device.name, name)
 
 
 def test_few_plans_are_kept(cell, arm):
     plans = [cell.plan(arm, MOTION) for _ in range(KEPT_PLANS + 1)]
     with pytest.raises(UnknownNameError):
-        cell.kept(arm, plans[0].id)
-    assert cell.kept(arm, plans[1].id) is plans[1]
+        cell.plans.find(arm.name, plans[0].id)
+    assert cell.plans.find(arm.name, plans[1].id) is plans[1]
 
 
 @pytest.mark.parametrize(
@@ -229,7 +231,7 @@ def test_few_plans_are_kept(cell, arm):
     ],
 )
 def test_a_plan_that_begins_elsewhere_is_refused(cell, arm, where, what):
-    token = cell.acquire("ana").token
+    token = cell.tenure.acquire("ana").token
     motion = cell.plan(arm, MOTION)
     arm.at = where
     with pytest.raises(StartError, match=what):
@@ -248,7 +250,7 @@ def test_a_name_may_be_left_out_where_there_is_one_device(cell):
 def test_commands_need_the_lease(cell, arm):
     with pytest.raises(LeaseError):
         cell.command("", "arm", "enable", lambda device: device.enable())
-    token = cell.acquire("ana").token
+    token = cell.tenure.acquire("ana").token
     assert cell.command(token, "arm", "enable", lambda device: device.enable()) is arm
     assert arm.calls == ["enable"]
 
@@ -257,7 +259,7 @@ def test_only_a_motion_can_be_paused_and_resumed(cell, arm):
     for verb, name in ((pause, "pause"), (resume, "resume")):
         with pytest.raises(StateError, match=f"device arm is holding: no motion to {name}"):
             verb(arm)
-    begin(cell, arm, cell.acquire("ana").token)
+    begin(cell, arm, cell.tenure.acquire("ana").token)
     pause(arm)
     resume(arm)
     assert arm.calls[-2:] == ["pause", "resume"]
@@ -265,12 +267,12 @@ def test_only_a_motion_can_be_paused_and_resumed(cell, arm):
 
 def test_a_holder_has_a_name_of_one_line(cell):
     with pytest.raises(RequestError, match=r"^holder: "):
-        cell.acquire(" \n ")
-    assert cell.acquire("ana\nben " + "x" * 1000).holder.startswith("ana ben xxx")
+        cell.tenure.acquire(" \n ")
+    assert cell.tenure.acquire("ana\nben " + "x" * 1000).holder.startswith("ana ben xxx")
 
 
 def test_shutdown_stops_what_runs_and_takes_no_more(cell, arm):
-    token = cell.acquire("ana").token
+    token = cell.tenure.acquire("ana").token
     run = begin(cell, arm, token)
     motion = run.motion
     cell.shutdown("the daemon is going down")
@@ -283,7 +285,7 @@ def test_shutdown_stops_what_runs_and_takes_no_more(cell, arm):
 
 
 def test_shutdown_ends_what_a_dead_servo_cannot(cell, arm):
-    run = begin(cell, arm, cell.acquire("ana").token)
+    run = begin(cell, arm, cell.tenure.acquire("ana").token)
     run.ended.add_done_callback(lambda _: None)
     arm.stop = lambda: arm.fail(Fault.SERVO_DIED, "the servo process was ended by signal 9")
     cell.shutdown("the daemon is going down")
@@ -306,21 +308,21 @@ def test_nobody_waits_for_devices_of_a_daemon_that_ends(cell, arm):
 
 
 def test_a_motion_that_is_planned_too_late_is_planned_again(cell, arm):
-    token = cell.acquire("ana").token
+    token = cell.tenure.acquire("ana").token
     arm.lateness = 2
     run, timing = cell.move(token, arm, MOTION, stops=0, received_ns=0)
     assert (run.number, timing.attempts) == (1, 3)
 
 
 def test_a_device_that_is_always_too_quick_is_said_to_be(cell, arm):
-    token = cell.acquire("ana").token
+    token = cell.tenure.acquire("ana").token
     arm.lateness = 100
     with pytest.raises(StateError, match="too quick for 6 plans: the path has passed record 3"):
         cell.move(token, arm, MOTION, stops=0, received_ns=0)
 
 
 def test_motions_with_one_start_time_are_compared(cell):
-    token = cell.acquire("ana").token
+    token = cell.tenure.acquire("ana").token
     runs = []
     for name, late_ns in (("arm", 3_000), ("leg", 11_000)):
         device = cell.device(name)

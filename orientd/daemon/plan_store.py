@@ -1,0 +1,44 @@
+"""The newest plans, kept for a later move."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from typing import TYPE_CHECKING
+
+from orientd.errors import UnknownNameError
+
+if TYPE_CHECKING:
+    from orientd.planner import Motion
+
+KEPT_PLANS = 4
+"""Plans kept for a later move; a plan of 100,000 keyframes takes some tens of MiB."""
+
+
+class PlanStore:
+    """Plans by their names, each for one device; the oldest make room for new ones."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._plans: OrderedDict[str, tuple[str, Motion]] = OrderedDict()
+
+    def keep(self, device: str, motion: Motion) -> None:
+        """Keep *motion*, planned for the device of that name."""
+        with self._lock:
+            self._plans[motion.id] = (device, motion)
+            while len(self._plans) > KEPT_PLANS:
+                self._plans.popitem(last=False)
+
+    def find(self, device: str, motion_id: str) -> Motion:
+        """Return a plan that was kept for the device of that name.
+
+        Raises:
+            UnknownNameError: there is none of that name, or no longer.
+        """
+        with self._lock:
+            name, motion = self._plans.get(motion_id, ("", None))
+        if motion is None or name != device:
+            raise UnknownNameError(
+                "motion_id", f"device {device!r} has no plan {motion_id!r}, plan it again"
+            )
+        return motion
