@@ -68,16 +68,23 @@ class CycleReader:
         newest = device.snapshot().cycle
         self._next = newest.index + 1 if newest is not None else 0
 
-    def read(self) -> tuple[list[Cycle], int]:
-        """Return the cycles since the last call, and how many were gone before they were read."""
-        return self._read(self._device.cycles, lambda cycle: cycle.index)
+    def read(self, most: int | None = None) -> tuple[list[Cycle], int]:
+        """Return the cycles since the last call, and how many were gone before they were read.
+
+        Args:
+            most: how many to return at once; the next call goes on from there.
+        """
+        return self._read(self._device.cycles, lambda cycle: cycle.index, most)
 
     def read_records(self) -> tuple[list[bytes], int]:
         """Do the same with records, which are the cycles as the servo has packed them."""
-        return self._read(self._device.cycle_records, record_index)
+        return self._read(self._device.cycle_records, record_index, None)
 
     def _read(
-        self, take: Callable[[int, int], list[Taken]], index_of: Callable[[Taken], int]
+        self,
+        take: Callable[[int, int], list[Taken]],
+        index_of: Callable[[Taken], int],
+        most: int | None,
     ) -> tuple[list[Taken], int]:
         newest = self._device.snapshot().cycle
         if newest is None:
@@ -86,12 +93,13 @@ class CycleReader:
             self._next = 0  # another servo process, which counts from the beginning
         taken: list[Taken] = []
         lost = 0
-        while more := take(self._next, _MOST_CYCLES):
+        chunk = _MOST_CYCLES if most is None else most
+        while more := take(self._next, chunk):
             end = index_of(more[-1]) + 1
             lost += end - self._next - len(more)
             self._next = end
             taken += more
-            if len(more) < _MOST_CYCLES:
+            if len(more) < chunk or most is not None:
                 break
         return taken, lost
 

@@ -19,6 +19,9 @@ from orientd.rpc.state_wire import (
 )
 from orientd.stream.records import CYCLE_RECORD
 
+_BATCH = 256
+"""Cycles made into messages at a time: others get their turn before a watcher that is behind."""
+
 
 class WatchingCalls(Calls):
     """Calls that look on, and command nothing."""
@@ -49,13 +52,16 @@ class WatchingCalls(Calls):
             await refuse(context, error)
         reader = report.CycleReader(device)
         step = max(1, request.decimation)
-        while not await self._is_closing_within(pause):
+        wait = pause
+        while not await self._is_closing_within(wait):
+            wait = pause
             response = pb.WatchStateResponse()
             if request.as_records:
                 records, response.lost = reader.read_records()
                 response.records, response.layout = b"".join(records), CYCLE_RECORD.format
             else:
-                cycles, response.lost = reader.read()
+                cycles, response.lost = reader.read(_BATCH)
+                wait = 0.0 if len(cycles) == _BATCH else pause
                 response.cycles.extend(
                     cycle_to_message(cycle) for cycle in cycles if cycle.index % step == 0
                 )

@@ -59,6 +59,18 @@ def test_more_cycles_than_one_reading_takes_are_all_read(device):
     assert (len(cycles), lost) == (10_000, 0)
 
 
+def test_who_is_behind_reads_on_where_a_full_batch_ended(device):
+    reader = report.CycleReader(device)
+    device.published = [cycle(k) for k in range(1, 8)]
+    batches = [reader.read(3) for _ in range(4)]
+    assert [([c.index for c in cycles], lost) for cycles, lost in batches] == [
+        ([1, 2, 3], 0),
+        ([4, 5, 6], 0),
+        ([7], 0),
+        ([], 0),
+    ]
+
+
 def test_progress_tells_the_worst_lateness_since_the_last(device, motion):
     device.motion = motion
     reader = report.ProgressReader(Run(device, 1, motion, ""))
