@@ -90,11 +90,18 @@ class DaemonProcess:
                 **self.environment,
             },
         )
-        line = self.process.stdout.readline()
-        assert line.startswith("ready"), (line, (self.folder / "log").read_text())
-        self.channel = channel_to(self.socket)
-        self.stub = ControlStub(self.channel)
-        self.token = self.stub.AcquireLease(pb.AcquireLeaseRequest(holder="test")).lease.token
+        try:
+            line = self.process.stdout.readline()
+            assert line.startswith("ready"), (line, (self.folder / "log").read_text())
+            self.channel = channel_to(self.socket)
+            self.stub = ControlStub(self.channel)
+            self.token = self.stub.AcquireLease(pb.AcquireLeaseRequest(holder="test")).lease.token
+        except BaseException:
+            # Nobody would end it: a test that cannot begin has no end either.
+            self.process.kill()
+            self.process.communicate()
+            self.log.close()
+            raise
 
     def end(self) -> int:
         """Have it end in order and return its status."""
