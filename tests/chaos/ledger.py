@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import random
+import re
 import traceback
 from collections import Counter
 from collections.abc import Callable
@@ -126,13 +127,17 @@ def table(results: list[dict]) -> str:
         held = f"{result['claims']}: {kept} of {result['rounds']}{slowest}"
         if met:
             held += f". Met: {met}"
-        kinds = Counter(
-            broken["what"].split("\n")[0].split(": ", 1)[-1][:110].replace("|", "/")
-            for broken in result["broken"]
-        )
+        kinds = Counter(_gist(broken["what"]) for broken in result["broken"])
         bad = "; ".join(f"{what} ({count})" for what, count in kinds.most_common(3)) or "nothing"
         lines.append(f"| {result['fault']} | {result['rounds']} | {held} | {bad} |")
     return "\n".join(lines)
+
+
+def _gist(what: str) -> str:
+    """Return what a failure says: the words of a call's error or of a motion's end, if any."""
+    words = re.search(r'(?:details = |text: )"([^"]+)"', what)
+    text = words.group(1) if words else what.split("\n")[0].split(": ", 1)[-1]
+    return text[:110].replace("|", "/")
 
 
 def main() -> None:

@@ -175,8 +175,9 @@ class Stage:
                 if mark in (path / "environ").read_bytes().split(b"\0") and is_alive(
                     int(path.name)
                 ):
-                    words = (path / "cmdline").read_bytes().replace(b"\0", b" ")
-                    found[int(path.name)] = words.decode(errors="replace")
+                    program, *words = (path / "cmdline").read_bytes().split(b"\0")
+                    words.insert(0, program.rpartition(b"/")[2])
+                    found[int(path.name)] = b" ".join(words).decode(errors="replace").strip()
         return found
 
     # Commands
