@@ -285,4 +285,6 @@ def test_limits_that_the_present_motion_is_just_at_are_none_to_refuse():
     request = MotionRequest(
         [Keyframe((1.0, 0.0, 0.0, 0.0))], limits=Limits.partial(velocity=1.001 * speed)
     )
-    plan(request, start=start, limits=ARM, period=PERIOD)
+    motion = plan(request, start=start, limits=ARM, period=PERIOD)
+    assert motion.limits.velocity == 1.001 * speed
+    assert np.array_equal(motion.state_at(0).omega_body, start.omega_body)

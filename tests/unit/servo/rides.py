@@ -7,12 +7,13 @@ from rig import PERIOD, Rig
 
 import orientd.planner.limits
 from orientd import rotation
+from orientd.daemon import servo_link
 from orientd.errors import OrientdError
 from orientd.planner import Keyframe, Limits, MotionRequest, plan
 from orientd.planner import State as PlannedState
 from orientd.planner.certificate import measure
 from orientd.servo.path_follower import Leg
-from orientd.stream import UNKNOWN, Answer, Command, Terms
+from orientd.stream import UNKNOWN, Answer, Command
 
 LIMITS = [
     Limits(2.5, 17.0, 8500.0, 1.0, 10.0),
@@ -108,18 +109,7 @@ def motions(seed, count, kind, methods=SOME_METHODS):
 
 
 def terms_of(motion):
-    limits = motion.limits
-    return Terms(
-        limits.velocity,
-        limits.acceleration,
-        limits.jerk,
-        limits.linear_velocity,
-        limits.linear_acceleration,
-        motion.certificate.brake_rate,
-        limits.axis_velocity,
-        limits.axis_acceleration,
-        limits.axis_jerk,
-    )
+    return servo_link.terms_of(motion.limits, motion.certificate.brake_rate)
 
 
 KINK = 0.0241

@@ -5,9 +5,10 @@ import pytest
 from rig import PERIOD, Rig
 
 from orientd import rotation
+from orientd.daemon import servo_link
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, plan
 from orientd.planner import State as PlannedState
-from orientd.stream import Answer, Command, State, Terms
+from orientd.stream import Answer, Command, State
 
 TIGHT = Limits(
     velocity=1.0, acceleration=3.0, jerk=40.0, linear_velocity=0.5, linear_acceleration=5.0
@@ -58,15 +59,7 @@ def lay(rig, motion):
 
 
 def terms_of(motion):
-    limits = motion.limits
-    return Terms(
-        limits.velocity,
-        limits.acceleration,
-        limits.jerk,
-        limits.linear_velocity,
-        limits.linear_acceleration,
-        motion.certificate.brake_rate,
-    )
+    return servo_link.terms_of(motion.limits, motion.certificate.brake_rate)
 
 
 @pytest.mark.parametrize("limits", [DEFAULT_LIMITS, TIGHT], ids=["default", "tight"])
