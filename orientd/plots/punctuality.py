@@ -78,10 +78,13 @@ def draw_histogram(axes: Axes, timing: Timing) -> None:
     axes.set_xlabel("lateness, ms", fontsize=9, color=INK)
     shares = [50.0, 99.0, 99.9, 100.0]
     # Cycles that there were, as in the summary: between the last few interpolation is a guess.
-    where = np.percentile(late, shares, method="inverted_cdf").tolist() if len(late) else [0.0] * 4
+    exact = 1e3 * timing.lateness
+    where = (
+        np.percentile(exact, shares, method="inverted_cdf").tolist() if len(exact) else [0.0] * 4
+    )
     names = ("p50", "p99", "p99.9", "max")
     for place, stroke in zip(where, ("-", "--", "-.", ":"), strict=True):
-        axes.axvline(place, color=INK, linewidth=0.9, linestyle=stroke)
+        axes.axvline(max(place, LEAST), color=INK, linewidth=0.9, linestyle=stroke)
     axes.annotate(
         "\n".join(f"{name}  {place:.3f} ms" for name, place in zip(names, where, strict=True)),
         (0.98, 0.97),
