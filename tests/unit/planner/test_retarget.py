@@ -287,4 +287,4 @@ def test_limits_that_the_present_motion_is_just_at_are_none_to_refuse():
     )
     motion = plan(request, start=start, limits=ARM, period=PERIOD)
     assert motion.limits.velocity == 1.001 * speed
-    assert np.array_equal(motion.state_at(0).omega_body, start.omega_body)
+    assert np.abs(motion.state_at(0).omega_body - start.omega_body).max() < 1e-13
