@@ -13,8 +13,13 @@ SEED ?= 1
 demo: $(VENV)/.user
 	$(BIN)/orientd demo
 
+# What only calculates is tested on every core; what runs real processes to a clock, one by one.
+CALCULATES = tests/unit orientd drivers sim
+RUNS = tests/system tests/drivers tests/chaos tests/bench
+
 test: check
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n logical $(CALCULATES)
+	$(BIN)/python -m pytest $(RUNS)
 
 check: $(VENV)/.dev
 	$(BIN)/ruff check .
