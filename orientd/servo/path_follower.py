@@ -18,7 +18,8 @@ from math import inf
 from orientd.driver import IDENTITY, ZERO, Vector3
 from orientd.driver.floats import difference, norm
 from orientd.errors import OrientdError
-from orientd.servo.segment import PathPoint, Segment, point_of
+from orientd.servo.path_point import PathPoint, point_of
+from orientd.servo.segment import Segment
 from orientd.stream import UNKNOWN, RecordRing, Terms
 
 FINAL_WORD = 1

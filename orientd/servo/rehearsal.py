@@ -21,6 +21,7 @@ from typing import NamedTuple
 from orientd.driver import Vector3
 from orientd.driver.floats import difference, norm
 from orientd.servo.guard import Guard
+from orientd.servo.kink import Kink, find_kink
 from orientd.servo.path_clock import PathClock
 from orientd.servo.path_follower import PathFollower
 from orientd.servo.reach import Ahead, Past, nearest, released
@@ -29,8 +30,8 @@ from orientd.stream import Terms
 Cubic = tuple[Vector3, Vector3, Vector3, Vector3]
 """Coefficients of the powers 1, 2, 3 of *u*, and the value at ``u = 1``."""
 
-Piece = tuple[Cubic, Cubic | None]
-"""How the path turns between two records, and travels, if it does."""
+Piece = tuple[Cubic, Cubic | None, Kink | None]
+"""How the path turns between two records, how it travels, if it does, and where it has a kink."""
 
 _ZERO = (0.0, 0.0, 0.0)
 _STILL = 1e-9
@@ -141,7 +142,7 @@ class Rehearsal:
         if start is None:
             self.outcome = Outcome.FAILED
             return
-        turn, travel = start
+        turn, travel, _ = start
         none = (_ZERO, _ZERO, _ZERO, _ZERO)
         before = self._fraction
         for _ in range(_ATTEMPTS):
@@ -153,6 +154,8 @@ class Rehearsal:
                     return
                 u, there, gone, drift = u - 1.0, following, turn[3], travel[3] if travel else _ZERO
             omega, slope = _from(turn, before, there[0], u, gone)
+            if start[2] or there[2]:
+                omega, slope = _kinked(omega, slope, start[2], before, there[2], u, h)
             velocity = push = _ZERO
             if travel or there[1]:
                 velocity, push = _from(travel or none, before, there[1] or none, u, drift)
@@ -216,7 +219,7 @@ class Rehearsal:
             u, v, w = end.position
             mean = ((u - x) / h, (v - y) / h, (w - z) / h)
             travel = _cubic(start.velocity, end.velocity, mean)
-        piece = turn, travel
+        piece = turn, travel, find_kink(start, end, h)
         self._pieces = {k: pieces[k] for k in pieces if k == index - 1}
         self._pieces[index] = piece
         return piece
@@ -250,6 +253,25 @@ def _from(
         ),
         (ax + bx * u2 + cx * u3, ay + by * u2 + cy * u3, az + bz * u2 + cz * u3),
     )
+
+
+def _kinked(
+    omega: Vector3,
+    slope: Vector3,
+    start: Kink | None,
+    s: float,
+    end: Kink | None,
+    u: float,
+    period: float,
+) -> tuple[Vector3, Vector3]:
+    """Return what :func:`_from` found with the bends of the kinks on the way added to it."""
+    if start is not None:
+        omega = _plus(omega, start.step, -period * start.bend(s)[0])
+    if end is not None:
+        bend, lean = end.bend(u)
+        omega = _plus(omega, end.step, period * bend)
+        slope = _plus(slope, end.step, period * lean)
+    return omega, slope
 
 
 def _plus(base: Vector3, slope: Vector3, rate: float) -> Vector3:

@@ -11,40 +11,16 @@ with the half-angle increments :math:`w_1 = h\Omega_a/6`, :math:`w_3 = h\Omega_b
 twice the paper's.  At ``u = 0`` the record itself is returned, untouched by rounding.
 
 Between two records a smooth curve is met to the fourth order of the period.  Where the curve's
-acceleration has a step inside (methods of continuity 1, at their knots) the segment is off by at
-most 0.024 times the jerk limit times the cube of the period, 1.6e-6 rad for 8,500 rad/s^3 and 2 ms:
-one cubic has no place for a kink, and the records say nothing of where it is.
+acceleration has a step inside (methods of continuity 1, at their knots) the accelerations of the
+two records tell where, and the cubic is bent there (:mod:`orientd.servo.kink`).
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
-from orientd.driver import Quaternion, Vector3
+from orientd.driver import Vector3
 from orientd.driver.floats import conjugate, exp, log, multiply, normalize, rotate_back
-
-
-class PathPoint(NamedTuple):
-    """A point of the path with its derivatives by path time.
-
-    Attributes:
-        q: orientation ``(w, x, y, z)``.
-        omega_body: angular velocity, rad/s.
-        alpha_body: angular acceleration, rad/s^2.
-        position: m.
-        velocity: m/s.
-    """
-
-    q: Quaternion
-    omega_body: Vector3
-    alpha_body: Vector3
-    position: Vector3
-    velocity: Vector3
-
-
-def point_of(record: tuple[Any, ...]) -> PathPoint:
-    """Return the point that a path record (its fields, in order) describes."""
-    return PathPoint(record[4:8], record[8:11], record[11:14], record[14:17], record[17:20])
+from orientd.servo.kink import find_kink
+from orientd.servo.path_point import PathPoint
 
 
 class Segment:
@@ -56,7 +32,7 @@ class Segment:
         period: path time between them, s.
     """
 
-    __slots__ = ("_end", "_first", "_last", "_middle", "_period", "start")
+    __slots__ = ("_end", "_first", "_kink", "_last", "_middle", "_period", "start")
 
     def __init__(self, start: PathPoint, end: PathPoint, period: float) -> None:
         self.start = start
@@ -70,6 +46,7 @@ class Segment:
         turn = multiply(conjugate(start.q), end.q)
         turn = multiply(conjugate(exp(self._first)), multiply(turn, conjugate(exp(self._last))))
         self._middle = log(turn)
+        self._kink = find_kink(start, end, period)
 
     def at(self, u: float) -> PathPoint:
         """Return the point at the fraction *u* of the segment, in [0, 1)."""
@@ -90,6 +67,12 @@ class Segment:
             r1[1] * d1 + r2[1] * d2 + last[1] * d3,
             r1[2] * d1 + r2[2] * d2 + last[2] * d3,
         )
+        if self._kink is not None:
+            x, y, z = self._kink.step
+            bend, slope = self._kink.bend(u)
+            turn, rate = bend * h * h, slope * h
+            q = normalize(multiply(q, exp((turn * x, turn * y, turn * z))))
+            omega = (omega[0] + rate * x, omega[1] + rate * y, omega[2] + rate * z)
         a, b = self.start.alpha_body, self._end.alpha_body
         alpha = (a[0] * v + b[0] * u, a[1] * v + b[1] * u, a[2] * v + b[2] * u)
         return PathPoint(q, omega, alpha, *self._position(u, v))

@@ -24,8 +24,8 @@ from orientd.servo.brake_law import BrakeLaw
 from orientd.servo.guard import Guard
 from orientd.servo.path_clock import PathClock
 from orientd.servo.path_follower import Leg, PathFollower, StarvedError
+from orientd.servo.path_point import PathPoint
 from orientd.servo.pursuit import Pursuit
-from orientd.servo.segment import PathPoint
 from orientd.servo.stall import Stalls
 from orientd.servo.table import Event, advance
 from orientd.servo.vigil import Vigil, Watch

@@ -112,16 +112,6 @@ def terms_of(motion):
     return servo_link.terms_of(motion.limits, motion.certificate.brake_rate)
 
 
-KINK = 0.0241
-"""How far a cubic Hermite segment is off a step of the acceleration inside it.
-
-For a step of size *a* at the fraction *f* of a segment of length *h* the largest gap is *a* *h*^2
-times a number k(f).  Backward differences spread the step over three cycles, whose largest share is
-1/2 + f(1 - f): what keeps a jerk *j* has ``a <= j h / (1/2 + f(1 - f))``.  This is the largest
-k(f) / (1/2 + f(1 - f)), at f = 0.2 and 0.8.
-"""
-
-
 class Track:
     """A servo with a whole motion in its path ring."""
 
@@ -183,14 +173,6 @@ class Ride:
         sent = np.array([s.q for s in self.rig.driver.setpoints])
         planned = self.motion.sample(np.minimum(self.path_times, self.motion.duration)).q
         return float(rotation.angle(planned, sent).max())
-
-    @property
-    def allowed_deviation(self):
-        """Largest angle from the curve that a cubic between two records explains, rad."""
-        smooth = 1e-6
-        if self.motion.rough is None:
-            return smooth
-        return max(smooth, KINK * self.motion.limits.jerk * PERIOD**3)
 
     def stop(self):
         """Stop and return the number of cycles in which anything moved."""

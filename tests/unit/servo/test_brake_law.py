@@ -13,6 +13,9 @@ from orientd.stream import UNKNOWN, Command, State
 MOST = 1.2
 """Times the least, a stop on the path may take."""
 
+DEVIATION = 1e-6
+"""Largest angle between a setpoint and the motion's own curve, rad."""
+
 
 def check_stops(seed, kind, count, stops, methods=SOME_METHODS):
     """Stop at random; return the times over a bound, and the rides that exceed it by too much."""
@@ -24,7 +27,7 @@ def check_stops(seed, kind, count, stops, methods=SOME_METHODS):
             ride = Ride(track, int(random.integers(4, motion.record_count - 4)))
             cycles = ride.stop()
             assert ride.rig.servo.state is State.HOLDING, ride.rig.servo._fault_text
-            assert ride.deviation < ride.allowed_deviation
+            assert ride.deviation < DEVIATION
             assert ride.excess() <= 1.001
             least = bound(ride.omega, ride.alpha, ride.velocity, motion.limits)
             # A stop begins and ends with a cycle: the time of one falls between them.
@@ -103,7 +106,7 @@ def check_sequences(seed, kind, count, sequences):
             if wander(ride, random, 8):
                 ride.stop()
             assert ride.rig.servo.state is State.HOLDING, ride.rig.servo._fault_text
-            assert ride.deviation < ride.allowed_deviation
+            assert ride.deviation < DEVIATION
             assert ride.excess() <= 1.001
 
 

@@ -118,5 +118,5 @@ def test_every_setpoint_lies_on_the_planned_path_at_its_path_time(seed):
         path_time = (cycle.path_index - first + cycle.path_fraction) * PERIOD
         planned = motion.sample([path_time]).q[0]
         worst = max(worst, float(rotation.angle(planned, np.array(cycle.q))))
-    # Between records the servo draws a cubic; the plan may have a kink in its jerk there.
+    # Between records the servo draws a cubic.
     assert worst < 5e-7
