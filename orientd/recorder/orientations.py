@@ -45,12 +45,13 @@ class Orientations:
 
 
 def read_orientations(path: Path, topic: str = "") -> Orientations:
-    """Return the orientations of a topic; of the only one where none is named.
+    """Return the orientations of a topic; of the one that is meant where none is named.
 
     Args:
         path: a .mcap or a .csv file, or a ROS 2 bag: its folder or its .db3 file.
         topic: in an MCAP file or a bag, the topic, with ``#CHILD`` for one frame of several
-            transforms; in a csv file, what stands before ``_qw`` or ``_w`` in the names of columns.
+            transforms; in a csv file, which has no topics, what stands before ``_qw`` or ``_w`` in
+            the names of columns, if anything does.
 
     Raises:
         RecordingError: the file cannot be read, or has no such topic, or several.
@@ -59,16 +60,16 @@ def read_orientations(path: Path, topic: str = "") -> Orientations:
         tables = _from_csv(path)
     else:
         tables = _from_bag(path) if bags.is_bag(path) else _from_mcap(path)
-    if topic and topic not in tables:
-        raise RecordingError(f"{path}: no orientations in {topic!r}, there is {_listed(tables)}")
     if not tables:
         raise RecordingError(f"{path}: no orientations in it")
-    if not topic and len(tables) > 1:
-        measured = [name for name in tables if name.split("/")[-1] == "measured"]
-        if len(measured) != 1:
-            raise RecordingError(f"{path}: name one topic of {_listed(tables)}")
-        topic = measured[0]
-    name = topic or next(iter(tables))
+    if topic and list(tables) == [""]:
+        raise RecordingError(
+            f"{path}: a csv file has no topics, and the only orientation in this one has no name "
+            f"either: leave out {topic!r}"
+        )
+    if topic and topic not in tables:
+        raise RecordingError(f"{path}: no orientations in {topic!r}, there is {_listed(tables)}")
+    name = topic if topic in tables else _meant(path, tables)
     times, q = tables[name]
     return Orientations(name, times - (times[0] if len(times) else 0.0), q)
 
@@ -77,8 +78,18 @@ Tables = dict[str, tuple[Floats, Floats]]
 Rows = dict[str, list[tuple[float, ...]]]
 
 
+def _meant(path: Path, tables: Mapping[str, object]) -> str:
+    """Return the topic that is meant where none is named: the only one, or what was measured."""
+    names = list(tables)
+    if len(names) > 1:
+        names = [name for name in tables if name.split("/")[-1] == "measured"]
+    if len(names) != 1:
+        raise RecordingError(f"{path}: name one topic of {_listed(tables)}")
+    return names[0]
+
+
 def _listed(tables: Mapping[str, object]) -> str:
-    return ", ".join(repr(name) for name in tables) or "none"
+    return ", ".join(repr(name) if name else "one without a name" for name in tables)
 
 
 def _from_mcap(path: Path) -> Tables:

@@ -150,6 +150,26 @@ def test_a_table_of_somebody_else(tmp_path):
     check(read_orientations(tmp_path / "a.csv"))
 
 
+def test_a_table_has_no_topics(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("time,qw,qx,qy,qz\n0,1,0,0,0\n")
+    with pytest.raises(RecordingError, match=r"a csv file has no topics.*leave out 'head'"):
+        read_orientations(path, "head")
+    path.write_text("time,head_w,head_x,head_y,head_z\n0,1,0,0,0\n")
+    assert read_orientations(path, "head").topic == "head"
+    with pytest.raises(RecordingError, match="no orientations in 'arm', there is 'head'"):
+        read_orientations(path, "arm")
+
+
+def test_without_a_topic_the_columns_without_a_name_are_meant(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("time,head_w,head_x,head_y,head_z,w,x,y,z\n0,1,0,0,0,0,1,0,0\n")
+    assert read_orientations(path).q.tolist() == [[0.0, 1.0, 0.0, 0.0]]
+    assert read_orientations(path, "head").q.tolist() == [[1.0, 0.0, 0.0, 0.0]]
+    with pytest.raises(RecordingError, match="there is 'head', one without a name"):
+        read_orientations(path, "arm")
+
+
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
