@@ -24,7 +24,8 @@ from orientd.daemon.notify import notify
 from orientd.daemon.watchdog import Watchdog
 from orientd.errors import ConfigError, DaemonError
 from orientd.rpc import control_pb2
-from orientd.rpc.address import MAX_MESSAGE_BYTES, target
+from orientd.rpc.address import target
+from orientd.rpc.channel_options import server_options
 from orientd.rpc.control_pb2_grpc import add_ControlServicer_to_server
 
 if TYPE_CHECKING:
@@ -44,14 +45,6 @@ GRACE = 1.0
 """How long calls may take to end once everything stands still, s."""
 
 _LEASE_CHECKS = 0.02  # s between looks at whether the lease has run out
-
-_OPTIONS = (
-    ("grpc.max_send_message_length", MAX_MESSAGE_BYTES),
-    ("grpc.keepalive_time_ms", 10_000),
-    ("grpc.keepalive_timeout_ms", 5_000),
-    ("grpc.http2.min_recv_ping_interval_without_data_ms", 5_000),
-    ("grpc.so_reuseport", 0),
-)
 
 
 def run(
@@ -244,7 +237,7 @@ async def _expire_leases(cell: Cell) -> None:
 def _server(
     gate: Gate, checks: health_pb2_grpc.HealthServicer, entry: Entry, message_bytes: int
 ) -> grpc.aio.Server:
-    options = (*_OPTIONS, ("grpc.max_receive_message_length", message_bytes))
+    options = server_options(message_bytes)
     server = grpc.aio.server(interceptors=(entry.checkpoint, gate), options=options)
     server.add_generic_rpc_handlers((gate,))
     health_pb2_grpc.add_HealthServicer_to_server(checks, server)

@@ -10,19 +10,8 @@ from typing import Self
 import grpc
 
 from orientd.errors import DaemonError
-from orientd.rpc.address import MAX_MESSAGE_BYTES, found_socket, runtime_directory, target
-
-_OPTIONS = (
-    ("grpc.max_receive_message_length", MAX_MESSAGE_BYTES),
-    ("grpc.max_send_message_length", MAX_MESSAGE_BYTES),
-    ("grpc.keepalive_time_ms", 10_000),
-    ("grpc.keepalive_timeout_ms", 5_000),
-    # A daemon that is back is heard at once: by new clients in a process whose old ones still try,
-    # and by those soon, where gRPC would wait for up to two minutes.
-    ("grpc.use_local_subchannel_pool", 1),
-    ("grpc.initial_reconnect_backoff_ms", 100),
-    ("grpc.max_reconnect_backoff_ms", 500),
-)
+from orientd.rpc.address import found_socket, runtime_directory, target
+from orientd.rpc.channel_options import CLIENT_OPTIONS
 
 
 @dataclass(frozen=True)
@@ -89,7 +78,7 @@ class Way:
             DaemonError: a certificate cannot be read, or the path cannot be that of a socket.
         """
         if not self.address:
-            return grpc.insecure_channel(target(self.socket), options=_OPTIONS)
+            return grpc.insecure_channel(target(self.socket), options=CLIENT_OPTIONS)
         contents = []
         for path in (self.ca, self.key, self.certificate):
             try:
@@ -97,4 +86,4 @@ class Way:
             except OSError as error:
                 raise DaemonError(f"cannot read {path}: {error.strerror}") from error
         credentials = grpc.ssl_channel_credentials(*contents)
-        return grpc.secure_channel(self.address, credentials, options=_OPTIONS)
+        return grpc.secure_channel(self.address, credentials, options=CLIENT_OPTIONS)

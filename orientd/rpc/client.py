@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, TypeVar, Unpack
+from typing import Any, Self, Unpack
 
 import grpc
 
@@ -22,7 +22,7 @@ from orientd.errors import LeaseError, OrientdError, RequestError
 from orientd.planner import MotionRequest
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.channel import Way
-from orientd.rpc.control_pb2_grpc import ControlStub
+from orientd.rpc.connection import Connection
 from orientd.rpc.lease_keeper import LeaseKeeper
 from orientd.rpc.motion_request import Wishes, motion_request
 from orientd.rpc.motion_wire import from_request, limits_message
@@ -37,11 +37,8 @@ from orientd.rpc.state_wire import (
     limits_from_message,
     method_from_message,
 )
-from orientd.rpc.status import from_call
 from orientd.rpc.tracking import Tracking
 from orientd.stream import Cycle
-
-Answer = TypeVar("Answer")
 
 
 def connect(
@@ -98,12 +95,10 @@ class Robot:
             timeout: how long an answer may take, s.
         """
         self.socket = way.socket
-        self._way = way
         self.holder = holder
-        self._timeout = timeout
         self._borrowed = ""
-        self._channel = way.open()
-        self._stub: Any = ControlStub(self._channel)  # type: ignore[no-untyped-call] # generated
+        self._connection = Connection(way, timeout=timeout)
+        self._stub = self._connection.stub
         self._moves: list[MoveHandle] = []
         self._keeper = LeaseKeeper(acquire=self._acquire, renew=self._renew, release=self._release)
 
@@ -124,13 +119,13 @@ class Robot:
         for move in self._moves:
             move.abandon()
         self._moves.clear()
-        self._channel.close()
+        self._connection.close()
 
     # What there is
 
     def state(self) -> CellReport:
         """Return the daemon and its devices as they are now."""
-        answer = self._ask(self._stub.GetState, pb.GetStateRequest())
+        answer = self._connection.ask(self._stub.GetState, pb.GetStateRequest())
         reports = [device_from_message(device) for device in answer.devices]
         return CellReport(
             daemon=daemon_from_message(answer.daemon),
@@ -152,27 +147,27 @@ class Robot:
             DaemonError: the daemon is lost.
         """
         request = pb.WatchStateRequest(device=device, rate_hz=rate_hz, decimation=decimation)
-        stream = self._stub.WatchState(request)
+        stream = self._connection.call(self._stub.WatchState, request)
         try:
             for batch in stream:
                 yield [cycle_from_message(cycle) for cycle in batch.cycles]
         except grpc.RpcError as error:
-            raise self._explain(error) from error
+            raise self._connection.explain(error) from error
         finally:
             stream.cancel()
 
     def observe(self) -> Observer:
         """Return what watches every cycle and event, for recorders and viewers."""
-        return Observer(self._stub, self._explain, timeout=self._timeout)
+        return Observer(self._connection)
 
     def methods(self) -> list[Method]:
         """Return the families of curves that motions can be made of."""
-        answer = self._ask(self._stub.ListMethods, pb.ListMethodsRequest())
+        answer = self._connection.ask(self._stub.ListMethods, pb.ListMethodsRequest())
         return [method_from_message(method) for method in answer.methods]
 
     def devices(self) -> list[Device]:
         """Return the devices of the daemon's configuration."""
-        answer = self._ask(self._stub.ListDevices, pb.ListDevicesRequest())
+        answer = self._connection.ask(self._stub.ListDevices, pb.ListDevicesRequest())
         return [
             Device(
                 name=device.name,
@@ -211,12 +206,11 @@ class Robot:
             PlanError: it cannot be planned, or would break a limit.
         """
         request = motion_request(keyframes, **wishes)
-        answer = self._call(
+        answer = self._connection.call(
             self._stub.Plan,
             pb.PlanRequest(
                 device=device, motion=from_request(request), sample_rate_hz=sample_rate_hz
             ),
-            None,
         )
         samples = samples_from_messages(answer.samples) if sample_rate_hz else None
         return plan_from_message(answer.plan, samples)
@@ -237,7 +231,7 @@ class Robot:
         request = pb.GetPlanRequest(
             device=device, motion_id=motion_id, sample_rate_hz=sample_rate_hz
         )
-        answer = self._ask(self._stub.GetPlan, request)
+        answer = self._connection.ask(self._stub.GetPlan, request)
         if not answer.HasField("plan"):
             return None
         samples = samples_from_messages(answer.samples) if sample_rate_hz else None
@@ -294,8 +288,8 @@ class Robot:
         request.lease_token = self._token()
         self._moves = [move for move in self._moves if not move.is_done]
         handle = MoveHandle(
-            self._stub.Move(request),
-            explain=self._explain,
+            self._connection.call(self._stub.Move, request),
+            explain=self._connection.explain,
             stop=lambda: self.stop(device),
         )
         self._moves.append(handle)
@@ -303,7 +297,8 @@ class Robot:
 
     def stop(self, device: str = "") -> list[DeviceReport]:
         """Bring a device, or all of them, to rest on the path.  Needs no lease."""
-        answer = self._ask(self._stub.Stop, pb.StopRequest(device=device, caller=self.holder))
+        request = pb.StopRequest(device=device, caller=self.holder)
+        answer = self._connection.ask(self._stub.Stop, request)
         return [device_from_message(report) for report in answer.devices]
 
     def halt(self, device: str = "") -> list[DeviceReport]:
@@ -311,7 +306,8 @@ class Robot:
 
         That may leave the path.  Needs no lease.
         """
-        answer = self._ask(self._stub.Halt, pb.HaltRequest(device=device, caller=self.holder))
+        request = pb.HaltRequest(device=device, caller=self.holder)
+        answer = self._connection.ask(self._stub.Halt, request)
         return [device_from_message(report) for report in answer.devices]
 
     def track(
@@ -337,7 +333,7 @@ class Robot:
         )
         if limits is not None:
             begin.limits.CopyFrom(limits_message(limits))
-        return Tracking(self._stub.Track, begin, explain=self._explain)
+        return Tracking(self._connection, begin)
 
     # Commands
 
@@ -431,7 +427,7 @@ class Robot:
             LeaseError: this client does not hold the lease.
         """
         request = pb.TransferLeaseRequest(token=self._token(), to=to)
-        seconds: float = self._ask(self._stub.TransferLease, request).seconds
+        seconds: float = self._connection.ask(self._stub.TransferLease, request).seconds
         self._keeper.forsake()
         self._borrowed = ""
         return seconds
@@ -446,22 +442,24 @@ class Robot:
             AccessError: that is for administrators.
         """
         request = pb.SeizeLeaseRequest(holder=self.holder, reason=reason)
-        self._keeper.hold(self._ask(self._stub.SeizeLease, request).lease)
+        self._keeper.hold(self._connection.ask(self._stub.SeizeLease, request).lease)
 
     def _token(self) -> str:
         return self._borrowed or self._keeper.token()
 
     def _acquire(self) -> pb.Lease:
         request = pb.AcquireLeaseRequest(holder=self.holder)
-        lease: pb.Lease = self._ask(self._stub.AcquireLease, request).lease
+        lease: pb.Lease = self._connection.ask(self._stub.AcquireLease, request).lease
         return lease
 
     def _renew(self, token: str) -> pb.Lease:
-        lease: pb.Lease = self._ask(self._stub.RenewLease, pb.RenewLeaseRequest(token=token)).lease
+        request = pb.RenewLeaseRequest(token=token)
+        lease: pb.Lease = self._connection.ask(self._stub.RenewLease, request).lease
         return lease
 
     def _release(self, token: str) -> None:
-        self._call(self._stub.ReleaseLease, pb.ReleaseLeaseRequest(token=token), 2.0)
+        request = pb.ReleaseLeaseRequest(token=token)
+        self._connection.call(self._stub.ReleaseLease, request, timeout=2.0)
 
     # How
 
@@ -473,18 +471,4 @@ class Robot:
         **more: Any,  # noqa: ANN401
     ) -> DeviceReport:
         message = request(lease_token=self._token(), device=device, **more)
-        return device_from_message(self._ask(method, message).device)
-
-    def _ask(self, method: Callable[..., Answer], request: object) -> Answer:
-        return self._call(method, request, self._timeout)
-
-    def _call(
-        self, method: Callable[..., Answer], request: object, timeout: float | None
-    ) -> Answer:
-        try:
-            return method(request, timeout=timeout)
-        except grpc.RpcError as error:
-            raise self._explain(error) from error
-
-    def _explain(self, error: grpc.RpcError) -> OrientdError:
-        return from_call(error, where=str(self._way))
+        return device_from_message(self._connection.ask(method, message).device)

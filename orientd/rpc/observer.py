@@ -9,8 +9,9 @@ from typing import Any
 
 import grpc
 
-from orientd.errors import DaemonError, OrientdError
+from orientd.errors import DaemonError
 from orientd.rpc import control_pb2 as pb
+from orientd.rpc.connection import Connection
 from orientd.rpc.reports import Outline
 from orientd.rpc.state_wire import outline_from_messages
 from orientd.stream import Cycle, unpack_cycle
@@ -33,29 +34,23 @@ class Configuration:
 class Observer:
     """Watches devices until it is closed; made by :meth:`orientd.rpc.client.Robot.observe`."""
 
-    def __init__(
-        self,
-        stub: Any,  # noqa: ANN401 - generated, without types
-        explain: Callable[[grpc.RpcError], OrientdError],
-        *,
-        timeout: float,
-    ) -> None:
-        """Watch through *stub*, a stub of the control service."""
-        self._stub = stub
-        self._explain = explain
-        self._timeout = timeout
+    def __init__(self, connection: Connection) -> None:
+        """Watch over *connection*, which others use too."""
+        self._connection = connection
+        self._stub = connection.stub
         self._lock = threading.Lock()
         self._streams: list[Any] = []
         self._is_closed = False
 
     def configuration(self) -> Configuration:
         """Return the settings that the daemon runs with."""
-        answer = self._ask(self._stub.GetConfiguration, pb.GetConfigurationRequest())
+        answer = self._connection.ask(self._stub.GetConfiguration, pb.GetConfigurationRequest())
         return Configuration(answer.json, answer.time.ToNanoseconds() - answer.monotonic_ns)
 
     def state(self) -> pb.GetStateResponse:
         """Return the daemon and its devices as they are now, as the message that says so."""
-        answer: pb.GetStateResponse = self._ask(self._stub.GetState, pb.GetStateRequest())
+        request = pb.GetStateRequest()
+        answer: pb.GetStateResponse = self._connection.ask(self._stub.GetState, request)
         return answer
 
     def records(self, device: str = "", *, rate_hz: float = 20.0) -> Iterator[tuple[bytes, int]]:
@@ -126,18 +121,12 @@ class Observer:
         with self._lock:
             if self._is_closed:
                 return
-            stream = method(request)
+            stream = self._connection.call(method, request)
             self._streams.append(stream)
         try:
             yield from stream
         except grpc.RpcError as error:
             if not self._is_closed:
-                raise self._explain(error) from error
+                raise self._connection.explain(error) from error
         finally:
             stream.cancel()
-
-    def _ask(self, method: Callable[..., Any], request: object) -> Any:  # noqa: ANN401
-        try:
-            return method(request, timeout=self._timeout)
-        except grpc.RpcError as error:
-            raise self._explain(error) from error

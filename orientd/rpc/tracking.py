@@ -5,9 +5,8 @@ from __future__ import annotations
 import queue
 import sys
 import threading
-from collections.abc import Callable, Iterator
 from types import TracebackType
-from typing import Any, Literal, Self, get_args
+from typing import Literal, Self, get_args
 
 import grpc
 
@@ -16,6 +15,7 @@ from orientd.driver import Quaternion as Orientation
 from orientd.driver import Vector3
 from orientd.errors import OrientdError, RequestError
 from orientd.rpc import control_pb2 as pb
+from orientd.rpc.connection import Connection
 from orientd.rpc.motion_request import Quaternion, keyframe_mappings
 from orientd.rpc.reports import TrackReport
 from orientd.rpc.track_wire import report_from_message, target_to_message
@@ -26,33 +26,27 @@ Frame = Literal["body", "world"]
 class Tracking:
     """A device that follows targets; a context manager that brings it to rest at its end."""
 
-    def __init__(
-        self,
-        call: Callable[[Iterator[pb.TrackRequest]], Any],
-        begin: pb.TrackStart,
-        *,
-        explain: Callable[[grpc.RpcError], OrientdError],
-    ) -> None:
+    def __init__(self, connection: Connection, begin: pb.TrackStart) -> None:
         """Begin to follow, and wait for the first report.
 
         Args:
-            call: of the stub.
+            connection: to the daemon.
             begin: the first message.
-            explain: makes an exception of a failed call.
 
         Raises:
             OrientdError: it was refused.
         """
-        self._explain = explain
+        self._connection = connection
         self._outgoing: queue.SimpleQueue[pb.TrackRequest | None] = queue.SimpleQueue()
         self._outgoing.put(pb.TrackRequest(start=begin))
-        self._stream = call(iter(self._outgoing.get, None))
+        outgoing = iter(self._outgoing.get, None)
+        self._stream = connection.call(connection.stub.Track, outgoing)
         self._error: OrientdError | None = None
         self._ended = threading.Event()
         try:
             self._report = report_from_message(next(iter(self._stream)))
         except grpc.RpcError as error:
-            raise explain(error) from error
+            raise connection.explain(error) from error
         self._reader = threading.Thread(target=self._read, name="orientd track", daemon=True)
         self._reader.start()
 
@@ -134,7 +128,7 @@ class Tracking:
             for message in self._stream:
                 self._report = report_from_message(message)
         except grpc.RpcError as error:
-            self._error = self._explain(error)
+            self._error = self._connection.explain(error)
         finally:
             self._ended.set()
 

@@ -143,7 +143,7 @@ def test_a_bad_message_is_refused_in_the_words_of_the_file(daemon, name):
     with package.connect(daemon.socket) as robot:
         request = pb.PlanRequest(motion=message)
         with pytest.raises((RequestError, OrientdError)) as caught:
-            robot._call(robot._stub.Plan, request, None)
+            robot._connection.call(robot._stub.Plan, request)
     assert str(caught.value).startswith(line)
 
 

@@ -325,7 +325,7 @@ def test_more_than_a_message_holds_is_refused_in_one_line(daemon):
     request = pb.PlanRequest(motion=pb.MotionRequest())
     request.motion.options.update(options)
     with orientd.connect(daemon.socket) as robot, pytest.raises(RequestError, match="too large"):
-        robot._call(robot._stub.Plan, request, None)
+        robot._connection.call(robot._stub.Plan, request)
 
 
 def test_looks_are_answered_while_a_motion_is_planned(daemon, robot):

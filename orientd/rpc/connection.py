@@ -1,0 +1,80 @@
+"""A client's connection to the daemon: what goes wrong on it is raised as orientd's own error."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import grpc
+
+from orientd.errors import DaemonError, OrientdError
+from orientd.rpc.channel import Way
+from orientd.rpc.control_pb2_grpc import ControlStub
+from orientd.rpc.status import from_call
+
+Answer = TypeVar("Answer")
+
+
+class Connection:
+    """An open channel to the daemon, until it is closed.
+
+    Attributes:
+        stub: of the control service, for what is called here.
+    """
+
+    def __init__(self, way: Way, *, timeout: float) -> None:
+        """Open *way*; it connects when it is first used.
+
+        Args:
+            way: to the daemon.
+            timeout: how long an answer may take, s.
+
+        Raises:
+            DaemonError: a certificate cannot be read, or the path cannot be that of a socket.
+        """
+        self._way = way
+        self._timeout = timeout
+        self._channel = way.open()
+        self._is_closed = False
+        self.stub: Any = ControlStub(self._channel)  # type: ignore[no-untyped-call] # generated
+
+    def close(self) -> None:
+        """Hang up, which ends every call."""
+        self._is_closed = True
+        self._channel.close()
+
+    def ask(self, method: Callable[..., Answer], request: object) -> Answer:
+        """Return the answer to a call that is answered in time.
+
+        Raises:
+            OrientdError: what the daemon raised, or that it is not there.
+        """
+        return self.call(method, request, timeout=self._timeout)
+
+    def call(
+        self, method: Callable[..., Answer], request: object, *, timeout: float | None = None
+    ) -> Answer:
+        """Call *method* of the stub, and return its answer or the stream of its answers.
+
+        What goes wrong in a stream is gRPC's: see :meth:`explain`.
+
+        Args:
+            method: of the stub.
+            request: a message, or an iterator over messages.
+            timeout: how long the call may take, s; ``None`` for as long as it takes.
+
+        Raises:
+            OrientdError: what the daemon raised, or that it is not there.
+        """
+        try:
+            return method(request, timeout=timeout)
+        except grpc.RpcError as error:
+            raise self.explain(error) from error
+        except ValueError as error:
+            if not self._is_closed:
+                raise
+            raise DaemonError(f"the connection to {self._way} is closed") from error
+
+    def explain(self, error: grpc.RpcError) -> OrientdError:
+        """Return the exception for a call that failed."""
+        return from_call(error, where=str(self._way))
