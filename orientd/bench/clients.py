@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 import sys
 import threading
-
-import grpc
+from pathlib import Path
 
 from orientd.rpc import control_pb2 as pb
+from orientd.rpc.channel import Way
 from orientd.rpc.control_pb2_grpc import ControlStub
 
 WATCHERS = 4
@@ -38,7 +38,7 @@ def watch(stub: ControlStub, device: str) -> None:
 
 def main(socket: str, device: str, only: str = "") -> None:
     """Keep the daemon at *socket* busy until this process is killed."""
-    channel = grpc.insecure_channel(f"unix:{socket}")
+    channel = Way(Path(socket)).open()
     stub = ControlStub(channel)  # type: ignore[no-untyped-call] # generated
     for _ in range(WATCHERS):
         threading.Thread(target=watch, args=(stub, device), daemon=True).start()

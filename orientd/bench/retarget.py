@@ -29,6 +29,7 @@ from pathlib import Path
 import grpc
 import numpy as np
 
+from orientd.bench.control import control
 from orientd.bench.servo import DEVICE, daemon
 from orientd.errors import OrientdError
 from orientd.rpc import control_pb2 as pb
@@ -109,19 +110,18 @@ def measure_retargets(
         seed: of the aims and of when they come.
 
     Raises:
-        OrientdError: the daemon does not come up, or refuses a motion.
+        OrientdError: the daemon does not come up or refuses a motion, or its device faults.
     """
     with (
         tempfile.TemporaryDirectory(prefix="orientd-bench-") as folder,
         daemon(Path(folder), rate_hz, priority) as socket,
-        grpc.insecure_channel(f"unix:{socket}") as channel,
+        control(socket) as stub,
+        _first_setpoints(stub) as first,
     ):
-        stub = ControlStub(channel)  # type: ignore[no-untyped-call] # generated
-        with _first_setpoints(stub) as first:
-            chance = random.Random(seed)
-            # What plans is loaded, and compiled, with the first motions.
-            _measure(stub, first, max(keyframes), _WARM_UP, chance)
-            return [_measure(stub, first, some, count, chance) for some in keyframes]
+        chance = random.Random(seed)
+        # What plans is loaded, and compiled, with the first motions.
+        _measure(stub, first, max(keyframes), _WARM_UP, chance)
+        return [_measure(stub, first, some, count, chance) for some in keyframes]
 
 
 def _measure(
@@ -139,8 +139,9 @@ def _measure(
         time.sleep(chance.uniform(*_REST))
     stub.Stop(pb.StopRequest(device=DEVICE, caller="orientd bench"))
     for call in calls:
-        for _ in call:
-            pass
+        for answer in call:
+            if answer.summary.outcome == pb.OUTCOME_FAULT:
+                raise OrientdError(f"the device faulted: {answer.summary.text}")
     stub.ReleaseLease(pb.ReleaseLeaseRequest(token=token))
     _await(first, found[-1].number)
     parts = np.array([one.parts(first[one.number]) for one in found if one.number in first])

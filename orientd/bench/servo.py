@@ -19,14 +19,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-import grpc
-
 from orientd.bench.clients import motion
+from orientd.bench.control import control
 from orientd.bench.lateness import Slot, bare_loop, busy_cores, processes, run_bare_loop
 from orientd.config import SPIN_US
 from orientd.errors import OrientdError
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.control_pb2_grpc import ControlStub
 
 PRIORITY = 80
 DEVICE = "bench"
@@ -162,10 +160,9 @@ def stream(socket: Path, seconds: float, priority: int, *, progress_hz: float = 
         progress_hz: how often this client is told of progress.
 
     Raises:
-        OrientdError: the priority is not permitted, or the motion did not end well.
+        OrientdError: the priority is not permitted, or the motion was refused or did not end well.
     """
-    with grpc.insecure_channel(f"unix:{socket}") as channel:
-        stub = ControlStub(channel)  # type: ignore[no-untyped-call] # generated
+    with control(socket) as stub:
         token = stub.AcquireLease(pb.AcquireLeaseRequest(holder="orientd bench")).lease.token
         scheduling = stub.GetState(pb.GetStateRequest(device=DEVICE)).devices[0].scheduling
         if priority and not scheduling.startswith("SCHED_FIFO"):
