@@ -525,15 +525,23 @@ class Device:
                 try:
                     self._tick(link)
                 except Exception as error:  # noqa: BLE001 - or it would go on unwatched
-                    # The servo stops by itself once it hears nothing more; this is sooner.
-                    with contextlib.suppress(ValueError):
-                        link.stop()
-                    is_known = isinstance(error, DaemonError)
-                    what = "%s: watching the servo failed: %s"
-                    _log.error(what, self.name, error, exc_info=not is_known)
-                    self._failure = f"{type(error).__name__}: {error}"
-                    self._fault, self._fault_text = Fault.INTERNAL, self._failure
-                    self._drop_all(self._failure)
+                    if link.is_alive:
+                        self._give_up(link, error)
+                    else:
+                        self._hear(link)
+                        self._lose(link)
+
+    def _give_up(self, link: ServoLink, error: Exception) -> None:
+        """Have the servo stop, since it cannot be watched any more."""
+        # It stops by itself once it hears nothing more; this is sooner.
+        with contextlib.suppress(ValueError):
+            link.stop()
+        is_known = isinstance(error, DaemonError)
+        what = "%s: watching the servo failed: %s"
+        _log.error(what, self.name, error, exc_info=not is_known)
+        self._failure = f"{type(error).__name__}: {error}"
+        self._fault, self._fault_text = Fault.INTERNAL, self._failure
+        self._drop_all(self._failure)
 
     def _tick(self, link: ServoLink) -> None:
         link.beat()

@@ -12,7 +12,7 @@ from orientd.config import DeviceSettings
 from orientd.daemon.device import Device
 from orientd.daemon.device_report import EventKind
 from orientd.daemon.manner import Prepared
-from orientd.errors import Fault
+from orientd.errors import DaemonError, Fault
 from orientd.planner import Keyframe, MotionRequest
 from orientd.stream import State
 
@@ -99,3 +99,16 @@ def test_a_servo_that_is_gone_is_a_fault_although_no_cycle_says_so(device):
     assert (snapshot.state, snapshot.fault) == (State.FAULT, Fault.SERVO_DIED)
     assert snapshot.cycle is None
     assert "signal 9" in snapshot.fault_text
+
+
+def test_a_servo_that_is_gone_before_it_answers_is_told_as_gone(device, events, monkeypatch):
+    def asking(link):
+        link.process.kill()
+        link.process.wait()
+        raise DaemonError("the servo process has ended, it cannot splice")
+
+    monkeypatch.setattr(device, "_tick", asking)
+    until(lambda: device.snapshot().fault is not Fault.NONE, "the fault")
+    assert device.snapshot().fault is Fault.SERVO_DIED
+    assert "signal 9" in device.failure
+    assert events[-1].kind is EventKind.SERVO_DIED
