@@ -2,10 +2,12 @@
 
 The sender's time stamps count, not the arrival.  Between targets that turn the velocity runs
 straight from one to the next.  Which targets have come by now is a matter of the network, so the
-motion is read as long ago as targets have lately been stale, where it does not depend on that, and
-carried from there to now with its velocity.  A steady motion is met without lag; a curved one is
-ahead by half its acceleration times the square of the delay, evenly, through loss and jitter.  A
-sender who stamps targets ahead by more than its jitter leaves no delay at all.
+motion is read somewhat longer ago than targets have lately been stale, where it does not depend on
+that, and carried from there to now with its velocity and the acceleration it has had on average.  A
+motion of even velocity, or acceleration, is met without lag; a change of the acceleration comes
+late.  Whatever is carried without lag is exaggerated at some frequency (a delay that is made up for
+cannot do otherwise); this way it is for motions quicker than a hand's.  A sender who stamps targets
+ahead by more than its jitter leaves no delay at all.
 
 A target without velocity is an order to be there: it counts at once and is not joined to others;
 so does one that is farther than :data:`JUMP` from what the one before it predicts.
@@ -43,7 +45,13 @@ GROWTH = 0.1
 BENT = 0.05
 """For so long the last acceleration is believed beyond the newest target, s."""
 
-RECOVERY = 0.02
+STEADY = 0.1
+"""For so long the acceleration that carries a motion on is averaged, s."""
+
+SPARE = 1.3
+"""How long ago the motion is read, in times of how stale targets have been."""
+
+RECOVERY = 0.01
 """How fast the delay shrinks again, seconds per second."""
 
 _NORM_TOLERANCE = 1e-6
@@ -110,6 +118,7 @@ class Reference:
         self._knots.clear()
         self._newest_ns: int | None = None
         self._delay_ns = 0.0
+        self._bend = ZERO
 
     def take(self, target: Target, now_ns: int) -> str:
         """Take a target.
@@ -172,10 +181,11 @@ class Reference:
             for _ in range(due + 1):
                 knots.popleft()
             self._delay_ns = 0.0
+            self._bend = ZERO
             return None
         for _ in range(first):
             knots.popleft()
-        stale_ns = min(now_ns - knots[-1].time_ns, LONGEST_DELAY_NS)
+        stale_ns = min(SPARE * (now_ns - knots[-1].time_ns), LONGEST_DELAY_NS)
         last_ns = self._delay_ns
         delay_ns = min(max(stale_ns, last_ns - self._recovery_ns, 0.0), last_ns + self._growth_ns)
         self._delay_ns = delay_ns
@@ -185,28 +195,48 @@ class Reference:
         since = (now_ns - here.time_ns) * 1e-9
         ahead = delay_ns * 1e-9
         if here.begins and since <= ahead:
+            self._bend = ZERO
             return Motion(normalize(here.carried(since)), here.omega, ZERO)
         since = max(since - ahead, 0.0)
-        # What was read a cycle ago was read from a little less or more than a cycle before.
-        pace = 1.0 - (delay_ns - last_ns) / self._period_ns
         if len(knots) == 1 or knots[1].begins:
-            return _continued(here, since, ahead, pace)
-        return _joined(here, knots[1], since, ahead, pace)
+            past = _continued(here, since)
+        else:
+            past = _joined(here, knots[1], since)
+        # What was read a cycle ago was read from a little less or more than a cycle before.
+        return self._carried(past, ahead, 1.0 - (delay_ns - last_ns) / self._period_ns)
+
+    def _carried(self, past: Motion, ahead: float, pace: float) -> Motion:
+        """Return the motion *ahead* (s) of one that was read, whose own time runs at *pace*."""
+        q, (a, b, c), (x, y, z) = past
+        u, v, w = self._bend
+        period = self._period_ns * 1e-9
+        share = period / STEADY
+        du, dv, dw = share * (x - u), share * (y - v), share * (z - w)
+        u, v, w = self._bend = (u + du, v + dv, w + dw)
+        half = 0.5 * ahead * ahead
+        turn = (ahead * a + half * u, ahead * b + half * v, ahead * c + half * w)
+        # The derivative of that, with the velocity, the delay and the average all changing.
+        r, s, t = pace * ahead, (1.0 - pace) * ahead, half / period
+        omega = (
+            a + r * x + s * u + t * du,
+            b + r * y + s * v + t * dv,
+            c + r * z + s * w + t * dw,
+        )
+        return Motion(normalize(multiply(q, exp(turn))), omega, past.alpha)
 
 
-def _continued(here: _Knot, since: float, ahead: float, pace: float) -> Motion:
-    """Return the motion *since* the last knot, carried *ahead* (both in s)."""
+def _continued(here: _Knot, since: float) -> Motion:
+    """Return the motion *since* the last knot, s."""
     (a, b, c), (x, y, z) = here.omega, here.alpha
     bent = min(since, BENT)
-    t, u = since + ahead, bent * (since - 0.5 * bent + ahead)
-    q = multiply(here.q, exp((t * a + u * x, t * b + u * y, t * c + u * z)))
-    t = bent + pace * ahead if bent < BENT else bent
-    omega = (a + t * x, b + t * y, c + t * z)
-    return Motion(normalize(q), omega, here.alpha if bent < BENT else ZERO)
+    u = bent * (since - 0.5 * bent)
+    q = multiply(here.q, exp((since * a + u * x, since * b + u * y, since * c + u * z)))
+    omega = (a + bent * x, b + bent * y, c + bent * z)
+    return Motion(q, omega, here.alpha if bent < BENT else ZERO)
 
 
-def _joined(here: _Knot, there: _Knot, since: float, ahead: float, pace: float) -> Motion:
-    """Return the motion between two knots, *since* the first, carried *ahead* (both in s)."""
+def _joined(here: _Knot, there: _Knot, since: float) -> Motion:
+    """Return the motion between two knots, *since* the first, s."""
     span = (there.time_ns - here.time_ns) * 1e-9
     u = since / span
     (a, b, c), (d, e, f) = here.omega, there.omega
@@ -220,8 +250,5 @@ def _joined(here: _Knot, there: _Knot, since: float, ahead: float, pace: float) 
     share = u * u * (3.0 - 2.0 * u)
     q = multiply(q, exp((share * r, share * s, share * t)))
     rate = 6.0 * u * (1.0 - u) / span
-    a, b, c = a + since * x, b + since * y, c + since * z
-    q = normalize(multiply(q, exp((ahead * a, ahead * b, ahead * c))))
-    ahead *= pace
-    a, b, c = a + ahead * x + rate * r, b + ahead * y + rate * s, c + ahead * z + rate * t
-    return Motion(q, (a, b, c), alpha)
+    omega = (a + since * x + rate * r, b + since * y + rate * s, c + since * z + rate * t)
+    return Motion(q, omega, alpha)

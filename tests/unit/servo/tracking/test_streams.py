@@ -73,12 +73,13 @@ def test_loss_and_jitter_cost_no_acceleration_when_targets_are_stamped_ahead(hz,
     assert lag < 1e-3
 
 
+@pytest.mark.parametrize("hz", [60, 100])
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_loss_and_jitter_cost_little_acceleration_when_they_are_not(seed):
-    clean, _, _ = follow(100)
-    lossy, _, lag = follow(100, loss=0.2, jitter=0.05, seed=seed)
-    assert lossy <= 1.2 * clean
-    assert lag < 0.01
+def test_loss_and_jitter_cost_little_acceleration_when_they_are_not(hz, seed):
+    clean, _, _ = follow(hz)
+    lossy, _, lag = follow(hz, loss=0.2, jitter=0.05, seed=seed)
+    assert lossy <= 1.06 * clean
+    assert lag < 0.006
 
 
 def test_a_hand_is_followed_within_a_milliradian():
