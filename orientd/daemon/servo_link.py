@@ -44,6 +44,7 @@ SLOW_ANSWER_TIMEOUT = 20.0
 _SLOW = (Command.ENABLE, Command.DISABLE, Command.RESET)
 _POLL = 0.0005
 _LOOK = 0.05
+_LOOK_FOR_END = 0.005
 _NO_TERMS = Terms(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -220,10 +221,17 @@ class ServoLink:
             deadline = time.monotonic() + timeout
             while self.is_alive and time.monotonic() < deadline:
                 self.beat()
-                time.sleep(0.005)
+                time.sleep(_LOOK_FOR_END)
             if self.is_alive:
                 self.process.kill()
         self.process.wait()
+
+    def ends_within(self, seconds: float) -> bool:
+        """Wait for a process that is on its way out; return whether it has ended."""
+        deadline = time.monotonic() + seconds
+        while self.is_alive and time.monotonic() < deadline:
+            time.sleep(_LOOK_FOR_END)
+        return not self.is_alive
 
     def close(self) -> None:
         """Release the shared memory; the process has ended."""

@@ -25,7 +25,7 @@ def events():
 @pytest.fixture
 def device(events, monkeypatch):
     """A device that holds, and takes seconds to stop; its thread looks a few times a second."""
-    monkeypatch.setattr("orientd.daemon.device.TICK", 0.5)
+    monkeypatch.setattr("orientd.daemon.supervised_device.TICK", 0.5)
     settings = DeviceSettings(
         name="arm",
         driver="loopback",

@@ -1,0 +1,248 @@
+"""A device whose servo process is kept going, and whose motions are seen to.
+
+A thread of its own beats the heart, feeds the ring, hears the servo and reports events.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from orientd.config import DeviceSettings
+from orientd.daemon.device_report import DeviceEvent, EventKind
+from orientd.daemon.servo_link import ServoLink
+from orientd.daemon.servo_supervisor import ServoSupervisor
+from orientd.errors import DaemonError, Fault
+from orientd.stream import State
+
+if TYPE_CHECKING:
+    # Loaded with the first motion: until then the daemon stays small.
+    from orientd.daemon.cycle_memory import CycleMemory
+    from orientd.daemon.motions import Motions
+
+_log = logging.getLogger(__name__)
+
+TICK = 0.01
+"""How often the thread looks at the servo, s."""
+
+_READ_AHEAD = 8.0
+"""Path time that the ring holds ahead of the servo, s; it has room for as much again."""
+
+_RESTART = 10.0
+"""How long a servo that is started again may take to be ready, s."""
+
+_ENDING = 0.3
+"""How long a servo may take to end that has lost its device, s."""
+
+
+class SupervisedDevice:
+    """A device, its servo process and what that runs.
+
+    Attributes:
+        name: the device's name.
+        driver: the registry's name of its driver.
+        rate_hz: cycle rate.
+        period_ns: cycle period.
+        lead: how long before its time each setpoint is sent, s.
+        memory: keeps the newest cycles for the flight recorder; ``None`` where there is none.
+    """
+
+    memory: CycleMemory | None = None
+
+    def __init__(
+        self, settings: DeviceSettings, *, on_event: Callable[[DeviceEvent], None]
+    ) -> None:
+        """Start nothing yet.
+
+        Args:
+            settings: the device's part of the configuration.
+            on_event: called from the device's thread, or from a command.
+
+        Raises:
+            ConfigError: the driver is not installed.
+        """
+        self.name = settings.name
+        self.driver = settings.driver
+        self.rate_hz = settings.rate_hz
+        self.period_ns = settings.period_ns
+        self.lead = settings.lead
+        self._on_event = on_event
+        # In path records, a power of two.
+        self._read_ahead = 1 << round(_READ_AHEAD * settings.rate_hz - 1).bit_length()
+        self._servo = ServoSupervisor(
+            settings, read_ahead=self._read_ahead, tell=self._tell_of_servo
+        )
+        self._lock = threading.RLock()
+        self._thread: threading.Thread | None = None
+        self._closing = threading.Event()
+        self._motions: Motions | None = None
+        self._number = self._tracked = 0
+        self._speed = 1.0
+
+    def launch(self) -> None:
+        """Start the servo process and return at once; see :meth:`wait_ready`."""
+        with self._lock:
+            self._start_servo()
+            if self._thread is None:
+                self._thread = threading.Thread(
+                    target=self._watch, name=f"device {self.name}", daemon=True
+                )
+                self._thread.start()
+
+    def wait_ready(self, timeout: float) -> bool:
+        """Wait until the servo runs its cycles, or has failed to; return which."""
+        return self._servo.wait_ready(timeout)
+
+    @property
+    def failure(self) -> str:
+        """Why there is no servo; empty while there is one."""
+        return self._servo.failure
+
+    def _start_servo(self) -> None:
+        self._motions = None
+        self._tracked = 0
+        self._servo.start()
+
+    def shutdown(self) -> None:
+        """Stop on the path, have the servo end, release everything."""
+        with self._lock:
+            self._closing.set()
+            link = self._servo.end()
+            if link is not None and self._motions is not None:
+                self._motions.close()
+        if self._thread is not None:
+            self._thread.join()
+        if link is not None:
+            link.close()
+
+    def reset(self) -> None:
+        """Leave a fault; start the servo again where it has died; enable if so configured.
+
+        Raises:
+            DaemonError: the servo cannot be started.
+        """
+        with self._lock:
+            if self._leave_fault():
+                return
+            self._start_servo()
+        if not self.wait_ready(_RESTART):
+            raise DaemonError(
+                self.failure or f"the servo did not become ready within {_RESTART:g} s"
+            )
+        if self._servo.fault is Fault.DEVICE_FAULT:
+            # The new servo found the device as stopped as the old one left it.
+            with self._lock:
+                self._leave_fault()
+
+    def _leave_fault(self) -> bool:
+        """Have the servo leave its fault; return whether there was a servo to do it."""
+        link = self._servo.link
+        if link is None or not link.is_alive:
+            return False
+        try:
+            self._servo.hear()  # or it would be taken for what goes wrong after the reset
+            self._tend()
+            self._servo.leave_fault(link)
+        except DaemonError:
+            # A servo whose device is lost may be on its way out when it is asked.
+            if link.ends_within(_ENDING):
+                return False
+            raise
+        return True
+
+    def _learn_why(self) -> None:
+        """Hear what the servo has said of its fault, where the device's thread has not yet."""
+        if self._servo.fault is Fault.NONE and self._lock.acquire(timeout=TICK):
+            try:
+                self._servo.hear()
+            finally:
+                self._lock.release()
+
+    # The thread
+
+    def _watch(self) -> None:
+        while not self._closing.wait(TICK):
+            with self._lock:
+                link = self._servo.link
+                if link is None or self._closing.is_set() or self._servo.failure:
+                    continue
+                try:
+                    self._tick(link)
+                except Exception as error:  # noqa: BLE001 - or it would go on unwatched
+                    if link.is_alive:
+                        self._give_up(link, error)
+                    else:
+                        self._lose(link)
+
+    def _give_up(self, link: ServoLink, error: Exception) -> None:
+        """Have the servo stop, since it cannot be watched any more."""
+        # It stops by itself once it hears nothing more; this is sooner.
+        with contextlib.suppress(ValueError):
+            link.stop()
+        is_known = isinstance(error, DaemonError)
+        what = "%s: watching the servo failed: %s"
+        _log.error(what, self.name, error, exc_info=not is_known)
+        self._servo.give_up(error)
+        self._drop_all(self._servo.failure)
+
+    def _lose(self, link: ServoLink) -> None:
+        """Hear the last of a servo that has ended, and say so of it and of its motions."""
+        self._servo.hear()
+        self._servo.lose(link)
+        self._drop_all(self._servo.failure)
+
+    def _tick(self, link: ServoLink) -> None:
+        link.beat()
+        is_alive = link.is_alive
+        if self.memory is not None:
+            self.memory.take(link.memory.cycles, is_last=not is_alive)
+        if not is_alive:
+            self._lose(link)
+            return
+        self._servo.hear()
+        if self._tracked:
+            self._look_at_tracking(link)
+        self._tend()
+
+    def _tend(self) -> None:
+        if self._motions is not None:
+            self._motions.tend(self._servo.fault_text, speed=self._speed)
+
+    def _look_at_tracking(self, link: ServoLink) -> None:
+        """Say so when the device has come to rest after following targets."""
+        cycle, number = link.newest(), self._tracked
+        if cycle is not None and cycle.motion == number:
+            if cycle.state in (State.TRACKING, State.STOPPING):
+                return
+            self._tracked = 0
+            is_fault = cycle.state is State.FAULT
+            text = self._servo.fault_text if is_fault else "the targets have ended"
+            self._tell(EventKind.MOTION_STOPPED, number, text)
+
+    def _drop_all(self, text: str) -> None:
+        """Say of every motion that it has been stopped."""
+        if self._tracked:
+            number, self._tracked = self._tracked, 0
+            self._tell(EventKind.MOTION_STOPPED, number, text)
+        if self._motions is not None:
+            self._motions.drop(text)
+
+    def _tell(self, kind: EventKind, number: int, text: str) -> None:
+        event = DeviceEvent(self.name, kind, number, text, time.monotonic_ns())
+        if kind is EventKind.MOTION_STARTED and self._motions is not None:
+            stage = self._motions.stage(number)
+            if stage is not None:
+                first = None if stage.feeder is None else stage.feeder.first_index
+                event = replace(event, motion=stage.motion, path_index=first)
+        self._on_event(event)
+
+    def _tell_of_servo(self, kind: EventKind, text: str) -> None:
+        number = 0
+        if kind is EventKind.FAULT:
+            number = (self._motions.present if self._motions is not None else 0) or self._tracked
+        self._tell(kind, number, text)
