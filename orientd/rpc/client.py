@@ -1,7 +1,6 @@
 """The Python client: ``with orientd.connect() as robot: robot.move(...)``.
 
-The client talks to the daemon over its control socket and holds the lease while it commands: the
-lease is taken by the first command, renewed in the background, and given back at the end.  What
+The client talks to the daemon over its control socket and holds the lease while it commands.  What
 goes wrong is raised as the exception that the daemon raised.
 """
 
@@ -18,12 +17,12 @@ from typing import Any, Self, Unpack
 
 import grpc
 
-from orientd.errors import LeaseError, OrientdError, RequestError
+from orientd.errors import OrientdError, RequestError
 from orientd.planner import MotionRequest
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.channel import Way
 from orientd.rpc.connection import Connection
-from orientd.rpc.lease_keeper import LeaseKeeper
+from orientd.rpc.lease_holder import LeaseHolder
 from orientd.rpc.motion_request import Wishes, motion_request
 from orientd.rpc.motion_wire import from_request, limits_message
 from orientd.rpc.move_handle import MoveHandle
@@ -78,7 +77,7 @@ def connect(
     return robot
 
 
-class Robot:
+class Robot(LeaseHolder):
     """A connection to the daemon; a context manager that gives everything back at its end.
 
     A motion that still runs then is stopped on its path: it belongs to the lease.
@@ -94,13 +93,9 @@ class Robot:
             holder: what others are told.
             timeout: how long an answer may take, s.
         """
+        super().__init__(Connection(way, timeout=timeout), holder=holder)
         self.socket = way.socket
-        self.holder = holder
-        self._borrowed = ""
-        self._connection = Connection(way, timeout=timeout)
-        self._stub = self._connection.stub
         self._moves: list[MoveHandle] = []
-        self._keeper = LeaseKeeper(acquire=self._acquire, renew=self._renew, release=self._release)
 
     def __enter__(self) -> Self:
         return self
@@ -360,108 +355,6 @@ class Robot:
     def reset(self, device: str = "") -> DeviceReport:
         """Clear a fault; starts the servo process anew if it has ended."""
         return self._command(self._stub.Reset, pb.ResetRequest, device)
-
-    # The lease
-
-    @property
-    def lease_token(self) -> str:
-        """The token of the lease that is held; empty before the first command."""
-        return self._keeper.token() if self._keeper.is_held else ""
-
-    def acquire_lease(self) -> None:
-        """Take the lease now, rather than with the first command.
-
-        Raises:
-            LeaseError: somebody else holds it.
-        """
-        self._token()
-
-    def borrow_lease(self, token: str) -> bool:
-        """Command under a lease that somebody else keeps; return whether it is the present one.
-
-        Args:
-            token: from :attr:`lease_token` of whoever keeps it.
-        """
-        try:
-            self._renew(token)
-        except LeaseError:
-            return False
-        self._borrowed = token
-        return True
-
-    def adopt_lease(self, token: str) -> bool:
-        """Keep a lease in the place of whoever keeps it; return whether it is the present one.
-
-        Args:
-            token: from :attr:`lease_token` of whoever keeps it.
-        """
-        try:
-            self._keeper.adopt(token)
-        except LeaseError:
-            return False
-        return True
-
-    def forsake_lease(self) -> None:
-        """Leave the lease, and what was started with it, to whoever has adopted it."""
-        self._keeper.forsake()
-
-    def release_lease(self) -> None:
-        """Give the lease back now, rather than at the end; what still runs is stopped.
-
-        One that is borrowed is left to whoever keeps it.
-        """
-        self._borrowed = ""
-        self._keeper.release()
-
-    def transfer_lease(self, to: str) -> float:
-        """Hand the lease, and what runs under it, over to somebody else.
-
-        Args:
-            to: a user's name or number, or ``certificate:NAME``; they acquire the lease.
-
-        Returns:
-            For how many seconds it waits for them.
-
-        Raises:
-            RequestError: nobody is called so who may command.
-            LeaseError: this client does not hold the lease.
-        """
-        request = pb.TransferLeaseRequest(token=self._token(), to=to)
-        seconds: float = self._connection.ask(self._stub.TransferLease, request).seconds
-        self._keeper.forsake()
-        self._borrowed = ""
-        return seconds
-
-    def seize_lease(self, reason: str) -> None:
-        """Take the lease whoever holds it; motions that run under it are stopped.
-
-        Args:
-            reason: why; it is recorded, and told to whoever runs a motion.
-
-        Raises:
-            AccessError: that is for administrators.
-        """
-        request = pb.SeizeLeaseRequest(holder=self.holder, reason=reason)
-        self._keeper.hold(self._connection.ask(self._stub.SeizeLease, request).lease)
-
-    def _token(self) -> str:
-        return self._borrowed or self._keeper.token()
-
-    def _acquire(self) -> pb.Lease:
-        request = pb.AcquireLeaseRequest(holder=self.holder)
-        lease: pb.Lease = self._connection.ask(self._stub.AcquireLease, request).lease
-        return lease
-
-    def _renew(self, token: str) -> pb.Lease:
-        request = pb.RenewLeaseRequest(token=token)
-        lease: pb.Lease = self._connection.ask(self._stub.RenewLease, request).lease
-        return lease
-
-    def _release(self, token: str) -> None:
-        request = pb.ReleaseLeaseRequest(token=token)
-        self._connection.call(self._stub.ReleaseLease, request, timeout=2.0)
-
-    # How
 
     def _command(
         self,
