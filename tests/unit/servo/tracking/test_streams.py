@@ -26,12 +26,17 @@ def hand(t):
     return hand_orientation(t), (x / (2 * d), y / (2 * d), z / (2 * d))
 
 
-def sent(hz, *, loss, jitter, lookahead, noise, seed):
+def steady(t):
+    """Return orientation and angular velocity of a target that turns at 1 rad/s."""
+    return exp((0.6 * t, 0.0, -0.8 * t)), (0.6, 0.0, -0.8)
+
+
+def sent(hz, motion, *, loss, jitter, lookahead, noise, seed):
     """Return (arrival, number, time, orientation, velocity), by arrival."""
     rng, packets = random.Random(seed), []
     for k in range(round(SECONDS * hz)):
         t = k / hz
-        q, omega = hand(t)
+        q, omega = motion(t)
         q = multiply(q, exp(tuple(rng.gauss(0.0, noise) for _ in range(3))))
         omega = tuple(x + rng.gauss(0.0, 10.0 * noise) for x in omega)
         arrival = t - lookahead + rng.uniform(0.0, jitter)
@@ -41,10 +46,12 @@ def sent(hz, *, loss, jitter, lookahead, noise, seed):
     return packets
 
 
-def follow(hz, *, loss=0.0, jitter=0.0, lookahead=0.0, noise=0.0, seed=1, limits=LIMITS):
+def follow(hz, motion=hand, *, loss=0.0, jitter=0.0, lookahead=0.0, noise=0.0, seed=1):
     """Return peak acceleration, peak jerk and root mean square of the lag, once settled."""
-    packets = sent(hz, loss=loss, jitter=jitter, lookahead=lookahead, noise=noise, seed=seed)
-    world = World(limits)
+    packets = sent(
+        hz, motion, loss=loss, jitter=jitter, lookahead=lookahead, noise=noise, seed=seed
+    )
+    world = World(LIMITS)
     start_ns, last = world.now_ns, (0.0, 0.0, 0.0)
     acceleration = jerk = 0.0
     lags = []
@@ -59,9 +66,16 @@ def follow(hz, *, loss=0.0, jitter=0.0, lookahead=0.0, noise=0.0, seed=1, limits
             acceleration = max(acceleration, norm(alpha))
             change = tuple((a - b) / world.period for a, b in zip(alpha, last, strict=True))
             jerk = max(jerk, norm(change))
-            lags.append(angle(world.guard.q, hand_orientation(t)))
+            lags.append(angle(world.guard.q, motion(t)[0]))
         last = alpha
     return acceleration, jerk, sqrt(sum(x * x for x in lags) / len(lags))
+
+
+@pytest.mark.parametrize("hz", [30, 100])
+def test_loss_and_jitter_do_not_show_while_the_target_is_steady(hz):
+    acceleration, _, lag = follow(hz, steady, loss=0.2, jitter=0.05)
+    assert acceleration < 1e-5
+    assert lag < 1e-8
 
 
 @pytest.mark.parametrize("hz", [60, 100])
