@@ -9,10 +9,11 @@ shift in time and nothing else, so derivatives, limits, guard and stops are thos
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orientd import rotation
+from orientd.recorder.cycle_table import Table
 from orientd.rotation import Floats
+from orientd.stream import CycleFlag
 
 _OLDEST_FEEDBACK_NS = 2_000_000_000
 
@@ -27,7 +28,7 @@ class LedSetpoints:
         self._times_ns = np.zeros(0, dtype=np.int64)
         self._q = np.zeros((0, 4))
 
-    def gaps(self, cycles: NDArray[np.void]) -> Floats:
+    def gaps(self, cycles: Table) -> Floats:
         """Return the angles between the feedback of further *cycles* and what was to be, rad.
 
         Args:
@@ -37,14 +38,14 @@ class LedSetpoints:
             self._times_ns = cycles["deadline_ns"][:1] - 1
             self._q = self._held[None]
         self._times_ns = np.concatenate([self._times_ns, cycles["deadline_ns"]])
-        self._q = np.concatenate([self._q, cycles["q"]])
+        self._q = np.concatenate([self._q, cycles["sent_q"]])
         times_ns, q = self._times_ns, self._q
         wanted_ns = cycles["feedback_time_ns"] - self._lead_ns
         after = np.clip(np.searchsorted(times_ns, wanted_ns), 1, len(times_ns) - 1)
         before_ns = times_ns[after - 1]
         share = (wanted_ns - before_ns) / np.maximum(times_ns[after] - before_ns, 1)
         expected = rotation.slerp(q[after - 1], q[after], np.clip(share, 0.0, 1.0))
-        gaps = rotation.angle(expected, cycles["feedback_q"])
+        gaps = rotation.angle(expected, cycles["measured_q"])
         is_kept = times_ns > times_ns[-1] - self._lead_ns - _OLDEST_FEEDBACK_NS
         self._times_ns, self._q = times_ns[is_kept], q[is_kept]
-        return np.where(cycles["flags"] & 1, gaps, 0.0)
+        return np.where(cycles["flags"] & CycleFlag.FEEDBACK, gaps, 0.0)

@@ -14,36 +14,9 @@ from numpy.typing import NDArray
 from orientd import rotation
 from orientd.daemon.lead import LedSetpoints
 from orientd.planner import Motion
+from orientd.recorder.cycle_table import Table, from_records
 from orientd.rotation import Floats
-from orientd.stream import JOINTS, State
-
-CYCLE_LAYOUT = np.dtype(
-    [
-        ("index", "u8"),
-        ("deadline_ns", "i8"),
-        ("lateness_ns", "i8"),
-        ("work_ns", "i8"),
-        ("feedback_time_ns", "i8"),
-        ("path_index", "u8"),
-        ("state", "u4"),
-        ("fault", "u4"),
-        ("motion", "u4"),
-        ("flags", "u4"),
-        ("overruns", "u4"),
-        ("missed", "u4"),
-        ("path_fraction", "f8"),
-        ("speed", "f8"),
-        ("q", "f8", (4,)),
-        ("omega_body", "f8", (3,)),
-        ("alpha_body", "f8", (3,)),
-        ("position", "f8", (3,)),
-        ("feedback_q", "f8", (4,)),
-        ("feedback_omega_body", "f8", (3,)),
-        ("feedback_position", "f8", (3,)),
-        ("joints", "f8", (JOINTS,)),
-    ],
-    align=True,
-)
+from orientd.stream import CycleFlag, State
 
 _BIN = np.log(1.01)
 _BINS = 2200
@@ -158,12 +131,12 @@ class MotionMeter:
         self._overruns = self._missed = 0
         self._peaks = [0.0, 0.0, 0.0]
         self._path_error = self._tracking_error = 0.0
-        self._before: NDArray[np.void] | None = None
+        self._before: Table | None = None
         self._omega = np.zeros(3)
         self._alpha = np.zeros(3)
         self._start_error: float | None = None
         self._end_error: float | None = None
-        self._carried: tuple[NDArray[np.void], NDArray[np.float64]] | None = None
+        self._carried: tuple[Table, NDArray[np.float64]] | None = None
         # The device holds there before the first cycle of the motion.
         self._last_q = motion.sample(np.zeros(1)).q[0]
         self._led = LedSetpoints(lead, self._last_q) if lead > 0.0 else None
@@ -172,7 +145,7 @@ class MotionMeter:
 
     def add(self, records: list[bytes]) -> None:
         """Measure further cycles, in order; those that are not of the motion are left out."""
-        cycles = np.frombuffer(b"".join(records), dtype=CYCLE_LAYOUT)
+        cycles = from_records(records)
         moving = (cycles["state"] == State.STREAMING) | (cycles["state"] == State.STOPPING)
         # The first cycle at rest belongs to the motion too: it is the last setpoint of it.
         moving[1:] |= moving[:-1]
@@ -200,9 +173,9 @@ class MotionMeter:
         if self._after is not None:
             self._last_q, self._omega, self._alpha = self._after.last
             self._after = None
-        self._differentiate(np.vstack([self._last_q, block["q"]]))
+        self._differentiate(np.vstack([self._last_q, block["sent_q"]]))
         self._compare(block)
-        self._last_q = block["q"][-1]
+        self._last_q = block["sent_q"][-1]
 
     @property
     def last(self) -> tuple[Floats, Floats, Floats]:
@@ -226,7 +199,7 @@ class MotionMeter:
             end_velocity_error=self._end_error,
         )
 
-    def _after_waiting(self, block: NDArray[np.void]) -> NDArray[np.void]:
+    def _after_waiting(self, block: Table) -> Table:
         """Return *block* without the cycles in which the motion had not begun to move.
 
         A motion that takes over from another one moves from its first record on.
@@ -249,17 +222,16 @@ class MotionMeter:
             largest = float(np.sqrt((derivative**2).sum(axis=1).max()))
             self._peaks[k] = max(self._peaks[k], largest)
 
-    def _compare(self, block: NDArray[np.void]) -> None:
+    def _compare(self, block: Table) -> None:
         motion = self._motion
-        index = (block["path_index"] - np.uint64(self._first)).astype(np.float64)
-        times = (index + block["path_fraction"]) * motion.period
-        planned = motion.sample(times)
-        self._path_error = max(self._path_error, float(rotation.angle(planned.q, block["q"]).max()))
-        measured = (block["flags"] & 1) == 1
+        times = (block["path_index"] - self._first + block["path_fraction"]) * motion.period
+        off_plan = rotation.angle(motion.sample(times).q, block["sent_q"])
+        self._path_error = max(self._path_error, float(off_plan.max()))
+        measured = (block["flags"] & CycleFlag.FEEDBACK) != 0
         if self._led is not None:
             self._tracking_error = max(self._tracking_error, float(self._led.gaps(block).max()))
         elif measured.any():
-            gap = rotation.angle(block["q"][measured], block["feedback_q"][measured])
+            gap = rotation.angle(block["sent_q"][measured], block["measured_q"][measured])
             self._tracking_error = max(self._tracking_error, float(gap.max()))
         if self._carried is not None:
             block = np.concatenate([self._carried[0], block])
@@ -279,7 +251,7 @@ class MotionMeter:
 
     def _velocity_error(
         self,
-        block: NDArray[np.void],
+        block: Table,
         times: NDArray[np.float64],
         instant: float,
         wanted: Floats,
@@ -297,7 +269,7 @@ class MotionMeter:
         if k >= len(times):
             return None
         if times[k] - instant <= _SAME * h:
-            sent = block["omega_body"][k]
+            sent = block["sent_omega_body"][k]
             return float(np.linalg.norm(sent - wanted))
         first = k - 2 if from_before else k
         if first < 0 or first + 1 >= len(times):
@@ -308,8 +280,8 @@ class MotionMeter:
             return None
         u = (instant - times[first]) / step
         omega, alpha = (
-            block["omega_body"][first : first + 2],
-            block["alpha_body"][first : first + 2],
+            block["sent_omega_body"][first : first + 2],
+            block["sent_alpha_body"][first : first + 2],
         )
         sent = (
             (1 + 2 * u) * (1 - u) ** 2 * omega[0]

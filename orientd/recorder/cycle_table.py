@@ -1,4 +1,4 @@
-"""Cycles as a table: one row for each, from the servo's records to blocks of a recording and back.
+"""Cycles as a table: one row for each, out of the servo's records, into a recording and back.
 
 A block holds every quantity as whole multiples of a quantum far below what any device resolves,
 differenced from row to row as often as makes the numbers smallest: a smooth motion takes one or two
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orientd.recorder import recording_pb2 as pb
-from orientd.stream.records import CYCLE_RECORD, JOINTS
+from orientd.stream.records import CYCLE_RECORD, JOINTS, CycleFlag
 
 CYCLES = np.dtype(
     [
@@ -82,7 +82,7 @@ def to_block(table: Table) -> pb.CycleBlock:
     for name in table.dtype.names or ():
         if name == "feedback_time_ns":
             age = table["deadline_ns"] - table["feedback_time_ns"]
-            _fill(block.feedback_age_ns, np.where(table["flags"] & 1, age, -1))
+            _fill(block.feedback_age_ns, np.where(table["flags"] & CycleFlag.FEEDBACK, age, -1))
         else:
             _fill(getattr(block, name), table[name], QUANTA.get(name, 0.0))
     return block
@@ -94,9 +94,9 @@ def from_block(block: pb.CycleBlock) -> Table:
     for name in CYCLES.names or ():
         if name == "feedback_time_ns":
             age = _content(block.feedback_age_ns, block.count)[:, 0]
-            has_feedback = _content(block.flags, block.count)[:, 0].astype(np.int64) & 1
+            flags = _content(block.flags, block.count)[:, 0].astype(np.int64)
             due = _content(block.deadline_ns, block.count)[:, 0]
-            table[name] = np.where(has_feedback, due - age, 0)
+            table[name] = np.where(flags & CycleFlag.FEEDBACK, due - age, 0)
             continue
         content = _content(getattr(block, name), block.count)
         if name == "measured_joints":

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from orientd import planner, rotation
-from orientd.daemon.meter import CYCLE_LAYOUT, Histogram, MotionMeter
+from orientd.daemon.meter import Histogram, MotionMeter
+from orientd.recorder.cycle_table import CYCLES
 from orientd.stream import State
 
 PERIOD = 0.002
@@ -32,7 +33,7 @@ def sent(motion):
     count = motion.record_count
     places = np.concatenate([np.zeros(3, int), np.arange(1, count), np.full(3, count - 1)])
     samples = motion.sample(places * PERIOD)
-    cycles = np.zeros(len(places), CYCLE_LAYOUT)
+    cycles = np.zeros(len(places), CYCLES)
     cycles["index"] = np.arange(len(places))
     cycles["deadline_ns"] = cycles["index"] * 2_000_000
     cycles["path_index"] = FIRST + places
@@ -42,8 +43,8 @@ def sent(motion):
     cycles["speed"] = 1.0
     cycles["flags"] = 3
     for name in ("q", "omega_body", "alpha_body", "position"):
-        cycles[name] = getattr(samples, name)
-    cycles["feedback_q"] = samples.q
+        cycles[f"sent_{name}"] = getattr(samples, name)
+    cycles["measured_q"] = samples.q
     return cycles
 
 
@@ -77,7 +78,7 @@ def test_end_velocities_are_measured_at_their_instants(motion):
 
 def test_a_wrong_end_velocity_is_measured(motion):
     cycles = sent(motion)
-    cycles["omega_body"] += [0.003, 0.0, 0.004]
+    cycles["sent_omega_body"] += [0.003, 0.0, 0.004]
     found = measure(motion, cycles)
     assert found.start_velocity_error == pytest.approx(0.005, rel=1e-6)
     assert found.end_velocity_error == pytest.approx(0.005, rel=1e-6)
@@ -102,7 +103,7 @@ def test_the_blocks_do_not_matter(motion, sizes):
 
 def test_a_step_off_the_plan_is_measured(motion):
     cycles = sent(motion)
-    cycles["q"][100] = rotation.multiply(cycles["q"][100], rotation.exp([0.0, 0.0, 0.01]))
+    cycles["sent_q"][100] = rotation.multiply(cycles["sent_q"][100], rotation.exp([0.0, 0.0, 0.01]))
     found = measure(motion, cycles)
     assert found.path_error == pytest.approx(0.01, rel=1e-6)
     assert found.jerk > 8500.0
@@ -139,8 +140,8 @@ def test_nothing_measured_is_nothing():
 def test_a_device_that_is_led_is_compared_with_what_was_sent_a_lead_before(motion):
     cycles, behind = sent(motion), 20
     cycles["feedback_time_ns"] = cycles["deadline_ns"]
-    cycles["feedback_q"][behind:] = cycles["q"][:-behind]
-    cycles["feedback_q"][:behind] = cycles["q"][0]
+    cycles["measured_q"][behind:] = cycles["sent_q"][:-behind]
+    cycles["measured_q"][:behind] = cycles["sent_q"][0]
     assert measure(motion, cycles).tracking_error > 1e-3
     meter = MotionMeter(motion, NUMBER, FIRST, lead=behind * PERIOD)
     for begin in range(0, len(cycles), 7):
