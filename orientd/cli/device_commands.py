@@ -24,15 +24,7 @@ def holder(name: str) -> str:
 @command
 def stop(device: DeviceName = "", socket: Socket = None, as_json: AsJson = False) -> None:
     """Bring a device, or all of them, to rest on the path.  Anybody may."""
-    from orientd.cli import texts
-    from orientd.rpc.client import connect
-
-    with connect(socket, holder=holder("stop")) as robot:
-        reports = robot.stop(device)
-    if as_json:
-        say_json({"devices": reports})
-    else:
-        say(*(f"{report.name}: {texts.state(report)}" for report in reports))
+    _bring_to_rest("stop", socket, as_json, lambda robot: robot.stop(device))
 
 
 @command
@@ -41,15 +33,7 @@ def halt(device: DeviceName = "", socket: Socket = None, as_json: AsJson = False
 
     As quickly as the limits allow.  Anybody may.
     """
-    from orientd.cli import texts
-    from orientd.rpc.client import connect
-
-    with connect(socket, holder=holder("halt")) as robot:
-        reports = robot.halt(device)
-    if as_json:
-        say_json({"devices": reports})
-    else:
-        say(*(f"{report.name}: {texts.state(report)}" for report in reports))
+    _bring_to_rest("halt", socket, as_json, lambda robot: robot.halt(device))
 
 
 @command
@@ -93,6 +77,20 @@ def disable(device: DeviceName = "", socket: Socket = None, as_json: AsJson = Fa
 def reset(device: DeviceName = "", socket: Socket = None, as_json: AsJson = False) -> None:
     """Clear a fault; starts the servo process anew if it has ended."""
     _command("reset", socket, as_json, lambda robot: robot.reset(device))
+
+
+def _bring_to_rest(
+    name: str, socket: Path | None, as_json: bool, act: Callable[[Robot], list[DeviceReport]]
+) -> None:
+    from orientd.cli import texts
+    from orientd.rpc.client import connect
+
+    with connect(socket, holder=holder(name)) as robot:
+        reports = act(robot)
+    if as_json:
+        say_json({"devices": reports})
+    else:
+        say(*(f"{report.name}: {texts.state(report)}" for report in reports))
 
 
 def _command(

@@ -97,12 +97,7 @@ class Curve(ABC):
             q, omega_body, alpha_body = out[0:4].T, out[4:7].T, out[7:10].T
         if instants.ndim == 1:
             return q, omega_body, alpha_body
-        shape = instants.shape
-        return (
-            q.reshape(*shape, 4),
-            omega_body.reshape(*shape, 3),
-            alpha_body.reshape(*shape, 3),
-        )
+        return in_shape(instants.shape, q, omega_body, alpha_body)
 
     def _sample_in_blocks(self, times: Floats) -> Samples:
         """Return the samples, worked out so many at a time that memory stays bounded."""
@@ -134,6 +129,11 @@ class Curve(ABC):
             interior, times, side="right"
         )
         return spans
+
+
+def in_shape(shape: tuple[int, ...], q: Floats, omega_body: Floats, alpha_body: Floats) -> Samples:
+    """Return samples at a row of instants with the leading axes that the instants had."""
+    return q.reshape(*shape, 4), omega_body.reshape(*shape, 3), alpha_body.reshape(*shape, 3)
 
 
 def check_out(out: Floats, count: int) -> None:

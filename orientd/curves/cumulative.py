@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from orientd.curves import fast
 from orientd.curves.basis import CumulativeBasis
-from orientd.curves.contract import Curve, Samples, check_out
+from orientd.curves.contract import Curve, Samples, check_out, in_shape
 from orientd.curves.product import (
     BLOCK,
     TABLE_ROWS,
@@ -86,12 +86,7 @@ class CumulativeCurve(Curve):
         q, omega_body, alpha_body = out[0:4].T, out[4:7].T, out[7:10].T
         if instants.ndim == 1:
             return q, omega_body, alpha_body
-        shape = instants.shape
-        return (
-            q.reshape(*shape, 4),
-            omega_body.reshape(*shape, 3),
-            alpha_body.reshape(*shape, 3),
-        )
+        return in_shape(instants.shape, q, omega_body, alpha_body)
 
     def _sample(self, times: Floats) -> Samples:
         return self.evaluate(times)

@@ -16,7 +16,7 @@ from orientd.curves.c2_cumulative import C2Cumulative
 from orientd.curves.effort_equations import EffortEquations
 from orientd.curves.effort_search import least_effort
 from orientd.curves.min_acceleration import winding_path, winding_reach
-from orientd.curves.relaxation import spline_path
+from orientd.curves.relaxation import spline_path, spline_through
 from orientd.curves.rotation_vector_spline import RotationVectorSpline
 from orientd.curves.shooting import Path
 from orientd.errors import PlanError
@@ -83,20 +83,8 @@ def interpolated(
     path: Path, breaks: Floats, ends: tuple[Floats | None, Floats | None]
 ) -> list[Floats]:
     """Return the increments of the cubic spline through points of a curve, if there is one."""
-    first, last = ends
-    try:
-        spline = C2Cumulative(
-            keys=path(breaks)[0],
-            times=breaks,
-            start="natural" if first is None else "clamped",
-            end="natural" if last is None else "clamped",
-            omega_start=first,
-            omega_end=last,
-            align=False,
-        )
-    except (PlanError, ValueError):
-        return []
-    return [spline.increments]
+    spline = spline_through(C2Cumulative, path(breaks)[0], breaks, *ends)
+    return [] if spline is None else [spline.increments]
 
 
 def refined(path: Path, knots: Floats, order: int) -> Floats:

@@ -9,12 +9,24 @@ from numpy.typing import ArrayLike
 
 from orientd.curves.basis import CumulativeBasis
 from orientd.curves.cumulative import CumulativeCurve
-from orientd.curves.keyframes import check_integer, check_vector
+from orientd.curves.keyframes import check_bool, check_integer, check_quaternion, check_vector
 from orientd.rotation import Floats, conjugate, rotate
+from orientd.rotation import align as align_signs
 
 FRAMES = ("body", "world")
 LEAST = "least"
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(10)
+
+
+def check_ends(q0: ArrayLike, q1: ArrayLike, *, align: object) -> tuple[Floats, Floats]:
+    """Return the first and the last orientation; with *align* the last near to the first in sign.
+
+    Raises:
+        ValueError: one of them is no unit quaternion, or *align* no bool.
+    """
+    ends = np.stack([check_quaternion(q0, "q0"), check_quaternion(q1, "q1")])
+    start, end = align_signs(ends) if check_bool(align, "align") else ends
+    return start, end
 
 
 def in_body_frame(vector: ArrayLike, name: str, q: Floats, frame: str) -> Floats:

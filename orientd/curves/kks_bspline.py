@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.basis import cumulative_basis
 from orientd.curves.cumulative import CumulativeCurve
 from orientd.curves.keyframes import check_aligned, check_integer, increments
-from orientd.curves.knots import check_knots, inner_multiplicity
+from orientd.curves.knots import inner_multiplicity, resolve_knots
 
 
 class KksBspline(CumulativeCurve):
@@ -52,11 +51,7 @@ class KksBspline(CumulativeCurve):
     ) -> None:
         order = check_integer(order, "order", minimum=2)
         controls = check_aligned(control, align, "control", minimum=order)
-        vector = (
-            np.arange(1.0 - order, len(controls) + 1.0)
-            if knots is None
-            else check_knots(knots, len(controls), order)
-        )
+        vector = resolve_knots(knots, len(controls), order)
         repeated = inner_multiplicity(vector, order)
         super().__init__(
             basis=cumulative_basis(vector, order),

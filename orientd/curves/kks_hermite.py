@@ -7,14 +7,8 @@ from numpy.typing import ArrayLike
 
 from orientd.curves.basis import cumulative_basis
 from orientd.curves.cumulative import CumulativeCurve
-from orientd.curves.hermite import FRAMES, check_revolutions, in_body_frame, turned
-from orientd.curves.keyframes import (
-    check_bool,
-    check_choice,
-    check_interval,
-    check_quaternion,
-)
-from orientd.rotation import align as align_signs
+from orientd.curves.hermite import FRAMES, check_ends, check_revolutions, in_body_frame, turned
+from orientd.curves.keyframes import check_choice, check_interval
 from orientd.rotation import between, exp_half, log_half, multiply, rotate
 
 PRODUCTS = ("local", "global")
@@ -76,8 +70,7 @@ class KksHermite(CumulativeCurve):
         product: str = "local",
         align: bool = True,
     ) -> None:
-        ends = np.stack([check_quaternion(q0, "q0"), check_quaternion(q1, "q1")])
-        start, end = align_signs(ends) if check_bool(align, "align") else ends
+        start, end = check_ends(q0, q1, align=align)
         interval = check_interval(t0, t1)
         frame = check_choice(frame, "frame", FRAMES)
         turns = check_revolutions(revolutions)

@@ -8,14 +8,18 @@ from numpy.typing import ArrayLike
 from orientd.rotation import Floats
 
 
-def check_knots(knots: ArrayLike, count: int, order: int) -> Floats:
-    """Return a knot vector for *count* control points of a B-spline of an order.
+def resolve_knots(knots: ArrayLike | None, count: int, order: int) -> Floats:
+    """Return a knot vector for *count* control points of a B-spline of an order, in seconds.
+
+    Without *knots* they are a second apart, and the domain begins at 0.
 
     Raises:
         ValueError: it is not ``count + order`` finite numbers that do not decrease, the domain
             from ``knots[order - 1]`` to ``knots[count]`` is empty, or a knot inside it is
             repeated so often that the curve would jump.
     """
+    if knots is None:
+        return np.arange(1 - order, count + 1, dtype=np.float64)
     expected = f"a list of {count + order} non-decreasing numbers"
     try:
         vector = np.asarray(knots)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from orientd.curves.basis import CumulativeBasis, cumulative_basis
 from orientd.curves.keyframes import check_integer, check_interval, check_vector
-from orientd.curves.knots import check_knots
+from orientd.curves.knots import resolve_knots
 from orientd.curves.spline_ends import begun_shares, end_rows, interpolation_knots
 from orientd.curves.telescoped import TelescopedEquations
 from orientd.rotation import Floats
@@ -72,10 +72,7 @@ def blended_positions(
     """
     k = check_integer(order, "order", minimum=2)
     points = check_points(control, "control", k)
-    vector: Floats = np.arange(len(points) + k, dtype=np.float64) - (k - 1)
-    if knots is not None:
-        vector = check_knots(knots, len(points), k)
-    basis = cumulative_basis(vector, k)
+    basis = cumulative_basis(resolve_knots(knots, len(points), k), k)
     return PositionSpline(
         basis=basis, start=points[basis.first - 1], increments=np.diff(points, axis=0)
     )

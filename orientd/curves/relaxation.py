@@ -13,6 +13,8 @@ bring a guess near the curve that Newton's method then finds exactly.
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -31,6 +33,8 @@ from orientd.rotation import (
     normalize,
     right_jacobian_inverse,
 )
+
+Spline = TypeVar("Spline", bound=RotationVectorSpline | C2Cumulative)
 
 PIECES = 16
 """At least, between two keyframes."""
@@ -94,9 +98,31 @@ def spline_path(
     last: Floats | None,
     **options: ArrayLike,
 ) -> Path | None:
-    """Return a spline with the same keyframes and ends, if there is one."""
+    """Return the path of :func:`spline_through` keyframes, if there is one."""
+    spline = spline_through(family, q, instants, first, last, **options)
+    return None if spline is None else spline.evaluate
+
+
+def spline_through(
+    family: type[Spline],
+    q: Floats,
+    instants: Floats,
+    first: Floats | None,
+    last: Floats | None,
+    **options: ArrayLike,
+) -> Spline | None:
+    """Return a spline with the same keyframes and ends, if there is one.
+
+    Args:
+        family: of the spline.
+        q: orientations of the keyframes, their signs as the spline is to have them.
+        instants: of the keyframes, s.
+        first: body angular velocity at the first keyframe, rad/s; natural without it.
+        last: the same at the last keyframe.
+        options: of the family.
+    """
     try:
-        spline = family(
+        return family(
             keys=q,
             times=instants,
             start="natural" if first is None else "clamped",
@@ -108,7 +134,6 @@ def spline_path(
         )
     except (PlanError, ValueError):
         return None
-    return spline.evaluate
 
 
 class _Sums:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.keyframes import check_aligned, check_integer
-from orientd.curves.knots import check_knots, inner_multiplicity
+from orientd.curves.knots import inner_multiplicity, resolve_knots
 from orientd.curves.triangle import TriangleCurve, bspline_intervals
 
 
@@ -53,11 +53,7 @@ class SchlagBSpline(TriangleCurve):
     ) -> None:
         size = check_integer(order, "order", minimum=2)
         points = check_aligned(control, align, "control", minimum=size)
-        x = (
-            np.arange(1 - size, len(points) + 1, dtype=np.float64)
-            if knots is None
-            else check_knots(knots, len(points), size)
-        )
+        x = resolve_knots(knots, len(points), size)
         spans = np.arange(size - 1, len(points))
         spans = spans[x[spans + 1] > x[spans]]
         window = spans[:, None] + np.arange(1 - size, 1)[None, :]

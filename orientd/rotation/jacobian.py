@@ -8,6 +8,8 @@ angle, or a Taylor polynomial where the difference of nearly equal numbers would
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -39,6 +41,21 @@ def _horner(x: Floats, coefficients: tuple[float, ...]) -> Floats:
     for coefficient in coefficients[-2::-1]:
         total = total * x + coefficient
     return total
+
+
+def _coefficient(
+    square: Floats, terms: tuple[float, ...], exact: Callable[[Floats], Floats]
+) -> Floats:
+    """Return a coefficient: a polynomial in the *square* of small angles, *exact* of others."""
+    theta = np.sqrt(square)
+    is_small = theta < _SEAM
+    series = _horner(np.where(is_small, square, 0.0), terms)
+    return np.where(is_small, series, exact(np.where(is_small, 1.0, theta)))
+
+
+def _inverse_coefficient(theta: Floats) -> Floats:
+    half = 0.5 * theta
+    return (1.0 - half * np.cos(half) / np.sin(half)) / theta**2
 
 
 _SINE_TERMS = (1 / 6, -1 / 120, 1 / 5040, -1 / 362880, 1 / 39916800, -1 / 6227020800)
@@ -73,16 +90,9 @@ def left_jacobian(rotation_vector: ArrayLike) -> Floats:
     """
     r = _vectors(rotation_vector)
     square = np.sum(r * r, axis=-1)
-    theta = np.sqrt(square)
-    half_sinc = np.sinc(theta / (2.0 * np.pi))
+    half_sinc = np.sinc(np.sqrt(square) / (2.0 * np.pi))
     first = 0.5 * half_sinc * half_sinc
-    is_small = theta < _SEAM
-    safe = np.where(is_small, 1.0, theta)
-    second = np.where(
-        is_small,
-        _horner(np.where(is_small, square, 0.0), _SINE_TERMS),
-        (safe - np.sin(safe)) / safe**3,
-    )
+    second = _coefficient(square, _SINE_TERMS, lambda theta: (theta - np.sin(theta)) / theta**3)
     cross = _skew(r)
     jacobian: Floats = (
         np.eye(3) + first[..., None, None] * cross + second[..., None, None] * (cross @ cross)
@@ -126,16 +136,7 @@ def left_jacobian_inverse(rotation_vector: ArrayLike) -> Floats:
         ValueError: the last axis does not have length 3.
     """
     r = _vectors(rotation_vector)
-    square = np.sum(r * r, axis=-1)
-    theta = np.sqrt(square)
-    is_small = theta < _SEAM
-    safe = np.where(is_small, 1.0, theta)
-    half = 0.5 * safe
-    coefficient = np.where(
-        is_small,
-        _horner(np.where(is_small, square, 0.0), _INVERSE_TERMS),
-        (1.0 - half * np.cos(half) / np.sin(half)) / safe**2,
-    )
+    coefficient = _coefficient(np.sum(r * r, axis=-1), _INVERSE_TERMS, _inverse_coefficient)
     cross = _skew(r)
     inverse: Floats = np.eye(3) - 0.5 * cross + coefficient[..., None, None] * (cross @ cross)
     return inverse

@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import BSpline
 
 from orientd.curves.basis import bernstein, cumulative_basis
-from orientd.curves.knots import check_knots, inner_multiplicity
+from orientd.curves.knots import inner_multiplicity, resolve_knots
 
 VECTORS = {
     "uniform": np.arange(16.0),
@@ -118,10 +118,10 @@ def test_bernstein_polynomials_sum_to_one():
 )
 def test_knots_that_cannot_be_are_refused(knots, problem):
     with pytest.raises(ValueError, match=problem):
-        check_knots(knots, 5, 4)
+        resolve_knots(knots, 5, 4)
 
 
 def test_a_knot_repeated_too_often_is_refused():
     with pytest.raises(ValueError, match="repeated at most 1 times for order 2"):
-        check_knots([0, 0, 1, 1, 2, 2], 4, 2)
-    assert inner_multiplicity(check_knots([0, 0, 0, 1, 1, 2, 2, 2], 5, 3), 3) == 2
+        resolve_knots([0, 0, 1, 1, 2, 2], 4, 2)
+    assert inner_multiplicity(resolve_knots([0, 0, 0, 1, 1, 2, 2, 2], 5, 3), 3) == 2
