@@ -13,8 +13,10 @@ works.  A long stop is rehearsed in several cycles, from where the certified law
 
 Where the path slows down by itself, as it does before it turns back, no rate gives the device the
 acceleration that a stop before the turn would need, and whoever brakes for one is too fast there
-and too slow to go on.  Such a place is passed: the device brakes a little, keeps that rate until
-the path is faster again, and stops behind it.
+and too slow to go on.  Such a place is passed, as slowly as still leads beyond it
+(:mod:`orientd.servo.turn`), and the stop is behind it.  Where the path does not turn back, or not
+so that this succeeds, the device brakes a little, keeps that rate until the path is faster again,
+and stops then.
 """
 
 from __future__ import annotations
@@ -31,6 +33,10 @@ from orientd.stream import Terms
 
 PLANS = (
     Plan(0.998, 0.985),
+    Plan(0.995, 0.985, until=0.3),
+    Plan(0.998, 0.9),
+    Plan(0.995, 0.985, until=1.0, stops_across=True),
+    Plan(0.995, 0.985, until=1.0),
     *(Plan(0.995, 0.985, rate) for rate in (0.87, 0.93, 0.97, 1.0)),
     Plan(0.9, 0.9),
     Plan(0.75, 0.9),
@@ -68,6 +74,7 @@ class BrakeLaw:
         self._tries = 0
         self._expected = 0.0
         self._trouble = 0.0
+        self._is_straight = False
         self._rehearsal: Rehearsal | None = None
         self._rates: list[float] = []
 
@@ -98,7 +105,7 @@ class BrakeLaw:
         """Begin with another stop."""
         clock = self._clock
         self._tries, self._expected, self._trouble = 0, 0.0, 0.0
-        self._rehearsal, self._rates = None, []
+        self._rehearsal, self._rates, self._is_straight = None, [], False
         # A path that ends sooner than the certified stop is left as it is.
         rest = self._follower.records_left() * clock.period / clock.rate
         is_even = clock.acceleration == 0.0
@@ -115,10 +122,14 @@ class BrakeLaw:
             left -= rehearsal.go_on(terms, left, may_end=may_end)
             outcome = rehearsal.outcome
             if outcome is Outcome.FAILED:
-                if rehearsal.plan.rate is None:
-                    self._trouble = rehearsal.gone - sum(rehearsal.rates[: self._taken])
+                if not rehearsal.plan.passes:
+                    trouble = rehearsal.gone - sum(rehearsal.rates[: self._taken])
+                    self._trouble = max(self._trouble, trouble)
+                self._is_straight = self._is_straight or rehearsal.is_without_turn
                 self._rehearsal = None
                 self._tries += 1
+                while self._is_straight and PLANS[self._tries % len(PLANS)].until is not None:
+                    self._tries += 1
                 left -= 1
             elif outcome is not Outcome.UNFINISHED:
                 break
@@ -157,8 +168,11 @@ class BrakeLaw:
         past = Past(guard.omega, guard.alpha, guard.velocity)
         cycles = self._remaining(past, terms)
         plan = PLANS[self._tries % len(PLANS)]
-        if plan.rate is not None:
-            plan = plan._replace(distance=self._trouble)
+        if plan.passes:
+            distance = self._trouble
+            if plan.until is not None:
+                distance = _FARTHEST * distance + FEWEST_STEPS
+            plan = plan._replace(distance=distance)
             speed, push = _along(past)
             slowest = min(-speed / push, _FARTHEST * cycles * period) if push < 0.0 else 0.0
             # What is left of the acceleration there has to fall, and then the speed it leads to:

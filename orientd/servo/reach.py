@@ -124,15 +124,22 @@ def released(past: Past, ahead: Ahead, terms: Terms, period: float, share: float
     turn = 3.0 * sqrt(max(ax * ax + ay * ay + az * az - along * along, 0.0)) * along
     across = min(abs(turn) / speed, jerk) if speed > _STILL else 0.0
     jerk = max(sqrt(jerk * jerk - across * across), _LEAST_RELEASE * jerk)
-    if terms.has_axes:
-        for limit, part in zip(terms.axis_jerk, (x, y, z), strict=True):
-            if limit < inf and part != 0.0:
-                jerk = min(jerk, limit / abs(part))
+    jerk = min(jerk, jerk_along(terms, (x, y, z)))
     step = share * jerk * period * period
     left = speed / step
     whole = floor(0.5 * (sqrt(1.0 + 8.0 * left) - 1.0))
     change = (left / (whole + 1) + 0.5 * whole) * step
     return (speed - change - (a * x + b * y + c * z)) / path_speed
+
+
+def jerk_along(terms: Terms, direction: Vector3) -> float:
+    """Return the largest jerk along a direction, a unit vector, that the limits allow."""
+    jerk = terms.jerk
+    if terms.has_axes:
+        for limit, part in zip(terms.axis_jerk, direction, strict=True):
+            if limit < inf and part != 0.0:
+                jerk = min(jerk, limit / abs(part))
+    return jerk
 
 
 def nearest(

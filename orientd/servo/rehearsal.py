@@ -20,23 +20,25 @@ from typing import NamedTuple
 
 from orientd.driver import Vector3
 from orientd.driver.floats import difference, norm
+from orientd.servo.cubic import Cubic, between, cubic
 from orientd.servo.guard import Guard
 from orientd.servo.kink import Kink, find_kink
 from orientd.servo.path_clock import PathClock
 from orientd.servo.path_follower import PathFollower
-from orientd.servo.reach import Ahead, Past, nearest, released
+from orientd.servo.reach import Ahead, Past, jerk_along, nearest, released
+from orientd.servo.turn import Turn, dot
 from orientd.stream import Terms
-
-Cubic = tuple[Vector3, Vector3, Vector3, Vector3]
-"""Coefficients of the powers 1, 2, 3 of *u*, and the value at ``u = 1``."""
 
 Piece = tuple[Cubic, Cubic | None, Kink | None]
 """How the path turns between two records, how it travels, if it does, and where it has a kink."""
 
 _ZERO = (0.0, 0.0, 0.0)
+_REST = Ahead(_ZERO, _ZERO, _ZERO, _ZERO)
 _STILL = 1e-9
+_THERE = 0.05  # records: what is nearer to a turn is past it
 _ATTEMPTS = 6
 _NEAR = 2e-3  # records from a rate to the next guess; what is left of them is its square
+_RECORDS_A_STEP = 4  # records that can be looked at while a cycle is rehearsed
 
 
 class Outcome(Enum):
@@ -56,13 +58,25 @@ class Plan(NamedTuple):
         release: part of the jerk's share that the release is begun with.
         rate: to which the device brakes first, and which it keeps until the path has been through
             its slowest point; ``None`` to stop wherever that is possible.
-        distance: records before which the slowest point is not looked for.
+        until: cycles before the next place where the path turns back, until which the device
+            makes for it as slowly as possible, to stop behind it; ``None`` not to.
+        stops_across: whether the stop begins with the cycle that leads past that place, or with
+            the next.
+        distance: records before which the slowest point is not looked for, or behind which no
+            place where the path turns back is.
     """
 
     share: float
     release: float
     rate: float | None = None
+    until: float | None = None
+    stops_across: bool = False
     distance: float = 0.0
+
+    @property
+    def passes(self) -> bool:
+        """Whether it passes a place before it stops."""
+        return self.rate is not None or self.until is not None
 
 
 class Rehearsal:
@@ -102,8 +116,9 @@ class Rehearsal:
         self._rate, self._change = clock.rate, clock.acceleration * clock.period
         self._pieces: dict[int, Piece] = {}
         self.gone = 0.0
-        self._is_past = plan.rate is None
+        self._is_past = not plan.passes
         self._path_speed = inf
+        self._turn: Turn | None = None
 
     def go_on(self, terms: Terms, steps: int, *, may_end: bool) -> int:
         """Rehearse at most so many cycles more and return how many.
@@ -124,8 +139,42 @@ class Rehearsal:
         for step in range(steps):
             if self.outcome is not Outcome.UNFINISHED:
                 return step
-            self._step(terms, end, may_end=may_end)
+            if self._is_looking:
+                self._look()
+            else:
+                self._step(terms, end, may_end=may_end)
         return steps
+
+    @property
+    def is_without_turn(self) -> bool:
+        """Whether it was looked in vain for a place where the path turns back."""
+        return self.outcome is Outcome.FAILED and self._turn is not None and self._is_looking
+
+    @property
+    def _is_looking(self) -> bool:
+        """Whether the place where the path turns back is yet to be found."""
+        if self.plan.until is None or len(self.rates) < self.lead:
+            return False
+        return self._turn is None or not self._turn.is_found
+
+    def _look(self) -> None:
+        """Look at some records more for the place where the path turns back."""
+        turn = self._turn
+        for _ in range(_RECORDS_A_STEP):
+            place = self._index if turn is None else int(turn.place)
+            piece = self._load(place) if place <= self.plan.distance else None
+            if piece is None:
+                self.outcome = Outcome.FAILED
+                return
+            if turn is None:
+                speed = max(norm(self.past.omega), _STILL)
+                x, y, z = self.past.omega
+                self._turn = turn = Turn((x / speed, y / speed, z / speed), place)
+                turn.come(between(piece[0], 0.0, piece[0], self._fraction, _ZERO)[0])
+            turn.look(piece[0])
+            if turn.is_found:
+                self._is_past = self._index + self._fraction >= turn.place - _THERE
+                return
 
     def _step(self, terms: Terms, end: float, *, may_end: bool) -> None:
         is_led = len(self.rates) >= self.lead
@@ -153,12 +202,12 @@ class Rehearsal:
                     self.outcome = Outcome.FAILED
                     return
                 u, there, gone, drift = u - 1.0, following, turn[3], travel[3] if travel else _ZERO
-            omega, slope = _from(turn, before, there[0], u, gone)
+            omega, slope = between(turn, before, there[0], u, gone)
             if start[2] or there[2]:
                 omega, slope = _kinked(omega, slope, start[2], before, there[2], u, h)
             velocity = push = _ZERO
             if travel or there[1]:
-                velocity, push = _from(travel or none, before, there[1] or none, u, drift)
+                velocity, push = between(travel or none, before, there[1] or none, u, drift)
             if not is_led:
                 break
             ahead = Ahead(slope, _plus(omega, slope, -rate), push, _plus(velocity, push, -rate))
@@ -180,26 +229,43 @@ class Rehearsal:
             is_there = self._follower.peek_ahead(self._index + 1 - self._passed) is not None
             self.outcome = Outcome.REST if is_there else Outcome.FAILED
         self.gone += rate
-        if is_led and not self._is_past:
+        if self._turn is not None:
+            self._turn.come(omega)
+            self._is_past = self._index + before + rate >= self._turn.place - _THERE
+        elif is_led and not self._is_past:
             speed = norm(slope)
             is_far = self.gone >= self.plan.distance
             self._is_past, self._path_speed = is_far and speed > self._path_speed, speed
         u, v, w = self.past.omega
         x, y, z = omega
         self.past = Past(omega, ((x - u) / h, (y - v) / h, (z - w) / h), velocity)
+        if self.outcome is Outcome.REST and nearest(self.past, _REST, terms, h, 1.0, 0.0) is None:
+            self.outcome = Outcome.FAILED  # at rest, but not without its acceleration
         self.rates.append(rate)
         self._change, self._rate = rate - self._rate, rate
         self._fraction += rate
         if self._fraction >= 1.0:
+            self._pieces.pop(self._index, None)
             self._index, self._fraction = self._index + 1, self._fraction - 1.0
 
     def _wanted(self, ahead: Ahead, terms: Terms) -> float:
         """Return the rate that this cycle of the plan would have if every rate were allowed."""
-        plan = self.plan
-        if self._is_past or plan.rate is None:
-            share = plan.release * plan.share
-            return released(self.past, ahead, terms, self._clock.period, share)
-        return min(plan.rate, self._rate)
+        plan, turn, h = self.plan, self._turn, self._clock.period
+        share = plan.release * plan.share
+        path_speed = 0.0 if turn is None else dot(ahead.omega, turn.axis)
+        if self._is_past or (plan.stops_across and path_speed <= 0.0):
+            return released(self.past, ahead, terms, h, share)
+        if plan.rate is not None:
+            return min(plan.rate, self._rate)
+        if turn is None or plan.until is None or path_speed <= 0.0:
+            return self._rate
+        step = share * jerk_along(terms, turn.axis) * h * h
+        speed = turn.slowest(dot(self.past.omega, turn.axis), step, plan.until)
+        if speed is None:
+            return self._rate
+        if speed == 0.0:
+            return released(self.past, ahead, terms, h, share)
+        return min((speed - dot(ahead.bend, turn.axis)) / path_speed, self._rate)
 
     def _load(self, index: int) -> Piece | None:
         """Return what lies between a record and the next, or ``None`` beyond the last."""
@@ -212,47 +278,16 @@ class Rehearsal:
             return None
         h = self._clock.period
         x, y, z = difference(start.q, end.q)
-        turn = _cubic(start.omega_body, end.omega_body, (x / h, y / h, z / h))
+        turn = cubic(start.omega_body, end.omega_body, (x / h, y / h, z / h))
         travel = None
         if start.position != end.position:
             x, y, z = start.position
             u, v, w = end.position
             mean = ((u - x) / h, (v - y) / h, (w - z) / h)
-            travel = _cubic(start.velocity, end.velocity, mean)
+            travel = cubic(start.velocity, end.velocity, mean)
         piece = turn, travel, find_kink(start, end, h)
-        self._pieces = {k: pieces[k] for k in pieces if k == index - 1}
-        self._pieces[index] = piece
+        pieces[index] = piece
         return piece
-
-
-def _cubic(a: Vector3, b: Vector3, m: Vector3) -> Cubic:
-    ax, ay, az = a
-    bx, by, bz = b
-    mx, my, mz = m
-    return (
-        a,
-        (3.0 * mx - 2.0 * ax - bx, 3.0 * my - 2.0 * ay - by, 3.0 * mz - 2.0 * az - bz),
-        (ax + bx - 2.0 * mx, ay + by - 2.0 * my, az + bz - 2.0 * mz),
-        m,
-    )
-
-
-def _from(
-    start: Cubic, s: float, end: Cubic, u: float, between: Vector3
-) -> tuple[Vector3, Vector3]:
-    """Return how far it is from *s* in one cubic to *u* in another, and the slope there."""
-    (ax, ay, az), (bx, by, bz), (cx, cy, cz), _ = end
-    (px, py, pz), (qx, qy, qz), (rx, ry, rz), _ = start
-    x, y, z = between
-    u2, u3 = 2.0 * u, 3.0 * u * u
-    return (
-        (
-            ((cx * u + bx) * u + ax) * u - ((rx * s + qx) * s + px) * s + x,
-            ((cy * u + by) * u + ay) * u - ((ry * s + qy) * s + py) * s + y,
-            ((cz * u + bz) * u + az) * u - ((rz * s + qz) * s + pz) * s + z,
-        ),
-        (ax + bx * u2 + cx * u3, ay + by * u2 + cy * u3, az + bz * u2 + cz * u3),
-    )
 
 
 def _kinked(
@@ -264,7 +299,7 @@ def _kinked(
     u: float,
     period: float,
 ) -> tuple[Vector3, Vector3]:
-    """Return what :func:`_from` found with the bends of the kinks on the way added to it."""
+    """Return what the cubics alone say with the bends of the kinks on the way added to it."""
     if start is not None:
         omega = _plus(omega, start.step, -period * start.bend(s)[0])
     if end is not None:
