@@ -15,6 +15,8 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import Any
 
+from orientd.daemon.log_writer import LogWriter
+
 _FIELD = "about"
 
 _PRIORITIES = ((logging.ERROR, 3), (logging.WARNING, 4), (logging.INFO, 6), (logging.DEBUG, 7))
@@ -70,7 +72,7 @@ def set_up(chosen: LogFormat, level: str = "info") -> None:
         level: of what is logged.
     """
     is_journal = "JOURNAL_STREAM" in os.environ
-    handler = logging.StreamHandler(sys.stderr)
+    handler = LogWriter(sys.stderr.fileno())
     if chosen is LogFormat.JSON or (chosen is LogFormat.AUTO and is_journal):
         handler.setFormatter(JsonFormatter(has_priority=is_journal))
     else:

@@ -1,5 +1,6 @@
 """The daemon as a process: how it starts, what it leaves behind, how it ends."""
 
+import contextlib
 import os
 import signal
 import socket
@@ -239,3 +240,21 @@ def test_a_device_that_cannot_be_opened_is_told_and_the_daemon_serves(tmp_path):
 def test_a_path_that_no_socket_can_have_is_refused(tmp_path):
     done = orientd("run", "--socket", tmp_path / ("x" * 120))
     assert_refused(done, "the path of a socket has at most 107 bytes")
+
+
+def test_a_log_that_nobody_reads_holds_nothing_up(tmp_path):
+    fifo = tmp_path / "full"
+    os.mkfifo(fifo)
+    reader = os.open(fifo, os.O_RDWR | os.O_NONBLOCK)
+    try:
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                os.write(reader, bytes(4096))
+        daemon = DaemonProcess(tmp_path / "daemon")
+        daemon.prefix = ("bash", "-c", 'exec "$@" 2>"$0"', str(fifo))
+        with daemon:
+            *_, last = daemon.move(spin(1.0))
+            assert last.summary.outcome == pb.OUTCOME_DONE
+        assert daemon.process.returncode == 0
+    finally:
+        os.close(reader)

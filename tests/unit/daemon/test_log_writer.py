@@ -1,0 +1,83 @@
+"""Log lines that nobody reads."""
+
+import contextlib
+import logging
+import os
+
+import pytest
+
+from orientd.daemon.log_writer import MOST_LINES, LogWriter
+
+
+@pytest.fixture
+def pipe():
+    ends = os.pipe()
+    yield ends
+    for end in ends:
+        os.close(end)
+
+
+@pytest.fixture
+def log(pipe):
+    """A log to a pipe, with nothing else listening to it."""
+    logger = logging.Logger("of a test")
+    writer = LogWriter(pipe[1])
+    logger.addHandler(writer)
+    yield logger
+    writer.close()
+
+
+def read_until(descriptor, word):
+    found = b""
+    while word not in found:
+        found += os.read(descriptor, 65536)
+    return found
+
+
+def test_lines_are_written_in_order(pipe, log):
+    for k in range(10):
+        log.warning("line %d ü", k)
+    lines = read_until(pipe[0], b"line 9").decode().splitlines()
+    assert lines == [f"line {k} ü" for k in range(10)]
+
+
+def test_nobody_waits_for_a_reader_and_what_is_lost_is_counted(pipe, log, caplog):
+    count = 5 * MOST_LINES
+    for k in range(count):
+        log.warning("%d %s", k, "x" * 200)
+    (writer,) = log.handlers
+    kept = b""
+    while not writer._lines.empty() or not caplog.messages:
+        kept += os.read(pipe[0], 65536)
+    (complaint,) = caplog.messages
+    lost = int(complaint.removesuffix(" log lines are lost: nobody has read the ones before them"))
+    assert kept.startswith(b"0 x")
+    writer.close()
+    os.set_blocking(pipe[0], False)
+    with contextlib.suppress(BlockingIOError):
+        while True:
+            kept += os.read(pipe[0], 65536)
+    assert len(kept.splitlines()) + lost == count
+
+
+def test_the_end_does_not_wait_for_a_reader_who_never_comes(pipe):
+    logger = logging.Logger("of a test")
+    writer = LogWriter(pipe[1])
+    logger.addHandler(writer)
+    for _ in range(MOST_LINES):
+        logger.warning("x" * 1000)
+    writer.close()
+    assert not writer._lines.empty()
+    read_until(pipe[0], b"x")
+
+
+def test_a_reader_who_is_gone_is_no_trouble():
+    read, write = os.pipe()
+    logger = logging.Logger("of a test")
+    writer = LogWriter(write)
+    logger.addHandler(writer)
+    os.close(read)
+    logger.warning("to nobody")
+    writer.close()
+    assert writer._lines.empty()
+    os.close(write)
