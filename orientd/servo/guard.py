@@ -102,6 +102,12 @@ class Guard:
         self.position, self.velocity = position, velocity
         return ""
 
+    def rates(self, q: Quaternion, position: Vector3) -> tuple[Vector3, Vector3]:
+        """Return angular velocity and velocity, rad/s and m/s, of a step to there."""
+        h, (x, y, z) = self.period, difference(self.q, q)
+        velocity = _plus(_plus(ZERO, position, 1.0 / h), self.position, -1.0 / h)
+        return (x / h, y / h, z / h), velocity
+
     def soft_stop(self, terms: Terms) -> Iterator[tuple[Quaternion, Vector3]]:
         """Yield setpoints that come to rest from what was last written, off the path if need be.
 

@@ -61,6 +61,12 @@ class PathClock:
         self.is_led = not is_last
         self.moves += 1
 
+    def ease(self, rate: float) -> None:
+        """Take another rate for the cycle that :meth:`advance` has moved by, and go on from it."""
+        self.acceleration += (rate - self.rate) / self.period
+        self.rate = rate
+        self.moves += 1
+
     @property
     def brake_rate(self) -> float:
         """A stop from full speed takes ``1 / brake_rate`` seconds; 1/s."""

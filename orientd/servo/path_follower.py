@@ -182,7 +182,7 @@ class PathFollower:
         return self.peek(index)
 
     def look(self, records: float) -> PathPoint:
-        """Return the point that :meth:`advance` would, and stay here.
+        """Return the point that :meth:`advance` leads to, and stay here.
 
         Raises:
             StarvedError: the path ends there without being at rest.
@@ -190,22 +190,21 @@ class PathFollower:
         index, fraction, _ = self._place(records)
         return self._at(index, fraction)
 
-    def advance(self, records: float) -> PathPoint:
-        """Move on by that many records, in [0, 1], and return the point there.
+    def leg_at(self, records: float) -> Leg:
+        """Return the leg that :meth:`advance` leads to."""
+        return self._place(records)[2] or self.leg
+
+    def advance(self, records: float) -> None:
+        """Move on by that many records, in [0, 1], where :meth:`look` has found a point.
 
         The last record of a motion is never passed, unless another leg begins there.
-
-        Raises:
-            StarvedError: the path ends here without being at rest; the position is unchanged.
         """
         index, fraction, following = self._place(records)
-        point = self._at(index, fraction)
         if following is not None:
             self.leg = following
             del self._ahead[0]
         self.index, self.fraction = index, fraction
         self._ring.set_word(TAIL_WORD, index)
-        return point
 
     def _place(self, records: float) -> tuple[int, float, Leg | None]:
         """Return where so many records lead, in [0, 1], and the leg that begins on the way."""

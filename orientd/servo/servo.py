@@ -26,6 +26,7 @@ from orientd.servo.path_clock import PathClock
 from orientd.servo.path_follower import Leg, PathFollower, StarvedError
 from orientd.servo.path_point import PathPoint
 from orientd.servo.pursuit import Pursuit
+from orientd.servo.reach import Past, eased
 from orientd.servo.stall import Stalls
 from orientd.servo.table import Event, advance
 from orientd.servo.vigil import Vigil, Watch
@@ -56,6 +57,7 @@ PARENT_CHECK = 8
 
 _NO_TERMS = Terms(1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 1.0)
 _START_TOLERANCE = 1e-9
+_EASINGS = 3
 
 
 class Servo:
@@ -394,12 +396,12 @@ class Servo:
         else:
             rate = clock.advance()
         try:
-            path = follower.advance(rate)
+            path, rate, problem = self._look(rate)
         except StarvedError as error:
             return self._leave_path(Fault.PATH_STARVED, str(error))
+        follower.advance(rate)
         if follower.leg is not leg:
             self._adopt(follower.leg)
-        problem = self._guard.admit(path.q, path.position, self._terms)
         if problem:
             return self._leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")
         if follower.is_at_end:
@@ -418,6 +420,35 @@ class Servo:
             path.position,
             _combine(path.velocity, rate, path.velocity, 0.0),
         )
+
+    def _look(self, rate: float) -> tuple[PathPoint, float, str]:
+        """Return the point of the path that a rate leads to, the rate, and what is wrong with it.
+
+        Where the path bends sharply the differences between its records may be somewhat larger than
+        on them, on which the certificate has looked: a little slower or faster keeps the limits.
+        """
+        clock, follower, guard = self._path_clock, self._follower, self._guard
+        leg = follower.leg_at(rate)
+        terms = self._terms if leg is follower.leg else leg.terms
+        path = follower.look(rate)
+        problem = guard.admit(path.q, path.position, terms)
+        if not problem or clock.is_led or (rate == 1.0 and follower.fraction == 0.0):
+            return path, rate, problem
+        past, tried, other = Past(guard.omega, guard.alpha, guard.velocity), path, rate
+        for _ in range(_EASINGS):
+            rates = guard.rates(tried.q, tried.position)
+            found = eased(past, *rates, tried, other, terms, clock.period)
+            if (
+                found is None
+                or found + follower.fraction >= 2.0
+                or follower.leg_at(found) is not leg
+            ):
+                break
+            other, tried = found, follower.look(found)
+            if not guard.admit(tried.q, tried.position, terms):
+                clock.ease(other)
+                return tried, other, ""
+        return path, rate, problem
 
     def _go_on_from_rest(self, stall_ns: int) -> None:
         """Have what moved go on from where the device has come to rest, if it may."""

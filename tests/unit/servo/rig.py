@@ -147,11 +147,11 @@ class Rig:
             ring.set_word(FINAL_WORD, first + count)
         return first
 
-    def start(self, path, **options):
+    def start(self, path, *, terms=TERMS, **options):
         """Enable, lay *path* and start it."""
         assert self.ask(Command.ENABLE)[0] is Answer.DONE
         first = self.lay(*path, **options)
-        assert self.ask(Command.START, path_index=first)[0] is Answer.DONE
+        assert self.ask(Command.START, path_index=first, terms=terms)[0] is Answer.DONE
         return first
 
     def sent(self) -> np.ndarray:
