@@ -35,6 +35,7 @@ _log = logging.getLogger(__name__)
 AFTERWARDS = 1.0
 """What is recorded after a fault, s: how the device came to rest."""
 
+_NOTICE = 0.2  # s from the cycle of a fault until it is told
 _COPYING = 0.3  # s in which cycles have been copied from shared memory
 _MARGIN = 1.0  # s of room, for cycles that come while a file is handed over
 _LONGEST = 60.0  # s that writing a file may take
@@ -113,7 +114,7 @@ class FlightRecorder:
     def _write(self, event: DeviceEvent) -> tuple[EventKind, str]:
         """Write a file and return how that went: its path, or why not."""
         device = self._devices[event.device]
-        since_ns = event.time_ns - round(self._settings.seconds * 1e9)
+        since_ns = event.time_ns - round((self._settings.seconds + _NOTICE) * 1e9)
         events = self._journal.kept(event.device, since_ns)
         header = {
             "device": device.name,

@@ -8,6 +8,7 @@ from planned import rotations
 from orientd.driver.floats import difference
 from orientd.planner import DEFAULT_LIMITS, Limits, certificate
 from orientd.planner.certificate import Rough, measure
+from orientd.planner.fast import wait_ready
 
 H = 0.004
 
@@ -124,6 +125,7 @@ def test_a_long_motion_needs_no_more_memory_than_a_short_one():
     def setpoints(first, size):
         return np.repeat(unit, size, axis=0), np.repeat(nowhere, size, axis=0)
 
+    wait_ready(120)  # or what loads meanwhile would count
     used = []
     for count in (50_000, 500_000):
         tracemalloc.start()
