@@ -14,8 +14,6 @@ from harness import (
     DaemonProcess,
     assert_limits_kept,
     is_alive,
-    nudge,
-    resident_kib,
     spin,
     until,
 )
@@ -174,27 +172,3 @@ def test_a_stopped_daemon_process_is_a_lost_heartbeat(tmp_path):
         )
         assert report.fault == pb.FAULT_HEARTBEAT_LOST
         assert "no heartbeat from the daemon" in report.fault_text
-
-
-def test_a_hundred_motions_in_a_row_leave_the_memory_as_it_was(tmp_path):
-    with DaemonProcess(tmp_path, memory=1.0) as daemon:
-
-        def sizes(motions):
-            for number in range(motions):
-                daemon.renew()
-                *_, last = daemon.move(nudge(0.002 if number % 2 else -0.002))
-                assert last.summary.outcome == pb.OUTCOME_DONE, last
-            servo = daemon.device().servo_pid
-            return resident_kib(daemon.process.pid), resident_kib(servo)
-
-        # The compiled kernels come in one by one, behind the first motions.
-        before, now = sizes(10), sizes(10)
-        for _ in range(60):
-            if now[0] - before[0] < 256:
-                break
-            before, now = now, sizes(10)
-        daemon_before, servo_before = now
-        daemon_after, servo_after = sizes(80)
-        assert daemon_after - daemon_before < 2048
-        # The rings are touched for the first time as they fill: that is not growth.
-        assert servo_after - servo_before < 2048
