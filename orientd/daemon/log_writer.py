@@ -8,6 +8,8 @@ import os
 import queue
 import threading
 
+_log = logging.getLogger(__name__)
+
 MOST_LINES = 1000
 """Lines that wait for a reader, at most; what comes after that is lost, and counted."""
 
@@ -54,13 +56,9 @@ class LogWriter(logging.Handler):
             self._write(self._lines.get())
             if self._lost and self._lines.empty():
                 lost, self._lost = self._lost, 0
-                text = f"{lost} log lines are lost: nobody has read the ones before them"
-                _log.warning(text)
+                _log.warning("%d log lines are lost: nobody has read the ones before them", lost)
 
     def _write(self, line: bytes) -> None:
         with contextlib.suppress(OSError):  # the reader is gone
             while line:
                 line = line[os.write(self._descriptor, line) :]
-
-
-_log = logging.getLogger(__name__)

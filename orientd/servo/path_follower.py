@@ -62,6 +62,21 @@ class Leg:
     final: int = UNKNOWN
 
 
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A place on the path.
+
+    Attributes:
+        index: the record at or before it.
+        fraction: how far beyond that, in records, in [0, 1).
+        leg: the motion that it belongs to.
+    """
+
+    index: int
+    fraction: float
+    leg: Leg
+
+
 class PathFollower:
     """A position on the path ring.
 
@@ -181,45 +196,38 @@ class PathFollower:
             return None
         return self.peek(index)
 
-    def look(self, records: float) -> PathPoint:
-        """Return the point that :meth:`advance` leads to, and stay here.
-
-        Raises:
-            StarvedError: the path ends there without being at rest.
-        """
-        index, fraction, _ = self._place(records)
-        return self._at(index, fraction)
-
-    def leg_at(self, records: float) -> Leg:
-        """Return the leg that :meth:`advance` leads to."""
-        return self._place(records)[2] or self.leg
-
-    def advance(self, records: float) -> None:
-        """Move on by that many records, in [0, 1], where :meth:`look` has found a point.
+    def place(self, records: float) -> Place:
+        """Return where so many records lead from here, to beyond the next one at most.
 
         The last record of a motion is never passed, unless another leg begins there.
         """
-        index, fraction, following = self._place(records)
-        if following is not None:
-            self.leg = following
-            del self._ahead[0]
-        self.index, self.fraction = index, fraction
-        self._ring.set_word(TAIL_WORD, index)
-
-    def _place(self, records: float) -> tuple[int, float, Leg | None]:
-        """Return where so many records lead, in [0, 1], and the leg that begins on the way."""
-        index, fraction = self.index, self.fraction + records
-        following = None
+        index, fraction, leg = self.index, self.fraction + records, self.leg
         if fraction >= 1.0:
             index, fraction = index + 1, fraction - 1.0
             if self._ahead and index == self._ahead[0].leave:
-                following = self._ahead[0]
-                index = following.first
-        if not self._ahead or (following is not None and len(self._ahead) == 1):
+                leg = self._ahead[0]
+                index = leg.first
+        if not self._ahead or (leg is not self.leg and len(self._ahead) == 1):
             final = self._final
             if final != UNKNOWN and index >= final:
                 index, fraction = final, 0.0
-        return index, fraction, following
+        return Place(index, fraction, leg)
+
+    def look(self, place: Place) -> PathPoint:
+        """Return the point there, and stay here.
+
+        Raises:
+            StarvedError: the path ends before it without being at rest.
+        """
+        return self._at(place.index, place.fraction)
+
+    def move(self, place: Place) -> None:
+        """Go to where :meth:`look` has found a point."""
+        if place.leg is not self.leg:
+            self.leg = place.leg
+            del self._ahead[0]
+        self.index, self.fraction = place.index, place.fraction
+        self._ring.set_word(TAIL_WORD, place.index)
 
     def _at(self, index: int, fraction: float) -> PathPoint:
         """Return the point that far behind a record, keeping the segment for the next time."""

@@ -21,10 +21,10 @@ from orientd.driver import Vector3
 from orientd.servo.path_point import PathPoint
 from orientd.stream import Terms
 
-_LEAST_RELEASE = 0.3
 FASTEST = 1.02
 """Largest rate with which a sharp bend of the path is met."""
 
+_LEAST_RELEASE = 0.3
 _STILL = 1e-9  # rad/s: where the path stands still by itself, its clock does not matter
 
 

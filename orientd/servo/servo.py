@@ -23,7 +23,7 @@ from orientd.errors import (
 from orientd.servo.brake_law import BrakeLaw
 from orientd.servo.guard import Guard
 from orientd.servo.path_clock import PathClock
-from orientd.servo.path_follower import Leg, PathFollower, StarvedError
+from orientd.servo.path_follower import Leg, PathFollower, Place, StarvedError
 from orientd.servo.path_point import PathPoint
 from orientd.servo.pursuit import Pursuit
 from orientd.servo.reach import Past, eased
@@ -396,10 +396,10 @@ class Servo:
         else:
             rate = clock.advance()
         try:
-            path, rate, problem = self._look(rate)
+            path, place, rate, problem = self._look(rate)
         except StarvedError as error:
             return self._leave_path(Fault.PATH_STARVED, str(error))
-        follower.advance(rate)
+        follower.move(place)
         if follower.leg is not leg:
             self._adopt(follower.leg)
         if problem:
@@ -421,34 +421,33 @@ class Servo:
             _combine(path.velocity, rate, path.velocity, 0.0),
         )
 
-    def _look(self, rate: float) -> tuple[PathPoint, float, str]:
-        """Return the point of the path that a rate leads to, the rate, and what is wrong with it.
+    def _look(self, rate: float) -> tuple[PathPoint, Place, float, str]:
+        """Return point and place on the path that a rate leads to, the rate, and what is wrong.
 
         Where the path bends sharply the differences between its records may be somewhat larger than
         on them, on which the certificate has looked: a little slower or faster keeps the limits.
         """
         clock, follower, guard = self._path_clock, self._follower, self._guard
-        leg = follower.leg_at(rate)
-        terms = self._terms if leg is follower.leg else leg.terms
-        path = follower.look(rate)
+        place = follower.place(rate)
+        terms = self._terms if place.leg is follower.leg else place.leg.terms
+        path = follower.look(place)
         problem = guard.admit(path.q, path.position, terms)
         if not problem or clock.is_led or (rate == 1.0 and follower.fraction == 0.0):
-            return path, rate, problem
+            return path, place, rate, problem
         past, tried, other = Past(guard.omega, guard.alpha, guard.velocity), path, rate
         for _ in range(_EASINGS):
             rates = guard.rates(tried.q, tried.position)
             found = eased(past, *rates, tried, other, terms, clock.period)
-            if (
-                found is None
-                or found + follower.fraction >= 2.0
-                or follower.leg_at(found) is not leg
-            ):
+            if found is None or found + follower.fraction >= 2.0:
                 break
-            other, tried = found, follower.look(found)
+            there = follower.place(found)
+            if there.leg is not place.leg:
+                break
+            other, tried = found, follower.look(there)
             if not guard.admit(tried.q, tried.position, terms):
                 clock.ease(other)
-                return tried, other, ""
-        return path, rate, problem
+                return tried, there, other, ""
+        return path, place, rate, problem
 
     def _go_on_from_rest(self, stall_ns: int) -> None:
         """Have what moved go on from where the device has come to rest, if it may."""
