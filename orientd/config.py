@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 import os
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -34,6 +34,7 @@ from pydantic_core import PydanticCustomError
 from orientd.errors import ConfigError
 from orientd.limit_field import AngularLimit, LinearLimit
 from orientd.operation_settings import AccessSettings, MetricsSettings, SomePath, Table, TcpSettings
+from orientd.spelling import unknown_key
 
 if TYPE_CHECKING:
     from orientd.planner import Limits
@@ -289,13 +290,40 @@ def parse(table: Mapping[str, Any], *, source: str) -> Settings:
         raise ConfigError(f"{source}: {_describe(error)}") from error
 
 
+_TABLES: dict[str, type[Table]] = {
+    "daemon": DaemonSettings,
+    "recorder": RecorderSettings,
+    "access": AccessSettings,
+    "tcp": TcpSettings,
+    "metrics": MetricsSettings,
+}
+
+
+def _known_keys(table: Sequence[str]) -> list[str]:
+    """Return the keys of a table of the file."""
+    match table:
+        case []:
+            return list(Settings.model_fields)
+        case ["devices", _]:
+            return [key for key in DeviceSettings.model_fields if key != "name"]
+        case ["devices", _, _]:
+            return list(LimitSettings.model_fields)
+        case [name, *_]:
+            return list(_TABLES[name].model_fields)
+    raise AssertionError(table)
+
+
 def _describe(error: ValidationError) -> str:
     """Return the first complaint on one line: key, what was expected, what came."""
-    first = error.errors(include_url=False)[0]
+    first, *others = error.errors(include_url=False)
+    if first["type"] == "missing":
+        # A misspelt key says more than that the right one is missing.
+        first = next((one for one in others if one["type"] == "extra_forbidden"), first)
     key = ".".join(str(part) for part in first["loc"] if part != "[key]")
     came = first["input"]
     if first["type"] == "extra_forbidden":
-        return f"{key}: unknown key"
+        *table, last = (str(part) for part in first["loc"])
+        return f"{key}: {unknown_key(last, _known_keys(table))}"
     if first["type"] == "missing":
         return f"{key}: missing"
     if first["type"] == "value_error":

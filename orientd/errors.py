@@ -127,6 +127,10 @@ class DaemonError(OrientdError):
     """The daemon is not there, is there already, or did not answer."""
 
 
+GOING_DOWN = "the daemon is going down"
+"""Why motions stop and calls are refused once the daemon was told to end."""
+
+
 class Fault(IntEnum):
     """Why a device is in the state ``fault``; crosses the process boundary as a number."""
 

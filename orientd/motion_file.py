@@ -24,8 +24,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from orientd.errors import RequestError
 from orientd.limit_field import AngularLimit, LinearLimit
 from orientd.planner import DEFAULT_METHOD, Keyframe, Limits, MotionRequest
-from orientd.planner.methods import check_method, did_you_mean
+from orientd.planner.methods import check_method
 from orientd.rotation import Floats, from_euler, from_matrix, from_rotation_vector
+from orientd.spelling import unknown_key
 from orientd.structured_text import parse_structured, read_structured
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
@@ -280,9 +281,7 @@ def _first_problem(error: ValidationError) -> RequestError:
         first = next(misspelt, first)
     kind, place, came = first["type"], first["loc"], first["input"]
     if kind == "extra_forbidden":
-        known = _known_keys(place[:-1])
-        hint = did_you_mean(str(place[-1]), known)
-        return RequestError(_path(place), f"unknown key{hint}; known are {', '.join(known)}")
+        return RequestError(_path(place), unknown_key(str(place[-1]), _known_keys(place[:-1])))
     if kind == "missing":
         return RequestError(_path(place), "missing")
     if kind in ("too_long", "too_short"):

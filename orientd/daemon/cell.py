@@ -28,6 +28,7 @@ from orientd.daemon.start_place import check_start
 from orientd.daemon.story import about
 from orientd.daemon.tenure import Tenure
 from orientd.errors import (
+    GOING_DOWN,
     DaemonError,
     LateError,
     RequestError,
@@ -76,7 +77,7 @@ class Cell:
         self._lock = threading.Lock()
         self.plans = PlanStore()
         self.instants = Instants()
-        self._is_closing = False
+        self.is_closing = False
         self.configuration = settings.model_dump_json(exclude_none=True)
         self.listeners: list[Callable[[DeviceEvent, Device], object]] = []
         self.devices: dict[str, Device] = {}
@@ -123,11 +124,11 @@ class Cell:
                 problems.append(f"device {device.name}: {reason}")
         return problems
 
-    def shutdown(self, reason: str) -> None:
+    def shutdown(self) -> None:
         """Stop every device on its path, let the motions end, and release everything."""
         with self._lock:
-            self._is_closing = True
-        self.runs.halt(self.devices.values(), reason)
+            self.is_closing = True
+        self.runs.halt(self.devices.values(), GOING_DOWN)
         unfinished = self.runs.unfinished()
         for run in unfinished:
             stop_time = run.motion.certificate.stop_time if run.motion is not None else 0.0
@@ -135,7 +136,7 @@ class Cell:
         with ThreadPoolExecutor(len(self.devices)) as pool:
             list(pool.map(lambda device: device.shutdown(), self.devices.values()))
         for run in unfinished:
-            self.runs.conclude(run, (Outcome.STOPPED, reason))
+            self.runs.conclude(run, (Outcome.STOPPED, GOING_DOWN))
         self._flight.close()
         self.journal.close()
 
@@ -380,6 +381,6 @@ class Cell:
     def _check(self, token: str) -> Lease:
         lease = self.desk.check(token)
         with self._lock:
-            if self._is_closing:
-                raise DaemonError("the daemon is going down")
+            if self.is_closing:
+                raise DaemonError(GOING_DOWN)
         return lease

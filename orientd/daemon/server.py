@@ -117,7 +117,7 @@ class _Daemon:
                 await self._serve(cell)
             finally:
                 await checks.enter_graceful_shutdown()
-                await asyncio.to_thread(cell.shutdown, "the daemon is going down")
+                await asyncio.to_thread(cell.shutdown)
                 service.end_calls()
                 await server.stop(GRACE)
                 service.close()

@@ -12,7 +12,7 @@ from orientd.config import DeviceSettings
 from orientd.daemon.device_report import EventKind
 from orientd.daemon.servo_link import ServoLink, report_directory
 from orientd.driver.registry import driver_target
-from orientd.errors import DaemonError, Fault, StateError
+from orientd.errors import GOING_DOWN, DaemonError, Fault, StateError
 from orientd.servo.process import ProcessSettings
 from orientd.stream import Command, Cycle, NoteKind, State
 
@@ -52,6 +52,7 @@ class ServoSupervisor:
         self._read_ahead = read_ahead
         self._tell = tell
         self._ready = threading.Event()
+        self._has_ended = False
         self.link: ServoLink | None = None
         self._forget()
 
@@ -72,6 +73,8 @@ class ServoSupervisor:
         Raises:
             DaemonError: it cannot be started.
         """
+        if self._has_ended:
+            raise DaemonError(GOING_DOWN)
         if self.link is not None:
             self.link.close()
         self._ready.clear()
@@ -113,6 +116,8 @@ class ServoSupervisor:
             DaemonError: it does not.
         """
         link = self.link
+        if self._has_ended:
+            raise DaemonError(GOING_DOWN)
         if link is None or not link.is_alive:
             raise DaemonError(
                 f"device {self._settings.name} has no servo process"
@@ -126,6 +131,7 @@ class ServoSupervisor:
 
         Until then its memory can be read.
         """
+        self._has_ended = True
         link, self.link = self.link, None
         if link is not None:
             link.end(timeout=_LONGEST_END)

@@ -7,9 +7,8 @@ parameters takes whole turns, and which options the user may set.  Everything el
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from inspect import signature
 from typing import Any
 
@@ -20,6 +19,7 @@ from orientd.curves.roles import EQUAL, averaged_knots
 from orientd.errors import PlanError, RequestError
 from orientd.planner.request import DEFAULT_METHOD, MotionRequest, Turns
 from orientd.rotation import Floats, angle
+from orientd.spelling import did_you_mean
 
 _SAME = 1e-9  # rad; keyframes nearer than this leave the axis of a turn open
 
@@ -331,12 +331,6 @@ def build(
                 problem = f"{request.method}: {str(error).removeprefix(role)}"
                 raise RequestError("keyframes", problem) from error
         raise PlanError(f"{request.method} cannot join these keyframes: {error}") from error
-
-
-def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return a hint at the nearest of the *known* names, or an empty string."""
-    near = get_close_matches(name, list(known), n=1, cutoff=0.5)
-    return f"; did you mean {near[0]!r}?" if near else ""
 
 
 def _names(is_able: Callable[[Method], bool]) -> str:

@@ -110,11 +110,13 @@ class DaemonProcess:
             self.process.send_signal(signal.SIGTERM)
         with contextlib.suppress(subprocess.TimeoutExpired):
             self.process.wait(10.0)
-        if self.process.poll() is None:
+        is_stuck = self.process.poll() is None
+        if is_stuck:
             self.process.kill()
-            raise AssertionError("the daemon did not end within 10 s")
+            self.process.wait()
         self.process.stdout.close()
         self.log.close()
+        assert not is_stuck, "the daemon did not end within 10 s"
         return self.process.returncode
 
     def device(self) -> pb.DeviceReport:

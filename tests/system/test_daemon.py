@@ -96,61 +96,58 @@ def test_a_second_daemon_is_refused_and_the_first_goes_on(daemon):
 
 
 def test_a_killed_daemon_does_not_keep_the_next_from_starting(tmp_path):
-    daemon = DaemonProcess(tmp_path / "daemon")
-    daemon.start()
-    servo = daemon.device().servo_pid
-    daemon.process.kill()
-    daemon.end()
-    assert daemon.socket.exists()
-    daemon.start()
-    assert daemon.device().state == pb.STATE_HOLDING
-    until(lambda: not is_alive(servo), "the first servo's end")
-    assert daemon.end() == 0
+    with DaemonProcess(tmp_path / "daemon") as daemon:
+        servo = daemon.device().servo_pid
+        daemon.process.kill()
+        daemon.end()
+        assert daemon.socket.exists()
+        daemon.start()
+        assert daemon.device().state == pb.STATE_HOLDING
+        until(lambda: not is_alive(servo), "the first servo's end")
+        assert daemon.end() == 0
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_signal_stops_the_motion_on_its_path_and_leaves_nothing(tmp_path, number):
-    daemon = DaemonProcess(tmp_path / "daemon")
-    daemon.start()
-    servo = daemon.device().servo_pid
-    watch = health(daemon).Watch(health_pb2.HealthCheckRequest(service=SERVICE))
-    assert next(watch).status == health_pb2.HealthCheckResponse.SERVING
-    stream = daemon.move(spin(20.0))
-    until(lambda: daemon.device().path_time > 1.0, "a second of motion")
-    daemon.process.send_signal(number)
-    daemon.process.send_signal(number)
-    assert next(watch).status == health_pb2.HealthCheckResponse.NOT_SERVING
-    *_, last = stream
-    assert last.summary.outcome == pb.OUTCOME_STOPPED
-    assert last.summary.text == "the daemon is going down"
-    assert daemon.end() == 0
-    assert not is_alive(servo)
-    assert not daemon.socket.exists()
-    assert not daemon.socket.with_name("control.sock.lock").exists()
-    sent = daemon.sent()
-    assert_limits_kept(sent, daemon.period)
-    assert (sent[-1] == sent[-2]).all()
-    assert "Traceback" not in log(daemon)
+    with DaemonProcess(tmp_path / "daemon") as daemon:
+        servo = daemon.device().servo_pid
+        watch = health(daemon).Watch(health_pb2.HealthCheckRequest(service=SERVICE))
+        assert next(watch).status == health_pb2.HealthCheckResponse.SERVING
+        stream = daemon.move(spin(20.0))
+        until(lambda: daemon.device().path_time > 1.0, "a second of motion")
+        daemon.process.send_signal(number)
+        daemon.process.send_signal(number)
+        assert next(watch).status == health_pb2.HealthCheckResponse.NOT_SERVING
+        *_, last = stream
+        assert last.summary.outcome == pb.OUTCOME_STOPPED
+        assert last.summary.text == "the daemon is going down"
+        assert daemon.end() == 0
+        assert not is_alive(servo)
+        assert not daemon.socket.exists()
+        assert not daemon.socket.with_name("control.sock.lock").exists()
+        sent = daemon.sent()
+        assert_limits_kept(sent, daemon.period)
+        assert (sent[-1] == sent[-2]).all()
+        assert "Traceback" not in log(daemon)
 
 
 def test_a_daemon_that_is_told_to_end_while_it_plans_ends(tmp_path):
-    daemon = DaemonProcess(tmp_path / "daemon")
-    daemon.start()
-    turns = np.cumsum(np.random.default_rng(1).normal(0.0, 0.05, (20_000, 3)), axis=0).tolist()
-    keyframes = [pb.Keyframe(rotation_vector=pb.Vector3(x=x, y=y, z=z)) for x, y, z in turns]
-    plan = daemon.stub.Plan.future(
-        pb.PlanRequest(motion=pb.MotionRequest(keyframes=keyframes, approach=True))
-    )
-    # Others are served meanwhile, so the request has arrived once they were.
-    for _ in range(50):
-        daemon.device()
-    assert not plan.done()
-    daemon.process.terminate()
-    with pytest.raises(grpc.RpcError) as caught:
-        plan.result(timeout=20)
-    assert caught.value.details() == "the daemon is going down"
-    assert daemon.end() == 0
-    assert "Traceback" not in log(daemon)
+    with DaemonProcess(tmp_path / "daemon") as daemon:
+        turns = np.cumsum(np.random.default_rng(1).normal(0.0, 0.05, (20_000, 3)), axis=0).tolist()
+        keyframes = [pb.Keyframe(rotation_vector=pb.Vector3(x=x, y=y, z=z)) for x, y, z in turns]
+        plan = daemon.stub.Plan.future(
+            pb.PlanRequest(motion=pb.MotionRequest(keyframes=keyframes, approach=True))
+        )
+        # Others are served meanwhile, so the request has arrived once they were.
+        for _ in range(50):
+            daemon.device()
+        assert not plan.done()
+        daemon.process.terminate()
+        with pytest.raises(grpc.RpcError) as caught:
+            plan.result(timeout=20)
+        assert caught.value.details() == "the daemon is going down"
+        assert daemon.end() == 0
+        assert "Traceback" not in log(daemon)
 
 
 def test_a_daemon_that_is_told_to_end_while_it_starts_ends(tmp_path):
@@ -219,22 +216,22 @@ def test_a_device_that_cannot_be_opened_is_told_and_the_daemon_serves(tmp_path):
     daemon = DaemonProcess(tmp_path / "daemon")
     text = daemon.config.read_text().replace(str(daemon.recording), str(tmp_path / "no" / "where"))
     daemon.config.write_text(text)
-    daemon.start()
-    device = daemon.device()
-    assert device.state == pb.STATE_FAULT
-    assert "cannot record to" in device.fault_text
-    assert "cannot record to" in log(daemon)
-    with pytest.raises(grpc.RpcError) as caught:
-        daemon.move(spin(2.0))
-    assert caught.value.code() in (
-        grpc.StatusCode.FAILED_PRECONDITION,
-        grpc.StatusCode.UNAVAILABLE,
-    )
-    (tmp_path / "no").mkdir()
-    daemon.renew()
-    daemon.stub.Reset(pb.ResetRequest(lease_token=daemon.token, device=DEVICE))
-    assert daemon.device().state == pb.STATE_HOLDING
-    assert daemon.end() == 0
+    with daemon:
+        device = daemon.device()
+        assert device.state == pb.STATE_FAULT
+        assert "cannot record to" in device.fault_text
+        assert "cannot record to" in log(daemon)
+        with pytest.raises(grpc.RpcError) as caught:
+            daemon.move(spin(2.0))
+        assert caught.value.code() in (
+            grpc.StatusCode.FAILED_PRECONDITION,
+            grpc.StatusCode.UNAVAILABLE,
+        )
+        (tmp_path / "no").mkdir()
+        daemon.renew()
+        daemon.stub.Reset(pb.ResetRequest(lease_token=daemon.token, device=DEVICE))
+        assert daemon.device().state == pb.STATE_HOLDING
+        assert daemon.end() == 0
 
 
 def test_a_path_that_no_socket_can_have_is_refused(tmp_path):

@@ -1,5 +1,6 @@
 """A device of the daemon on the loopback driver, asked faster than its own thread looks."""
 
+import functools
 import os
 import signal
 
@@ -12,7 +13,7 @@ from orientd.config import DeviceSettings
 from orientd.daemon.device import Device
 from orientd.daemon.device_report import EventKind
 from orientd.daemon.manner import Prepared
-from orientd.errors import DaemonError, Fault
+from orientd.errors import GOING_DOWN, DaemonError, Fault
 from orientd.planner import Keyframe, MotionRequest
 from orientd.stream import State
 
@@ -90,6 +91,15 @@ def test_a_fault_is_told_as_such_only_when_the_device_has_come_to_rest(device, m
     resting = until(lambda: seen(lambda state: state is not State.STOPPING), "rest")
     assert resting.state is State.FAULT
     assert "nothing to see" in resting.fault_text
+
+
+def test_a_device_that_has_ended_says_why_and_does_not_begin_again(device):
+    planning = functools.partial(device.plan, turn_from_here(device, 1.0))
+    device.shutdown()
+    for act in (planning, device.enable, device.reset):
+        with pytest.raises(DaemonError, match=f"^{GOING_DOWN}$"):
+            act()
+    assert device.snapshot().servo_pid is None
 
 
 def test_a_servo_that_is_gone_is_a_fault_although_no_cycle_says_so(device):

@@ -65,37 +65,36 @@ def moving_part(sent):
 @pytest.mark.parametrize("moment", MOMENTS)
 def test_a_killed_daemon_leaves_a_stop_on_the_path_and_nothing_else(tmp_path, moment):
     shared_before = set(os.listdir("/dev/shm"))
-    daemon = DaemonProcess(tmp_path)
-    daemon.start()
-    request = spin(3.0)
-    daemon.move(request)
-    servo = daemon.device().servo_pid
-    time.sleep(moment)
-    os.kill(daemon.process.pid, signal.SIGKILL)
-    daemon.process.wait()
-    until(lambda: not is_alive(servo), "the servo process ends")
-    daemon.end()
+    with DaemonProcess(tmp_path) as daemon:
+        request = spin(3.0)
+        daemon.move(request)
+        servo = daemon.device().servo_pid
+        time.sleep(moment)
+        os.kill(daemon.process.pid, signal.SIGKILL)
+        daemon.process.wait()
+        until(lambda: not is_alive(servo), "the servo process ends")
+        daemon.end()
 
-    report = json.loads(daemon.report.read_text())
-    assert report["reason"] == "the daemon is gone"
-    assert report["state"] == "holding"
-    assert set(os.listdir("/dev/shm")) == shared_before
-    sent = daemon.sent()
-    assert_limits_kept(sent, daemon.period)
-    assert np.array_equal(sent[-1], sent[-2])  # it ends at rest
-    path = moving_part(sent)
-    motion = planned_path(daemon, request)
-    exact = motion.sample(np.arange(len(path)) * daemon.period).q
-    off_grid = np.flatnonzero(rotation.angle(exact, path) > 1e-12)
-    first = off_grid[0] if len(off_grid) else len(path)
-    stop = path[first:]
-    if len(stop):
-        begin = max(0.0, (first - 1) * daemon.period)
-        tail = _shifted(motion, begin)
-        assert largest_deviation(stop, tail) < 5e-7
+        report = json.loads(daemon.report.read_text())
+        assert report["reason"] == "the daemon is gone"
+        assert report["state"] == "holding"
+        assert set(os.listdir("/dev/shm")) == shared_before
+        sent = daemon.sent()
+        assert_limits_kept(sent, daemon.period)
+        assert np.array_equal(sent[-1], sent[-2])  # it ends at rest
+        path = moving_part(sent)
+        motion = planned_path(daemon, request)
+        exact = motion.sample(np.arange(len(path)) * daemon.period).q
+        off_grid = np.flatnonzero(rotation.angle(exact, path) > 1e-12)
+        first = off_grid[0] if len(off_grid) else len(path)
+        stop = path[first:]
+        if len(stop):
+            begin = max(0.0, (first - 1) * daemon.period)
+            tail = _shifted(motion, begin)
+            assert largest_deviation(stop, tail) < 5e-7
 
-    with DaemonProcess(tmp_path) as successor:  # the same socket, at once
-        assert successor.device().state == pb.STATE_HOLDING
+        with DaemonProcess(tmp_path) as successor:  # the same socket, at once
+            assert successor.device().state == pb.STATE_HOLDING
 
 
 def _shifted(motion, begin):
@@ -136,24 +135,23 @@ def test_a_killed_servo_is_told_and_reset_brings_it_back(tmp_path):
 
 
 def test_sigterm_stops_on_the_path_before_the_daemon_leaves(tmp_path):
-    daemon = DaemonProcess(tmp_path)
-    daemon.start()
-    stream = daemon.move(spin(3.0))
-    servo = daemon.device().servo_pid
-    time.sleep(0.7)
-    daemon.process.send_signal(signal.SIGTERM)
-    answers = []
-    try:
-        answers.extend(stream)
-    except grpc.RpcError as error:
-        raise AssertionError(f"the stream broke: {error}") from error
-    assert answers[-1].summary.outcome == pb.OUTCOME_STOPPED
-    assert daemon.end() == 0
-    assert not is_alive(servo)
-    assert not daemon.socket.exists()
-    sent = daemon.sent()
-    assert_limits_kept(sent, daemon.period)
-    assert np.array_equal(sent[-1], sent[-2])
+    with DaemonProcess(tmp_path) as daemon:
+        stream = daemon.move(spin(3.0))
+        servo = daemon.device().servo_pid
+        time.sleep(0.7)
+        daemon.process.send_signal(signal.SIGTERM)
+        answers = []
+        try:
+            answers.extend(stream)
+        except grpc.RpcError as error:
+            raise AssertionError(f"the stream broke: {error}") from error
+        assert answers[-1].summary.outcome == pb.OUTCOME_STOPPED
+        assert daemon.end() == 0
+        assert not is_alive(servo)
+        assert not daemon.socket.exists()
+        sent = daemon.sent()
+        assert_limits_kept(sent, daemon.period)
+        assert np.array_equal(sent[-1], sent[-2])
 
 
 def test_a_stopped_daemon_process_is_a_lost_heartbeat(tmp_path):

@@ -360,19 +360,18 @@ def test_no_daemon_is_said_clearly(tmp_path):
 
 
 def test_a_daemon_that_goes_away_is_said_clearly(tmp_path):
-    process = DaemonProcess(tmp_path / "daemon")
-    process.start()
-    process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))
-    with orientd.connect(process.socket) as robot:
-        handle = long_motion(robot)
-        process.process.kill()
-        with pytest.raises(DaemonError, match="no daemon answers"):
-            handle.wait(20.0)
-        with pytest.raises((DaemonError, LeaseError)):
-            robot.enable()
-        with pytest.raises(DaemonError, match="no daemon answers"):
-            next(robot.watch())
-    process.end()
+    with DaemonProcess(tmp_path / "daemon") as process:
+        process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))
+        with orientd.connect(process.socket) as robot:
+            handle = long_motion(robot)
+            process.process.kill()
+            with pytest.raises(DaemonError, match="no daemon answers"):
+                handle.wait(20.0)
+            with pytest.raises((DaemonError, LeaseError)):
+                robot.enable()
+            with pytest.raises(DaemonError, match="no daemon answers"):
+                next(robot.watch())
+        process.end()
 
 
 def test_whoever_watches_can_see_the_plan_that_runs(robot):

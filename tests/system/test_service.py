@@ -54,16 +54,12 @@ def test_a_reload_changes_what_can_change_and_names_what_cannot(tmp_path):
 
 
 def test_a_daemon_that_is_started_again_moves_nothing(tmp_path):
-    daemon = DaemonProcess(tmp_path)
-    daemon.start()
-    daemon.move(spin(10.0))
-    until(lambda: daemon.device().path_time > 0.5, "motion")
-    daemon.process.kill()
-    daemon.process.wait(10.0)
-    daemon.channel.close()
-    daemon.process.stdout.close()
-    daemon.log.close()
-    with daemon:
+    with DaemonProcess(tmp_path) as daemon:
+        daemon.move(spin(10.0))
+        until(lambda: daemon.device().path_time > 0.5, "motion")
+        daemon.process.kill()
+        daemon.end()
+        daemon.start()
         first = daemon.device().cycle.index
         until(lambda: daemon.device().cycle.index > first + 250, "cycles")
         device = daemon.device()

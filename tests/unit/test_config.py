@@ -81,7 +81,19 @@ def test_what_is_given_is_kept(tmp_path):
             "[devices.arm]\ndriver = 'x'\nrate_hz = true",
             "devices.arm.rate_hz: expected a number, got True",
         ),
-        ("[devices.arm]\ndriver = 'x'\nrat_hz = 5", "devices.arm.rat_hz: unknown key"),
+        (
+            "[devices.arm]\ndriver = 'x'\nrat_hz = 5",
+            "devices.arm.rat_hz: unknown key; did you mean 'rate_hz'?; known are driver, rate_hz, ",
+        ),
+        ("[devices.arm]\ndrver = 'x'", "devices.arm.drver: unknown key; did you mean 'driver'?"),
+        (
+            "[devices.limits]\ndriver = 'x'\nlimits = {velo = 1}",
+            "devices.limits.limits.velo: unknown key; did you mean 'velocity'?; known are preset, ",
+        ),
+        (
+            "[tcp]\nlissten = 'x:1'\n[devices.arm]\ndriver = 'x'",
+            "tcp.lissten: unknown key; did you mean 'listen'?; known are ",
+        ),
         (
             "[devices.arm]\ndriver = 'x'\nlimits = {velocity = nan}",
             "devices.arm.limits.velocity: expected a finite number, got nan",
@@ -92,7 +104,10 @@ def test_what_is_given_is_kept(tmp_path):
         ),
         ("[devices.'a b']\ndriver = 'x'", "devices.a b.name: expected a letter, then at most"),
         ("[daemon]\nsocket = 3\n[devices.arm]\ndriver = 'x'", "daemon.socket: expected a path"),
-        ("[daemons]\n[devices.arm]\ndriver = 'x'", "daemons: unknown key"),
+        (
+            "[daemons]\n[devices.arm]\ndriver = 'x'",
+            "daemons: unknown key; did you mean 'daemon'?; known are daemon, ",
+        ),
         ("[devices.arm", "not TOML: "),
     ],
 )

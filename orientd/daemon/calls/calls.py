@@ -14,7 +14,7 @@ from orientd.daemon.access.identity import Identity
 from orientd.daemon.cell import Cell
 from orientd.daemon.device import Device
 from orientd.daemon.planners import Planners
-from orientd.errors import DaemonError, OrientdError, RequestError
+from orientd.errors import GOING_DOWN, DaemonError, OrientdError, RequestError
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.reports import DaemonReport
 from orientd.rpc.state_wire import device_to_message
@@ -106,9 +106,15 @@ class Calls:
         try:
             either: set[asyncio.Future[Any]] = {waiting, closing}
             await asyncio.wait(either, return_when=asyncio.FIRST_COMPLETED)
-            if waiting.done():
+            if not waiting.done():
+                raise DaemonError(GOING_DOWN)
+            try:
                 return waiting.result()
-            raise DaemonError("the daemon is going down")
+            except Exception as error:
+                # A device that has ended already is no reason that anybody could mend.
+                if self._cell.is_closing:
+                    raise DaemonError(GOING_DOWN) from error
+                raise
         finally:
             waiting.cancel()
             closing.cancel()

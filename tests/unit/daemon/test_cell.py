@@ -275,7 +275,7 @@ def test_shutdown_stops_what_runs_and_takes_no_more(cell, arm):
     token = cell.tenure.acquire("ana").token
     run = begin(cell, arm, token)
     motion = run.motion
-    cell.shutdown("the daemon is going down")
+    cell.shutdown()
     assert run.ended.result(0) == (Outcome.STOPPED, "the daemon is going down")
     assert arm.calls[-2:] == ["stop", "shutdown"]
     with pytest.raises(DaemonError, match="going down"):
@@ -288,7 +288,7 @@ def test_shutdown_ends_what_a_dead_servo_cannot(cell, arm):
     run = begin(cell, arm, cell.tenure.acquire("ana").token)
     run.ended.add_done_callback(lambda _: None)
     arm.stop = lambda: arm.fail(Fault.SERVO_DIED, "the servo process was ended by signal 9")
-    cell.shutdown("the daemon is going down")
+    cell.shutdown()
     assert run.ended.result(0)[0] is Outcome.FAULT
 
 

@@ -1,0 +1,18 @@
+"""A hint for whoever has misspelt a name, for messages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return a hint at the nearest of the *known* names, or an empty string."""
+    near = get_close_matches(name, list(known), n=1, cutoff=0.5)
+    return f"; did you mean {near[0]!r}?" if near else ""
+
+
+def unknown_key(key: str, known: Iterable[str]) -> str:
+    """Return the words for a *key* of a table that is none of the *known* ones."""
+    known = list(known)
+    return f"unknown key{did_you_mean(key, known)}; known are {', '.join(known)}"
