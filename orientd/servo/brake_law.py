@@ -44,6 +44,9 @@ PLANS = (
 )
 """Ways to stop, tried one after the other."""
 
+BRIEF_PLANS = tuple(Plan(1.0, 1.0, cycles=cycles) for cycles in (0, 1, 2))
+"""Ways to stop within a few cycles, tried before the others where that may be enough."""
+
 STEPS_PER_SECOND = 16_000.0
 """Cycles of a stop that are rehearsed in one second: few enough to leave most of a cycle free."""
 
@@ -51,7 +54,9 @@ FEWEST_STEPS = 8
 
 _ALLOWANCE = 1.15  # times the cycles expected
 _SPARE = 4.0  # cycles more than that
-_FARTHEST = 4.0  # times as long as a stop is how far off a slowest point may be
+_SLOWEST = 2.0  # times as long as a stop is how far off a slowest point is looked for
+_BRIEF = 3.0  # cycles that a stop takes at least, where the brief plans are tried
+_FARTHEST = 4.0  # times as far as where a stop failed is how far off a turn is looked for
 
 
 class BrakeLaw:
@@ -72,6 +77,7 @@ class BrakeLaw:
         self._moves = -1
         self._taken = 0
         self._tries = 0
+        self._plans = PLANS
         self._expected = 0.0
         self._trouble = 0.0
         self._is_straight = False
@@ -128,7 +134,7 @@ class BrakeLaw:
                 self._is_straight = self._is_straight or rehearsal.is_without_turn
                 self._rehearsal = None
                 self._tries += 1
-                while self._is_straight and PLANS[self._tries % len(PLANS)].until is not None:
+                while self._is_straight and self._plan.until is not None:
                     self._tries += 1
                 left -= 1
             elif outcome is not Outcome.UNFINISHED:
@@ -153,6 +159,10 @@ class BrakeLaw:
                 self._rates.insert(0, 0.0)
             self._rehearsal = None
 
+    @property
+    def _plan(self) -> Plan:
+        return self._plans[self._tries % len(self._plans)]
+
     def _remaining(self, past: Past, terms: Terms) -> float:
         """Return the cycles that a stop takes at least, were its path straight."""
         speed, push = _along(past)
@@ -167,14 +177,16 @@ class BrakeLaw:
         guard, period = self._guard, self._clock.period
         past = Past(guard.omega, guard.alpha, guard.velocity)
         cycles = self._remaining(past, terms)
-        plan = PLANS[self._tries % len(PLANS)]
+        if self._tries == 0:
+            self._plans = (*BRIEF_PLANS, *PLANS) if cycles <= _BRIEF else PLANS
+        plan = self._plan
         if plan.passes:
             distance = self._trouble
             if plan.until is not None:
                 distance = _FARTHEST * distance + FEWEST_STEPS
             plan = plan._replace(distance=distance)
             speed, push = _along(past)
-            slowest = min(-speed / push, _FARTHEST * cycles * period) if push < 0.0 else 0.0
+            slowest = min(-speed / push, _SLOWEST * cycles * period) if push < 0.0 else 0.0
             # What is left of the acceleration there has to fall, and then the speed it leads to:
             # in a/j and 2 sqrt(v/j) with v = a^2/2j.
             cycles = max(cycles, (slowest + 2.4 * norm(guard.alpha) / terms.jerk) / period)

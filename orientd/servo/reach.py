@@ -18,6 +18,7 @@ from math import floor, inf, sqrt
 from typing import NamedTuple
 
 from orientd.driver import Vector3
+from orientd.driver.floats import norm
 from orientd.servo.path_point import PathPoint
 from orientd.stream import Terms
 
@@ -134,6 +135,30 @@ def released(past: Past, ahead: Ahead, terms: Terms, period: float, share: float
     whole = floor(0.5 * (sqrt(1.0 + 8.0 * left) - 1.0))
     change = (left / (whole + 1) + 0.5 * whole) * step
     return (speed - change - (a * x + b * y + c * z)) / path_speed
+
+
+def brought_to_rest(past: Past, ahead: Ahead, period: float, cycles: int) -> float:
+    """Return the rate of the next of so many cycles, after which the device rests.
+
+    The changes of the acceleration are as even as they can be: least squares, for one and for two
+    cycles.
+
+    Args:
+        past: the cycle before.
+        ahead: what a rate leads to.
+        period: between the two, s.
+        cycles: in which the device still moves, at most two.
+    """
+    path_speed = norm(ahead.omega)
+    if path_speed < _STILL or cycles <= 0:
+        return 0.0
+    x, y, z = ahead.omega
+    speed, push, bend = (
+        (u * x + v * y + w * z) / path_speed for u, v, w in (past.omega, past.alpha, ahead.bend)
+    )
+    change = push * period
+    wanted = 0.5 * speed + change / 6.0 if cycles == 1 else 0.7 * speed + 0.3 * change
+    return (wanted - bend) / path_speed
 
 
 def jerk_along(terms: Terms, direction: Vector3) -> float:

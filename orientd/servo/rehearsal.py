@@ -25,7 +25,7 @@ from orientd.servo.guard import Guard
 from orientd.servo.kink import Kink, find_kink
 from orientd.servo.path_clock import PathClock
 from orientd.servo.path_follower import PathFollower
-from orientd.servo.reach import Ahead, Past, jerk_along, nearest, released
+from orientd.servo.reach import Ahead, Past, brought_to_rest, jerk_along, nearest, released
 from orientd.servo.turn import Turn, dot
 from orientd.stream import Terms
 
@@ -62,6 +62,8 @@ class Plan(NamedTuple):
             makes for it as slowly as possible, to stop behind it; ``None`` not to.
         stops_across: whether the stop begins with the cycle that leads past that place, or with
             the next.
+        cycles: in which the device still moves, for a stop of hardly any; ``None`` for one of any
+            length.
         distance: records before which the slowest point is not looked for, or behind which no
             place where the path turns back is.
     """
@@ -71,6 +73,7 @@ class Plan(NamedTuple):
     rate: float | None = None
     until: float | None = None
     stops_across: bool = False
+    cycles: int | None = None
     distance: float = 0.0
 
     @property
@@ -251,6 +254,9 @@ class Rehearsal:
     def _wanted(self, ahead: Ahead, terms: Terms) -> float:
         """Return the rate that this cycle of the plan would have if every rate were allowed."""
         plan, turn, h = self.plan, self._turn, self._clock.period
+        if plan.cycles is not None:
+            left = plan.cycles - (len(self.rates) - self.lead)
+            return brought_to_rest(self.past, ahead, h, left)
         share = plan.release * plan.share
         path_speed = 0.0 if turn is None else dot(ahead.omega, turn.axis)
         if self._is_past or (plan.stops_across and path_speed <= 0.0):

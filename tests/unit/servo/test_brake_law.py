@@ -1,6 +1,6 @@
 """Stops of the real servo on planned motions, against the shortest that are possible."""
 
-from math import ceil
+from math import floor
 
 import numpy as np
 import pytest
@@ -38,11 +38,18 @@ def check_stops(seed, kind, count, stops, methods=SOME_METHODS):
 
 
 def check_optimal(ride, cycles):
-    """Check that a stop is hardly longer than the best that a search finds on the path."""
+    """Check that a stop is hardly longer than the best that a search finds on the path.
+
+    A stop takes whole cycles: what is allowed is rounded up.
+    """
     search = ShortestStop(ride.motion, ride.record, ride.omega, ride.alpha, ride.velocity)
-    fewest = ceil(cycles / MOST) - 1
+    fewest = floor((cycles - 1) / MOST)
     place = ride.record, ride.motion.limits
-    assert not search.finds_one(fewest, like=ride.rates[:cycles]), (cycles, fewest, place)
+    assert not fewest or not search.finds_one(fewest, like=ride.rates[:cycles]), (
+        cycles,
+        fewest,
+        place,
+    )
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -75,6 +82,15 @@ def test_a_stop_that_just_fails_with_all_of_the_jerk_is_made_with_less_of_it():
     *_, motion = motions(1, 8, "reserve")
     ride = Ride(Track(motion), 241)
     assert ride.stop() <= 8
+    assert ride.excess() <= 1.001
+    assert ride.rig.servo.state is State.HOLDING
+
+
+def test_a_stop_from_hardly_any_speed_is_made_at_once():
+    # At 0.07 rad/s, which the jerk takes away in a cycle.
+    *_, motion = motions(2, 8, "no reserve")
+    ride = Ride(Track(motion), 94)
+    assert ride.stop() <= 1
     assert ride.excess() <= 1.001
     assert ride.rig.servo.state is State.HOLDING
 
