@@ -1,5 +1,9 @@
+import signal
 import sys
 from pathlib import Path
+
+# Programs that a shell starts in the background ignore it, and so would all that is started here.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # The rigs that several test modules share.
 for folder in (
