@@ -21,6 +21,10 @@ SOFT = 20.0
 LEAST = 1e-9
 """The least that a limit counts as, so that none divides by zero."""
 
+UNHURRIED = 0.6
+"""The same times how long ago the target's motion is read: what is known no sooner is corrected no
+faster, or every packet that is lost or late shows as a jerk."""
+
 CALM = 0.5
 """Part of a limit that the linear law for a moving target may use up for a surprise."""
 
@@ -83,9 +87,16 @@ def bounds_of(terms: Terms, period: float) -> tuple[Bounds, Vector3]:
     return bounds(period, velocity, acceleration, jerk), (x, y, z)
 
 
-def softened(limits: Bounds) -> Bounds:
-    """Return *limits* with the gains for a target that moves and trembles."""
+def softened(limits: Bounds, delay: float) -> Bounds:
+    """Return *limits* with the gains for a target that moves and trembles.
+
+    Args:
+        limits: with the gains for one at rest.
+        delay: how long ago its motion is read, s.
+    """
     approach = min(limits.approach, SOFT)
+    if approach * delay > UNHURRIED:
+        approach = UNHURRIED / delay
     share = min(limits.share, 3.0 * RATIO * approach * limits.period)
     settle = RATIO * approach
     calm = CALM * min(limits.acceleration / settle, limits.jerk / settle / settle)

@@ -113,6 +113,11 @@ class Reference:
         self._knots: deque[_Knot] = deque()
         self.clear()
 
+    @property
+    def delay(self) -> float:
+        """How long ago the motion is read, s."""
+        return self._delay_ns * 1e-9
+
     def clear(self) -> None:
         """Forget every target."""
         self._knots.clear()

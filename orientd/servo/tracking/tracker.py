@@ -8,6 +8,7 @@ from typing import NamedTuple
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
 from orientd.driver.floats import difference, exp, multiply, normalize
 from orientd.servo.tracking.bounds import (
+    Bounds,
     bounds,
     bounds_of,
     divided,
@@ -23,6 +24,9 @@ from orientd.stream import Terms
 _SEAM = 0.2
 """How far past half a turn the way once taken is kept, rad: a target there must not turn us back
 and forth."""
+
+_DELAY_STEP = 1e-3
+"""From which change of the delay on the gains are worked out anew, s."""
 
 
 class TrackPoint(NamedTuple):
@@ -80,7 +84,7 @@ class Tracker:
         self._reference.clear()
         self._way = ZERO
         self.is_at_rest = omega_body == ZERO == alpha_body
-        self._soft = softened(self._limits)
+        self._soften(0.0)
         self._bounds = loosened(self._limits, self._omega, self._alpha)
 
     def rest(self, q: Quaternion) -> None:
@@ -112,7 +116,7 @@ class Tracker:
         else:
             self.is_at_rest = False
             q, omega, alpha = found
-            limits = self._limits if omega == ZERO else self._soft
+            limits = self._limits if omega == ZERO else self._softened()
             # The velocity of a step is that of its middle.
             half, (u, v, w), (x, y, z) = 0.5 * self._period, omega, alpha
             omega = (u - half * x, v - half * y, w - half * z)
@@ -131,6 +135,16 @@ class Tracker:
         x, y, z = omega
         self._q = normalize(multiply(self._q, exp((x * h, y * h, z * h))))
         return TrackPoint(self._q, omega, times(alpha, units))
+
+    def _softened(self) -> Bounds:
+        """Return the bounds for a target that moves, as late as it is heard of."""
+        delay = self._reference.delay
+        if abs(delay - self._soft_for) > _DELAY_STEP:
+            self._soften(delay)
+        return self._soft
+
+    def _soften(self, delay: float) -> None:
+        self._soft, self._soft_for = softened(self._limits, delay), delay
 
     def _turn(self, q: Quaternion) -> Vector3:
         """Return the way to *q*: the shorter one, unless the longer one is as good and begun."""
