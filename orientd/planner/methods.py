@@ -289,6 +289,8 @@ def check_method(request: MotionRequest) -> Method:
 
 def _check_axes(request: MotionRequest) -> None:
     turned = np.flatnonzero(request.turns)
+    if not len(turned):
+        return
     steps = angle(request.keys[turned - 1], request.keys[turned])
     if np.any(steps <= _SAME) and "axis" not in request.options:
         index = int(turned[int(np.argmax(steps <= _SAME))])
