@@ -1,6 +1,10 @@
+import os
 import signal
 import sys
 from pathlib import Path
+
+# What is printed through a pipe is to arrive as it is printed, whatever the surroundings say.
+os.environ.pop("PYTHONUNBUFFERED", None)
 
 # Programs that a shell starts in the background ignore it, and so would all that is started here.
 signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -72,7 +72,6 @@ def run(
                 for device in settings.devices.values()
             )
             say(f"ready at {report.socket}: {devices}")
-        sys.stdout.flush()
 
     server.run(
         settings,

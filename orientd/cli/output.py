@@ -109,14 +109,14 @@ def describe(error: OrientdError) -> dict[str, Any]:
 
 
 def say(*lines: str) -> None:
-    """Print lines for people."""
-    for line in lines:
-        print(line)  # noqa: T201
+    """Print lines for people, at once: a pipe shows them as they come, like a terminal."""
+    if lines:
+        print(*lines, sep="\n", flush=True)  # noqa: T201
 
 
 def say_json(content: object) -> None:
-    """Print one JSON object."""
-    print(json.dumps(plain(content)))  # noqa: T201
+    """Print one JSON object, at once."""
+    print(json.dumps(plain(content)), flush=True)  # noqa: T201
 
 
 def plain(content: object) -> Any:  # noqa: ANN401 - whatever JSON can hold

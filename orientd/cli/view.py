@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import sys
 import threading
 import webbrowser
 from importlib.util import find_spec
@@ -61,7 +60,6 @@ def view(
             say_json({"ready": True, "url": url})
         else:
             say(f"ready at {url}")
-        sys.stdout.flush()
         # Without a display, a browser of the terminal would take the terminal.
         if not no_open and {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ):
             webbrowser.open(url)
