@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf
+from typing import NamedTuple
 
 from orientd.driver import IDENTITY, ZERO, Vector3
 from orientd.driver.floats import difference, norm
@@ -62,17 +63,16 @@ class Leg:
     final: int = UNKNOWN
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
+class Place(NamedTuple):
     """A place on the path.
 
     Attributes:
-        index: the record at or before it.
-        fraction: how far beyond that, in records, in [0, 1).
+        record: at or before it.
+        fraction: how far beyond that, in [0, 1).
         leg: the motion that it belongs to.
     """
 
-    index: int
+    record: int
     fraction: float
     leg: Leg
 
@@ -163,14 +163,14 @@ class PathFollower:
 
     def reaches(self, records: int) -> bool:
         """Whether the motion's end, or at least so many records beyond here, are in the ring."""
-        last, final = self._ring.head - 1, self._final
-        if UNKNOWN != final <= last:  # behind it may lie what the servo has not heard of yet
-            return True
-        here, ahead = self.index, 0
+        last, here, ahead = self._ring.head - 1, self.index, 0
         for leg in self._ahead:
             ahead += leg.leave - here
             here = leg.first
-        return ahead + last - here >= records
+        if ahead + last - here >= records:
+            return True
+        # Behind the end may lie what the servo has not heard of yet.
+        return UNKNOWN != self._final <= last
 
     def records_left(self) -> float:
         """Return the records from here to the end of the last leg; infinity if it is not known."""
@@ -219,15 +219,15 @@ class PathFollower:
         Raises:
             StarvedError: the path ends before it without being at rest.
         """
-        return self._at(place.index, place.fraction)
+        return self._at(place.record, place.fraction)
 
     def move(self, place: Place) -> None:
         """Go to where :meth:`look` has found a point."""
         if place.leg is not self.leg:
             self.leg = place.leg
             del self._ahead[0]
-        self.index, self.fraction = place.index, place.fraction
-        self._ring.set_word(TAIL_WORD, place.index)
+        self.index, self.fraction = place.record, place.fraction
+        self._ring.set_word(TAIL_WORD, place.record)
 
     def _at(self, index: int, fraction: float) -> PathPoint:
         """Return the point that far behind a record, keeping the segment for the next time."""
