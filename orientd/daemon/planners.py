@@ -13,9 +13,15 @@ Result = TypeVar("Result")
 class Planners:
     """Run work in threads that end with the process, unlike those of an executor."""
 
-    def __init__(self, most: int) -> None:
-        """Run up to *most* pieces of work at a time; more of them would only take turns."""
+    def __init__(self, most: int, *, afterwards: Callable[[], object] = lambda: None) -> None:
+        """Run up to *most* pieces of work at a time; more of them would only take turns.
+
+        Args:
+            most: pieces of work at a time.
+            afterwards: called after each, when whoever waited for it has been told.
+        """
         self._turns = threading.BoundedSemaphore(most)
+        self._afterwards = afterwards
 
     def submit(self, work: Callable[[], Result]) -> Future[Result]:
         """Begin *work* as soon as it is its turn, unless its future is cancelled before."""
@@ -33,3 +39,4 @@ class Planners:
                 future.set_exception(error)
             else:
                 future.set_result(result)
+            self._afterwards()

@@ -19,6 +19,7 @@ import orientd
 from orientd.config import Settings
 from orientd.daemon.access.entry import Entry, inner_socket
 from orientd.daemon.claim import claimed
+from orientd.daemon.garbage import spare
 from orientd.daemon.gate import Gate
 from orientd.daemon.notify import notify
 from orientd.daemon.watchdog import Watchdog
@@ -198,6 +199,7 @@ class _Daemon:
                 _log.error("%s", problem)
             self._on_ready(self._describe(cell), problems)
             notify("READY=1")
+            spare()
         await self._stopping.wait()
         notify("STOPPING=1")
         expiry.cancel()

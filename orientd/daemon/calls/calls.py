@@ -13,6 +13,7 @@ from orientd.daemon import report
 from orientd.daemon.access.identity import Identity
 from orientd.daemon.cell import Cell
 from orientd.daemon.device import Device
+from orientd.daemon.garbage import LateSparing
 from orientd.daemon.planners import Planners
 from orientd.errors import GOING_DOWN, DaemonError, OrientdError, RequestError
 from orientd.rpc import control_pb2 as pb
@@ -56,7 +57,7 @@ class Calls:
         self._cell = cell
         self._who = who
         self._describe = describe
-        self._planners = Planners(PLANNERS)
+        self._planners = Planners(PLANNERS, afterwards=LateSparing().look)
         self._commanders = ThreadPoolExecutor(COMMANDERS, thread_name_prefix="command")
         self._closing = asyncio.Event()
 

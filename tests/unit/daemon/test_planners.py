@@ -60,3 +60,13 @@ def test_no_thread_keeps_the_process_from_ending():
     names = []
     Planners(1).submit(lambda: names.append(threading.current_thread().daemon)).result(10)
     assert names == [True]
+
+
+def test_something_is_done_after_each_when_its_result_has_been_told():
+    done = threading.Semaphore(0)
+    planners = Planners(1, afterwards=done.release)
+    assert planners.submit(lambda: 5).result(10) == 5
+    assert done.acquire(timeout=10)
+    with pytest.raises(ZeroDivisionError):
+        planners.submit(lambda: 1 // 0).result(10)
+    assert done.acquire(timeout=10)
