@@ -5,30 +5,53 @@ import sys
 
 import pytest
 
-CODE = """
-import gc
-from orientd.daemon.garbage import LateSparing
-sparing = LateSparing()
-sparing.look()
-before = gc.get_freeze_count()
-from orientd.planner.fast import wait_ready
-sparing.look()
-loading = gc.get_freeze_count()
-assert wait_ready(120)
-sparing.look()
-after = gc.get_freeze_count()
-more = [[] for _ in range(1000)]
-sparing.look()
-print(before, loading, after, gc.get_freeze_count(), len(gc.get_objects()))
-"""
+from orientd.curves.fast import KERNEL, Status
+from orientd.daemon import garbage
+from orientd.planner.fast import KERNELS
 
 
-def test_what_loads_late_is_spared_once_it_is_there():
-    pytest.importorskip("numba")
-    done = subprocess.run(
-        [sys.executable, "-c", CODE], capture_output=True, text=True, check=True, timeout=150
+@pytest.fixture
+def spared(monkeypatch):
+    """Return how often something was spared: an entry each."""
+    found = []
+    monkeypatch.setattr(garbage, "spare", lambda: found.append(True))
+    return found
+
+
+def test_what_there_is_is_left_out_of_collections():
+    code = (
+        "import gc, orientd.config\n"
+        "from orientd.daemon.garbage import spare\n"
+        "before = len(gc.get_objects()); spare()\n"
+        "print(before, gc.get_freeze_count(), len(gc.get_objects()))"
     )
-    before, loading, after, again, left = map(int, done.stdout.split())
-    assert before == loading == 0
-    assert again == after > 50_000
-    assert left < 0.1 * after
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
+    )
+    before, frozen, left = map(int, done.stdout.split())
+    assert frozen > 0.9 * before
+    assert left < 0.1 * before
+
+
+def test_what_loads_late_is_spared_once_all_of_it_is_there(spared, monkeypatch):
+    sparing = garbage.LateSparing()
+    for curves, planner in (
+        (Status.NOT_STARTED, Status.NOT_STARTED),
+        (Status.LOADING, Status.NOT_STARTED),
+        (Status.READY, Status.LOADING),
+    ):
+        monkeypatch.setattr(KERNEL, "status", curves)
+        monkeypatch.setattr(KERNELS, "status", planner)
+        sparing.look()
+        assert not spared
+    monkeypatch.setattr(KERNELS, "status", Status.READY)
+    sparing.look()
+    sparing.look()
+    assert len(spared) == 1
+
+
+@pytest.mark.parametrize("status", [Status.MISSING, Status.FAILED])
+def test_kernels_that_will_never_be_there_are_not_waited_for(spared, monkeypatch, status):
+    monkeypatch.setattr(KERNEL, "status", status)
+    garbage.LateSparing().look()
+    assert len(spared) == 1
