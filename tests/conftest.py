@@ -3,8 +3,9 @@ import signal
 import sys
 from pathlib import Path
 
-# What is printed through a pipe is to arrive as it is printed, whatever the surroundings say.
-os.environ.pop("PYTHONUNBUFFERED", None)
+# What is started here starts and prints as it does for a user, whatever the surroundings say.
+for name in ("PYTHONUNBUFFERED", "PYTHONDONTWRITEBYTECODE"):
+    os.environ.pop(name, None)
 
 # Programs that a shell starts in the background ignore it, and so would all that is started here.
 signal.signal(signal.SIGINT, signal.default_int_handler)
