@@ -20,7 +20,7 @@ import os
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from pydantic import (
     Field,
@@ -290,15 +290,6 @@ def parse(table: Mapping[str, Any], *, source: str) -> Settings:
         raise ConfigError(f"{source}: {_describe(error)}") from error
 
 
-_TABLES: dict[str, type[Table]] = {
-    "daemon": DaemonSettings,
-    "recorder": RecorderSettings,
-    "access": AccessSettings,
-    "tcp": TcpSettings,
-    "metrics": MetricsSettings,
-}
-
-
 def _known_keys(table: Sequence[str]) -> list[str]:
     """Return the keys of a table of the file."""
     match table:
@@ -308,9 +299,9 @@ def _known_keys(table: Sequence[str]) -> list[str]:
             return [key for key in DeviceSettings.model_fields if key != "name"]
         case ["devices", _, _]:
             return list(LimitSettings.model_fields)
-        case [name, *_]:
-            return list(_TABLES[name].model_fields)
-    raise AssertionError(table)
+    kind = Settings.model_fields[table[0]].annotation
+    (model,) = (part for part in (kind, *get_args(kind)) if hasattr(part, "model_fields"))
+    return list(model.model_fields)
 
 
 def _describe(error: ValidationError) -> str:

@@ -240,3 +240,10 @@ def test_roles_and_tcp_are_read(tmp_path):
 def test_roles_and_addresses_that_are_none_are_refused(tmp_path, was, is_now, complaint):
     with pytest.raises(ConfigError, match=re.escape(complaint)):
         config.load(write(tmp_path, OPERATION.replace(was, is_now)))
+
+
+@pytest.mark.parametrize("name", [key for key in config.Settings.model_fields if key != "devices"])
+def test_every_table_tells_its_keys_to_who_misspells_one(tmp_path, name):
+    path = write(tmp_path, f"[{name}]\nxyz = 1\n[devices.arm]\ndriver = 'x'")
+    with pytest.raises(ConfigError, match=rf"{name}\.xyz: unknown key; known are \w+"):
+        config.load(path)

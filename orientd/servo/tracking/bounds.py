@@ -18,12 +18,12 @@ QUICKEST = 0.27
 SOFT = 20.0
 """Largest closing speed per angle left while the target moves, 1/s."""
 
+UNHURRIED = 0.6
+"""Largest product of that speed per angle and of how long ago the target's motion is read: what is
+known no sooner is corrected no faster, or every packet that is lost or late shows as a jerk."""
+
 LEAST = 1e-9
 """The least that a limit counts as, so that none divides by zero."""
-
-UNHURRIED = 0.6
-"""The same times how long ago the target's motion is read: what is known no sooner is corrected no
-faster, or every packet that is lost or late shows as a jerk."""
 
 CALM = 0.5
 """Part of a limit that the linear law for a moving target may use up for a surprise."""

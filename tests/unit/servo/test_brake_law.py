@@ -1,6 +1,6 @@
 """Stops of the real servo on planned motions, against the shortest that are possible."""
 
-from math import floor
+from math import ceil
 
 import numpy as np
 import pytest
@@ -38,18 +38,11 @@ def check_stops(seed, kind, count, stops, methods=SOME_METHODS):
 
 
 def check_optimal(ride, cycles):
-    """Check that a stop is hardly longer than the best that a search finds on the path.
-
-    A stop takes whole cycles: what is allowed is rounded up.
-    """
+    """Check that a stop is hardly longer than the best that a search finds on the path."""
     search = ShortestStop(ride.motion, ride.record, ride.omega, ride.alpha, ride.velocity)
-    fewest = floor((cycles - 1) / MOST)
+    fewest = ceil(cycles / MOST) - 1
     place = ride.record, ride.motion.limits
-    assert not fewest or not search.finds_one(fewest, like=ride.rates[:cycles]), (
-        cycles,
-        fewest,
-        place,
-    )
+    assert not search.finds_one(fewest, like=ride.rates[:cycles]), (cycles, fewest, place)
 
 
 @pytest.mark.parametrize("kind", KINDS)
