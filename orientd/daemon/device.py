@@ -210,7 +210,7 @@ class Device(SupervisedDevice):
     def targets(self) -> tuple[int, int]:
         """How many targets the servo process was given so far, and how many it left out."""
         ring = self._servo.running().memory.targets
-        return ring.head, ring.word(LEFT_OUT_WORD)
+        return ring.head, ring.words[LEFT_OUT_WORD]
 
     # Commands
 

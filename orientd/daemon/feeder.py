@@ -59,8 +59,8 @@ class Feeder:
 
     def clear(self) -> None:
         """Tell a servo that stands still that nothing before this motion counts any more."""
-        self._ring.set_word(FINAL_WORD, 0)
-        self._ring.set_word(TAIL_WORD, self.first_index)
+        self._ring.words[FINAL_WORD] = 0
+        self._ring.words[TAIL_WORD] = self.first_index
 
     def leave_at(self, record: int) -> None:
         """Feed nothing beyond *record* of the motion.
@@ -93,7 +93,7 @@ class Feeder:
         """
         ring = self._ring
         size = ring.capacity - _MARGIN if is_urgent else self._read_ahead
-        room = ring.word(TAIL_WORD) + size - ring.head
+        room = ring.words[TAIL_WORD] + size - ring.head
         count = min(most, room, self._until - self._fed)
         if count <= 0:
             return 0
@@ -116,7 +116,7 @@ class Feeder:
 
     def _declare_end(self) -> None:
         if self.is_whole:
-            self._ring.set_word(FINAL_WORD, self.final_index + 1)
+            self._ring.words[FINAL_WORD] = self.final_index + 1
 
     def _records(self, first: int, count: int) -> NDArray[np.void]:
         motion = self.motion

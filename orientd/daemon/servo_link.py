@@ -144,13 +144,13 @@ class ServoLink:
             if now > look:
                 look = now + _LOOK
                 if self.is_stopped:
-                    self.memory.commands.set_word(GIVEN_UP_WORD, index + 1)
+                    self.memory.commands.words[GIVEN_UP_WORD] = index + 1
                     raise DaemonError(
                         f"the servo process {self.process.pid} is stopped (SIGSTOP or a debugger), "
                         f"it cannot {command.name.lower()}"
                     )
             if now > end:
-                self.memory.commands.set_word(GIVEN_UP_WORD, index + 1)
+                self.memory.commands.words[GIVEN_UP_WORD] = index + 1
                 raise DaemonError(
                     f"the servo did not answer {command.name.lower()} within {timeout:g} s"
                 )

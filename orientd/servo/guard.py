@@ -38,6 +38,8 @@ class Guard:
     def __init__(self, period: float) -> None:
         """Expect setpoints *period* seconds apart."""
         self.period = period
+        self._terms: Terms | None = None
+        self._most = (0.0, 0.0, 0.0)
         self.anchor((1.0, 0.0, 0.0, 0.0), ZERO)
 
     def anchor(self, q: Quaternion, position: Vector3) -> None:
@@ -59,27 +61,25 @@ class Guard:
         Returns:
             An empty string, or what it would have broken, by how much; then nothing was taken.
         """
-        h, rounding = self.period, _ROUNDING / self.period
+        h = self.period
+        if terms is not self._terms:
+            self._expect(terms)
         x, y, z = difference(self.q, q)
         omega = a, b, c = x / h, y / h, z / h
         x, y, z = self.omega
         alpha = u, v, w = (a - x) / h, (b - y) / h, (c - z) / h
         x, y, z = self.alpha
         x, y, z = (u - x) / h, (v - y) / h, (w - z) / h
-        reached = (
-            sqrt(a * a + b * b + c * c),
-            sqrt(u * u + v * v + w * w),
-            sqrt(x * x + y * y + z * z),
-        )
+        velocity, acceleration, jerk = self._most
         # Written so that a NaN counts as a violation.
         if not (
-            reached[0] <= terms.velocity * TOLERANCE + rounding
-            and reached[1] <= terms.acceleration * TOLERANCE + rounding / h
-            and reached[2] <= terms.jerk * TOLERANCE + rounding / h / h
+            a * a + b * b + c * c <= velocity
+            and u * u + v * v + w * w <= acceleration
+            and x * x + y * y + z * z <= jerk
         ):
-            return _explain(reached, terms)
+            return _explain((norm(omega), norm(alpha), norm((x, y, z))), terms)
         if terms.has_axes:
-            problem = _beyond_axes(omega, alpha, (x, y, z), terms, rounding, h)
+            problem = _beyond_axes(omega, alpha, (x, y, z), terms, _ROUNDING / h, h)
             if problem:
                 return problem
         if position != self.position or self.velocity != ZERO:
@@ -88,6 +88,16 @@ class Guard:
                 return problem
         self.q, self.omega, self.alpha = q, omega, alpha
         return ""
+
+    def _expect(self, terms: Terms) -> None:
+        """Keep the squares of what *terms* allow the norms to be."""
+        h, rounding = self.period, _ROUNDING / self.period
+        self._terms = terms
+        velocity = terms.velocity * TOLERANCE + rounding
+        acceleration = terms.acceleration * TOLERANCE + rounding / h
+        jerk = terms.jerk * TOLERANCE + rounding / h / h
+        # Products, not powers, which overflow with an exception.
+        self._most = (velocity * velocity, acceleration * acceleration, jerk * jerk)
 
     def _admit_position(self, position: Vector3, terms: Terms) -> str:
         h, rounding = self.period, _ROUNDING / self.period

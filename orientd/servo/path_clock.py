@@ -21,6 +21,7 @@ class PathClock:
         target: the rate it is moving to.
         is_led: whether another law moves it; see :mod:`orientd.servo.brake_law`.
         moves: how often it has been moved, begun or halted.
+        braking_cycles: number of path records that a stop from any rate can still use up.
     """
 
     def __init__(self, period: float) -> None:
@@ -31,6 +32,7 @@ class PathClock:
         self.target = 0.0
         self.is_led = False
         self.moves = 0
+        self.braking_cycles = 0
         self._largest_acceleration = 0.0
         self._step = 0.0
 
@@ -76,6 +78,7 @@ class PathClock:
     def brake_rate(self, brake_rate: float) -> None:
         self._largest_acceleration = 2.0 * brake_rate
         self._step = 4.0 * brake_rate * brake_rate * self.period
+        self.braking_cycles = ceil(1.0 / (brake_rate * self.period)) + 2
 
     @property
     def is_steady(self) -> bool:
@@ -86,10 +89,6 @@ class PathClock:
     def is_at_rest(self) -> bool:
         """Whether the clock stands still and is to stay so."""
         return self.rate == 0.0 and self.target == 0.0
-
-    def braking_cycles(self) -> int:
-        """Return the number of path records that a stop from any rate can still use up."""
-        return ceil(2.0 / (self._largest_acceleration * self.period)) + 2
 
     def advance(self) -> float:
         """Move by one cycle and return the new rate, which is the path records to advance by."""

@@ -70,11 +70,13 @@ class Place(NamedTuple):
         record: at or before it.
         fraction: how far beyond that, in [0, 1).
         leg: the motion that it belongs to.
+        is_end: whether it is the last record of all.
     """
 
     record: int
     fraction: float
     leg: Leg
+    is_end: bool
 
 
 class PathFollower:
@@ -84,6 +86,7 @@ class PathFollower:
         index: the record at or before the setpoint.
         fraction: how far beyond it, in records, in [0, 1).
         leg: the motion that it belongs to.
+        is_at_end: whether this is the last record of all.
         revision: how often the path ahead has been changed.
     """
 
@@ -92,7 +95,9 @@ class PathFollower:
         self.index = 0
         self.fraction = 0.0
         self.leg = Leg(0, 0, terms)
+        self.is_at_end = False
         self.revision = 0
+        self._reached = UNKNOWN
         self._ahead: list[Leg] = []
         self._ring = ring
         self._period = period
@@ -115,9 +120,10 @@ class PathFollower:
         self.leg = leg
         self.revision += 1
         self._ahead.clear()
-        self.index, self.fraction = leg.first, 0.0
+        self.index, self.fraction, self.is_at_end = leg.first, 0.0, False
+        self._reached = UNKNOWN
         self._load(leg.first)
-        self._ring.set_word(TAIL_WORD, leg.first)
+        self._ring.words[TAIL_WORD] = leg.first
 
     def splice(self, leg: Leg) -> str:
         """Go over to *leg* at its record ``leave``; what was to come after that is dropped.
@@ -141,6 +147,7 @@ class PathFollower:
         if problem:
             return problem
         self._ahead = [*legs[1 : place + 1], leg]
+        self._reached = UNKNOWN
         self.revision += 1
         return ""
 
@@ -150,24 +157,22 @@ class PathFollower:
         return bool(self._ahead)
 
     @property
-    def is_at_end(self) -> bool:
-        """Whether this is the last record of all."""
-        return not self._ahead and self.index == self._final
-
-    @property
     def _final(self) -> int:
         """Index of the last leg's last record, or :data:`UNKNOWN`."""
         leg = self._ahead[-1] if self._ahead else self.leg
-        final = max(self._ring.word(FINAL_WORD) - 1, leg.final)
+        final = max(self._ring.words[FINAL_WORD] - 1, leg.final)
         return final if final >= leg.first else UNKNOWN
 
     def reaches(self, records: int) -> bool:
         """Whether the motion's end, or at least so many records beyond here, are in the ring."""
+        if self.index + records <= self._reached:
+            return True
         last, here, ahead = self._ring.head - 1, self.index, 0
         for leg in self._ahead:
             ahead += leg.leave - here
             here = leg.first
-        if ahead + last - here >= records:
+        self._reached = self.index + ahead + last - here
+        if self.index + records <= self._reached:
             return True
         # Behind the end may lie what the servo has not heard of yet.
         return UNKNOWN != self._final <= last
@@ -196,10 +201,13 @@ class PathFollower:
             return None
         return self.peek(index)
 
-    def place(self, records: float) -> Place:
-        """Return where so many records lead from here, to beyond the next one at most.
+    def look(self, records: float) -> tuple[PathPoint, Place]:
+        """Return the point so many records from here, at most beyond the next one, and stay here.
 
         The last record of a motion is never passed, unless another leg begins there.
+
+        Raises:
+            StarvedError: the path ends before that without being at rest.
         """
         index, fraction, leg = self.index, self.fraction + records, self.leg
         if fraction >= 1.0:
@@ -207,40 +215,31 @@ class PathFollower:
             if self._ahead and index == self._ahead[0].leave:
                 leg = self._ahead[0]
                 index = leg.first
+        is_end = False
         if not self._ahead or (leg is not self.leg and len(self._ahead) == 1):
             final = self._final
-            if final != UNKNOWN and index >= final:
-                index, fraction = final, 0.0
-        return Place(index, fraction, leg)
-
-    def look(self, place: Place) -> PathPoint:
-        """Return the point there, and stay here.
-
-        Raises:
-            StarvedError: the path ends before it without being at rest.
-        """
-        return self._at(place.record, place.fraction)
-
-    def move(self, place: Place) -> None:
-        """Go to where :meth:`look` has found a point."""
-        if place.leg is not self.leg:
-            self.leg = place.leg
-            del self._ahead[0]
-        self.index, self.fraction = place.record, place.fraction
-        self._ring.set_word(TAIL_WORD, place.record)
-
-    def _at(self, index: int, fraction: float) -> PathPoint:
-        """Return the point that far behind a record, keeping the segment for the next time."""
+            if index >= final != UNKNOWN:
+                index, fraction, is_end = final, 0.0, True
         if index != self._loaded:
             self._load(index)
+        place = tuple.__new__(Place, (index, fraction, leg, is_end))  # a call less than Place()
         if fraction == 0.0:
-            return self._point
-        if self._segment is None:
+            return self._point, place
+        if self._segment is None:  # else kept from the last time
             end = self.peek(index + 1)
             if end is None:
                 raise StarvedError(f"path record {index + 1} is not in the ring")
             self._segment = Segment(self._point, end, self._period)
-        return self._segment.at(fraction)
+        return self._segment.at(fraction), place
+
+    def move(self, place: Place) -> None:
+        """Go to where :meth:`look` has found a point."""
+        self.index, self.fraction, leg, self.is_at_end = place
+        if leg is not self.leg:
+            self.leg = leg
+            self._reached = UNKNOWN
+            del self._ahead[0]
+        self._ring.words[TAIL_WORD] = self.index
 
     def _load(self, index: int) -> None:
         point = self.peek(index)

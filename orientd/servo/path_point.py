@@ -27,4 +27,6 @@ class PathPoint(NamedTuple):
 
 def point_of(record: tuple[Any, ...]) -> PathPoint:
     """Return the point that a path record (its fields, in order) describes."""
-    return PathPoint(record[4:8], record[8:11], record[11:14], record[14:17], record[17:20])
+    # A call less than PathPoint(...): this happens every cycle.
+    parts = (record[4:8], record[8:11], record[11:14], record[14:17], record[17:20])
+    return tuple.__new__(PathPoint, parts)

@@ -80,4 +80,4 @@ class Pursuit:
                 if not self._tracker.take(target, now_ns):
                     continue
             self._left_out += 1
-            ring.set_word(LEFT_OUT_WORD, self._left_out)
+            ring.words[LEFT_OUT_WORD] = self._left_out

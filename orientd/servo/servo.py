@@ -31,7 +31,9 @@ from orientd.servo.stall import Stalls
 from orientd.servo.table import Event, advance
 from orientd.servo.vigil import Vigil, Watch
 from orientd.stream import (
+    CYCLE_RECORD,
     GIVEN_UP_WORD,
+    HEAD,
     JOINTS,
     NO_JOINTS,
     UNKNOWN,
@@ -55,6 +57,7 @@ _NEVER_TOO_LATE = (Command.STOP, Command.HALT, Command.SHUTDOWN)
 PARENT_CHECK = 8
 """Cycles from one look at whether the daemon lives to the next; it is a system call."""
 
+_NO_FEEDBACK = Feedback(0, IDENTITY)
 _NO_TERMS = Terms(1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 1.0)
 _START_TOLERANCE = 1e-9
 _EASINGS = 3
@@ -111,15 +114,22 @@ class Servo:
         self._feedback: Feedback | None = None
         self._enabled_ns = 0
         self._motion = 0
-        self._held = PathPoint(IDENTITY, ZERO, ZERO, ZERO, ZERO)
+        self._last = PathPoint(IDENTITY, ZERO, ZERO, ZERO, ZERO)
         self._taken = memory.commands.head
         self._cycle_count = 0
+        self._moved_ns = 0
 
     @property
     def is_moving(self) -> bool:
         """Whether setpoints change."""
         state = self.state
         return state is _STREAMING or state is _STOPPING or state is _TRACKING
+
+    @property
+    def _held(self) -> PathPoint:
+        """Where the device is held: the last setpoint, at rest."""
+        last = self._last
+        return PathPoint(last.q, ZERO, ZERO, last.position, ZERO)
 
     def cycle(self, deadline_ns: int, lateness_ns: int) -> None:
         """Do the work of one cycle.
@@ -128,21 +138,32 @@ class Servo:
             deadline_ns: when it was due.
             lateness_ns: how much later it began.
         """
-        self._vigil.notice(deadline_ns, self._feedback.time_ns if self._feedback else 0)
-        self._read()
-        self._take_command()
+        # Few calls, wide or deep: where caches are cold, one costs as much as a quaternion product.
+        try:
+            self._feedback = self._driver.read() or self._feedback
+        except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
+            self._take_fault(error)
+        if self._taken != self._memory.commands.words[HEAD]:
+            self._take_command()
         self._look_for_life(deadline_ns)
-        stall_ns = self._stalls.notice(self._clock.now_ns())
-        if stall_ns and self.is_moving:
-            self._go_on_from_rest(stall_ns)
+        now_ns = self._clock.now_ns()
+        gap_ns, self._moved_ns = now_ns - self._moved_ns, now_ns
+        if gap_ns > self._stalls.shortest_ns and self.is_moving:
+            self._go_on_from_rest(gap_ns)
         if self.is_moving:
             point = self._move(deadline_ns)
         else:
             point = self._held
             self._guard.hold()
-        written = self._is_enabled and self._write(Setpoint(deadline_ns, *point))
-        self._held = PathPoint(point.q, ZERO, ZERO, point.position, ZERO)
-        self._publish(deadline_ns, lateness_ns, point, written)
+        self._last = point
+        is_written = self._is_enabled
+        if is_written:
+            try:
+                self._driver.write(tuple.__new__(Setpoint, (deadline_ns, *point)))
+            except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
+                self._take_fault(error)
+                is_written = False
+        self._publish(deadline_ns, lateness_ns, point, is_written=is_written)
 
     def request_end(self, reason: str) -> None:
         """Stop on the path if something moves; the process ends once it holds."""
@@ -187,28 +208,11 @@ class Servo:
             "cycles": self._cycle_count,
             "overruns": self.overruns,
             "missed": self.missed,
-            "orientation": dict(zip("wxyz", self._held.q, strict=True)),
-            "position": list(self._held.position),
+            "orientation": dict(zip("wxyz", self._last.q, strict=True)),
+            "position": list(self._last.position),
         }
 
     # The device
-
-    def _read(self) -> None:
-        try:
-            feedback = self._driver.read()
-        except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
-            self._take_fault(error)
-            return
-        if feedback is not None:
-            self._feedback = feedback
-
-    def _write(self, setpoint: Setpoint) -> bool:
-        try:
-            self._driver.write(setpoint)
-        except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
-            self._take_fault(error)
-            return False
-        return True
 
     def _take_fault(self, error: Exception) -> None:
         """Turn what a driver raised into a fault: at once, or after a stop on the path."""
@@ -225,14 +229,12 @@ class Servo:
 
     def _take_command(self) -> None:
         ring = self._memory.commands
-        if self._taken == ring.head:
-            return
         fields = ring.read(self._taken)
         if fields is None:
             return  # still being written; it is there in the next cycle
         self._taken += 1
         index, code, motion, path_index, leave, final, start_ns, speed, *terms = fields
-        if index < ring.word(GIVEN_UP_WORD) and code not in _NEVER_TOO_LATE:
+        if index < ring.words[GIVEN_UP_WORD] and code not in _NEVER_TOO_LATE:
             return
         leg = Leg(motion, path_index, Terms.from_floats(terms), leave, final)
         try:
@@ -306,7 +308,7 @@ class Servo:
             return
         feedback = self._driver.enable()
         self._feedback = feedback
-        self._held = PathPoint(feedback.q, ZERO, ZERO, feedback.position, ZERO)
+        self._last = PathPoint(feedback.q, ZERO, ZERO, feedback.position, ZERO)
         self._guard.anchor(feedback.q, feedback.position)
         self._path_clock.halt()
         self._enabled_ns = self._clock.now_ns()
@@ -318,7 +320,7 @@ class Servo:
         first = self._follower.peek(leg.first)
         if first is None:
             return f"path record {leg.first} is not in the ring"
-        gap = norm(difference(self._held.q, first.q))
+        gap = norm(difference(self._last.q, first.q))
         if not gap <= _START_TOLERANCE:
             return f"the path begins {gap:.3g} rad from the commanded orientation"
         brake_rate = leg.terms.brake_rate
@@ -388,7 +390,7 @@ class Servo:
                 # The path is at rest there: it needs no run-up in time.
                 clock.begin(clock.brake_rate, speed)
             clock.target = speed
-            if not follower.reaches(clock.braking_cycles()):
+            if not follower.reaches(clock.braking_cycles):
                 self._brake(Fault.PATH_STARVED, "the daemon did not deliver the path in time")
         before, leg = clock.rate, follower.leg
         if clock.is_led or clock.target == 0.0 < before:
@@ -396,7 +398,11 @@ class Servo:
         else:
             rate = clock.advance()
         try:
-            path, place, rate, problem = self._look(rate)
+            path, place = follower.look(rate)
+            terms = self._terms if place.leg is leg else place.leg.terms
+            problem = self._guard.admit(path.q, path.position, terms)
+            if problem and not clock.is_led and (rate != 1.0 or follower.fraction):
+                path, place, rate, problem = self._ease(path, place, rate, problem)
         except StarvedError as error:
             return self._leave_path(Fault.PATH_STARVED, str(error))
         follower.move(place)
@@ -421,29 +427,27 @@ class Servo:
             _combine(path.velocity, rate, path.velocity, 0.0),
         )
 
-    def _look(self, rate: float) -> tuple[PathPoint, Place, float, str]:
-        """Return point and place on the path that a rate leads to, the rate, and what is wrong.
+    def _ease(
+        self, path: PathPoint, place: Place, rate: float, problem: str
+    ) -> tuple[PathPoint, Place, float, str]:
+        """Return point and place on the path that another rate leads to, that, and what is wrong.
 
         Where the path bends sharply the differences between its records may be somewhat larger than
         on them, on which the certificate has looked: a little slower or faster keeps the limits.
         """
         clock, follower, guard = self._path_clock, self._follower, self._guard
-        place = follower.place(rate)
-        terms = self._terms if place.leg is follower.leg else place.leg.terms
-        path = follower.look(place)
-        problem = guard.admit(path.q, path.position, terms)
-        if not problem or clock.is_led or (rate == 1.0 and follower.fraction == 0.0):
-            return path, place, rate, problem
+        leg = place.leg
+        terms = self._terms if leg is follower.leg else leg.terms
         past, tried, other = Past(guard.omega, guard.alpha, guard.velocity), path, rate
         for _ in range(_EASINGS):
             rates = guard.rates(tried.q, tried.position)
             found = eased(past, *rates, tried, other, terms, clock.period)
             if found is None or found + follower.fraction >= 2.0:
                 break
-            there = follower.place(found)
-            if there.leg is not place.leg:
+            seen, there = follower.look(found)
+            if there.leg is not leg:
                 break
-            other, tried = found, follower.look(there)
+            other, tried = found, seen
             if not guard.admit(tried.q, tried.position, terms):
                 clock.ease(other)
                 return tried, there, other, ""
@@ -466,7 +470,7 @@ class Servo:
 
     def _follow(self, deadline_ns: int) -> PathPoint:
         """Return the next setpoint on the way to a target, or to rest."""
-        pursuit, position = self._pursuit, self._held.position
+        pursuit, position = self._pursuit, self._last.position
         if self.state is _TRACKING:
             pursuit.aim(deadline_ns)
         point = pursuit.step(deadline_ns)
@@ -507,13 +511,15 @@ class Servo:
     def _look_for_life(self, now_ns: int) -> None:
         if self._cycle_count % PARENT_CHECK == 0 and not self._parent_is_alive():
             self.request_end("the daemon is gone")
-        vigil = self._vigil
+        vigil, heartbeat_ns = self._vigil, self._memory.pulse[0]
+        measured_ns = self._feedback.time_ns if self._feedback else 0
+        if not vigil.notice(now_ns, heartbeat_ns, measured_ns):
+            return
         if self.state is _STREAMING or self.state is _TRACKING:
-            problem = vigil.complain_of_daemon(self._memory.heartbeat_ns, now_ns)
+            problem = vigil.complain_of_daemon(heartbeat_ns, now_ns)
             if problem:
                 self._brake(Fault.HEARTBEAT_LOST, problem)
         if self._is_enabled and self._fault is _NO_FAULT:
-            measured_ns = self._feedback.time_ns if self._feedback else self._enabled_ns
             problem = vigil.complain_of_device(max(measured_ns, self._enabled_ns), now_ns)
             if problem:
                 self._brake(Fault.FEEDBACK_STALE, problem)
@@ -547,15 +553,23 @@ class Servo:
         if self._driver.is_spent:
             self.request_end(text)
 
-    def _publish(self, deadline_ns: int, lateness_ns: int, point: PathPoint, written: bool) -> None:
-        feedback = self._feedback
-        flags = (_WRITTEN if written else 0) | (_FEEDBACK if feedback else 0)
-        follower = self._follower
-        self._memory.cycles.publish(
+    def _publish(
+        self, deadline_ns: int, lateness_ns: int, point: PathPoint, *, is_written: bool
+    ) -> None:
+        flags = _WRITTEN if is_written else 0
+        measured = self._feedback
+        if measured:
+            flags |= _FEEDBACK
+        else:
+            measured = _NO_FEEDBACK
+        joints = measured.joints
+        follower, ring = self._follower, self._memory.cycles
+        record = CYCLE_RECORD.pack(
+            ring.words[HEAD],
             deadline_ns,
             lateness_ns,
             self.work_ns,
-            feedback.time_ns if feedback else 0,
+            measured.time_ns,
             follower.index,
             self.state,
             self._fault,
@@ -569,11 +583,12 @@ class Servo:
             *point.omega_body,
             *point.alpha_body,
             *point.position,
-            *(feedback.q if feedback else IDENTITY),
-            *(feedback.omega_body if feedback else ZERO),
-            *(feedback.position if feedback else ZERO),
-            *((feedback.joints + NO_JOINTS)[:JOINTS] if feedback else NO_JOINTS),
+            *measured.q,
+            *measured.omega_body,
+            *measured.position,
+            *((joints + NO_JOINTS)[:JOINTS] if joints else NO_JOINTS),
         )
+        ring.append(record)
         self._cycle_count += 1
 
 

@@ -15,19 +15,16 @@ FEWEST_PERIODS = 3
 
 
 class Stalls:
-    """How long it was from one cycle to the next."""
+    """What is a stall, and what to say of it.
+
+    Attributes:
+        shortest_ns: time from one cycle to the next above which it is one.
+    """
 
     def __init__(self, period_ns: int, longest_ns: int) -> None:
         """Expect a cycle every *period_ns*; see :class:`~orientd.servo.vigil.Watch`."""
-        self._shortest_ns = max(SHORTEST_NS, FEWEST_PERIODS * period_ns)
+        self.shortest_ns = max(SHORTEST_NS, FEWEST_PERIODS * period_ns)
         self._longest_ns = longest_ns
-        self._before_ns = 0
-
-    def notice(self, now_ns: int) -> int:
-        """Return for how long the process has not run until *now_ns*; 0 where it is no stall."""
-        gap_ns = now_ns - self._before_ns
-        self._before_ns = now_ns
-        return gap_ns if gap_ns > self._shortest_ns else 0
 
     def complain(self, stall_ns: int) -> str:
         """Return what is wrong with a stall, or nothing where motion may go on by itself."""

@@ -35,12 +35,16 @@ class Vigil:
         self._stall_ns = 0
         self._stall_end_ns = 0
 
-    def notice(self, deadline_ns: int, measured_ns: int) -> None:
+    def notice(self, deadline_ns: int, heartbeat_ns: int, measured_ns: int) -> bool:
         """Note the deadlines that were missed before this one.
 
         Args:
             deadline_ns: of the cycle that begins.
+            heartbeat_ns: when the daemon was last heard of.
             measured_ns: when the newest feedback was measured; 0 without any.
+
+        Returns:
+            Whether there may be anything to complain of.
         """
         missed_ns = deadline_ns - self._deadline_ns - self._period_ns
         if missed_ns > self._period_ns // 2 and self._deadline_ns:
@@ -49,6 +53,11 @@ class Vigil:
             self._stall_ns += missed_ns
             self._stall_end_ns = deadline_ns
         self._deadline_ns = deadline_ns
+        watch = self._watch
+        return (
+            deadline_ns - heartbeat_ns > watch.heartbeat_ns
+            or deadline_ns - measured_ns > watch.feedback_ns
+        )
 
     def complain_of_daemon(self, heartbeat_ns: int, now_ns: int) -> str:
         """Return what is wrong with the daemon's heartbeat, or nothing."""

@@ -2,6 +2,7 @@
 
 from orientd.stream.memory import GIVEN_UP_WORD, SharedMemory
 from orientd.stream.records import (
+    CYCLE_RECORD,
     JOINTS,
     NO_JOINTS,
     UNKNOWN,
@@ -18,10 +19,12 @@ from orientd.stream.records import (
     unpack_cycle,
     unpack_note,
 )
-from orientd.stream.ring import RecordRing
+from orientd.stream.ring import HEAD, RecordRing
 
 __all__ = [
+    "CYCLE_RECORD",
     "GIVEN_UP_WORD",
+    "HEAD",
     "JOINTS",
     "NO_JOINTS",
     "UNKNOWN",

@@ -49,6 +49,7 @@ class SharedMemory:
 
     Attributes:
         descriptor: the file; pass it to the servo process.
+        pulse: one word: when the daemon last said that it is alive, monotonic clock, ns.
     """
 
     def __init__(self, descriptor: int, path_capacity: int, cycle_capacity: int) -> None:
@@ -58,9 +59,11 @@ class SharedMemory:
         self.cycle_capacity = cycle_capacity
         layouts = _layouts(path_capacity, cycle_capacity)
         sizes = [_pages(RecordRing.bytes_needed(layout, count)) for layout, count in layouts]
-        self._map = mmap.mmap(descriptor, PAGE + sum(sizes))
+        # With every page in place: the servo would else meet a page fault every few cycles.
+        flags = mmap.MAP_SHARED | mmap.MAP_POPULATE
+        self._map = mmap.mmap(descriptor, PAGE + sum(sizes), flags)
         self._view = memoryview(self._map)
-        self._words = self._view[:PAGE].cast("Q")
+        self.pulse = self._view[:PAGE].cast("Q")
         rings, offset = [], PAGE
         for (layout, count), size in zip(layouts, sizes, strict=True):
             rings.append(RecordRing(self._view[offset : offset + size], layout, count))
@@ -99,20 +102,15 @@ class SharedMemory:
             for layout, count in _layouts(path_capacity, cycle_capacity)
         )
 
-    @property
-    def heartbeat_ns(self) -> int:
-        """When the daemon last said that it is alive, monotonic clock."""
-        return self._words[0]
-
     def beat(self, now_ns: int) -> None:
         """Say that the daemon is alive."""
-        self._words[0] = now_ns
+        self.pulse[0] = now_ns
 
     def close(self) -> None:
         """Unmap and close; the file is gone when both processes have done so."""
         for ring in self._rings:
             ring.release()
-        self._words.release()
+        self.pulse.release()
         self._view.release()
         self._map.close()
         os.close(self.descriptor)

@@ -12,7 +12,12 @@ from typing import Any
 from zlib import crc32
 
 HEADER_BYTES = 64
+HEAD = 0
+"""Word of every ring: the index that the next record will have."""
+
 _CHECK = struct.Struct("@I")
+_check_of = _CHECK.unpack_from
+_index_of = struct.Struct("@Q").unpack_from
 
 
 class RecordRing:
@@ -22,13 +27,16 @@ class RecordRing:
         view: writable block of at least :meth:`bytes_needed` bytes, aligned to 8.
         layout: native struct layout whose first field is the index, ``Q``.
         capacity: number of slots.
+
+    Attributes:
+        words: the head, and seven more for whoever uses the ring; each is written in one piece.
     """
 
     def __init__(self, view: memoryview, layout: struct.Struct, capacity: int) -> None:
         self.layout = layout
         self.capacity = capacity
         self._stride = self.stride(layout)
-        self._words = view[:HEADER_BYTES].cast("Q")
+        self.words = view[:HEADER_BYTES].cast("Q")
         self._slots = view[HEADER_BYTES : HEADER_BYTES + capacity * self._stride]
         self._size = layout.size
         self._end = layout.size + _CHECK.size
@@ -46,15 +54,7 @@ class RecordRing:
     @property
     def head(self) -> int:
         """Index that the next record will have; the number of records published so far."""
-        return self._words[0]
-
-    def word(self, number: int) -> int:
-        """Return one of the seven words beside the head (1 to 7)."""
-        return self._words[number]
-
-    def set_word(self, number: int, content: int) -> None:
-        """Store one of the seven words beside the head; each word is written in one piece."""
-        self._words[number] = content
+        return self.words[HEAD]
 
     def put(self, record: bytes, index: int) -> None:
         """Fill the slot of *index* without publishing it."""
@@ -63,24 +63,25 @@ class RecordRing:
 
     def publish(self, *fields: Any) -> None:  # noqa: ANN401 - whatever the layout holds
         """Write the next record; *fields* are those of the layout after the index."""
-        index = self._words[0]
-        record = self.layout.pack(index, *fields)
+        self.append(self.layout.pack(self.words[HEAD], *fields))
+
+    def append(self, record: bytes) -> None:
+        """Write the next record, whose index, the head, is in it."""
+        index = self.words[HEAD]
         offset = index % self.capacity * self._stride
         self._slots[offset : offset + self._end] = record + _CHECK.pack(crc32(record))
-        self._words[0] = index + 1
+        self.words[HEAD] = index + 1
 
     def advance(self, head: int) -> None:
         """Publish everything that was put below *head*."""
-        self._words[0] = head
+        self.words[HEAD] = head
 
     def read_bytes(self, index: int) -> bytes | None:
         """Return the bytes of record *index*, or ``None`` where it is not (or no longer) there."""
         offset = index % self.capacity * self._stride
-        slot = bytes(self._slots[offset : offset + self._end])
+        slot = self._slots[offset : offset + self._end].tobytes()
         record = slot[: self._size]
-        if _CHECK.unpack_from(slot, self._size)[0] != crc32(record):
-            return None
-        if int.from_bytes(record[:8], _BYTE_ORDER) != index:
+        if _check_of(slot, self._size)[0] != crc32(record) or _index_of(record)[0] != index:
             return None
         return record
 
@@ -103,13 +104,16 @@ class RecordRing:
 
     def read(self, index: int) -> tuple[Any, ...] | None:
         """Return the fields of record *index*, or ``None`` where it is not (or no longer) there."""
-        record = self.read_bytes(index)
-        return None if record is None else self.layout.unpack(record)
+        # As read_bytes() does, in one piece: the servo reads a record every cycle.
+        offset = index % self.capacity * self._stride
+        slot = self._slots[offset : offset + self._end].tobytes()
+        record = slot[: self._size]
+        if _check_of(slot, self._size)[0] != crc32(record):
+            return None
+        fields = self.layout.unpack(record)
+        return fields if fields[0] == index else None
 
     def release(self) -> None:
         """Let go of the shared memory, so that it can be unmapped."""
-        self._words.release()
+        self.words.release()
         self._slots.release()
-
-
-_BYTE_ORDER: Any = "little" if struct.pack("@H", 1) == b"\x01\x00" else "big"

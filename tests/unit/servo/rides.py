@@ -140,7 +140,7 @@ class Ride:
         q, position = track.q, track.position
         self.first = first = track.first
         servo, here = rig.servo, first + record
-        servo._held = servo._follower.peek(first)
+        servo._last = servo._follower.peek(first)
         terms = terms_of(self.motion)
         assert rig.ask(Command.START, path_index=first, terms=terms, start_ns=10**18)[0] is (
             Answer.DONE

@@ -133,8 +133,8 @@ class Rig:
         """Put a path into the ring, as a feeder would; return its first index."""
         ring = self.memory.path
         first = ring.head
-        ring.set_word(FINAL_WORD, 0)
-        ring.set_word(TAIL_WORD, first)
+        ring.words[FINAL_WORD] = 0
+        ring.words[TAIL_WORD] = first
         count = len(q) if most is None else most
         position = np.zeros((len(q), 3)) if position is None else position
         velocity = np.zeros((len(q), 3)) if velocity is None else velocity
@@ -144,7 +144,7 @@ class Rig:
             ring.put(ring.layout.pack(index, k * PERIOD_NS, 0, 1, *fields), index)
         ring.advance(first + count)
         if is_whole and count == len(q):
-            ring.set_word(FINAL_WORD, first + count)
+            ring.words[FINAL_WORD] = first + count
         return first
 
     def start(self, path, *, terms=TERMS, **options):

@@ -101,7 +101,7 @@ def test_what_is_no_target_is_left_out():
     aim(rig, good, time_ns=now - 10 * PERIOD_NS)
     aim(rig, good, (math.nan, 0.0, 0.0), time_ns=now + 2)
     rig.run(1)
-    assert rig.memory.targets.word(LEFT_OUT_WORD) == 6
+    assert rig.memory.targets.words[LEFT_OUT_WORD] == 6
     rig.run(200)
     assert rotation.angle(rig.sent()[-1], good) < 1e-9
 

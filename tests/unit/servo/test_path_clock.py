@@ -47,7 +47,7 @@ def test_a_stop_uses_no_more_path_than_it_says():
         for _ in range(int(0.2 / brake_rate / H)):
             clock.advance()
         clock.target = 0.0
-        assert rates(clock, int(3 / brake_rate / H)).sum() <= clock.braking_cycles()
+        assert rates(clock, int(3 / brake_rate / H)).sum() <= clock.braking_cycles
         assert clock.is_at_rest
 
 

@@ -54,7 +54,7 @@ def write_for_seconds(descriptor, seconds):
     while time.monotonic() < end:
         k = ring.head
         ring.publish(k, k % 2, 7, *(float(k + j) for j in range(16)))
-    memory.commands.set_word(1, 1)
+    memory.commands.words[1] = 1
     memory.close()
 
 
@@ -68,7 +68,7 @@ def test_racing_processes_never_see_a_record_that_was_not_written():
     writer.start()
     ring, taken, refused = memory.path, 0, 0
     try:
-        while not memory.commands.word(1):
+        while not memory.commands.words[1]:
             head = ring.head
             for index in (head - 1, head - CAPACITY, head):
                 if index < 0:
@@ -99,7 +99,7 @@ def consume_in_order(descriptor, count):
         if record[4:] != tuple(float(expected * j) for j in range(16)):
             os._exit(3)
         expected += 1
-        path.set_word(2, expected)
+        path.words[2] = expected
     os._exit(0)
 
 
@@ -111,7 +111,7 @@ def test_a_full_ring_between_two_processes_loses_nothing():
     reader.start()
     ring = memory.path
     while ring.head < count:
-        if ring.head - ring.word(2) < CAPACITY:
+        if ring.head - ring.words[2] < CAPACITY:
             k = ring.head
             ring.publish(0, 0, 0, *(float(k * j) for j in range(16)))
         elif not reader.is_alive():
