@@ -4,7 +4,8 @@ Imported by :mod:`orientd.curves.fast` only.  The equations are those of
 :mod:`orientd.curves.interpolation`, and the search is the first attempt of
 :mod:`orientd.curves.continuation`: from the spline of Euclidean space straight to the full steps,
 every correction at most a quarter of the one before, until only rounding is left.  Where that does
-not arrive the whole search begins anew with NumPy, which also finds the way for large steps.
+not arrive the whole search begins anew there, which also finds the way for large steps; it takes
+single corrections from here.
 
 The block tridiagonal system is eliminated as its rows are made, so that only what the substitution
 needs is kept.  Blocks are not exchanged for pivots: Newton's method corrects what that costs.
@@ -12,7 +13,6 @@ needs is kept.  Blocks are not exchanged for pivots: Newton's method corrects wh
 
 from __future__ import annotations
 
-import math
 from typing import cast
 
 import numpy as np
@@ -20,15 +20,14 @@ from numba import boolean, float64, int64, njit, types
 
 from orientd.curves.basis import Indices
 from orientd.curves.compiled_rotation import (
-    Quaternion,
-    Vector,
+    add_derivative,
     exponential,
     inner,
     logarithm,
     multiplied,
     relative,
 )
-from orientd.curves.fast import Increments
+from orientd.curves.fast import Correct, Increments
 from orientd.rotation import Floats
 
 _LARGEST_FIRST = 0.4
@@ -36,61 +35,6 @@ _CONTRACTION = 0.25
 _ROUNDING = 1e-7
 _POLISHED = 1e-14
 _POLISHINGS = 8
-_SEAM = 0.25  # rad, below which a series replaces the quotient that cancels
-
-
-@inner
-def _jacobian_factors(square: float) -> tuple[float, float]:
-    r"""Return :math:`(1-\cos\theta)/\theta^2` and :math:`(\theta-\sin\theta)/\theta^3`."""
-    theta = math.sqrt(square)
-    half = 0.5 * theta
-    sinc = math.sin(half) / half if half > 0.0 else 1.0
-    if theta < _SEAM:
-        second = (
-            1 / 6
-            + square * (-1 / 120 + square * (1 / 5040 + square * (-1 / 362880 + square / 39916800)))
-        )  # fmt: skip
-    else:
-        second = (theta - math.sin(theta)) / (theta * square)
-    return 0.5 * sinc * sinc, second
-
-
-@inner
-def _turned_back(q: Quaternion, x: float, y: float, z: float) -> Vector:
-    """Return a vector rotated by the conjugate of a unit quaternion."""
-    w, a, b, c = q
-    tx = 2.0 * (y * c - z * b)
-    ty = 2.0 * (z * a - x * c)
-    tz = 2.0 * (x * b - y * a)
-    return (
-        x + w * tx + (ty * c - tz * b),
-        y + w * ty + (tz * a - tx * c),
-        z + w * tz + (tx * b - ty * a),
-    )
-
-
-@inner
-def _add_derivative(block: Floats, c: float, v: Vector, after: Quaternion) -> None:
-    r"""Add :math:`c\,R(S)^T J_r(v)` to a block, column by column.
-
-    .. math:: J_r(v)\,e = e - a\,v \times e + b\,v \times (v \times e)
-    """
-    x, y, z = v
-    square = x * x + y * y + z * z
-    a, b = _jacobian_factors(square)
-    rest = 1.0 - b * square
-    first = _turned_back(after, rest + b * x * x, b * x * y - a * z, b * x * z + a * y)
-    second = _turned_back(after, b * x * y + a * z, rest + b * y * y, b * y * z - a * x)
-    third = _turned_back(after, b * x * z - a * y, b * y * z + a * x, rest + b * z * z)
-    block[0, 0] += c * first[0]
-    block[1, 0] += c * first[1]
-    block[2, 0] += c * first[2]
-    block[0, 1] += c * second[0]
-    block[1, 1] += c * second[1]
-    block[2, 1] += c * second[2]
-    block[0, 2] += c * third[0]
-    block[1, 2] += c * third[1]
-    block[2, 2] += c * third[2]
 
 
 @inner
@@ -119,7 +63,7 @@ def _scaled(factor: float, v: Floats) -> tuple[float, float, float]:
 
 @inner
 def _linearised(
-    row: int, index: Indices, share: Floats, steps: Floats, unknown: Floats,
+    row: int, index: Indices, share: Floats, steps: Floats, scale: float, unknown: Floats,
     heads: Floats, tails: Floats, ratios: tuple[float, float],
     is_flat: bool, blocks: Floats, error: Floats,
 ) -> None:  # fmt: skip
@@ -127,7 +71,7 @@ def _linearised(
     blocks[:] = 0.0
     settled = max(1, len(heads))
     after = (1.0, 0.0, 0.0, 0.0)
-    error[:] = -steps[row]
+    error[:] = -scale * steps[row]
     for f in range(index.shape[1] - 1, -1, -1):
         c = share[row, f]
         owner, part, x, y, z = _factor(index[row, f] - settled, unknown, heads, tails, ratios)
@@ -142,11 +86,12 @@ def _linearised(
                 for i in range(3):
                     block[i, i] += part * c
             else:
-                _add_derivative(block, part * c, (2.0 * x, 2.0 * y, 2.0 * z), after)
+                add_derivative(block, part * c, (2.0 * x, 2.0 * y, 2.0 * z), after)
         if not is_flat:
             after = multiplied(exponential(x, y, z), after)
     if not is_flat:
-        target = exponential(steps[row, 0], steps[row, 1], steps[row, 2])
+        x, y, z = scale * steps[row, 0], scale * steps[row, 1], scale * steps[row, 2]
+        target = exponential(x, y, z)
         error[0], error[1], error[2] = logarithm(relative(target, after))
 
 
@@ -180,27 +125,42 @@ def _solved(matrix: Floats, right: Floats) -> bool:
     return True
 
 
-@inner
 def _correct(
-    index: Indices, share: Floats, steps: Floats, unknown: Floats,
-    heads: Floats, tails: Floats, ratios: tuple[float, float],
-    is_flat: bool, onward: Floats, correction: Floats,
+    index: Indices, share: Floats, steps: Floats, scale: float, heads: Floats, tails: Floats,
+    start_ratio: float, end_ratio: float, unknown: Floats, rows: Indices, is_flat: bool,
+    correction: Floats,
 ) -> float:  # fmt: skip
     """Write a Newton step, or the solution in Euclidean space, and return its largest component.
 
     Args:
-        onward: memory, shape ``(N, 3, 4)``: of each row, what it leaves of the block right of the
-            diagonal and of the right side.
+        index: see :class:`~orientd.curves.interpolation.KeyframeEquations`, shape ``(N, F)``.
+        share: likewise, shape ``(N, F)``.
+        steps: likewise, shape ``(N, 3)``.
+        scale: of the steps; the known increments are scaled already.
+        heads: known increments at the start, the outermost first, shape ``(0..2, 3)``.
+        tails: known increments at the end, the outermost first.
+        start_ratio: with no heads, the first increment is this multiple of the next one.
+        end_ratio: likewise at the end.
+        unknown: the increments that are not settled, shape ``(N, 3)``.
+        rows: increasing numbers of the rows to correct; the other unknowns stay as they are.
+        is_flat: whether to solve in Euclidean space.
+        correction: receives the step of those rows, shape ``(n, 3)``.
     """
-    count = len(steps)
+    ratios = start_ratio, end_ratio
+    count = len(rows)
     blocks, error = np.empty((3, 3, 3)), np.empty(3)
-    for row in range(count):
-        _linearised(row, index, share, steps, unknown, heads, tails, ratios, is_flat, blocks, error)
-        here = onward[row]
+    # Of each row, what it leaves of the block right of the diagonal and of the right side.
+    onward = np.empty((count, 3, 4))
+    for k in range(count):
+        row = rows[k]
+        _linearised(
+            row, index, share, steps, scale, unknown, heads, tails, ratios, is_flat, blocks, error
+        )
+        here = onward[k]
         here[:, :3] = blocks[2]
         here[:, 3] = -error
-        if row:
-            before = onward[row - 1]
+        if k and rows[k - 1] == row - 1:
+            before = onward[k - 1]
             for i in range(3):
                 for k in range(3):
                     factor = blocks[0, i, k]
@@ -210,13 +170,13 @@ def _correct(
         if not _solved(blocks[1], here):
             return np.inf
     largest = 0.0
-    for row in range(count - 1, -1, -1):
+    for k in range(count - 1, -1, -1):
         for i in range(3):
-            total = onward[row, i, 3]
-            if row < count - 1:
-                for k in range(3):
-                    total -= onward[row, i, k] * correction[row + 1, k]
-            correction[row, i] = total
+            total = onward[k, i, 3]
+            if k < count - 1 and rows[k + 1] == rows[k] + 1:
+                for j in range(3):
+                    total -= onward[k, i, j] * correction[k + 1, j]
+            correction[k, i] = total
             # Not `>`: what is not a number must not pass for small.
             if not abs(total) <= largest:
                 largest = abs(total)
@@ -229,25 +189,17 @@ def _find(
 ) -> bool:  # fmt: skip
     """Write the unknown increments, or return that they were not found this way.
 
-    Args:
-        index: see :class:`~orientd.curves.interpolation.KeyframeEquations`, shape ``(N, F)``.
-        share: likewise, shape ``(N, F)``.
-        steps: likewise, shape ``(N, 3)``.
-        heads: known increments at the start, the outermost first, shape ``(0..2, 3)``.
-        tails: known increments at the end, the outermost first.
-        start_ratio: with no heads, the first increment is this multiple of the next one.
-        end_ratio: likewise at the end.
-        unknown: receives the increments that are not settled, shape ``(N, 3)``.
+    Arguments are as in :func:`_correct`; *unknown* receives the increments.
     """
-    ratios = start_ratio, end_ratio
-    onward, correction = np.empty((len(steps), 3, 4)), np.empty((len(steps), 3))
+    rows, correction = np.arange(len(steps)), np.empty((len(steps), 3))
     unknown[:] = 0.0
     # One loop and one call for all three parts of the search: it is what takes long to compile.
     limit, step, polishing = np.inf, 0, -1
     while True:
-        size = _correct(
-            index, share, steps, unknown, heads, tails, ratios, step == 0, onward, correction
-        )
+        size = correct(
+            index, share, steps, 1.0, heads, tails, start_ratio, end_ratio,
+            unknown, rows, step == 0, correction,
+        )  # fmt: skip
         if polishing >= 0 and not size <= limit:
             break
         if not (size <= limit and size < np.inf):
@@ -273,10 +225,13 @@ def _find(
 
 _INDICES = types.Array(int64, 2, "C", readonly=True)
 _VECTORS = types.Array(float64, 2, "C", readonly=True)
-_SIGNATURE = boolean(
-    _INDICES, _VECTORS, _VECTORS, _VECTORS, _VECTORS, float64, float64, float64[:, ::1]
-)
+_CORRECT = float64(
+    _INDICES, _VECTORS, _VECTORS, float64, _VECTORS, _VECTORS, float64, float64,
+    _VECTORS, types.Array(int64, 1, "C", readonly=True), boolean, float64[:, ::1],
+)  # fmt: skip
+_FIND = boolean(_INDICES, _VECTORS, _VECTORS, _VECTORS, _VECTORS, float64, float64, float64[:, ::1])
 
-find: Increments = cast(
-    Increments, njit(_SIGNATURE, error_model="numpy", nogil=True, cache=True)(_find)
+correct: Correct = cast(
+    Correct, njit(_CORRECT, error_model="numpy", nogil=True, cache=True)(_correct)
 )
+find: Increments = cast(Increments, njit(_FIND, error_model="numpy", nogil=True, cache=True)(_find))

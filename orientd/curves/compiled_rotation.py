@@ -13,8 +13,13 @@ from typing import TypeVar, cast
 
 from numba import njit
 
+from orientd.rotation import Floats
+
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
+SEAM = 0.25
+"""Rad, below which a series replaces the quotient that cancels."""
+
 Function = TypeVar("Function", bound=Callable[..., object])
 
 
@@ -84,3 +89,57 @@ def turned(q: Quaternion, v: Vector) -> Vector:
         v[1] + w * ty + (z * tx - x * tz),
         v[2] + w * tz + (x * ty - y * tx),
     )
+
+
+@inner
+def jacobian_factors(square: float) -> tuple[float, float]:
+    r"""Return :math:`(1-\cos\theta)/\theta^2` and :math:`(\theta-\sin\theta)/\theta^3`."""
+    theta = math.sqrt(square)
+    half = 0.5 * theta
+    sinc = math.sin(half) / half if half > 0.0 else 1.0
+    if theta < SEAM:
+        second = (
+            1 / 6
+            + square * (-1 / 120 + square * (1 / 5040 + square * (-1 / 362880 + square / 39916800)))
+        )  # fmt: skip
+    else:
+        second = (theta - math.sin(theta)) / (theta * square)
+    return 0.5 * sinc * sinc, second
+
+
+@inner
+def turned_back(q: Quaternion, x: float, y: float, z: float) -> Vector:
+    """Return a vector rotated by the conjugate of a unit quaternion."""
+    w, a, b, c = q
+    tx = 2.0 * (y * c - z * b)
+    ty = 2.0 * (z * a - x * c)
+    tz = 2.0 * (x * b - y * a)
+    return (
+        x + w * tx + (ty * c - tz * b),
+        y + w * ty + (tz * a - tx * c),
+        z + w * tz + (tx * b - ty * a),
+    )
+
+
+@inner
+def add_derivative(block: Floats, c: float, v: Vector, after: Quaternion) -> None:
+    r"""Add :math:`c\,R(S)^T J_r(v)` to a block, column by column.
+
+    .. math:: J_r(v)\,e = e - a\,v \times e + b\,v \times (v \times e)
+    """
+    x, y, z = v
+    square = x * x + y * y + z * z
+    a, b = jacobian_factors(square)
+    rest = 1.0 - b * square
+    first = turned_back(after, rest + b * x * x, b * x * y - a * z, b * x * z + a * y)
+    second = turned_back(after, b * x * y + a * z, rest + b * y * y, b * y * z - a * x)
+    third = turned_back(after, b * x * z - a * y, b * y * z + a * x, rest + b * z * z)
+    block[0, 0] += c * first[0]
+    block[1, 0] += c * first[1]
+    block[2, 0] += c * first[2]
+    block[0, 1] += c * second[0]
+    block[1, 1] += c * second[1]
+    block[2, 1] += c * second[2]
+    block[0, 2] += c * third[0]
+    block[1, 2] += c * third[1]
+    block[2, 2] += c * third[2]

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orientd.curves import fast
 from orientd.curves.basis import CumulativeBasis, Indices
 from orientd.curves.shooting import Path
 from orientd.curves.torque import torques
@@ -109,13 +110,16 @@ class EffortEquations:
         self.ends = ends
         self._inertia = inertia
         self._window = basis.first[:, None] - 1 + np.arange(basis.values.shape[1])
-        self._index, self._share = keyframe_factors(basis, places)
+        index, share = keyframe_factors(basis, places)
+        self._index, self._share = np.ascontiguousarray(index), np.ascontiguousarray(share)
         self._steps = between(keys[:-1], keys[1:])
         self._at_nodes, self._node_times, self._node_weights = _rule(basis)
         self._layout = _Layout(self._window, self._index, ends, self.count)
 
     def linearised(self, increments: Floats) -> Linearised:
         """Return effort, equations and derivatives, increments of shape ``(count, 3)``."""
+        if fast.KERNEL.linearise is not None:
+            return self._compiled(fast.KERNEL.linearise, increments)
         spans, functions = self._window.shape
         places = len(self._node_weights) // spans
         factors = np.repeat(increments[self._window], places, axis=0)
@@ -133,6 +137,35 @@ class EffortEquations:
             bound=bound,
             missed=np.concatenate([missed, self.ends.errors(increments)]),
         )
+
+    def _compiled(self, linearise: fast.Linearise, increments: Floats) -> Linearised:
+        """Return the same by the compiled kernel."""
+        spans, functions = self._window.shape
+        count, factors = self._index.shape
+        gradient, squares, bound, missed = (
+            np.empty((spans, 3 * functions)),
+            np.empty((spans, 3 * functions, 3 * functions)),
+            np.empty((count, 3, 3 * factors)),
+            np.empty((count, 3)),
+        )
+        has_inertia = self._inertia is not None
+        effort = linearise(
+            np.ascontiguousarray(increments),
+            self._window,
+            self._at_nodes,
+            np.sqrt(self._node_weights),
+            self._inertia if self._inertia is not None else np.eye(3),
+            has_inertia,
+            self._index,
+            self._share,
+            self._steps,
+            gradient,
+            squares,
+            bound,
+            missed,
+        )
+        missed = np.concatenate([missed, self.ends.errors(increments)])
+        return Linearised(effort, gradient, squares, bound, missed)
 
     def is_better(self, increments: Floats, path: Path) -> bool:
         """Tell whether increments take no more effort than a curve, rounding apart."""

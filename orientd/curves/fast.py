@@ -33,6 +33,24 @@ FillBasis = Callable[[Indices, Floats, int, Floats, Floats, Floats], None]
 Increments = Callable[[Indices, Floats, Floats, Floats, Floats, float, float, Floats], bool]
 """Finds the increments of an interpolating spline; see ``orientd.curves.compiled_increments``."""
 
+Correct = Callable[
+    [
+        Indices, Floats, Floats, float, Floats, Floats, float, float,
+        Floats, Indices, bool, Floats,
+    ],
+    float,
+]  # fmt: skip
+"""Writes a Newton step towards them; see ``orientd.curves.compiled_increments``."""
+
+Linearise = Callable[
+    [
+        Floats, Indices, Floats, Floats, Floats, bool, Indices, Floats, Floats,
+        Floats, Floats, Floats, Floats,
+    ],
+    float,
+]  # fmt: skip
+"""Writes the derivatives of a spline's effort; see ``orientd.curves.compiled_effort``."""
+
 START_AFTER = 10_000
 """Samples worked out by NumPy in this process before the compiled kernel is sent for."""
 
@@ -112,6 +130,8 @@ class FastKernel(Background):
         fill_product: samples any other cumulative product, likewise.
         fill_basis: writes the coefficients of a B-spline basis, likewise.
         find: finds the increments of an interpolating spline, likewise.
+        correct: writes a Newton step towards them, likewise.
+        linearise: writes the derivatives of a spline's effort, likewise.
     """
 
     def __init__(self) -> None:
@@ -119,14 +139,18 @@ class FastKernel(Background):
             {
                 "fill": "orientd.curves.compiled:fill",
                 "find": "orientd.curves.compiled_increments:find",
+                "correct": "orientd.curves.compiled_increments:correct",
                 "fill_basis": "orientd.curves.compiled_basis:fill",
                 "fill_product": "orientd.curves.compiled_product:fill",
+                "linearise": "orientd.curves.compiled_effort:linearise",
             }
         )
         self.fill: Fill | None = None
         self.fill_product: FillProduct | None = None
         self.fill_basis: FillBasis | None = None
         self.find: Increments | None = None
+        self.correct: Correct | None = None
+        self.linearise: Linearise | None = None
         self._samples = 0
 
     def count(self, samples: int) -> None:

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orientd.curves import fast
 from orientd.curves.basis import Indices
 from orientd.rotation import (
     Floats,
@@ -184,6 +185,24 @@ class KeyframeEquations:
 
     def correction(self, unknown: Floats, scale: float, rows: Indices) -> Floats:
         """Return one Newton step of some rows, the other unknowns staying as they are."""
+        if fast.KERNEL.correct is not None:
+            correction: Floats = np.empty((len(rows), 3))
+            size = fast.KERNEL.correct(
+                self.index,
+                self.share,
+                self.steps,
+                scale,
+                scale * self.start.known,
+                scale * self.end.known,
+                self.start.ratio,
+                self.end.ratio,
+                unknown,
+                rows,
+                False,
+                correction,
+            )
+            if size < math.inf:
+                return correction
         return _solve_by_pieces(rows, lambda piece: self.linearised(unknown, scale, piece))
 
 

@@ -8,6 +8,8 @@ import pytest
 
 from orientd.curves import METHODS, fast
 from orientd.curves.basis import cumulative_basis
+from orientd.curves.effort_equations import EffortEquations
+from orientd.rotation import between, multiply
 
 
 @pytest.fixture(scope="module")
@@ -137,14 +139,70 @@ def test_both_kernels_find_the_same_increments(loaded, numpy_kernel, random_keys
     assert found == ([] if count == 2 and "natural" not in ends else [True])
 
 
-def test_steps_too_large_for_the_compiled_search_are_left_to_numpy(
-    loaded, numpy_kernel, random_keys
+@pytest.mark.parametrize("ends", ["natural", "clamped"])
+@pytest.mark.parametrize("times", ["uniform", "uneven"])
+@pytest.mark.parametrize("large", [[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10], [2, 3], [0, 3, 4, 10]])
+def test_the_way_to_large_steps_is_the_same_with_compiled_corrections(
+    loaded, numpy_kernel, random_keys, large, times, ends
 ):
-    given = {"keys": random_keys(12, 3.0), "times": "uniform"}
+    steps = np.full(11, 0.2)
+    steps[large] = 3.0
+    keys = random_keys(2, steps[0])
+    for seed, step in enumerate(steps[1:]):
+        turn = between(*random_keys(2, step, seed))
+        keys = np.vstack([keys, multiply(keys[-1], turn)])
+    instants = np.cumsum(np.random.default_rng(1).uniform(0.4, 1.0, 12))
+    given = {"keys": keys, "times": instants if times == "uneven" else times}
+    if ends == "clamped":
+        given |= {"start": ends, "omega_start": [0.5, 1, 0], "end": ends, "omega_end": [0, 0, -1]}
     reference = METHODS["c2_cumulative"](**given)
-    numpy_kernel.find = loaded.find
+    sizes = []
+
+    def correct(*arguments):
+        sizes.append(loaded.correct(*arguments))
+        return sizes[-1]
+
+    numpy_kernel.find, numpy_kernel.correct = loaded.find, correct
     curve = METHODS["c2_cumulative"](**given)
     assert np.abs(curve.increments - reference.increments).max() <= 1e-13
+    assert len(sizes) > 4
+    assert max(sizes) < np.inf
+
+
+def test_a_correction_that_cannot_be_compiled_is_left_to_numpy(loaded, numpy_kernel, random_keys):
+    given = {"keys": random_keys(12, 3.0), "times": "uniform"}
+    reference = METHODS["c2_cumulative"](**given)
+    numpy_kernel.correct = lambda *_: np.inf
+    curve = METHODS["c2_cumulative"](**given)
+    assert np.array_equal(curve.increments, reference.increments)
+
+
+@pytest.mark.parametrize("inertia", [None, [3.0, 2.0, 1.0], np.diag([3.0, 2.0, 1.5]) + 0.3])
+@pytest.mark.parametrize(("order", "spans"), [(4, 2), (4, 3), (5, 2), (6, 3)])
+@pytest.mark.parametrize("step", [1e-3, 1.0, 2.9])
+def test_both_kernels_find_the_same_effort_and_derivatives(
+    loaded, numpy_kernel, random_keys, monkeypatch, inertia, order, spans, step
+):
+    seen = []
+    plain = EffortEquations.linearised
+
+    def linearised(equations, increments):
+        seen.append((equations, increments))
+        return plain(equations, increments)
+
+    monkeypatch.setattr(EffortEquations, "linearised", linearised)
+    given = {"keys": random_keys(6, step), "inertia": inertia, "order": order, "spans": spans}
+    METHODS["minimum_effort"](**given)
+    for equations, increments in seen:
+        numpy_kernel.linearise = None
+        reference = plain(equations, increments)
+        numpy_kernel.linearise = loaded.linearise
+        found = plain(equations, increments)
+        for name in ("effort", "gradient", "squares", "bound"):
+            expected = np.asarray(getattr(reference, name))
+            gap = np.abs(np.asarray(getattr(found, name)) - expected).max()
+            assert gap <= 1e-13 * np.abs(expected).max()
+        assert np.abs(found.missed - reference.missed).max() <= 1e-14
 
 
 @pytest.mark.parametrize("order", [2, 3, 4, 6])
