@@ -18,9 +18,12 @@ QUICKEST = 0.27
 SOFT = 20.0
 """Largest closing speed per angle left while the target moves, 1/s."""
 
-UNHURRIED = 0.6
+UNHURRIED = 1.05
 """Largest product of that speed per angle and of how long ago the target's motion is read: what is
 known no sooner is corrected no faster, or every packet that is lost or late shows as a jerk."""
+
+EVENLY = 2.0
+"""How much faster the acceleration settles than the velocity, while the target moves."""
 
 LEAST = 1e-9
 """The least that a limit counts as, so that none divides by zero."""
@@ -97,7 +100,7 @@ def softened(limits: Bounds, delay: float) -> Bounds:
     approach = min(limits.approach, SOFT)
     if approach * delay > UNHURRIED:
         approach = UNHURRIED / delay
-    share = min(limits.share, 3.0 * RATIO * approach * limits.period)
+    share = min(limits.share, EVENLY * RATIO * approach * limits.period)
     settle = RATIO * approach
     calm = CALM * min(limits.acceleration / settle, limits.jerk / settle / settle)
     return limits._replace(approach=approach, settle=settle, share=share, calm=calm)

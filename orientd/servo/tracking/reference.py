@@ -6,8 +6,9 @@ motion is read somewhat longer ago than targets have lately been stale, where it
 that, and carried from there to now with its velocity and the acceleration it has had on average.  A
 motion of even velocity, or acceleration, is met without lag; a change of the acceleration comes
 late.  Whatever is carried without lag is exaggerated at some frequency (a delay that is made up for
-cannot do otherwise); this way it is for motions quicker than a hand's.  A sender who stamps targets
-ahead by more than its jitter leaves no delay at all.
+cannot do otherwise); this way it is for motions quicker than a hand's.  A target that comes behind
+a newer one is put in its place as long as the motion has not been read there.  A sender who stamps
+targets ahead by more than its jitter leaves no delay at all.
 
 A target without velocity is an order to be there: it counts at once and is not joined to others;
 so does one that is farther than :data:`JUMP` from what the one before it predicts.
@@ -23,6 +24,9 @@ from orientd.driver.floats import difference, exp, multiply, norm, normalize
 
 LOOKAHEAD_NS = 1_000_000_000
 """How far ahead of its time a target may come: a wrong stamp must not lock the later ones out."""
+
+SORTED = 16
+"""A target that comes late is put in its place before so many others at most."""
 
 CAPACITY = 1024
 """Targets that wait for their time, at most."""
@@ -50,6 +54,13 @@ STEADY = 0.1
 
 SPARE = 1.3
 """How long ago the motion is read, in times of how stale targets have been."""
+
+USUAL = 0.05
+"""Share of the last spacing of targets in what counts as the usual one."""
+
+DISTURBED = 1.6
+"""From how many times the usual spacing of targets, and a cycle, on a delay tells of lost or late
+ones; without any it is :data:`SPARE` times that."""
 
 RECOVERY = 0.01
 """How fast the delay shrinks again, seconds per second."""
@@ -82,6 +93,7 @@ class _Knot(NamedTuple):
     time_ns: int
     expires_ns: int
     begins: bool
+    told: Quaternion
 
     def carried(self, seconds: float) -> Quaternion:
         x, y, z = self.omega
@@ -118,10 +130,18 @@ class Reference:
         """How long ago the motion is read, s."""
         return self._delay_ns * 1e-9
 
+    @property
+    def is_disturbed(self) -> bool:
+        """Whether targets come later than their own spacing explains: some are lost, or late."""
+        return self._delay_ns > DISTURBED * (self._spacing_ns + self._period_ns)
+
     def clear(self) -> None:
         """Forget every target."""
         self._knots.clear()
         self._newest_ns: int | None = None
+        self._taken = 0
+        self._spacing_ns = 0.0
+        self._settled = 0
         self._delay_ns = 0.0
         self._bend = ZERO
 
@@ -137,33 +157,51 @@ class Reference:
             return f"expected a unit quaternion, got {q}"
         if omega is not None and not all(abs(x) <= FASTEST for x in omega):
             return f"expected an angular velocity within {FASTEST:g} rad/s, got {omega}"
-        if self._newest_ns is not None and time_ns <= self._newest_ns:
-            return f"not newer than the newest one, {(self._newest_ns - time_ns) / 1e9:.6g} s older"
         if time_ns > now_ns + LOOKAHEAD_NS:
             return f"stamped {(time_ns - now_ns) / 1e9:.6g} s ahead, the most is 1 s"
         if expires_ns <= now_ns or expires_ns <= time_ns:
             return "expired"
         if len(self._knots) >= CAPACITY:
             return f"{CAPACITY} targets wait already"
-        self._knots.append(self._believed(normalize(q), omega or ZERO, time_ns, expires_ns))
-        self._newest_ns = time_ns
+        knots, place = self._knots, len(self._knots)
+        if self._newest_ns is not None and time_ns <= self._newest_ns:
+            place = self._place(time_ns, now_ns)
+            if place == 0:
+                late = (self._newest_ns - time_ns) / 1e9
+                return f"not newer than the newest one, {late:.6g} s older, nor to be sorted in"
+        else:
+            self._note_spacing(time_ns)
+        self._taken += 1
+        told = normalize(q)
+        knots.insert(place, _Knot(told, omega or ZERO, ZERO, time_ns, expires_ns, True, told))
+        self._settled = min(self._settled, place)
         return ""
 
-    def _believed(self, q: Quaternion, omega: Vector3, time_ns: int, expires_ns: int) -> _Knot:
-        """Return the knot of a target: corrected by what the one before it predicts."""
-        before = self._knots[-1] if self._knots else None
-        if before is None or omega == ZERO or before.omega == ZERO:
-            return _Knot(q, omega, ZERO, time_ns, expires_ns, True)
-        seconds = (time_ns - before.time_ns) * 1e-9
-        (a, b, c), (x, y, z), half = before.omega, omega, 0.5 * seconds
-        there = multiply(before.q, exp((half * (a + x), half * (b + y), half * (c + z))))
-        alpha = (x - a) / seconds, (y - b) / seconds, (z - c) / seconds
-        x, y, z = surprise = difference(there, q)
-        if norm(surprise) > JUMP:
-            return _Knot(q, omega, ZERO, time_ns, expires_ns, True)
-        share = seconds / (seconds + TRUST)
-        q = normalize(multiply(there, exp((share * x, share * y, share * z))))
-        return _Knot(q, omega, alpha, time_ns, expires_ns, False)
+    def _note_spacing(self, newest_ns: int) -> None:
+        """Note how far apart targets are, those between the newest ones counted."""
+        if self._newest_ns is not None:
+            spacing_ns = (newest_ns - self._newest_ns) / self._taken
+            share = USUAL if self._spacing_ns else 1.0
+            self._spacing_ns += share * (spacing_ns - self._spacing_ns)
+        self._newest_ns, self._taken = newest_ns, 0
+
+    def _place(self, time_ns: int, now_ns: int) -> int:
+        """Return before which knot a late target belongs, 0 if the motion has been read there."""
+        knots = self._knots
+        if time_ns <= now_ns - self._delay_ns:
+            return 0
+        for place in range(len(knots), max(len(knots) - SORTED, 1) - 1, -1):
+            before = knots[place - 1].time_ns
+            if before <= time_ns:
+                return place if before < time_ns else 0
+        return 0
+
+    def _settle(self) -> None:
+        """Believe the targets that came since the last time, and those behind them anew."""
+        knots = self._knots
+        for k in range(self._settled, len(knots)):
+            knots[k] = _believed(knots[k - 1] if k else None, knots[k])
+        self._settled = len(knots)
 
     @property
     def awaits(self) -> bool:
@@ -172,6 +210,13 @@ class Reference:
 
     def at(self, now_ns: int) -> Motion | None:
         """Return the motion at *now_ns*, or ``None`` without a live target."""
+        if self._settled < len(self._knots):
+            self._settle()
+        motion = self._read(now_ns)
+        self._settled = len(self._knots)
+        return motion
+
+    def _read(self, now_ns: int) -> Motion | None:
         knots = self._knots
         due, first = -1, 0
         for k, knot in enumerate(knots):
@@ -228,6 +273,23 @@ class Reference:
             c + r * z + s * w + t * dw,
         )
         return Motion(normalize(multiply(q, exp(turn))), omega, past.alpha)
+
+
+def _believed(before: _Knot | None, knot: _Knot) -> _Knot:
+    """Return the knot of a target: corrected by what the one before it predicts."""
+    omega, told = knot.omega, knot.told
+    if before is None or omega == ZERO or before.omega == ZERO:
+        return knot._replace(q=told, alpha=ZERO, begins=True)
+    seconds = (knot.time_ns - before.time_ns) * 1e-9
+    (a, b, c), (x, y, z), half = before.omega, omega, 0.5 * seconds
+    there = multiply(before.q, exp((half * (a + x), half * (b + y), half * (c + z))))
+    alpha = (x - a) / seconds, (y - b) / seconds, (z - c) / seconds
+    x, y, z = surprise = difference(there, told)
+    if norm(surprise) > JUMP:
+        return knot._replace(q=told, alpha=ZERO, begins=True)
+    share = seconds / (seconds + TRUST)
+    q = normalize(multiply(there, exp((share * x, share * y, share * z))))
+    return knot._replace(q=q, alpha=alpha, begins=False)
 
 
 def _continued(here: _Knot, since: float) -> Motion:

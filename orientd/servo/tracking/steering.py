@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from math import cbrt, sqrt
+from math import cbrt, inf, sqrt
 
 from orientd.driver import Vector3
 from orientd.servo.tracking.bounds import Bounds
 from orientd.servo.tracking.law import reach, seek
+
+NEAR = 0.3
+"""Angle left up to which what has followed closely is corrected without hurry, rad."""
 
 SPIRAL = 0.6
 """Part of the closing speed that is given up while all the motion is across the way."""
@@ -54,7 +57,8 @@ def steer(
     omega_target: Vector3,
     alpha_target: Vector3,
     limits: Bounds,
-) -> Vector3:
+    room: float = inf,
+) -> tuple[Vector3, bool]:
     """Return the acceleration to wish for, to meet a moving target soonest and stay with it.
 
     It is as much as possible of what closes in, and as much as necessary of what stops (relative to
@@ -68,6 +72,11 @@ def steer(
         omega_target: the target's angular velocity, rad/s.
         alpha_target: its angular acceleration, rad/s^2.
         limits: bounds.
+        room: acceleration left for corrections of what follows the target closely, rad/s^2;
+            infinity for what has to catch up with it.
+
+    Returns:
+        That acceleration, rad/s^2, and whether it is of the linear law.
     """
     h = limits.period
     nx, ny, nz = (
@@ -82,13 +91,14 @@ def steer(
     fx, fy, fz = e[0] + s * nx + r * bx, e[1] + s * ny + r * by, e[2] + s * nz + r * bz
     left = sqrt(fx * fx + fy * fy + fz * fz)
     if left < 1e-150:
-        return seek(omega_target, omega, alpha, alpha_target, limits, limits.settle)
+        return seek(omega_target, omega, alpha, alpha_target, limits, limits.settle), True
     fx, fy, fz = fx / left, fy / left, fz / left
     s, calm = closing_speed(left, limits), limits.calm * limits.calm
-    if limits.approach * left <= s and nx * nx + ny * ny + nz * nz <= max(s * s, calm):
-        k1, k2, k3 = limits.share, limits.settle, limits.approach * left
+    is_linear = limits.approach * left <= s and nx * nx + ny * ny + nz * nz <= max(s * s, calm)
+    if is_linear or (room < inf and left < NEAR):
+        k1, k2, k3 = limits.share, limits.settle, min(limits.approach * left, sqrt(room * left))
         gx, gy, gz = k2 * (k3 * fx - nx) - bx, k2 * (k3 * fy - ny) - by, k2 * (k3 * fz - nz) - bz
-        return (alpha[0] + k1 * gx, alpha[1] + k1 * gy, alpha[2] + k1 * gz)
+        return (alpha[0] + k1 * gx, alpha[1] + k1 * gy, alpha[2] + k1 * gz), True
     s = min(limits.approach * left, s)
     along = fx * nx + fy * ny + fz * nz
     across = sqrt(max(nx * nx + ny * ny + nz * nz - along * along, 0.0))
@@ -110,11 +120,11 @@ def steer(
 
     over = excess(go)
     if over <= 0.0:
-        return go
+        return go, False
     halt = reach(alpha, seek(omega_target, omega, alpha, alpha_target, limits, 1.0 / h), limits)
     under = excess(halt)
     if under >= 0.0:
-        return halt
+        return halt, False
     low, high = 0.0, 1.0
     wish = halt
     for _ in range(5):
@@ -125,7 +135,7 @@ def steer(
             high, over = share, found
         else:
             low, under = share, found
-    return _between(halt, go, low)
+    return _between(halt, go, low), False
 
 
 def _between(a: Vector3, b: Vector3, share: float) -> Vector3:

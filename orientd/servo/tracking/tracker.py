@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from math import pi, sqrt
+from math import inf, pi, sqrt
 from typing import NamedTuple
 
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
-from orientd.driver.floats import difference, exp, multiply, normalize
+from orientd.driver.floats import difference, exp, multiply, norm, normalize
 from orientd.servo.tracking.bounds import (
     Bounds,
     bounds,
@@ -17,7 +17,8 @@ from orientd.servo.tracking.bounds import (
     times,
 )
 from orientd.servo.tracking.law import advance, halt, moved
-from orientd.servo.tracking.reference import Reference, Target
+from orientd.servo.tracking.reference import Motion, Reference, Target
+from orientd.servo.tracking.restraint import Restraint
 from orientd.servo.tracking.steering import steer
 from orientd.stream import Terms
 
@@ -58,6 +59,7 @@ class Tracker:
         self._period = period
         self._period_ns = round(period * 1e9)
         self._reference = Reference(period)
+        self._restraint = Restraint(period)
         self._units: Vector3 = (1.0, 1.0, 1.0)
         self._limits = self._bounds = bounds(period, 1e-9, 1e-9, 1e-9)
         self.begin(IDENTITY, ZERO, ZERO, None)
@@ -82,6 +84,7 @@ class Tracker:
             divided(alpha_body, self._units),
         )
         self._reference.clear()
+        self._restraint.release()
         self._way = ZERO
         self.is_at_rest = omega_body == ZERO == alpha_body
         self._soften(0.0)
@@ -115,19 +118,7 @@ class Tracker:
             omega, alpha = halt(self._omega, self._alpha, self._bounds)
         else:
             self.is_at_rest = False
-            q, omega, alpha = found
-            limits = self._limits if omega == ZERO else self._softened()
-            # The velocity of a step is that of its middle.
-            half, (u, v, w), (x, y, z) = 0.5 * self._period, omega, alpha
-            omega = (u - half * x, v - half * y, w - half * z)
-            wish = steer(
-                divided(self._turn(q), units),
-                self._omega,
-                self._alpha,
-                divided(omega, units),
-                divided(alpha, units),
-                limits,
-            )
+            wish = self._wish(found)
             alpha = advance(self._omega, self._alpha, wish, self._bounds)
             omega = moved(self._omega, alpha, self._period)
         self._omega, self._alpha = omega, alpha
@@ -135,6 +126,26 @@ class Tracker:
         x, y, z = omega
         self._q = normalize(multiply(self._q, exp((x * h, y * h, z * h))))
         return TrackPoint(self._q, omega, times(alpha, units))
+
+    def _wish(self, found: Motion) -> Vector3:
+        """Return the acceleration to wish for, to follow the target, in the law's units."""
+        q, omega, alpha = found
+        units, restraint = self._units, self._restraint
+        # The velocity of a step is that of its middle.
+        half, (u, v, w), (x, y, z) = 0.5 * self._period, omega, alpha
+        middle = divided((u - half * x, v - half * y, w - half * z), units)
+        turn, alpha = divided(self._turn(q), units), divided(alpha, units)
+        if omega == ZERO:
+            restraint.release()
+            return steer(turn, self._omega, self._alpha, middle, alpha, self._limits)[0]
+        limits = self._softened()
+        (a, b, c), (d, e, f) = self._omega, middle
+        needed = inf
+        if self._reference.is_disturbed:
+            needed = limits.settle * max(limits.approach * norm(turn), norm((a - d, b - e, c - f)))
+        room = restraint.room(alpha, needed, limits.acceleration)
+        wish, is_linear = steer(turn, self._omega, self._alpha, middle, alpha, limits, room)
+        return restraint.held(wish, is_linear=is_linear)
 
     def _softened(self) -> Bounds:
         """Return the bounds for a target that moves, as late as it is heard of."""

@@ -87,20 +87,20 @@ def test_loss_and_jitter_cost_no_acceleration_when_targets_are_stamped_ahead(hz,
     assert lag < 1e-3
 
 
-@pytest.mark.parametrize("hz", [60, 100])
+@pytest.mark.parametrize("hz", [30, 60, 100, 200])
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_loss_and_jitter_cost_little_acceleration_when_they_are_not(hz, seed):
+def test_loss_and_jitter_cost_no_acceleration_when_they_are_not(hz, seed):
     clean, _, _ = follow(hz)
     lossy, _, lag = follow(hz, loss=0.2, jitter=0.05, seed=seed)
-    assert lossy <= 1.02 * clean
-    assert lag < 0.012
+    assert lossy <= 1.001 * clean
+    assert lag < (0.1 if hz == 30 else 0.006)
 
 
 @pytest.mark.parametrize("hz", [60, 100])
 def test_loss_and_jitter_do_not_make_the_device_jerk(hz):
     _, clean, _ = follow(hz)
     _, lossy, _ = follow(hz, loss=0.2, jitter=0.05)
-    assert lossy <= 5.0 * clean
+    assert lossy <= 8.0 * clean
 
 
 def test_a_hand_is_followed_within_a_milliradian():

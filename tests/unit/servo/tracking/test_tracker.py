@@ -202,6 +202,66 @@ def test_a_target_not_newer_than_the_newest_is_refused():
     assert "not newer" in world.take(turned(0.2), time_ns=world.now_ns - 1)
 
 
+def late_world():
+    """A world in which the motion is read some 0.1 s ago, and the number of the newest target."""
+    world = World(LIMITS[0])
+    for k in range(12):
+        world.take(turned(0.05 * k), tuple(0.5 * x for x in AXIS), live=1.0)
+        world.run(0.1)
+    return world
+
+
+def test_a_target_that_comes_behind_a_newer_one_is_put_in_its_place():
+    # The same targets, the last but one of which comes in time in one world and late in the other.
+    paths = []
+    for is_late in (False, True):
+        world = late_world()
+        begin = world.now_ns
+        times = [begin + NS * k // 50 for k in (1, 2, 3)]
+        order = (0, 2, 1) if is_late else (0, 1, 2)
+        spins = [tuple(s * x for x in AXIS) for s in (0.5, 1.5, 0.5)]
+        angles = [0.61, 0.63, 0.65]
+        world.run(0.06)
+        for k in order:
+            assert world.take(turned(angles[k]), spins[k], times[k], live=1.0) == ""
+        paths.append([point.q for point in world.run(0.3)])
+    assert paths[0] == paths[1]
+
+
+@pytest.mark.parametrize("age", [0.5, 0.05])
+def test_a_target_late_by_more_than_the_motion_is_read_is_refused(age):
+    world = late_world()
+    stamp = world.now_ns - round(age * NS)
+    answer = world.take(turned(0.5), tuple(0.5 * x for x in AXIS), stamp, live=1.0)
+    assert ("nor to be sorted in" in answer) is (age == 0.5)
+
+
+def test_a_target_is_put_before_a_few_others_only():
+    world = late_world()
+    for k in range(1, 40):
+        world.take(turned(0.6), AXIS, world.now_ns + k * NS // 100, live=1.0)
+    for place, is_taken in ((38.5, True), (24.5, True), (20.5, False), (1.5, False)):
+        stamp = world.now_ns + round(place * NS / 100)
+        assert (world.take(turned(0.6), AXIS, stamp, live=1.0) == "") is is_taken
+
+
+def test_a_stream_without_disturbance_is_followed_at_once_when_it_turns_quickly():
+    # It drifts, then accelerates by a third of what is allowed.
+    world, start, gap = World(LIMITS[0]), 2.0, 0.0
+    begin = world.now
+    for k in range(1500):
+        t = world.now - begin
+        d = min(max(t - start, 0.0), 0.3)
+        rest = max(t - start - 0.3, 0.0)
+        goal, speed = 0.1 * t + 3.0 * d * d + 1.8 * rest, 0.1 + 6.0 * d
+        if k % 5 == 0:
+            world.take(turned(goal), tuple(speed * x for x in AXIS))
+        if t > 1.5:
+            gap = max(gap, angle(world.guard.q, turned(goal)))
+        world.step()
+    assert gap < 0.02
+
+
 def one_axis_time(velocity, rate, limits):
     """Return the least time to rest about one axis, by ruckig."""
     given, found = ruckig.InputParameter(1), ruckig.Trajectory(1)
