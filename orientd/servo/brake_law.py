@@ -44,6 +44,12 @@ PLANS = (
 )
 """Ways to stop, tried one after the other."""
 
+BETTER_PLANS = (
+    *(plan for plan in PLANS if plan.until is not None),
+    *(Plan(0.995, 0.985, rate) for rate in (0.6, 0.7, 0.8, 0.87, 0.93)),
+)
+"""Ways to leave a stop that takes long for another one that is over sooner."""
+
 BRIEF_PLANS = tuple(Plan(1.0, 1.0, cycles=cycles) for cycles in (0, 1, 2))
 """Ways to stop within a few cycles, tried before the others where that may be enough."""
 
@@ -56,6 +62,7 @@ _ALLOWANCE = 1.15  # times the cycles expected
 _SPARE = 4.0  # cycles more than that
 _SLOWEST = 2.0  # times as long as a stop is how far off a slowest point is looked for
 _BRIEF = 3.0  # cycles that a stop takes at least, where the brief plans are tried
+_GOOD = 1.15  # times as long as a stop on a straight path is one that is not improved
 _FARTHEST = 4.0  # times as far as where a stop failed is how far off a turn is looked for
 
 
@@ -81,6 +88,7 @@ class BrakeLaw:
         self._expected = 0.0
         self._trouble = 0.0
         self._is_straight = False
+        self._choices: list[Plan] = []
         self._rehearsal: Rehearsal | None = None
         self._rates: list[float] = []
 
@@ -94,7 +102,9 @@ class BrakeLaw:
         clock = self._clock
         if clock.moves != self._moves:
             self._renew(may_end=may_end)
-        if not self._rates:
+        if self._rates:
+            self._improve(terms, may_end=may_end)
+        else:
             self._rehearse(terms, may_end=may_end)
         if self._rates:
             rate = self._rates.pop()
@@ -112,6 +122,7 @@ class BrakeLaw:
         clock = self._clock
         self._tries, self._expected, self._trouble = 0, 0.0, 0.0
         self._rehearsal, self._rates, self._is_straight = None, [], False
+        self._choices = []
         # A path that ends sooner than the certified stop is left as it is.
         rest = self._follower.records_left() * clock.period / clock.rate
         is_even = clock.acceleration == 0.0
@@ -152,12 +163,57 @@ class BrakeLaw:
         if self._taken < rehearsal.lead:
             self._taken += 1
         elif rehearsal.outcome is not Outcome.UNFINISHED:
-            self._rates = rehearsal.rates[self._taken :][::-1]
-            if rehearsal.outcome is Outcome.REST:
-                # One cycle more at rest: a resumption that began at once would add its own jerk
-                # to that of the last step.
-                self._rates.insert(0, 0.0)
+            self._adopt(rehearsal)
             self._rehearsal = None
+            past = Past(self._guard.omega, self._guard.alpha, self._guard.velocity)
+            if len(self._rates) > _GOOD * self._remaining(past, terms) + _SPARE:
+                self._choices = list(BETTER_PLANS[::-1])
+
+    def _adopt(self, rehearsal: Rehearsal) -> None:
+        """Carry out a stop that was rehearsed up to the present cycle and beyond."""
+        self._rates = rehearsal.rates[self._taken :][::-1]
+        if rehearsal.outcome is Outcome.REST:
+            # One cycle more at rest: a resumption that began at once would add its own jerk to
+            # that of the last step.
+            self._rates.insert(0, 0.0)
+
+    def _improve(self, terms: Terms, *, may_end: bool) -> None:
+        """Rehearse how to leave the stop that is carried out for a shorter one."""
+        left = self._steps
+        while left > 0:
+            rehearsal = self._rehearsal
+            if rehearsal is None:
+                rehearsal = self._rehearsal = self._begin_better()
+                self._taken = 0
+                if rehearsal is None:
+                    return
+            left -= rehearsal.go_on(terms, left, may_end=may_end)
+            if rehearsal.outcome is Outcome.UNFINISHED and self._taken < rehearsal.lead:
+                break
+            if rehearsal.outcome in (Outcome.REST, Outcome.END):
+                if len(rehearsal.rates) - self._taken + 1 < len(self._rates):
+                    self._adopt(rehearsal)
+            else:
+                left -= 1
+            self._rehearsal = None
+        self._taken += 1
+
+    def _begin_better(self) -> Rehearsal | None:
+        """Rehearse the next way to leave the stop that is carried out, if there is one in time."""
+        lead = ceil(_ALLOWANCE * len(self._rates) / (self._steps - 1))
+        if not self._choices or lead >= len(self._rates):
+            self._choices.clear()
+            return None
+        plan = self._choices.pop()
+        reach = len(self._rates) if plan.until is not None else max(self._trouble, 0.0)
+        return Rehearsal(
+            self._clock,
+            self._follower,
+            self._guard,
+            lead=lead,
+            plan=plan._replace(distance=float(reach)),
+            along=self._rates[: -lead - 1 : -1],
+        )
 
     @property
     def _plan(self) -> Plan:

@@ -13,6 +13,7 @@ difference of *P* at two places; its slope by the rate is the velocity at the se
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 from enum import Enum
 from math import inf
@@ -87,7 +88,7 @@ class Rehearsal:
 
     Attributes:
         rates: of the cycles rehearsed so far.
-        lead: how many of them the certified law, or a coasting clock, takes.
+        lead: how many of them the certified law, a coasting clock, or another stop takes.
         plan: how to stop.
         outcome: of the rehearsal so far.
         past: how the device moves after it.
@@ -102,15 +103,27 @@ class Rehearsal:
         *,
         lead: int,
         plan: Plan,
-        is_coasting: bool,
+        is_coasting: bool = False,
+        along: Sequence[float] = (),
     ) -> None:
-        """Begin at the present cycle, before it has moved anything."""
+        """Begin at the present cycle, before it has moved anything.
+
+        Args:
+            clock: as it is.
+            follower: where the path is.
+            guard: what was written.
+            lead: cycles before the plan begins.
+            plan: how to stop.
+            is_coasting: whether the clock keeps its rate until then.
+            along: rates of those cycles, where no certified law decides on them.
+        """
         self.rates: list[float] = []
         self.lead = lead
         self.plan = plan
         self.outcome = Outcome.UNFINISHED
         self._clock = copy(clock)
         self._is_coasting = is_coasting
+        self._along = along
         self._follower = follower
         self._revision = follower.revision
         self._passed, self._here = 0, follower.index
@@ -181,10 +194,7 @@ class Rehearsal:
 
     def _step(self, terms: Terms, end: float, *, may_end: bool) -> None:
         is_led = len(self.rates) >= self.lead
-        if is_led:
-            rate = min(max(self._rate + self._change, 0.0), 1.0)
-        else:
-            rate = self._rate if self._is_coasting else self._clock.advance()
+        rate = min(max(self._rate + self._change, 0.0), 1.0) if is_led else self._led()
         if self._index + self._fraction + rate >= end:
             self.rates.append(rate)
             self.outcome = Outcome.END if may_end else Outcome.FAILED
@@ -250,6 +260,12 @@ class Rehearsal:
         if self._fraction >= 1.0:
             self._pieces.pop(self._index, None)
             self._index, self._fraction = self._index + 1, self._fraction - 1.0
+
+    def _led(self) -> float:
+        """Return the rate of a cycle before the plan begins."""
+        if self._along:
+            return self._along[len(self.rates)]
+        return self._rate if self._is_coasting else self._clock.advance()
 
     def _wanted(self, ahead: Ahead, terms: Terms) -> float:
         """Return the rate that this cycle of the plan would have if every rate were allowed."""

@@ -88,6 +88,20 @@ def test_a_stop_from_hardly_any_speed_is_made_at_once():
     assert ride.rig.servo.state is State.HOLDING
 
 
+@pytest.mark.parametrize(
+    ("drawn", "record", "fewest"),
+    [((3, 34, "at limits"), 2078, 49), ((8, 14, "at limits"), 1571, 43)],
+)
+def test_a_stop_that_is_carried_out_is_left_for_one_that_is_over_sooner(drawn, record, fewest):
+    # The first plan that succeeds stops a turn later than the place where the path turns back.
+    *_, motion = motions(*drawn)
+    ride = Ride(Track(motion), record)
+    assert ride.stop() <= MOST * fewest
+    assert ride.excess() <= 1.001
+    assert ride.deviation < DEVIATION
+    assert ride.rig.servo.state is State.HOLDING
+
+
 def test_the_search_finds_the_shortest_stop_of_a_turn_about_one_axis():
     *_, motion = motions(7003, 2, "reserve", ["kks_hermite"])
     ride = Ride(Track(motion), 191)
