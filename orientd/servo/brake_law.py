@@ -17,6 +17,9 @@ and too slow to go on.  Such a place is passed, as slowly as still leads beyond 
 (:mod:`orientd.servo.turn`), and the stop is behind it.  Where the path does not turn back, or not
 so that this succeeds, the device brakes a little, keeps that rate until the path is faster again,
 and stops then.
+
+The first plan that comes to rest is carried out.  Where that takes much longer than a stop in a
+straight line would, others are rehearsed from along it, and taken where they are over sooner.
 """
 
 from __future__ import annotations
@@ -44,11 +47,16 @@ PLANS = (
 )
 """Ways to stop, tried one after the other."""
 
+TURNING_PLANS = PLANS[1:2]
+"""Ways to stop behind a place where the path turns back soon, tried before the others."""
+
 BETTER_PLANS = (
     *(plan for plan in PLANS if plan.until is not None),
-    *(Plan(0.995, 0.985, rate) for rate in (0.6, 0.7, 0.8, 0.87, 0.93)),
-)
-"""Ways to leave a stop that takes long for another one that is over sooner."""
+    PLANS[0],
+    *(Plan(0.995, 0.985, rate) for rate in (0.8, 0.87, 0.93)),
+) * 3
+"""Ways to leave a stop that takes long for another one that is over sooner, tried in turn: what
+fails from one place on the path may do from another."""
 
 BRIEF_PLANS = tuple(Plan(1.0, 1.0, cycles=cycles) for cycles in (0, 1, 2))
 """Ways to stop within a few cycles, tried before the others where that may be enough."""
@@ -86,7 +94,7 @@ class BrakeLaw:
         self._tries = 0
         self._plans = PLANS
         self._expected = 0.0
-        self._trouble = 0.0
+        self._trouble = self._turning = 0.0
         self._is_straight = False
         self._choices: list[Plan] = []
         self._rehearsal: Rehearsal | None = None
@@ -120,7 +128,7 @@ class BrakeLaw:
     def _renew(self, *, may_end: bool) -> None:
         """Begin with another stop."""
         clock = self._clock
-        self._tries, self._expected, self._trouble = 0, 0.0, 0.0
+        self._tries, self._expected, self._trouble, self._turning = 0, 0.0, 0.0, 0.0
         self._rehearsal, self._rates, self._is_straight = None, [], False
         self._choices = []
         # A path that ends sooner than the certified stop is left as it is.
@@ -235,11 +243,16 @@ class BrakeLaw:
         cycles = self._remaining(past, terms)
         if self._tries == 0:
             self._plans = (*BRIEF_PLANS, *PLANS) if cycles <= _BRIEF else PLANS
+            speed, push = _along(past)
+            if cycles > _BRIEF and -speed > push * cycles * period:
+                # It will have turned back before it could have stopped: there is no time to lose.
+                self._plans = (*TURNING_PLANS, *PLANS)
+                self._turning = -speed / push / period
         plan = self._plan
         if plan.passes:
             distance = self._trouble
             if plan.until is not None:
-                distance = _FARTHEST * distance + FEWEST_STEPS
+                distance = _FARTHEST * max(distance, self._turning) + FEWEST_STEPS
             plan = plan._replace(distance=distance)
             speed, push = _along(past)
             slowest = min(-speed / push, _SLOWEST * cycles * period) if push < 0.0 else 0.0
