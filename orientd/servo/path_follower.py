@@ -21,7 +21,7 @@ from orientd.driver.floats import difference, norm
 from orientd.errors import OrientdError
 from orientd.servo.path_point import PathPoint, point_of
 from orientd.servo.segment import Segment
-from orientd.stream import UNKNOWN, RecordRing, Terms
+from orientd.stream import HEAD, UNKNOWN, RecordRing, Terms
 
 FINAL_WORD = 1
 """Word of the path ring: one more than the index of the newest motion's last record; 0 until it is
@@ -32,8 +32,6 @@ TAIL_WORD = 2
 
 MOST_LEGS = 16
 """Legs ahead of the one that the servo is on."""
-
-_ATTEMPTS = 3
 
 _SAME_Q = 1e-9  # rad
 _SAME_RATE = 1e-6  # of 1 + the rate itself; rad/s and rad/s^2
@@ -107,13 +105,12 @@ class PathFollower:
 
     def peek(self, index: int) -> PathPoint | None:
         """Return record *index*, or ``None`` where it is not in the ring."""
-        if not 0 <= index < self._ring.head:
+        ring = self._ring
+        if not 0 <= index < ring.words[HEAD]:
             return None
-        for _ in range(_ATTEMPTS):  # a record being published is there a microsecond later
-            fields = self._ring.read(index)
-            if fields is not None:
-                return point_of(fields)
-        return None
+        # A record being published is there a microsecond later.
+        fields = ring.read(index) or ring.read(index) or ring.read(index)
+        return None if fields is None else point_of(fields)
 
     def begin(self, leg: Leg) -> None:
         """Stand on the first record of *leg*, which is in the ring."""

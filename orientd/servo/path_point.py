@@ -27,6 +27,7 @@ class PathPoint(NamedTuple):
 
 def point_of(record: tuple[Any, ...]) -> PathPoint:
     """Return the point that a path record (its fields, in order) describes."""
-    # A call less than PathPoint(...): this happens every cycle.
-    parts = (record[4:8], record[8:11], record[11:14], record[14:17], record[17:20])
+    # Neither slices nor a call of PathPoint(): this happens every cycle.
+    _, _, _, _, w, x, y, z, a, b, c, d, e, f, p, q, r, s, t, u = record
+    parts = (w, x, y, z), (a, b, c), (d, e, f), (p, q, r), (s, t, u)
     return tuple.__new__(PathPoint, parts)

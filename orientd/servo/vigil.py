@@ -29,7 +29,7 @@ class Vigil:
 
     def __init__(self, watch: Watch, period_ns: int) -> None:
         """Allow what *watch* says; expect a cycle every *period_ns*."""
-        self._watch = watch
+        self._heartbeat_ns, self._feedback_ns = watch.heartbeat_ns, watch.feedback_ns
         self._period_ns = period_ns
         self._deadline_ns = 0
         self._stall_ns = 0
@@ -53,27 +53,26 @@ class Vigil:
             self._stall_ns += missed_ns
             self._stall_end_ns = deadline_ns
         self._deadline_ns = deadline_ns
-        watch = self._watch
         return (
-            deadline_ns - heartbeat_ns > watch.heartbeat_ns
-            or deadline_ns - measured_ns > watch.feedback_ns
+            deadline_ns - heartbeat_ns > self._heartbeat_ns
+            or deadline_ns - measured_ns > self._feedback_ns
         )
 
     def complain_of_daemon(self, heartbeat_ns: int, now_ns: int) -> str:
         """Return what is wrong with the daemon's heartbeat, or nothing."""
         silence_ns = self._silence_ns(heartbeat_ns, now_ns)
-        if silence_ns <= self._watch.heartbeat_ns:
+        if silence_ns <= self._heartbeat_ns:
             return ""
         return f"no heartbeat from the daemon for {silence_ns * 1e-9:.3f} s"
 
     def complain_of_device(self, measured_ns: int, now_ns: int) -> str:
         """Return what is wrong with the age of the feedback, or nothing."""
         age_ns = self._silence_ns(measured_ns, now_ns)
-        if age_ns <= self._watch.feedback_ns:
+        if age_ns <= self._feedback_ns:
             return ""
         return (
             f"feedback is {age_ns * 1e-6:.1f} ms old, "
-            f"at most {self._watch.feedback_ns * 1e-6:.1f} ms are allowed"
+            f"at most {self._feedback_ns * 1e-6:.1f} ms are allowed"
         )
 
     def _silence_ns(self, heard_ns: int, now_ns: int) -> int:
