@@ -148,14 +148,14 @@ class EffortEquations:
             np.empty((count, 3, 3 * factors)),
             np.empty((count, 3)),
         )
-        has_inertia = self._inertia is not None
+        inertia = np.eye(3) if self._inertia is None else self._inertia
         effort = linearise(
             np.ascontiguousarray(increments),
             self._window,
             self._at_nodes,
             np.sqrt(self._node_weights),
-            self._inertia if self._inertia is not None else np.eye(3),
-            has_inertia,
+            inertia,
+            self._inertia is not None,
             self._index,
             self._share,
             self._steps,

@@ -18,7 +18,7 @@ QUICKEST = 0.27
 SOFT = 20.0
 """Largest closing speed per angle left while the target moves, 1/s."""
 
-UNHURRIED = 1.05
+UNHURRIED = 0.8
 """Largest product of that speed per angle and of how long ago the target's motion is read: what is
 known no sooner is corrected no faster, or every packet that is lost or late shows as a jerk."""
 

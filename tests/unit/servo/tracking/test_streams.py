@@ -93,14 +93,14 @@ def test_loss_and_jitter_cost_no_acceleration_when_they_are_not(hz, seed):
     clean, _, _ = follow(hz)
     lossy, _, lag = follow(hz, loss=0.2, jitter=0.05, seed=seed)
     assert lossy <= 1.001 * clean
-    assert lag < (0.1 if hz == 30 else 0.006)
+    assert lag < (0.1 if hz == 30 else 0.009)
 
 
 @pytest.mark.parametrize("hz", [60, 100])
 def test_loss_and_jitter_do_not_make_the_device_jerk(hz):
     _, clean, _ = follow(hz)
     _, lossy, _ = follow(hz, loss=0.2, jitter=0.05)
-    assert lossy <= 8.0 * clean
+    assert lossy <= 5.0 * clean
 
 
 def test_a_hand_is_followed_within_a_milliradian():
