@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from orientd.errors import PlanError
-from orientd.planner.bridge import Bounds
+from orientd.planner.bridge_search import Bounds
 from orientd.planner.certifying import certified
 from orientd.planner.draft import Draft
 from orientd.planner.limits import Limits

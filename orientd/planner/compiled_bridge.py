@@ -1,7 +1,8 @@
 """The search for the shortest bridge, compiled by Numba.
 
-Imported by :mod:`orientd.planner.fast` only.  The formulas are those of
-:mod:`orientd.planner.quintic`, which is the reference; here every candidate is given up at the
+Imported by :mod:`orientd.planner.fast` only.  The references are
+:mod:`orientd.planner.bridge_search` and :mod:`orientd.planner.quintic`.  Here the durations are
+looked at one after the other until enough bridges are found, and every bridge is given up at the
 first point where it exceeds its bounds.
 """
 
@@ -11,7 +12,7 @@ import math
 from typing import cast
 
 import numpy as np
-from numba import boolean, float64, int64, njit, types, void
+from numba import boolean, float64, njit, types
 
 from orientd.curves.basis import Indices
 from orientd.curves.compiled_product import joined
@@ -23,20 +24,33 @@ from orientd.curves.compiled_rotation import (
     inner,
     logarithm,
     multiplied,
+    relative,
     turned,
 )
-from orientd.planner.fast import Booleans, Join, Look, Measure, Turn
+from orientd.planner.bridge_search import (
+    BEST,
+    CLOSE,
+    GRID,
+    RAMPS,
+    REFINED,
+    ROUNDING,
+    SHORTEST,
+    STILL,
+    SUBSTEPS,
+    VELOCITY_MARGIN,
+)
+from orientd.planner.fast import Booleans, Search
 from orientd.rotation import Floats
 
 
 @inner
-def _row3(rows: Floats, i: int) -> Vector:
-    return rows[i, 0], rows[i, 1], rows[i, 2]
+def _three(row: Floats, begin: int) -> Vector:
+    return row[begin], row[begin + 1], row[begin + 2]
 
 
 @inner
-def _row4(rows: Floats, i: int) -> Quaternion:
-    return rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3]
+def _orientation(state: Floats) -> Quaternion:
+    return state[0], state[1], state[2], state[3]
 
 
 @inner
@@ -54,14 +68,19 @@ def _sum(v: Vector, factor: float, other: Vector, share: float) -> Vector:
 
 
 @inner
-def _increments(
-    q: Quaternion, omega: Vector, alpha: Vector,
-    other_q: Quaternion, other_omega: Vector, other_alpha: Vector, h: float, w: Floats,
-) -> Quaternion:  # fmt: skip
+def _increments(start: Floats, end: Floats, h: float, w: Floats) -> Quaternion:
     """Write the increments of a join but the middle one, and return the quaternion of that.
 
     Of the two ways round, it is that of the shorter one.
+
+    Args:
+        start: orientation, velocity and acceleration it begins with, shape ``(10,)``.
+        end: the same where it ends.
+        h: how long it takes, s.
+        w: receives the increments, shape ``(5, 3)``.
     """
+    omega, alpha = _three(start, 4), _three(start, 7)
+    other_omega, other_alpha = _three(end, 4), _three(end, 7)
     bend = h * h / 40.0
     _put(w, 0, _sum(omega, h / 10.0, alpha, 0.0))
     _put(w, 1, _sum(omega, h / 10.0, alpha, bend))
@@ -69,11 +88,11 @@ def _increments(
     last = exponential(w[4, 0], w[4, 1], w[4, 2])
     _put(w, 3, turned(last, _sum(other_omega, h / 10.0, other_alpha, -bend)))
     begun = multiplied(
-        q,
+        _orientation(start),
         multiplied(exponential(w[0, 0], w[0, 1], w[0, 2]), exponential(w[1, 0], w[1, 1], w[1, 2])),
     )
     ended = multiplied(exponential(w[3, 0], w[3, 1], w[3, 2]), last)
-    middle = multiplied(conjugated(begun), multiplied(other_q, conjugated(ended)))
+    middle = multiplied(conjugated(begun), multiplied(_orientation(end), conjugated(ended)))
     if middle[0] < 0.0:
         return -middle[0], -middle[1], -middle[2], -middle[3]
     return middle
@@ -117,9 +136,9 @@ def _seems_to_keep(w: Floats, duration: float, to_rates: Floats, most: Floats) -
     """Return whether a join keeps its bounds as if turns commuted."""
     points = to_rates.shape[1]
     squares = np.empty(points)
-    scale = 1.0
-    for order in range(3):
-        scale /= duration
+    rate = 1.0 / duration
+    # Ways that are too short mostly ask for too much acceleration.
+    for order, scale in ((1, rate * rate), (0, rate), (2, rate * rate * rate)):
         for p in range(points):
             x, y, z = 0.0, 0.0, 0.0
             for k in range(5):
@@ -135,38 +154,6 @@ def _seems_to_keep(w: Floats, duration: float, to_rates: Floats, most: Floats) -
         if not math.sqrt(_peak(squares, points)) * scale <= most[order, 0]:
             return False
     return True
-
-
-def _look(
-    q: Floats, omega: Floats, alpha: Floats,
-    other_q: Floats, other_omega: Floats, other_alpha: Floats,
-    pairs: Indices, durations: Floats, to_rates: Floats, most: Floats, kept: Booleans,
-) -> None:  # fmt: skip
-    """Write which joins seem to keep the bounds, both ways round each.
-
-    Args:
-        q: orientations they begin at, one for every pair of ramps, shape ``(p, 4)``.
-        omega: velocities there, shape ``(p, 3)``.
-        alpha: accelerations there.
-        other_q: the same where they end.
-        other_omega: likewise.
-        other_alpha: likewise.
-        pairs: the pair of ramps of each, shape ``(n,)``.
-        durations: s, shape ``(n,)``.
-        to_rates: what turns increments to rates, shape ``(3, points, 5)``.
-        most: the bounds, shape ``(3, 1 or 4)``.
-        kept: receives the answers, shape ``(2, n)``.
-    """
-    w = np.empty((5, 3))
-    for i in range(len(pairs)):
-        k, h = pairs[i], durations[i]
-        middle = _increments(
-            _row4(q, k), _row3(omega, k), _row3(alpha, k),
-            _row4(other_q, k), _row3(other_omega, k), _row3(other_alpha, k), h, w,
-        )  # fmt: skip
-        for way in range(2):
-            _put_middle(w, middle, way)
-            kept[way, i] = _seems_to_keep(w, h, to_rates, most)
 
 
 @inner
@@ -190,7 +177,7 @@ def _keeps(w: Floats, duration: float, at_points: Floats, most: Floats, squares:
                 length * at_points[1, k, p] * rate,
                 length * at_points[2, k, p] * rate * rate,
             )
-            motion = joined(motion, _row3(axes, k), turn)
+            motion = joined(motion, _three(axes[k], 0), turn)
         _, omega, alpha = motion
         jerk = _sum(alpha, (points - 1) * rate, before, -(points - 1) * rate)
         before = alpha
@@ -208,136 +195,384 @@ def _keeps(w: Floats, duration: float, at_points: Floats, most: Floats, squares:
     return True
 
 
-def _measure(
-    q: Floats, omega: Floats, alpha: Floats,
-    other_q: Floats, other_omega: Floats, other_alpha: Floats,
-    pairs: Indices, ways: Indices, durations: Floats, at_points: Floats, most: Floats, w: Floats,
+@inner
+def _turn(state: Floats, goal: Vector, duration: float) -> Quaternion:
+    """Return where a ramp leads to; see :func:`orientd.planner.bridge_search.turned`."""
+    omega, alpha = _three(state, 4), _three(state, 7)
+    h = duration / SUBSTEPS
+    slope = _sum(goal, 1.0, alpha, -1.0)
+    rate = 1.0 / duration if duration > 0.0 else 1.0
+    share = math.sqrt(3.0) / 24.0 * h * h
+    here = _orientation(state)
+    for step in range(SUBSTEPS):
+        t = (step + 0.5 - math.sqrt(3.0) / 6.0) * h
+        other = (step + 0.5 + math.sqrt(3.0) / 6.0) * h
+        a = _sum(_sum(omega, 1.0, alpha, t), 1.0, slope, 0.5 * t * t * rate)
+        b = _sum(_sum(omega, 1.0, alpha, other), 1.0, slope, 0.5 * other * other * rate)
+        here = multiplied(
+            here,
+            exponential(
+                h / 4.0 * (a[0] + b[0]) + share * (a[1] * b[2] - a[2] * b[1]),
+                h / 4.0 * (a[1] + b[1]) + share * (a[2] * b[0] - a[0] * b[2]),
+                h / 4.0 * (a[2] + b[2]) + share * (a[0] * b[1] - a[1] * b[0]),
+            ),
+        )
+    return here
+
+
+@inner
+def _bounds(start: Floats, end: Floats, reserved: Floats, has_axes: bool) -> Floats:
+    """Return what a bridge keeps; see :class:`orientd.planner.bridge_search.Bounds`."""
+    most = np.empty((3, 4 if has_axes else 1))
+    for order in range(3):
+        for k in range(most.shape[1]):
+            bound = reserved[order, k] * (VELOCITY_MARGIN if order == 0 else 1.0)
+            for state in (start, end):
+                if order < 2:
+                    v = _three(state, 4 + 3 * order)
+                    size = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+                    bound = max(bound, size if k == 0 else abs(v[k - 1]))
+            most[order, k] = bound * (1.0 + ROUNDING)
+    return most
+
+
+@inner
+def _along(direction: Vector, limits: Floats) -> float:
+    """Return a limit on the component along a direction."""
+    limit: float = limits[0]
+    for k in range(3):
+        if abs(direction[k]) * limit > limits[k + 1]:
+            limit = limits[k + 1] / abs(direction[k])
+    return limit
+
+
+@inner
+def _put_ramp(
+    state: Floats, goal: Vector, reserved: Floats, most: Floats, period: float, count: int,
+    ends: Floats, durations: Floats,
 ) -> int:  # fmt: skip
-    """Return the first join that keeps the bounds on the curve itself, and write its increments.
+    """Add the ramp to an acceleration, unless it becomes too fast, and return how many there are.
+
+    The first one is none at all.
+    """
+    omega, alpha = _three(state, 4), _three(state, 7)
+    change = _sum(goal, 1.0, alpha, -1.0)
+    size = math.sqrt(change[0] * change[0] + change[1] * change[1] + change[2] * change[2])
+    duration = size / reserved[2, 0]
+    for k in range(3):
+        duration = max(duration, abs(change[k]) / reserved[2, k + 1])
+    duration = max(duration, period) if count else 0.0
+    speed = _sum(omega, 1.0, _sum(alpha, 1.0, goal, 1.0), 0.5 * duration)
+    size = math.sqrt(speed[0] * speed[0] + speed[1] * speed[1] + speed[2] * speed[2])
+    if count and (not size <= most[0, 0] or _exceeds(speed, 1.0, most[0])):
+        return count
+    end = ends[count]
+    end[0], end[1], end[2], end[3] = _turn(state, goal, duration)
+    end[4], end[5], end[6] = speed
+    end[7], end[8], end[9] = goal
+    durations[count] = duration
+    return count + 1
+
+
+@inner
+def _ramps(
+    state: Floats, way: Vector, reserved: Floats, most: Floats, period: float,
+    ends: Floats, durations: Floats,
+) -> int:  # fmt: skip
+    """Write the ramps that a bridge may begin with, and return how many there are."""
+    omega, alpha = _three(state, 4), _three(state, 7)
+    count = _put_ramp(state, alpha, reserved, most, period, 0, ends, durations)
+    if math.sqrt(alpha[0] * alpha[0] + alpha[1] * alpha[1] + alpha[2] * alpha[2]) > STILL:
+        rest = (0.0, 0.0, 0.0)
+        count = _put_ramp(state, rest, reserved, most, period, count, ends, durations)
+    for v in ((-omega[0], -omega[1], -omega[2]), way):
+        size = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+        if not size > STILL:
+            continue
+        direction = v[0] / size, v[1] / size, v[2] / size
+        limit = _along(direction, reserved[1])
+        if limit < math.inf:
+            for share in (0.5, 1.0):
+                goal = _sum(direction, share * limit, direction, 0.0)
+                count = _put_ramp(state, goal, reserved, most, period, count, ends, durations)
+    return count
+
+
+@inner
+def _grid(
+    start: Floats, end: Floats, angle: float, most: Floats, period: float, least: float,
+    totals: Floats,
+) -> int:  # fmt: skip
+    """Write durations to look at, in whole periods, and return how many there are."""
+    velocity, acceleration, jerk = np.min(most[0]), np.min(most[1]), np.min(most[2])
+    change, speeds, sizes = 0.0, 0.0, 0.0
+    for k in range(4, 7):
+        change += (end[k] - start[k]) ** 2
+    for state in (start, end):
+        speeds += math.sqrt(state[4] ** 2 + state[5] ** 2 + state[6] ** 2)
+        sizes += math.sqrt(state[7] ** 2 + state[8] ** 2 + state[9] ** 2)
+    shortest = max(
+        0.5 * angle / most[0, 0], math.sqrt(angle / most[1, 0]), math.sqrt(change) / most[1, 0]
+    )
+    shortest = max(shortest, period, least)
+    longest = (
+        2.0 * angle / velocity
+        + 3.0 * math.sqrt(angle / acceleration)
+        + 5.0 * math.pow(angle / jerk, 1.0 / 3.0)
+        + 5.0 * speeds / acceleration
+        + 8.0 * math.sqrt(speeds / jerk)
+        + 12.0 * sizes / jerk
+        + 8.0 * period
+    )
+    longest = max(longest, 3.0 * least, shortest)
+    step = math.log(longest / shortest) / (len(totals) - 1)
+    count = 0
+    for k in range(len(totals)):
+        count = _put_duration(shortest * math.exp(step * k), period, count, totals)
+    return count
+
+
+@inner
+def _put_duration(duration: float, period: float, count: int, totals: Floats) -> int:
+    """Add a duration in whole periods unless it is there already, and return how many there are."""
+    total = math.ceil(duration / period - 1e-9) * period
+    if count and total == totals[count - 1]:
+        return count
+    totals[count] = total
+    return count + 1
+
+
+@inner
+def _seen(
+    into: Floats, out_of: Floats, durations: Floats, others: Floats, pairs: Indices, total: float,
+    to_rates: Floats, most: Floats, found: Floats, count: int, kept: Booleans,
+) -> int:  # fmt: skip
+    """Add the bridges of a duration that seem to keep the bounds, and return how many there are.
 
     Args:
-        q: as in :func:`_look`, like all that have the same name.
-        omega: likewise.
-        alpha: likewise.
-        other_q: likewise.
-        other_omega: likewise.
-        other_alpha: likewise.
-        pairs: likewise.
-        ways: the way round of each, shape ``(n,)``.
-        durations: likewise.
-        at_points: basis functions with two derivatives, shape ``(3, 5, points)``.
-        most: likewise.
-        w: receives the increments, shape ``(5, 3)``.
+        into: states that the ramps lead to, shape ``(n, 10)``.
+        out_of: states that the ramps at the other end come from, shape ``(m, 10)``.
+        durations: of the ramps, s.
+        others: of those at the other end, s.
+        pairs: of ramps to look at, in order, numbered row by row.
+        total: duration of the bridge, s.
+        to_rates: what turns increments to rates, shape ``(3, points, 5)``.
+        most: the bounds, shape ``(3, 1 or 4)``.
+        found: receives duration, pair and way round of each, shape ``(many, 3)``.
+        count: how many there are already.
+        kept: room for what is found out, shape ``(2, pairs)``.
+    """
+    w = np.empty((5, 3))
+    for i in range(len(pairs)):
+        one, other = divmod(pairs[i], len(others))
+        h = total - (durations[one] + others[other])
+        kept[0, i] = kept[1, i] = False
+        if h > SHORTEST:
+            middle = _increments(into[one], out_of[other], h, w)
+            for way in range(2):
+                _put_middle(w, middle, way)
+                kept[way, i] = _seems_to_keep(w, h, to_rates, most)
+    for way in range(2):
+        for i in range(len(pairs)):
+            if kept[way, i]:
+                found[count, 0], found[count, 1], found[count, 2] = total, pairs[i], way
+                count += 1
+    return count
 
-    Returns:
-        Its index, or -1 if there is none.
+
+@inner
+def _refined(best: float, step: float, least: float, period: float, totals: Floats) -> int:
+    """Write durations from the one before the best up to that, and return how many there are."""
+    count, last = 0, len(totals) - 1
+    for k in range(last, -1, -1):
+        duration = best * math.pow(step, -k / last)
+        if duration >= least - 1e-9:
+            count = _put_duration(duration, period, count, totals)
+    return count
+
+
+@inner
+def _pairs_of(found: Floats, count: int, pairs: Indices) -> int:
+    """Write the pairs of the first few, each once and in order, and return how many there are."""
+    many = 0
+    for i in range(count):
+        pair = int(found[i, 1])
+        place = 0
+        while place < many and pairs[place] < pair:
+            place += 1
+        if place == many or pairs[place] != pair:
+            for k in range(many, place, -1):
+                pairs[k] = pairs[k - 1]
+            pairs[place] = pair
+            many += 1
+    return many
+
+
+@inner
+def _merged(found: Floats, count: int, fine: Floats, fines: int, most: int, both: Floats) -> int:
+    """Write the first of two lists in order of duration, and return how many there are."""
+    i, j = 0, 0
+    while i + j < most and (i < count or j < fines):
+        if j == fines or (i < count and found[i, 0] <= fine[j, 0]):
+            both[i + j] = found[i]
+            i += 1
+        else:
+            both[i + j] = fine[j]
+            j += 1
+    return i + j
+
+
+@inner
+def _longer(near: Floats, count: int, period: float, tries: Floats) -> int:
+    """Write bridges again with durations a little longer, too, the shortest first."""
+    many = 0
+    for i in range(count):
+        for k in range(len(CLOSE)):
+            total = math.ceil(near[i, 0] * CLOSE[k] / period - 1e-9) * period
+            place = many
+            while place and tries[place - 1, 0] > total:
+                tries[place] = tries[place - 1]
+                place -= 1
+            tries[place, 0], tries[place, 1], tries[place, 2] = total, near[i, 1], near[i, 2]
+            many += 1
+    return many
+
+
+@inner
+def _first_kept(
+    into: Floats, out_of: Floats, durations: Floats, others: Floats, tries: Floats, count: int,
+    at_points: Floats, most: Floats, w: Floats,
+) -> int:  # fmt: skip
+    """Write the increments of the first bridge that keeps the bounds, and return which; -1: none.
+
+    Arguments are as in :func:`_seen`, and *at_points* the basis functions with two derivatives at
+    the points to look at, shape ``(3, 5, points)``.
     """
     squares = np.empty((3, at_points.shape[2]))
-    for i in range(len(pairs)):
-        k, h = pairs[i], durations[i]
-        middle = _increments(
-            _row4(q, k), _row3(omega, k), _row3(alpha, k),
-            _row4(other_q, k), _row3(other_omega, k), _row3(other_alpha, k), h, w,
-        )  # fmt: skip
-        _put_middle(w, middle, ways[i])
+    for i in range(count):
+        one, other = divmod(int(tries[i, 1]), len(others))
+        h = tries[i, 0] - (durations[one] + others[other])
+        middle = _increments(into[one], out_of[other], h, w)
+        _put_middle(w, middle, int(tries[i, 2]))
         if _keeps(w, h, at_points, most, squares):
             return i
     return -1
 
 
-def _turn(
-    q: Floats, omega: Floats, alpha: Floats, goals: Floats, durations: Floats, substeps: int,
-    ends: Floats,
-) -> None:  # fmt: skip
-    """Write where ramps of the acceleration lead to; see :func:`orientd.planner.bridge.turned`.
+@inner
+def _way(start: Floats, end: Floats) -> Vector:
+    """Return the rotation vector from one state to another, the short way round."""
+    w, x, y, z = relative(_orientation(start), _orientation(end))
+    if w < 0.0:
+        w, x, y, z = -w, -x, -y, -z
+    return _sum(logarithm((w, x, y, z)), 2.0, (0.0, 0.0, 0.0), 0.0)
+
+
+@inner
+def _mirror(state: Floats) -> Floats:
+    """Return a state as it is when time runs backwards."""
+    mirrored = state.copy()
+    for k in range(4, 7):
+        mirrored[k] = -state[k]
+    return mirrored
+
+
+def _search(
+    start: Floats, end: Floats, reserved: Floats, has_axes: bool, period: float, least: float,
+    to_rates: Floats, at_points: Floats, q: Floats, w: Floats, times: Floats,
+) -> bool:  # fmt: skip
+    """Write the shortest bridge that is found: a ramp, a join and another ramp.
 
     Args:
-        q: orientation they begin at, shape ``(4,)``.
-        omega: velocity there, shape ``(3,)``.
-        alpha: acceleration there.
-        goals: accelerations they lead to, shape ``(n, 3)``.
-        durations: s, shape ``(n,)``.
-        substeps: of the expansion.
-        ends: receives the orientations, shape ``(n, 4)``.
+        start: orientation, velocity and acceleration it begins with, shape ``(10,)``.
+        end: the same where it ends.
+        reserved: limits of velocity, acceleration and jerk with their reserve: of the norm and of
+            the components, shape ``(3, 4)``.
+        has_axes: whether the components are limited.
+        period: it takes a whole number of periods, s.
+        least: it takes at least this long, s.
+        to_rates: what turns increments to rates, shape ``(3, points, 5)``.
+        at_points: basis functions with two derivatives, shape ``(3, 5, points)``.
+        q: receives the orientations that the three begin at, shape ``(3, 4)``.
+        w: receives the increments of the three, shape ``(3, 5, 3)``.
+        times: receives when the three begin and end, s, shape ``(4,)``.
+
+    Returns:
+        Whether one was found.
     """
-    begin = (alpha[0], alpha[1], alpha[2])
-    for i in range(len(goals)):
-        h = durations[i] / substeps
-        slope = _sum(_row3(goals, i), 1.0, begin, -1.0)
-        rate = 1.0 / durations[i] if durations[i] > 0.0 else 1.0
-        here = (q[0], q[1], q[2], q[3])
-        for step in range(substeps):
-            t = (step + 0.5 - math.sqrt(3.0) / 6.0) * h
-            other = (step + 0.5 + math.sqrt(3.0) / 6.0) * h
-            a = _sum((omega[0], omega[1], omega[2]), 1.0, begin, t)
-            b = _sum((omega[0], omega[1], omega[2]), 1.0, begin, other)
-            a = _sum(a, 1.0, slope, 0.5 * t * t * rate)
-            b = _sum(b, 1.0, slope, 0.5 * other * other * rate)
-            share = math.sqrt(3.0) / 24.0 * h * h
-            here = multiplied(
-                here,
-                exponential(
-                    h / 4.0 * (a[0] + b[0]) + share * (a[1] * b[2] - a[2] * b[1]),
-                    h / 4.0 * (a[1] + b[1]) + share * (a[2] * b[0] - a[0] * b[2]),
-                    h / 4.0 * (a[2] + b[2]) + share * (a[0] * b[1] - a[1] * b[0]),
-                ),
-            )
-        ends[i, 0], ends[i, 1], ends[i, 2], ends[i, 3] = here
+    most = _bounds(start, end, reserved, has_axes)
+    way = _way(start, end)
+    into, durations = np.empty((RAMPS, 10)), np.empty(RAMPS)
+    count = _ramps(start, way, reserved, most, period, into, durations)
+    into, durations = into[:count], durations[:count]
+    out_of, others = np.empty((RAMPS, 10)), np.empty(RAMPS)
+    back = -way[0], -way[1], -way[2]
+    count = _ramps(_mirror(end), back, reserved, most, period, out_of, others)
+    out_of, others = out_of[:count], others[:count]
+    out_of[:, 4:7] *= -1.0
+
+    angle = math.sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2])
+    totals = np.empty(GRID)
+    totals = totals[: _grid(start, end, angle, most, period, least, totals)]
+    pairs = np.arange(len(into) * len(out_of))
+    found, kept = np.empty((2 * GRID * len(pairs), 3)), np.empty((2, len(pairs)), dtype=np.bool_)
+    count, looked = 0, 0
+    while looked < len(totals) and count < BEST:
+        count = _seen(
+            into, out_of, durations, others, pairs, totals[looked], to_rates, most,
+            found, count, kept,
+        )  # fmt: skip
+        looked += 1
+    if not count:
+        return False
+    # Once more, between the shortest duration that will do and the one before it.
+    nearest = np.empty(BEST, dtype=np.int64)
+    nearest = nearest[: _pairs_of(found, min(count, BEST), nearest)]
+    finer = np.empty(REFINED)
+    step = totals[1] / totals[0] if len(totals) > 1 else 1.0
+    finer = finer[: _refined(found[0, 0], step, least, period, finer)]
+    fine, fines = np.empty((2 * REFINED * BEST, 3)), 0
+    for i in range(len(finer)):
+        fines = _seen(
+            into, out_of, durations, others, nearest, finer[i], to_rates, most, fine, fines, kept
+        )
+    near, tries = np.empty((BEST, 3)), np.empty((BEST * len(CLOSE), 3))
+    many = _longer(near, _merged(found, count, fine, fines, BEST, near), period, tries)
+    place = _first_kept(into, out_of, durations, others, tries, many, at_points, most, w[1])
+    if place < 0:
+        # None of these: then any.
+        while looked < len(totals):
+            count = _seen(
+                into, out_of, durations, others, pairs, totals[looked], to_rates, most,
+                found, count, kept,
+            )  # fmt: skip
+            looked += 1
+        tries = np.empty((count + fines, 3))
+        many = _merged(found, count, fine, fines, count + fines, tries)
+        place = _first_kept(into, out_of, durations, others, tries, many, at_points, most, w[1])
+        if place < 0:
+            return False
+    pair = int(tries[place, 1])
+    one, other = divmod(pair, len(others))
+    total, before, after = tries[place, 0], durations[one], others[other]
+    times[0], times[1], times[2], times[3] = 0.0, before, total - after, total
+    q[0], q[1], q[2] = start[:4], into[one, :4], out_of[other, :4]
+    if before > 0.0:
+        _put_middle(w[0], _increments(start, into[one], before, w[0]), 0)
+    if after > 0.0:
+        _put_middle(w[2], _increments(out_of[other], end, after, w[2]), 0)
+    return True
 
 
-def _join(
-    q: Floats, omega: Floats, alpha: Floats,
-    other_q: Floats, other_omega: Floats, other_alpha: Floats, duration: float, w: Floats,
-) -> None:  # fmt: skip
-    """Write the increments of one join, the shorter way round.
+_ONE, _TWO, _THREE = (types.Array(float64, n, "C", readonly=True) for n in (1, 2, 3))
 
-    Args:
-        q: where it begins, shape ``(4,)``.
-        omega: velocity there, shape ``(3,)``.
-        alpha: acceleration there.
-        other_q: the same where it ends.
-        other_omega: likewise.
-        other_alpha: likewise.
-        duration: s.
-        w: receives the increments, shape ``(5, 3)``.
-    """
-    middle = _increments(
-        (q[0], q[1], q[2], q[3]), (omega[0], omega[1], omega[2]), (alpha[0], alpha[1], alpha[2]),
-        (other_q[0], other_q[1], other_q[2], other_q[3]),
-        (other_omega[0], other_omega[1], other_omega[2]),
-        (other_alpha[0], other_alpha[1], other_alpha[2]), duration, w,
-    )  # fmt: skip
-    _put_middle(w, middle, 0)
-
-
-_INDICES = types.Array(int64, 1, "A", readonly=True)
-_ONE, _TWO, _THREE = (types.Array(float64, n, "A", readonly=True) for n in (1, 2, 3))
-_ENDS = (_TWO,) * 6
-
-look: Look = cast(
-    Look,
+search: Search = cast(
+    Search,
     njit(
-        void(*_ENDS, _INDICES, _ONE, _THREE, _TWO, boolean[:, ::1]),
+        boolean(
+            _ONE, _ONE, _TWO, boolean, float64, float64, _THREE, _THREE,
+            float64[:, ::1], float64[:, :, ::1], float64[::1],
+        ),
         error_model="numpy", nogil=True, cache=True,
-    )(_look),
-)  # fmt: skip
-measure: Measure = cast(
-    Measure,
-    njit(
-        int64(*_ENDS, _INDICES, _INDICES, _ONE, _THREE, _TWO, float64[:, ::1]),
-        error_model="numpy", nogil=True, cache=True,
-    )(_measure),
-)  # fmt: skip
-turn: Turn = cast(
-    Turn,
-    njit(
-        void(_ONE, _ONE, _ONE, _TWO, _ONE, int64, float64[:, ::1]),
-        error_model="numpy", nogil=True, cache=True,
-    )(_turn),
-)  # fmt: skip
-join: Join = cast(
-    Join,
-    njit(
-        void(*(_ONE,) * 6, float64, float64[:, ::1]), error_model="numpy", nogil=True, cache=True
-    )(_join),
+    )(_search),
 )  # fmt: skip

@@ -17,29 +17,10 @@ from orientd.rotation import Floats
 
 Booleans = np.ndarray[Any, np.dtype[np.bool_]]
 
-Look = Callable[
-    [
-        Floats, Floats, Floats, Floats, Floats, Floats,
-        Indices, Floats, Floats, Floats, Booleans,
-    ],
-    None,
-]  # fmt: skip
-"""Tells which joins seem to keep their bounds; see ``orientd.planner.compiled_bridge``."""
-
-Measure = Callable[
-    [
-        Floats, Floats, Floats, Floats, Floats, Floats,
-        Indices, Indices, Floats, Floats, Floats, Floats,
-    ],
-    int,
-]  # fmt: skip
-"""Finds the first join that keeps its bounds; see ``orientd.planner.compiled_bridge``."""
-
-Turn = Callable[[Floats, Floats, Floats, Floats, Floats, int, Floats], None]
-"""Tells where ramps lead to; see ``orientd.planner.compiled_bridge``."""
-
-Join = Callable[[Floats, Floats, Floats, Floats, Floats, Floats, float, Floats], None]
-"""Finds the increments of one join; see ``orientd.planner.compiled_bridge``."""
+Search = Callable[
+    [Floats, Floats, Floats, bool, float, float, Floats, Floats, Floats, Floats, Floats], bool
+]
+"""Finds the shortest bridge; see ``orientd.planner.compiled_bridge``."""
 
 Differences = Callable[[Floats, int, bool, Floats, Floats, Floats, Floats, Floats, Indices], None]
 """Takes backward differences of setpoints; see ``orientd.planner.compiled_certificate``."""
@@ -55,10 +36,7 @@ class PlannerKernels(fast.Background):
     """The compiled kernels of the planner; nothing each as long as they are not ready.
 
     Attributes:
-        look: looks at many joins at once.
-        measure: measures joins until one will do.
-        turn: tells where ramps lead to.
-        join: finds the increments of one join.
+        search: finds the shortest bridge.
         differences: backward differences of setpoints.
         least_rate: the least brake rate of a path.
     """
@@ -68,16 +46,10 @@ class PlannerKernels(fast.Background):
             {
                 "differences": "orientd.planner.compiled_certificate:differences",
                 "least_rate": "orientd.planner.compiled_certificate:least_rate",
-                "look": "orientd.planner.compiled_bridge:look",
-                "measure": "orientd.planner.compiled_bridge:measure",
-                "turn": "orientd.planner.compiled_bridge:turn",
-                "join": "orientd.planner.compiled_bridge:join",
+                "search": "orientd.planner.compiled_bridge:search",
             }
         )
-        self.look: Look | None = None
-        self.measure: Measure | None = None
-        self.turn: Turn | None = None
-        self.join: Join | None = None
+        self.search: Search | None = None
         self.differences: Differences | None = None
         self.least_rate: LeastRate | None = None
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from orientd.errors import PlanError
-from orientd.planner.bridge import Bounds
+from orientd.planner.bridge_search import Bounds
 from orientd.planner.course import Core
 from orientd.planner.limits import Limits
 from orientd.planner.path import Stretch

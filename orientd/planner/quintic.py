@@ -42,7 +42,7 @@ def _commuting(points: int) -> Floats:
     return np.stack([v, a, j])
 
 
-TO_RATES = _commuting(_ROUGH)
+TO_RATES = np.ascontiguousarray(_commuting(_ROUGH))
 """Velocity, acceleration and jerk of increments over a second at so many points, if turns commuted,
 shape ``(3, points, 5)``."""
 
@@ -65,6 +65,10 @@ class Ends(NamedTuple):
 
     def at(self, index: np.ndarray[tuple[int], np.dtype[np.intp]]) -> Ends:
         """Return the states of some of the joins."""
+        return Ends(self.q[index], self.omega[index], self.alpha[index])
+
+    def one(self, index: int) -> Ends:
+        """Return one of the states, shapes ``(4,)`` and ``(3,)``."""
         return Ends(self.q[index], self.omega[index], self.alpha[index])
 
 

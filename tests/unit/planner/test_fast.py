@@ -143,7 +143,7 @@ def test_the_kernels_are_sent_for_once_those_of_the_curves_are_in_use(loaded, mo
     curves_fast.KERNEL.status = curves_fast.Status.READY
     assert fast.kernels().status is not curves_fast.Status.NOT_STARTED
     assert fast.KERNELS.wait_ready(60.0)
-    assert fast.kernels().look is not None
+    assert fast.kernels().search is not None
 
 
 def test_without_numba_numpy_plans_on(monkeypatch):
@@ -151,4 +151,4 @@ def test_without_numba_numpy_plans_on(monkeypatch):
     kernels = fast.PlannerKernels()
     assert not kernels.wait_ready(60.0)
     assert kernels.status is curves_fast.Status.MISSING
-    assert kernels.look is None
+    assert kernels.search is None
