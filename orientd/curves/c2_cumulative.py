@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orientd.curves import fast
 from orientd.curves.basis import CumulativeBasis, Indices, cumulative_basis
 from orientd.curves.continuation import solve
 from orientd.curves.cumulative import CumulativeCurve
 from orientd.curves.interpolation import EndCondition, KeyframeEquations
 from orientd.curves.keyframes import (
-    check_aligned,
+    check_bool,
     check_choice,
+    check_keys,
     check_vector,
     increments,
     resolve_times,
 )
+from orientd.curves.product import TABLE_ROWS
 from orientd.rotation import Floats, exp_half, multiply, rotate
+from orientd.rotation import align as align_signs
 
 ENDS = ("natural", "clamped", "state")
 
@@ -84,20 +89,28 @@ class C2Cumulative(CumulativeCurve):
         align: bool = True,
         turns: ArrayLike | None = None,
     ) -> None:
-        orientations = check_aligned(keys, align)
+        orientations, align = check_keys(keys), check_bool(align, "align")
+        ends = (
+            _End.of("start", check_choice(start, "start", ENDS), omega_start, alpha_start),
+            _End.of("end", check_choice(end, "end", ENDS), omega_end, alpha_end),
+        )
+        if turns is None and not isinstance(times, str):
+            instants = resolve_times(times, orientations)
+            if self._interpolated(orientations, instants, ends, is_aligned=not align):
+                return
+        if align:
+            orientations = align_signs(orientations)
         instants = resolve_times(times, orientations)
         steps = increments(orientations)
         if turns is not None:
             steps, orientations = with_turns(steps, orientations, turns)
-        start = check_choice(start, "start", ENDS)
-        end = check_choice(end, "end", ENDS)
-        vector, places = _knots(instants, start == "state", end == "state")
+        vector, places = _knots(instants, *(end.count == 2 for end in ends))
         basis = cumulative_basis(vector, 4)
         equations = KeyframeEquations(
             *_factors(basis, places),
             steps=steps,
-            start=_start_condition(basis, start, omega_start, alpha_start),
-            end=_end_condition(basis, end, omega_end, alpha_end),
+            start=_start_condition(basis, ends[0]),
+            end=_end_condition(basis, ends[1]),
         )
         solved = solve(equations)
         super().__init__(
@@ -106,6 +119,49 @@ class C2Cumulative(CumulativeCurve):
             increments=solved,
             continuity=2,
         )
+
+    def _interpolated(
+        self, keys: Floats, times: Floats, ends: tuple[_End, _End], *, is_aligned: bool
+    ) -> bool:
+        """Set up the spline as the compiled kernel finds it; return whether that was possible."""
+        interpolate = fast.KERNEL.interpolate
+        start, end = (each.count for each in ends)
+        if interpolate is None or (len(keys) == 2 and start == end == 2):
+            return False
+        spans = len(keys) - 1 + (start == 2) + (end == 2)
+        breaks, table = np.empty(spans + 1), np.empty((TABLE_ROWS, spans))
+        solved: Floats = np.empty((spans + 2, 3))
+        given = np.stack([each.given for each in ends])
+        keys, times = np.ascontiguousarray(keys), np.ascontiguousarray(times)
+        is_found = interpolate(keys, is_aligned, times, given, start, end, breaks, table, solved)
+        if is_found:
+            self._set_table(breaks, table, solved, 2)
+        return is_found
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    """What is prescribed at an end.
+
+    Attributes:
+        count: how much of what is given: nothing, the velocity, or the acceleration, too.
+        given: body angular velocity and acceleration, shape ``(2, 3)``.
+    """
+
+    count: int
+    given: Floats
+
+    @classmethod
+    def of(
+        cls, side: str, condition: str, omega: ArrayLike | None, alpha: ArrayLike | None
+    ) -> _End:
+        given: Floats = np.zeros((2, 3))
+        count = 0
+        for vector in check_given(condition, side, omega, alpha):
+            if vector is not None:
+                given[count] = vector
+                count += 1
+        return cls(count, given)
 
 
 def with_turns(steps: Floats, keys: Floats, turns: ArrayLike) -> tuple[Floats, Floats]:
@@ -189,31 +245,27 @@ def check_given(
     )
 
 
-def _start_condition(
-    basis: CumulativeBasis, condition: str, omega: ArrayLike | None, alpha: ArrayLike | None
-) -> EndCondition:
-    omega_body, alpha_body = check_given(condition, "start", omega, alpha)
+def _start_condition(basis: CumulativeBasis, end: _End) -> EndCondition:
+    omega_body, alpha_body = end.given
     rate = basis.rates[0, 0, 0]
     first, second = basis.curvatures[0, :2, 0]
-    if omega_body is None:
+    if end.count == 0:
         return EndCondition(known=np.empty((0, 3)), ratio=float(-second / first))
     outer = omega_body / (2.0 * rate)
-    if alpha_body is None:
+    if end.count == 1:
         return EndCondition(known=outer[None])
     return EndCondition(known=np.stack([outer, (0.5 * alpha_body - first * outer) / second]))
 
 
-def _end_condition(
-    basis: CumulativeBasis, condition: str, omega: ArrayLike | None, alpha: ArrayLike | None
-) -> EndCondition:
+def _end_condition(basis: CumulativeBasis, end: _End) -> EndCondition:
     """The turn of the last factor stands between the acceleration and the factor before it."""
-    omega_body, alpha_body = check_given(condition, "end", omega, alpha)
+    omega_body, alpha_body = end.given
     rate = basis.rates[-1, 2, -1]
     first, second = basis.curvatures[-1, 2, -1], basis.curvatures[-1, 1, -1]
-    if omega_body is None:
+    if end.count == 0:
         return EndCondition(known=np.empty((0, 3)), ratio=float(-second / first))
     outer = omega_body / (2.0 * rate)
-    if alpha_body is None:
+    if end.count == 1:
         return EndCondition(known=outer[None])
     turned = rotate(exp_half(outer), 0.5 * alpha_body)
     return EndCondition(known=np.stack([outer, (turned - first * outer) / second]))

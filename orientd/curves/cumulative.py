@@ -35,33 +35,52 @@ class CumulativeCurve(Curve):
         continuity: what holds at the knots.
     """
 
+    _table: Floats | None
+
     def __init__(
         self, *, basis: CumulativeBasis, controls: Floats, increments: Floats, continuity: int
     ) -> None:
-        super().__init__(knots=basis.breaks, continuity=continuity)
-        self._increments = increments
         functions = basis.values.shape[1]
         window = basis.first[:, None] - 1 + np.arange(functions)
         lengths = np.sqrt(np.sum(increments**2, axis=-1))
         axes = increments / np.where(lengths > 0.0, lengths, 1.0)[:, None]
         base = controls[window[:, 0]].T
-        self._table: Floats | None = None
         if functions <= 3:
-            self._table = np.zeros((TABLE_ROWS, len(window)))
-            self._table[:4] = base
-            factors = self._table[4:].reshape(3, 7, -1)
+            table: Floats = np.zeros((TABLE_ROWS, len(window)))
+            table[:4] = base
+            factors = table[4:].reshape(3, 7, -1)
             taylor = basis.taylor() * lengths[window][..., None] / _FACTORIALS
             factors[:functions, :4] = taylor.transpose(1, 2, 0)
             factors[:functions, 4:] = axes[window].transpose(1, 2, 0)
-        else:
-            parts = {name: getattr(basis, name) for name in ("values", "rates", "curvatures")}
-            if not all(part.flags.c_contiguous for part in parts.values()):
-                parts = {name: np.ascontiguousarray(part) for name, part in parts.items()}
-                basis = replace(basis, **parts)
-            self._basis = basis
-            self._base = np.ascontiguousarray(base)
-            self._axes = np.ascontiguousarray(axes[window].transpose(1, 2, 0))
-            self._lengths = np.ascontiguousarray(lengths[window].T)
+            self._set_table(basis.breaks, table, increments, continuity)
+            return
+        super().__init__(knots=basis.breaks, continuity=continuity)
+        self._table = None
+        self._increments = increments
+        parts = {name: getattr(basis, name) for name in ("values", "rates", "curvatures")}
+        if not all(part.flags.c_contiguous for part in parts.values()):
+            parts = {name: np.ascontiguousarray(part) for name, part in parts.items()}
+            basis = replace(basis, **parts)
+        self._basis = basis
+        self._base = np.ascontiguousarray(base)
+        self._axes = np.ascontiguousarray(axes[window].transpose(1, 2, 0))
+        self._lengths = np.ascontiguousarray(lengths[window].T)
+
+    def _set_table(
+        self, breaks: Floats, table: Floats, increments: Floats, continuity: int
+    ) -> None:
+        """Set up a curve of cubic factors.
+
+        Args:
+            breaks: where its spans begin and end, s, shape ``(S + 1,)``.
+            table: base quaternion, and of each factor the coefficients of the half angle and the
+                axis, shape ``(TABLE_ROWS, S)``.
+            increments: as for the constructor.
+            continuity: likewise.
+        """
+        super().__init__(knots=breaks, continuity=continuity)
+        self._table = table
+        self._increments = increments
 
     @property
     def increments(self) -> Floats:

@@ -42,6 +42,9 @@ Correct = Callable[
 ]  # fmt: skip
 """Writes a Newton step towards them; see ``orientd.curves.compiled_increments``."""
 
+Interpolate = Callable[[Floats, bool, Floats, Floats, int, int, Floats, Floats, Floats], bool]
+"""Finds the spline through keyframes; see ``orientd.curves.compiled_interpolation``."""
+
 Linearise = Callable[
     [
         Floats, Indices, Floats, Floats, Floats, bool, Indices, Floats, Floats,
@@ -131,6 +134,7 @@ class FastKernel(Background):
         fill_basis: writes the coefficients of a B-spline basis, likewise.
         find: finds the increments of an interpolating spline, likewise.
         correct: writes a Newton step towards them, likewise.
+        interpolate: finds the spline through keyframes, likewise.
         linearise: writes the derivatives of a spline's effort, likewise.
     """
 
@@ -140,6 +144,7 @@ class FastKernel(Background):
                 "fill": "orientd.curves.compiled:fill",
                 "find": "orientd.curves.compiled_increments:find",
                 "correct": "orientd.curves.compiled_increments:correct",
+                "interpolate": "orientd.curves.compiled_interpolation:interpolate",
                 "fill_basis": "orientd.curves.compiled_basis:fill",
                 "fill_product": "orientd.curves.compiled_product:fill",
                 "linearise": "orientd.curves.compiled_effort:linearise",
@@ -150,6 +155,7 @@ class FastKernel(Background):
         self.fill_basis: FillBasis | None = None
         self.find: Increments | None = None
         self.correct: Correct | None = None
+        self.interpolate: Interpolate | None = None
         self.linearise: Linearise | None = None
         self._samples = 0
 

@@ -9,7 +9,7 @@ import pytest
 from orientd.curves import METHODS, fast
 from orientd.curves.basis import cumulative_basis
 from orientd.curves.effort_equations import EffortEquations
-from orientd.rotation import between, multiply
+from orientd.rotation import angle, between, exp, multiply
 
 
 @pytest.fixture(scope="module")
@@ -266,3 +266,49 @@ def test_a_numba_that_does_not_work_is_reported_not_raised(monkeypatch):
 def test_importing_the_curves_imports_neither_scipy_nor_numba():
     code = "import sys, orientd.curves; sys.exit(bool({'scipy', 'numba'} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+ENDS = {
+    "natural": lambda side, rng: {side: "natural"},
+    "clamped": lambda side, rng: {side: "clamped", f"omega_{side}": rng.normal(size=3)},
+    "state": lambda side, rng: {
+        side: "state",
+        f"omega_{side}": rng.normal(size=3),
+        f"alpha_{side}": rng.normal(size=3),
+    },
+}
+
+
+@pytest.mark.parametrize("end", ENDS)
+@pytest.mark.parametrize("start", ENDS)
+@pytest.mark.parametrize("count", [2, 3, 4, 30])
+@pytest.mark.parametrize("align", [True, False])
+def test_both_find_the_same_spline(loaded, numpy_kernel, start, end, count, align):
+    rng = np.random.default_rng(count)
+    keys = [np.array([1.0, 0.0, 0.0, 0.0])]
+    for turn in exp(rng.normal(size=(count - 1, 3)) * 0.4):
+        keys.append(multiply(keys[-1], turn))
+    given = {
+        "keys": np.array(keys) * (rng.choice([-1.0, 1.0], count)[:, None] if align else 1.0),
+        "times": np.cumsum(rng.uniform(0.2, 2.0, count)),
+        "align": align,
+        **ENDS[start]("start", rng),
+        **ENDS[end]("end", rng),
+    }
+    reference = METHODS["c2_cumulative"](**given)
+    numpy_kernel.interpolate = loaded.interpolate
+    found = METHODS["c2_cumulative"](**given)
+    assert found.knots.tolist() == reference.knots.tolist()
+    assert np.abs(found.increments - reference.increments).max() <= 1e-13
+    times = np.linspace(*found.domain, 100)
+    assert_close(reference.evaluate(times), found.evaluate(times))
+
+
+def test_what_the_compiled_search_does_not_find_at_once_is_found(loaded, numpy_kernel):
+    rng = np.random.default_rng(0)
+    keys = [np.array([1.0, 0.0, 0.0, 0.0])]
+    for axis in rng.normal(size=(20, 3)):
+        keys.append(multiply(keys[-1], exp(3.1 * axis / np.linalg.norm(axis))))
+    numpy_kernel.interpolate = loaded.interpolate
+    curve = METHODS["c2_cumulative"](keys=keys, times=np.arange(21.0))
+    assert angle(curve.evaluate(np.arange(21.0))[0], keys).max() < 1e-11
