@@ -89,6 +89,11 @@ class CumulativeCurve(Curve):
         view.setflags(write=False)
         return view
 
+    @property
+    def table(self) -> Floats | None:
+        """What a curve of cubic factors is sampled from, ``(25, S)``; ``None`` for others."""
+        return self._table
+
     def evaluate(self, times: ArrayLike, *, out: Floats | None = None) -> Samples:
         """See :meth:`Curve.evaluate`."""
         instants = np.asarray(times, dtype=np.float64)

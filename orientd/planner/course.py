@@ -55,11 +55,17 @@ class Core:
         """Whether neither end turns."""
         return all(np.linalg.norm(state.omega_body) <= STILL for state in self.stretch.ends())
 
+    def held_ends(self, limits: Limits) -> tuple[bool, bool]:
+        """Return whether the device may hold right before it, and right after it."""
+        start, end = self.stretch.ends()
+        return (
+            is_still(start.omega_body, start.alpha_body, limits),
+            is_still(end.omega_body, end.alpha_body, limits),
+        )
+
     def is_held_at_both_ends(self, limits: Limits) -> bool:
         """Return whether neither end needs a lead of its own."""
-        return all(
-            is_still(state.omega_body, state.alpha_body, limits) for state in self.stretch.ends()
-        )
+        return all(self.held_ends(limits))
 
     def slowed(self, duration: float) -> Core:
         """Return the same curve taking *duration* seconds."""
@@ -99,11 +105,11 @@ class Core:
 
         before, holds_after = None, False
         if first == 0 or last == final:
-            start, end = self.stretch.ends()
-            if first == 0 and is_still(start.omega_body, start.alpha_body, limits):
+            is_held, holds_after = self.held_ends(limits)
+            if first == 0 and is_held:
                 q, p = setpoints(0, 1)
                 before = np.repeat(q, HISTORY, axis=0), np.repeat(p, HISTORY, axis=0)
-            holds_after = last == final and is_still(end.omega_body, end.alpha_body, limits)
+            holds_after = last == final and holds_after
         return measure(
             setpoints,
             last - first + 1,

@@ -32,11 +32,20 @@ LeastRate = Callable[
 """Finds the least brake rate of a path; see ``orientd.planner.compiled_certificate``."""
 
 
+SurveyOf = Callable[[Floats, Floats, float, float, float, Floats, bool, Floats], tuple[float, int]]
+"""Surveys a core; see ``orientd.planner.compiled_survey``."""
+
+LookAt = Callable[[Floats, int, Floats, Floats, float, float, float, Floats, bool, bool], float]
+"""Looks at records of a core; see ``orientd.planner.compiled_survey``."""
+
+
 class PlannerKernels(fast.Background):
     """The compiled kernels of the planner; nothing each as long as they are not ready.
 
     Attributes:
         search: finds the shortest bridge.
+        survey: surveys a core.
+        look: looks at records of a core.
         differences: backward differences of setpoints.
         least_rate: the least brake rate of a path.
     """
@@ -47,9 +56,13 @@ class PlannerKernels(fast.Background):
                 "differences": "orientd.planner.compiled_certificate:differences",
                 "least_rate": "orientd.planner.compiled_certificate:least_rate",
                 "search": "orientd.planner.compiled_bridge:search",
+                "survey": "orientd.planner.compiled_survey:survey",
+                "look": "orientd.planner.compiled_survey:look",
             }
         )
         self.search: Search | None = None
+        self.survey: SurveyOf | None = None
+        self.look: LookAt | None = None
         self.differences: Differences | None = None
         self.least_rate: LeastRate | None = None
 

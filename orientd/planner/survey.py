@@ -8,23 +8,37 @@ The certificate looks at everything in the end.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from orientd.planner.certificate import CHUNK, OFF_GRID, differences
+from orientd.curves.cumulative import CumulativeCurve
+from orientd.planner.certificate import CHUNK, OFF_GRID
 from orientd.planner.course import Core
-from orientd.planner.limits import ANGULAR, Limits
+from orientd.planner.fast import kernels
+from orientd.planner.limit_table import limit_table
+from orientd.planner.limits import Limits
 from orientd.planner.timing import excess
 from orientd.rotation import Floats
 
+PIECES = 64
+"""That a curve of fewer pieces is cut into."""
+
+SHARES = (1e-6, 0.25, 0.5, 0.75, 1.0 - 1e-6)
+"""Of a piece, where it is looked at."""
+
+HOT = 0.97
+"""Of the largest factor, where a spot begins."""
+
+GAP = 256
+"""Records that cost less than another call."""
+
+MARGIN = 4
+"""Records on either side of a spot."""
+
 _SHORT = 4 * CHUNK  # records that are looked at as a whole where the shape may change
-_PIECES = 64  # that a curve of fewer pieces is cut into
-_SHARES = np.array([1e-6, 0.25, 0.5, 0.75, 1.0 - 1e-6])  # of a piece
-_HOT = 0.97  # of the largest factor
 _LARGEST_STEP = 0.75 * OFF_GRID[1][1]  # of what a step over a period is taken for
-_GAP = 256  # records that cost less than another call
+_EVERYWHERE = np.array([[0.0, 1.0]])
 _END_KEYFRAMES = 10  # to which the ends of a curve reach, whatever the duration
 
 
@@ -54,14 +68,32 @@ class Survey:
             period: of the device, s.
             has_one_shape: whether another duration is the same curve at another rate.
         """
+        with_ends = not (
+            has_one_shape and core.continuity >= 2 and core.is_held_at_both_ends(limits)
+        )
+        table, compiled = _table_of(core), kernels().survey
+        if has_one_shape and table is not None and compiled is not None:
+            curve, stretch = core.stretch.curve, core.stretch
+            spots: Floats = np.empty((len(SHARES) * (len(curve.knots) + PIECES) + 2, 2))
+            factor, count = compiled(
+                curve.knots,
+                table,
+                stretch.rate,
+                core.duration,
+                period,
+                limit_table(limits),
+                with_ends,
+                spots,
+            )
+            return cls(factor, spots[:count], has_one_shape)
         instants = _instants(core)
         factors = _factors(core, instants, limits, period)
         largest = float(factors.max())
-        hot = np.flatnonzero(factors >= _HOT * largest)
+        hot = np.flatnonzero(factors >= HOT * largest)
         begins = instants[np.maximum(hot - 1, 0)]
         ends = instants[np.minimum(hot + 1, len(instants) - 1)]
         # Where the acceleration goes on from that of a hold the ends are as smooth as the rest.
-        if not (has_one_shape and core.continuity >= 2 and core.is_held_at_both_ends(limits)):
+        if with_ends:
             reach = 0 if has_one_shape else min(_END_KEYFRAMES, len(core.times) - 1)
             begins = np.concatenate([[0.0, core.times[-1 - reach]], begins])
             ends = np.concatenate([[core.times[reach], core.duration], ends])
@@ -77,9 +109,23 @@ class Survey:
             everywhere: whether to look beyond the spots.
         """
         count = core.record_count(period)
-        ranges = _ranges(self.spots, count)
-        if everywhere or (count <= _SHORT and not self.has_one_shape):
-            ranges = [(0, count - 1)]
+        is_short = count <= _SHORT and not self.has_one_shape
+        spots = _EVERYWHERE if everywhere or is_short else self.spots
+        table, compiled = _table_of(core), kernels().look
+        if table is not None and compiled is not None:
+            curve, stretch = core.stretch.curve, core.stretch
+            return compiled(
+                spots,
+                count - 1,
+                curve.knots,
+                table,
+                stretch.rate,
+                core.duration,
+                period,
+                limit_table(limits),
+                *core.held_ends(limits),
+            )
+        ranges = _ranges(spots, count)
         factor = max(_excess(core, limits, period, first, last) for first, last in ranges)
         if core.continuity >= 2:
             return factor
@@ -88,23 +134,17 @@ class Survey:
         return max(factor, float(_factors(core, _instants(core), limits, period).max()))
 
 
+def _table_of(core: Core) -> Floats | None:
+    """Return the table of a core's curve, if the compiled kernels can look at that core."""
+    curve = core.stretch.curve
+    if not (core.positions.is_held and core.continuity >= 2 and core.stretch.rate > 0.0):
+        return None
+    return curve.table if isinstance(curve, CumulativeCurve) else None
+
+
 def _excess(core: Core, limits: Limits, period: float, first: int, last: int) -> float:
     """Return by which factor a core should take longer, from some of its records."""
-    is_inside = first > 0 and last < core.record_count(period) - 1
-    if not (is_inside and core.positions.is_held and core.continuity >= 2 and last < first + CHUNK):
-        return excess(core.peaks(period, limits, first, last), core.continuity)
-    # The ordinary case, many times in a search: the same without what only a certificate needs.
-    q = core.stretch.sample(period * np.arange(first, last + 1, dtype=np.float64))[0]
-    largest = differences(q, with_axes=limits.has_axes).largest
-    factor = 0.0
-    for order, (name, squares) in enumerate(zip(ANGULAR, largest, strict=True), 1):
-        bounds = (getattr(limits, name), *limits.axes(name))
-        share = max(
-            math.sqrt(square) / period**order / most
-            for square, most in zip(squares, bounds, strict=True)
-        )
-        factor = max(factor, share ** (1.0 / order))
-    return factor
+    return excess(core.peaks(period, limits, first, last), core.continuity)
 
 
 def _instants(core: Core) -> Floats:
@@ -114,11 +154,11 @@ def _instants(core: Core) -> Floats:
     if not core.positions.is_held:
         breaks = np.union1d(breaks, core.positions.breaks)
     breaks = breaks[(breaks >= 0.0) & (breaks <= core.duration)]
-    if len(breaks) < _PIECES:
-        breaks = np.union1d(breaks, np.linspace(0.0, core.duration, _PIECES + 1))
+    if len(breaks) < PIECES:
+        breaks = np.union1d(breaks, np.linspace(0.0, core.duration, PIECES + 1))
     widths = np.diff(breaks)
     begins, widths = breaks[:-1][widths > 0.0], widths[widths > 0.0]
-    instants: Floats = (begins[:, None] + widths[:, None] * _SHARES).reshape(-1)
+    instants: Floats = (begins[:, None] + widths[:, None] * np.array(SHARES)).reshape(-1)
     return instants
 
 
@@ -174,12 +214,11 @@ def _merged(begins: Floats, ends: Floats) -> Floats:
 
 def _ranges(spots: Floats, count: int) -> list[tuple[int, int]]:
     """Return first and last record of every spot, neighbours joined."""
-    margin = 4
-    firsts = np.maximum(np.floor(spots[:, 0] * (count - 1)) - margin, 0).astype(int)
-    lasts = np.minimum(np.ceil(spots[:, 1] * (count - 1)) + margin, count - 1).astype(int)
+    firsts = np.maximum(np.floor(spots[:, 0] * (count - 1)) - MARGIN, 0).astype(int)
+    lasts = np.minimum(np.ceil(spots[:, 1] * (count - 1)) + MARGIN, count - 1).astype(int)
     ranges = [(int(firsts[0]), int(lasts[0]))]
     for first, last in zip(firsts[1:].tolist(), lasts[1:].tolist(), strict=True):
-        if first <= ranges[-1][1] + _GAP:
+        if first <= ranges[-1][1] + GAP:
             ranges[-1] = ranges[-1][0], max(last, ranges[-1][1])
         else:
             ranges.append((first, last))

@@ -8,6 +8,10 @@ from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, fast
 from orientd.planner.brake import axis_brake_rate, brake_rate
 from orientd.planner.bridge import bridge
 from orientd.planner.certificate import differences
+from orientd.planner.course import Course
+from orientd.planner.methods import Ends, method_of
+from orientd.planner.position import PositionPath
+from orientd.planner.survey import Survey
 from orientd.rotation import exp, multiply, normalize
 
 PERIOD = 0.002
@@ -114,6 +118,27 @@ def test_both_find_the_same_brake_rate(both, scale):
             assert found[0] == pytest.approx(reference[0], rel=1e-12)
             # Of several points where nothing is left either may be named.
             assert found[1] == reference[1] or found[0] == 0.0
+
+
+@pytest.mark.parametrize("limits", LIMITS)
+@pytest.mark.parametrize("count", [2, 5, 80])
+@pytest.mark.parametrize("end_velocity", [None, (0.0, 0.2, 0.0)])
+def test_both_survey_and_look_alike(both, limits, count, end_velocity):
+    keys = np.random.default_rng(count).normal(size=(count, 4)) + [4.0, 0.0, 0.0, 0.0]
+    asked = MotionRequest([Keyframe(tuple(q)) for q in normalize(keys).tolist()])
+    ends = Ends(None, end_velocity and np.array(end_velocity), None)
+    halt = PositionPath.held(np.zeros(3))
+    times = np.linspace(0.0, 1.0, count)
+    course = Course(asked, method_of(asked.method), ends, times, np.arange(count), halt)
+    core = course.core(1.4 * count)
+
+    def surveyed():
+        found = Survey.of(core, limits, PERIOD, has_one_shape=True)
+        looks = [found.look(core, limits, PERIOD, everywhere=each) for each in (False, True)]
+        return found.factor, *looks, *found.spots.reshape(-1)
+
+    reference, found = both(surveyed)
+    assert found == pytest.approx(reference, rel=1e-12)
 
 
 @pytest.mark.parametrize("limits", LIMITS)
