@@ -124,7 +124,7 @@ def test_both_find_the_same_brake_rate(both, scale):
 @pytest.mark.parametrize("count", [2, 5, 80])
 @pytest.mark.parametrize("end_velocity", [None, (0.0, 0.2, 0.0)])
 def test_both_survey_and_look_alike(both, limits, count, end_velocity):
-    keys = np.random.default_rng(count).normal(size=(count, 4)) + [4.0, 0.0, 0.0, 0.0]
+    keys = np.array([4.0, 0.0, 0.0, 0.0]) + np.random.default_rng(count).normal(size=(count, 4))
     asked = MotionRequest([Keyframe(tuple(q)) for q in normalize(keys).tolist()])
     ends = Ends(None, end_velocity and np.array(end_velocity), None)
     halt = PositionPath.held(np.zeros(3))
