@@ -66,6 +66,9 @@ _WORST = _MARGIN * np.min(
 )
 _LARGE = 1e12
 
+LAW = (_SIGMA, _G, _WORST, _SIGMA_G, FASTEST_BRAKE_RATE, _MARGIN)
+"""What the compiled kernels take of this module."""
+
 
 def brake_rate(omega: Floats, alpha: Floats, jerk: Floats, limits: Limits) -> tuple[float, int]:
     """Return the largest safe brake rate for the angular part of a path.
@@ -143,12 +146,7 @@ def _least(
             jerk,
             most,
             most_jerk,
-            _SIGMA,
-            _G,
-            _WORST,
-            _SIGMA_G,
-            FASTEST_BRAKE_RATE,
-            _MARGIN,
+            *LAW,
         )
     speed, size = _norm(velocity), _norm(acceleration)
     along = np.abs(np.einsum("ij,ij->i", velocity, acceleration))

@@ -8,18 +8,20 @@ for the jerk, so this is what is held against the limits, on the very records th
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from orientd.driver import Figure
 from orientd.planner.brake import (
     FASTEST_BRAKE_RATE,
+    LAW,
     axis_brake_rate,
     brake_rate,
     linear_brake_rate,
 )
 from orientd.planner.fast import kernels
+from orientd.planner.limit_table import limit_table
 from orientd.planner.limits import ANGULAR, AXES, Limits
 from orientd.rotation import Floats, conjugate, log, multiply
 
@@ -38,6 +40,8 @@ varies from 1/2 to 3/4; that of a step of the velocity in second and third varie
 """
 
 Setpoints = Callable[[int, int], tuple[Floats, Floats]]
+"""Gives orientations ``(m, 4)`` and positions ``(m, 3)`` of *m* records from an index on; positions
+that are all the same come as one, ``(1, 3)``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,7 +189,7 @@ class _Components:
             for power in range(1, len(ANGULAR) + 1)
         ]
 
-    def note(self, found: Differences, index: int) -> None:
+    def note(self, found: Extremes, index: int) -> None:
         """Take in the largest of some differences, the first setpoint of which is *index*."""
         for order, row in enumerate(self._largest):
             for axis, largest in enumerate(row):
@@ -216,15 +220,6 @@ class Rough:
     continuity: int
 
 
-def _off_grid(rough: Rough, first: float, period: float, count: int) -> tuple[Floats, Floats]:
-    """Return by how much to scale accelerations and jerks of records from time *first* on."""
-    bends, twists = np.ones(count), np.ones(count)
-    times = first + period * np.arange(count)
-    is_rough = (times >= rough.begin) & (times < rough.end + HISTORY * period)
-    bends[is_rough], twists[is_rough] = OFF_GRID[rough.continuity]
-    return bends, twists
-
-
 def measure(
     setpoints: Setpoints,
     count: int,
@@ -239,8 +234,7 @@ def measure(
     """Return the largest backward differences over the records 0 to *count* - 1.
 
     Args:
-        setpoints: gives orientations ``(m, 4)`` and positions ``(m, 3)`` of the records from an
-            index on.
+        setpoints: gives the records from an index on.
         count: number of records.
         period: time between them, s.
         limits: what the peaks are held against.
@@ -259,42 +253,38 @@ def measure(
         size = min(CHUNK, count - first)
         q, p = setpoints(first, size)
         held = HISTORY if holds_after and first + size == count else 0
-        q = np.concatenate([q_tail, q, *(q[-1:],) * held])
-        p = np.concatenate([p_tail, p, *(p[-1:],) * held])
+        # A device that keeps its place is the ordinary case.
+        is_still = len(p) == 1 and bool((p_tail == p).all())
+        q = _padded(q_tail, q, size, held)
+        p = p if is_still else _padded(p_tail, p, size, held)
         index = first - len(q_tail)
-        q_tail, p_tail = q[-HISTORY:].copy(), p[-HISTORY:].copy()
+        q_tail = q[-HISTORY:]
+        p_tail = np.repeat(p[-1:], len(q_tail), axis=0) if is_still else p[-HISTORY:]
 
         # In units of rad a period: the powers of the period come in once, at the end.
         # What ends before the first record is the past, which nothing can change.
         past = 1 if first == 0 and before is not None else 0
-        found = differences(q, past=past, with_axes=limits.has_axes)
-        (omega, alpha, jerk), squares = found.rates, found.squares
+        found = extremes(
+            q,
+            past=past,
+            with_axes=limits.has_axes,
+            period=period,
+            start=period * (index + HISTORY),
+            rough=rough,
+            brake_limits=brake_limits,
+        )
         for order, largest in enumerate((turn, bend, twist)):
             largest.note(*found.peak(order, 0, index))
         components.note(found, index)
-        # A device that keeps its place is the ordinary case; see whether it moves at all.
-        is_still = bool((p == p[0]).all())
-        if not is_still:
-            v = np.diff(p, axis=0)
-            a = np.diff(v, axis=0)
-            move.see(_squares(v[2 * past :]), index + 1 + 2 * past)
-            push.see(_squares(a[past:]), index + 2 + past)
-        if brake_limits is None:
+        if found.rate < slowest:
+            slowest, slowest_index = found.rate, index + HISTORY + found.rate_place
+        if is_still:
             continue
-        velocity, acceleration = omega[2:] / period, alpha[1:] / period**2
-        sizes = np.sqrt(squares[2]) / period**3
-        if rough is not None:
-            bends, twists = _off_grid(rough, period * (index + 3), period, len(jerk))
-            acceleration *= bends[:, None]
-            jerk, sizes = jerk * twists[:, None], sizes * twists
-        rate, place = brake_rate(velocity, acceleration, sizes, brake_limits)
-        if rate < slowest:
-            slowest, slowest_index = rate, index + 3 + place
-        if brake_limits.has_axes:
-            rate, place = axis_brake_rate(velocity, acceleration, jerk / period**3, brake_limits)
-            if rate < slowest:
-                slowest, slowest_index = rate, index + 3 + place
-        if not is_still:
+        v = np.diff(p, axis=0)
+        a = np.diff(v, axis=0)
+        move.see(_squares(v[2 * past :]), index + 1 + 2 * past)
+        push.see(_squares(a[past:]), index + 2 + past)
+        if brake_limits is not None:
             rate, place = linear_brake_rate(
                 v[1 + past :] / period, a[past:] / period**2, brake_limits
             )
@@ -312,59 +302,126 @@ def measure(
     )
 
 
+def _padded(before: Floats, rows: Floats, size: int, held: int) -> Floats:
+    """Return *size* rows with those before them and the last one held after them.
+
+    Components come first in memory, as from the curves.
+    """
+    begin, end = len(before), len(before) + size
+    padded: Floats = np.empty((rows.shape[1], end + held)).T
+    padded[:begin], padded[begin:end], padded[end:] = before, rows, rows[-1:]
+    return padded
+
+
 @dataclass(frozen=True, slots=True)
-class Differences:
-    """Backward differences of orientations, in units of rad a period.
+class Extremes:
+    """What a certificate takes of some setpoints.
 
     Attributes:
-        rates: the rotation vectors from one setpoint to the next, the change of these and the
-            change of that, shapes ``(n - 1, 3)`` to ``(n - 3, 3)``.
-        squares: the squares of their norms.
-        largest: the largest of these squares, and of those of the components where they are wanted,
-            shape ``(3, 4)``.
+        largest: squares of the largest backward differences, in units of rad a period: of the
+            norm, and of the components where they are wanted, shape ``(3, 4)``.
         places: where these are, shape ``(3, 4)``.
+        rate: the least brake rate, 1/s, where it is wanted.
+        rate_place: which third difference sets it.
     """
 
-    rates: list[Floats]
-    squares: list[Floats]
     largest: list[list[float]]
     places: list[list[int]]
+    rate: float = FASTEST_BRAKE_RATE
+    rate_place: int = 0
 
     def peak(self, order: int, column: int, first: int) -> tuple[float, int]:
         """Return the largest square, and its record where that of the first setpoint is *first*."""
         return self.largest[order][column], first + order + 1 + self.places[order][column]
 
 
-def differences(q: Floats, *, past: int = 0, with_axes: bool = False) -> Differences:
-    """Return the first three backward differences of orientations.
+def extremes(
+    q: Floats,
+    *,
+    past: int = 0,
+    with_axes: bool = False,
+    period: float = 1.0,
+    start: float = 0.0,
+    rough: Rough | None = None,
+    brake_limits: Limits | None = None,
+) -> Extremes:
+    """Return the largest backward differences of orientations, and the least brake rate.
 
     Args:
         q: setpoints, shape ``(n, 4)``.
         past: how many accelerations, and twice as many velocities, do not count as largest.
         with_axes: whether the largest components are wanted, too.
+        period: from one setpoint to the next, s.
+        start: path time of the fourth setpoint, s.
+        rough: where the brake rate must expect more between the records than on them.
+        brake_limits: limits for the brake rate; ``None`` leaves it out.
     """
-    largest: Floats = np.zeros((3, 4))
-    places = np.zeros((3, 4), dtype=np.intp)
-    compiled = kernels().differences
+    part = _SMOOTH if rough is None else _reach(rough, period)
+    compiled = kernels().extremes
     if compiled is not None:
-        counts = [max(len(q) - order, 0) for order in (1, 2, 3)]
-        rates = [np.empty((count, 3)) for count in counts]
-        norms: Floats = np.empty((3, len(q)))
-        omega, alpha, jerk = rates
-        compiled(q, past, with_axes, omega, alpha, jerk, norms, largest, places)
-        squares = [row[:count] for row, count in zip(norms, counts, strict=True)]
-        return Differences(rates, squares, largest.tolist(), places.tolist())
-    omega = log(multiply(conjugate(q[:-1]), q[1:]))
-    alpha = np.diff(omega, axis=0)
-    rates = [omega, alpha, np.diff(alpha, axis=0)]
+        largest: Floats = np.zeros((3, 4))
+        places = np.zeros((3, 4), dtype=np.intp)
+        limits = None if brake_limits is None else limit_table(brake_limits)
+        rate, place = compiled(
+            q,
+            past,
+            with_axes or (brake_limits is not None and brake_limits.has_axes),
+            period,
+            start,
+            part,
+            limits is not None,
+            _NO_LIMITS if limits is None else limits[1:],
+            *LAW,
+            largest,
+            places,
+        )
+        return Extremes(largest.tolist(), places.tolist(), rate, place)
+    omega, alpha, jerk = rates = differences(q)
     squares = [_squares(rate) for rate in rates]
+    found = Extremes([[0.0] * 4 for _ in ANGULAR], [[0] * 4 for _ in ANGULAR])
     for order, first in enumerate((2 * past, past, 0)):
         columns = [squares[order], *(rates[order].T ** 2 if with_axes else ())]
         for column, values in enumerate(columns):
             if len(values) > first:
                 place = first + int(np.argmax(values[first:]))
-                largest[order, column], places[order, column] = values[place], place
-    return Differences(rates, squares, largest.tolist(), places.tolist())
+                found.largest[order][column] = float(values[place])
+                found.places[order][column] = place
+    if brake_limits is None or not len(jerk):
+        return found
+    times = start + period * np.arange(len(jerk))
+    is_rough = (times >= part[0]) & (times < part[1])
+    bends, twists = (np.where(is_rough, scale, 1.0) for scale in part[2:])
+    velocity = omega[2:] / period
+    acceleration = bends[:, None] * alpha[1:] / period**2
+    jerk = twists[:, None] * jerk / period**3
+    slowest = brake_rate(velocity, acceleration, np.sqrt(_squares(jerk)), brake_limits)
+    if brake_limits.has_axes:
+        slowest = min(slowest, axis_brake_rate(velocity, acceleration, jerk, brake_limits))
+    return replace(found, rate=slowest[0], rate_place=slowest[1])
+
+
+_SMOOTH = np.array([np.inf, -np.inf, 1.0, 1.0])
+_NO_LIMITS = np.full((2, 4), np.inf)
+
+
+def _reach(rough: Rough, period: float) -> Floats:
+    """Return from when to when differences see a rough part, and how much larger they may be."""
+    return np.array([rough.begin, rough.end + HISTORY * period, *OFF_GRID[rough.continuity]])
+
+
+def differences(q: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the first three backward differences of orientations, in units of rad a period.
+
+    Args:
+        q: setpoints, shape ``(n, 4)``.
+
+    Returns:
+        The rotation vectors from one setpoint to the next, the change of these and the change of
+        that, shapes ``(n - 1, 3)`` to ``(n - 3, 3)``.
+    """
+    omega = log(multiply(conjugate(q[:-1]), q[1:]))
+    alpha = np.diff(omega, axis=0)
+    return omega, alpha, np.diff(alpha, axis=0)
 
 
 def _squares(vectors: Floats) -> Floats:

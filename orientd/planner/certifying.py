@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from orientd.planner import refusal
 from orientd.planner.certificate import measure
 from orientd.planner.draft import Draft
@@ -44,8 +42,7 @@ def certified(
     count = math.ceil(path.duration / period - _END_SLACK) + 1
 
     def setpoints(first: int, size: int) -> tuple[Floats, Floats]:
-        samples = path.sample(period * np.arange(first, first + size, dtype=np.float64))
-        return samples.q, samples.position
+        return path.setpoints(first, size, period)
 
     # A timing of the user's may go up to the limits, where the guard's tolerance is all that
     # is left to brake with.

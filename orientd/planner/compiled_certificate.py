@@ -21,7 +21,7 @@ from orientd.curves.compiled_rotation import (
     logarithm,
     multiplied,
 )
-from orientd.planner.fast import Differences, LeastRate
+from orientd.planner.fast import Differences, Extremes, LeastRate
 from orientd.rotation import Floats
 
 _SMALL = 1.0 / 1024.0  # square of the tangent of the half angle
@@ -121,6 +121,16 @@ def _differences(
         _see_components(jerk, 2, 0, largest, places)
 
 
+_ONE = types.Array(float64, 1, "A", readonly=True)
+_TWO = types.Array(float64, 2, "A", readonly=True)
+_OUT = float64[:, ::1]
+_SIGNATURE = void(_TWO, int64, boolean, _OUT, _OUT, _OUT, _OUT, _OUT, int64[:, ::1])
+
+differences: Differences = cast(
+    Differences, njit(_SIGNATURE, error_model="numpy", nogil=True, cache=True)(_differences)
+)
+
+
 @inner
 def _root(rest: float, half: float, leading: float) -> float:
     rest = max(rest, 0.0)
@@ -162,6 +172,50 @@ def _lower_bound(speed: float, size: float, most: float, worst: Floats) -> float
     return allowed / speed if speed > 0.0 else math.inf
 
 
+@inner
+def _least(
+    speed: Floats, size: Floats, along: Floats, jerk: Floats, most: float, most_jerk: float,
+    sigma: Floats, g: Floats, worst: Floats, sigma_g: float, fastest: float, margin: float,
+) -> tuple[float, int]:  # fmt: skip
+    """Return the least rate over all points and which sets it; see :func:`_least_rate`.
+
+    Args:
+        speed: sizes of the velocity, shape ``(n,)``.
+        size: sizes of the acceleration.
+        along: products of velocity and acceleration, without their sign.
+        jerk: sizes of the jerk.
+        most: as in :func:`_least_rate`, like all that have the same name.
+        most_jerk: likewise.
+        sigma: likewise.
+        g: likewise.
+        worst: likewise.
+        sigma_g: likewise.
+        fastest: likewise.
+        margin: likewise.
+    """
+    count = len(speed)
+    best, place = fastest, 0
+    # The point nearest to its limit first; most others are ruled out by it.
+    bounds = np.empty(count)
+    nearest, least = 0, math.inf
+    for i in range(count):
+        bounds[i] = _lower_bound(speed[i], size[i], most, worst)
+        if bounds[i] < least:
+            nearest, least = i, bounds[i]
+    for turn in range(-1, count):
+        i = nearest if turn < 0 else turn
+        if i == count:
+            break
+        limited = jerk[i] + sigma_g * size[i] * best + 4.0 * speed[i] * best * best
+        if bounds[i] < best or limited > most_jerk:
+            rate = _rate(
+                speed[i], size[i], along[i], jerk[i], most, most_jerk, sigma, g, fastest, margin
+            )
+            if rate < best:
+                best, place = rate, i
+    return best, place
+
+
 def _least_rate(
     velocity: Floats, acceleration: Floats, jerk: Floats, most: float, most_jerk: float,
     sigma: Floats, g: Floats, worst: Floats, sigma_g: float, fastest: float, margin: float,
@@ -190,40 +244,90 @@ def _least_rate(
             size[i] += acceleration[i, k] ** 2
             along[i] += velocity[i, k] * acceleration[i, k]
         speed[i], size[i], along[i] = math.sqrt(speed[i]), math.sqrt(size[i]), abs(along[i])
-    best, place = fastest, 0
-    # The point nearest to its limit first; most others are ruled out by it.
-    nearest, least = 0, math.inf
-    for i in range(count):
-        bound = _lower_bound(speed[i], size[i], most, worst)
-        if bound < least:
-            nearest, least = i, bound
-    for turn in range(-1, count):
-        i = nearest if turn < 0 else turn
-        if i == count:
-            break
-        bound = _lower_bound(speed[i], size[i], most, worst)
-        limited = jerk[i] + sigma_g * size[i] * best + 4.0 * speed[i] * best * best
-        if bound < best or limited > most_jerk:
-            rate = _rate(
-                speed[i], size[i], along[i], jerk[i], most, most_jerk, sigma, g, fastest, margin
-            )
-            if rate < best:
-                best, place = rate, i
-    return best, place
+    return _least(
+        speed, size, along, jerk, most, most_jerk, sigma, g, worst, sigma_g, fastest, margin
+    )
 
 
-_ONE = types.Array(float64, 1, "A", readonly=True)
-_TWO = types.Array(float64, 2, "A", readonly=True)
-_OUT = float64[:, ::1]
+def _extremes(
+    q: Floats, past: int, with_axes: bool, period: float, start: float, rough: Floats,
+    with_rate: bool, most: Floats, sigma: Floats, g: Floats, worst: Floats,
+    sigma_g: float, fastest: float, margin: float, largest: Floats, places: Indices,
+) -> tuple[float, int]:  # fmt: skip
+    """Write the largest backward differences, and return the least brake rate and what sets it.
+
+    Args:
+        q: as in :func:`_differences`, like all that have the same name.
+        past: likewise.
+        with_axes: likewise.
+        period: from one setpoint to the next, s.
+        start: path time of the fourth setpoint, s.
+        rough: from when and until when acceleration and jerk may be larger between the records,
+            and how many times, shape ``(4,)``.
+        with_rate: whether the brake rate is wanted.
+        most: limits of acceleration and jerk, of the norm and the components, shape ``(2, 4)``.
+        sigma: as in :func:`_least_rate`, like all that have the same name.
+        g: likewise.
+        worst: likewise.
+        sigma_g: likewise.
+        fastest: likewise.
+        margin: likewise.
+        largest: receives the largest squares, in units of rad a period, shape ``(3, 4)``; zeros.
+        places: receives where these are, shape ``(3, 4)``; zeros.
+    """
+    count = len(q)
+    omega, alpha = np.empty((max(count - 1, 0), 3)), np.empty((max(count - 2, 0), 3))
+    jerk, squares = np.empty((max(count - 3, 0), 3)), np.empty((3, count))
+    differences(q, past, with_axes, omega, alpha, jerk, squares, largest, places)
+    points = len(jerk)
+    if not with_rate or not points:
+        return fastest, 0
+    speed, size, along, twist = (
+        np.empty(points), np.empty(points), np.empty(points), np.empty(points)
+    )  # fmt: skip
+    unit, unit2, unit3 = 1.0 / period, 1.0 / period**2, 1.0 / period**3
+    # The norm, then the components where they are limited.
+    columns = 4 if with_axes else 1
+    rate, place = fastest, 0
+    for column in range(columns):
+        for i in range(points):
+            time = start + period * i
+            is_rough = rough[0] <= time < rough[1]
+            bends = unit2 * (rough[2] if is_rough else 1.0)
+            twists = unit3 * (rough[3] if is_rough else 1.0)
+            v, a = omega[i + 2], alpha[i + 1]
+            if column:
+                axis = column - 1
+                speed[i], size[i] = unit * abs(v[axis]), bends * abs(a[axis])
+                along[i], twist[i] = speed[i] * size[i], twists * abs(jerk[i, axis])
+            else:
+                product = v[0] * a[0] + v[1] * a[1] + v[2] * a[2]
+                speed[i], size[i] = (
+                    unit * math.sqrt(squares[0, i + 2]), bends * math.sqrt(squares[1, i + 1])
+                )  # fmt: skip
+                along[i], twist[i] = unit * bends * abs(product), twists * math.sqrt(squares[2, i])
+        found, where = _least(
+            speed, size, along, twist, most[0, column], most[1, column],
+            sigma, g, worst, sigma_g, fastest, margin,
+        )  # fmt: skip
+        if found < rate:
+            rate, place = found, where
+    return rate, place
+
+
 _RATE = types.Tuple((float64, int64))  # type: ignore[no-untyped-call]  # Numba's own
 
-_SIGNATURE = void(_TWO, int64, boolean, _OUT, _OUT, _OUT, _OUT, _OUT, int64[:, ::1])
 _RATE_SIGNATURE = _RATE(
     _TWO, _TWO, _ONE, float64, float64, _ONE, _ONE, _ONE, float64, float64, float64
 )
 
-differences: Differences = cast(
-    Differences, njit(_SIGNATURE, error_model="numpy", nogil=True, cache=True)(_differences)
+_EXTREMES_SIGNATURE = _RATE(
+    _TWO, int64, boolean, float64, float64, _ONE, boolean, _TWO, _ONE, _ONE, _ONE,
+    float64, float64, float64, _OUT, int64[:, ::1],
+)  # fmt: skip
+
+extremes: Extremes = cast(
+    Extremes, njit(_EXTREMES_SIGNATURE, error_model="numpy", nogil=True, cache=True)(_extremes)
 )
 least_rate: LeastRate = cast(
     LeastRate, njit(_RATE_SIGNATURE, error_model="numpy", nogil=True, cache=True)(_least_rate)

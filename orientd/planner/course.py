@@ -101,7 +101,10 @@ class Core:
         def setpoints(begin: int, size: int) -> tuple[Floats, Floats]:
             indices = np.arange(first + begin, first + begin + size, dtype=np.float64)
             times = np.minimum(period * indices, self.duration)
-            return self.stretch.sample(times)[0], self.positions.sample(times)[0]
+            q, _, _ = self.stretch.sample(times)
+            if self.positions.is_held:
+                return q, self.positions.first[None]
+            return q, self.positions.sample(times)[0]
 
         before, holds_after = None, False
         if first == 0 or last == final:

@@ -25,6 +25,15 @@ Search = Callable[
 Differences = Callable[[Floats, int, bool, Floats, Floats, Floats, Floats, Floats, Indices], None]
 """Takes backward differences of setpoints; see ``orientd.planner.compiled_certificate``."""
 
+Extremes = Callable[
+    [
+        Floats, int, bool, float, float, Floats, bool, Floats, Floats, Floats, Floats,
+        float, float, float, Floats, Indices,
+    ],
+    tuple[float, int],
+]  # fmt: skip
+"""Takes all a certificate needs of some setpoints; see ``orientd.planner.compiled_certificate``."""
+
 LeastRate = Callable[
     [Floats, Floats, Floats, float, float, Floats, Floats, Floats, float, float, float],
     tuple[float, int],
@@ -46,14 +55,14 @@ class PlannerKernels(fast.Background):
         search: finds the shortest bridge.
         survey: surveys a core.
         look: looks at records of a core.
-        differences: backward differences of setpoints.
+        extremes: the largest backward differences of setpoints, and the least brake rate.
         least_rate: the least brake rate of a path.
     """
 
     def __init__(self) -> None:
         super().__init__(
             {
-                "differences": "orientd.planner.compiled_certificate:differences",
+                "extremes": "orientd.planner.compiled_certificate:extremes",
                 "least_rate": "orientd.planner.compiled_certificate:least_rate",
                 "search": "orientd.planner.compiled_bridge:search",
                 "survey": "orientd.planner.compiled_survey:survey",
@@ -63,7 +72,7 @@ class PlannerKernels(fast.Background):
         self.search: Search | None = None
         self.survey: SurveyOf | None = None
         self.look: LookAt | None = None
-        self.differences: Differences | None = None
+        self.extremes: Extremes | None = None
         self.least_rate: LeastRate | None = None
 
 

@@ -168,25 +168,48 @@ class Path:
             back = np.argsort(order)
             return Samples(*(part[back] for part in self.sample(times[order])))
         position, velocity = self.positions.sample(times)
-        begins = [0.0, *(stretch.begin for stretch in self.stretches[1:])]
-        edges = np.searchsorted(times, [*begins, self.duration - _AT_REST])
-        first, *_, last = edges = np.minimum(edges, edges[-1]).tolist()
-        parts = list(zip(self.stretches, edges[:-1], edges[1:], strict=True))
-        if (first, last) == (0, len(times)):
-            for stretch, begin, end in parts:
-                if (begin, end) == (first, last) and end:
-                    return Samples(*stretch.sample(times), position, velocity)
+        first, last, parts = self._parts(times)
+        if len(parts) == 1 and (first, last) == (0, len(times)):
+            return Samples(*parts[0][0].sample(times), position, velocity)
         velocity[:first] = velocity[last:] = 0.0
         position[last:] = self.positions.last
         # Components first in memory, as they come from the curves.
         rows: Floats = np.zeros((10, len(times)))
         q, omega, alpha = rows[:4].T, rows[4:7].T, rows[7:].T
         q[:first], q[last:] = self.first, self.last
-        for stretch, begin, end in parts:
-            if begin < end:
-                here = slice(begin, end)
-                q[here], omega[here], alpha[here] = stretch.sample(times[here])
+        for stretch, here in parts:
+            q[here], omega[here], alpha[here] = stretch.sample(times[here])
         return Samples(q, omega, alpha, position, velocity)
+
+    def setpoints(self, first: int, size: int, period: float) -> tuple[Floats, Floats]:
+        """Return orientations and positions at multiples of a period from the *first* one on.
+
+        Returns:
+            Shapes ``(size, 4)`` and ``(size, 3)``; positions that are all the same come as one,
+            ``(1, 3)``.
+        """
+        times = period * np.arange(first, first + size, dtype=np.float64)
+        q: Floats = np.empty((4, size)).T
+        begin, end, parts = self._parts(times)
+        q[:begin], q[end:] = self.first, self.last
+        for stretch, here in parts:
+            q[here] = stretch.sample(times[here])[0]
+        if self.positions.is_held:
+            return q, self.positions.first[None]
+        position, _ = self.positions.sample(times)
+        position[end:] = self.positions.last
+        return q, position
+
+    def _parts(self, times: Floats) -> tuple[int, int, list[tuple[Stretch, slice]]]:
+        """Return where the path begins and ends in increasing *times*, and which stretch has which.
+
+        Stretches without any are left out.
+        """
+        begins = [0.0, *(stretch.begin for stretch in self.stretches[1:])]
+        edges = np.searchsorted(times, [*begins, self.duration - _AT_REST])
+        first, *_, last = edges = np.minimum(edges, edges[-1]).tolist()
+        parts = zip(self.stretches, edges[:-1], edges[1:], strict=True)
+        return first, last, [(one, slice(begin, end)) for one, begin, end in parts if begin < end]
 
     def state(self, time: float) -> State:
         """Return the state at *time*, with the derivatives of the stretch that begins there."""

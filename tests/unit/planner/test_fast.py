@@ -7,7 +7,7 @@ from orientd.curves import fast as curves_fast
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, fast, plan, retarget
 from orientd.planner.brake import axis_brake_rate, brake_rate
 from orientd.planner.bridge import bridge
-from orientd.planner.certificate import differences
+from orientd.planner.certificate import Rough, differences, extremes
 from orientd.planner.course import Course
 from orientd.planner.methods import Ends, method_of
 from orientd.planner.position import PositionPath
@@ -59,18 +59,26 @@ def test_both_find_the_same_bridges(both, limits, speed):
             assert np.abs(part.sample(times)[0] - other.sample(times)[0]).max() <= 1e-12
 
 
+def compiled_differences(q):
+    from orientd.planner import compiled_certificate
+
+    rates = [np.empty((max(len(q) - order, 0), 3)) for order in (1, 2, 3)]
+    largest, places = np.zeros((3, 4)), np.zeros((3, 4), dtype=np.int64)
+    squares = np.empty((3, len(q)))
+    compiled_certificate.differences(q, 0, False, *rates, squares, largest, places)
+    return rates, squares
+
+
 @pytest.mark.parametrize("count", [1, 2, 3, 4, 400])
-def test_both_take_the_same_differences(both, count):
+def test_both_take_the_same_differences(loaded, count):
     rng = np.random.default_rng(count)
     q = exp(rng.normal(size=(count, 3))) * rng.choice([-1.0, 1.0], count)[:, None]
     for layout in (q, np.asfortranarray(q)):
-        found, reference = both(lambda q=layout: differences(q))
-        pairs = zip(
-            [*found.rates, *found.squares], [*reference.rates, *reference.squares], strict=True
-        )
-        for one, other in pairs:
+        found, squares = compiled_differences(layout)
+        for one, other, sizes in zip(found, differences(layout), squares, strict=True):
             assert one.shape == other.shape
             assert one == pytest.approx(other, abs=1e-13)
+            assert sizes[: len(one)] == pytest.approx((other**2).sum(axis=1), abs=1e-12)
 
 
 @pytest.mark.parametrize("past", [0, 1])
@@ -79,7 +87,7 @@ def test_both_find_the_same_largest_differences(both, past, with_axes):
     rng = np.random.default_rng(past)
     for count in (1, 2, 3, 4, 400):
         q = exp(np.cumsum(rng.normal(size=(count, 3)), axis=0))
-        found, reference = both(lambda q=q: differences(q, past=past, with_axes=with_axes))
+        found, reference = both(lambda q=q: extremes(q, past=past, with_axes=with_axes))
         assert found.places == reference.places
         assert np.abs(np.subtract(found.largest, reference.largest)).max() <= 1e-12
 
@@ -87,18 +95,30 @@ def test_both_find_the_same_largest_differences(both, past, with_axes):
 def test_what_is_not_a_number_is_the_largest_difference(both):
     q = exp(np.linspace(0.0, 1.0, 40)[:, None] * np.ones(3))
     q[20] = np.nan
-    for found in both(lambda: differences(q)):
+    for found in both(lambda: extremes(q)):
         assert np.isnan([row[0] for row in found.largest]).all()
 
 
 @pytest.mark.parametrize("angle", [1e-12, 1e-4, 0.0624, 0.0625, 0.0626, 1.0])
-def test_both_take_the_same_differences_of_small_turns(both, angle):
+def test_both_take_the_same_differences_of_small_turns(loaded, angle):
     rng = np.random.default_rng(1)
     axis = np.array([2.0, -1.0, 2.0]) / 3.0
     q = multiply(exp(rng.normal(size=3)), exp(angle * np.arange(5)[:, None] * axis))
-    found, reference = both(lambda: differences(q))
-    assert found.rates[0] == pytest.approx(reference.rates[0], rel=1e-14, abs=1e-17)
-    assert found.rates[0] == pytest.approx(np.tile(angle * axis, (4, 1)), abs=1e-15)
+    (found, _, _), _ = compiled_differences(q)
+    assert found == pytest.approx(differences(q)[0], rel=1e-14, abs=1e-17)
+    assert found == pytest.approx(np.tile(angle * axis, (4, 1)), abs=1e-15)
+
+
+@pytest.mark.parametrize("limits", [LIMITS[0], LIMITS[1].with_rates({"jerk": [9e3, 5e3, 7e3]})])
+@pytest.mark.parametrize("rough", [None, Rough(0.1, 0.3, 1), Rough(0.0, 9.0, 0)])
+@pytest.mark.parametrize("count", [3, 4, 400])
+def test_both_find_the_same_brake_rate_of_setpoints(both, limits, rough, count):
+    times = PERIOD * np.arange(count)
+    q = exp(np.stack([np.sin(2.0 * times), 0.5 * np.cos(3.0 * times), 0.1 * times], axis=1))
+    work = {"start": 3 * PERIOD, "rough": rough, "brake_limits": limits, "period": PERIOD}
+    reference, found = both(lambda: extremes(q, with_axes=limits.has_axes, **work))
+    assert found.rate == pytest.approx(reference.rate, rel=1e-9)
+    assert found.rate_place == reference.rate_place
 
 
 @pytest.mark.parametrize("scale", [0.1, 0.9, 1.0, 1.2])
