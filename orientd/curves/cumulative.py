@@ -54,17 +54,42 @@ class CumulativeCurve(Curve):
             factors[:functions, 4:] = axes[window].transpose(1, 2, 0)
             self._set_table(basis.breaks, table, increments, continuity)
             return
-        super().__init__(knots=basis.breaks, continuity=continuity)
-        self._table = None
-        self._increments = increments
         parts = {name: getattr(basis, name) for name in ("values", "rates", "curvatures")}
         if not all(part.flags.c_contiguous for part in parts.values()):
             parts = {name: np.ascontiguousarray(part) for name, part in parts.items()}
             basis = replace(basis, **parts)
-        self._basis = basis
-        self._base = np.ascontiguousarray(base)
-        self._axes = np.ascontiguousarray(axes[window].transpose(1, 2, 0))
-        self._lengths = np.ascontiguousarray(lengths[window].T)
+        self._set_factors(
+            basis,
+            np.ascontiguousarray(base),
+            np.ascontiguousarray(axes[window].transpose(1, 2, 0)),
+            np.ascontiguousarray(lengths[window].T),
+            increments,
+            continuity,
+        )
+
+    def _set_factors(
+        self,
+        basis: CumulativeBasis,
+        base: Floats,
+        axes: Floats,
+        lengths: Floats,
+        increments: Floats,
+        continuity: int,
+    ) -> None:
+        """Set up a curve of any factors; all arrays are C-contiguous.
+
+        Args:
+            basis: as for the constructor.
+            base: the quaternion before the product of each span, shape ``(4, S)``.
+            axes: unit axes of the factors, shape ``(m, 3, S)``.
+            lengths: their half angles, shape ``(m, S)``.
+            increments: as for the constructor.
+            continuity: likewise.
+        """
+        super().__init__(knots=basis.breaks, continuity=continuity)
+        self._table = None
+        self._increments = increments
+        self._basis, self._base, self._axes, self._lengths = basis, base, axes, lengths
 
     def _set_table(
         self, breaks: Floats, table: Floats, increments: Floats, continuity: int

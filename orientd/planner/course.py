@@ -6,7 +6,8 @@ after it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -53,7 +54,7 @@ class Core:
     @property
     def is_from_rest_to_rest(self) -> bool:
         """Whether neither end turns."""
-        return all(np.linalg.norm(state.omega_body) <= STILL for state in self.stretch.ends())
+        return all(math.hypot(*state.omega_body.tolist()) <= STILL for state in self.stretch.ends())
 
     def held_ends(self, limits: Limits) -> tuple[bool, bool]:
         """Return whether the device may hold right before it, and right after it."""
@@ -71,11 +72,8 @@ class Core:
         """Return the same curve taking *duration* seconds."""
         factor = duration / self.duration
         positions = self.positions if self.positions.is_held else self.positions.slowed(factor)
-        return Core(
-            replace(self.stretch, end=duration, rate=self.stretch.rate / factor),
-            positions,
-            self.times * factor,
-        )
+        stretch = Stretch(self.stretch.curve, 0.0, duration, self.stretch.rate / factor)
+        return Core(stretch, positions, self.times * factor)
 
     def record_count(self, period: float) -> int:
         """Return how many records a period apart it has."""

@@ -42,9 +42,8 @@ _VELOCITY_MARGIN = 0.9999  # of the limit, for peaks between the points that are
 
 def is_still(omega: Floats, alpha: Floats, limits: Limits) -> bool:
     """Return whether a motion in this state needs no lead."""
-    return bool(
-        np.linalg.norm(omega) <= STILL and np.linalg.norm(alpha) <= STILL * limits.acceleration
-    )
+    speed, size = math.hypot(*omega.tolist()), math.hypot(*alpha.tolist())
+    return speed <= STILL and size <= STILL * limits.acceleration
 
 
 @dataclass(frozen=True, slots=True)

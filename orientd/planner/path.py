@@ -67,7 +67,9 @@ class Stretch:
         first, last = self.curve.domain
         origin = first if self.rate > 0.0 else last
         instants = origin + self.rate * (times - self.begin + self.skipped)
-        instants = np.minimum(np.maximum(instants, first), last)
+        return self._evaluated(np.minimum(np.maximum(instants, first), last))
+
+    def _evaluated(self, instants: Floats) -> tuple[Floats, Floats, Floats]:
         q, omega, alpha = self.curve.evaluate(instants)
         if self.sign < 0.0:
             q = -q
@@ -79,7 +81,11 @@ class Stretch:
         """Return the states at both ends; their positions are left at the origin."""
         if not self._ends:
             # Whatever is done with a stretch begins by asking for them.
-            q, omega, alpha = self.sample(np.array([self.begin, self.end]))
+            first, last = self.curve.domain
+            origin = first if self.rate > 0.0 else last
+            elapsed = (self.skipped, self.end - self.begin + self.skipped)
+            instants = [min(max(origin + self.rate * t, first), last) for t in elapsed]
+            q, omega, alpha = self._evaluated(np.array(instants))
             zero = np.zeros(3)
             self._ends.append(
                 (State(q[0], omega[0], alpha[0], zero), State(q[1], omega[1], alpha[1], zero))

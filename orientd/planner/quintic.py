@@ -164,11 +164,21 @@ def join(q: Floats, w: Floats, duration: float) -> Curve:
         w: its increments, shape ``(5, 3)``.
         duration: s.
     """
-    basis = CumulativeBasis(
-        _UNIT.breaks * duration,
-        _UNIT.first,
-        _UNIT.values,
-        _UNIT.rates / duration,
-        _UNIT.curvatures / duration**2,
-    )
-    return CumulativeCurve(basis=basis, controls=q[None], increments=w, continuity=2)
+    return _Join(q, w, duration)
+
+
+class _Join(CumulativeCurve):
+    """A quintic of one span: what its basis functions are is known before."""
+
+    def __init__(self, q: Floats, w: Floats, duration: float) -> None:
+        basis = CumulativeBasis(
+            _UNIT.breaks * duration,
+            _UNIT.first,
+            _UNIT.values,
+            _UNIT.rates / duration,
+            _UNIT.curvatures / duration**2,
+        )
+        lengths = np.sqrt(np.einsum("ki,ki->k", w, w))[:, None]
+        axes = w / np.where(lengths > 0.0, lengths, 1.0)
+        base = np.array(q)[:, None]
+        self._set_factors(basis, base, axes[..., None], lengths, w, continuity=2)

@@ -50,11 +50,14 @@ class Survey:
         factor: by which it should take longer to just keep them, about.
         spots: parts of the duration where that is decided, from 0 to 1, in order, shape ``(m, 2)``.
         has_one_shape: whether the spots are the same at any duration.
+        is_held: whether the device holds before the core and after it, where that is the same at
+            any duration.
     """
 
     factor: float
     spots: Floats
     has_one_shape: bool = False
+    is_held: tuple[bool, bool] | None = None
 
     @classmethod
     def of(
@@ -68,9 +71,9 @@ class Survey:
             period: of the device, s.
             has_one_shape: whether another duration is the same curve at another rate.
         """
-        with_ends = not (
-            has_one_shape and core.continuity >= 2 and core.is_held_at_both_ends(limits)
-        )
+        is_held = core.held_ends(limits)
+        # Where the acceleration goes on from that of a hold the ends are as smooth as the rest.
+        with_ends = not (has_one_shape and core.continuity >= 2 and all(is_held))
         table, compiled = _table_of(core), kernels().survey
         if has_one_shape and table is not None and compiled is not None:
             curve, stretch = core.stretch.curve, core.stretch
@@ -85,14 +88,13 @@ class Survey:
                 with_ends,
                 spots,
             )
-            return cls(factor, spots[:count], has_one_shape)
+            return cls(factor, spots[:count], has_one_shape, is_held)
         instants = _instants(core)
         factors = _factors(core, instants, limits, period)
         largest = float(factors.max())
         hot = np.flatnonzero(factors >= HOT * largest)
         begins = instants[np.maximum(hot - 1, 0)]
         ends = instants[np.minimum(hot + 1, len(instants) - 1)]
-        # Where the acceleration goes on from that of a hold the ends are as smooth as the rest.
         if with_ends:
             reach = 0 if has_one_shape else min(_END_KEYFRAMES, len(core.times) - 1)
             begins = np.concatenate([[0.0, core.times[-1 - reach]], begins])
@@ -123,7 +125,7 @@ class Survey:
                 core.duration,
                 period,
                 limit_table(limits),
-                *core.held_ends(limits),
+                *(self.is_held or core.held_ends(limits)),
             )
         ranges = _ranges(spots, count)
         factor = max(_excess(core, limits, period, first, last) for first, last in ranges)
