@@ -20,6 +20,8 @@ NORM_TOLERANCE = 1e-6
 
 
 def _numbers(value: object, name: str, expected: str) -> Floats:
+    if isinstance(value, np.ndarray) and value.dtype == np.float64:
+        return value.copy()
     try:
         array = np.asarray(value)
     except ValueError as error:
@@ -30,11 +32,15 @@ def _numbers(value: object, name: str, expected: str) -> Floats:
 
 
 def _unit(array: Floats, name: str) -> Floats:
-    if not np.all(np.isfinite(array)):
+    norm = np.sqrt(np.einsum("...i,...i->...", array, array))
+    error = np.abs(norm - 1.0)
+    is_unit = error <= ROUNDING
+    if is_unit.all():
+        return array
+    if not np.isfinite(array).all():
         raise ValueError(f"{name} must be finite, got {_worst(array, ~np.isfinite(array))}")
-    norm = np.sqrt(np.sum(array * array, axis=-1))
-    is_off = np.abs(norm - 1.0) > NORM_TOLERANCE
-    if np.any(is_off):
+    is_off = error > NORM_TOLERANCE
+    if is_off.any():
         place = int(np.argmax(is_off))
         where = f"{name}[{place}]" if array.ndim == 2 else name
         raise ValueError(
@@ -42,9 +48,7 @@ def _unit(array: Floats, name: str) -> Floats:
             f"got {array.reshape(-1, 4)[place].tolist()} of norm {norm.flat[place]:.9g}"
         )
     # Dividing what is a unit quaternion already would only add its rounding to small steps.
-    unit: Floats = np.where(
-        np.abs(norm - 1.0)[..., None] <= ROUNDING, array, array / norm[..., None]
-    )
+    unit: Floats = np.where(is_unit[..., None], array, array / norm[..., None])
     return unit
 
 
@@ -98,7 +102,7 @@ def check_vector(value: object, name: str, length: int = 3) -> Floats:
         ValueError: it is not *length* finite numbers.
     """
     array = _numbers(value, name, f"a vector of {length} numbers")
-    if array.shape != (length,) or not np.all(np.isfinite(array)):
+    if array.shape != (length,) or not np.isfinite(array).all():
         raise ValueError(f"{name} must be a vector of {length} finite numbers, got {value!r}")
     return array
 
@@ -202,10 +206,10 @@ def resolve_times(times: object, keys: Floats) -> Floats:
             f"times must have one number for each of the {count} keyframes, "
             f"got an array of shape {array.shape}"
         )
-    if not np.all(np.isfinite(array)):
+    if not np.isfinite(array).all():
         raise ValueError(f"times must be finite, got {_worst(array, ~np.isfinite(array))}")
-    steps = np.diff(array)
-    if not np.all(steps > 0.0):
+    steps = array[1:] - array[:-1]
+    if not (steps > 0.0).all():
         place = int(np.argmin(steps > 0.0))
         raise ValueError(
             f"times must increase strictly, got times[{place + 1}] = {float(array[place + 1])!r} "

@@ -72,8 +72,7 @@ class Core:
         """Return the same curve taking *duration* seconds."""
         factor = duration / self.duration
         positions = self.positions if self.positions.is_held else self.positions.slowed(factor)
-        stretch = Stretch(self.stretch.curve, 0.0, duration, self.stretch.rate / factor)
-        return Core(stretch, positions, self.times * factor)
+        return Core(self.stretch.slowed(duration), positions, self.times * factor)
 
     def record_count(self, period: float) -> int:
         """Return how many records a period apart it has."""

@@ -60,17 +60,23 @@ class Stretch:
     rate: float = 1.0
     sign: float = 1.0
     skipped: float = 0.0
-    _ends: list[tuple[State, State]] = field(init=False, repr=False, default_factory=list)
+    _found: list[tuple[Floats, Floats, Floats]] = field(repr=False, default_factory=list)
+    """What the curve is at both ends, once that was asked for; of a copy that is moved, too."""
 
     def sample(self, times: Floats) -> tuple[Floats, Floats, Floats]:
         """Return orientation, velocity and acceleration at path *times* inside the stretch."""
         first, last = self.curve.domain
-        origin = first if self.rate > 0.0 else last
-        instants = origin + self.rate * (times - self.begin + self.skipped)
-        return self._evaluated(np.minimum(np.maximum(instants, first), last))
+        instants = times - self.begin
+        if self.skipped:
+            instants += self.skipped
+        if self.rate != 1.0:
+            instants *= self.rate
+        instants += first if self.rate > 0.0 else last
+        np.minimum(np.maximum(instants, first, out=instants), last, out=instants)
+        return self._lined_up(*self.curve.evaluate(instants))
 
-    def _evaluated(self, instants: Floats) -> tuple[Floats, Floats, Floats]:
-        q, omega, alpha = self.curve.evaluate(instants)
+    def _lined_up(self, q: Floats, omega: Floats, alpha: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return samples of the curve as those of the stretch."""
         if self.sign < 0.0:
             q = -q
         if self.rate != 1.0:
@@ -79,22 +85,26 @@ class Stretch:
 
     def ends(self) -> tuple[State, State]:
         """Return the states at both ends; their positions are left at the origin."""
-        if not self._ends:
-            # Whatever is done with a stretch begins by asking for them.
+        if not self._found:
             first, last = self.curve.domain
             origin = first if self.rate > 0.0 else last
             elapsed = (self.skipped, self.end - self.begin + self.skipped)
             instants = [min(max(origin + self.rate * t, first), last) for t in elapsed]
-            q, omega, alpha = self._evaluated(np.array(instants))
-            zero = np.zeros(3)
-            self._ends.append(
-                (State(q[0], omega[0], alpha[0], zero), State(q[1], omega[1], alpha[1], zero))
-            )
-        return self._ends[0]
+            self._found.append(self.curve.evaluate(np.array(instants)))
+        q, omega, alpha = self._lined_up(*self._found[0])
+        zero = np.zeros(3)
+        return State(q[0], omega[0], alpha[0], zero), State(q[1], omega[1], alpha[1], zero)
 
     def without(self, duration: float) -> Stretch:
         """Return the stretch with its first seconds left out, the rest where it was."""
-        return replace(self, begin=self.begin + duration, skipped=self.skipped + duration)
+        return replace(
+            self, begin=self.begin + duration, skipped=self.skipped + duration, _found=[]
+        )
+
+    def slowed(self, duration: float) -> Stretch:
+        """Return the same stretch of a curve from path time 0 on, taking *duration* seconds."""
+        rate = self.rate * (self.end - self.begin) / duration
+        return replace(self, begin=0.0, end=duration, rate=rate)
 
     def shifted(self, delay: float) -> Stretch:
         """Return the same stretch *delay* seconds later."""
@@ -195,16 +205,27 @@ class Path:
             ``(1, 3)``.
         """
         times = period * np.arange(first, first + size, dtype=np.float64)
-        q: Floats = np.empty((4, size)).T
-        begin, end, parts = self._parts(times)
-        q[:begin], q[end:] = self.first, self.last
-        for stretch, here in parts:
-            q[here] = stretch.sample(times[here])[0]
+        q, end = self._orientations(times)
         if self.positions.is_held:
             return q, self.positions.first[None]
         position, _ = self.positions.sample(times)
         position[end:] = self.positions.last
         return q, position
+
+    def orientations(self, times: Floats) -> Floats:
+        """Return the orientations at increasing *times*, shape ``(n, 4)``."""
+        return self._orientations(times)[0]
+
+    def _orientations(self, times: Floats) -> tuple[Floats, int]:
+        """Return the orientations at increasing *times*, and where among them the path ends."""
+        begin, end, parts = self._parts(times)
+        if len(parts) == 1 and (begin, end) == (0, len(times)):
+            return parts[0][0].sample(times)[0], end
+        q: Floats = np.empty((4, len(times))).T
+        q[:begin], q[end:] = self.first, self.last
+        for stretch, here in parts:
+            q[here] = stretch.sample(times[here])[0]
+        return q, end
 
     def _parts(self, times: Floats) -> tuple[int, int, list[tuple[Stretch, slice]]]:
         """Return where the path begins and ends in increasing *times*, and which stretch has which.

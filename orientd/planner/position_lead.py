@@ -37,7 +37,7 @@ def position_lead(
         period: the path takes a whole number of periods, s.
         least: preferred duration, s; taken if the limits are kept with it.
     """
-    if not start.is_position_moving and (target is None or np.array_equal(target, start.position)):
+    if not start.is_position_moving and (target is None or (target == start.position).all()):
         return PositionPath.held(start.position)
     here: Motion3 = (start.position, start.velocity, start.acceleration)
     bounds = _bounds(here, limits)

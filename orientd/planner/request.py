@@ -80,7 +80,8 @@ class State:
     @property
     def is_at_rest(self) -> bool:
         """Whether neither velocity nor acceleration is there."""
-        return not (np.any(self.omega_body) or np.any(self.alpha_body) or self.is_position_moving)
+        is_turning = self.omega_body.any() or self.alpha_body.any()
+        return not (is_turning or self.is_position_moving)
 
     @property
     def is_known(self) -> bool:
@@ -90,7 +91,7 @@ class State:
     @property
     def is_position_moving(self) -> bool:
         """Whether the position has a velocity or an acceleration."""
-        return bool(np.any(self.velocity) or np.any(self.acceleration))
+        return bool(self.velocity.any() or self.acceleration.any())
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,7 +35,7 @@ def summed_up(
         period: of the device, s.
     """
     begin, end = ends
-    keyframes = path.sample(keyframe_times).q
+    keyframes = path.orientations(keyframe_times)
     return Certificate(
         rate_hz=1.0 / period,
         duration=path.duration,

@@ -130,6 +130,10 @@ class TablePath:
             for at in range(record - HISTORY, record)
         )
 
+    def orientations(self, times: Floats) -> Floats:
+        """Return the orientations at *times*, shape ``(n, 4)``."""
+        return self.sample(times).q
+
     def sample(self, times: Floats) -> Samples:
         """Return the path at *times*, in any order; beyond its ends it is held."""
         where = np.clip(times / self.period, 0.0, len(self.q) - 1.0)

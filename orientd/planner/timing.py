@@ -80,7 +80,9 @@ def chord_knots(request: MotionRequest, limits: Limits, *, is_uniform: bool) -> 
     Raises:
         RequestError: the keyframes are all the same.
     """
-    lengths = angle(request.keys[:-1], request.keys[1:]) + 2.0 * np.pi * np.abs(request.turns[1:])
+    lengths = angle(request.keys[:-1], request.keys[1:])
+    if request.turns.any():
+        lengths += 2.0 * np.pi * np.abs(request.turns[1:])
     if request.positions is not None and math.isfinite(limits.linear_velocity):
         lengths = np.maximum(lengths, _moves(request.positions) * _radians_per_metre(limits))
     is_repeated = lengths <= _SAME
@@ -88,11 +90,14 @@ def chord_knots(request: MotionRequest, limits: Limits, *, is_uniform: bool) -> 
         raise RequestError("keyframes", "are all the same; give them times to make the device wait")
     length = float(lengths.sum())
     count = len(request.keyframes)
+    kept = np.arange(count)
     if is_uniform:
-        return Knots(np.linspace(0.0, 1.0, count), np.arange(count), length)
-    lengths[is_repeated] = 0.0
-    times = np.concatenate([[0.0], np.cumsum(lengths)])
-    kept = np.flatnonzero(np.concatenate([[True], ~is_repeated]))
+        return Knots(np.linspace(0.0, 1.0, count), kept, length)
+    if is_repeated.any():
+        lengths[is_repeated] = 0.0
+        kept = np.flatnonzero(np.concatenate([[True], ~is_repeated]))
+    times: Floats = np.zeros(count)
+    np.cumsum(lengths, out=times[1:])
     return Knots(times / times[-1], kept, length)
 
 

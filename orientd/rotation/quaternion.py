@@ -13,6 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
 
+_TINY = 1e-140
+
 
 def _components(values: ArrayLike, length: int, name: str) -> Floats:
     array = np.asarray(values, dtype=np.float64)
@@ -201,6 +203,9 @@ def log_half(q: ArrayLike) -> Floats:
     q = _components(q, 4, "q")
     w, v = q[..., 0], q[..., 1:]
     length = np.sqrt(np.sum(v * v, axis=-1))
+    if np.any(length < _TINY):
+        # Squares of so small numbers have few digits left, or none.
+        length = np.hypot(np.hypot(v[..., 0], v[..., 1]), v[..., 2])
     half_angle = np.arctan2(length, w)
     at_zero = np.divide(1.0, w, out=np.zeros_like(w), where=w > 0.0)
     factor = np.divide(half_angle, length, out=at_zero, where=length > 0.0)
@@ -291,9 +296,11 @@ def angle(p: ArrayLike, q: ArrayLike) -> Floats:
     Raises:
         ValueError: a last axis does not have length 4.
     """
-    relative = between(p, q)
-    length = np.sqrt(np.sum(relative[..., 1:] ** 2, axis=-1))
-    found: Floats = 2.0 * np.arctan2(length, np.abs(relative[..., 0]))
+    p = _components(p, 4, "p")
+    q = _components(q, 4, "q")
+    # Half of it is the angle between two unit vectors (Kahan): exact for small ones, too.
+    apart, along = (np.sqrt(np.einsum("...i,...i->...", v, v)) for v in (q - p, q + p))
+    found: Floats = 4.0 * np.arctan2(np.minimum(apart, along), np.maximum(apart, along))
     return found
 
 

@@ -346,15 +346,15 @@ def test_many_keyframes_are_planned_with_a_fixed_number_of_samples_at_a_time(mon
         q.append(multiply(q[-1], exp(turn)))
     request = MotionRequest([Keyframe(tuple(key)) for key in q])
     largest = []
-    from orientd.planner.path import Path
+    from orientd.planner.path import Stretch
 
-    sample = Path.sample
+    sample = Stretch.sample
 
     def watched(self, times):
         largest.append(len(times))
         return sample(self, times)
 
-    monkeypatch.setattr(Path, "sample", watched)
+    monkeypatch.setattr(Stretch, "sample", watched)
     motion = plan(request, start=State.at_rest(HERE), limits=ARM, period=PERIOD)
     assert motion.record_count > 4 * 8192
     assert max(largest) <= 8192

@@ -124,6 +124,12 @@ def test_half_angle_logarithm_of_minus_one_is_a_whole_turn_about_x():
     assert np.array_equal(rotation.log_half([-1.0, 0.0, 0.0, 0.0]), [np.pi, 0.0, 0.0])
 
 
+@pytest.mark.parametrize("size", [1e-150, 1e-157, 1e-165, 1e-300])
+def test_the_logarithm_of_nearly_minus_one_is_as_long_as_it_should_be(size):
+    q = np.array([-1.0, size, size, size])
+    assert np.linalg.norm(rotation.log_half(q)) == pytest.approx(np.pi, rel=1e-15)
+
+
 @given(quaternions)
 def test_logarithms_are_bounded(q):
     assert np.linalg.norm(rotation.log(q)) <= np.pi * (1 + EPS)
