@@ -120,6 +120,19 @@ class C2Cumulative(CumulativeCurve):
             continuity=2,
         )
 
+    @classmethod
+    def of_table(cls, breaks: Floats, table: Floats, solved: Floats) -> C2Cumulative:
+        """Return the spline that a compiled kernel has found.
+
+        Args:
+            breaks: where its spans begin and end, s, shape ``(S + 1,)``.
+            table: what it is sampled from, shape ``(25, S)``.
+            solved: its increments, shape ``(S + 2, 3)``.
+        """
+        spline = cls.__new__(cls)
+        spline._set_table(breaks, table, solved, 2)  # noqa: SLF001 - its own class
+        return spline
+
     def _interpolated(
         self, keys: Floats, times: Floats, ends: tuple[_End, _End], *, is_aligned: bool
     ) -> bool:

@@ -48,6 +48,12 @@ LookAt = Callable[[Floats, int, Floats, Floats, float, float, float, Floats, boo
 """Looks at records of a core; see ``orientd.planner.compiled_survey``."""
 
 
+QuickCore = Callable[
+    [Floats, Floats, float, int, Floats, Floats, Floats, Floats], tuple[int, float]
+]
+"""Finds the quickest default curve; see ``orientd.planner.compiled_quick_core``."""
+
+
 class PlannerKernels(fast.Background):
     """The compiled kernels of the planner; nothing each as long as they are not ready.
 
@@ -55,6 +61,7 @@ class PlannerKernels(fast.Background):
         search: finds the shortest bridge.
         survey: surveys a core.
         look: looks at records of a core.
+        quick_core: finds the default curve through keyframes without times.
         extremes: the largest backward differences of setpoints, and the least brake rate.
         least_rate: the least brake rate of a path.
     """
@@ -67,11 +74,13 @@ class PlannerKernels(fast.Background):
                 "search": "orientd.planner.compiled_bridge:search",
                 "survey": "orientd.planner.compiled_survey:survey",
                 "look": "orientd.planner.compiled_survey:look",
+                "quick_core": "orientd.planner.compiled_quick_core:quick_core",
             }
         )
         self.search: Search | None = None
         self.survey: SurveyOf | None = None
         self.look: LookAt | None = None
+        self.quick_core: QuickCore | None = None
         self.extremes: Extremes | None = None
         self.least_rate: LeastRate | None = None
 

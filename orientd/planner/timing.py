@@ -28,13 +28,25 @@ LONGEST = 86_400.0
 LONGER = 1.02
 """What an attempt returns where the rates are not known: how much longer to try."""
 
-_SAME = 1e-9  # rad and m; keyframes nearer than this are one
-_PRECISION = 1e-3
-_MOST_ATTEMPTS = 60
-_PATIENCE = 4  # attempts that trust the prediction before any has kept the limits
-_MOST_FAILURES = 16  # attempts until the first that keeps the limits
-_MOST_PREDICTIONS = 8  # attempts that trust the prediction; then bisection
-_LONGEST_STEP = 1e4
+SAME = 1e-9
+"""Rad and m; keyframes nearer than this are one."""
+
+PRECISION = 1e-3
+"""Of the shortest duration."""
+
+MOST_ATTEMPTS = 60
+PATIENCE = 4
+"""Attempts that trust the prediction before any has kept the limits."""
+
+MOST_FAILURES = 16
+"""Attempts until the first that keeps the limits."""
+
+MOST_PREDICTIONS = 8
+"""Attempts that trust the prediction; then bisection."""
+
+SMALLEST_FACTOR, LARGEST_FACTOR = 1e-9, 1e4
+"""Between which a prediction is made from a factor."""
+
 _LONGEST_STRIDE = 2.0  # from one number of cycles to the next where the shape changes with them
 _FAR = 2.0  # a factor beyond which it is doubted that it falls with the cycles
 _DOWNWARD = 1.4  # from one to the next where fewer are looked at
@@ -85,7 +97,7 @@ def chord_knots(request: MotionRequest, limits: Limits, *, is_uniform: bool) -> 
         lengths += 2.0 * np.pi * np.abs(request.turns[1:])
     if request.positions is not None and math.isfinite(limits.linear_velocity):
         lengths = np.maximum(lengths, _moves(request.positions) * _radians_per_metre(limits))
-    is_repeated = lengths <= _SAME
+    is_repeated = lengths <= SAME
     if is_repeated.all():
         raise RequestError("keyframes", "are all the same; give them times to make the device wait")
     length = float(lengths.sum())
@@ -164,13 +176,13 @@ def shortest(
     cycles, growth = min(max(first, least), most), 1.02
     before: tuple[float, float] | None = None
     tried: dict[int, float] = {}
-    for count in range(_MOST_ATTEMPTS):
+    for count in range(MOST_ATTEMPTS):
         factor = attempt(cycles)
         if factor != LONGER:
             tried[cycles] = factor
         if factor <= 1.0:
             high = cycles
-            if factor >= 1.0 - _PRECISION:
+            if factor >= 1.0 - PRECISION:
                 break
         elif not (count or has_one_shape) and factor > _FAR:
             # Far more than the limits: perhaps because it swings out, which fewer would tell.
@@ -185,20 +197,20 @@ def shortest(
             before = None
         else:
             low = max(low, cycles)
-        if high - low <= max(1.0, _PRECISION * high):
+        if high - low <= max(1.0, PRECISION * high):
             break
-        here = math.log(cycles), math.log(min(max(factor, 1e-9), _LONGEST_STEP))
+        here = math.log(cycles), math.log(min(max(factor, SMALLEST_FACTOR), LARGEST_FACTOR))
         guess = math.exp(_secant(before, here))
         before = here
         if high > most:
-            if count >= _MOST_FAILURES:
+            if count >= MOST_FAILURES:
                 break
-            if count >= _PATIENCE:
+            if count >= PATIENCE:
                 # Nothing has worked yet: no ever smaller steps.
                 guess, growth = max(guess, cycles * growth), min(growth**2, 2.0)
             if not has_one_shape:
                 guess = min(guess, _LONGEST_STRIDE * cycles)
-        elif count >= _MOST_PREDICTIONS or not low < guess < high:
+        elif count >= MOST_PREDICTIONS or not low < guess < high:
             guess = math.sqrt(low * high) if low else 0.5 * high
         cycles = min(max(math.ceil(guess), low + 1), high - 1)
     return high if high <= most else None
@@ -254,4 +266,4 @@ def _secant(before: tuple[float, float] | None, here: tuple[float, float]) -> fl
     slope = -1.0
     if before is not None and abs(here[0] - before[0]) > 1e-9:
         slope = (here[1] - before[1]) / (here[0] - before[0])
-    return here[0] - (here[1] + 0.5 * _PRECISION) / min(max(slope, -1.5), -0.3)
+    return here[0] - (here[1] + 0.5 * PRECISION) / min(max(slope, -1.5), -0.3)

@@ -181,6 +181,35 @@ def test_both_plan_the_same_motions(both, limits):
         assert np.abs(np.subtract(*records)).max() <= 1e-11
 
 
+@pytest.mark.parametrize("limits", LIMITS)
+@pytest.mark.parametrize("step", [0.01, 0.3, 2.8])
+@pytest.mark.parametrize("count", [3, 20, 70])
+def test_the_quick_way_to_a_core_says_what_the_ordinary_one_says(
+    loaded, monkeypatch, limits, step, count
+):
+    rng = np.random.default_rng(count)
+    keys = [np.array([1.0, 0.0, 0.0, 0.0])]
+    for turn in exp(step * rng.uniform(-1.0, 1.0, (count - 1, 3))):
+        keys.append(rng.choice([-1.0, 1.0]) * multiply(keys[-1], turn))
+    request = MotionRequest([Keyframe(tuple(q)) for q in normalize(np.array(keys)).tolist()])
+    start = State.at_rest(request.keys[0])
+    found = plan(request, start=start, limits=limits, period=PERIOD)
+    monkeypatch.setattr(loaded, "quick_core", None)
+    reference = plan(request, start=start, limits=limits, period=PERIOD)
+    assert found.record_count == reference.record_count
+    assert found.keyframe_times == pytest.approx(reference.keyframe_times, rel=1e-13)
+    records = (motion.records(0, motion.record_count)[:, :4] for motion in (found, reference))
+    assert np.abs(np.subtract(*records)).max() <= 1e-12
+
+
+def test_a_keyframe_that_is_repeated_goes_the_ordinary_way(loaded):
+    keys = [(1.0, 0.0, 0.0, 0.0), (0.8, 0.6, 0.0, 0.0), (0.8, 0.6, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0)]
+    request = MotionRequest([Keyframe(q) for q in keys])
+    start = State.at_rest(keys[0])
+    motion = plan(request, start=start, limits=DEFAULT_LIMITS, period=PERIOD)
+    assert motion.keyframe_times[1] == motion.keyframe_times[2]
+
+
 def test_the_kernels_are_sent_for_once_those_of_the_curves_are_in_use(loaded, monkeypatch):
     monkeypatch.setattr(fast, "KERNELS", fast.PlannerKernels())
     monkeypatch.setattr(curves_fast, "KERNEL", curves_fast.FastKernel())
