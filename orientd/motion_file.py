@@ -197,7 +197,8 @@ def _orientations(keyframes: Sequence[KeyframeModel]) -> list[Any]:
     """Return the orientations as tuples (w, x, y, z), each kind of form converted at once."""
     by_form: dict[str, list[int]] = {form: [] for form in FORMS}
     for index, keyframe in enumerate(keyframes):
-        given = [form for form in FORMS if getattr(keyframe, form) is not None]
+        of_forms = keyframe.quaternion, keyframe.rotation_vector, keyframe.euler, keyframe.matrix
+        given = [form for form, one in zip(FORMS, of_forms, strict=True) if one is not None]
         if len(given) != 1:
             expected = f"expected one of {', '.join(FORMS)}"
             came = f"got {' and '.join(given)}" if given else "got none of them"

@@ -209,6 +209,7 @@ class Cell:
         from orientd import motion_file
 
         request = motion_file.parse(mapping)
+        read_ns = time.monotonic_ns()
         late: Exception | None = None
         for attempt in range(ATTEMPTS):
             try:
@@ -224,6 +225,7 @@ class Cell:
                     splicing=(time.monotonic_ns() - planned_ns) * 1e-9,
                     received_ns=received_ns,
                     attempts=attempt + 1,
+                    reading=(read_ns - received_ns) * 1e-9,
                 )
                 return run, timing
         raise StateError(f"device {device.name} was too quick for {ATTEMPTS} plans: {late}")

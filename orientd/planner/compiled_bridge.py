@@ -44,6 +44,12 @@ from orientd.rotation import Floats
 
 
 @inner
+def _none() -> int:
+    """Return 0, as a number like any other: for a literal one Numba compiles functions anew."""
+    return int(np.int64(0))
+
+
+@inner
 def _three(row: Floats, begin: int) -> Vector:
     return row[begin], row[begin + 1], row[begin + 2]
 
@@ -281,7 +287,7 @@ def _ramps(
 ) -> int:  # fmt: skip
     """Write the ramps that a bridge may begin with, and return how many there are."""
     omega, alpha = _three(state, 4), _three(state, 7)
-    count = _put_ramp(state, alpha, reserved, most, period, 0, ends, durations)
+    count = _put_ramp(state, alpha, reserved, most, period, _none(), ends, durations)
     if math.sqrt(alpha[0] * alpha[0] + alpha[1] * alpha[1] + alpha[2] * alpha[2]) > STILL:
         rest = (0.0, 0.0, 0.0)
         count = _put_ramp(state, rest, reserved, most, period, count, ends, durations)
@@ -304,7 +310,10 @@ def _grid(
     totals: Floats,
 ) -> int:  # fmt: skip
     """Write durations to look at, in whole periods, and return how many there are."""
-    velocity, acceleration, jerk = np.min(most[0]), np.min(most[1]), np.min(most[2])
+    velocity, acceleration, jerk = most[0, 0], most[1, 0], most[2, 0]
+    for k in range(1, most.shape[1]):
+        velocity, acceleration = min(velocity, most[0, k]), min(acceleration, most[1, k])
+        jerk = min(jerk, most[2, k])
     change, speeds, sizes = 0.0, 0.0, 0.0
     for k in range(4, 7):
         change += (end[k] - start[k]) ** 2
@@ -326,7 +335,7 @@ def _grid(
     )
     longest = max(longest, 3.0 * least, shortest)
     step = math.log(longest / shortest) / (len(totals) - 1)
-    count = 0
+    count = _none()
     for k in range(len(totals)):
         count = _put_duration(shortest * math.exp(step * k), period, count, totals)
     return count
@@ -383,7 +392,7 @@ def _seen(
 @inner
 def _refined(best: float, step: float, least: float, period: float, totals: Floats) -> int:
     """Write durations from the one before the best up to that, and return how many there are."""
-    count, last = 0, len(totals) - 1
+    count, last = _none(), len(totals) - 1
     for k in range(last, -1, -1):
         duration = best * math.pow(step, -k / last)
         if duration >= least - 1e-9:
@@ -409,15 +418,21 @@ def _pairs_of(found: Floats, count: int, pairs: Indices) -> int:
 
 
 @inner
-def _merged(found: Floats, count: int, fine: Floats, fines: int, most: int, both: Floats) -> int:
+def _copy(row: Floats, other: Floats) -> None:
+    for k in range(len(row)):
+        other[k] = row[k]
+
+
+@inner
+def _merged(found: Floats, count: int, fine: Floats, fines: int, both: Floats) -> int:
     """Write the first of two lists in order of duration, and return how many there are."""
     i, j = 0, 0
-    while i + j < most and (i < count or j < fines):
+    while i + j < len(both) and (i < count or j < fines):
         if j == fines or (i < count and found[i, 0] <= fine[j, 0]):
-            both[i + j] = found[i]
+            _copy(found[i], both[i + j])
             i += 1
         else:
-            both[i + j] = fine[j]
+            _copy(fine[j], both[i + j])
             j += 1
     return i + j
 
@@ -431,7 +446,7 @@ def _longer(near: Floats, count: int, period: float, tries: Floats) -> int:
             total = math.ceil(near[i, 0] * CLOSE[k] / period - 1e-9) * period
             place = many
             while place and tries[place - 1, 0] > total:
-                tries[place] = tries[place - 1]
+                _copy(tries[place - 1], tries[place])
                 place -= 1
             tries[place, 0], tries[place, 1], tries[place, 2] = total, near[i, 1], near[i, 2]
             many += 1
@@ -469,12 +484,10 @@ def _way(start: Floats, end: Floats) -> Vector:
 
 
 @inner
-def _mirror(state: Floats) -> Floats:
-    """Return a state as it is when time runs backwards."""
-    mirrored = state.copy()
+def _mirror(state: Floats) -> None:
+    """Make a state what it is when time runs backwards."""
     for k in range(4, 7):
-        mirrored[k] = -state[k]
-    return mirrored
+        state[k] = -state[k]
 
 
 def _search(
@@ -500,23 +513,29 @@ def _search(
     Returns:
         Whether one was found.
     """
-    most = _bounds(start, end, reserved, has_axes)
-    way = _way(start, end)
+    begin, finish = start.copy(), end.copy()
+    most = _bounds(begin, finish, reserved, has_axes)
+    way = _way(begin, finish)
     into, durations = np.empty((RAMPS, 10)), np.empty(RAMPS)
-    count = _ramps(start, way, reserved, most, period, into, durations)
+    count = _ramps(begin, way, reserved, most, period, into, durations)
     into, durations = into[:count], durations[:count]
     out_of, others = np.empty((RAMPS, 10)), np.empty(RAMPS)
     back = -way[0], -way[1], -way[2]
-    count = _ramps(_mirror(end), back, reserved, most, period, out_of, others)
+    _mirror(finish)
+    count = _ramps(finish, back, reserved, most, period, out_of, others)
+    _mirror(finish)
     out_of, others = out_of[:count], others[:count]
-    out_of[:, 4:7] *= -1.0
+    for i in range(count):
+        _mirror(out_of[i])
 
     angle = math.sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2])
     totals = np.empty(GRID)
-    totals = totals[: _grid(start, end, angle, most, period, least, totals)]
-    pairs = np.arange(len(into) * len(out_of))
+    totals = totals[: _grid(begin, finish, angle, most, period, least, totals)]
+    pairs = np.empty(len(into) * len(out_of), dtype=np.int64)
+    for pair in range(len(pairs)):
+        pairs[pair] = pair
     found, kept = np.empty((2 * GRID * len(pairs), 3)), np.empty((2, len(pairs)), dtype=np.bool_)
-    count, looked = 0, 0
+    count, looked = _none(), 0
     while looked < len(totals) and count < BEST:
         count = _seen(
             into, out_of, durations, others, pairs, totals[looked], to_rates, most,
@@ -531,13 +550,13 @@ def _search(
     finer = np.empty(REFINED)
     step = totals[1] / totals[0] if len(totals) > 1 else 1.0
     finer = finer[: _refined(found[0, 0], step, least, period, finer)]
-    fine, fines = np.empty((2 * REFINED * BEST, 3)), 0
+    fine, fines = np.empty((2 * REFINED * BEST, 3)), _none()
     for i in range(len(finer)):
         fines = _seen(
             into, out_of, durations, others, nearest, finer[i], to_rates, most, fine, fines, kept
         )
     near, tries = np.empty((BEST, 3)), np.empty((BEST * len(CLOSE), 3))
-    many = _longer(near, _merged(found, count, fine, fines, BEST, near), period, tries)
+    many = _longer(near, _merged(found, count, fine, fines, near), period, tries)
     place = _first_kept(into, out_of, durations, others, tries, many, at_points, most, w[1])
     if place < 0:
         # None of these: then any.
@@ -548,7 +567,7 @@ def _search(
             )  # fmt: skip
             looked += 1
         tries = np.empty((count + fines, 3))
-        many = _merged(found, count, fine, fines, count + fines, tries)
+        many = _merged(found, count, fine, fines, tries)
         place = _first_kept(into, out_of, durations, others, tries, many, at_points, most, w[1])
         if place < 0:
             return False
@@ -556,11 +575,12 @@ def _search(
     one, other = divmod(pair, len(others))
     total, before, after = tries[place, 0], durations[one], others[other]
     times[0], times[1], times[2], times[3] = 0.0, before, total - after, total
-    q[0], q[1], q[2] = start[:4], into[one, :4], out_of[other, :4]
+    for k in range(4):
+        q[0, k], q[1, k], q[2, k] = begin[k], into[one, k], out_of[other, k]
     if before > 0.0:
-        _put_middle(w[0], _increments(start, into[one], before, w[0]), 0)
+        _put_middle(w[0], _increments(begin, into[one], before, w[0]), 0)
     if after > 0.0:
-        _put_middle(w[2], _increments(out_of[other], end, after, w[2]), 0)
+        _put_middle(w[2], _increments(out_of[other], finish, after, w[2]), 0)
     return True
 
 

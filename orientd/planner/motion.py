@@ -83,18 +83,20 @@ class Motion:
         if not 0 <= record < self.record_count:
             raise ValueError(f"record must be within 0 to {self.record_count - 1}, got {record}")
         first = max(record - HISTORY, 0)
-        samples = self.path.sample(self.period * np.arange(first, record, dtype=np.float64))
-        earlier = before(self.start_state, self.period)
-        missing = record - first
-        setpoints = tuple(
-            np.concatenate([part[missing:], known])
-            for part, known in zip(earlier, (samples.q, samples.position), strict=True)
-        )
+        samples = self.path.sample(self.period * np.arange(first, record + 1, dtype=np.float64))
+        q, position = samples.q[:-1], samples.position[:-1]
+        missing = HISTORY - len(q)
+        if missing:
+            earlier = before(self.start_state, self.period)
+            q = np.concatenate([earlier[0][-missing:], q])
+            position = np.concatenate([earlier[1][-missing:], position])
         if record == self.record_count - 1:
             here = State.at_rest(self.path.last, self.path.positions.last)
+        elif self.path.positions.is_held:
+            here = State(*(part[-1] for part in samples[:4]))
         else:
             here = self.path.state(self.period * record)
-        return replace(here, before=(setpoints[0], setpoints[1]))
+        return replace(here, before=(q, position))
 
     def sample(self, path_times: ArrayLike) -> Samples:
         """Return the motion at *path_times* (s, shape ``(n,)``, any order); held beyond its ends.

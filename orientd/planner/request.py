@@ -215,15 +215,16 @@ def _vector(components: ArrayLike, name: str) -> Vector3:
 
 def _orientations(keyframes: Sequence[Keyframe]) -> Floats:
     keys = _table([k.q for k in keyframes], 4, "quaternion", "four numbers w, x, y, z")
-    norm = np.sqrt(np.sum(keys * keys, axis=-1))
+    norm = np.sqrt(np.einsum("ij,ij->i", keys, keys))
     wrong = np.abs(norm - 1.0) > NORM_TOLERANCE
-    if np.any(wrong):
+    if wrong.any():
         index = int(np.argmax(wrong))
         raise RequestError(
             f"keyframes[{index}].quaternion",
             f"norm must be 1 within {NORM_TOLERANCE:g}, got {norm[index]:.9g}",
         )
-    return check_unit(keys)
+    unit: Floats = keys / norm[:, None]
+    return unit
 
 
 def _table(rows: Sequence[Any], width: int, name: str, expected: str) -> Floats:
@@ -241,8 +242,9 @@ def _table(rows: Sequence[Any], width: int, name: str, expected: str) -> Floats:
                 fits = False
             if not fits:
                 raise RequestError(f"keyframes[{index}].{name}", f"expected {expected}, got {row}")
-    bad = ~np.all(np.isfinite(table), axis=-1)
-    if np.any(bad):
+    is_finite = np.isfinite(table)
+    if not is_finite.all():
+        bad = ~np.all(is_finite, axis=-1)
         index = int(np.argmax(bad))
         raise RequestError(
             f"keyframes[{index}].{name}", f"expected finite numbers, got {table[index].tolist()}"
@@ -252,7 +254,7 @@ def _table(rows: Sequence[Any], width: int, name: str, expected: str) -> Floats:
 
 def _times(keyframes: Sequence[Keyframe]) -> Floats | None:
     given = [k.time for k in keyframes]
-    if all(time is None for time in given):
+    if given.count(None) == len(given):
         return None
     if None in given:
         index = given.index(None) if given[0] is not None else 0
@@ -289,6 +291,8 @@ def _positions(keyframes: Sequence[Keyframe]) -> Floats | None:
 
 def _turns(keyframes: Sequence[Keyframe]) -> Turns:
     turns = [k.turns for k in keyframes]
+    if turns.count(0) == len(turns) and set(map(type, turns)) == {int}:
+        return np.zeros(len(turns), dtype=np.int64)
     for index, count in enumerate(turns):
         if isinstance(count, bool) or not isinstance(count, (int, np.integer)):
             raise RequestError(f"keyframes[{index}].turns", f"expected whole turns, got {count!r}")
