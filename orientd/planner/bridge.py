@@ -19,25 +19,25 @@ from orientd.planner.fast import kernels
 from orientd.planner.limit_table import limit_table
 from orientd.planner.limits import Limits
 from orientd.planner.path import Stretch
-from orientd.planner.quintic import AT_FINE, TO_RATES, Ends, join
+from orientd.planner.quintic import AT_FINE, TO_RATES, Ends, Joins, join
 from orientd.planner.request import State
 from orientd.rotation import Floats, angle
 
 
 def bridge(
     start: State, end: State, *, limits: Limits, period: float, least: float = 0.0
-) -> list[Stretch]:
-    """Return stretches from path time 0 that lead from one state to another.
+) -> Stretch:
+    """Return a stretch from path time 0 that leads from one state to another.
 
     The velocity, and the acceleration, may be as high as they are at the ends, and otherwise keep
     *limits* with their reserve.
 
     Args:
-        start: where they begin.
-        end: where they end.
+        start: where it begins.
+        end: where it ends.
         limits: to keep.
-        period: they take a whole number of periods, s.
-        least: they take at least this long, s.
+        period: it takes a whole number of periods, s.
+        least: it takes at least this long, s.
 
     Raises:
         PlanError: nothing was found.
@@ -48,12 +48,9 @@ def bridge(
             f"no way found from {np.linalg.norm(start.omega_body):.4g} rad/s to "
             f"{np.linalg.norm(end.omega_body):.4g} rad/s over {angle(start.q, end.q):.4g} rad"
         )
-    times = way.times.tolist()
-    return [
-        Stretch(join(q, w, finish - begin), begin, finish)
-        for q, w, begin, finish in zip(way.q, way.w, times, times[1:], strict=False)
-        if finish > begin
-    ]
+    is_there = np.diff(way.times) > 0.0
+    breaks = np.append(way.times[:-1][is_there], way.times[-1])
+    return Stretch(Joins(way.q[is_there], way.w[is_there], breaks), 0.0, float(breaks[-1]))
 
 
 def _searched(start: State, end: State, limits: Limits, period: float, least: float) -> Way | None:

@@ -13,7 +13,7 @@ import numpy as np
 from orientd.planner.fast import Booleans
 from orientd.planner.limit_table import limit_table
 from orientd.planner.limits import ACCELERATION_RESERVE, Limits
-from orientd.planner.quintic import Ends, increments, rates, rough_rates
+from orientd.planner.quintic import Ends, arrival, increments, rates, rough_rates
 from orientd.planner.request import State
 from orientd.rotation import Floats, between, exp, log, multiply
 
@@ -56,7 +56,7 @@ class Way(NamedTuple):
     """A bridge: a ramp, a join and another ramp, each a quintic.
 
     Attributes:
-        q: orientations that they begin at, shape ``(3, 4)``.
+        q: orientations that they begin at, signs continuous, shape ``(3, 4)``.
         w: their half-angle increments, shape ``(3, 5, 3)``; of one that takes no time any.
         times: when they begin and when the last one ends, s, shape ``(4,)``.
     """
@@ -123,11 +123,15 @@ def search(start: State, end: State, limits: Limits, period: float, least: float
     finish = Ends(end.q, end.omega_body, end.alpha_body)
     into_join, out_of_join = first.one(pair), last.one(pair)
     before, after = float(into.durations[one[pair]]), float(out_of.durations[other[pair]])
+    ramps_w = increments_of(begin, into_join, before), increments_of(out_of_join, finish, after)
+    q = [start.q, into_join.q, out_of_join.q]
+    # The sign of each goes on from the one before.
+    if before > 0.0:
+        q[1] = math.copysign(1.0, float(arrival(q[0], ramps_w[0]) @ q[1])) * q[1]
+    q[2] = math.copysign(1.0, float(arrival(q[1], w) @ q[2])) * q[2]
     return Way(
-        np.stack([start.q, into_join.q, out_of_join.q]),
-        np.stack(
-            [increments_of(begin, into_join, before), w, increments_of(out_of_join, finish, after)]
-        ),
+        np.stack(q),
+        np.stack([ramps_w[0], w, ramps_w[1]]),
         np.array([0.0, before, total - after, total]),
     )
 

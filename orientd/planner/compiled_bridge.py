@@ -490,6 +490,24 @@ def _mirror(state: Floats) -> None:
         state[k] = -state[k]
 
 
+@inner
+def _turns_over(q: Floats, w: Floats, end: Floats) -> bool:
+    """Return whether a join arrives at the other of the two quaternions of its end."""
+    arrival = _orientation(q)
+    for k in range(5):
+        arrival = multiplied(arrival, exponential(w[k, 0], w[k, 1], w[k, 2]))
+    cosine = 0.0
+    for k in range(4):
+        cosine += arrival[k] * end[k]
+    return cosine < 0.0
+
+
+@inner
+def _negate(q: Floats) -> None:
+    for k in range(4):
+        q[k] = -q[k]
+
+
 def _search(
     start: Floats, end: Floats, reserved: Floats, has_axes: bool, period: float, least: float,
     to_rates: Floats, at_points: Floats, q: Floats, w: Floats, times: Floats,
@@ -506,7 +524,7 @@ def _search(
         least: it takes at least this long, s.
         to_rates: what turns increments to rates, shape ``(3, points, 5)``.
         at_points: basis functions with two derivatives, shape ``(3, 5, points)``.
-        q: receives the orientations that the three begin at, shape ``(3, 4)``.
+        q: receives the orientations that the three begin at, signs continuous, shape ``(3, 4)``.
         w: receives the increments of the three, shape ``(3, 5, 3)``.
         times: receives when the three begin and end, s, shape ``(4,)``.
 
@@ -581,6 +599,11 @@ def _search(
         _put_middle(w[0], _increments(begin, into[one], before, w[0]), 0)
     if after > 0.0:
         _put_middle(w[2], _increments(out_of[other], finish, after, w[2]), 0)
+    # The sign of each goes on from the one before.
+    if before > 0.0 and _turns_over(q[0], w[0], q[1]):
+        _negate(q[1])
+    if _turns_over(q[1], w[1], q[2]):
+        _negate(q[2])
     return True
 
 

@@ -82,12 +82,14 @@ def lead_in(
         return _by_way_of_rest(start, first, positions, limits=limits, period=period)
     least = 0.0 if positions.is_held else float(positions.breaks[-1])
     try:
-        stretches = bridge(start, first, limits=limits, period=period, least=least)
+        stretch = bridge(start, first, limits=limits, period=period, least=least)
     except PlanError:
         return _by_way_of_rest(start, first, positions, limits=limits, period=period)
-    duration = stretches[-1].end
-    positions = position_lead(start, first.position, limits=limits, period=period, least=duration)
-    return LeadIn(tuple(stretches), round(duration / period), positions)
+    if not positions.is_held:
+        positions = position_lead(
+            start, first.position, limits=limits, period=period, least=stretch.end
+        )
+    return LeadIn((stretch,), round(stretch.end / period), positions)
 
 
 def from_rest(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-import uuid
+import os
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -71,13 +71,15 @@ def plan(
     if not (math.isfinite(period) and period > 0.0):
         raise ValueError(f"period must be positive, got {period} s")
     job = _Job.of(request, start, limits.narrowed(request.limits), period)
-    name = motion_id or uuid.uuid4().hex[:12]
+    name = motion_id or os.urandom(6).hex()
     if not request.approach or (start.is_at_rest and not request.is_single):
         return job.motion(name)
     first: LimitError | None = None
     for caution in Caution:
         try:
-            return replace(job, caution=caution, leads={}).motion(name)
+            if caution is not job.caution:
+                job = replace(job, caution=caution, leads={})
+            return job.motion(name)
         except LimitError as error:
             first = first or error
     raise first or PlanError("no lead-in was tried")

@@ -164,21 +164,37 @@ def join(q: Floats, w: Floats, duration: float) -> Curve:
         w: its increments, shape ``(5, 3)``.
         duration: s.
     """
-    return _Join(q, w, duration)
+    return Joins(q[None], w[None], np.array([0.0, duration]))
 
 
-class _Join(CumulativeCurve):
-    """A quintic of one span: what its basis functions are is known before."""
+class Joins(CumulativeCurve):
+    """Joins end to end; where they meet, velocity and acceleration are prescribed to be the same.
 
-    def __init__(self, q: Floats, w: Floats, duration: float) -> None:
+    Args:
+        q: orientations that they begin at, signs continuous, shape ``(n, 4)``.
+        w: their increments, shape ``(n, 5, 3)``.
+        breaks: when they begin, and when the last one ends, s, shape ``(n + 1,)``.
+    """
+
+    def __init__(self, q: Floats, w: Floats, breaks: Floats) -> None:
+        count = len(q)
+        h = np.diff(breaks)[:, None, None]
         basis = CumulativeBasis(
-            _UNIT.breaks * duration,
-            _UNIT.first,
-            _UNIT.values,
-            _UNIT.rates / duration,
-            _UNIT.curvatures / duration**2,
+            breaks,
+            1 + 5 * np.arange(count),
+            np.repeat(_UNIT.values, count, axis=0),
+            _UNIT.rates / h,
+            _UNIT.curvatures / h**2,
         )
-        lengths = np.sqrt(np.einsum("ki,ki->k", w, w))[:, None]
-        axes = w / np.where(lengths > 0.0, lengths, 1.0)
-        base = np.array(q)[:, None]
-        self._set_factors(basis, base, axes[..., None], lengths, w, continuity=2)
+        factors = np.ascontiguousarray(w.transpose(1, 2, 0))
+        lengths = np.sqrt(np.sum(factors * factors, axis=1))
+        axes = factors / np.where(lengths > 0.0, lengths, 1.0)[:, None]
+        base = np.ascontiguousarray(q.T)
+        self._set_factors(basis, base, axes, lengths, w.reshape(-1, 3), continuity=2)
+
+
+def arrival(q: Floats, w: Floats) -> Floats:
+    """Return the quaternion that a join arrives at, with the sign it has there, shape ``(4,)``."""
+    for turn in exp_half(w):
+        q = multiply(q, turn)
+    return q

@@ -12,7 +12,7 @@ from orientd.planner.course import Course
 from orientd.planner.methods import Ends, method_of
 from orientd.planner.position import PositionPath
 from orientd.planner.survey import Survey
-from orientd.rotation import exp, multiply, normalize
+from orientd.rotation import angle, exp, multiply, normalize
 
 PERIOD = 0.002
 LIMITS = [DEFAULT_LIMITS, DEFAULT_LIMITS.with_rates({"velocity": [2.0, 0.7, 1.5], "jerk": 300.0})]
@@ -53,10 +53,30 @@ def test_both_find_the_same_bridges(both, limits, speed):
     for _ in range(8):
         start, end = random_state(rng, speed), random_state(rng, 0.5 * speed)
         reference, found = both(lambda a=start, b=end: bridge(a, b, limits=limits, period=PERIOD))
-        assert [part.end for part in found] == pytest.approx([part.end for part in reference])
-        for part, other in zip(found, reference, strict=True):
-            times = np.linspace(part.begin, part.end, 7)
-            assert np.abs(part.sample(times)[0] - other.sample(times)[0]).max() <= 1e-12
+        assert found.curve.knots == pytest.approx(reference.curve.knots, abs=1e-12)
+        for part, other in zip(
+            *(each.curve.evaluate(each.curve.knots) for each in (found, reference)), strict=True
+        ):
+            assert np.abs(part - other).max() <= 1e-9
+        times = np.linspace(0.0, found.end, 60)
+        assert np.abs(found.sample(times)[0] - reference.sample(times)[0]).max() <= 1e-12
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.3, 1.0])
+def test_a_bridge_is_one_smooth_curve_from_state_to_state(both, speed):
+    rng = np.random.default_rng(4)
+    for _ in range(12):
+        start, end = random_state(rng, speed), random_state(rng, speed)
+        for stretch in both(lambda a=start, b=end: bridge(a, b, limits=LIMITS[0], period=PERIOD)):
+            q, omega, alpha = stretch.sample(np.array([0.0, stretch.end]))
+            for k, state in enumerate((start, end)):
+                assert angle(q[k], state.q) <= 1e-13
+                assert omega[k] == pytest.approx(state.omega_body, abs=1e-12)
+                assert alpha[k] == pytest.approx(state.alpha_body, abs=1e-9)
+            inner = stretch.curve.knots[1:-1]
+            before, after = (stretch.sample(np.nextafter(inner, side)) for side in (-1.0, 9.0))
+            for part, other, bound in zip(before, after, (1e-12, 1e-9, 1e-6), strict=True):
+                assert np.abs(part - other).max(initial=0.0) <= bound
 
 
 def compiled_differences(q):
