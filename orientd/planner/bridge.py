@@ -48,9 +48,11 @@ def bridge(
             f"no way found from {np.linalg.norm(start.omega_body):.4g} rad/s to "
             f"{np.linalg.norm(end.omega_body):.4g} rad/s over {angle(start.q, end.q):.4g} rad"
         )
-    is_there = np.diff(way.times) > 0.0
-    breaks = np.append(way.times[:-1][is_there], way.times[-1])
-    return Stretch(Joins(way.q[is_there], way.w[is_there], breaks), 0.0, float(breaks[-1]))
+    _, before, after, total = way.times.tolist()
+    # A ramp that takes no time is none.
+    first, last = int(before == 0.0), 3 - int(after == total)
+    joins = Joins(way.q[first:last], way.w[first:last], way.times[first : last + 1])
+    return Stretch(joins, 0.0, total)
 
 
 def _searched(start: State, end: State, limits: Limits, period: float, least: float) -> Way | None:

@@ -24,6 +24,7 @@ from orientd.curves.product import product, product_memory
 from orientd.rotation import Floats, conjugate, exp_half, log_half, multiply, rotate
 
 _ROUGH, _FINE = 17, 49  # points of a curve that are looked at
+_NO_TURN = 1e-300
 _UNIT = cumulative_basis(np.repeat([0.0, 1.0], 6), 6)
 
 
@@ -177,18 +178,18 @@ class Joins(CumulativeCurve):
     """
 
     def __init__(self, q: Floats, w: Floats, breaks: Floats) -> None:
-        count = len(q)
-        h = np.diff(breaks)[:, None, None]
+        rate = (1.0 / (breaks[1:] - breaks[:-1]))[:, None, None]
         basis = CumulativeBasis(
             breaks,
-            1 + 5 * np.arange(count),
-            np.repeat(_UNIT.values, count, axis=0),
-            _UNIT.rates / h,
-            _UNIT.curvatures / h**2,
+            1 + 5 * np.arange(len(q)),
+            np.ones_like(rate) * _UNIT.values,
+            rate * _UNIT.rates,
+            rate * rate * _UNIT.curvatures,
         )
         factors = np.ascontiguousarray(w.transpose(1, 2, 0))
-        lengths = np.sqrt(np.sum(factors * factors, axis=1))
-        axes = factors / np.where(lengths > 0.0, lengths, 1.0)[:, None]
+        lengths = np.sqrt((factors * factors).sum(axis=1))
+        # A factor that does not turn has any axis.
+        axes = factors / np.maximum(lengths, _NO_TURN)[:, None]
         base = np.ascontiguousarray(q.T)
         self._set_factors(basis, base, axes, lengths, w.reshape(-1, 3), continuity=2)
 
