@@ -74,20 +74,11 @@ class Survey:
         is_held = core.held_ends(limits)
         # Where the acceleration goes on from that of a hold the ends are as smooth as the rest.
         with_ends = not (has_one_shape and core.continuity >= 2 and all(is_held))
-        table, compiled = _table_of(core), kernels().survey
-        if has_one_shape and table is not None and compiled is not None:
-            curve, stretch = core.stretch.curve, core.stretch
-            spots: Floats = np.empty((len(SHARES) * (len(curve.knots) + PIECES) + 2, 2))
-            factor, count = compiled(
-                curve.knots,
-                table,
-                stretch.rate,
-                core.duration,
-                period,
-                limit_table(limits),
-                with_ends,
-                spots,
-            )
+        terms, compiled = _terms(core, limits, period), kernels().survey
+        if has_one_shape and terms is not None and compiled is not None:
+            most = len(SHARES) * (len(core.stretch.curve.knots) + PIECES) + 2
+            spots: Floats = np.empty((most, 2))
+            factor, count = compiled(*terms, with_ends, spots)
             return cls(factor, spots[:count], has_one_shape, is_held)
         instants = _instants(core)
         factors = _factors(core, instants, limits, period)
@@ -113,20 +104,10 @@ class Survey:
         count = core.record_count(period)
         is_short = count <= _SHORT and not self.has_one_shape
         spots = _EVERYWHERE if everywhere or is_short else self.spots
-        table, compiled = _table_of(core), kernels().look
-        if table is not None and compiled is not None:
-            curve, stretch = core.stretch.curve, core.stretch
-            return compiled(
-                spots,
-                count - 1,
-                curve.knots,
-                table,
-                stretch.rate,
-                core.duration,
-                period,
-                limit_table(limits),
-                *(self.is_held or core.held_ends(limits)),
-            )
+        terms, compiled = _terms(core, limits, period), kernels().look
+        if terms is not None and compiled is not None:
+            is_held = self.is_held or core.held_ends(limits)
+            return compiled(spots, count - 1, *terms, *is_held)
         ranges = _ranges(spots, count)
         factor = max(_excess(core, limits, period, first, last) for first, last in ranges)
         if core.continuity >= 2:
@@ -136,12 +117,16 @@ class Survey:
         return max(factor, float(_factors(core, _instants(core), limits, period).max()))
 
 
-def _table_of(core: Core) -> Floats | None:
-    """Return the table of a core's curve, if the compiled kernels can look at that core."""
-    curve = core.stretch.curve
-    if not (core.positions.is_held and core.continuity >= 2 and core.stretch.rate > 0.0):
+def _terms(
+    core: Core, limits: Limits, period: float
+) -> tuple[Floats, Floats, float, float, float, Floats] | None:
+    """Return a core as the compiled kernels know it; ``None`` where they cannot look at it."""
+    stretch, curve = core.stretch, core.stretch.curve
+    table = curve.table if isinstance(curve, CumulativeCurve) else None
+    is_plain = core.positions.is_held and core.continuity >= 2 and stretch.rate > 0.0
+    if table is None or not is_plain:
         return None
-    return curve.table if isinstance(curve, CumulativeCurve) else None
+    return curve.knots, table, stretch.rate, core.duration, period, limit_table(limits)
 
 
 def _excess(core: Core, limits: Limits, period: float, first: int, last: int) -> float:
