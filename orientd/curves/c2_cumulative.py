@@ -259,29 +259,23 @@ def check_given(
 
 
 def _start_condition(basis: CumulativeBasis, end: _End) -> EndCondition:
-    omega_body, alpha_body = end.given
-    rate = basis.rates[0, 0, 0]
-    first, second = basis.curvatures[0, :2, 0]
-    if end.count == 0:
-        return EndCondition(known=np.empty((0, 3)), ratio=float(-second / first))
-    outer = omega_body / (2.0 * rate)
-    if end.count == 1:
-        return EndCondition(known=outer[None])
-    return EndCondition(known=np.stack([outer, (0.5 * alpha_body - first * outer) / second]))
+    return _condition(end, basis.rates[0, 0, 0], *basis.curvatures[0, :2, 0])
 
 
 def _end_condition(basis: CumulativeBasis, end: _End) -> EndCondition:
     """The turn of the last factor stands between the acceleration and the factor before it."""
-    omega_body, alpha_body = end.given
     rate = basis.rates[-1, 2, -1]
-    first, second = basis.curvatures[-1, 2, -1], basis.curvatures[-1, 1, -1]
+    turned = rotate(exp_half(end.given[0] / (2.0 * rate)), end.given[1])
+    turned_end = _End(end.count, np.stack([end.given[0], turned]))
+    return _condition(turned_end, rate, *basis.curvatures[-1, [2, 1], -1])
+
+
+def _condition(end: _End, rate: float, first: float, second: float) -> EndCondition:
     if end.count == 0:
         return EndCondition(known=np.empty((0, 3)), ratio=float(-second / first))
-    outer = omega_body / (2.0 * rate)
-    if end.count == 1:
-        return EndCondition(known=outer[None])
-    turned = rotate(exp_half(outer), 0.5 * alpha_body)
-    return EndCondition(known=np.stack([outer, (turned - first * outer) / second]))
+    outer = end.given[0] / (2.0 * rate)
+    inner = (0.5 * end.given[1] - first * outer) / second
+    return EndCondition(known=np.stack([outer, inner])[: end.count])
 
 
 def _controls(basis: CumulativeBasis, places: Indices, keys: Floats, solved: Floats) -> Floats:
