@@ -1,8 +1,7 @@
 """Quaternions as four numbers, for kernels that Numba compiles into one loop.
 
 The formulas are those of :mod:`orientd.rotation`, which is the reference.  Imported by compiled
-kernels only.  Numba keeps what it compiled until the file of the *kernel* changes: who changes this
-one while developing deletes the ``__pycache__`` folders beside the kernels.
+kernels only.
 """
 
 from __future__ import annotations

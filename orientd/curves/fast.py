@@ -6,11 +6,13 @@ for the first time on a machine; nothing waits for either unless it asks to.
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from collections.abc import Callable, Mapping
 from enum import Enum
 from importlib import import_module
 from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +55,16 @@ Linearise = Callable[
     float,
 ]  # fmt: skip
 """Writes the derivatives of a spline's effort; see ``orientd.curves.compiled_effort``."""
+
+NUMBERS_FROM = (
+    "planner/bridge_search.py",
+    "planner/certificate.py",
+    "planner/survey.py",
+    "planner/timing.py",
+)
+"""Modules of the package that kernels take numbers from."""
+
+_PACKAGE = Path(__file__).parents[1]
 
 START_AFTER = 10_000
 """Samples worked out by NumPy in this process before the compiled kernel is sent for."""
@@ -114,6 +126,7 @@ class Background:
 
     def _load(self) -> None:
         try:
+            forget_stale(_PACKAGE)
             for attribute, home in self._homes.items():
                 module, _, function = home.partition(":")
                 setattr(self, attribute, getattr(import_module(module), function))
@@ -123,6 +136,23 @@ class Background:
         else:
             self.status = Status.READY
         self._done.set()
+
+
+def forget_stale(package: Path) -> None:
+    """Delete the compiled kernels beside the sources that are older than what they were made of.
+
+    Numba compares each with the file of its own function alone, not with those of the functions
+    and numbers that it calls and takes from elsewhere.
+
+    Args:
+        package: the folder whose subfolders hold the kernels.
+    """
+    sources = [*package.glob("*/compiled*.py"), *(package / name for name in NUMBERS_FROM)]
+    changed = max((source.stat().st_mtime_ns for source in sources), default=0)
+    for index in package.glob("*/__pycache__/compiled*.nbi"):
+        with contextlib.suppress(OSError):
+            if index.stat().st_mtime_ns < changed:
+                index.unlink()
 
 
 class FastKernel(Background):

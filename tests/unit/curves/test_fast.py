@@ -1,7 +1,10 @@
 """The compiled kernel against the NumPy one, and its loading in the background."""
 
+import ast
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -312,3 +315,34 @@ def test_what_the_compiled_search_does_not_find_at_once_is_found(loaded, numpy_k
     numpy_kernel.interpolate = loaded.interpolate
     curve = METHODS["c2_cumulative"](keys=keys, times=np.arange(21.0))
     assert angle(curve.evaluate(np.arange(21.0))[0], keys).max() < 1e-11
+
+
+def test_kernels_are_forgotten_when_anything_they_were_made_of_changes(tmp_path):
+    sources = [tmp_path / "curves" / "compiled_a.py", *(tmp_path / n for n in fast.NUMBERS_FROM)]
+    kernel = tmp_path / "curves" / "__pycache__" / "compiled_a.f-1.py311.nbi"
+    for path in (*sources, kernel):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("")
+    for changed in sources:
+        for path in sources:
+            os.utime(path, ns=(1_000, 1_000))
+        os.utime(kernel, ns=(2_000, 2_000))
+        fast.forget_stale(tmp_path)
+        assert kernel.exists()
+        os.utime(changed, ns=(3_000, 3_000))
+        fast.forget_stale(tmp_path)
+        assert not kernel.exists()
+        kernel.write_text("")
+
+
+def test_it_is_known_where_kernels_take_numbers_from():
+    package = Path(fast.__file__).parents[1]
+    types_alone = {"orientd.rotation", "orientd.curves.basis"}
+    found = set()
+    for source in package.glob("*/compiled*.py"):
+        for node in ast.walk(ast.parse(source.read_text())):
+            if isinstance(node, ast.ImportFrom) and node.module.startswith("orientd."):
+                name = node.module.rpartition(".")[2]
+                if not name.startswith(("compiled", "fast")) and node.module not in types_alone:
+                    found.add(node.module.removeprefix("orientd.").replace(".", "/") + ".py")
+    assert found == set(fast.NUMBERS_FROM)
