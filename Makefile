@@ -8,7 +8,7 @@ BIN = $(VENV)/bin
 ROUNDS ?= 50
 SEED ?= 1
 
-.PHONY: demo test check bench peers soak chaos standard proto clean
+.PHONY: demo test check kernels bench peers soak chaos standard proto clean
 
 demo: $(VENV)/.user
 	$(BIN)/orientd demo
@@ -17,9 +17,14 @@ demo: $(VENV)/.user
 CALCULATES = tests/unit orientd drivers sim
 RUNS = tests/system tests/drivers tests/chaos tests/bench
 
-test: check
+test: $(VENV)/.dev
+	$(MAKE) -j2 check kernels
 	$(BIN)/python -m pytest -n logical $(CALCULATES)
 	$(BIN)/python -m pytest $(RUNS)
+
+# Compiled once, before several processes would each begin to.
+kernels: $(VENV)/.dev
+	$(BIN)/python -c "from orientd.planner.fast import wait_ready; wait_ready()"
 
 check: $(VENV)/.dev
 	$(BIN)/ruff check .
