@@ -71,7 +71,8 @@ def _linearised(
     blocks[:] = 0.0
     settled = max(1, len(heads))
     after = (1.0, 0.0, 0.0, 0.0)
-    error[:] = -scale * steps[row]
+    for i in range(3):
+        error[i] = -scale * steps[row, i]
     for f in range(index.shape[1] - 1, -1, -1):
         c = share[row, f]
         owner, part, x, y, z = _factor(index[row, f] - settled, unknown, heads, tails, ratios)
@@ -157,8 +158,9 @@ def _correct(
             row, index, share, steps, scale, unknown, heads, tails, ratios, is_flat, blocks, error
         )
         here = onward[k]
-        here[:, :3] = blocks[2]
-        here[:, 3] = -error
+        for i in range(3):
+            here[i, 0], here[i, 1], here[i, 2] = blocks[2, i, 0], blocks[2, i, 1], blocks[2, i, 2]
+            here[i, 3] = -error[i]
         if k and rows[k - 1] == row - 1:
             before = onward[k - 1]
             for i in range(3):
@@ -191,7 +193,9 @@ def _find(
 
     Arguments are as in :func:`_correct`; *unknown* receives the increments.
     """
-    rows, correction = np.arange(len(steps)), np.empty((len(steps), 3))
+    rows, correction = np.empty(len(steps), dtype=np.int64), np.empty((len(steps), 3))
+    for i in range(len(rows)):
+        rows[i] = i
     unknown[:] = 0.0
     # One loop and one call for all three parts of the search: it is what takes long to compile.
     limit, step, polishing = np.inf, 0, -1
@@ -204,7 +208,11 @@ def _find(
             break
         if not (size <= limit and size < np.inf):
             return False
-        unknown += correction
+        largest = 1.0
+        for i in range(len(unknown)):
+            for k in range(3):
+                unknown[i, k] += correction[i, k]
+                largest = max(largest, abs(unknown[i, k]))
         step += 1
         if step == 1:
             limit = _LARGEST_FIRST
@@ -212,7 +220,7 @@ def _find(
             limit = max(_CONTRACTION * size, _ROUNDING)
         elif polishing < 0:
             limit, polishing = _LARGEST_FIRST, 0
-            enough = _POLISHED * max(1.0, np.max(np.abs(unknown)))
+            enough = _POLISHED * largest
         else:
             polishing += 1
             if size <= enough:

@@ -181,10 +181,14 @@ def _interpolate(
     places = np.empty(count, dtype=np.int64)
     _put_breaks(times, start_known == 2, end_known == 2, breaks, places)
     knots = np.empty(spans + 7)
-    knots[:3], knots[3 : spans + 4], knots[spans + 4 :] = breaks[0], breaks, breaks[spans]
+    for i in range(len(knots)):
+        knots[i] = breaks[min(max(i - 3, 0), spans)]
     values, rates = np.empty((spans, 3, 4)), np.empty((spans, 3, 3))
     curvatures = np.empty((spans, 3, 2))
-    fill_basis(np.arange(3, spans + 3), knots, 4, values, rates, curvatures)
+    of_spans = np.empty(spans, dtype=np.int64)
+    for i in range(spans):
+        of_spans[i] = i + 3
+    fill_basis(of_spans, knots, 4, values, rates, curvatures)
     passed = 1
     for i in range(count - 1):
         passed = max(passed, places[i + 1] - places[i])
@@ -207,17 +211,15 @@ def _interpolate(
     unknown = np.empty((count - 1, 3))
     if not find(index, share, steps, heads, tails, start_ratio, end_ratio, unknown):
         return False
-    begin = max(1, start_known)
-    solved[begin : begin + count - 1] = unknown
-    if start_known:
-        solved[:begin] = heads
-    else:
-        solved[0] = start_ratio * unknown[0]
-    if end_known:
-        for k in range(end_known):
-            solved[spans + 1 - k] = tails[k]
-    else:
-        solved[spans + 1] = end_ratio * unknown[count - 2]
+    begin, last = max(1, start_known), spans + 1
+    for k in range(3):
+        solved[0, k], solved[last, k] = start_ratio * unknown[0, k], end_ratio * unknown[-1, k]
+        for i in range(count - 1):
+            solved[begin + i, k] = unknown[i, k]
+        for i in range(start_known):
+            solved[i, k] = heads[i, k]
+        for i in range(end_known):
+            solved[last - i, k] = tails[i, k]
     _put_controls(places, keys, values, solved, table)
     _put_table(breaks, values, rates, curvatures, solved, table)
     return True
