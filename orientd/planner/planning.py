@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -192,7 +193,7 @@ class _Job:
         cores: dict[int, Core] = {}
         refusals: list[PlanError] = []
 
-        def attempt(cycles: int) -> float:
+        def attempt(cycles: int, *, are_led: bool) -> float:
             duration = cycles * period
             try:
                 # The same curve at another rate need not be made again.
@@ -203,8 +204,7 @@ class _Job:
                 factor = survey.look(core, reserved, period, everywhere=everywhere)
                 if factor <= 1.0:
                     cores[cycles] = core
-                    # From hold to hold the leads are the same for any duration.
-                    if not is_held:
+                    if are_led:
                         drafts[cycles] = self._with_leads(core)
             except StartError:
                 raise
@@ -221,10 +221,22 @@ class _Job:
             known = math.ceil(shape.duration / period)
             first = first if first <= 2 * known else known
             most = min(most, _LONGEST_SEARCH * known)
-        cycles = shortest(attempt, first, least=fewest, most=most, has_one_shape=is_same)
-        if cycles is None:
-            raise refusals[-1] if refusals else refusal.of_any_duration(self.start, self.limits)
-        return drafts.get(cycles) or self._with_leads(cores[cycles])
+        # From hold to hold the leads are the same for any duration.  Elsewhere what is found mostly
+        # has leads; otherwise every attempt counts with its own.
+        for are_led in (False,) if is_held else (False, True):
+            some = partial(attempt, are_led=are_led)
+            cycles = shortest(some, first, least=fewest, most=most, has_one_shape=is_same)
+            if cycles is None:
+                break
+            try:
+                return drafts.get(cycles) or self._with_leads(cores[cycles])
+            except StartError:
+                raise
+            except PlanError:
+                if is_held:
+                    raise
+                first = cycles
+        raise refusals[-1] if refusals else refusal.of_any_duration(self.start, self.limits)
 
     def _shape(self) -> tuple[Course, Core]:
         """Return the course of keyframes without times, and a core on it of about its duration."""
