@@ -16,17 +16,27 @@ from rest to rest.  The duration is the shortest whole number of periods that ke
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orientd.curves import METHODS, Curve
+from orientd.curves import Curve
 from orientd.errors import PlanError
 from orientd.planner.limits import Limits
 from orientd.planner.position import UNIT_ACCELERATION, UNIT_JERK, UNIT_VELOCITY
-from orientd.rotation import Floats, angle, conjugate, exp_half, log, multiply
+from orientd.planner.quintic import join
+from orientd.rotation import (
+    Floats,
+    angle,
+    between,
+    conjugate,
+    exp_half,
+    log,
+    log_half,
+    multiply,
+)
 
 Booleans = NDArray[np.bool_]
 
@@ -35,6 +45,7 @@ STILL = 1e-9
 
 _SAME = 1e-12  # rad and m
 _GRID = 160
+_BLOCK = 20  # of the grid, looked at in one go
 _FINEST_SHARES = np.linspace(0.0, 1.0, 65)
 _SHARES = np.linspace(0.0, 1.0, 33)
 _VELOCITY_MARGIN = 0.9999  # of the limit, for peaks between the points that are looked at
@@ -128,29 +139,22 @@ def _lead(q: Floats, omega: Floats, alpha: Floats, duration: float) -> Curve:
     else:
         end = q
     # The signs carry the whole turn, which may be more than half of one: they must stay.
-    return _quintic(q, end, omega, alpha, duration, align=False)
+    return _to_rest(q, end, omega, alpha, duration)
 
 
-def _quintic(
-    q0: Floats, q1: Floats, omega0: Floats, alpha0: Floats, duration: float, *, align: bool
-) -> Curve:
-    parameters: dict[str, Any] = {
-        "q0": q0,
-        "q1": q1,
-        "omega0": omega0,
-        "omega1": np.zeros(3),
-        "alpha0": alpha0,
-        "alpha1": np.zeros(3),
-        "t0": 0.0,
-        "t1": duration,
-        "align": align,
-    }
-    return METHODS["kks_quintic_hermite"](**parameters)
+def _to_rest(q: Floats, end: Floats, omega: Floats, alpha: Floats, duration: float) -> Curve:
+    """Return the quintic that ends at rest, the way round that the signs of the quaternions say."""
+    first = duration / 10.0 * omega
+    second = first + duration**2 / 40.0 * alpha
+    before = exp_half(-np.stack([second, first]))
+    middle = log_half(multiply(multiply(before[0], before[1]), between(q, end)))
+    rest = np.zeros(3)
+    return join(q, np.stack([first, second, middle, rest, rest]), duration)
 
 
-def _candidates(omega: Floats, alpha: Floats, bounds: _Bounds, period: float) -> list[int]:
-    """Return numbers of cycles to try, in order, by the closed form of parallel vectors."""
-    speed, size = float(np.linalg.norm(omega)), float(np.linalg.norm(alpha))
+def _candidates(omega: Floats, alpha: Floats, bounds: _Bounds, period: float) -> Iterator[int]:
+    """Yield numbers of cycles to try, in order, by the closed form of parallel vectors."""
+    speed, size = math.hypot(*omega.tolist()), math.hypot(*alpha.tolist())
     most_acceleration, most_jerk = bounds.least
     scale = (
         1.5 * speed / most_acceleration
@@ -159,21 +163,29 @@ def _candidates(omega: Floats, alpha: Floats, bounds: _Bounds, period: float) ->
     )
     most = math.ceil(10.0 * scale / period) + 8
     grid = np.unique(np.round(np.geomspace(1.0, most, _GRID)).astype(np.int64))
-    is_kept = _closed_form_keeps(omega, alpha, period * grid.astype(np.float64), bounds)
-    if not is_kept.any():
-        return []
-    first = int(np.argmax(is_kept))
-    low, high = int(grid[first - 1]) if first else 0, int(grid[first])
-    while high - low > 1:
-        middle = (low + high) // 2
-        if _closed_form_keeps(omega, alpha, np.array([middle * period]), bounds)[0]:
-            high = middle
-        else:
-            low = middle
-    # Vectors that are not parallel need a little longer.
-    rest = [int(n) for n in grid[is_kept] if n > high]
-    near = [high + math.ceil(high * share) for share in (0.005, 0.01, 0.02, 0.04)]
-    return sorted({high, *near, *rest})
+    blocks = np.array_split(grid, range(_BLOCK, len(grid), _BLOCK))
+    low, found, near = 0, 0, []
+    for block in blocks:
+        is_kept = _closed_form_keeps(omega, alpha, period * block.astype(np.float64), bounds)
+        kept = block[is_kept].tolist()
+        if not kept and not found:
+            low = int(block[-1])
+        elif not found:
+            place = int(np.argmax(is_kept))
+            low, found = int(block[place - 1]) if place else low, kept[0]
+            while found - low > 1:
+                middle = (low + found) // 2
+                if _closed_form_keeps(omega, alpha, period * np.array([middle]), bounds)[0]:
+                    found = middle
+                else:
+                    low = middle
+            # Vectors that are not parallel need a little longer.
+            near = [found + math.ceil(found * share) for share in (0.0, 0.005, 0.01, 0.02, 0.04)]
+        # What lies beyond the block comes with the next one.
+        here = {n for n in (*kept, *near) if found <= n <= block[-1]}
+        near = [n for n in near if n > block[-1]]
+        yield from sorted(here)
+    yield from near
 
 
 def _closed_form_keeps(
@@ -223,4 +235,5 @@ def approach_cycles(
 
 def approach(q0: Floats, q1: Floats, duration: float) -> Curve:
     """Return the turn from rest at *q0* to rest at *q1*, the short way round, over ``[0, T]``."""
-    return _quintic(q0, q1, np.zeros(3), np.zeros(3), duration, align=True)
+    nearer = -q1 if float(q0 @ q1) < 0.0 else q1
+    return _to_rest(q0, nearer, np.zeros(3), np.zeros(3), duration)
