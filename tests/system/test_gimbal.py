@@ -10,6 +10,7 @@ from gimbal_bench import ROOT, EmulatedGimbal, GimbalDaemon
 from harness import until
 
 from orientd import connect
+from orientd.motion_file import load
 
 pytest.importorskip("dynamixel_sdk")
 
@@ -110,15 +111,13 @@ def test_plan_without_a_daemon_certifies_the_axes_as_the_daemon_does(bus, deviat
     done = orientd("plan", over_the_top, "--json", "--config", deviating.config)
     assert (done.returncode, done.stderr) == (0, ""), done
     alone = json.loads(done.stdout)["plan"]["certificate"]
-    done = orientd("move", over_the_top, "--json", "--socket", deviating.socket)
-    with_daemon = json.loads(done.stdout)["plan"]["certificate"]
-    ours, theirs = (
-        {one["name"]: one["value"] for one in certificate["figures"]}
-        for certificate in (alone, with_daemon)
-    )
+    with connect(deviating.socket) as robot:
+        with_daemon = robot.plan(load(over_the_top)).certificate
+    ours = {one["name"]: one["value"] for one in alone["figures"]}
+    theirs = {one.name: one.value for one in with_daemon.figures}
     assert {"velocity of yaw", "acceleration of pitch", "largest angle of roll"} < set(ours)
     assert ours == pytest.approx(theirs, rel=1e-6, abs=1e-9)
-    assert alone["notes"] == with_daemon["notes"]
+    assert tuple(alone["notes"]) == with_daemon.notes
     shown = orientd("plan", over_the_top, "--config", deviating.config).stdout
     assert "pass near the pole, missing by at most 2.0" in shown
     assert "yaw: " in shown
