@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from orientd.rotation import Floats, align, between, log_half
+from orientd.rotation.quaternion import ROUNDING
 
-ROUNDING = 1e-15
 NORM_TOLERANCE = 1e-6
 """How far the norm of a quaternion may be from one; a larger error is not rounding."""
 

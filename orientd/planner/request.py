@@ -223,8 +223,7 @@ def _orientations(keyframes: Sequence[Keyframe]) -> Floats:
             f"keyframes[{index}].quaternion",
             f"norm must be 1 within {NORM_TOLERANCE:g}, got {norm[index]:.9g}",
         )
-    unit: Floats = keys / norm[:, None]
-    return unit
+    return check_unit(keys)
 
 
 def _table(rows: Sequence[Any], width: int, name: str, expected: str) -> Floats:

@@ -13,6 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
 
+ROUNDING = 1e-15
+"""How far from one the norm of a quaternion is that dividing by it would not bring nearer."""
+
 _TINY = 1e-140
 
 
@@ -86,7 +89,8 @@ def check_unit(q: ArrayLike, tolerance: float = 1e-6) -> Floats:
         tolerance: how far a norm may be from one.
 
     Returns:
-        The quaternions scaled to unit norm to rounding, shape ``(..., 4)``.
+        The quaternions scaled to unit norm to rounding, shape ``(..., 4)``; those that have it
+        as they are, to the last digit.
 
     Raises:
         ValueError: a component is not finite, or a norm is off by more than *tolerance*.
@@ -99,7 +103,9 @@ def check_unit(q: ArrayLike, tolerance: float = 1e-6) -> Floats:
     if np.any(error > tolerance):
         worst = float(norm.flat[int(np.argmax(error))])
         raise ValueError(f"quaternion norm must be 1 within {tolerance:g}, got {worst:.9g}")
-    return normalize(q)
+    is_unit = error <= ROUNDING
+    unit: Floats = q.copy() if is_unit.all() else np.where(is_unit[..., None], q, normalize(q))
+    return unit
 
 
 def rotate(q: ArrayLike, v: ArrayLike) -> Floats:

@@ -53,6 +53,8 @@ TURNING_PLANS = PLANS[1:2]
 BETTER_PLANS = (
     *(plan for plan in PLANS if plan.until is not None),
     PLANS[0],
+    Plan(0.9, 0.9),
+    Plan(0.998, 0.9),
     *(Plan(0.995, 0.985, rate) for rate in (0.8, 0.87, 0.93)),
 ) * 3
 """Ways to leave a stop that takes long for another one that is over sooner, tried in turn: what

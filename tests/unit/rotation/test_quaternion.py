@@ -124,6 +124,15 @@ def test_half_angle_logarithm_of_minus_one_is_a_whole_turn_about_x():
     assert np.array_equal(rotation.log_half([-1.0, 0.0, 0.0, 0.0]), [np.pi, 0.0, 0.0])
 
 
+def test_what_is_a_unit_quaternion_to_rounding_stays_as_it_is_to_the_last_digit():
+    rng = np.random.default_rng(0)
+    units = rotation.normalize(rng.normal(size=(1000, 4)))
+    assert np.array_equal(rotation.check_unit(units), units)
+    mixed = np.array([units[0], 1.0000001 * units[1]])
+    assert np.array_equal(rotation.check_unit(mixed)[0], units[0])
+    assert np.linalg.norm(rotation.check_unit(mixed)[1]) == pytest.approx(1.0, abs=1e-15)
+
+
 @pytest.mark.parametrize("size", [1e-150, 1e-157, 1e-165, 1e-300])
 def test_the_logarithm_of_nearly_minus_one_is_as_long_as_it_should_be(size):
     q = np.array([-1.0, size, size, size])
