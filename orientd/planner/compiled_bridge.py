@@ -1,9 +1,9 @@
 """The search for the shortest bridge, compiled by Numba.
 
-Imported by :mod:`orientd.planner.fast` only.  The references are
-:mod:`orientd.planner.bridge_search` and :mod:`orientd.planner.quintic`.  Here the durations are
-looked at one after the other until enough bridges are found, and every bridge is given up at the
-first point where it exceeds its bounds.
+Imported by :mod:`orientd.planner.fast` only.  The reference is
+:mod:`orientd.planner.bridge_search`.  Here the durations are looked at one after the other until
+enough bridges are found, and every bridge is given up at the first point where it exceeds its
+bounds (:mod:`orientd.planner.compiled_join`).
 """
 
 from __future__ import annotations
@@ -15,17 +15,14 @@ import numpy as np
 from numba import boolean, float64, njit, types
 
 from orientd.curves.basis import Indices
-from orientd.curves.compiled_product import joined
 from orientd.curves.compiled_rotation import (
     Quaternion,
     Vector,
-    conjugated,
     exponential,
     inner,
     logarithm,
     multiplied,
     relative,
-    turned,
 )
 from orientd.planner.bridge_search import (
     BEST,
@@ -39,6 +36,16 @@ from orientd.planner.bridge_search import (
     SUBSTEPS,
     VELOCITY_MARGIN,
 )
+from orientd.planner.compiled_join import (
+    exceeds,
+    increments,
+    keeps,
+    orientation,
+    put_middle,
+    seems_to_keep,
+    three,
+    weighted_sum,
+)
 from orientd.planner.fast import Booleans, Search
 from orientd.rotation import Floats
 
@@ -50,171 +57,21 @@ def _none() -> int:
 
 
 @inner
-def _three(row: Floats, begin: int) -> Vector:
-    return row[begin], row[begin + 1], row[begin + 2]
-
-
-@inner
-def _orientation(state: Floats) -> Quaternion:
-    return state[0], state[1], state[2], state[3]
-
-
-@inner
-def _put(w: Floats, k: int, v: Vector) -> None:
-    w[k, 0], w[k, 1], w[k, 2] = v
-
-
-@inner
-def _sum(v: Vector, factor: float, other: Vector, share: float) -> Vector:
-    return (
-        factor * v[0] + share * other[0],
-        factor * v[1] + share * other[1],
-        factor * v[2] + share * other[2],
-    )
-
-
-@inner
-def _increments(start: Floats, end: Floats, h: float, w: Floats) -> Quaternion:
-    """Write the increments of a join but the middle one, and return the quaternion of that.
-
-    Of the two ways round, it is that of the shorter one.
-
-    Args:
-        start: orientation, velocity and acceleration it begins with, shape ``(10,)``.
-        end: the same where it ends.
-        h: how long it takes, s.
-        w: receives the increments, shape ``(5, 3)``.
-    """
-    omega, alpha = _three(start, 4), _three(start, 7)
-    other_omega, other_alpha = _three(end, 4), _three(end, 7)
-    bend = h * h / 40.0
-    _put(w, 0, _sum(omega, h / 10.0, alpha, 0.0))
-    _put(w, 1, _sum(omega, h / 10.0, alpha, bend))
-    _put(w, 4, _sum(other_omega, h / 10.0, other_alpha, 0.0))
-    last = exponential(w[4, 0], w[4, 1], w[4, 2])
-    _put(w, 3, turned(last, _sum(other_omega, h / 10.0, other_alpha, -bend)))
-    begun = multiplied(
-        _orientation(start),
-        multiplied(exponential(w[0, 0], w[0, 1], w[0, 2]), exponential(w[1, 0], w[1, 1], w[1, 2])),
-    )
-    ended = multiplied(exponential(w[3, 0], w[3, 1], w[3, 2]), last)
-    middle = multiplied(conjugated(begun), multiplied(_orientation(end), conjugated(ended)))
-    if middle[0] < 0.0:
-        return -middle[0], -middle[1], -middle[2], -middle[3]
-    return middle
-
-
-@inner
-def _put_middle(w: Floats, middle: Quaternion, way: int) -> None:
-    sign = 1.0 - 2.0 * way
-    a, b, c, d = middle
-    _put(w, 2, logarithm((sign * a, sign * b, sign * c, sign * d)))
-
-
-@inner
-def _peak(squares: Floats, count: int) -> float:
-    """Return the largest of some values, by a parabola where it lies between them."""
-    at = 0
-    for i in range(1, count):
-        if squares[i] > squares[at]:
-            at = i
-    largest: float = squares[at]
-    at = min(max(at, 1), count - 2)
-    before, here, after = squares[at - 1], squares[at], squares[at + 1]
-    bend = 2.0 * here - before - after
-    if here >= before and here >= after and bend > 0.0:
-        top: float = here + (after - before) ** 2 / (8.0 * bend)
-        return max(largest, top)
-    return largest
-
-
-@inner
-def _exceeds(v: Vector, scale: float, most: Floats) -> bool:
-    """Return whether a vector times *scale* is above its bounds: the norm, then the components."""
-    exceeds = False
-    for i in range(1, len(most)):
-        exceeds |= not abs(v[i - 1]) * scale <= most[i]
-    return exceeds
-
-
-@inner
-def _seems_to_keep(w: Floats, duration: float, to_rates: Floats, most: Floats) -> bool:
-    """Return whether a join keeps its bounds as if turns commuted."""
-    points = to_rates.shape[1]
-    squares = np.empty(points)
-    rate = 1.0 / duration
-    # Ways that are too short mostly ask for too much acceleration.
-    for order, scale in ((1, rate * rate), (0, rate), (2, rate * rate * rate)):
-        for p in range(points):
-            x, y, z = 0.0, 0.0, 0.0
-            for k in range(5):
-                share = to_rates[order, p, k]
-                x += share * w[k, 0]
-                y += share * w[k, 1]
-                z += share * w[k, 2]
-            squares[p] = x * x + y * y + z * z
-            if not math.sqrt(squares[p]) * scale <= most[order, 0]:
-                return False
-            if _exceeds((x, y, z), scale, most[order]):
-                return False
-        if not math.sqrt(_peak(squares, points)) * scale <= most[order, 0]:
-            return False
-    return True
-
-
-@inner
-def _keeps(w: Floats, duration: float, at_points: Floats, most: Floats, squares: Floats) -> bool:
-    """Return whether a join keeps its bounds at some points of the curve itself."""
-    points = at_points.shape[2]
-    lengths, axes = np.empty(5), np.empty((5, 3))
-    for k in range(5):
-        length = math.sqrt(w[k, 0] ** 2 + w[k, 1] ** 2 + w[k, 2] ** 2)
-        lengths[k] = length
-        for i in range(3):
-            axes[k, i] = w[k, i] / length if length > 0.0 else w[k, i]
-    rate = 1.0 / duration
-    before = (0.0, 0.0, 0.0)
-    for p in range(points):
-        motion = (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-        for k in range(5):
-            length = lengths[k]
-            turn = (
-                length * at_points[0, k, p],
-                length * at_points[1, k, p] * rate,
-                length * at_points[2, k, p] * rate * rate,
-            )
-            motion = joined(motion, _three(axes[k], 0), turn)
-        _, omega, alpha = motion
-        jerk = _sum(alpha, (points - 1) * rate, before, -(points - 1) * rate)
-        before = alpha
-        for order, v in enumerate((omega, alpha, jerk)):
-            if order == 2 and p == 0:
-                continue
-            square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
-            squares[order, p] = square
-            if not math.sqrt(square) <= most[order, 0] or _exceeds(v, 1.0, most[order]):
-                return False
-    for order in range(3):
-        first = 1 if order == 2 else 0
-        if not math.sqrt(_peak(squares[order, first:], points - first)) <= most[order, 0]:
-            return False
-    return True
-
-
-@inner
 def _turn(state: Floats, goal: Vector, duration: float) -> Quaternion:
     """Return where a ramp leads to; see :func:`orientd.planner.bridge_search.turned`."""
-    omega, alpha = _three(state, 4), _three(state, 7)
+    omega, alpha = three(state, 4), three(state, 7)
     h = duration / SUBSTEPS
-    slope = _sum(goal, 1.0, alpha, -1.0)
+    slope = weighted_sum(goal, 1.0, alpha, -1.0)
     rate = 1.0 / duration if duration > 0.0 else 1.0
     share = math.sqrt(3.0) / 24.0 * h * h
-    here = _orientation(state)
+    here = orientation(state)
     for step in range(SUBSTEPS):
         t = (step + 0.5 - math.sqrt(3.0) / 6.0) * h
         other = (step + 0.5 + math.sqrt(3.0) / 6.0) * h
-        a = _sum(_sum(omega, 1.0, alpha, t), 1.0, slope, 0.5 * t * t * rate)
-        b = _sum(_sum(omega, 1.0, alpha, other), 1.0, slope, 0.5 * other * other * rate)
+        a = weighted_sum(weighted_sum(omega, 1.0, alpha, t), 1.0, slope, 0.5 * t * t * rate)
+        b = weighted_sum(
+            weighted_sum(omega, 1.0, alpha, other), 1.0, slope, 0.5 * other * other * rate
+        )
         here = multiplied(
             here,
             exponential(
@@ -235,7 +92,7 @@ def _bounds(start: Floats, end: Floats, reserved: Floats, has_axes: bool) -> Flo
             bound = reserved[order, k] * (VELOCITY_MARGIN if order == 0 else 1.0)
             for state in (start, end):
                 if order < 2:
-                    v = _three(state, 4 + 3 * order)
+                    v = three(state, 4 + 3 * order)
                     size = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
                     bound = max(bound, size if k == 0 else abs(v[k - 1]))
             most[order, k] = bound * (1.0 + ROUNDING)
@@ -261,16 +118,16 @@ def _put_ramp(
 
     The first one is none at all.
     """
-    omega, alpha = _three(state, 4), _three(state, 7)
-    change = _sum(goal, 1.0, alpha, -1.0)
+    omega, alpha = three(state, 4), three(state, 7)
+    change = weighted_sum(goal, 1.0, alpha, -1.0)
     size = math.sqrt(change[0] * change[0] + change[1] * change[1] + change[2] * change[2])
     duration = size / reserved[2, 0]
     for k in range(3):
         duration = max(duration, abs(change[k]) / reserved[2, k + 1])
     duration = max(duration, period) if count else 0.0
-    speed = _sum(omega, 1.0, _sum(alpha, 1.0, goal, 1.0), 0.5 * duration)
+    speed = weighted_sum(omega, 1.0, weighted_sum(alpha, 1.0, goal, 1.0), 0.5 * duration)
     size = math.sqrt(speed[0] * speed[0] + speed[1] * speed[1] + speed[2] * speed[2])
-    if count and (not size <= most[0, 0] or _exceeds(speed, 1.0, most[0])):
+    if count and (not size <= most[0, 0] or exceeds(speed, 1.0, most[0])):
         return count
     end = ends[count]
     end[0], end[1], end[2], end[3] = _turn(state, goal, duration)
@@ -286,7 +143,7 @@ def _ramps(
     ends: Floats, durations: Floats,
 ) -> int:  # fmt: skip
     """Write the ramps that a bridge may begin with, and return how many there are."""
-    omega, alpha = _three(state, 4), _three(state, 7)
+    omega, alpha = three(state, 4), three(state, 7)
     count = _put_ramp(state, alpha, reserved, most, period, _none(), ends, durations)
     if math.sqrt(alpha[0] * alpha[0] + alpha[1] * alpha[1] + alpha[2] * alpha[2]) > STILL:
         rest = (0.0, 0.0, 0.0)
@@ -299,7 +156,7 @@ def _ramps(
         limit = _along(direction, reserved[1])
         if limit < math.inf:
             for share in (0.5, 1.0):
-                goal = _sum(direction, share * limit, direction, 0.0)
+                goal = weighted_sum(direction, share * limit, direction, 0.0)
                 count = _put_ramp(state, goal, reserved, most, period, count, ends, durations)
     return count
 
@@ -377,10 +234,10 @@ def _seen(
         h = total - (durations[one] + others[other])
         kept[0, i] = kept[1, i] = False
         if h > SHORTEST:
-            middle = _increments(into[one], out_of[other], h, w)
+            middle = increments(into[one], out_of[other], h, w)
             for way in range(2):
-                _put_middle(w, middle, way)
-                kept[way, i] = _seems_to_keep(w, h, to_rates, most)
+                put_middle(w, middle, way)
+                kept[way, i] = seems_to_keep(w, h, to_rates, most)
     for way in range(2):
         for i in range(len(pairs)):
             if kept[way, i]:
@@ -467,9 +324,9 @@ def _first_kept(
     for i in range(count):
         one, other = divmod(int(tries[i, 1]), len(others))
         h = tries[i, 0] - (durations[one] + others[other])
-        middle = _increments(into[one], out_of[other], h, w)
-        _put_middle(w, middle, int(tries[i, 2]))
-        if _keeps(w, h, at_points, most, squares):
+        middle = increments(into[one], out_of[other], h, w)
+        put_middle(w, middle, int(tries[i, 2]))
+        if keeps(w, h, at_points, most, squares):
             return i
     return -1
 
@@ -477,10 +334,10 @@ def _first_kept(
 @inner
 def _way(start: Floats, end: Floats) -> Vector:
     """Return the rotation vector from one state to another, the short way round."""
-    w, x, y, z = relative(_orientation(start), _orientation(end))
+    w, x, y, z = relative(orientation(start), orientation(end))
     if w < 0.0:
         w, x, y, z = -w, -x, -y, -z
-    return _sum(logarithm((w, x, y, z)), 2.0, (0.0, 0.0, 0.0), 0.0)
+    return weighted_sum(logarithm((w, x, y, z)), 2.0, (0.0, 0.0, 0.0), 0.0)
 
 
 @inner
@@ -493,7 +350,7 @@ def _mirror(state: Floats) -> None:
 @inner
 def _turns_over(q: Floats, w: Floats, end: Floats) -> bool:
     """Return whether a join arrives at the other of the two quaternions of its end."""
-    arrival = _orientation(q)
+    arrival = orientation(q)
     for k in range(5):
         arrival = multiplied(arrival, exponential(w[k, 0], w[k, 1], w[k, 2]))
     cosine = 0.0
@@ -596,9 +453,9 @@ def _search(
     for k in range(4):
         q[0, k], q[1, k], q[2, k] = begin[k], into[one, k], out_of[other, k]
     if before > 0.0:
-        _put_middle(w[0], _increments(begin, into[one], before, w[0]), 0)
+        put_middle(w[0], increments(begin, into[one], before, w[0]), 0)
     if after > 0.0:
-        _put_middle(w[2], _increments(out_of[other], finish, after, w[2]), 0)
+        put_middle(w[2], increments(out_of[other], finish, after, w[2]), 0)
     # The sign of each goes on from the one before.
     if before > 0.0 and _turns_over(q[0], w[0], q[1]):
         _negate(q[1])

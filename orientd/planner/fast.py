@@ -40,13 +40,11 @@ LeastRate = Callable[
 ]
 """Finds the least brake rate of a path; see ``orientd.planner.compiled_certificate``."""
 
-
 SurveyOf = Callable[[Floats, Floats, float, float, float, Floats, bool, Floats], tuple[float, int]]
 """Surveys a core; see ``orientd.planner.compiled_survey``."""
 
 LookAt = Callable[[Floats, int, Floats, Floats, float, float, float, Floats, bool, bool], float]
 """Looks at records of a core; see ``orientd.planner.compiled_survey``."""
-
 
 QuickCore = Callable[
     [Floats, Floats, float, int, Floats, Floats, Floats, Floats], tuple[int, float]

@@ -299,12 +299,14 @@ def slerp(p: ArrayLike, q: ArrayLike, u: ArrayLike) -> Floats:
 def angle(p: ArrayLike, q: ArrayLike) -> Floats:
     """Return the angle in radians, in ``[0, pi]``, between two orientations, whatever their signs.
 
+    It is twice the angle between two unit vectors, by the arc tangent of their difference and their
+    sum, which keeps its digits everywhere (Kahan 2006, sec. 12).
+
     Raises:
         ValueError: a last axis does not have length 4.
     """
     p = _components(p, 4, "p")
     q = _components(q, 4, "q")
-    # Half of it is the angle between two unit vectors (Kahan): exact for small ones, too.
     apart, along = (np.sqrt(np.einsum("...i,...i->...", v, v)) for v in (q - p, q + p))
     found: Floats = 4.0 * np.arctan2(np.minimum(apart, along), np.maximum(apart, along))
     return found
