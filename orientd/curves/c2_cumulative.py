@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +19,7 @@ from orientd.curves.keyframes import (
     check_vector,
     increments,
     resolve_times,
+    with_turns,
 )
 from orientd.curves.product import TABLE_ROWS
 from orientd.rotation import Floats, exp_half, multiply, rotate
@@ -121,16 +121,20 @@ class C2Cumulative(CumulativeCurve):
         )
 
     @classmethod
-    def of_table(cls, breaks: Floats, table: Floats, solved: Floats) -> C2Cumulative:
+    def of_table(
+        cls, breaks: Floats, table: Floats, solved: Floats, at_ends: Floats
+    ) -> C2Cumulative:
         """Return the spline that a compiled kernel has found.
 
         Args:
             breaks: where its spans begin and end, s, shape ``(S + 1,)``.
             table: what it is sampled from, shape ``(25, S)``.
             solved: its increments, shape ``(S + 2, 3)``.
+            at_ends: samples at both ends, shape ``(10, 2)``.
         """
         spline = cls.__new__(cls)
         spline._set_table(breaks, table, solved, 2)  # noqa: SLF001 - its own class
+        spline._set_ends(at_ends)  # noqa: SLF001 - likewise
         return spline
 
     def _interpolated(
@@ -175,27 +179,6 @@ class _End:
                 given[count] = vector
                 count += 1
         return cls(count, given)
-
-
-def with_turns(steps: Floats, keys: Floats, turns: ArrayLike) -> tuple[Floats, Floats]:
-    """Return the steps with whole turns added and the keyframes with the signs that go with it."""
-    count = np.asarray(turns)
-    if count.shape != (len(steps),) or count.dtype.kind not in "iuf" or np.any(count % 1 != 0):
-        raise ValueError(
-            f"turns must be a list of {len(steps)} whole numbers, one for each interval, "
-            f"got {turns!r}"
-        )
-    lengths = np.sqrt(np.sum(steps**2, axis=-1))
-    is_open = (lengths == 0.0) & (count != 0)
-    if np.any(is_open):
-        place = int(np.argmax(is_open))
-        raise ValueError(
-            f"turns must be 0 between keyframes that are the same, which leave the axis open, "
-            f"got turns[{place}] = {count[place]}"
-        )
-    longer = steps * (1.0 + count * math.pi / np.where(lengths > 0.0, lengths, 1.0))[:, None]
-    signs = np.cumprod(np.concatenate([[1.0], np.where(count % 2 == 0, 1.0, -1.0)]))
-    return longer, keys * signs[:, None]
 
 
 def _knots(times: Floats, with_start: bool, with_end: bool) -> tuple[Floats, Indices]:

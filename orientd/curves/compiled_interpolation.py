@@ -16,11 +16,11 @@ from orientd.curves.basis import Indices
 from orientd.curves.compiled_basis import fill as fill_basis
 from orientd.curves.compiled_increments import find
 from orientd.curves.compiled_rotation import (
-    Quaternion,
     exponential,
     inner,
     logarithm,
     multiplied,
+    quaternion,
     relative,
     turned,
 )
@@ -38,11 +38,6 @@ def _align(keys: Floats) -> None:
         if cosine < 0.0:
             for k in range(4):
                 keys[i, k] = -keys[i, k]
-
-
-@inner
-def _quaternion(rows: Floats, i: int) -> Quaternion:
-    return rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3]
 
 
 @inner
@@ -117,9 +112,7 @@ def _put_controls(
             first = exponential(c * x, c * y, c * z)
             x, y, z = solved[span + 1, 0], solved[span + 1, 1], solved[span + 1, 2]
             c = -values[span, 1, 0]
-            q = multiplied(
-                _quaternion(keys, i), multiplied(exponential(c * x, c * y, c * z), first)
-            )
+            q = multiplied(quaternion(keys, i), multiplied(exponential(c * x, c * y, c * z), first))
             i += 1
         else:
             # It begins between keyframes and continues the span before it.
@@ -176,7 +169,7 @@ def _interpolate(
     count, spans = len(keys), len(breaks) - 1
     steps = np.empty((count - 1, 3))
     for i in range(count - 1):
-        step = logarithm(relative(_quaternion(keys, i), _quaternion(keys, i + 1)))
+        step = logarithm(relative(quaternion(keys, i), quaternion(keys, i + 1)))
         steps[i, 0], steps[i, 1], steps[i, 2] = step
     places = np.empty(count, dtype=np.int64)
     _put_breaks(times, start_known == 2, end_known == 2, breaks, places)

@@ -28,6 +28,12 @@ def inner(function: Function) -> Function:
 
 
 @inner
+def quaternion(rows: Floats, i: int) -> Quaternion:
+    """Return a row of four numbers."""
+    return rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3]
+
+
+@inner
 def multiplied(p: Quaternion, q: Quaternion) -> Quaternion:
     """Return the product of two quaternions."""
     return (
@@ -52,6 +58,16 @@ def relative(p: Quaternion, q: Quaternion) -> Quaternion:
     change = q[0] - sign * p[0], q[1] - sign * p[1], q[2] - sign * p[2], q[3] - sign * p[3]
     _, x, y, z = multiplied(conjugated(p), change)
     return w, x, y, z
+
+
+@inner
+def angle(p: Quaternion, q: Quaternion) -> float:
+    """Return the angle between two orientations, in 0 to pi, as :func:`orientd.rotation.angle`."""
+    apart, along = 0.0, 0.0
+    for k in range(4):
+        apart += (q[k] - p[k]) ** 2
+        along += (q[k] + p[k]) ** 2
+    return 4.0 * math.atan2(math.sqrt(min(apart, along)), math.sqrt(max(apart, along)))
 
 
 @inner

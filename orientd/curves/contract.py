@@ -99,6 +99,10 @@ class Curve(ABC):
             return q, omega_body, alpha_body
         return in_shape(instants.shape, q, omega_body, alpha_body)
 
+    def ends(self) -> Samples:
+        """Return what :meth:`evaluate` does at both ends of the domain."""
+        return self.evaluate(np.array(self.domain))
+
     def _sample_in_blocks(self, times: Floats) -> Samples:
         """Return the samples, worked out so many at a time that memory stays bounded."""
         if len(times) <= BLOCK:

@@ -36,6 +36,7 @@ class CumulativeCurve(Curve):
     """
 
     _table: Floats | None
+    _at_ends: Floats | None = None
 
     def __init__(
         self, *, basis: CumulativeBasis, controls: Floats, increments: Floats, continuity: int
@@ -107,12 +108,39 @@ class CumulativeCurve(Curve):
         self._table = table
         self._increments = increments
 
+    def _set_ends(self, rows: Floats) -> None:
+        """Take note of what it is at both ends, shape ``(10, 2)``."""
+        self._at_ends = rows
+
+    def ends(self) -> Samples:
+        """See :meth:`Curve.ends`."""
+        rows = self._at_ends
+        return super().ends() if rows is None else (rows[:4].T, rows[4:7].T, rows[7:].T)
+
     @property
     def increments(self) -> Floats:
         """Half-angle vectors from each control quaternion to the next; read only, ``(n, 3)``."""
         view = self._increments.view()
         view.setflags(write=False)
         return view
+
+    @property
+    def parts(self) -> tuple[Floats, ...]:
+        """What the compiled kernels sample it from.
+
+        Breaks and table if its factors are cubic; breaks, base, axes, lengths and the coefficients
+        of the basis otherwise.
+        """
+        if self._table is not None:
+            return self._knots, self._table
+        basis = self._basis
+        factors = self._base, self._axes, self._lengths
+        return self._knots, *factors, basis.values, basis.rates, basis.curvatures
+
+    @property
+    def spans_and_factors(self) -> tuple[int, int]:
+        """How many spans it has, and how many factors unless these are cubic: then 0."""
+        return len(self._knots) - 1, 0 if self._table is not None else len(self._lengths)
 
     @property
     def table(self) -> Floats | None:
@@ -154,18 +182,9 @@ class CumulativeCurve(Curve):
             return kernel.fill(times, self._knots, self._table, self._slack, out)
         if kernel.fill_product is None:
             return None
-        basis = self._basis
+        knots, base, axes, lengths, values, rates, curvatures = self.parts
         return kernel.fill_product(
-            times,
-            self._knots,
-            self._base,
-            self._axes,
-            self._lengths,
-            basis.values,
-            basis.rates,
-            basis.curvatures,
-            self._slack,
-            out,
+            times, knots, base, axes, lengths, values, rates, curvatures, self._slack, out
         )
 
     def fill_with_numpy(self, times: Floats, out: Floats) -> None:

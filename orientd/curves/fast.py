@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from orientd.prefetch import prefetch
 from orientd.rotation import Floats
 
 Indices = NDArray[np.intp]
@@ -58,7 +59,8 @@ Linearise = Callable[
 
 NUMBERS_FROM = (
     "planner/bridge_search.py",
-    "planner/certificate.py",
+    "planner/differences.py",
+    "planner/plain_path.py",
     "planner/survey.py",
     "planner/timing.py",
 )
@@ -127,6 +129,7 @@ class Background:
     def _load(self) -> None:
         try:
             forget_stale(_PACKAGE)
+            prefetch("llvmlite", "numba")
             for attribute, home in self._homes.items():
                 module, _, function = home.partition(":")
                 setattr(self, attribute, getattr(import_module(module), function))

@@ -11,6 +11,7 @@ from collections.abc import Collection
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from orientd.rotation import Floats, align, between, log_half
 from orientd.rotation.quaternion import ROUNDING
@@ -228,3 +229,24 @@ def increments(keys: Floats) -> Floats:
         Half-angle vectors, shape ``(n - 1, 3)``, of length up to pi.
     """
     return log_half(between(keys[:-1], keys[1:]))
+
+
+def with_turns(steps: Floats, keys: Floats, turns: ArrayLike) -> tuple[Floats, Floats]:
+    """Return the steps with whole turns added and the keyframes with the signs that go with it."""
+    count = np.asarray(turns)
+    if count.shape != (len(steps),) or count.dtype.kind not in "iuf" or np.any(count % 1 != 0):
+        raise ValueError(
+            f"turns must be a list of {len(steps)} whole numbers, one for each interval, "
+            f"got {turns!r}"
+        )
+    lengths = np.sqrt(np.sum(steps**2, axis=-1))
+    is_open = (lengths == 0.0) & (count != 0)
+    if np.any(is_open):
+        place = int(np.argmax(is_open))
+        raise ValueError(
+            f"turns must be 0 between keyframes that are the same, which leave the axis open, "
+            f"got turns[{place}] = {count[place]}"
+        )
+    longer = steps * (1.0 + count * math.pi / np.where(lengths > 0.0, lengths, 1.0))[:, None]
+    signs = np.cumprod(np.concatenate([[1.0], np.where(count % 2 == 0, 1.0, -1.0)]))
+    return longer, keys * signs[:, None]

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.basis import cumulative_basis
-from orientd.curves.c2_cumulative import with_turns
 from orientd.curves.cumulative import CumulativeCurve
 from orientd.curves.keyframes import (
     check_aligned,
@@ -17,6 +16,7 @@ from orientd.curves.keyframes import (
     check_vector,
     increments,
     resolve_times,
+    with_turns,
 )
 from orientd.curves.shooting import squared_acceleration
 from orientd.curves.spline_ends import begun_shares, end_rows, interpolation_knots

@@ -7,6 +7,8 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from typing import TypeVar
 
+from orientd.prefetch import prefetch
+
 Result = TypeVar("Result")
 
 
@@ -34,6 +36,8 @@ class Planners:
             if not future.set_running_or_notify_cancel():
                 return
             try:
+                # What plans is imported by the first who does, while other devices may be moving.
+                prefetch("numpy", "scipy")
                 result = work()
             except BaseException as error:  # noqa: BLE001 - it is raised where the result is asked for
                 future.set_exception(error)

@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from orientd.planner.blending import blend
-    from orientd.planner.certificate import Certificate, Peak
+    from orientd.planner.certificate import Certificate
     from orientd.planner.limits import DEFAULT_LIMITS, Limits
     from orientd.planner.motion import RECORD_FLOATS, Motion
     from orientd.planner.path import Samples
+    from orientd.planner.peaks import Peak
     from orientd.planner.planning import plan
     from orientd.planner.presets import PRESETS
     from orientd.planner.request import DEFAULT_METHOD, Keyframe, MotionRequest, State
@@ -34,7 +35,7 @@ _HOMES = {
     "Limits": "limits",
     "Motion": "motion",
     "MotionRequest": "request",
-    "Peak": "certificate",
+    "Peak": "peaks",
     "Samples": "path",
     "State": "request",
     "blend": "blending",

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 
 from orientd.planner import refusal
-from orientd.planner.certificate import measure
 from orientd.planner.draft import Draft
 from orientd.planner.limits import GUARD_TOLERANCE, Limits
+from orientd.planner.measuring import measure_path
 from orientd.planner.motion import Motion
 from orientd.planner.request import MotionRequest, State
 from orientd.planner.summing_up import before, summed_up
-from orientd.rotation import Floats
 
 _END_SLACK = 1e-9  # of a period
 
@@ -41,20 +40,16 @@ def certified(
     path = draft.path
     count = math.ceil(path.duration / period - _END_SLACK) + 1
 
-    def setpoints(first: int, size: int) -> tuple[Floats, Floats]:
-        return path.setpoints(first, size, period)
-
     # A timing of the user's may go up to the limits, where the guard's tolerance is all that
     # is left to brake with.
     # So may a motion that is taken over.
     may_be_at_limits = request.times is not None or not start.is_at_rest
-    peaks = measure(
-        setpoints,
+    peaks = measure_path(
+        path,
         count,
         period,
         limits,
         before=before(start, period) if start.is_known else None,
-        holds_after=True,
         brake_limits=limits.scaled(GUARD_TOLERANCE) if may_be_at_limits else limits,
         rough=draft.rough,
     )

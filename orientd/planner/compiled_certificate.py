@@ -1,7 +1,7 @@
 """What a certificate takes of every record, compiled by Numba.
 
 Imported by :mod:`orientd.planner.fast` only.  The references are
-:func:`orientd.planner.certificate.differences` and :mod:`orientd.planner.brake`.
+:func:`orientd.planner.differences.differences` and :mod:`orientd.planner.brake`.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def _logarithm(q: Quaternion) -> Vector:
 
 
 @inner
-def _is_new(square: float, largest: float) -> bool:
+def is_new(square: float, largest: float) -> bool:
     """Return whether a square is larger than those before; one that is not a number stays."""
     return not square <= largest and largest < math.inf
 
@@ -56,7 +56,7 @@ def _see_components(
     for i in range(first, len(rates)):
         for k in range(3):
             square = rates[i, k] ** 2
-            if _is_new(square, largest[order, k + 1]):
+            if is_new(square, largest[order, k + 1]):
                 largest[order, k + 1], places[order, k + 1] = square, i
 
 
@@ -95,7 +95,7 @@ def _differences(
         omega[i, 0], omega[i, 1], omega[i, 2] = x, y, z
         square = x * x + y * y + z * z
         squares[0, i] = square
-        if i >= 2 * past and _is_new(square, turn):
+        if i >= 2 * past and is_new(square, turn):
             turn, turns_at = square, i
         ax, ay, az = x - ux, y - uy, z - uz
         ux, uy, uz = x, y, z
@@ -103,7 +103,7 @@ def _differences(
             alpha[i - 1, 0], alpha[i - 1, 1], alpha[i - 1, 2] = ax, ay, az
             square = ax * ax + ay * ay + az * az
             squares[1, i - 1] = square
-            if i - 1 >= past and _is_new(square, bend):
+            if i - 1 >= past and is_new(square, bend):
                 bend, bends_at = square, i - 1
         jx, jy, jz = ax - vx, ay - vy, az - vz
         vx, vy, vz = ax, ay, az
@@ -111,7 +111,7 @@ def _differences(
             jerk[i - 2, 0], jerk[i - 2, 1], jerk[i - 2, 2] = jx, jy, jz
             square = jx * jx + jy * jy + jz * jz
             squares[2, i - 2] = square
-            if _is_new(square, twist):
+            if is_new(square, twist):
                 twist, twists_at = square, i - 2
     largest[0, 0], largest[1, 0], largest[2, 0] = turn, bend, twist
     places[0, 0], places[1, 0], places[2, 0] = turns_at, bends_at, twists_at
@@ -176,6 +176,7 @@ def _lower_bound(speed: float, size: float, most: float, worst: Floats) -> float
 def _least(
     speed: Floats, size: Floats, along: Floats, jerk: Floats, most: float, most_jerk: float,
     sigma: Floats, g: Floats, worst: Floats, sigma_g: float, fastest: float, margin: float,
+    best: float,
 ) -> tuple[float, int]:  # fmt: skip
     """Return the least rate over all points and which sets it; see :func:`_least_rate`.
 
@@ -192,9 +193,9 @@ def _least(
         sigma_g: likewise.
         fastest: likewise.
         margin: likewise.
+        best: the least rate of other points, which is returned, with 0, if none is less.
     """
-    count = len(speed)
-    best, place = fastest, 0
+    count, place = len(speed), 0
     # The point nearest to its limit first; most others are ruled out by it.
     bounds = np.empty(count)
     nearest, least = 0, math.inf
@@ -245,14 +246,15 @@ def _least_rate(
             along[i] += velocity[i, k] * acceleration[i, k]
         speed[i], size[i], along[i] = math.sqrt(speed[i]), math.sqrt(size[i]), abs(along[i])
     return _least(
-        speed, size, along, jerk, most, most_jerk, sigma, g, worst, sigma_g, fastest, margin
-    )
+        speed, size, along, jerk, most, most_jerk, sigma, g, worst, sigma_g, fastest, margin,
+        fastest,
+    )  # fmt: skip
 
 
 def _extremes(
     q: Floats, past: int, with_axes: bool, period: float, start: float, rough: Floats,
     with_rate: bool, most: Floats, sigma: Floats, g: Floats, worst: Floats,
-    sigma_g: float, fastest: float, margin: float, largest: Floats, places: Indices,
+    sigma_g: float, fastest: float, margin: float, best: float, largest: Floats, places: Indices,
 ) -> tuple[float, int]:  # fmt: skip
     """Write the largest backward differences, and return the least brake rate and what sets it.
 
@@ -272,6 +274,7 @@ def _extremes(
         sigma_g: likewise.
         fastest: likewise.
         margin: likewise.
+        best: the least rate of other records, which is returned, with 0, if none is less.
         largest: receives the largest squares, in units of rad a period, shape ``(3, 4)``; zeros.
         places: receives where these are, shape ``(3, 4)``; zeros.
     """
@@ -281,14 +284,14 @@ def _extremes(
     differences(q, past, with_axes, omega, alpha, jerk, squares, largest, places)
     points = len(jerk)
     if not with_rate or not points:
-        return fastest, 0
+        return best, 0
     speed, size, along, twist = (
         np.empty(points), np.empty(points), np.empty(points), np.empty(points)
     )  # fmt: skip
     unit, unit2, unit3 = 1.0 / period, 1.0 / period**2, 1.0 / period**3
     # The norm, then the components where they are limited.
     columns = 4 if with_axes else 1
-    rate, place = fastest, 0
+    place = 0
     for column in range(columns):
         for i in range(points):
             time = start + period * i
@@ -308,11 +311,11 @@ def _extremes(
                 along[i], twist[i] = unit * bends * abs(product), twists * math.sqrt(squares[2, i])
         found, where = _least(
             speed, size, along, twist, most[0, column], most[1, column],
-            sigma, g, worst, sigma_g, fastest, margin,
+            sigma, g, worst, sigma_g, fastest, margin, best,
         )  # fmt: skip
-        if found < rate:
-            rate, place = found, where
-    return rate, place
+        if found < best:
+            best, place = found, where
+    return best, place
 
 
 _RATE = types.Tuple((float64, int64))  # type: ignore[no-untyped-call]  # Numba's own
@@ -323,7 +326,7 @@ _RATE_SIGNATURE = _RATE(
 
 _EXTREMES_SIGNATURE = _RATE(
     _TWO, int64, boolean, float64, float64, _ONE, boolean, _TWO, _ONE, _ONE, _ONE,
-    float64, float64, float64, _OUT, int64[:, ::1],
+    float64, float64, float64, float64, _OUT, int64[:, ::1],
 )  # fmt: skip
 
 extremes: Extremes = cast(

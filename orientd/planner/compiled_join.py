@@ -1,16 +1,19 @@
 """What joins of two states of motion ask of a device, one by one, compiled by Numba.
 
-Imported by compiled kernels only.  The reference is :mod:`orientd.planner.quintic`.  A state is a
-row of ten numbers: orientation, angular velocity and angular acceleration.
+Imported by :mod:`orientd.planner.fast` and compiled kernels only.  The reference is
+:mod:`orientd.planner.quintic`.  A state is a row of ten numbers: orientation, angular velocity and
+angular acceleration.
 """
 
 from __future__ import annotations
 
 import math
+from typing import cast
 
 import numpy as np
+from numba import float64, njit, types, void
 
-from orientd.curves.compiled_product import joined
+from orientd.curves.compiled_product import fill, joined
 from orientd.curves.compiled_rotation import (
     Quaternion,
     Vector,
@@ -21,6 +24,7 @@ from orientd.curves.compiled_rotation import (
     multiplied,
     turned,
 )
+from orientd.planner.fast import PutJoins
 from orientd.rotation import Floats
 
 
@@ -178,3 +182,63 @@ def keeps(w: Floats, duration: float, at_points: Floats, most: Floats, squares: 
         if not math.sqrt(_peak(squares[order, first:], points - first)) <= most[order, 0]:
             return False
     return True
+
+
+def _put_joins(
+    q: Floats, w: Floats, breaks: Floats, unit_values: Floats, unit_rates: Floats,
+    unit_curvatures: Floats, base: Floats, axes: Floats, lengths: Floats, values: Floats,
+    rates: Floats, curvatures: Floats, at_ends: Floats,
+) -> None:  # fmt: skip
+    """Write what joins end to end are sampled from; see :class:`orientd.planner.quintic.Joins`.
+
+    Args:
+        q: orientations that they begin at, shape ``(n, 4)``.
+        w: their increments, shape ``(n, 5, 3)``.
+        breaks: when they begin, and when the last one ends, s, shape ``(n + 1,)``.
+        unit_values: coefficients of the basis functions over a second, shape ``(5, 6)``.
+        unit_rates: those of their derivatives, shape ``(5, 5)``.
+        unit_curvatures: those of their second derivatives, shape ``(5, 4)``.
+        base: receives the orientations, shape ``(4, n)``.
+        axes: receives the unit axes of the increments, shape ``(5, 3, n)``.
+        lengths: receives their half angles, shape ``(5, n)``.
+        values: receives the coefficients of each join, shape ``(n, 5, 6)``.
+        rates: likewise, shape ``(n, 5, 5)``.
+        curvatures: likewise, shape ``(n, 5, 4)``.
+        at_ends: receives samples at both ends, shape ``(10, 2)``.
+    """
+    for i in range(len(q)):
+        rate = 1.0 / (breaks[i + 1] - breaks[i])
+        for k in range(4):
+            base[k, i] = q[i, k]
+        for k in range(5):
+            length = math.sqrt(w[i, k, 0] ** 2 + w[i, k, 1] ** 2 + w[i, k, 2] ** 2)
+            lengths[k, i] = length
+            for c in range(3):
+                # A factor that does not turn has any axis.
+                axes[k, c, i] = w[i, k, c] / length if length > 0.0 else 0.0
+            for j in range(6):
+                values[i, k, j] = unit_values[k, j]
+            for j in range(5):
+                rates[i, k, j] = rate * unit_rates[k, j]
+            for j in range(4):
+                curvatures[i, k, j] = rate * rate * unit_curvatures[k, j]
+    instants = np.empty(2)
+    instants[0], instants[1] = breaks[0], breaks[-1]
+    fill(instants, breaks, base, axes, lengths, values, rates, curvatures, 0.0, at_ends)
+
+
+_ONE, _TWO, _THREE = (types.Array(float64, n, "C", readonly=True) for n in (1, 2, 3))
+
+_ROWS = types.Array(float64, 2, "A", readonly=True)
+
+put_joins: PutJoins = cast(
+    PutJoins,
+    njit(
+        void(
+            _ROWS, _THREE, _ONE, _TWO, _TWO, _TWO, float64[:, ::1], float64[:, :, ::1],
+            float64[:, ::1], float64[:, :, ::1], float64[:, :, ::1], float64[:, :, ::1],
+            float64[:, ::1],
+        ),
+        error_model="numpy", nogil=True, cache=True,
+    )(_put_joins),
+)  # fmt: skip

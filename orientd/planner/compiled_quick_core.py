@@ -13,8 +13,9 @@ from typing import cast
 import numpy as np
 from numba import float64, int64, njit, types
 
+from orientd.curves.compiled import fill
 from orientd.curves.compiled_interpolation import interpolate
-from orientd.curves.compiled_rotation import inner
+from orientd.curves.compiled_rotation import angle, inner, quaternion
 from orientd.planner.compiled_survey import look, survey
 from orientd.planner.fast import QuickCore
 from orientd.planner.survey import PIECES, SHARES
@@ -37,13 +38,9 @@ def _put_chords(keys: Floats, times: Floats) -> float:
     least = math.inf
     times[0] = 0.0
     for i in range(len(keys) - 1):
-        apart, along = 0.0, 0.0
-        for k in range(4):
-            apart += (keys[i + 1, k] - keys[i, k]) ** 2
-            along += (keys[i + 1, k] + keys[i, k]) ** 2
-        angle = 4.0 * math.atan2(math.sqrt(min(apart, along)), math.sqrt(max(apart, along)))
-        times[i + 1] = times[i] + angle
-        least = min(least, angle)
+        step = angle(quaternion(keys, i), quaternion(keys, i + 1))
+        times[i + 1] = times[i] + step
+        least = min(least, step)
     return least
 
 
@@ -70,7 +67,7 @@ def _step(before: tuple[float, float], here: tuple[float, float]) -> float:
 
 def _quick_core(
     keys: Floats, limits: Floats, period: float, most: int, times: Floats, breaks: Floats,
-    table: Floats, solved: Floats,
+    table: Floats, solved: Floats, at_ends: Floats,
 ) -> tuple[int, float]:  # fmt: skip
     """Write the curve through keyframes, and return how many cycles it should take.
 
@@ -83,6 +80,7 @@ def _quick_core(
         breaks: as in :mod:`orientd.curves.compiled_interpolation`, shape ``(n + 2,)``.
         table: likewise.
         solved: likewise.
+        at_ends: receives samples at both ends, shape ``(10, 2)``.
 
     Returns:
         The fewest cycles that keep the limits, to 0.1 %, or 0 if they were not found this way; and
@@ -131,6 +129,9 @@ def _quick_core(
         elif attempt >= MOST_PREDICTIONS or not low < guess < high:
             guess = math.sqrt(float(low) * high) if low else 0.5 * high
         cycles = min(max(math.ceil(guess), low + 1), high - 1)
+    instants = np.empty(2)
+    instants[0], instants[1] = breaks[0], breaks[-1]
+    fill(instants, breaks, table, 0.0, at_ends)
     return (high if high <= most else 0), duration
 
 
@@ -142,7 +143,7 @@ quick_core: QuickCore = cast(
     njit(
         _FOUND(
             _TWO, _TWO, float64, int64, float64[::1], float64[::1],
-            float64[:, ::1], float64[:, ::1],
+            float64[:, ::1], float64[:, ::1], float64[:, ::1],
         ),
         error_model="numpy", nogil=True, cache=True,
     )(_quick_core),

@@ -13,8 +13,8 @@ from numba import boolean, float64, int64, njit, types
 
 from orientd.curves.compiled import fill
 from orientd.curves.compiled_rotation import inner
-from orientd.planner.certificate import HISTORY
 from orientd.planner.compiled_certificate import differences
+from orientd.planner.differences import HISTORY
 from orientd.planner.fast import LookAt, SurveyOf
 from orientd.planner.survey import GAP, HOT, MARGIN, PIECES, SHARES
 from orientd.rotation import Floats

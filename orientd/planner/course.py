@@ -11,11 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orientd.planner.certificate import HISTORY, Peaks, measure
+from orientd.planner.differences import HISTORY
 from orientd.planner.lead import STILL, is_still
 from orientd.planner.limits import Limits
+from orientd.planner.measuring import measure
 from orientd.planner.methods import Ends, Method, build
 from orientd.planner.path import Stretch
+from orientd.planner.peaks import Peaks
 from orientd.planner.position import Motion3, PositionPath, position_path
 from orientd.planner.request import MotionRequest, State
 from orientd.planner.timing import Indices

@@ -8,8 +8,8 @@ import numpy as np
 
 from orientd.errors import PlanError
 from orientd.planner import refusal
-from orientd.planner.certificate import Rough
 from orientd.planner.course import Core
+from orientd.planner.differences import Rough
 from orientd.planner.join_in import join_in
 from orientd.planner.lead import is_still, lead_out
 from orientd.planner.lead_in import Caution, LeadIn, lead_in

@@ -28,11 +28,20 @@ Differences = Callable[[Floats, int, bool, Floats, Floats, Floats, Floats, Float
 Extremes = Callable[
     [
         Floats, int, bool, float, float, Floats, bool, Floats, Floats, Floats, Floats,
-        float, float, float, Floats, Indices,
+        float, float, float, float, Floats, Indices,
     ],
     tuple[float, int],
 ]  # fmt: skip
 """Takes all a certificate needs of some setpoints; see ``orientd.planner.compiled_certificate``."""
+
+PutJoins = Callable[
+    [
+        Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats,
+        Floats, Floats,
+    ],
+    None,
+]  # fmt: skip
+"""Writes what joins are sampled from; see ``orientd.planner.compiled_join``."""
 
 LeastRate = Callable[
     [Floats, Floats, Floats, float, float, Floats, Floats, Floats, float, float, float],
@@ -47,20 +56,40 @@ LookAt = Callable[[Floats, int, Floats, Floats, float, float, float, Floats, boo
 """Looks at records of a core; see ``orientd.planner.compiled_survey``."""
 
 QuickCore = Callable[
-    [Floats, Floats, float, int, Floats, Floats, Floats, Floats], tuple[int, float]
+    [Floats, Floats, float, int, Floats, Floats, Floats, Floats, Floats], tuple[int, float]
 ]
 """Finds the quickest default curve; see ``orientd.planner.compiled_quick_core``."""
+
+
+SamplePath = Callable[[Floats, Floats, Floats], None]
+"""Samples a path; see ``orientd.planner.compiled_path``."""
+
+FarthestFrom = Callable[[Floats, Floats, Floats], float]
+"""Holds a path against orientations; see ``orientd.planner.compiled_path``."""
+
+PathExtremes = Callable[
+    [
+        Floats, int, float, Floats, bool, Floats, Floats, Floats, Floats, Floats,
+        float, float, float, Floats, Indices,
+    ],
+    tuple[float, int],
+]  # fmt: skip
+"""Takes all a certificate needs of a path; see ``orientd.planner.compiled_path``."""
 
 
 class PlannerKernels(fast.Background):
     """The compiled kernels of the planner; nothing each as long as they are not ready.
 
     Attributes:
+        put_joins: writes what joins are sampled from.
         search: finds the shortest bridge.
         survey: surveys a core.
         look: looks at records of a core.
         quick_core: finds the default curve through keyframes without times.
         extremes: the largest backward differences of setpoints, and the least brake rate.
+        sample_path: samples a path.
+        farthest_from: how far a path is from some orientations.
+        path_extremes: the same as *extremes* of all records of a path.
         least_rate: the least brake rate of a path.
     """
 
@@ -68,18 +97,26 @@ class PlannerKernels(fast.Background):
         super().__init__(
             {
                 "extremes": "orientd.planner.compiled_certificate:extremes",
+                "sample_path": "orientd.planner.compiled_path:sample_path",
+                "farthest_from": "orientd.planner.compiled_path:farthest_from",
+                "path_extremes": "orientd.planner.compiled_path:path_extremes",
                 "least_rate": "orientd.planner.compiled_certificate:least_rate",
+                "put_joins": "orientd.planner.compiled_join:put_joins",
                 "search": "orientd.planner.compiled_bridge:search",
                 "survey": "orientd.planner.compiled_survey:survey",
                 "look": "orientd.planner.compiled_survey:look",
                 "quick_core": "orientd.planner.compiled_quick_core:quick_core",
             }
         )
+        self.put_joins: PutJoins | None = None
         self.search: Search | None = None
         self.survey: SurveyOf | None = None
         self.look: LookAt | None = None
         self.quick_core: QuickCore | None = None
         self.extremes: Extremes | None = None
+        self.sample_path: SamplePath | None = None
+        self.farthest_from: FarthestFrom | None = None
+        self.path_extremes: PathExtremes | None = None
         self.least_rate: LeastRate | None = None
 
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.planner.certificate import HISTORY, Certificate, Rough
+from orientd.planner.certificate import Certificate
+from orientd.planner.differences import HISTORY, Rough
 from orientd.planner.limits import Limits
 from orientd.planner.path import Path, Samples
 from orientd.planner.request import MotionRequest, State
@@ -83,20 +84,25 @@ class Motion:
         if not 0 <= record < self.record_count:
             raise ValueError(f"record must be within 0 to {self.record_count - 1}, got {record}")
         first = max(record - HISTORY, 0)
-        samples = self.path.sample(self.period * np.arange(first, record + 1, dtype=np.float64))
+        samples = self._samples(first, record + 1)
         q, position = samples.q[:-1], samples.position[:-1]
         missing = HISTORY - len(q)
         if missing:
             earlier = before(self.start_state, self.period)
             q = np.concatenate([earlier[0][-missing:], q])
             position = np.concatenate([earlier[1][-missing:], position])
+        if record < self.record_count - 1 and self.path.positions.is_held:
+            here_q, omega, alpha, place = (part[-1] for part in samples[:4])
+            return State(here_q, omega, alpha, place, before=(q, position))
         if record == self.record_count - 1:
             here = State.at_rest(self.path.last, self.path.positions.last)
-        elif self.path.positions.is_held:
-            here = State(*(part[-1] for part in samples[:4]))
         else:
             here = self.path.state(self.period * record)
         return replace(here, before=(q, position))
+
+    def _samples(self, first: int, end: int) -> Samples:
+        """Return the records from the *first* to the one before *end*."""
+        return self.path.sample_in_order(self.period * np.arange(first, end, dtype=np.float64))
 
     def sample(self, path_times: ArrayLike) -> Samples:
         """Return the motion at *path_times* (s, shape ``(n,)``, any order); held beyond its ends.
@@ -126,7 +132,7 @@ class Motion:
             raise ValueError(
                 f"records must be within 0 to {self.record_count}, got {first} to {first + count}"
             )
-        samples = self.path.sample(self.period * np.arange(first, first + count, dtype=np.float64))
+        samples = self._samples(first, first + count)
         block: Floats = np.empty((count, RECORD_FLOATS))
         column = 0
         for part in samples:

@@ -14,12 +14,17 @@ from typing import NamedTuple
 import numpy as np
 
 from orientd.curves import Curve
+from orientd.planner.plain_path import farthest_from, plain_path, sample
 from orientd.planner.position import PositionPath
 from orientd.planner.request import State
-from orientd.rotation import Floats
+from orientd.rotation import Floats, angle
 
 _AT_REST = 1e-9
 """Seconds before its end that a path counts as ended: its last record is at rest, to rounding."""
+
+
+_ROUNDING = 1e-13
+"""Share of a curve's duration that a stretch of all of it may miss."""
 
 
 class Samples(NamedTuple):
@@ -86,14 +91,20 @@ class Stretch:
     def ends(self) -> tuple[State, State]:
         """Return the states at both ends; their positions are left at the origin."""
         if not self._found:
-            first, last = self.curve.domain
-            origin = first if self.rate > 0.0 else last
-            elapsed = (self.skipped, self.end - self.begin + self.skipped)
-            instants = [min(max(origin + self.rate * t, first), last) for t in elapsed]
-            self._found.append(self.curve.evaluate(np.array(instants)))
+            self._found.append(self._curve_at_ends())
         q, omega, alpha = self._lined_up(*self._found[0])
         zero = np.zeros(3)
         return State(q[0], omega[0], alpha[0], zero), State(q[1], omega[1], alpha[1], zero)
+
+    def _curve_at_ends(self) -> tuple[Floats, Floats, Floats]:
+        first, last = self.curve.domain
+        duration = self.end - self.begin
+        if self.rate > 0.0 and abs(self.rate * duration / (last - first) - 1.0) <= _ROUNDING:
+            return self.curve.ends()
+        origin = first if self.rate > 0.0 else last
+        elapsed = (self.skipped, duration + self.skipped)
+        instants = [min(max(origin + self.rate * t, first), last) for t in elapsed]
+        return self.curve.evaluate(np.array(instants))
 
     def without(self, duration: float) -> Stretch:
         """Return the stretch with its first seconds left out, the rest where it was."""
@@ -126,6 +137,7 @@ class Path:
     positions: PositionPath
     first: Floats
     last: Floats
+    _plain: list[Floats | None] = field(repr=False, default_factory=list)
 
     @classmethod
     def joined(
@@ -159,6 +171,14 @@ class Path:
         ]
 
     @property
+    def plain(self) -> Floats | None:
+        """The row of numbers that the compiled kernels sample it from, if they do."""
+        if not self._plain:
+            end = self.duration - _AT_REST
+            self._plain.append(plain_path(self.stretches, self.first, self.last, end))
+        return self._plain[0]
+
+    @property
     def duration(self) -> float:
         """Path time from the first instant to the last, s."""
         return self.stretches[-1].end
@@ -183,20 +203,18 @@ class Path:
         if not is_sorted:
             order = np.argsort(times, kind="stable")
             back = np.argsort(order)
-            return Samples(*(part[back] for part in self.sample(times[order])))
+            return Samples(*(part[back] for part in self.sample_in_order(times[order])))
+        return self.sample_in_order(times)
+
+    def sample_in_order(self, times: Floats) -> Samples:
+        """Return the path at increasing *times*; beyond its ends it is held."""
         position, velocity = self.positions.sample(times)
-        first, last, parts = self._parts(times)
-        if len(parts) == 1 and (first, last) == (0, len(times)):
-            return Samples(*parts[0][0].sample(times), position, velocity)
-        velocity[:first] = velocity[last:] = 0.0
-        position[last:] = self.positions.last
-        # Components first in memory, as they come from the curves.
-        rows: Floats = np.zeros((10, len(times)))
-        q, omega, alpha = rows[:4].T, rows[4:7].T, rows[7:].T
-        q[:first], q[last:] = self.first, self.last
-        for stretch, here in parts:
-            q[here], omega[here], alpha[here] = stretch.sample(times[here])
-        return Samples(q, omega, alpha, position, velocity)
+        if not self.positions.is_held:
+            first, last = self._ends(times)
+            velocity[:first] = velocity[last:] = 0.0
+            position[last:] = self.positions.last
+        rows = self._rows(times, 10)
+        return Samples(rows[:4].T, rows[4:7].T, rows[7:].T, position, velocity)
 
     def setpoints(self, first: int, size: int, period: float) -> tuple[Floats, Floats]:
         """Return orientations and positions at multiples of a period from the *first* one on.
@@ -206,38 +224,48 @@ class Path:
             ``(1, 3)``.
         """
         times = period * np.arange(first, first + size, dtype=np.float64)
-        q, end = self._orientations(times)
+        q = self.orientations(times)
         if self.positions.is_held:
             return q, self.positions.first[None]
         position, _ = self.positions.sample(times)
-        position[end:] = self.positions.last
+        position[self._ends(times)[1] :] = self.positions.last
         return q, position
 
     def orientations(self, times: Floats) -> Floats:
         """Return the orientations at increasing *times*, shape ``(n, 4)``."""
-        return self._orientations(times)[0]
+        return self._rows(times, 4).T
 
-    def _orientations(self, times: Floats) -> tuple[Floats, int]:
-        """Return the orientations at increasing *times*, and where among them the path ends."""
-        begin, end, parts = self._parts(times)
-        if len(parts) == 1 and (begin, end) == (0, len(times)):
-            return parts[0][0].sample(times)[0], end
-        q: Floats = np.empty((4, len(times))).T
-        q[:begin], q[end:] = self.first, self.last
-        for stretch, here in parts:
-            q[here] = stretch.sample(times[here])[0]
-        return q, end
+    def farthest_from(self, keys: Floats, times: Floats) -> float:
+        """Return the largest angle between *keys* and the path at increasing *times*, rad."""
+        found = None if self.plain is None else farthest_from(self.plain, keys, times)
+        return float(np.max(angle(self.orientations(times), keys))) if found is None else found
 
-    def _parts(self, times: Floats) -> tuple[int, int, list[tuple[Stretch, slice]]]:
-        """Return where the path begins and ends in increasing *times*, and which stretch has which.
+    def _ends(self, times: Floats) -> tuple[int, int]:
+        """Return where the path begins and ends in increasing *times*."""
+        first, last = np.searchsorted(times, [0.0, self.duration - _AT_REST]).tolist()
+        return min(first, last), last
 
-        Stretches without any are left out.
+    def _rows(self, times: Floats, count: int) -> Floats:
+        """Return orientations at increasing *times*, and velocities and accelerations if asked for.
+
+        Returns:
+            Shape ``(count, n)``, where *count* is 4 or 10.
         """
-        begins = [0.0, *(stretch.begin for stretch in self.stretches[1:])]
-        edges = np.searchsorted(times, [*begins, self.duration - _AT_REST])
-        first, *_, last = edges = np.minimum(edges, edges[-1]).tolist()
-        parts = zip(self.stretches, edges[:-1], edges[1:], strict=True)
-        return first, last, [(one, slice(begin, end)) for one, begin, end in parts if begin < end]
+        rows = None if self.plain is None else sample(self.plain, times, count)
+        if rows is not None:
+            return rows
+        first, last = self._ends(times)
+        rows = np.zeros((count, len(times)))
+        rows[:4, :first], rows[:4, last:] = self.first[:, None], self.last[:, None]
+        begins = [stretch.begin for stretch in self.stretches[1:]]
+        edges = np.minimum(np.searchsorted(times, begins), last).tolist()
+        for stretch, begin, end in zip(
+            self.stretches, [first, *edges], [*edges, last], strict=True
+        ):
+            if begin < end:
+                parts = stretch.sample(times[begin:end])
+                rows[:, begin:end] = np.concatenate([part.T for part in parts])[:count]
+        return rows
 
     def state(self, time: float) -> State:
         """Return the state at *time*, with the derivatives of the stretch that begins there."""

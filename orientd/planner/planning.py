@@ -300,10 +300,12 @@ class _Job:
 
     def _lead_in(self, core: Core) -> LeadIn:
         first, _ = core.stretch.ends()
-        first = replace(first, position=core.positions.first)
-        key = np.concatenate([*(first.q, first.omega_body, first.alpha_body)]).tobytes()
-        if key not in self.leads:
-            self.leads[key] = lead_in(
+        key = first.q.tobytes() + first.omega_body.tobytes() + first.alpha_body.tobytes()
+        lead = self.leads.get(key)
+        if lead is None:
+            at = core.positions.first
+            first = State(first.q, first.omega_body, first.alpha_body, at)
+            lead = self.leads[key] = lead_in(
                 self.start, first, limits=self.limits, period=self.period, caution=self.caution
             )
-        return self.leads[key]
+        return lead

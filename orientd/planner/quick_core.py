@@ -20,6 +20,7 @@ from orientd.planner.path import Stretch
 from orientd.planner.position import PositionPath
 from orientd.planner.request import MotionRequest, State
 from orientd.planner.timing import LONGEST
+from orientd.rotation import Floats
 
 
 def quick_core(
@@ -40,6 +41,7 @@ def quick_core(
     count = len(request.keys)
     times, breaks = np.empty(count), np.empty(count + 2)
     table, solved = np.empty((TABLE_ROWS, count + 1)), np.empty((count + 3, 3))
+    at_ends: Floats = np.empty((10, 2))
     cycles, own = compiled(
         np.ascontiguousarray(request.keys),
         limit_table(limits),
@@ -49,11 +51,14 @@ def quick_core(
         breaks,
         table,
         solved,
+        at_ends,
     )
     if not cycles:
         return None
     duration = cycles * period
-    stretch = Stretch(C2Cumulative.of_table(breaks, table, solved), 0.0, own).slowed(duration)
+    stretch = Stretch(C2Cumulative.of_table(breaks, table, solved, at_ends), 0.0, own).slowed(
+        duration
+    )
     return Core(stretch, PositionPath.held(start.position), times * (duration / own))
 
 

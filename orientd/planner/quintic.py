@@ -21,6 +21,7 @@ from orientd.curves import Curve
 from orientd.curves.basis import CumulativeBasis, cumulative_basis
 from orientd.curves.cumulative import CumulativeCurve
 from orientd.curves.product import product, product_memory
+from orientd.planner.fast import kernels
 from orientd.rotation import Floats, conjugate, exp_half, log_half, multiply, rotate
 
 _ROUGH, _FINE = 17, 49  # points of a curve that are looked at
@@ -178,20 +179,27 @@ class Joins(CumulativeCurve):
     """
 
     def __init__(self, q: Floats, w: Floats, breaks: Floats) -> None:
-        rate = (1.0 / (breaks[1:] - breaks[:-1]))[:, None, None]
-        basis = CumulativeBasis(
-            breaks,
-            1 + 5 * np.arange(len(q)),
-            np.ones_like(rate) * _UNIT.values,
-            rate * _UNIT.rates,
-            rate * rate * _UNIT.curvatures,
-        )
-        factors = np.ascontiguousarray(w.transpose(1, 2, 0))
-        lengths = np.sqrt((factors * factors).sum(axis=1))
-        # A factor that does not turn has any axis.
-        axes = factors / np.maximum(lengths, _NO_TURN)[:, None]
-        base = np.ascontiguousarray(q.T)
+        count = len(q)
+        base, axes, lengths = np.empty((4, count)), np.empty((5, 3, count)), np.empty((5, count))
+        values, rates = np.empty((count, 5, 6)), np.empty((count, 5, 5))
+        curvatures = np.empty((count, 5, 4))
+        basis = CumulativeBasis(breaks, 1 + 5 * np.arange(count), values, rates, curvatures)
         self._set_factors(basis, base, axes, lengths, w.reshape(-1, 3), continuity=2)
+        put_joins = kernels().put_joins
+        if put_joins is not None:
+            units = _UNIT.values[0], _UNIT.rates[0], _UNIT.curvatures[0]
+            at_ends: Floats = np.empty((10, 2))
+            put_joins(q, w, breaks, *units, base, axes, lengths, values, rates, curvatures, at_ends)
+            self._set_ends(at_ends)
+            return
+        rate = (1.0 / (breaks[1:] - breaks[:-1]))[:, None, None]
+        values[:], rates[:] = _UNIT.values, rate * _UNIT.rates
+        curvatures[:] = rate * rate * _UNIT.curvatures
+        factors = w.transpose(1, 2, 0)
+        lengths[:] = np.sqrt((factors * factors).sum(axis=1))
+        # A factor that does not turn has any axis.
+        axes[:] = factors / np.maximum(lengths, _NO_TURN)[:, None]
+        base[:] = q.T
 
 
 def arrival(q: Floats, w: Floats) -> Floats:

@@ -10,8 +10,9 @@ import numpy as np
 from orientd.driver import ShapedPath
 from orientd.errors import StartError
 from orientd.planner import refusal
-from orientd.planner.certificate import Rough, measure
+from orientd.planner.differences import Rough
 from orientd.planner.limits import GUARD_TOLERANCE
+from orientd.planner.measuring import measure
 from orientd.planner.motion import Motion
 from orientd.planner.path import Path
 from orientd.planner.summing_up import before, summed_up

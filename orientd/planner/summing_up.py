@@ -8,12 +8,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from orientd.driver import Figure
-from orientd.planner.certificate import HISTORY, Certificate, Peak, Peaks
+from orientd.planner.certificate import Certificate
+from orientd.planner.differences import HISTORY
 from orientd.planner.limits import ANGULAR, AXES, UNITS
 from orientd.planner.path import Path
+from orientd.planner.peaks import Peak, Peaks
 from orientd.planner.request import MotionRequest, State
 from orientd.planner.table_path import TablePath
-from orientd.rotation import Floats, angle, exp, multiply
+from orientd.rotation import Floats, exp, multiply
 
 
 def summed_up(
@@ -35,7 +37,6 @@ def summed_up(
         period: of the device, s.
     """
     begin, end = ends
-    keyframes = path.orientations(keyframe_times)
     return Certificate(
         rate_hz=1.0 / period,
         duration=path.duration,
@@ -48,7 +49,7 @@ def summed_up(
         peak_linear_acceleration=peaks.linear_acceleration,
         start_velocity_error=_miss(path, begin, request.omega_start),
         end_velocity_error=_miss(path, end, request.omega_end),
-        keyframe_error=float(np.max(angle(keyframes, request.keys))),
+        keyframe_error=path.farthest_from(request.keys, keyframe_times),
         brake_rate=peaks.brake_rate,
         stop_time=1.0 / peaks.brake_rate if peaks.brake_rate > 0.0 else math.inf,
         figures=tuple(_axis_figures(peaks)),

@@ -13,11 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from orientd.curves.cumulative import CumulativeCurve
-from orientd.planner.certificate import CHUNK, OFF_GRID
 from orientd.planner.course import Core
+from orientd.planner.differences import OFF_GRID
 from orientd.planner.fast import kernels
 from orientd.planner.limit_table import limit_table
 from orientd.planner.limits import Limits
+from orientd.planner.measuring import CHUNK
 from orientd.planner.timing import excess
 from orientd.rotation import Floats
 

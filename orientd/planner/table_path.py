@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from orientd.planner.certificate import HISTORY
+from orientd.planner.differences import HISTORY
 from orientd.planner.path import Path, Samples
 from orientd.planner.position import PositionPath
 from orientd.planner.request import State
@@ -134,6 +134,10 @@ class TablePath:
         """Return the orientations at *times*, shape ``(n, 4)``."""
         return self.sample(times).q
 
+    def farthest_from(self, keys: Floats, times: Floats) -> float:
+        """Return the largest angle between *keys* and the path at *times*, rad."""
+        return float(np.max(angle(self.orientations(times), keys)))
+
     def sample(self, times: Floats) -> Samples:
         """Return the path at *times*, in any order; beyond its ends it is held."""
         where = np.clip(times / self.period, 0.0, len(self.q) - 1.0)
@@ -148,6 +152,8 @@ class TablePath:
             q[between], omega[between], alpha[between] = part
         position, velocity = self._position(where)
         return Samples(q, omega, alpha, position, velocity)
+
+    sample_in_order = sample
 
     def state(self, time: float) -> State:
         """Return the state at *time*."""

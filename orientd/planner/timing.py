@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 
 from orientd.errors import RequestError
-from orientd.planner.certificate import OFF_GRID, Peaks
+from orientd.planner.differences import OFF_GRID
 from orientd.planner.limits import Limits
+from orientd.planner.peaks import Peaks
 from orientd.planner.request import MotionRequest
 from orientd.rotation import Floats, angle
 

@@ -6,9 +6,10 @@ import pytest
 from planned import rotations
 
 from orientd.driver.floats import difference
-from orientd.planner import DEFAULT_LIMITS, Limits, certificate
-from orientd.planner.certificate import Rough, measure
+from orientd.planner import DEFAULT_LIMITS, Limits, measuring
+from orientd.planner.differences import Rough
 from orientd.planner.fast import wait_ready
+from orientd.planner.measuring import measure
 
 H = 0.004
 
@@ -80,7 +81,7 @@ def test_the_size_of_chunks_makes_no_difference(monkeypatch, chunk):
     limits = DEFAULT_LIMITS.scaled(8.0)
     whole = look(q, p, brake_limits=limits)
     assert whole.brake_rate > 0.0
-    monkeypatch.setattr(certificate, "CHUNK", chunk)
+    monkeypatch.setattr(measuring, "CHUNK", chunk)
     assert look(q, p, brake_limits=limits) == whole
 
 
@@ -104,7 +105,9 @@ def test_without_history_only_differences_inside_count():
     assert lone.velocity.value == 0.0
 
 
-def test_what_is_not_a_number_is_the_peak():
+@pytest.mark.parametrize("chunk", [60, 8192])
+def test_what_is_not_a_number_is_the_peak(monkeypatch, chunk):
+    monkeypatch.setattr(measuring, "CHUNK", chunk)
     q, p = walk()
     q[150] = np.nan
     assert np.isnan(look(q, p).velocity.value)

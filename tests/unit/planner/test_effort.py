@@ -12,7 +12,6 @@ from orientd.planner import (
     Limits,
     MotionRequest,
     State,
-    certificate,
     course,
     plan,
     retarget,
@@ -50,7 +49,7 @@ WORST = {
 def effort(monkeypatch):
     """Count corrections of curves, and records that are measured."""
     spent = {"corrections": 0, "records": 0}
-    correction, measure = KeyframeEquations.correction, certificate.measure
+    correction, measure = KeyframeEquations.correction, course.measure
 
     def counted_correction(*arguments):
         spent["corrections"] += 1

@@ -7,8 +7,10 @@ from orientd.curves import fast as curves_fast
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, fast, plan, retarget
 from orientd.planner.brake import axis_brake_rate, brake_rate
 from orientd.planner.bridge import bridge
-from orientd.planner.certificate import Rough, differences, extremes
 from orientd.planner.course import Course
+from orientd.planner.differences import Rough, differences, extremes
+from orientd.planner.limits import ANGULAR
+from orientd.planner.measuring import measure_path
 from orientd.planner.methods import Ends, method_of
 from orientd.planner.position import PositionPath
 from orientd.planner.survey import Survey
@@ -158,6 +160,82 @@ def test_both_find_the_same_brake_rate(both, scale):
             assert found[0] == pytest.approx(reference[0], rel=1e-12)
             # Of several points where nothing is left either may be named.
             assert found[1] == reference[1] or found[0] == 0.0
+
+
+def several_paths(limits):
+    """Yield motions on paths of one to five stretches, run backwards and taken over, too."""
+    rng = np.random.default_rng(6)
+    here = State.at_rest([1.0, 0.0, 0.0, 0.0])
+    keys = [tuple(q) for q in exp(0.3 * rng.normal(size=(5, 3))).tolist()]
+    times = [0.0, 4.0, 9.0, 13.0, 17.0]
+    timed = [Keyframe(q, t) for q, t in zip(keys, times, strict=True)]
+    velocities = {"start_velocity": (0.2, 0.0, -0.1), "end_velocity": (0.0, 0.3, 0.0)}
+    for keyframes, method, options in (
+        ([Keyframe(keys[0])], "c2_cumulative", {}),
+        ([Keyframe(keys[0])], "c2_cumulative", {"end_velocity": (0.0, 0.3, 0.0)}),
+        ([Keyframe(q) for q in keys], "c2_cumulative", {}),
+        (timed, "c2_cumulative", velocities),
+        (timed, "kks_hermite_spline", velocities),
+        (timed, "kks_hermite_spline", {}),
+    ):
+        request = MotionRequest(keyframes, method=method, approach=True, **options)
+        for start in (here, retarget(keys[1], start=here, limits=limits, period=PERIOD)):
+            state = start if start is here else start.state_at(start.record_count // 2)
+            yield plan(request, start=state, limits=limits, period=PERIOD)
+
+
+@pytest.mark.parametrize("limits", LIMITS)
+def test_both_sample_the_same_paths(both, limits):
+    counts, rates = set(), set()
+    for motion in several_paths(limits):
+        path = motion.path
+        counts.add(len(path.stretches))
+        rates |= {stretch.rate > 0.0 for stretch in path.stretches}
+        inside = np.linspace(-0.1, path.duration + 0.1, 700)
+        joints = [stretch.begin for stretch in path.stretches]
+        times = np.sort(np.concatenate([inside, joints, np.nextafter(joints, -9.0)]))
+        for some in (times, times[-1:], times[:0], inside[::-1]):
+            reference, found = both(lambda path=path, some=some: path.sample(some))
+            for part, other in zip(found, reference, strict=True):
+                assert part == pytest.approx(other, abs=1e-12)
+        keys, at = path.orientations(times[::7]), times[::7]
+        reference, found = both(lambda path=path, q=keys, t=at: path.farthest_from(q, t + 0.01))
+        assert found == pytest.approx(reference, rel=1e-9)
+        assert found > 1e-3
+    assert counts >= {1, 2, 4}
+    assert rates == {True, False}
+
+
+def value_at(path, name, time):
+    """Return the size of a backward difference of a path that was held before."""
+    times = np.arange(round(time / PERIOD) - 3, round(time / PERIOD) + 1) * PERIOD
+    rate = differences(path.orientations(np.maximum(times, 0.0)))[ANGULAR.index(name)][-1]
+    return np.linalg.norm(rate) / PERIOD ** (1 + ANGULAR.index(name))
+
+
+@pytest.mark.parametrize("limits", LIMITS)
+@pytest.mark.parametrize("rough", [None, Rough(0.1, 2.0, 1)])
+def test_both_hold_the_same_paths_against_their_limits(both, limits, rough):
+    for motion in several_paths(limits):
+        path, count = motion.path, motion.record_count
+        q = path.orientations(np.zeros(3))
+        befores = [None, (q, np.zeros((3, 3))), (q, np.full((3, 3), 0.1))]
+        for before in befores:
+            reference, found = both(
+                lambda before=before, path=path, count=count: measure_path(
+                    path, count, PERIOD, limits, before=before, brake_limits=limits, rough=rough
+                )
+            )
+            assert found.brake_rate == pytest.approx(reference.brake_rate, rel=1e-6)
+            for name in ("velocity", "acceleration", "jerk", "linear_velocity"):
+                one, other = getattr(found, name), getattr(reference, name)
+                assert one.value == pytest.approx(other.value, rel=1e-6)
+                if name in ANGULAR:
+                    # Of several that are as large either may be named.
+                    assert value_at(path, name, one.time) == pytest.approx(one.value, rel=1e-6)
+            for name in ("axis_velocity", "axis_acceleration", "axis_jerk"):
+                row, rows = getattr(found, name), getattr(reference, name)
+                assert [p.value for p in row] == pytest.approx([p.value for p in rows], rel=1e-6)
 
 
 @pytest.mark.parametrize("limits", LIMITS)

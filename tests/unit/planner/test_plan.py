@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from planned import LIMITS, PERIOD, differences, times_of
 
+from orientd.curves.fast import Status
 from orientd.errors import LimitError, PlanError, RequestError, StartError
-from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
+from orientd.planner import Keyframe, Limits, MotionRequest, State, fast, plan
 from orientd.planner.request import rotate
 from orientd.rotation import angle, exp, multiply
 
@@ -348,6 +349,9 @@ def test_many_keyframes_are_planned_with_a_fixed_number_of_samples_at_a_time(mon
     largest = []
     from orientd.planner.path import Stretch
 
+    # The kernels work in blocks of their own.
+    monkeypatch.setattr(fast, "KERNELS", fast.PlannerKernels())
+    fast.KERNELS.status = Status.MISSING
     sample = Stretch.sample
 
     def watched(self, times):

@@ -11,7 +11,7 @@ from orientd.daemon import servo_link
 from orientd.errors import OrientdError
 from orientd.planner import Keyframe, Limits, MotionRequest, plan
 from orientd.planner import State as PlannedState
-from orientd.planner.certificate import measure
+from orientd.planner.measuring import measure
 from orientd.servo.path_follower import Leg
 from orientd.stream import UNKNOWN, Answer, Command
 
