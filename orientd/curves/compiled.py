@@ -7,21 +7,29 @@ which is the reference; here they are arranged for the vector units of the proce
 * instants are grouped into runs inside one span.  A long run is one loop whose constants are
   scalars and whose results go straight to contiguous rows;
 * short runs are collected, constants and all, in a tile that one loop of fixed length works off;
-* neither loop branches or calls: sine and cosine are polynomials in the squared angle after a
-  reduction to at most a quarter turn either way.
+* neither loop branches or calls (:mod:`orientd.curves.compiled_lanes`).
 
-Only the loops use relaxed floating point, and not the reassociation part of it, which would undo
-the two-part reduction; the search for spans must see what is not a number.
+Only the loops use relaxed floating point; the search for spans must see what is not a number.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TypeVar, cast
+from typing import cast
 
 import numpy as np
 from numba import float64, int64, njit, types, uint64
 
+from orientd.curves.compiled_lanes import (
+    Quaternion,
+    Vector,
+    cosine_and_sine,
+    followed,
+    inlined,
+    joined,
+    turned_back,
+    vectorised,
+)
+from orientd.curves.compiled_rotation import inner
 from orientd.curves.fast import Fill
 from orientd.rotation import Floats
 
@@ -31,126 +39,39 @@ STRIDE = 64
 ROWS = 25
 """Rows of the table: base quaternion, then per factor four coefficients and the axis."""
 
-_RELAXED = {"contract", "nsz", "nnan", "ninf", "arcp"}
-_INVERSE_PI = 0.3183098861837907
-_PI_FIRST = 3.1415926218032837
-_PI_REST = 3.178650954705639e-08
-"""Pi in two parts, the first so short that its multiples are exact."""
-
-# Chebyshev interpolants in z = x^2 on [0, (pi/2)^2], of cos x to 6e-17 and of sin(x)/x to 2e-17.
-_C1, _C2, _C3 = -0.4999999999999997, 0.04166666666666388, -0.001388888888877299
-_C4, _C5, _C6 = 2.4801587277414926e-05, -2.755731639102575e-07, 2.0876561839933163e-09
-_C7, _C8 = -1.1462901901757276e-11, 4.608977003001797e-14
-_S1, _S2, _S3 = -0.16666666666666666, 0.008333333333333186, -0.00019841269841208676
-_S4, _S5, _S6 = 2.7557319211229606e-06, -2.505210689056952e-08, 1.605894087848656e-10
-_S7, _S8 = -7.643026557971632e-13, 2.7215749422983443e-15
-
-Vector = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]
 Factor = tuple[float, float, float, float, float, float, float]
 """Taylor coefficients of the half angle, the factorials divided out, and the unit axis."""
 State = tuple[Quaternion, Vector, Vector]
-Function = TypeVar("Function", bound=Callable[..., object])
 
 
-def _inlined(function: Function) -> Function:
-    return cast(Function, njit(inline="always")(function))
-
-
-def _compiled(function: Function) -> Function:
-    return cast(Function, njit(nogil=True)(function))
-
-
-def _vectorised(function: Function) -> Function:
-    return cast(Function, njit(fastmath=_RELAXED, error_model="numpy", nogil=True)(function))
-
-
-@_inlined
-def _cosine_and_sine(x: float) -> tuple[float, float]:
-    turns = np.floor(x * _INVERSE_PI + 0.5)
-    r = (x - turns * _PI_FIRST) - turns * _PI_REST
-    half = 0.5 * turns
-    sign = 1.0 - 4.0 * (half - np.floor(half))
-    z = r * r
-    c = _C4 + z * (_C5 + z * (_C6 + z * (_C7 + z * _C8)))
-    s = _S4 + z * (_S5 + z * (_S6 + z * (_S7 + z * _S8)))
-    c = 1.0 + z * (_C1 + z * (_C2 + z * (_C3 + z * c)))
-    s = r + r * z * (_S1 + z * (_S2 + z * (_S3 + z * s)))
-    return sign * c, sign * s
-
-
-@_inlined
-def _multiplied(q: Quaternion, c: float, e: Vector) -> Quaternion:
-    qw, qx, qy, qz = q
-    ex, ey, ez = e
-    return (
-        qw * c - qx * ex - qy * ey - qz * ez,
-        qw * ex + qx * c + qy * ez - qz * ey,
-        qw * ey - qx * ez + qy * c + qz * ex,
-        qw * ez + qx * ey - qy * ex + qz * c,
-    )
-
-
-@_inlined
-def _turned_back(c: float, e: Vector, v: Vector) -> Vector:
-    ex, ey, ez = e
-    vx, vy, vz = v
-    tx = 2.0 * (vy * ez - vz * ey)
-    ty = 2.0 * (vz * ex - vx * ez)
-    tz = 2.0 * (vx * ey - vy * ex)
-    return (
-        vx + c * tx + (ty * ez - tz * ey),
-        vy + c * ty + (tz * ex - tx * ez),
-        vz + c * tz + (tx * ey - ty * ex),
-    )
-
-
-@_inlined
+@inlined
 def _turn(t: float, factor: Factor) -> tuple[float, Vector, float, float]:
     """Return the quaternion of a factor, and twice the derivatives of its half angle."""
     a0, a1, a2, a3, ax, ay, az = factor
-    c, s = _cosine_and_sine(a0 + t * (a1 + t * (a2 + t * a3)))
+    c, s = cosine_and_sine(a0 + t * (a1 + t * (a2 + t * a3)))
     rate = 2.0 * (a1 + t * (2.0 * a2 + t * (3.0 * a3)))
     return c, (s * ax, s * ay, s * az), rate, 4.0 * a2 + t * (12.0 * a3)
 
 
-@_inlined
-def _joined(
-    omega: Vector, alpha: Vector, factor: Factor, rate: float, curvature: float
-) -> tuple[Vector, Vector]:
-    """Return the motion before a factor, as seen after it, joined with that of the factor."""
-    ax, ay, az = factor[4], factor[5], factor[6]
-    ox, oy, oz = omega
-    px, py, pz = alpha
-    nx, ny, nz = rate * ax, rate * ay, rate * az
-    return (
-        (ox + nx, oy + ny, oz + nz),
-        (
-            px + curvature * ax + (oy * nz - oz * ny),
-            py + curvature * ay + (oz * nx - ox * nz),
-            pz + curvature * az + (ox * ny - oy * nx),
-        ),
-    )
-
-
-@_inlined
+@inlined
 def _sampled(t: float, base: Quaternion, f: Factor, g: Factor, h: Factor) -> State:
     # The first factor's velocity and acceleration have its axis, which is turned for both.
     c, e, rate, curvature = _turn(t, f)
-    q = _multiplied(base, c, e)
+    q = followed(base, c, e)
     c, e, next_rate, next_curvature = _turn(t, g)
-    q = _multiplied(q, c, e)
-    x, y, z = _turned_back(c, e, (f[4], f[5], f[6]))
+    q = followed(q, c, e)
+    x, y, z = turned_back(c, e, (f[4], f[5], f[6]))
     before = (rate * x, rate * y, rate * z)
     change = (curvature * x, curvature * y, curvature * z)
-    omega, alpha = _joined(before, change, g, next_rate, next_curvature)
+    omega, alpha = joined(before, change, (g[4], g[5], g[6]), next_rate, next_curvature)
     c, e, rate, curvature = _turn(t, h)
-    q = _multiplied(q, c, e)
-    omega, alpha = _joined(_turned_back(c, e, omega), _turned_back(c, e, alpha), h, rate, curvature)
+    q = followed(q, c, e)
+    omega, alpha = turned_back(c, e, omega), turned_back(c, e, alpha)
+    omega, alpha = joined(omega, alpha, (h[4], h[5], h[6]), rate, curvature)
     return q, omega, alpha
 
 
-@_vectorised
+@vectorised
 def _fill_run(
     times: Floats, first: int, end: int, table: Floats, breaks: Floats, span: int, out: Floats
 ) -> None:
@@ -179,7 +100,7 @@ def _fill_run(
         px[i], py[i], pz[i] = alpha
 
 
-@_vectorised
+@vectorised
 def _fill_tile(tile: Floats) -> None:
     """Work off a tile: rows of times since the span began, then constants, then results.
 
@@ -208,7 +129,7 @@ def _fill_tile(tile: Floats) -> None:
         tile[33 * TILE + i], tile[34 * TILE + i], tile[35 * TILE + i] = alpha
 
 
-@_compiled
+@inner
 def _inside(times: Floats, first: int, start: float, end: float) -> int:
     """Return how many of the next instants are in a span, in a loop without a way out."""
     found = 0
@@ -218,7 +139,7 @@ def _inside(times: Floats, first: int, start: float, end: float) -> int:
     return found
 
 
-@_compiled
+@inner
 def _unload(tile: Floats, count: int, first: int, out: Floats) -> None:
     """Work off a tile and copy what is wanted of it to the output from place *first* on."""
     _fill_tile(tile)
@@ -228,7 +149,7 @@ def _unload(tile: Floats, count: int, first: int, out: Floats) -> None:
             out[row, first + i] = tile[begin + i]
 
 
-@_inlined
+@inlined
 def _span_of(t: float, breaks: Floats) -> int:
     """Return the span that an instant inside the domain is in, the last one closed at its end."""
     low, high = 0, len(breaks) - 2

@@ -1,9 +1,9 @@
 """The cumulative product of any number of factors, compiled by Numba.
 
-Imported by :mod:`orientd.curves.fast` only.  The formulas are those of
+Imported by :mod:`orientd.curves.fast` and compiled kernels only.  The formulas are those of
 :mod:`orientd.curves.product`, which is the reference.  Curves of at most three cubic factors have
-:mod:`orientd.curves.compiled`, which is several times as fast; this one serves the quintic joins of
-the planner, of which a few hundred samples are wanted at a time.
+:mod:`orientd.curves.compiled`, which is about twice as fast; this one serves the quintic joins of
+the planner.
 """
 
 from __future__ import annotations
@@ -12,8 +12,10 @@ import math
 from typing import cast
 
 import numpy as np
-from numba import float64, int64, njit, types
+from numba import float64, int64, njit, types, uint64
 
+from orientd.curves.compiled_lanes import cosine_and_sine, followed, turned_back, vectorised
+from orientd.curves.compiled_lanes import joined as moved
 from orientd.curves.compiled_rotation import (
     Quaternion,
     Vector,
@@ -27,14 +29,12 @@ from orientd.rotation import Floats
 
 Motion = tuple[Quaternion, Vector, Vector]
 
+TILE = 64
+"""Instants in one span that are worked on at a time, in one row of numbers: so many for each
+quantity, one quantity after the other."""
 
-@inner
-def raise_bernstein(weights: Floats, degree: int, u: float) -> None:
-    """Replace the Bernstein polynomials of one degree at *u* by those of the next, *degree*."""
-    weights[degree] = u * weights[degree - 1]
-    for j in range(degree - 1, 0, -1):
-        weights[j] = u * weights[j - 1] + (1.0 - u) * weights[j]
-    weights[0] *= 1.0 - u
+_U, _ANGLE, _RATE, _CURVATURE = (row * TILE for row in range(10, 14))
+_WEIGHTS = 14 * TILE
 
 
 @inner
@@ -66,12 +66,73 @@ def joined(motion: Motion, axis: Vector, turn: tuple[float, float, float]) -> Mo
     )
 
 
+@vectorised
+def _raise(block: Floats, row: int, degree: int, count: int) -> None:
+    """Replace the Bernstein polynomials of one degree by those of the next, *degree*."""
+    for j in range(degree, -1, -1):
+        here, below = row + j * TILE, row + (j - 1) * TILE
+        if j == degree:
+            for i in range(uint64(count)):
+                block[here + i] = block[_U + i] * block[below + i]
+        elif j:
+            for i in range(uint64(count)):
+                u = block[_U + i]
+                block[here + i] = u * block[below + i] + (1.0 - u) * block[here + i]
+        else:
+            for i in range(uint64(count)):
+                block[here + i] *= 1.0 - block[_U + i]
+
+
 @inner
-def _sum(coefficients: Floats, weights: Floats, count: int) -> float:
-    total = 0.0
-    for j in range(count):
-        total += coefficients[j] * weights[j]
-    return total
+def _put_weights(block: Floats, factors: int, count: int) -> tuple[int, int, int]:
+    """Write the Bernstein polynomials of three degrees, and return where each begins."""
+    low = _WEIGHTS
+    middle = low + max(factors - 1, 1) * TILE
+    high = middle + factors * TILE
+    for i in range(count):
+        block[low + i] = 1.0
+    for degree in range(1, factors - 1):
+        _raise(block, low, degree, count)
+    for i in range(max(factors - 1, 1) * TILE):
+        block[middle + i] = block[low + i]
+    if factors > 1:
+        _raise(block, middle, factors - 1, count)
+    for i in range(factors * TILE):
+        block[high + i] = block[middle + i]
+    _raise(block, high, factors, count)
+    return low, middle, high
+
+
+@vectorised
+def _weigh(
+    block: Floats, row: int, coefficients: Floats, scale: float, target: int, count: int
+) -> None:
+    """Write the sum of some polynomials, each times its coefficient."""
+    for i in range(uint64(count)):
+        block[target + i] = 0.0
+    for m in range(len(coefficients)):
+        share, place = scale * coefficients[m], row + m * TILE
+        for i in range(uint64(count)):
+            block[target + i] += share * block[place + i]
+
+
+@vectorised
+def _follow(block: Floats, ax: float, ay: float, az: float, count: int) -> None:
+    """Have the motions of a tile followed by turns about one axis."""
+    for i in range(uint64(count)):
+        c, s = cosine_and_sine(block[_ANGLE + i])
+        e = (s * ax, s * ay, s * az)
+        q = (block[i], block[TILE + i], block[2 * TILE + i], block[3 * TILE + i])
+        omega = (block[4 * TILE + i], block[5 * TILE + i], block[6 * TILE + i])
+        alpha = (block[7 * TILE + i], block[8 * TILE + i], block[9 * TILE + i])
+        q = followed(q, c, e)
+        omega, alpha = turned_back(c, e, omega), turned_back(c, e, alpha)
+        rate, curvature = 2.0 * block[_RATE + i], 2.0 * block[_CURVATURE + i]
+        omega, alpha = moved(omega, alpha, (ax, ay, az), rate, curvature)
+        block[i], block[TILE + i] = q[0], q[1]
+        block[2 * TILE + i], block[3 * TILE + i] = q[2], q[3]
+        block[4 * TILE + i], block[5 * TILE + i], block[6 * TILE + i] = omega
+        block[7 * TILE + i], block[8 * TILE + i], block[9 * TILE + i] = alpha
 
 
 def _fill(
@@ -95,38 +156,41 @@ def _fill(
     Returns:
         The place of the first instant that is outside the domain, or -1 if none is.
     """
-    factors = len(lengths)
+    factors, total = len(lengths), len(times)
     first, last = breaks[0], breaks[-1]
-    low, middle, high = np.empty(factors + 1), np.empty(factors + 1), np.empty(factors + 1)
-    for i in range(len(times)):
+    block = np.empty(_WEIGHTS + 3 * (factors + 1) * TILE)
+    i = 0
+    while i < total:
         t = times[i]
         if not (first - slack <= t <= last + slack):
             return i
         t = min(max(t, first), last)
         span = min(int(np.searchsorted(breaks, t, side="right")) - 1, len(breaks) - 2)
-        u = (t - breaks[span]) / (breaks[span + 1] - breaks[span])
-        low[0] = 1.0
-        for degree in range(1, factors - 1):
-            raise_bernstein(low, degree, u)
-        middle[: factors - 1] = low[: factors - 1]
-        raise_bernstein(middle, factors - 1, u)
-        high[:factors] = middle[:factors]
-        raise_bernstein(high, factors, u)
-        q = (base[0, span], base[1, span], base[2, span], base[3, span])
-        motion = q, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        start, end = breaks[span], breaks[span + 1]
+        # As many as follow in the same span.
+        count = 0
+        while True:
+            block[_U + count] = (t - start) / (end - start)
+            count += 1
+            if count == TILE or i + count == total:
+                break
+            t = times[i + count]
+            if not start <= t < end:
+                break
+        low, middle, high = _put_weights(block, factors, count)
+        for row in range(10):
+            for k in range(count):
+                block[row * TILE + k] = base[row, span] if row < 4 else 0.0
         for j in range(factors):
             length = lengths[j, span]
-            turn = (
-                length * _sum(values[span, j], high, factors + 1),
-                length * _sum(rates[span, j], middle, factors),
-                length * _sum(curvatures[span, j], low, factors - 1),
-            )
-            axis = (axes[j, 0, span], axes[j, 1, span], axes[j, 2, span])
-            motion = joined(motion, axis, turn)
-        q, omega, alpha = motion
-        out[0, i], out[1, i], out[2, i], out[3, i] = q
-        out[4, i], out[5, i], out[6, i] = omega
-        out[7, i], out[8, i], out[9, i] = alpha
+            _weigh(block, high, values[span, j], length, _ANGLE, count)
+            _weigh(block, middle, rates[span, j], length, _RATE, count)
+            _weigh(block, low, curvatures[span, j], length, _CURVATURE, count)
+            _follow(block, axes[j, 0, span], axes[j, 1, span], axes[j, 2, span], count)
+        for row in range(10):
+            for k in range(count):
+                out[row, i + k] = block[row * TILE + k]
+        i += count
     return -1
 
 

@@ -10,125 +10,23 @@ import math
 from typing import cast
 
 import numpy as np
-from numba import boolean, float64, int64, njit, types, void
+from numba import boolean, float64, int64, njit, types
 
 from orientd.curves.basis import Indices
-from orientd.curves.compiled_rotation import (
-    Quaternion,
-    Vector,
-    conjugated,
-    inner,
-    logarithm,
-    multiplied,
+from orientd.curves.compiled_rotation import inner
+from orientd.planner.compiled_differences import (
+    BLOCK,
+    BRAKES,
+    keep_last,
+    new_block,
+    put,
+    put_sizes,
+    put_sizes_about,
+    see,
 )
-from orientd.planner.fast import Differences, Extremes, LeastRate
+from orientd.planner.differences import HISTORY
+from orientd.planner.fast import Extremes, LeastRate
 from orientd.rotation import Floats
-
-_SMALL = 1.0 / 1024.0  # square of the tangent of the half angle
-
-
-@inner
-def _logarithm(q: Quaternion) -> Vector:
-    """Return the half-angle vector of a quaternion, for most setpoints without an arc tangent.
-
-    Up to a sixteenth of a radian the series of ``atan(t) / t`` is exact to the last digit.
-    """
-    w, x, y, z = q
-    square = (x * x + y * y + z * z) / (w * w)
-    if not square < _SMALL:
-        return logarithm(q)
-    rest = 1 / 5 - square * (1 / 7 - square * (1 / 9 - square / 11))
-    factor = (1.0 - square * (1 / 3 - square * rest)) / w
-    return factor * x, factor * y, factor * z
-
-
-@inner
-def is_new(square: float, largest: float) -> bool:
-    """Return whether a square is larger than those before; one that is not a number stays."""
-    return not square <= largest and largest < math.inf
-
-
-@inner
-def _see_components(
-    rates: Floats, order: int, first: int, largest: Floats, places: Indices
-) -> None:
-    """Take note of the largest components of some rates from a place on."""
-    for i in range(first, len(rates)):
-        for k in range(3):
-            square = rates[i, k] ** 2
-            if is_new(square, largest[order, k + 1]):
-                largest[order, k + 1], places[order, k + 1] = square, i
-
-
-def _differences(
-    q: Floats, past: int, with_axes: bool, omega: Floats, alpha: Floats, jerk: Floats,
-    squares: Floats, largest: Floats, places: Indices,
-) -> None:  # fmt: skip
-    """Write the first three backward differences of orientations, in units of rad a period.
-
-    Args:
-        q: setpoints, shape ``(n, 4)``.
-        past: how many accelerations, and twice as many velocities, are not to count as largest.
-        with_axes: whether the largest components are wanted, too.
-        omega: receives the rotation vectors from one to the next, shape ``(n - 1, 3)``.
-        alpha: receives the change of these, shape ``(n - 2, 3)``.
-        jerk: receives the change of these, shape ``(n - 3, 3)``.
-        squares: receives the squared norms of all three, shape ``(3, n)``.
-        largest: receives the largest squares, of norm and components, shape ``(3, 4)``; zeros.
-        places: receives where these are, shape ``(3, 4)``; zeros.
-    """
-    # What a loop keeps in variables costs a third of what it reads back from its results.
-    turn, bend, twist = 0.0, 0.0, 0.0
-    turns_at, bends_at, twists_at = 0, 0, 0
-    ux, uy, uz = 0.0, 0.0, 0.0
-    vx, vy, vz = 0.0, 0.0, 0.0
-    if not len(q):
-        return
-    there = q[0, 0], q[0, 1], q[0, 2], q[0, 3]
-    for i in range(len(q) - 1):
-        here, there = there, (q[i + 1, 0], q[i + 1, 1], q[i + 1, 2], q[i + 1, 3])
-        w, x, y, z = multiplied(conjugated(here), there)
-        if w < 0.0:
-            w, x, y, z = -w, -x, -y, -z
-        x, y, z = _logarithm((w, x, y, z))
-        x, y, z = 2.0 * x, 2.0 * y, 2.0 * z
-        omega[i, 0], omega[i, 1], omega[i, 2] = x, y, z
-        square = x * x + y * y + z * z
-        squares[0, i] = square
-        if i >= 2 * past and is_new(square, turn):
-            turn, turns_at = square, i
-        ax, ay, az = x - ux, y - uy, z - uz
-        ux, uy, uz = x, y, z
-        if i >= 1:
-            alpha[i - 1, 0], alpha[i - 1, 1], alpha[i - 1, 2] = ax, ay, az
-            square = ax * ax + ay * ay + az * az
-            squares[1, i - 1] = square
-            if i - 1 >= past and is_new(square, bend):
-                bend, bends_at = square, i - 1
-        jx, jy, jz = ax - vx, ay - vy, az - vz
-        vx, vy, vz = ax, ay, az
-        if i >= 2:
-            jerk[i - 2, 0], jerk[i - 2, 1], jerk[i - 2, 2] = jx, jy, jz
-            square = jx * jx + jy * jy + jz * jz
-            squares[2, i - 2] = square
-            if is_new(square, twist):
-                twist, twists_at = square, i - 2
-    largest[0, 0], largest[1, 0], largest[2, 0] = turn, bend, twist
-    places[0, 0], places[1, 0], places[2, 0] = turns_at, bends_at, twists_at
-    if with_axes:
-        _see_components(omega, 0, 2 * past, largest, places)
-        _see_components(alpha, 1, past, largest, places)
-        _see_components(jerk, 2, 0, largest, places)
-
-
-_ONE = types.Array(float64, 1, "A", readonly=True)
-_TWO = types.Array(float64, 2, "A", readonly=True)
-_OUT = float64[:, ::1]
-_SIGNATURE = void(_TWO, int64, boolean, _OUT, _OUT, _OUT, _OUT, _OUT, int64[:, ::1])
-
-differences: Differences = cast(
-    Differences, njit(_SIGNATURE, error_model="numpy", nogil=True, cache=True)(_differences)
-)
 
 
 @inner
@@ -251,6 +149,52 @@ def _least_rate(
     )  # fmt: skip
 
 
+@inner
+def slowest(
+    block: Floats, count: int, shift: int, with_axes: bool, period: float, start: float,
+    rough: Floats, most: Floats, sigma: Floats, g: Floats, worst: Floats, sigma_g: float,
+    fastest: float, margin: float, rate: float, place: int,
+) -> tuple[float, int]:  # fmt: skip
+    """Return the least brake rate of a block, or what it was before, and what sets it.
+
+    Args:
+        block: after :func:`orientd.planner.compiled_differences.see`.
+        count: how many setpoints there are.
+        shift: what to add to a place in the block.
+        with_axes: as in :func:`_extremes`, like all that have the same name.
+        period: likewise.
+        start: likewise.
+        rough: likewise.
+        most: likewise.
+        sigma: likewise.
+        g: likewise.
+        worst: likewise.
+        sigma_g: likewise.
+        fastest: likewise.
+        margin: likewise.
+        rate: the least so far.
+        place: what sets that.
+    """
+    points = count - HISTORY
+    if points <= 0:
+        return rate, place
+    # The norm, then the components where they are limited.
+    for column in range(4 if with_axes else 1):
+        if column:
+            put_sizes_about(block, column - 1, points, period, start + period * shift, rough)
+        else:
+            put_sizes(block, points, period, start + period * shift, rough)
+        rows = block[BRAKES:]
+        found, where = _least(
+            rows[:points], rows[BLOCK : BLOCK + points], rows[2 * BLOCK : 2 * BLOCK + points],
+            rows[3 * BLOCK : 3 * BLOCK + points], most[0, column], most[1, column],
+            sigma, g, worst, sigma_g, fastest, margin, rate,
+        )  # fmt: skip
+        if found < rate:
+            rate, place = found, shift + where
+    return rate, place
+
+
 def _extremes(
     q: Floats, past: int, with_axes: bool, period: float, start: float, rough: Floats,
     with_rate: bool, most: Floats, sigma: Floats, g: Floats, worst: Floats,
@@ -259,9 +203,9 @@ def _extremes(
     """Write the largest backward differences, and return the least brake rate and what sets it.
 
     Args:
-        q: as in :func:`_differences`, like all that have the same name.
-        past: likewise.
-        with_axes: likewise.
+        q: setpoints, shape ``(n, 4)``.
+        past: how many accelerations, and twice as many velocities, are not to count as largest.
+        with_axes: whether the largest components are wanted, too.
         period: from one setpoint to the next, s.
         start: path time of the fourth setpoint, s.
         rough: from when and until when acceleration and jerk may be larger between the records,
@@ -278,46 +222,29 @@ def _extremes(
         largest: receives the largest squares, in units of rad a period, shape ``(3, 4)``; zeros.
         places: receives where these are, shape ``(3, 4)``; zeros.
     """
-    count = len(q)
-    omega, alpha = np.empty((max(count - 1, 0), 3)), np.empty((max(count - 2, 0), 3))
-    jerk, squares = np.empty((max(count - 3, 0), 3)), np.empty((3, count))
-    differences(q, past, with_axes, omega, alpha, jerk, squares, largest, places)
-    points = len(jerk)
-    if not with_rate or not points:
-        return best, 0
-    speed, size, along, twist = (
-        np.empty(points), np.empty(points), np.empty(points), np.empty(points)
-    )  # fmt: skip
-    unit, unit2, unit3 = 1.0 / period, 1.0 / period**2, 1.0 / period**3
-    # The norm, then the components where they are limited.
-    columns = 4 if with_axes else 1
-    place = 0
-    for column in range(columns):
-        for i in range(points):
-            time = start + period * i
-            is_rough = rough[0] <= time < rough[1]
-            bends = unit2 * (rough[2] if is_rough else 1.0)
-            twists = unit3 * (rough[3] if is_rough else 1.0)
-            v, a = omega[i + 2], alpha[i + 1]
-            if column:
-                axis = column - 1
-                speed[i], size[i] = unit * abs(v[axis]), bends * abs(a[axis])
-                along[i], twist[i] = speed[i] * size[i], twists * abs(jerk[i, axis])
-            else:
-                product = v[0] * a[0] + v[1] * a[1] + v[2] * a[2]
-                speed[i], size[i] = (
-                    unit * math.sqrt(squares[0, i + 2]), bends * math.sqrt(squares[1, i + 1])
-                )  # fmt: skip
-                along[i], twist[i] = unit * bends * abs(product), twists * math.sqrt(squares[2, i])
-        found, where = _least(
-            speed, size, along, twist, most[0, column], most[1, column],
-            sigma, g, worst, sigma_g, fastest, margin, best,
-        )  # fmt: skip
-        if found < best:
-            best, place = found, where
-    return best, place
+    block, known, read = new_block(), 0, 0
+    rate, place = best, 0
+    while read < len(q) or not read:
+        count = min(BLOCK, known + len(q) - read)
+        for i in range(known, count):
+            put(block, i, q[read, 0], q[read, 1], q[read, 2], q[read, 3])
+            read += 1
+        shift = read - count
+        see(block, count, past if not shift else 0, with_axes, shift, largest, places)
+        if with_rate:
+            rate, place = slowest(
+                block, count, shift, with_axes, period, start, rough, most, sigma, g, worst,
+                sigma_g, fastest, margin, rate, place,
+            )  # fmt: skip
+        known = keep_last(block, count)
+        if read == len(q):
+            break
+    return rate, place
 
 
+_ONE = types.Array(float64, 1, "A", readonly=True)
+_TWO = types.Array(float64, 2, "A", readonly=True)
+_OUT = float64[:, ::1]
 _RATE = types.Tuple((float64, int64))  # type: ignore[no-untyped-call]  # Numba's own
 
 _RATE_SIGNATURE = _RATE(

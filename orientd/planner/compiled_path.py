@@ -16,14 +16,12 @@ from orientd.curves.compiled import ROWS
 from orientd.curves.compiled import fill as fill_cubic
 from orientd.curves.compiled_product import fill as fill_product
 from orientd.curves.compiled_rotation import angle, inner, quaternion
-from orientd.planner.compiled_certificate import extremes, is_new
+from orientd.planner.compiled_certificate import slowest
+from orientd.planner.compiled_differences import BLOCK, keep_last, new_block, put, see
 from orientd.planner.differences import HISTORY
 from orientd.planner.fast import FarthestFrom, PathExtremes, SamplePath
 from orientd.planner.plain_path import HEAD, STRETCH_HEAD
 from orientd.rotation import Floats
-
-_BLOCK = 2048
-"""Records worked on at a time, so that everything about them stays in the cache."""
 
 
 @inner
@@ -147,44 +145,29 @@ def _path_extremes(
         The least brake rate, and which third difference sets it.
     """
     tail = len(before)
-    q = np.empty((tail + _BLOCK + HISTORY, 4))
-    q[:tail] = before
-    squares, where = np.empty((3, 4)), np.empty((3, 4), dtype=np.int64)
-    rate, rate_place = fastest, 0
-    known = tail
-    for first in range(0, records, _BLOCK):
-        size = min(_BLOCK, records - first)
-        times, out = np.empty(size), np.empty((4, size))
-        for i in range(size):
-            times[i] = period * (first + i)
+    block, rate, place = new_block(), fastest, 0
+    for i in range(tail):
+        put(block, i, before[i, 0], before[i, 1], before[i, 2], before[i, 3])
+    known, read, end = tail, 0, records + HISTORY
+    while read < end:
+        count = min(BLOCK, known + end - read)
+        times, out = np.empty(count - known), np.empty((4, count - known))
+        for i in range(len(times)):
+            times[i] = period * min(read + i, records - 1)
         _sample(path, times, out)
-        for i in range(size):
-            for k in range(4):
-                q[known + i, k] = out[k, i]
-        total = known + size
-        if first + size == records:
-            for i in range(HISTORY):
-                q[total + i] = q[total - 1]
-            total += HISTORY
-        index = first - known
-        squares[:], where[:] = 0.0, 0
-        found, place = extremes(
-            q[:total], 1 if first == 0 and tail else 0, with_axes, period,
-            period * (index + HISTORY), rough, True, most, sigma, g, worst, sigma_g, fastest,
-            margin, rate, squares, where,
+        for i in range(len(times)):
+            put(block, known + i, out[0, i], out[1, i], out[2, i], out[3, i])
+        read += len(times)
+        # Places count from the first setpoint before the path.
+        shift = read - count + tail
+        past = 1 if tail and not shift else 0
+        see(block, count, past, with_axes, shift, largest, places)
+        rate, place = slowest(
+            block, count, shift, with_axes, period, period * (HISTORY - tail), rough, most, sigma,
+            g, worst, sigma_g, fastest, margin, rate, place,
         )  # fmt: skip
-        shift = index + tail
-        for order in range(3):
-            for column in range(4):
-                if is_new(squares[order, column], largest[order, column]):
-                    largest[order, column] = squares[order, column]
-                    places[order, column] = where[order, column] + shift
-        if found < rate:
-            rate, rate_place = found, place + shift
-        known = min(total, HISTORY)
-        for i in range(known):
-            q[i] = q[total - known + i]
-    return rate, rate_place
+        known = keep_last(block, count)
+    return rate, place
 
 
 _ONE = types.Array(float64, 1, "C", readonly=True)

@@ -13,13 +13,11 @@ from numba import boolean, float64, int64, njit, types
 
 from orientd.curves.compiled import fill
 from orientd.curves.compiled_rotation import inner
-from orientd.planner.compiled_certificate import differences
+from orientd.planner.compiled_differences import BLOCK, keep_last, new_block, put, see
 from orientd.planner.differences import HISTORY
 from orientd.planner.fast import LookAt, SurveyOf
 from orientd.planner.survey import GAP, HOT, MARGIN, PIECES, SHARES
 from orientd.rotation import Floats
-
-_CHUNK = 2048
 
 
 @inner
@@ -136,37 +134,30 @@ def _excess(
     """Return by which factor a core should take longer, from some of its records."""
     with_axes = bool(np.min(limits[:, 1:]) < math.inf)
     largest, places = np.zeros((3, 4)), np.zeros((3, 4), dtype=np.int64)
-    factor = 0.0
-    begin = first
-    while True:
-        end = min(begin + _CHUNK - 1, last)
-        count = end - begin + 1
-        times, out = np.empty(count), np.empty((10, count))
-        for i in range(count):
-            t = min(period * (begin + i), duration)
+    before = HISTORY if first == 0 and start_held else 0
+    after = HISTORY if last == final and end_held else 0
+    block, known, read = new_block(), 0, first - before
+    end = last + 1 + after
+    while read < end:
+        count = min(BLOCK, known + end - read)
+        times, out = np.empty(count - known), np.empty((10, count - known))
+        for i in range(len(times)):
+            t = min(period * min(max(read + i, first), last), duration)
             times[i] = min(max(breaks[0] + rate * t, breaks[0]), breaks[-1])
         fill(times, breaks, table, 0.0, out)
-        before = HISTORY if begin == 0 and start_held else 0
-        many = before + count + (HISTORY if end == final and end_held else 0)
-        q, squares = np.empty((many, 4)), np.empty((3, many))
-        omega, alpha = np.empty((max(many - 1, 0), 3)), np.empty((max(many - 2, 0), 3))
-        jerk = np.empty((max(many - 3, 0), 3))
-        for i in range(many):
-            k = min(max(i - before, 0), count - 1)
-            q[i, 0], q[i, 1], q[i, 2], q[i, 3] = out[0, k], out[1, k], out[2, k], out[3, k]
-        largest[:] = 0.0
-        differences(q, 0, with_axes, omega, alpha, jerk, squares, largest, places)
-        unit = 1.0
-        for order in range(3):
-            unit *= period
-            share = 0.0
-            for c in range(4):
-                share = max(share, math.sqrt(largest[order, c]) / unit / limits[order, c])
-            factor = max(factor, math.pow(share, 1.0 / (order + 1.0)))
-        if end == last:
-            return factor
-        # Differences reach back.
-        begin = end + 1 - HISTORY
+        for i in range(len(times)):
+            put(block, known + i, out[0, i], out[1, i], out[2, i], out[3, i])
+        read += len(times)
+        see(block, count, 0, with_axes, 0, largest, places)
+        known = keep_last(block, count)
+    factor, unit = 0.0, 1.0
+    for order in range(3):
+        unit *= period
+        share = 0.0
+        for c in range(4):
+            share = max(share, math.sqrt(largest[order, c]) / unit / limits[order, c])
+        factor = max(factor, math.pow(share, 1.0 / (order + 1.0)))
+    return factor
 
 
 def _look(

@@ -22,9 +22,6 @@ Search = Callable[
 ]
 """Finds the shortest bridge; see ``orientd.planner.compiled_bridge``."""
 
-Differences = Callable[[Floats, int, bool, Floats, Floats, Floats, Floats, Floats, Indices], None]
-"""Takes backward differences of setpoints; see ``orientd.planner.compiled_certificate``."""
-
 Extremes = Callable[
     [
         Floats, int, bool, float, float, Floats, bool, Floats, Floats, Floats, Floats,
