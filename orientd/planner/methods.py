@@ -263,7 +263,7 @@ def check_method(request: MotionRequest) -> Method:
             "keyframes",
             f"{name} takes exactly 2, got {len(request.keyframes)}; {DEFAULT_METHOD} takes more",
         )
-    if method.turns is None and np.any(request.turns):
+    if method.turns is None and request.turns.any():
         index = int(np.argmax(request.turns != 0))
         able = _names(lambda row: row.turns is not None)
         raise RequestError(
@@ -288,9 +288,9 @@ def check_method(request: MotionRequest) -> Method:
 
 
 def _check_axes(request: MotionRequest) -> None:
-    turned = np.flatnonzero(request.turns)
-    if not len(turned):
+    if not request.turns.any():
         return
+    turned = np.flatnonzero(request.turns)
     steps = angle(request.keys[turned - 1], request.keys[turned])
     if np.any(steps <= _SAME) and "axis" not in request.options:
         index = int(turned[int(np.argmax(steps <= _SAME))])

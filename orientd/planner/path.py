@@ -90,13 +90,21 @@ class Stretch:
 
     def ends(self) -> tuple[State, State]:
         """Return the states at both ends; their positions are left at the origin."""
-        if not self._found:
-            self._found.append(self._curve_at_ends())
-        q, omega, alpha = self._lined_up(*self._found[0])
+        q, omega, alpha = self._lined_up(*self._curve_at_ends())
         zero = np.zeros(3)
         return State(q[0], omega[0], alpha[0], zero), State(q[1], omega[1], alpha[1], zero)
 
+    def end_orientations(self) -> tuple[Floats, Floats]:
+        """Return the orientations at both ends."""
+        first, last = self._curve_at_ends()[0]
+        return (first, last) if self.sign > 0.0 else (-first, -last)
+
     def _curve_at_ends(self) -> tuple[Floats, Floats, Floats]:
+        if not self._found:
+            self._found.append(self._evaluated_at_ends())
+        return self._found[0]
+
+    def _evaluated_at_ends(self) -> tuple[Floats, Floats, Floats]:
         first, last = self.curve.domain
         duration = self.end - self.begin
         if self.rate > 0.0 and abs(self.rate * duration / (last - first) - 1.0) <= _ROUNDING:
@@ -115,11 +123,16 @@ class Stretch:
     def slowed(self, duration: float) -> Stretch:
         """Return the same stretch of a curve from path time 0 on, taking *duration* seconds."""
         rate = self.rate * (self.end - self.begin) / duration
-        return replace(self, begin=0.0, end=duration, rate=rate)
+        return Stretch(self.curve, 0.0, duration, rate, self.sign, self.skipped, self._found)
 
     def shifted(self, delay: float) -> Stretch:
         """Return the same stretch *delay* seconds later."""
-        return replace(self, begin=self.begin + delay, end=self.end + delay)
+        begin, end = self.begin + delay, self.end + delay
+        return Stretch(self.curve, begin, end, self.rate, self.sign, self.skipped, self._found)
+
+    def turned_over(self) -> Stretch:
+        """Return the same stretch with the other quaternions of its orientations."""
+        return replace(self, sign=-self.sign)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -152,12 +165,13 @@ class Path:
         """
         lined_up: list[Stretch] = []
         for stretch in stretches:
-            start, end = stretch.ends()
-            flip = -1.0 if before is not None and float(start.q @ before) < 0.0 else 1.0
-            lined_up.append(replace(stretch, sign=-stretch.sign) if flip < 0.0 else stretch)
-            before = flip * end.q
-            if len(lined_up) == 1:
-                first = flip * start.q
+            start, end = stretch.end_orientations()
+            if before is not None and sum((start * before).tolist()) < 0.0:
+                start, end, stretch = -start, -end, stretch.turned_over()
+            if not lined_up:
+                first = start
+            lined_up.append(stretch)
+            before = end
         if before is None or not lined_up:
             raise ValueError("stretches must not be empty")
         return cls(tuple(lined_up), positions, first, before)

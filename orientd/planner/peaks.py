@@ -12,6 +12,9 @@ from orientd.planner.differences import HISTORY, Extremes
 from orientd.planner.limits import ANGULAR, Limits
 from orientd.rotation import Floats
 
+Largest = tuple[float, int]
+"""A squared rate and the record where it is."""
+
 
 @dataclass(frozen=True, slots=True)
 class Peak:
@@ -89,15 +92,16 @@ class Tally:
     def __init__(self, period: float, limits: Limits) -> None:
         self._period, self._limits = period, limits
         # In units of rad or m a period: the powers of the period come in once, at the end.
-        self._turns = [[_Largest() for _ in range(4 if limits.has_axes else 1)] for _ in ANGULAR]
-        self._move, self._push = _Largest(), _Largest()
+        columns = 4 if limits.has_axes else 1
+        self._turns = [[_NONE] * columns for _ in ANGULAR]
+        self._move, self._push = _NONE, _NONE
         self._slowest, self._slowest_record = FASTEST_BRAKE_RATE, 0
 
     def note_turns(self, found: Extremes, first: int) -> None:
         """Take in what was found of orientations, the first of which is that of record *first*."""
         for order, row in enumerate(self._turns):
             for column, largest in enumerate(row):
-                largest.note(*found.peak(order, column, first))
+                row[column] = _larger(largest, found.peak(order, column, first))
         self._note_rate(found.rate, first + HISTORY + found.rate_place)
 
     def note_moves(
@@ -113,8 +117,8 @@ class Tally:
         """
         v = np.diff(positions, axis=0)
         a = np.diff(v, axis=0)
-        self._move.see(v[2 * past :], first + 1 + 2 * past)
-        self._push.see(a[past:], first + 2 + past)
+        self._move = _larger(self._move, *_largest(v[2 * past :], first + 1 + 2 * past))
+        self._push = _larger(self._push, *_largest(a[past:], first + 2 + past))
         if brake_limits is not None:
             rate, place = linear_brake_rate(
                 v[1 + past :] / self._period, a[past:] / self._period**2, brake_limits
@@ -127,48 +131,45 @@ class Tally:
 
     def peaks(self) -> Peaks:
         """Return the largest of all."""
-        limits, period = self._limits, self._period
+        limits = self._limits
         (turn, *turns), (bend, *bends), (twist, *twists) = self._turns
         return Peaks(
-            turn.peak(limits.velocity, period, 1),
-            bend.peak(limits.acceleration, period, 2),
-            twist.peak(limits.jerk, period, 3),
-            self._move.peak(limits.linear_velocity, period, 1),
-            self._push.peak(limits.linear_acceleration, period, 2),
+            self._peak(turn, limits.velocity, 1),
+            self._peak(bend, limits.acceleration, 2),
+            self._peak(twist, limits.jerk, 3),
+            self._peak(self._move, limits.linear_velocity, 1),
+            self._peak(self._push, limits.linear_acceleration, 2),
             self._slowest,
-            self._slowest_record * period,
-            _peaks(turns, limits.axis_velocity, period, 1),
-            _peaks(bends, limits.axis_acceleration, period, 2),
-            _peaks(twists, limits.axis_jerk, period, 3),
+            self._slowest_record * self._period,
+            self._peaks(turns, limits.axis_velocity, 1),
+            self._peaks(bends, limits.axis_acceleration, 2),
+            self._peaks(twists, limits.axis_jerk, 3),
         )
 
+    def _peak(self, largest: Largest, limit: float, power: int) -> Peak:
+        square, record = largest
+        return Peak(math.sqrt(square) / self._period**power, record * self._period, limit)
 
-class _Largest:
-    """A running maximum with the record where it was reached."""
-
-    __slots__ = ("_record", "_square")
-
-    def __init__(self) -> None:
-        self._square, self._record = 0.0, 0
-
-    def see(self, vectors: Floats, first: int) -> None:
-        """Take in the vectors of the records from *first* on."""
-        if len(vectors):
-            squares = np.einsum("ij,ij->i", vectors, vectors)
-            place = int(np.argmax(squares))
-            self.note(float(squares[place]), first + place)
-
-    def note(self, square: float, record: int) -> None:
-        """Take in the largest of some squared values, and the record where it is."""
-        # Not `>`: a NaN must not pass for small, nor be forgotten.
-        if not square <= self._square and self._square < math.inf:
-            self._square, self._record = square, record
-
-    def peak(self, limit: float, period: float, power: int) -> Peak:
-        return Peak(math.sqrt(self._square) / period**power, self._record * period, limit)
+    def _peaks(self, row: list[Largest], limits: tuple[float, ...], power: int) -> tuple[Peak, ...]:
+        return tuple(self._peak(one, limit, power) for one, limit in zip(row, limits, strict=False))
 
 
-def _peaks(
-    row: list[_Largest], limits: tuple[float, ...], period: float, power: int
-) -> tuple[Peak, ...]:
-    return tuple(one.peak(limit, period, power) for one, limit in zip(row, limits, strict=False))
+_NONE: Largest = (0.0, 0)
+
+
+def _larger(here: Largest, *others: Largest) -> Largest:
+    """Return the largest of some; what is not a number must not pass for small."""
+    for other in others:
+        # Not `>`, nor may it be forgotten.
+        if not other[0] <= here[0] and here[0] < math.inf:
+            here = other
+    return here
+
+
+def _largest(vectors: Floats, first: int) -> list[Largest]:
+    """Return the largest of the vectors of the records from *first* on, if there are any."""
+    if not len(vectors):
+        return []
+    squares = np.einsum("ij,ij->i", vectors, vectors)
+    place = int(np.argmax(squares))
+    return [(float(squares[place]), first + place)]

@@ -97,7 +97,7 @@ class PositionPath:
 
     def delayed(self, delay: float) -> PositionPath:
         """Return the same path *delay* seconds later."""
-        return replace(self, breaks=self.breaks + delay)
+        return self if self.is_held else replace(self, breaks=self.breaks + delay)
 
     def after(self, lead: PositionPath) -> PositionPath:
         """Return this path with *lead* put before it, which ends where this one begins."""
