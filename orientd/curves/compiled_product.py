@@ -8,26 +8,21 @@ the planner.
 
 from __future__ import annotations
 
-import math
 from typing import cast
 
 import numpy as np
 from numba import float64, int64, njit, types, uint64
 
-from orientd.curves.compiled_lanes import cosine_and_sine, followed, turned_back, vectorised
-from orientd.curves.compiled_lanes import joined as moved
-from orientd.curves.compiled_rotation import (
-    Quaternion,
-    Vector,
-    conjugated,
-    inner,
-    multiplied,
-    turned,
+from orientd.curves.compiled_lanes import (
+    cosine_and_sine,
+    followed,
+    joined,
+    turned_back,
+    vectorised,
 )
+from orientd.curves.compiled_rotation import inner
 from orientd.curves.fast import FillProduct
 from orientd.rotation import Floats
-
-Motion = tuple[Quaternion, Vector, Vector]
 
 TILE = 64
 """Instants in one span that are worked on at a time, in one row of numbers: so many for each
@@ -35,35 +30,6 @@ quantity, one quantity after the other."""
 
 _U, _ANGLE, _RATE, _CURVATURE = (row * TILE for row in range(10, 14))
 _WEIGHTS = 14 * TILE
-
-
-@inner
-def joined(motion: Motion, axis: Vector, turn: tuple[float, float, float]) -> Motion:
-    """Return a motion followed by a turn about a fixed axis.
-
-    Args:
-        motion: orientation, velocity and acceleration before it.
-        axis: a unit vector.
-        turn: the half angle and its two derivatives.
-    """
-    q, omega, alpha = motion
-    ax, ay, az = axis
-    s = math.sin(turn[0])
-    e = math.cos(turn[0]), s * ax, s * ay, s * az
-    rate, curvature = 2.0 * turn[1], 2.0 * turn[2]
-    nx, ny, nz = rate * ax, rate * ay, rate * az
-    back = conjugated(e)
-    ox, oy, oz = turned(back, omega)
-    px, py, pz = turned(back, alpha)
-    return (
-        multiplied(q, e),
-        (ox + nx, oy + ny, oz + nz),
-        (
-            px + curvature * ax + (oy * nz - oz * ny),
-            py + curvature * ay + (oz * nx - ox * nz),
-            pz + curvature * az + (ox * ny - oy * nx),
-        ),
-    )
 
 
 @vectorised
@@ -128,7 +94,7 @@ def _follow(block: Floats, ax: float, ay: float, az: float, count: int) -> None:
         q = followed(q, c, e)
         omega, alpha = turned_back(c, e, omega), turned_back(c, e, alpha)
         rate, curvature = 2.0 * block[_RATE + i], 2.0 * block[_CURVATURE + i]
-        omega, alpha = moved(omega, alpha, (ax, ay, az), rate, curvature)
+        omega, alpha = joined(omega, alpha, (ax, ay, az), rate, curvature)
         block[i], block[TILE + i] = q[0], q[1]
         block[2 * TILE + i], block[3 * TILE + i] = q[2], q[3]
         block[4 * TILE + i], block[5 * TILE + i], block[6 * TILE + i] = omega

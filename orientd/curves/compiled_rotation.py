@@ -16,6 +16,9 @@ from orientd.rotation import Floats
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
+Motion = tuple[Quaternion, Vector, Vector]
+"""Orientation, angular velocity and angular acceleration."""
+
 SEAM = 0.25
 """Rad, below which a series replaces the quotient that cancels."""
 
@@ -158,3 +161,32 @@ def add_derivative(block: Floats, c: float, v: Vector, after: Quaternion) -> Non
     block[0, 2] += c * third[0]
     block[1, 2] += c * third[1]
     block[2, 2] += c * third[2]
+
+
+@inner
+def joined(motion: Motion, axis: Vector, turn: tuple[float, float, float]) -> Motion:
+    """Return a motion followed by a turn about a fixed axis.
+
+    Args:
+        motion: orientation, velocity and acceleration before it.
+        axis: a unit vector.
+        turn: the half angle and its two derivatives.
+    """
+    q, omega, alpha = motion
+    ax, ay, az = axis
+    s = math.sin(turn[0])
+    e = math.cos(turn[0]), s * ax, s * ay, s * az
+    rate, curvature = 2.0 * turn[1], 2.0 * turn[2]
+    nx, ny, nz = rate * ax, rate * ay, rate * az
+    back = conjugated(e)
+    ox, oy, oz = turned(back, omega)
+    px, py, pz = turned(back, alpha)
+    return (
+        multiplied(q, e),
+        (ox + nx, oy + ny, oz + nz),
+        (
+            px + curvature * ax + (oy * nz - oz * ny),
+            py + curvature * ay + (oz * nx - ox * nz),
+            pz + curvature * az + (ox * ny - oy * nx),
+        ),
+    )

@@ -9,11 +9,9 @@ loops need no checks of whether they overlap and go to the vector units of the p
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import TypeVar, cast
 
 import numpy as np
-from numba import njit, uint64
+from numba import uint64
 
 from orientd.curves.basis import Indices
 from orientd.curves.compiled_rotation import conjugated, inner, logarithm, multiplied
@@ -32,12 +30,6 @@ BRAKES = 16 * BLOCK
 
 _ROWS = 20
 _SMALL = 1.0 / 1024.0  # square of the tangent of the half angle
-
-Function = TypeVar("Function", bound=Callable[..., object])
-
-
-def _vectorised(function: Function) -> Function:
-    return cast(Function, njit(error_model="numpy", nogil=True)(function))
 
 
 @inner
@@ -62,7 +54,7 @@ def keep_last(block: Floats, count: int) -> int:
     return kept
 
 
-@_vectorised
+@inner
 def _turn(block: Floats, count: int) -> int:
     """Write the rotation vectors between setpoints, and return how many are too large for that.
 
@@ -103,7 +95,7 @@ def _turn_far(block: Floats, count: int) -> None:
             block[_RATES + 2 * BLOCK + i] = 2.0 * z
 
 
-@_vectorised
+@inner
 def _differ(block: Floats, count: int) -> None:
     """Write the changes of the rotation vectors, the changes of those, and all squared norms."""
     for k in range(6):
@@ -117,7 +109,7 @@ def _differ(block: Floats, count: int) -> None:
             block[squares + i] = x * x + y * y + z * z
 
 
-@_vectorised
+@inner
 def _larger(block: Floats, begin: int, end: int, largest: float) -> int:
     """Return how many of some numbers are not at most *largest*."""
     larger = 0
@@ -168,7 +160,7 @@ def see(
                         largest[order, k + 1], places[order, k + 1] = square, shift + i
 
 
-@_vectorised
+@inner
 def put_sizes(block: Floats, points: int, period: float, start: float, rough: Floats) -> None:
     """Write sizes of velocity and acceleration, their product and the jerk, for the brake rate.
 
@@ -199,7 +191,7 @@ def put_sizes(block: Floats, points: int, period: float, start: float, rough: Fl
         block[BRAKES + 3 * BLOCK + i] = twists * math.sqrt(block[_SQUARES + 2 * BLOCK + i])
 
 
-@_vectorised
+@inner
 def put_sizes_about(
     block: Floats, axis: int, points: int, period: float, start: float, rough: Floats
 ) -> None:
