@@ -25,7 +25,7 @@ from orientd.curves.compiled_lanes import (
     cosine_and_sine,
     followed,
     inlined,
-    joined,
+    moved,
     turned_back,
     vectorised,
 )
@@ -63,11 +63,11 @@ def _sampled(t: float, base: Quaternion, f: Factor, g: Factor, h: Factor) -> Sta
     x, y, z = turned_back(c, e, (f[4], f[5], f[6]))
     before = (rate * x, rate * y, rate * z)
     change = (curvature * x, curvature * y, curvature * z)
-    omega, alpha = joined(before, change, (g[4], g[5], g[6]), next_rate, next_curvature)
+    omega, alpha = moved(before, change, (g[4], g[5], g[6]), next_rate, next_curvature)
     c, e, rate, curvature = _turn(t, h)
     q = followed(q, c, e)
     omega, alpha = turned_back(c, e, omega), turned_back(c, e, alpha)
-    omega, alpha = joined(omega, alpha, (h[4], h[5], h[6]), rate, curvature)
+    omega, alpha = moved(omega, alpha, (h[4], h[5], h[6]), rate, curvature)
     return q, omega, alpha
 
 

@@ -13,8 +13,8 @@ import numpy as np
 from numba import boolean, float64, int64, njit, types
 
 from orientd.curves.basis import Indices
+from orientd.curves.compiled_lanes import Vector
 from orientd.curves.compiled_rotation import (
-    Vector,
     add_derivative,
     exponential,
     inner,

@@ -88,7 +88,7 @@ def turned_back(c: float, e: Vector, v: Vector) -> Vector:
 
 
 @inlined
-def joined(
+def moved(
     omega: Vector, alpha: Vector, axis: Vector, rate: float, curvature: float
 ) -> tuple[Vector, Vector]:
     """Return the motion before a factor, as seen after it, joined with that of the factor.

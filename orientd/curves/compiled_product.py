@@ -16,7 +16,7 @@ from numba import float64, int64, njit, types, uint64
 from orientd.curves.compiled_lanes import (
     cosine_and_sine,
     followed,
-    joined,
+    moved,
     turned_back,
     vectorised,
 )
@@ -94,7 +94,7 @@ def _follow(block: Floats, ax: float, ay: float, az: float, count: int) -> None:
         q = followed(q, c, e)
         omega, alpha = turned_back(c, e, omega), turned_back(c, e, alpha)
         rate, curvature = 2.0 * block[_RATE + i], 2.0 * block[_CURVATURE + i]
-        omega, alpha = joined(omega, alpha, (ax, ay, az), rate, curvature)
+        omega, alpha = moved(omega, alpha, (ax, ay, az), rate, curvature)
         block[i], block[TILE + i] = q[0], q[1]
         block[2 * TILE + i], block[3 * TILE + i] = q[2], q[3]
         block[4 * TILE + i], block[5 * TILE + i], block[6 * TILE + i] = omega

@@ -12,10 +12,9 @@ from typing import TypeVar, cast
 
 from numba import njit
 
+from orientd.curves.compiled_lanes import Quaternion, Vector, moved
 from orientd.rotation import Floats
 
-Vector = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]
 Motion = tuple[Quaternion, Vector, Vector]
 """Orientation, angular velocity and angular acceleration."""
 
@@ -173,20 +172,10 @@ def joined(motion: Motion, axis: Vector, turn: tuple[float, float, float]) -> Mo
         turn: the half angle and its two derivatives.
     """
     q, omega, alpha = motion
-    ax, ay, az = axis
     s = math.sin(turn[0])
-    e = math.cos(turn[0]), s * ax, s * ay, s * az
-    rate, curvature = 2.0 * turn[1], 2.0 * turn[2]
-    nx, ny, nz = rate * ax, rate * ay, rate * az
+    e = math.cos(turn[0]), s * axis[0], s * axis[1], s * axis[2]
     back = conjugated(e)
-    ox, oy, oz = turned(back, omega)
-    px, py, pz = turned(back, alpha)
-    return (
-        multiplied(q, e),
-        (ox + nx, oy + ny, oz + nz),
-        (
-            px + curvature * ax + (oy * nz - oz * ny),
-            py + curvature * ay + (oz * nx - ox * nz),
-            pz + curvature * az + (ox * ny - oy * nx),
-        ),
+    omega, alpha = moved(
+        turned(back, omega), turned(back, alpha), axis, 2.0 * turn[1], 2.0 * turn[2]
     )
+    return multiplied(q, e), omega, alpha

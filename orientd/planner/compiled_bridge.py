@@ -15,9 +15,8 @@ import numpy as np
 from numba import boolean, float64, njit, types
 
 from orientd.curves.basis import Indices
+from orientd.curves.compiled_lanes import Quaternion, Vector
 from orientd.curves.compiled_rotation import (
-    Quaternion,
-    Vector,
     exponential,
     inner,
     logarithm,

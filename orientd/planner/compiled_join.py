@@ -13,10 +13,9 @@ from typing import cast
 import numpy as np
 from numba import float64, njit, types, void
 
+from orientd.curves.compiled_lanes import Quaternion, Vector
 from orientd.curves.compiled_product import fill
 from orientd.curves.compiled_rotation import (
-    Quaternion,
-    Vector,
     conjugated,
     exponential,
     inner,
