@@ -91,7 +91,10 @@ class Background:
         status: how far they are.  ``MISSING`` means that Numba is not installed, ``FAILED`` that it
             is, but does not work here.
         error: what went wrong, if the status is ``FAILED``.
+        after_each: called after each kernel, in the thread that loads them.
     """
+
+    after_each: Callable[[], object] | None = None
 
     def __init__(self, homes: Mapping[str, str]) -> None:
         """Take the names of the kernels' attributes, each with ``module:function``."""
@@ -133,6 +136,8 @@ class Background:
             for attribute, home in self._homes.items():
                 module, _, function = home.partition(":")
                 setattr(self, attribute, getattr(import_module(module), function))
+                if self.after_each is not None:
+                    self.after_each()
         except Exception as error:  # noqa: BLE001 - a compiler can fail in any way; NumPy serves on
             self.error = error
             self.status = Status.FAILED

@@ -19,12 +19,24 @@ def spare() -> None:
 
 
 class LateSparing:
-    """Spares what loads behind the first motions: the planner, and then its kernels."""
+    """Spares what loads behind the first motions: the planner, and then its kernels.
+
+    Kernels that must be compiled first leave a million objects, which would be looked at again and
+    again for half a second each time: what one leaves is spared before the next is compiled.
+    """
 
     def __init__(self) -> None:
         """Wait for them."""
         self._lock = threading.Lock()
         self._is_due = True
+
+    def expect(self) -> None:
+        """Have kernels spared one by one; cheap, and to be called before every plan."""
+        if self._is_due:
+            from orientd.curves.fast import KERNEL
+            from orientd.planner.fast import KERNELS
+
+            KERNEL.after_each = KERNELS.after_each = spare
 
     def look(self) -> None:
         """Spare it once all of it is there; cheap, and to be called after every plan."""

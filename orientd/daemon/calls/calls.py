@@ -16,6 +16,7 @@ from orientd.daemon.device import Device
 from orientd.daemon.garbage import LateSparing
 from orientd.daemon.planners import Planners
 from orientd.errors import GOING_DOWN, DaemonError, OrientdError, RequestError
+from orientd.prefetch import prefetch
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.reports import DaemonReport
 from orientd.rpc.state_wire import device_to_message
@@ -57,7 +58,8 @@ class Calls:
         self._cell = cell
         self._who = who
         self._describe = describe
-        self._planners = Planners(PLANNERS, afterwards=LateSparing().look)
+        self._sparing = LateSparing()
+        self._planners = Planners(PLANNERS, before=self._expect, afterwards=self._sparing.look)
         self._commanders = ThreadPoolExecutor(COMMANDERS, thread_name_prefix="command")
         self._closing = asyncio.Event()
 
@@ -68,6 +70,11 @@ class Calls:
     def close(self) -> None:
         """Take on no more work."""
         self._commanders.shutdown(wait=False, cancel_futures=True)
+
+    def _expect(self) -> None:
+        """Get ready for what the first motions load, while other devices may be moving."""
+        prefetch("numpy", "scipy")
+        self._sparing.expect()
 
     async def _is_closing_within(self, seconds: float) -> bool:
         try:

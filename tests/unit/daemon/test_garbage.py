@@ -1,11 +1,12 @@
 """What was loaded is looked at once, and never again."""
 
+import os.path
 import subprocess
 import sys
 
 import pytest
 
-from orientd.curves.fast import KERNEL, Status
+from orientd.curves.fast import KERNEL, Background, Status
 from orientd.daemon import garbage
 from orientd.planner.fast import KERNELS
 
@@ -55,3 +56,22 @@ def test_kernels_that_will_never_be_there_are_not_waited_for(spared, monkeypatch
     monkeypatch.setattr(KERNEL, "status", status)
     garbage.LateSparing().look()
     assert len(spared) == 1
+
+
+def test_what_each_kernel_leaves_is_spared_before_the_next_is_compiled(spared, monkeypatch):
+    loaded = Background({"join": "os.path:join", "split": "os.path:split"})
+    monkeypatch.setattr("orientd.planner.fast.KERNELS", loaded)
+    monkeypatch.setattr(KERNEL, "after_each", None)
+    garbage.LateSparing().expect()
+    assert loaded.wait_ready(60)
+    assert loaded.split is os.path.split
+    assert len(spared) == 2
+
+
+def test_nothing_more_is_spared_one_by_one_once_all_of_it_is_there(spared, monkeypatch):
+    monkeypatch.setattr(KERNEL, "after_each", None)
+    monkeypatch.setattr(KERNELS, "status", Status.READY)
+    sparing = garbage.LateSparing()
+    sparing.look()
+    sparing.expect()
+    assert KERNEL.after_each is None
