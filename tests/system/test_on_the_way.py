@@ -166,7 +166,9 @@ def test_targets_are_followed_from_rest_and_from_motion(daemon, robot):
             tracking.aim(key(0.3, 0, 0.01 * k), angular_velocity=(0.0, 0.0, 0.5))
             time.sleep(0.02)
         tracking.aim(key(0.3, 0, 0))
-        until(lambda: (tracking.report.error or 1.0) < 1e-6, "the target")
+        until(
+            lambda: tracking.report.error is not None and tracking.report.error < 1e-6, "the target"
+        )
         assert tracking.report.state is State.TRACKING
         assert tracking.report.refused == 0
     assert first.wait(5.0).outcome is Outcome.REPLACED
