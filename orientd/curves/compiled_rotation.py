@@ -12,7 +12,7 @@ from typing import TypeVar, cast
 
 from numba import njit
 
-from orientd.curves.compiled_lanes import Quaternion, Vector, moved
+from orientd.curves.compiled_lanes import Quaternion, Vector, followed, moved, turned_back
 from orientd.rotation import Floats
 
 Motion = tuple[Quaternion, Vector, Vector]
@@ -125,20 +125,6 @@ def jacobian_factors(square: float) -> tuple[float, float]:
 
 
 @inner
-def turned_back(q: Quaternion, x: float, y: float, z: float) -> Vector:
-    """Return a vector rotated by the conjugate of a unit quaternion."""
-    w, a, b, c = q
-    tx = 2.0 * (y * c - z * b)
-    ty = 2.0 * (z * a - x * c)
-    tz = 2.0 * (x * b - y * a)
-    return (
-        x + w * tx + (ty * c - tz * b),
-        y + w * ty + (tz * a - tx * c),
-        z + w * tz + (tx * b - ty * a),
-    )
-
-
-@inner
 def add_derivative(block: Floats, c: float, v: Vector, after: Quaternion) -> None:
     r"""Add :math:`c\,R(S)^T J_r(v)` to a block, column by column.
 
@@ -148,9 +134,10 @@ def add_derivative(block: Floats, c: float, v: Vector, after: Quaternion) -> Non
     square = x * x + y * y + z * z
     a, b = jacobian_factors(square)
     rest = 1.0 - b * square
-    first = turned_back(after, rest + b * x * x, b * x * y - a * z, b * x * z + a * y)
-    second = turned_back(after, b * x * y + a * z, rest + b * y * y, b * y * z - a * x)
-    third = turned_back(after, b * x * z - a * y, b * y * z + a * x, rest + b * z * z)
+    w, e = after[0], (after[1], after[2], after[3])
+    first = turned_back(w, e, (rest + b * x * x, b * x * y - a * z, b * x * z + a * y))
+    second = turned_back(w, e, (b * x * y + a * z, rest + b * y * y, b * y * z - a * x))
+    third = turned_back(w, e, (b * x * z - a * y, b * y * z + a * x, rest + b * z * z))
     block[0, 0] += c * first[0]
     block[1, 0] += c * first[1]
     block[2, 0] += c * first[2]
@@ -172,10 +159,8 @@ def joined(motion: Motion, axis: Vector, turn: tuple[float, float, float]) -> Mo
         turn: the half angle and its two derivatives.
     """
     q, omega, alpha = motion
-    s = math.sin(turn[0])
-    e = math.cos(turn[0]), s * axis[0], s * axis[1], s * axis[2]
-    back = conjugated(e)
-    omega, alpha = moved(
-        turned(back, omega), turned(back, alpha), axis, 2.0 * turn[1], 2.0 * turn[2]
-    )
-    return multiplied(q, e), omega, alpha
+    c, s = math.cos(turn[0]), math.sin(turn[0])
+    e = s * axis[0], s * axis[1], s * axis[2]
+    omega, alpha = turned_back(c, e, omega), turned_back(c, e, alpha)
+    omega, alpha = moved(omega, alpha, axis, 2.0 * turn[1], 2.0 * turn[2])
+    return followed(q, c, e), omega, alpha

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -31,7 +30,6 @@ class MotionPlanner:
         self._examiner = examiner
         self._limits = limits
         self._period = period
-        self._tuned: dict[str, Any] = {}
 
     def plan(
         self,
@@ -111,12 +109,9 @@ class MotionPlanner:
 
     def _check_options(self, request: MotionRequest) -> None:
         """Have the driver look at its options of this motion."""
-        if request.device_options == self._tuned:
-            return
         try:
             tuning_text(request.device_options)
             self._examiner.tune(request.device_options)
-            self._tuned = dict(request.device_options)
         except ValueError as error:
             raise RequestError("device_options", str(error)) from error
 

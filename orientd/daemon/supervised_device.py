@@ -36,9 +36,6 @@ _READ_AHEAD = 8.0
 _RESTART = 10.0
 """How long a servo that is started again may take to be ready, s."""
 
-_HEARING = 0.1
-"""How long a report of a fault waits for the device's thread to hear the reason, s."""
-
 _ENDING = 0.3
 """How long a servo may take to end that has lost its device, s."""
 
@@ -160,7 +157,7 @@ class SupervisedDevice:
 
     def _learn_why(self) -> None:
         """Hear what the servo has said of its fault, where the device's thread has not yet."""
-        if self._servo.fault is Fault.NONE and self._lock.acquire(timeout=_HEARING):
+        if self._servo.fault is Fault.NONE and self._lock.acquire(timeout=TICK):
             try:
                 self._servo.hear()
             finally:

@@ -119,7 +119,7 @@ def _larger(block: Floats, begin: int, end: int, largest: float) -> int:
 
 
 @inner
-def is_new(square: float, largest: float) -> bool:
+def _is_new(square: float, largest: float) -> bool:
     """Return whether a square is larger than those before; one that is not a number stays."""
     return not square <= largest and largest < math.inf
 
@@ -150,13 +150,13 @@ def see(
         row = _SQUARES + order * BLOCK
         if first < end and _larger(block, row + first, row + end, largest[order, 0]):
             for i in range(first, end):
-                if is_new(block[row + i], largest[order, 0]):
+                if _is_new(block[row + i], largest[order, 0]):
                     largest[order, 0], places[order, 0] = block[row + i], shift + i
         if with_axes:
             for i in range(first, end):
                 for k in range(3):
                     square = block[_RATES + (3 * order + k) * BLOCK + i] ** 2
-                    if is_new(square, largest[order, k + 1]):
+                    if _is_new(square, largest[order, k + 1]):
                         largest[order, k + 1], places[order, k + 1] = square, shift + i
 
 

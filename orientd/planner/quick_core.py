@@ -56,9 +56,8 @@ def quick_core(
     if not cycles:
         return None
     duration = cycles * period
-    stretch = Stretch(C2Cumulative.of_table(breaks, table, solved, at_ends), 0.0, own).slowed(
-        duration
-    )
+    curve = C2Cumulative.of_table(breaks, table, solved, at_ends)
+    stretch = Stretch(curve, 0.0, own).slowed(duration)
     return Core(stretch, PositionPath.held(start.position), times * (duration / own))
 
 

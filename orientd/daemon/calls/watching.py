@@ -8,6 +8,8 @@ from collections.abc import AsyncIterator
 
 from orientd.daemon import report
 from orientd.daemon.calls.calls import Calls, Context, device_message, interval, refuse
+from orientd.daemon.device import Device
+from orientd.daemon.supervised_device import TICK
 from orientd.errors import OrientdError
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.state_wire import (
@@ -18,6 +20,9 @@ from orientd.rpc.state_wire import (
     outline_to_messages,
 )
 from orientd.stream.records import CYCLE_RECORD
+
+_HEARINGS = 10
+"""How often the reason of a fault is asked for that the device's thread has not heard yet."""
 
 _BATCH = 256
 """Cycles made into messages at a time: others get their turn before a watcher that is behind."""
@@ -38,7 +43,7 @@ class WatchingCalls(Calls):
             await refuse(context, error)
         return pb.GetStateResponse(
             daemon=daemon_to_message(self._describe()),
-            devices=[device_message(device) for device in devices],
+            devices=[await _with_reason(device) for device in devices],
         )
 
     async def WatchState(
@@ -127,3 +132,18 @@ class WatchingCalls(Calls):
                 for device in self._cell.devices.values()
             ]
         )
+
+
+async def _with_reason(device: Device) -> pb.DeviceReport:
+    """Return what there is to say about a device, of a fault with its reason.
+
+    The device's thread hears the reason only when it is done with what it was about, which takes
+    its time after the daemon itself stood still.
+    """
+    said = device_message(device)
+    for _ in range(_HEARINGS):
+        if said.state != pb.STATE_FAULT or said.fault_text:
+            break
+        await asyncio.sleep(TICK)
+        said = device_message(device)
+    return said
