@@ -1,0 +1,38 @@
+/* Arrays as kernels take them: C-contiguous float64 or int64 of one to three dimensions.
+ *
+ * A kernel never frees or grows what it was given.  Scratch memory is taken from the heap and
+ * given back; a kernel that cannot have it returns OUT_OF_MEMORY, which becomes a MemoryError.
+ */
+#ifndef ORIENTD_ARRAYS_H
+#define ORIENTD_ARRAYS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+/* A hint is not enough: one helper left as a call costs a loop its vector instructions. */
+#define INLINE static inline __attribute__((always_inline))
+
+/* Before a loop whose rounds do not depend on what others write, which no compiler can see where
+ * ten rows of one array are written. */
+#ifdef __clang__
+#define INDEPENDENT _Pragma("clang loop vectorize(assume_safety)")
+#else
+#define INDEPENDENT _Pragma("GCC ivdep")
+#endif
+
+typedef int64_t index_t;
+
+typedef struct { double *v; index_t n; } row_t;           /* n numbers */
+typedef struct { double *v; index_t n, m; } matrix_t;     /* n rows of m numbers */
+typedef struct { double *v; index_t n, m, k; } tensor_t;  /* n matrices of m rows of k numbers */
+typedef struct { int64_t *v; index_t n; } indices_t;
+
+enum { OUT_OF_MEMORY = -2 };
+
+INLINE double *row_of(matrix_t a, index_t i) { return a.v + i * a.m; }
+
+INLINE index_t least(index_t a, index_t b) { return a < b ? a : b; }
+INLINE index_t most(index_t a, index_t b) { return a > b ? a : b; }
+
+#endif

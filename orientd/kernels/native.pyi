@@ -1,0 +1,15 @@
+"""What the compiled library offers; see the headers of each group in ``c/``."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+LEVEL: str
+SOURCES: str
+
+# sampling.h
+def sample_cubic(
+    times: Floats, breaks: Floats, table: Floats, slack: float, out: Floats, /
+) -> int: ...
