@@ -93,6 +93,18 @@ class RecorderSettings(Table):
     keep_megabytes: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] = 200.0
 
 
+class PlannerSettings(Table):
+    """The table ``[planner]``: the processes that plan.
+
+    Attributes:
+        processes: how many; ``None`` is one for each core, from 3 to 6.
+        plan_timeout: how long a plan may take at the most, waiting for its turn included, s.
+    """
+
+    processes: Annotated[int, Field(ge=1, le=64)] | None = None
+    plan_timeout: Annotated[float, Field(ge=0.05, le=3600.0)] = 10.0
+
+
 class LimitSettings(Table):
     """The table ``[devices.NAME.limits]``; what is not given is the default of the planner.
 
@@ -213,6 +225,7 @@ class Settings(Table):
     Attributes:
         daemon: the table ``[daemon]``.
         recorder: the table ``[recorder]``.
+        planner: the table ``[planner]``.
         access: the table ``[access]``.
         tcp: the table ``[tcp]``; without it there is the Unix socket only.
         metrics: the table ``[metrics]``; without it there are none.
@@ -221,6 +234,7 @@ class Settings(Table):
 
     daemon: DaemonSettings = DaemonSettings()
     recorder: RecorderSettings = RecorderSettings()
+    planner: PlannerSettings = PlannerSettings()
     access: AccessSettings = AccessSettings()
     tcp: TcpSettings | None = None
     metrics: MetricsSettings | None = None

@@ -10,7 +10,8 @@ An error is ours (a call failed); a fault is the device's (it stopped and waits 
     ├── ConfigError             a configuration that is not well formed or not possible here
     ├── PlanError               a well-formed motion that cannot be planned
     │   ├── LimitError          it would break a limit (quantity, value, limit, time)
-    │   └── StartError          it does not begin where the device is commanded to be
+    │   ├── StartError          it does not begin where the device is commanded to be
+    │   └── DeadlineError       planning it took too long
     ├── StateError              not possible in the device's present state
     │   └── LateError           the device has gone past the point that it was for
     ├── LeaseError              the caller does not hold the lease
@@ -85,6 +86,10 @@ class LimitError(PlanError):
 
 class StartError(PlanError):
     """A motion that does not begin in the state the device is commanded to be in."""
+
+
+class DeadlineError(PlanError):
+    """A motion that was not planned within the time for it."""
 
 
 class StateError(OrientdError):

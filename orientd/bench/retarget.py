@@ -5,8 +5,6 @@ daemon read one monotonic clock, so that the way of a request can be taken apart
 
 ``rpc``
     until the daemon has the request;
-``reading``
-    until that has been handed to a thread that plans, and read there;
 ``planning``
     until the motion is planned and certified;
 ``splicing``
@@ -37,7 +35,7 @@ from orientd.errors import OrientdError
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.control_pb2_grpc import ControlStub
 
-PARTS = ("rpc", "reading", "planning", "splicing", "waiting", "total")
+PARTS = ("rpc", "planning", "splicing", "waiting", "total")
 
 _REST = (0.08, 0.16)
 """The shortest and the longest time from one retarget to the next, s."""
@@ -83,7 +81,6 @@ class _Retarget:
     number: int
     sent_ns: int
     received_ns: int
-    read_ns: int
     planned_ns: int
     taken_ns: int
     attempts: int
@@ -93,7 +90,6 @@ class _Retarget:
         marks = (
             self.sent_ns,
             self.received_ns,
-            self.read_ns,
             self.planned_ns,
             self.taken_ns,
             first_ns,
@@ -177,7 +173,6 @@ def _retarget(
         number=started.motion_number,
         sent_ns=sent_ns,
         received_ns=timing.received_ns,
-        read_ns=timing.received_ns + round(timing.reading * 1e9),
         planned_ns=planned_ns,
         taken_ns=planned_ns + round(timing.splicing * 1e9),
         attempts=timing.attempts,

@@ -164,9 +164,9 @@ def methods(
     as_json: AsJson = False,
 ) -> None:
     """List the families of curves that a motion can be made of.  Needs no daemon."""
-    from orientd.daemon import report
+    from orientd.daemon.planners import reporting
 
-    found = report.methods()
+    found = reporting.known_methods()
     pictures: list[Path] = []
     if gallery is not None:
         from orientd import plots

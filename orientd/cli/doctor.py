@@ -74,9 +74,10 @@ def device_findings(device: DeviceSettings) -> list[Finding]:
     Raises:
         ConfigError: the driver is not installed, or refuses its options.
     """
-    from orientd.daemon.examiner import examiner_of
+    from orientd.driver.registry import make_driver
 
-    return list(examiner_of(device).diagnose())
+    driver = make_driver(device.name, device.driver, device.options, device.period_ns)
+    return list(driver.diagnose())
 
 
 def latency_finding(device: DeviceSettings) -> Finding:

@@ -51,9 +51,9 @@ def plan(
     """
     from orientd import motion_file, planner
     from orientd.cli import sample_files, texts
-    from orientd.daemon import motion_report
-    from orientd.daemon.examiner import examiner_of
-    from orientd.daemon.motion_planner import MotionPlanner
+    from orientd.daemon.planners import reporting
+    from orientd.driver.registry import make_driver
+    from orientd.planner.device_planner import DevicePlanner
 
     if output is not None and output.suffix not in sample_files.ENDINGS:
         raise typer.BadParameter(
@@ -75,18 +75,18 @@ def plan(
     first = request.keyframes[0]
     start = planner.State.at_rest(request.keys[0], first.position or (0.0, 0.0, 0.0))
     # The driver is asked as in the daemon, but not for where its axes are: then it chooses.
-    motion = MotionPlanner(
-        examiner_of(settings),
+    motion = DevicePlanner(
+        make_driver(settings.name, settings.driver, settings.options, settings.period_ns),
         limits=settings.limits.to_limits(),
         period=settings.period_ns * 1e-9,
     ).plan(request, start=start, joints=())
-    samples = motion_report.samples(motion, settings.rate_hz)
+    samples = reporting.samples_of(motion, settings.rate_hz)
     if output is not None:
         sample_files.write(output, samples, motion.certificate)
     if plot is not None:
         plots.draw_motion(plot, motion, title=f"{file.name}: {request.method}")
     if as_json:
-        say_json({"plan": motion_report.plan(motion), "output": output, "plot": plot})
+        say_json({"plan": reporting.plan_of(motion), "output": output, "plot": plot})
         return
     say(f"{request.method} through {len(request.keyframes)} keyframes", "")
     say(*texts.certificate(motion.certificate))

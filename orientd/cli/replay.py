@@ -141,7 +141,7 @@ def _plan_offline(
 ) -> None:
     from orientd import planner
     from orientd.cli.motion_commands import device_settings
-    from orientd.daemon import motion_report
+    from orientd.daemon.planners import reporting
 
     settings = device_settings(config, device)
     start = planner.State.at_rest(fit.control[0])
@@ -157,7 +157,7 @@ def _plan_offline(
     motion, request, slower = _paced(fit, pace, plan)
     _write(output, request)
     if as_json:
-        planned = motion_report.plan(motion)
+        planned = reporting.plan_of(motion)
         say_json({"fit": told, "slower": slower, "plan": planned, "output": output})
         return
     _say_plan(motion, slower, output)

@@ -1,20 +1,22 @@
 """The cell: the devices of one daemon, the lease to command them, and the motions they run.
 
-Nothing here knows of gRPC.  Every method may be called from any thread; those that plan or command
-may take as long as planning and the device do, and belong into a worker thread.
+Nothing here knows of gRPC.  What plans is awaited in the event loop.  Every other method may be
+called from any thread; those that command may take as long as the device does, and belong into a
+worker thread.
 """
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import threading
 import time
-from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor, wait
-from typing import TYPE_CHECKING, Any
+from collections.abc import Awaitable, Callable
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from typing import TYPE_CHECKING, TypeVar
 
 from orientd.clock import Clock, MonotonicClock
-from orientd.config import Settings
+from orientd.config import DeviceSettings, Settings
 from orientd.daemon.device import Device
 from orientd.daemon.device_report import DeviceEvent
 from orientd.daemon.flight_recorder import FlightRecorder
@@ -23,6 +25,8 @@ from orientd.daemon.journal import Journal
 from orientd.daemon.lease import Lease, LeaseDesk
 from orientd.daemon.manner import AT_ONCE, Manner, Prepared
 from orientd.daemon.plan_store import PlanStore
+from orientd.daemon.planners import Order, PlannedMotion, PlannerDevice, Planners
+from orientd.daemon.planners.pool import default_processes
 from orientd.daemon.runs import Run, Runs
 from orientd.daemon.start_place import check_start
 from orientd.daemon.story import about
@@ -39,7 +43,7 @@ from orientd.rpc.reports import MoveTiming, Outcome
 from orientd.stream import UNKNOWN
 
 if TYPE_CHECKING:
-    from orientd.planner import Limits, Motion
+    from orientd.planner import Limits
 
 _log = logging.getLogger(__name__)
 
@@ -48,7 +52,13 @@ ATTEMPTS = 6
 
 _READY_STEP = 0.1
 
+COMMANDERS = 8
+"""Commands under way at the same time; a device may take its time over one."""
+
+GONE = "its caller has gone away"
+
 MakeDevice = Callable[..., Device]
+Result = TypeVar("Result")
 
 
 class Cell:
@@ -59,13 +69,15 @@ class Cell:
         settings: Settings,
         *,
         make_device: MakeDevice = Device,
+        planners: Planners | None = None,
         clock: Clock | None = None,
     ) -> None:
         """Make the devices of *settings*, without starting anything.
 
         Args:
             settings: what the daemon was configured with.
-            make_device: makes a device of its settings and an event handler.
+            make_device: makes a device of its settings, planners and an event handler.
+            planners: plan for all of them; by default processes of their own.
             clock: tells when a lease has run out; the machine's monotonic clock by default.
 
         Raises:
@@ -85,8 +97,15 @@ class Cell:
         self.tenure = Tenure(self.desk, self.runs)
         self.journal = Journal(kept=settings.recorder.seconds)
         self._flight = FlightRecorder(settings, self.journal)
+        self.planners = planners or Planners(
+            [planner_device(device) for device in settings.devices.values()],
+            processes=settings.planner.processes or default_processes(),
+            timeout=settings.planner.plan_timeout,
+            most_keyframes=settings.access.keyframes,
+        )
+        self._commanders = ThreadPoolExecutor(COMMANDERS, thread_name_prefix="command")
         for name, device in settings.devices.items():
-            self.devices[name] = make_device(device, on_event=self._hear)
+            self.devices[name] = make_device(device, planners=self.planners, on_event=self._hear)
             self._flight.attach(self.devices[name])
 
     def _hear(self, event: DeviceEvent) -> None:
@@ -131,7 +150,7 @@ class Cell:
         self.runs.halt(self.devices.values(), GOING_DOWN)
         unfinished = self.runs.unfinished()
         for run in unfinished:
-            stop_time = run.motion.certificate.stop_time if run.motion is not None else 0.0
+            stop_time = run.motion.facts.stop_time if run.motion is not None else 0.0
             wait([run.ended], timeout=stop_time + 1.0)
         with ThreadPoolExecutor(len(self.devices)) as pool:
             list(pool.map(lambda device: device.shutdown(), self.devices.values()))
@@ -139,6 +158,14 @@ class Cell:
             self.runs.conclude(run, (Outcome.STOPPED, GOING_DOWN))
         self._flight.close()
         self.journal.close()
+
+    def in_worker(self, work: Callable[[], Result]) -> Awaitable[Result]:
+        """Do *work*, which may take as long as a device does, in a thread."""
+        return asyncio.get_running_loop().run_in_executor(self._commanders, work)
+
+    def close(self) -> None:
+        """Take on no more work."""
+        self._commanders.shutdown(wait=False, cancel_futures=True)
 
     # Motions
 
@@ -158,44 +185,39 @@ class Cell:
             raise UnknownNameError("device", f"expected one of {names}, got {name!r}")
         return self.devices[name]
 
-    def plan(self, device: Device, mapping: Mapping[str, Any]) -> Motion:
-        """Plan what *mapping*, the content of a motion file, asks of *device*, and keep the plan.
+    async def plan(self, device: Device, order: Order) -> PlannedMotion:
+        """Plan what *order* asks of *device*, and keep the plan.
 
         It begins where the device will be once it has come to rest.
-
-        Args:
-            device: what is to move.
-            mapping: see :mod:`orientd.motion_file`.
 
         Raises:
             RequestError: it is not well formed.
             StateError: the device is not ready to move.
             PlanError: it cannot be planned, or would break a limit.
         """
-        from orientd import motion_file
-
-        motion = device.plan(motion_file.parse(mapping))
+        motion = await device.plan(order)
         self.plans.keep(device.name, motion)
         return motion
 
-    def move(
+    async def move(
         self,
         token: str,
         device: Device,
-        mapping: Mapping[str, Any],
+        order: Order,
         manner: Manner = AT_ONCE,
         *,
         stops: int,
         received_ns: int,
     ) -> tuple[Run, MoveTiming]:
-        """Plan what *mapping*, the content of a motion file, asks of *device*, and begin it.
+        """Plan what *order* asks of *device*, and begin it.
 
-        A motion that runs is replaced from a point a little ahead, or followed.
+        A motion that runs is replaced from a point a little ahead, or followed.  If whoever asks
+        goes away meanwhile, it is stopped again.
 
         Args:
             token: the lease.
             device: what is to move.
-            mapping: see :mod:`orientd.motion_file`.
+            order: what it is to do.
             manner: how to begin and to end.
             stops: what :meth:`Runs.stops` returned when the motion was asked for.
             received_ns: when that was, monotonic clock.
@@ -206,16 +228,12 @@ class Cell:
             StateError: the device is not ready to move, or was stopped meanwhile.
             PlanError: it cannot be planned, or would break a limit.
         """
-        from orientd import motion_file
-
-        request = motion_file.parse(mapping)
-        read_ns = time.monotonic_ns()
         late: Exception | None = None
         for attempt in range(ATTEMPTS):
             try:
-                prepared = device.prepare(request, manner, attempt=attempt)
+                prepared = await device.prepare(order, manner, attempt=attempt)
                 planned_ns = time.monotonic_ns()
-                run = self._begin(token, device, prepared, stops=stops)
+                run = await self._begin(token, device, prepared, stops=stops)
             except LateError as error:
                 _log.info("%s: planned too late: %s", device.name, error)
                 late = error
@@ -225,12 +243,11 @@ class Cell:
                     splicing=(time.monotonic_ns() - planned_ns) * 1e-9,
                     received_ns=received_ns,
                     attempts=attempt + 1,
-                    reading=(read_ns - received_ns) * 1e-9,
                 )
                 return run, timing
         raise StateError(f"device {device.name} was too quick for {ATTEMPTS} plans: {late}")
 
-    def present(self, device: Device, motion_id: str) -> Motion | None:
+    def present(self, device: Device, motion_id: str) -> PlannedMotion | None:
         """Return the motion that *device* runs or ran last, or the plan called *motion_id*.
 
         Raises:
@@ -241,11 +258,11 @@ class Cell:
             return motion
         return self.plans.find(device.name, motion_id)
 
-    def start(
+    async def start(
         self,
         token: str,
         device: Device,
-        motion: Motion,
+        motion: PlannedMotion,
         manner: Manner = AT_ONCE,
         *,
         stops: int,
@@ -265,10 +282,12 @@ class Cell:
             StartError: the motion does not begin where the device is commanded to be.
         """
         check_start(device, motion)
-        return self._begin(token, device, Prepared(motion, manner=manner), stops=stops)
+        return await self._begin(token, device, Prepared(motion, manner=manner), stops=stops)
 
-    def _begin(self, token: str, device: Device, prepared: Prepared, *, stops: int) -> Run:
-        return self._run(
+    async def _begin(self, token: str, device: Device, prepared: Prepared, *, stops: int) -> Run:
+        """Begin a motion in a thread; if whoever asks goes away meanwhile, stop it again."""
+        beginning = self._commanders.submit(
+            self._run,
             token,
             device,
             lambda: device.start(prepared),
@@ -276,6 +295,15 @@ class Cell:
             stops=stops,
             start_ns=prepared.manner.start_ns,
         )
+        try:
+            return await asyncio.shield(asyncio.wrap_future(beginning))
+        except asyncio.CancelledError:
+            beginning.add_done_callback(self._abandon_begun)
+            raise
+
+    def _abandon_begun(self, beginning: Future[Run]) -> None:
+        if beginning.exception() is None:
+            self._commanders.submit(self.abandon, beginning.result(), GONE)
 
     def track(self, token: str, device: Device, limits: Limits, *, stops: int) -> Run:
         """Have *device* follow targets from now on; see :meth:`Device.aim`.
@@ -299,7 +327,7 @@ class Cell:
         device: Device,
         start: Callable[[], int],
         *,
-        motion: Motion | None,
+        motion: PlannedMotion | None,
         stops: int,
         start_ns: int = UNKNOWN,
     ) -> Run:
@@ -328,7 +356,7 @@ class Cell:
                 motion=run.number,
                 motion_id=motion.id if motion is not None else "",
                 identity=lease.owner,
-                planned_duration=motion.duration if motion is not None else None,
+                planned_duration=motion.facts.duration if motion is not None else None,
             ),
         )
         return run
@@ -386,3 +414,14 @@ class Cell:
             if self.is_closing:
                 raise DaemonError(GOING_DOWN)
         return lease
+
+
+def planner_device(settings: DeviceSettings) -> PlannerDevice:
+    """Return what planners are told of a device."""
+    return PlannerDevice(
+        settings.name,
+        settings.driver,
+        settings.options,
+        settings.period_ns,
+        settings.limits.to_limits(),
+    )

@@ -1,13 +1,13 @@
 """The newest cycles of a device, kept in memory as the servo has packed them.
 
 What the servo publishes stays in shared memory for a few seconds only.  Every now and then the
-device's thread copies what is new there, slot by slot as it is, which is one or two calls of
-``memcpy``; whether a slot holds a whole record is for its reader to check.
+device's thread copies what is new there, slot by slot as it is, to a file in memory, which is one
+or two calls; whether a slot holds a whole record is for its reader to check.
 """
 
 from __future__ import annotations
 
-import mmap
+import os
 
 from orientd.stream import RecordRing
 from orientd.stream.records import CYCLE_RECORD
@@ -26,7 +26,7 @@ class CycleMemory:
     def __init__(self, capacity: int) -> None:
         """Reserve room for *capacity* cycles; memory is used as they come."""
         self._size = capacity * _STRIDE
-        self._room = mmap.mmap(-1, self._size)
+        self._file = os.memfd_create("orientd-cycles", os.MFD_CLOEXEC)
         self._written = 0
         self._ring: RecordRing | None = None
         self._next = 0
@@ -52,19 +52,26 @@ class CycleMemory:
         piece = piece[-self._size :]
         at = self._written % self._size
         rest = self._size - at
-        self._room[at : at + min(rest, len(piece))] = piece[:rest]
+        os.pwrite(self._file, piece[:rest], at)
         if len(piece) > rest:
-            self._room[: len(piece) - rest] = piece[rest:]
+            os.pwrite(self._file, piece[rest:], 0)
         self._written += len(piece)
 
     def close(self) -> None:
         """Give the memory back; nothing is copied any more."""
-        self._room.close()
+        os.close(self._file)
 
-    def pieces(self) -> list[memoryview]:
-        """Return the slots, oldest first; they go on changing, the oldest first."""
-        view = memoryview(self._room)
-        if self._written <= self._size:
-            return [view[: self._written]]
-        at = self._written % self._size
-        return [view[at:], view[:at]]
+    def copy_to(self, descriptor: int) -> None:
+        """Write the slots to a file, oldest first; they go on changing, the oldest first.
+
+        Raises:
+            OSError: there is no room for them.
+        """
+        kept = min(self._written, self._size)
+        oldest = (self._written - kept) % self._size
+        for begin, end in ((oldest, min(oldest + kept, self._size)), (0, oldest)):
+            while begin < end:
+                sent = os.sendfile(descriptor, self._file, begin, end - begin)
+                if not sent:
+                    break
+                begin += sent

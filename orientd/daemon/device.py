@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 from orientd.config import DeviceSettings
 from orientd.daemon.device_report import DeviceEvent, DeviceSnapshot, EventKind
 from orientd.daemon.device_snapshot import take_snapshot
-from orientd.daemon.examiner import examiner_of
 from orientd.daemon.manner import AT_ONCE, Manner, Prepared
 from orientd.daemon.servo_link import terms_of
 from orientd.daemon.supervised_device import SupervisedDevice
 from orientd.driver import Driver, Quaternion, Vector3
+from orientd.driver.registry import make_driver
 from orientd.errors import StateError
 from orientd.servo.pursuit import LEFT_OUT_WORD
 from orientd.stream import Command, Cycle, State, unpack_cycle
@@ -22,9 +22,9 @@ from orientd.stream import Command, Cycle, State, unpack_cycle
 if TYPE_CHECKING:
     # Loaded with the first motion: until then the daemon stays small.
     from orientd.daemon.meter import MotionStatistics
-    from orientd.daemon.motion_planner import MotionPlanner
     from orientd.daemon.motions import Motions
-    from orientd.planner import Limits, Motion, MotionRequest
+    from orientd.daemon.planners import Order, PlannedMotion, Planners
+    from orientd.planner import Limits
     from orientd.planner import State as PlannedState
 
 _log = logging.getLogger(__name__)
@@ -40,21 +40,28 @@ class Device(SupervisedDevice):
     """
 
     def __init__(
-        self, settings: DeviceSettings, *, on_event: Callable[[DeviceEvent], None]
+        self,
+        settings: DeviceSettings,
+        *,
+        planners: Planners,
+        on_event: Callable[[DeviceEvent], None],
     ) -> None:
         """Check the driver and its options; start nothing.
 
         Args:
             settings: the device's part of the configuration.
+            planners: plan for it.
             on_event: called from the device's thread, or from a command.
 
         Raises:
             ConfigError: the driver is not installed, or refuses its options.
         """
         # First, as it says of a driver that is not installed which device was to have it.
-        self._examiner = examiner_of(settings)
+        self._examiner = make_driver(
+            settings.name, settings.driver, settings.options, settings.period_ns
+        )
         super().__init__(settings, on_event=on_event)
-        self._limits = settings.limits
+        self._limits, self._planners = settings.limits, planners
         self._lead_cycles = round(settings.lead * settings.rate_hz)
         self._has_no_outline = False
 
@@ -62,13 +69,6 @@ class Device(SupervisedDevice):
     def limits(self) -> Limits:
         """What no motion of it may exceed."""
         return self._limits.to_limits()
-
-    @functools.cached_property
-    def _planner(self) -> MotionPlanner:
-        from orientd.daemon.motion_planner import MotionPlanner
-
-        period = self.period_ns * 1e-9
-        return MotionPlanner(self._examiner, limits=self.limits, period=period)
 
     # Motions
 
@@ -92,7 +92,7 @@ class Device(SupervisedDevice):
             raise StateError(f"device {self.name} is {state}, not holding{advice}")
         return PlannedState.at_rest(cycle.q, cycle.position)
 
-    def plan(self, request: MotionRequest) -> Motion:
+    async def plan(self, order: Order) -> PlannedMotion:
         """Plan a motion that begins where the device will be once it has come to rest.
 
         Raises:
@@ -101,15 +101,15 @@ class Device(SupervisedDevice):
             PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
         """
         self._check_able()
-        return self._loaded().plan(request)
+        return await self._loaded().plan(order)
 
-    def prepare(
-        self, request: MotionRequest, manner: Manner = AT_ONCE, *, attempt: int = 0
+    async def prepare(
+        self, order: Order, manner: Manner = AT_ONCE, *, attempt: int = 0
     ) -> Prepared:
         """Plan a motion for :meth:`start`: from rest, or from a point of the path a little ahead.
 
         Args:
-            request: what to do.
+            order: what to do.
             manner: how to begin and to end.
             attempt: how often :meth:`start` has said already that it was too late.
 
@@ -120,7 +120,7 @@ class Device(SupervisedDevice):
             PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
         """
         self._check_able()
-        return self._loaded().prepare(request, manner, attempt=attempt)
+        return await self._loaded().prepare(order, manner, attempt=attempt)
 
     def start(self, prepared: Prepared) -> int:
         """Begin to stream a motion and return its number, once the servo has taken it up.
@@ -158,7 +158,8 @@ class Device(SupervisedDevice):
 
                 self._motions = Motions(
                     self._servo.running(),
-                    self._planner,
+                    self.name,
+                    self._planners,
                     period=self.period_ns * 1e-9,
                     lead=self.lead,
                     read_ahead=self._read_ahead,

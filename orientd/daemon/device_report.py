@@ -10,7 +10,7 @@ from orientd.errors import Fault
 from orientd.stream import Cycle, State
 
 if TYPE_CHECKING:
-    from orientd.planner import Motion
+    from orientd.daemon.planners import PlannedMotion
 
 
 class EventKind(Enum):
@@ -48,7 +48,7 @@ class DeviceEvent:
     motion_number: int
     text: str
     time_ns: int
-    motion: Motion | None = None
+    motion: PlannedMotion | None = None
     path_index: int | None = None
 
 
@@ -80,7 +80,7 @@ class DeviceSnapshot:
     fault_text: str
     is_paused: bool
     speed: float
-    motion: Motion | None
+    motion: PlannedMotion | None
     motion_number: int
     path_time: float
     tracking_error: float | None

@@ -44,7 +44,7 @@ def take_snapshot(
     path_time = 0.0
     if due is not None and stage is not None and stage.feeder is not None:
         records = due.path_index - stage.feeder.first_index + due.path_fraction
-        path_time = max(0.0, records * stage.motion.period)
+        path_time = max(0.0, records * stage.motion.facts.period)
     state = State.IDLE if cycle is None else cycle.state
     is_paused = motions is not None and motions.is_paused
     return DeviceSnapshot(

@@ -1,4 +1,4 @@
-"""The feeder: samples a motion, block by block, into the path ring.
+"""The feeder: copies the records of a motion, block by block, into the path ring.
 
 It keeps the ring filled ahead of the servo, and holds no more of a motion than the ring does.
 """
@@ -8,13 +8,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from orientd.planner import Motion
+from orientd.planner.recorded import RecordedMotion
 from orientd.servo.path_follower import FINAL_WORD, TAIL_WORD
 from orientd.stream import PathFlag, RecordRing
 from orientd.stream.records import PATH_FLOATS, PATH_RECORD
 
 BLOCK = 512
-"""Records sampled at a time."""
+"""Records copied at a time."""
 
 _MARGIN = 8
 _LAYOUT = np.dtype(
@@ -38,7 +38,9 @@ class Feeder:
         first_index: the ring's index of the motion's first record.
     """
 
-    def __init__(self, ring: RecordRing, motion: Motion, number: int, *, read_ahead: int) -> None:
+    def __init__(
+        self, ring: RecordRing, motion: RecordedMotion, number: int, *, read_ahead: int
+    ) -> None:
         """Begin behind whatever the ring holds.
 
         Args:
@@ -53,7 +55,7 @@ class Feeder:
         self._ring = ring
         self.number = number
         self._fed = 0
-        self._until = motion.record_count
+        self._until = motion.facts.record_count
         self._read_ahead = read_ahead
         self._is_taken_up = False
 
@@ -72,12 +74,12 @@ class Feeder:
     @property
     def final_index(self) -> int:
         """The ring's index of the motion's last record."""
-        return self.first_index + self.motion.record_count - 1
+        return self.first_index + self.motion.facts.record_count - 1
 
     @property
     def is_whole(self) -> bool:
         """Whether the motion's last record is in the ring, or has been."""
-        return self._fed == self.motion.record_count
+        return self._fed == self.motion.facts.record_count
 
     @property
     def is_done(self) -> bool:
@@ -98,6 +100,7 @@ class Feeder:
         if count <= 0:
             return 0
         block = self._records(self._fed, count)
+        count = len(block)
         size = PATH_RECORD.size
         content = block.tobytes()
         head = ring.head
@@ -120,11 +123,13 @@ class Feeder:
 
     def _records(self, first: int, count: int) -> NDArray[np.void]:
         motion = self.motion
+        floats = motion.records(first, count)
+        count = len(floats)
         block = np.zeros(count, dtype=_LAYOUT)
         block["index"] = np.arange(self._ring.head, self._ring.head + count)
-        block["path_time_ns"] = np.rint(np.arange(first, first + count) * motion.period * 1e9)
+        block["path_time_ns"] = np.rint(np.arange(first, first + count) * motion.facts.period * 1e9)
         block["motion"] = self.number
-        if first + count == motion.record_count:
+        if count and first + count == motion.facts.record_count:
             block["flags"][-1] = PathFlag.LAST
-        block["floats"] = motion.records(first, count)
+        block["floats"] = floats
         return block

@@ -144,11 +144,11 @@ def _packed(header: dict[str, Any], events: list[bytes], memory: CycleMemory) ->
     """Return a file in memory: a line of JSON, the events, the slots."""
     descriptor = os.memfd_create("orientd-flight", os.MFD_CLOEXEC)
     try:
-        pieces: list[bytes | memoryview] = [json.dumps(header).encode() + b"\n", *events]
-        for piece in [*pieces, *memory.pieces()]:
+        for piece in [json.dumps(header).encode() + b"\n", *events]:
             rest = memoryview(piece)
             while rest:
                 rest = rest[os.write(descriptor, rest) :]
+        memory.copy_to(descriptor)
         os.lseek(descriptor, 0, os.SEEK_SET)
     except OSError:
         os.close(descriptor)

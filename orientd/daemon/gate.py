@@ -24,8 +24,11 @@ else:
 class Gate(Interceptor, GenericHandler):
     """Stand for one service: first closed, then for good open."""
 
-    def __init__(self, service: str) -> None:
-        """Stand for the service called *service*."""
+    def __init__(
+        self, service: str, wrap: Callable[[GenericHandler], GenericHandler] = lambda inner: inner
+    ) -> None:
+        """Stand for the service called *service*, whose handlers *wrap* may change."""
+        self._wrap = wrap
         self._prefix = f"/{service}/"
         self._handlers: tuple[GenericHandler, ...] = ()
         self._is_open = asyncio.Event()
@@ -41,7 +44,7 @@ class Gate(Interceptor, GenericHandler):
 
     def add_generic_rpc_handlers(self, handlers: tuple[GenericHandler, ...]) -> None:
         """Take what generated code would add to a server."""
-        self._handlers += handlers
+        self._handlers += tuple(map(self._wrap, handlers))
 
     def add_registered_method_handlers(self, service: str, handlers: object) -> None:
         """Leave out what generated code adds a second time."""

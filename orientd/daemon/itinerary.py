@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 from orientd.daemon.feeder import BLOCK, Feeder
 from orientd.daemon.meter import MotionMeter, MotionStatistics
+from orientd.daemon.planners import PlannedMotion
 from orientd.daemon.servo_link import ServoLink, terms_of
 from orientd.errors import LateError, StateError
-from orientd.planner import Motion, State
 from orientd.stream import UNKNOWN, Command, Cycle
 
 METERS = 16
@@ -40,7 +40,7 @@ class Stage:
         is_running: whether the servo knows of it.
     """
 
-    motion: Motion
+    motion: PlannedMotion
     number: int
     is_replaced: bool = False
     leave: int | None = None
@@ -50,7 +50,7 @@ class Stage:
     @property
     def last_record(self) -> int:
         """The record at which the stage ends."""
-        return self.motion.record_count - 1 if self.leave is None else self.leave
+        return self.motion.last_record if self.leave is None else self.leave
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,12 +60,10 @@ class Leave:
     Attributes:
         number: of the motion that is left.
         record: at which.
-        state: the planned state there.
     """
 
     number: int
     record: int
-    state: State
 
 
 class Itinerary:
@@ -108,7 +106,7 @@ class Itinerary:
         return next((stage for stage in self._stages if stage.number == number), None)
 
     def ahead(self, cycle: Cycle, records: int) -> Leave:
-        """Return the planned state that the servo will be in *records* after *cycle*."""
+        """Return where the servo will be *records* after *cycle*."""
         place = next((k for k, s in enumerate(self._stages) if s.number == cycle.motion), 0)
         stage = self._stages[place]
         here = 0
@@ -121,11 +119,11 @@ class Itinerary:
             place, here = place + 1, 0
             stage = self._stages[place]
         record = min(here + records, stage.last_record)
-        return Leave(stage.number, record, stage.motion.state_at(record))
+        return Leave(stage.number, record)
 
     def end(self, record: int) -> Leave:
         """Return the last stage at *record*."""
-        return Leave(self.last.number, record, self.last.motion.state_at(record))
+        return Leave(self.last.number, record)
 
     def statistics(self, number: int) -> MotionStatistics | None:
         """Return what was measured of motion *number*; ``None`` where that is not known."""
@@ -139,7 +137,7 @@ class Itinerary:
 
     # Motions
 
-    def begin(self, motion: Motion, number: int, *, speed: float, start_ns: int) -> None:
+    def begin(self, motion: PlannedMotion, number: int, *, speed: float, start_ns: int) -> None:
         """Start *motion* on a device that holds.
 
         Raises:
@@ -155,7 +153,7 @@ class Itinerary:
         self._stages = [stage]
         self._add_meter(stage, after=None)
 
-    def replace(self, motion: Motion, number: int, leave: Leave) -> list[Stage]:
+    def replace(self, motion: PlannedMotion, number: int, leave: Leave) -> list[Stage]:
         """Have *motion* replace everything after *leave*; return the stages that are dropped.
 
         Raises:
@@ -174,7 +172,7 @@ class Itinerary:
         self._stages[place + 1 :] = [stage]
         return dropped
 
-    def append(self, motion: Motion, number: int, leave: Leave) -> None:
+    def append(self, motion: PlannedMotion, number: int, leave: Leave) -> None:
         """Have *motion* follow the last stage, from *leave* on.
 
         Raises:
@@ -209,12 +207,12 @@ class Itinerary:
         """Take out what the servo could not be told of in time, unless it follows at rest."""
         place = next(k for k, stage in enumerate(self._stages) if not stage.is_running)
         left = self._stages[place - 1]
-        if left.leave == left.motion.record_count - 1:
+        if left.leave == left.motion.last_record:
             return []  # it begins when the one before has come to rest
         missed, self._stages = self._stages[place:], self._stages[:place]
         left.leave = None
         if left.feeder is not None:
-            left.feeder.leave_at(left.motion.record_count - 1)
+            left.feeder.leave_at(left.motion.last_record)
         return missed
 
     def resume(self, stages: list[Stage], *, speed: float) -> None:
@@ -292,9 +290,9 @@ class Itinerary:
         Until what ran before is behind, the slowest stop of them all must fit.
         """
         motion = feeder.motion
-        rates = [stage.motion.certificate.brake_rate for stage in self._stages if stage.is_running]
-        slowest = min([*rates, motion.certificate.brake_rate])
-        needed = int((1.0 / slowest + _FEED_TIME) / motion.period) + 1
+        rates = [stage.motion.facts.brake_rate for stage in self._stages if stage.is_running]
+        slowest = min([*rates, motion.facts.brake_rate])
+        needed = int((1.0 / slowest + _FEED_TIME) / motion.facts.period) + 1
         ring = self._link.memory.path
         while not feeder.is_done and ring.head - feeder.first_index < needed:
             if not feeder.feed(min(BLOCK, needed), is_urgent=True):
@@ -321,7 +319,7 @@ class Itinerary:
             final_index=feeder.final_index if feeder.is_whole else UNKNOWN,
             start_ns=start_ns,
             speed=speed,
-            terms=terms_of(stage.motion.limits, stage.motion.certificate.brake_rate),
+            terms=terms_of(stage.motion.facts.limits, stage.motion.facts.brake_rate),
         )
         stage.is_running = True
         feeder.take_up()

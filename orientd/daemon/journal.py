@@ -17,7 +17,7 @@ from orientd.daemon.device_report import DeviceEvent, EventKind
 from orientd.rpc import control_pb2 as pb
 
 if TYPE_CHECKING:
-    from orientd.planner import Motion
+    pass
 
 _log = logging.getLogger(__name__)
 
@@ -165,26 +165,7 @@ def event_to_message(event: DeviceEvent) -> pb.Event:
         time_ns=event.time_ns,
     )
     if event.motion is not None:
-        _add_motion(message, event.motion)
+        message.MergeFromString(event.motion.event)
         if event.path_index is not None:
             message.path_index = event.path_index
     return message
-
-
-def _add_motion(message: pb.Event, motion: Motion) -> None:
-    from orientd.daemon import motion_report
-    from orientd.rpc.motion_wire import from_request
-    from orientd.rpc.move_wire import plan_to_message
-    from orientd.rpc.value_wire import quaternion, vector
-
-    message.plan.CopyFrom(plan_to_message(motion_report.plan(motion)))
-    message.motion.CopyFrom(from_request(motion.request))
-    rate_hz = min(SAMPLES_HZ, MOST_SAMPLES / motion.duration)
-    samples = motion_report.samples(motion, rate_hz)
-    columns = zip(
-        samples.times.tolist(), samples.q.tolist(), samples.omega_body.tolist(), strict=True
-    )
-    message.samples.extend(
-        pb.MotionSample(path_time=time, orientation=quaternion(q), omega_body=vector(omega))
-        for time, q, omega in columns
-    )

@@ -10,7 +10,7 @@ from orientd.stream import UNKNOWN
 
 if TYPE_CHECKING:
     from orientd.daemon.itinerary import Leave
-    from orientd.planner import Motion
+    from orientd.daemon.planners import PlannedMotion
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +58,9 @@ class Manner:
 
 AT_ONCE = Manner()
 
+Kind = tuple[int, bool]
+"""How many binary digits the size of a request has, and whether it is blended into another."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prepared:
@@ -67,8 +70,12 @@ class Prepared:
         motion: the motion.
         leave: where it leaves what runs before it; ``None`` where it begins at rest.
         manner: how it is to begin and to end.
+        chosen: when *leave* was chosen, monotonic clock, s.
+        kind: of plan, which tells how long it takes.
     """
 
-    motion: Motion
+    motion: PlannedMotion
     leave: Leave | None = None
     manner: Manner = AT_ONCE
+    chosen: float = 0.0
+    kind: Kind = (0, False)

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from orientd import rotation
 from orientd.daemon.lead import LedSetpoints
-from orientd.planner import Motion
+from orientd.planner.recorded import RecordedMotion
+from orientd.planner.request import Vector3
 from orientd.recorder.cycle_table import Table, from_records
 from orientd.rotation import Floats
 from orientd.stream import CycleFlag, State
@@ -106,7 +107,7 @@ class MotionMeter:
 
     def __init__(
         self,
-        motion: Motion,
+        motion: RecordedMotion,
         number: int,
         first_index: int,
         *,
@@ -138,7 +139,7 @@ class MotionMeter:
         self._end_error: float | None = None
         self._carried: tuple[Table, NDArray[np.float64]] | None = None
         # The device holds there before the first cycle of the motion.
-        self._last_q = motion.sample(np.zeros(1)).q[0]
+        self._last_q = motion.orientations(np.zeros(1))[0]
         self._led = LedSetpoints(lead, self._last_q) if lead > 0.0 else None
         self._after = after
         self.began_ns: int | None = None
@@ -213,7 +214,7 @@ class MotionMeter:
         return block[first:]
 
     def _differentiate(self, q: NDArray[np.float64]) -> None:
-        h = self._motion.period
+        h = self._motion.facts.period
         omega = rotation.log(rotation.multiply(rotation.conjugate(q[:-1]), q[1:])) / h
         alpha = np.diff(np.vstack([self._omega, omega]), axis=0) / h
         jerk = np.diff(np.vstack([self._alpha, alpha]), axis=0) / h
@@ -224,8 +225,8 @@ class MotionMeter:
 
     def _compare(self, block: Table) -> None:
         motion = self._motion
-        times = (block["path_index"] - self._first + block["path_fraction"]) * motion.period
-        off_plan = rotation.angle(motion.sample(times).q, block["sent_q"])
+        times = (block["path_index"] - self._first + block["path_fraction"]) * motion.facts.period
+        off_plan = rotation.angle(motion.orientations(times), block["sent_q"])
         self._path_error = max(self._path_error, float(off_plan.max()))
         measured = (block["flags"] & CycleFlag.FEEDBACK) != 0
         if self._led is not None:
@@ -239,14 +240,14 @@ class MotionMeter:
         self._carried = (block[-2:], times[-2:])
         full = block["speed"] == 1.0
         block, times = block[full], times[full]
-        request = motion.request
-        if self._start_error is None and request.omega_start is not None:
+        facts = motion.facts
+        if self._start_error is None and facts.omega_start is not None:
             self._start_error = self._velocity_error(
-                block, times, motion.start_time, request.omega_start, from_before=False
+                block, times, facts.start_time, facts.omega_start, from_before=False
             )
-        if self._end_error is None and request.omega_end is not None:
+        if self._end_error is None and facts.omega_end is not None:
             self._end_error = self._velocity_error(
-                block, times, motion.end_time, request.omega_end, from_before=True
+                block, times, facts.end_time, facts.omega_end, from_before=True
             )
 
     def _velocity_error(
@@ -254,7 +255,7 @@ class MotionMeter:
         block: Table,
         times: NDArray[np.float64],
         instant: float,
-        wanted: Floats,
+        wanted: Vector3,
         *,
         from_before: bool,
     ) -> float | None:
@@ -264,13 +265,13 @@ class MotionMeter:
         acceleration of the two cycles before it, or after it: between the one before and the one
         after, another curve begins with a step in jerk.
         """
-        h = self._motion.period
+        h = self._motion.facts.period
         k = int(np.searchsorted(times, instant - _SAME * h))
         if k >= len(times):
             return None
         if times[k] - instant <= _SAME * h:
             sent = block["sent_omega_body"][k]
-            return float(np.linalg.norm(sent - wanted))
+            return float(np.linalg.norm(sent - np.array(wanted)))
         first = k - 2 if from_before else k
         if first < 0 or first + 1 >= len(times):
             return None
@@ -289,7 +290,7 @@ class MotionMeter:
             + u * (1 - u) ** 2 * step * alpha[0]
             + u**2 * (u - 1) * step * alpha[1]
         )
-        return float(np.linalg.norm(sent - wanted))
+        return float(np.linalg.norm(sent - np.array(wanted)))
 
 
 def _lateness(histogram: Histogram) -> Lateness:

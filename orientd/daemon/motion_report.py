@@ -2,43 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from orientd.daemon.meter import Lateness, MotionStatistics
 from orientd.daemon.runs import Run, Runs
-from orientd.planner import Motion
-from orientd.rpc.reports import Durations, Plan, Samples, Statistics, Summary
+from orientd.rpc.reports import Durations, Statistics, Summary
 
 NANOSECONDS = 1e9
-
-
-def plan(motion: Motion) -> Plan:
-    """Return what there is to say about *motion* before it is run."""
-    return Plan(
-        motion_id=motion.id,
-        duration=motion.duration,
-        start_time=motion.start_time,
-        end_time=motion.end_time,
-        keyframe_times=tuple(motion.keyframe_times.tolist()),
-        certificate=motion.certificate,
-    )
-
-
-def samples(motion: Motion, rate_hz: float) -> Samples:
-    """Return *motion* sampled *rate_hz* times a second, from its beginning to its end."""
-    count = int(np.floor(motion.duration * rate_hz + 1e-9)) + 1
-    times = np.append(np.arange(count) / rate_hz, motion.duration)
-    if times[-1] - times[-2] < 1e-9:
-        times = times[:-1]
-    sampled = motion.sample(times)
-    return Samples(
-        times=times,
-        q=sampled.q,
-        omega_body=sampled.omega_body,
-        alpha_body=sampled.alpha_body,
-        position=sampled.position,
-        velocity=sampled.velocity,
-    )
 
 
 def summary(run: Run, runs: Runs) -> Summary:

@@ -6,7 +6,9 @@ planning, which takes its time.
 
 from __future__ import annotations
 
+import asyncio
 import math
+import os
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -14,16 +16,16 @@ from typing import Any
 
 from orientd.daemon.arrivals import Arrivals
 from orientd.daemon.device_report import EventKind
+from orientd.daemon.horizon import ReplanningHorizon
 from orientd.daemon.itinerary import Itinerary, Leave, Stage
-from orientd.daemon.manner import Manner, Prepared
+from orientd.daemon.manner import Kind, Manner, Prepared
 from orientd.daemon.meter import MotionStatistics
-from orientd.daemon.motion_planner import MotionPlanner
-from orientd.daemon.notice import Notice
+from orientd.daemon.planners import Continuation, Job, Order, PlannedMotion, Planners, Rank
+from orientd.daemon.planners.jobs import CHUNK
 from orientd.daemon.servo_link import ServoLink
 from orientd.errors import LateError, PlanError, StateError
-from orientd.planner import Motion, MotionRequest
-from orientd.planner import State as PlannedState
-from orientd.planner.table_path import TablePath
+from orientd.planner.recorded import HISTORY, Joints, RecordedMotion
+from orientd.planner.request import State as PlannedState
 from orientd.stream import UNKNOWN, Command, Cycle, State
 
 _SHAPED_ATTEMPTS = 3
@@ -45,7 +47,8 @@ class Motions:
     def __init__(
         self,
         link: ServoLink,
-        planner: MotionPlanner,
+        name: str,
+        planners: Planners,
         *,
         period: float,
         lead: float,
@@ -56,7 +59,8 @@ class Motions:
 
         Args:
             link: to the servo.
-            planner: plans for the device.
+            name: of the device.
+            planners: plan for it.
             period: of the device, s.
             lead: by how much it is led, s.
             read_ahead: path records to keep ahead of the servo.
@@ -64,19 +68,19 @@ class Motions:
         """
         self.is_paused = False
         self._link = link
-        self._planner = planner
+        self._name, self._planners = name, planners
         self._period = period
         self._itinerary = Itinerary(link, lead=lead, read_ahead=read_ahead)
         self._arrivals = Arrivals(link, tell)
         self._tell = tell
         self._tuned: Mapping[str, Any] = {}
-        self._notice = Notice()
+        self._horizon = ReplanningHorizon()
         self._shown: Stage | None = None
         self._is_closed = False
 
     # Planning
 
-    def plan(self, request: MotionRequest) -> Motion:
+    async def plan(self, order: Order) -> PlannedMotion:
         """Plan a motion that begins where the device will be once it has come to rest.
 
         Raises:
@@ -91,15 +95,16 @@ class Motions:
         if last is None:
             start, joints = self.held(), self._joints()
         else:
-            start = last.motion.state_at(last.motion.record_count - 1)
-            joints = last.motion.last_joints or self._joints()
-        return self._planner.plan(request, start=start, joints=joints)
+            tail = await self._tail(last.motion, last.motion.last_record)
+            start = tail.state_at(last.motion.last_record)
+            joints = last.motion.facts.last_joints or self._joints()
+        return await self._planners.plan(self._job(order, start, joints), order)
 
-    def prepare(self, request: MotionRequest, manner: Manner, *, attempt: int) -> Prepared:
+    async def prepare(self, order: Order, manner: Manner, *, attempt: int) -> Prepared:
         """Plan a motion for :meth:`start`: from rest, or from a point of the path a little ahead.
 
         Args:
-            request: what to do.
+            order: what to do.
             manner: how to begin and to end.
             attempt: how often :meth:`start` has said already that it was too late.
 
@@ -109,24 +114,54 @@ class Motions:
             StateError: the device cannot move.
             PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
         """
-        begun = time.monotonic()
-        leave = self._leave(manner, attempt)
+        kind = len(order.motion).bit_length(), manner.is_queued
+        leave = await self._leave(manner, kind, attempt)
+        chosen = time.monotonic()
         motion = None
         if leave is not None and manner.is_queued:
             left = self._left(leave)
-            record, motion = self._planner.blend(
-                left, request, tolerance=manner.blend, earliest=leave.record
+            tail = await self._tail(left, leave.record)
+            job = Job(
+                self._name,
+                order.motion,
+                new_motion_id(),
+                after=Continuation(tail, manner.blend, leave.record),
             )
-            leave = replace(leave, record=record, state=left.state_at(record))
+            motion = await self._planners.plan(job, order, rank=Rank.URGENT)
+            leave = replace(leave, record=motion.leave)
         elif leave is not None:
-            motion = self._taking_over(request, leave, attempt)
+            motion = await self._taking_over(order, leave, attempt)
         if motion is None:
             if leave is not None:
-                self._stop_on_path()
-                begun, leave = time.monotonic(), None
-            motion = self._planner.plan(request, start=self.held(), joints=self._joints())
-        self._notice.add(time.monotonic() - begun)
-        return Prepared(motion, leave, manner)
+                await self._stop_on_path()
+                leave = None
+            job = self._job(order, self.held(), self._joints())
+            motion = await self._planners.plan(job, order)
+        return Prepared(motion, leave, manner, chosen, kind)
+
+    def _job(
+        self,
+        order: Order,
+        start: PlannedState,
+        joints: Joints = (),
+        before: tuple[Joints, ...] = (),
+    ) -> Job:
+        return Job(self._name, order.motion, new_motion_id(), start, joints, before)
+
+    async def _tail(self, motion: PlannedMotion, earliest: int) -> RecordedMotion:
+        """Return the end of a motion, as far as one that follows it may need it."""
+        facts = motion.facts
+        corner = min(
+            math.ceil(facts.last_passed / facts.period), round(facts.end_time / facts.period)
+        )
+        first = max(earliest, min(corner, motion.last_record), facts.record_count - CHUNK + 3)
+        first = max(0, first - HISTORY)
+        begin, end = motion.at_hand
+        if begin <= first and end == facts.record_count:
+            rows = motion.rows(first, end - first)
+        else:
+            rows = await self._planners.records(motion, first)
+        return RecordedMotion(facts, rows, first)
 
     def held(self) -> PlannedState:
         """Return where the device holds.
@@ -139,7 +174,7 @@ class Motions:
             raise StateError("the device does not hold")
         return PlannedState.at_rest(cycle.q, cycle.position)
 
-    def _leave(self, manner: Manner, attempt: int) -> Leave | None:
+    async def _leave(self, manner: Manner, kind: Kind, attempt: int) -> Leave | None:
         """Return where what runs is to be left at the earliest; ``None`` where nothing runs."""
         itinerary, cycle = self._itinerary, self._link.newest()
         if cycle is None or cycle.state not in (State.STREAMING, State.STOPPING):
@@ -147,56 +182,62 @@ class Motions:
         if manner.start_ns != UNKNOWN:
             raise StateError("the device is moving: a start time needs one at rest")
         if cycle.state is State.STOPPING:
-            self._await_rest()
+            await self._await_rest()
             return None
-        notice = self._notice.ahead(attempt)
         if not itinerary.is_active:
             return None
-        ahead = itinerary.ahead(cycle, math.ceil(notice / self._period) + 2)
+        since = (time.monotonic_ns() - cycle.deadline_ns) * 1e-9
+        horizon = since + self._horizon.ahead(kind, attempt)
+        ahead = itinerary.ahead(cycle, math.ceil(horizon / self._period) + 1)
         if manner.is_queued and ahead.number != itinerary.last.number:
             return itinerary.end(record=0)
         return ahead
 
-    def _taking_over(self, request: MotionRequest, leave: Leave, attempt: int) -> Motion | None:
+    async def _taking_over(self, order: Order, leave: Leave, attempt: int) -> PlannedMotion | None:
         """Plan a motion from *leave* on; ``None`` where the axes can begin it at rest only.
 
         Raises:
             LateError: what it was to replace has ended.
             PlanError: it cannot be planned, at rest neither; nothing has changed.
         """
-        if not self._planner.shapes_paths:
-            return self._planner.plan(request, start=leave.state, joints=())
-        joints, before = _axes(self._left(leave), leave)
+        left = self._left(leave)
+        state = left.state_at(leave.record)
+        joints = left.joints_at(leave.record)
+        if not joints:
+            job = self._job(order, state)
+            return await self._planners.plan(job, order, rank=Rank.URGENT)
+        before = () if state.is_at_rest else left.joints_before(leave.record)
         if attempt < _SHAPED_ATTEMPTS:
             try:
-                return self._planner.plan(request, start=leave.state, joints=joints, before=before)
+                job = self._job(order, state, joints, before)
+                return await self._planners.plan(job, order, rank=Rank.URGENT)
             except PlanError:
                 # What cannot be planned from rest near there is not worth a stop.
-                rest = PlannedState.at_rest(leave.state.q, leave.state.position)
-                self._planner.plan(request, start=rest, joints=joints)
+                rest = PlannedState.at_rest(state.q, state.position)
+                await self._planners.plan(self._job(order, rest, joints), order)
         return None
 
-    def _left(self, leave: Leave) -> Motion:
+    def _left(self, leave: Leave) -> PlannedMotion:
         stage = self._itinerary.stage(leave.number)
         if stage is None:
             raise LateError(f"motion {leave.number} has ended")
         return stage.motion
 
-    def _stop_on_path(self) -> None:
+    async def _stop_on_path(self) -> None:
         """Have what runs stop on its path, and wait for that."""
         cycle = self._link.newest()
         if cycle is not None and cycle.state is State.STREAMING:
-            self._link.ask(Command.STOP)
-        self._await_rest()
+            await asyncio.to_thread(self._link.ask, Command.STOP)
+        await self._await_rest()
 
-    def _await_rest(self) -> None:
+    async def _await_rest(self) -> None:
         """Wait until a stop has come to its end."""
         end = time.monotonic() + LONGEST_STOP
         while time.monotonic() < end:
             cycle = self._link.newest()
             if cycle is None or cycle.state not in (State.STREAMING, State.STOPPING):
                 return
-            time.sleep(self._period)
+            await asyncio.sleep(self._period)
         raise StateError("the device does not come to rest")
 
     def _joints(self) -> tuple[float, ...]:
@@ -215,7 +256,7 @@ class Motions:
             StateError: the device is not holding, or not where the motion begins.
         """
         motion, leave, manner = prepared.motion, prepared.leave, prepared.manner
-        options = motion.request.device_options
+        options = motion.facts.device_options
         if leave is None:
             if self._itinerary.is_active:
                 raise LateError("a motion that was to follow has begun")
@@ -231,14 +272,19 @@ class Motions:
         elif manner.is_queued:
             self._itinerary.append(motion, number, leave)
         else:
-            for stage in self._itinerary.replace(motion, number, leave):
+            try:
+                dropped = self._itinerary.replace(motion, number, leave)
+            finally:
+                # Late or not: it took so long.
+                self._horizon.add(prepared.kind, time.monotonic() - prepared.chosen)
+            for stage in dropped:
                 self._tell(EventKind.MOTION_REPLACED, stage.number, "before it began")
             if self.is_paused:
                 self._link.ask(Command.SPEED, speed=speed)
                 self.is_paused = False
         if manner.gate is not None:
             self._arrivals.expect(number, manner.gate)
-        self._tell(EventKind.MOTION_STARTED, number, f"{motion.duration:.3f} s")
+        self._tell(EventKind.MOTION_STARTED, number, f"{motion.facts.duration:.3f} s")
 
     @staticmethod
     def _check_start_time(manner: Manner) -> None:
@@ -348,10 +394,6 @@ class Motions:
             self._itinerary.measure()
 
 
-def _axes(motion: Motion, leave: Leave) -> tuple[tuple[float, ...], tuple[tuple[float, ...], ...]]:
-    """Return the axis angles planned where *motion* is left, and those before if it moves there."""
-    path = motion.path
-    if not isinstance(path, TablePath):
-        return (), ()
-    before = () if leave.state.is_at_rest else path.joints_before(leave.record)
-    return path.joints_at(leave.record), before
+def new_motion_id() -> str:
+    """Return a name that no other motion has."""
+    return os.urandom(6).hex()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from orientd.errors import UnknownNameError
 
 if TYPE_CHECKING:
-    from orientd.planner import Motion
+    from orientd.daemon.planners import PlannedMotion
 
 KEPT_PLANS = 4
 """Plans kept for a later move; a plan of 100,000 keyframes takes some tens of MiB."""
@@ -20,16 +20,16 @@ class PlanStore:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._plans: OrderedDict[str, tuple[str, Motion]] = OrderedDict()
+        self._plans: OrderedDict[str, tuple[str, PlannedMotion]] = OrderedDict()
 
-    def keep(self, device: str, motion: Motion) -> None:
+    def keep(self, device: str, motion: PlannedMotion) -> None:
         """Keep *motion*, planned for the device of that name."""
         with self._lock:
             self._plans[motion.id] = (device, motion)
             while len(self._plans) > KEPT_PLANS:
                 self._plans.popitem(last=False)
 
-    def find(self, device: str, motion_id: str) -> Motion:
+    def find(self, device: str, motion_id: str) -> PlannedMotion:
         """Return a plan that was kept for the device of that name.
 
         Raises:

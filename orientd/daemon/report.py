@@ -7,7 +7,7 @@ from typing import TypeVar
 
 from orientd.daemon.device import Device
 from orientd.daemon.runs import Run
-from orientd.rpc.reports import DeviceReport, Method, Progress
+from orientd.rpc.reports import DeviceReport, Progress
 from orientd.stream import Cycle
 from orientd.stream.records import record_index
 
@@ -33,30 +33,13 @@ def device_report(device: Device) -> DeviceReport:
         motion_number=now.motion_number,
         motion_id=now.motion.id if now.motion else "",
         path_time=now.path_time,
-        duration=now.motion.duration if now.motion else 0.0,
+        duration=now.motion.facts.duration if now.motion else 0.0,
         servo_pid=now.servo_pid,
         scheduling=now.scheduling,
         is_memory_locked=now.memory_locked,
         cycle=now.cycle,
         lead=device.lead,
     )
-
-
-def methods() -> list[Method]:
-    """Return the families of curves that motions can be made of."""
-    from orientd.curves import METHODS
-
-    return [
-        Method(
-            name=name,
-            summary=family.summary,
-            source=family.source,
-            interpolates=family.interpolates,
-            is_local=family.local,
-            meets_end_velocities=family.meets_end_velocities,
-        )
-        for name, family in METHODS.items()
-    ]
 
 
 class CycleReader:
@@ -119,7 +102,7 @@ class ProgressReader:
         now = self._run.device.snapshot()
         if now.cycle is None:
             return None
-        duration = self._run.motion.duration if self._run.motion is not None else 0.0
+        duration = self._run.motion.facts.duration if self._run.motion is not None else 0.0
         # A motion that waits for its turn has not begun; one that was left has ended.
         is_present = now.motion_number == self._run.number
         recent, _ = self._cycles.read()

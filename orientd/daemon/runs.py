@@ -21,7 +21,7 @@ from orientd.rpc.reports import Outcome
 from orientd.stream import UNKNOWN
 
 if TYPE_CHECKING:
-    from orientd.planner import Motion
+    from orientd.daemon.planners import PlannedMotion
 
 _log = logging.getLogger(__name__)
 
@@ -55,7 +55,7 @@ class Run:
 
     device: Device
     number: int
-    motion: Motion | None
+    motion: PlannedMotion | None
     token: str
     start_ns: int = UNKNOWN
     ended: Future[Ended] = field(default_factory=Future)
@@ -105,7 +105,7 @@ class Runs:
         device: Device,
         start: Callable[[], int],
         *,
-        motion: Motion | None,
+        motion: PlannedMotion | None,
         token: str,
         stops: int,
         is_owned: Callable[[], bool],

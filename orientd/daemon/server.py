@@ -18,6 +18,7 @@ from grpc_reflection.v1alpha import reflection
 import orientd
 from orientd.config import Settings
 from orientd.daemon.access.entry import Entry, inner_socket
+from orientd.daemon.calls.unread import UnreadHandlers
 from orientd.daemon.claim import claimed
 from orientd.daemon.garbage import spare
 from orientd.daemon.gate import Gate
@@ -97,7 +98,7 @@ class _Daemon:
         loop = asyncio.get_running_loop()
         for number in (signal.SIGTERM, signal.SIGINT):
             loop.add_signal_handler(number, self._stop, number)
-        gate = Gate(SERVICE)
+        gate = Gate(SERVICE, UnreadHandlers)
         entry = Entry(self._settings.access, self._settings.tcp, inner)
         checks = health.aio.HealthServicer()  # type: ignore[attr-defined] # not in the stubs
         server = _server(gate, checks, entry, self._settings.access.message_bytes)
@@ -108,6 +109,7 @@ class _Daemon:
             for name in ("", SERVICE):
                 await checks.set(name, health_pb2.HealthCheckResponse.SERVING)
             cell, service = await asyncio.to_thread(self._load, entry)
+            cell.planners.start()
             entry.checkpoint.guard_leases(cell.desk.owner)
             watchdog = Watchdog(cell.devices)
             try:
@@ -120,8 +122,9 @@ class _Daemon:
                 await checks.enter_graceful_shutdown()
                 await asyncio.to_thread(cell.shutdown)
                 service.end_calls()
+                await cell.planners.close()
                 await server.stop(GRACE)
-                service.close()
+                cell.close()
                 watchdog.close()
                 if self._telemetry is not None:
                     self._telemetry.close()

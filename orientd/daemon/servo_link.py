@@ -6,7 +6,6 @@ Nothing here waits for longer than an answer takes, and the servo waits for noth
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import signal
 import subprocess
@@ -33,7 +32,7 @@ from orientd.stream import (
     unpack_cycle,
     unpack_note,
 )
-from orientd.stream.records import TUNING_TEXT_BYTES
+from orientd.stream.tuning import tuning_text
 
 ANSWER_TIMEOUT = 0.5
 """How long an ordinary command may take, s."""
@@ -267,23 +266,6 @@ def report_directory() -> str:
     directory = os.path.join(home, "orientd")  # noqa: PTH118
     os.makedirs(directory, mode=0o700, exist_ok=True)  # noqa: PTH103
     return directory
-
-
-def tuning_text(options: Mapping[str, Any]) -> bytes:
-    """Return *options* as they cross to the servo.
-
-    Raises:
-        ValueError: they are too long, or more than JSON can say.
-    """
-    if not options:
-        return b"{}"
-    try:
-        text = json.dumps(dict(options), allow_nan=False).encode()
-    except TypeError as error:
-        raise ValueError(str(error)) from error
-    if len(text) > TUNING_TEXT_BYTES:
-        raise ValueError(f"at most {TUNING_TEXT_BYTES} bytes of JSON are allowed, got {len(text)}")
-    return text
 
 
 def terms_of(limits: Limits, brake_rate: float) -> Terms:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import asyncio
 import time
 
 from orientd import rotation
 from orientd.config import DeviceSettings
+from orientd.daemon.cell import planner_device
 from orientd.daemon.device import Device
 from orientd.daemon.latency import Latency, identify
+from orientd.daemon.planners import Order, Planners
 from orientd.errors import DaemonError, OrientdError
 from orientd.planner import Keyframe, MotionRequest
+from orientd.rpc.motion_wire import from_request
 from orientd.stream import Cycle, CycleFlag, State
 
 ANGLE = 0.2
@@ -31,17 +35,7 @@ def measure_latency(settings: DeviceSettings) -> Latency:
         DaemonError: the device cannot be started, or did not follow to the end.
         PlanError: the motion is not inside the device's limits.
     """
-    device = Device(settings, on_event=lambda _event: None)
-    device.launch()
-    try:
-        if not device.wait_ready(_READY):
-            raise DaemonError(device.failure or f"not ready within {_READY:g} s")
-        if device.snapshot().state is State.IDLE:
-            device.enable()
-        _await_holding(device, _READY)
-        cycles = _move(device)
-    finally:
-        device.shutdown()
+    cycles = asyncio.run(_measure(settings))
     written = [cycle for cycle in cycles if cycle.flags & CycleFlag.WRITTEN]
     measured = {
         cycle.feedback_time_ns: cycle.feedback_q
@@ -57,7 +51,24 @@ def measure_latency(settings: DeviceSettings) -> Latency:
         raise DaemonError(f"the latency cannot be told: {error}") from error
 
 
-def _move(device: Device) -> list[Cycle]:
+async def _measure(settings: DeviceSettings) -> list[Cycle]:
+    planners = Planners([planner_device(settings)], processes=1, timeout=_READY, most_keyframes=3)
+    device = Device(settings, planners=planners, on_event=lambda _event: None)
+    planners.start()
+    device.launch()
+    try:
+        if not device.wait_ready(_READY):
+            raise DaemonError(device.failure or f"not ready within {_READY:g} s")
+        if device.snapshot().state is State.IDLE:
+            device.enable()
+        _await_holding(device, _READY)
+        return await _move(device)
+    finally:
+        device.shutdown()
+        await planners.close()
+
+
+async def _move(device: Device) -> list[Cycle]:
     start = device.commanded()
     angles = ((0.0, 0.0), (0.5 * SECONDS, ANGLE), (SECONDS, 0.0))
     keyframes = []
@@ -65,10 +76,11 @@ def _move(device: Device) -> list[Cycle]:
         w, x, y, z = rotation.multiply(start.q, rotation.exp([0.0, 0.0, angle])).tolist()
         keyframes.append(Keyframe((w, x, y, z), seconds))
     request = MotionRequest(keyframes=keyframes)
-    prepared = device.prepare(request)
+    order = Order(from_request(request).SerializeToString(), timeout=_READY)
+    prepared = await device.prepare(order)
     before = device.snapshot().cycle
     device.start(prepared)
-    _await_holding(device, prepared.motion.duration + _READY)
+    _await_holding(device, prepared.motion.facts.duration + _READY)
     time.sleep(_SETTLING)
     return device.cycles(before.index if before else 0)
 

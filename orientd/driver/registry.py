@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib.metadata import EntryPoint, entry_points
+from typing import Any
 
+from orientd.clock import MonotonicClock
 from orientd.driver.contract import Driver
 from orientd.errors import ConfigError
 
@@ -36,6 +39,28 @@ def load_driver(name: str) -> type[Driver]:
     except ImportError as error:
         raise ConfigError(f"driver {name!r} cannot be loaded: {error}") from error
     return driver
+
+
+def make_driver(device: str, name: str, options: Mapping[str, Any], period_ns: int) -> Driver:
+    """Return a driver of a device that is not to be opened, to look at its motions.
+
+    Args:
+        device: its name, for messages.
+        name: of the driver.
+        options: of the driver.
+        period_ns: of the device's cycle.
+
+    Raises:
+        ConfigError: the driver is not installed, or refuses its options.
+    """
+    try:
+        driver = load_driver(name)
+    except ConfigError as error:
+        raise ConfigError(f"devices.{device}.driver: {error}") from error
+    try:
+        return driver(options, period_ns=period_ns, clock=MonotonicClock())
+    except ValueError as error:
+        raise ConfigError(f"devices.{device}.options: {error}") from error
 
 
 def _find(name: str) -> EntryPoint:

@@ -16,11 +16,12 @@ if TYPE_CHECKING:
     from orientd.planner.blending import blend
     from orientd.planner.certificate import Certificate
     from orientd.planner.limits import DEFAULT_LIMITS, Limits
-    from orientd.planner.motion import RECORD_FLOATS, Motion
+    from orientd.planner.motion import Motion
     from orientd.planner.path import Samples
     from orientd.planner.peaks import Peak
     from orientd.planner.planning import plan
     from orientd.planner.presets import PRESETS
+    from orientd.planner.recorded import RECORD_FLOATS, MotionFacts, RecordedMotion
     from orientd.planner.request import DEFAULT_METHOD, Keyframe, MotionRequest, State
     from orientd.planner.retargeting import retarget
     from orientd.planner.shaped import reshaped
@@ -29,13 +30,15 @@ _HOMES = {
     "DEFAULT_LIMITS": "limits",
     "DEFAULT_METHOD": "request",
     "PRESETS": "presets",
-    "RECORD_FLOATS": "motion",
+    "RECORD_FLOATS": "recorded",
     "Certificate": "certificate",
     "Keyframe": "request",
     "Limits": "limits",
     "Motion": "motion",
+    "MotionFacts": "recorded",
     "MotionRequest": "request",
     "Peak": "peaks",
+    "RecordedMotion": "recorded",
     "Samples": "path",
     "State": "request",
     "blend": "blending",
@@ -53,8 +56,10 @@ __all__ = [
     "Keyframe",
     "Limits",
     "Motion",
+    "MotionFacts",
     "MotionRequest",
     "Peak",
+    "RecordedMotion",
     "Samples",
     "State",
     "blend",

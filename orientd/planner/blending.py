@@ -22,6 +22,7 @@ from orientd.planner.path import Path, Stretch
 from orientd.planner.planning import plan
 from orientd.planner.position import PositionPath, quintic
 from orientd.planner.quintic import Ends, increments, join, rates
+from orientd.planner.recorded import HISTORY, RecordedMotion
 from orientd.planner.request import MotionRequest, State
 from orientd.rotation import Floats, angle
 
@@ -42,7 +43,7 @@ class _Cut(NamedTuple):
 
 
 def blend(
-    first: Motion,
+    first: RecordedMotion,
     request: MotionRequest,
     *,
     tolerance: float,
@@ -57,7 +58,8 @@ def blend(
     ends: with its end velocity, if the next one begins there with the same one, and else at rest.
 
     Args:
-        first: the motion before.
+        first: the motion before, with the records at hand from *earliest* on, three more before
+            that, to its end.
         request: what is to follow.
         tolerance: how far from the corner, the orientation in which the first motion ends, the
             device may pass, rad.
@@ -77,12 +79,13 @@ def blend(
     """
     if not tolerance >= 0.0:
         raise ValueError(f"tolerance must be a number from 0 on, got {tolerance}")
-    if first.period != period:
-        raise ValueError(f"period must be that of the first motion, {first.period}, got {period}")
+    facts = first.facts
+    if facts.period != period:
+        raise ValueError(f"period must be that of the first motion, {facts.period}, got {period}")
     moving = _moving_on(first, request, limits, period, earliest, motion_id)
     if moving is not None:
         return moving
-    rest = first.record_count - 1
+    rest = first.last_record
     second = plan(
         request, start=first.state_at(rest), limits=limits, period=period, motion_id=motion_id
     )
@@ -94,7 +97,7 @@ def blend(
 
 
 def _moving_on(
-    first: Motion,
+    first: RecordedMotion,
     request: MotionRequest,
     limits: Limits,
     period: float,
@@ -102,9 +105,10 @@ def _moving_on(
     motion_id: str | None,
 ) -> tuple[int, Motion] | None:
     """Return the motion from the end velocity of the first one on, if it begins with that."""
-    record = round(first.end_time / period)
-    is_on_record = abs(record * period - first.end_time) <= _SAME * period
-    if first.end_time >= first.duration - _SAME or not is_on_record or record < earliest:
+    end_time = first.facts.end_time
+    record = round(end_time / period)
+    is_on_record = abs(record * period - end_time) <= _SAME * period
+    if end_time >= first.facts.duration - _SAME or not is_on_record or record < earliest:
         return None
     state = first.state_at(record)
     wanted = request.omega_start
@@ -119,22 +123,22 @@ def _moving_on(
 
 
 def _blended(
-    first: Motion, second: Motion, path: Path, tolerance: float, earliest: int
+    first: RecordedMotion, second: Motion, path: Path, tolerance: float, earliest: int
 ) -> tuple[int, Motion] | None:
     """Return the quickest blend that passes the corner within the tolerance."""
-    period, corner = first.period, first.path.last
+    period, corner = first.facts.period, first.state_at(first.last_record).q
     cut = _cuts(first, second, corner, earliest)
     if not len(cut.leave):
         return None
-    spared = first.record_count - 1 - cut.leave + cut.join
+    spared = first.last_record - cut.leave + cut.join
     cycles = np.maximum(np.rint(spared[:, None] * _SHARES), 2).astype(np.intp)
     index = np.repeat(np.arange(len(spared)), len(_SHARES))
     cycles = cycles.reshape(-1)
     leave, joined = cut.leave[index], cut.join[index]
     durations = period * cycles
-    here = first.sample(period * leave.astype(np.float64))
+    here = first.rows_at(leave)
     there = second.sample(period * joined.astype(np.float64))
-    w = increments(Ends(*here[:3]), Ends(*there[:3]), durations)[0]
+    w = increments(Ends(here[:, :4], here[:, 4:7], here[:, 7:10]), Ends(*there[:3]), durations)[0]
     bounds = Bounds.of(State.at_rest(corner), State.at_rest(corner), second.limits)
     kept = np.flatnonzero(bounds.keeps(rates(w, durations, with_axes=bounds.has_axes)))
     # The quickest first.
@@ -143,7 +147,7 @@ def _blended(
     for one in kept[np.argsort(-gain, kind="stable")].tolist():
         if spared[index[one]] <= cycles[one] or tries == _TRIES:
             break
-        curve = join(here.q[one], w[one], float(durations[one]))
+        curve = join(here[one, :4], w[one], float(durations[one]))
         instants = np.linspace(0.0, float(durations[one]), _POINTS)
         distances = angle(curve.evaluate(instants)[0], corner)
         nearest = int(np.argmin(distances))
@@ -172,18 +176,17 @@ def _blended(
     return None
 
 
-def _cuts(first: Motion, second: Motion, corner: Floats, earliest: int) -> _Cut:
+def _cuts(first: RecordedMotion, second: Motion, corner: Floats, earliest: int) -> _Cut:
     """Return pairs of records at equal distances from the corner, beyond no other keyframe."""
-    period = first.period
-    passed = first.keyframe_times[first.keyframe_times < first.end_time - _SAME]
-    begin = float(passed[-1]) if len(passed) else 0.0
+    period, begin = first.facts.period, first.facts.last_passed
     coming = second.keyframe_times[angle(second.request.keys, corner) > _SAME]
     end = float(coming[0]) if len(coming) else second.end_time
-    leave = np.arange(max(earliest, int(np.ceil(begin / period))), first.record_count - 1)
+    at_hand, last = first.at_hand[0] and first.at_hand[0] + HISTORY, first.last_record
+    leave = np.arange(max(earliest, at_hand, int(np.ceil(begin / period))), last)
     joined = np.arange(1, min(int(end / period), second.record_count - 2) + 1)
     if not len(leave) or not len(joined):
         return _Cut(leave[:0], joined[:0])
-    before = angle(first.sample(period * leave.astype(np.float64)).q, corner)
+    before = angle(first.rows_at(leave)[:, :4], corner)
     after = angle(second.sample(period * joined.astype(np.float64)).q, corner)
     # From the corner on as far as the distance grows.
     before = np.maximum.accumulate(before[::-1])

@@ -8,16 +8,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.planner.certificate import Certificate
-from orientd.planner.differences import HISTORY, Rough
+from orientd.planner.differences import Rough
 from orientd.planner.limits import Limits
 from orientd.planner.path import Path, Samples
-from orientd.planner.request import MotionRequest, State
+from orientd.planner.recorded import (
+    HISTORY,
+    RECORD_FLOATS,
+    STATE_FLOATS,
+    MotionFacts,
+    RecordedMotion,
+)
+from orientd.planner.request import MotionRequest, State, Vector3
 from orientd.planner.summing_up import before
 from orientd.planner.table_path import TablePath
 from orientd.rotation import Floats
 
-RECORD_FLOATS = 16
-"""q (4), omega_body (3), alpha_body (3), position (3), velocity (3): a record in the path ring."""
+_SAME = 1e-9
+"""Seconds by which instants may differ that are the same."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,11 +79,37 @@ class Motion:
         """The state at the last keyframe, which a successor would continue."""
         return self.path.state(self.end_time)
 
-    def state_at(self, record: int) -> State:
-        """Return the state at a record, with the setpoints before it, for a motion to take over.
+    @property
+    def facts(self) -> MotionFacts:
+        """What there is to know of it besides its records."""
+        request, certificate = self.request, self.certificate
+        passed = self.keyframe_times[self.keyframe_times < self.end_time - _SAME]
+        return MotionFacts(
+            id=self.id,
+            period=self.period,
+            record_count=self.record_count,
+            duration=self.duration,
+            start_time=self.start_time,
+            end_time=self.end_time,
+            last_passed=float(passed[-1]) if len(passed) else 0.0,
+            limits=self.limits,
+            brake_rate=certificate.brake_rate,
+            stop_time=certificate.stop_time,
+            omega_start=_vector(request.omega_start),
+            omega_end=_vector(request.omega_end),
+            device_options=dict(request.device_options),
+            first_joints=self.first_joints,
+            last_joints=self.last_joints,
+            earlier=self._earlier(),
+        )
 
-        The next motion begins in it: its first record is this one.  Before the first record of
-        this motion the device was where :attr:`before` says.  The last one holds.
+    def recorded(self, first: int = 0, count: int | None = None) -> RecordedMotion:
+        """Return the motion as its records tell it, with *count* of them at hand or all."""
+        rows = self.rows(first, self.record_count - first if count is None else count)
+        return RecordedMotion(self.facts, rows, first)
+
+    def state_at(self, record: int) -> State:
+        """Return the state at a record; see :meth:`.RecordedMotion.state_at`.
 
         Raises:
             ValueError: there is no such record.
@@ -84,25 +117,15 @@ class Motion:
         if not 0 <= record < self.record_count:
             raise ValueError(f"record must be within 0 to {self.record_count - 1}, got {record}")
         first = max(record - HISTORY, 0)
-        samples = self._samples(first, record + 1)
-        q, position = samples.q[:-1], samples.position[:-1]
-        missing = HISTORY - len(q)
-        if missing:
-            earlier = before(self.start_state, self.period)
-            q = np.concatenate([earlier[0][-missing:], q])
-            position = np.concatenate([earlier[1][-missing:], position])
-        if record < self.record_count - 1 and self.path.positions.is_held:
-            here_q, omega, alpha, place = (part[-1] for part in samples[:4])
-            return State(here_q, omega, alpha, place, before=(q, position))
-        if record == self.record_count - 1:
-            here = State.at_rest(self.path.last, self.path.positions.last)
-        else:
-            here = self.path.state(self.period * record)
-        return replace(here, before=(q, position))
+        return self.recorded(first, record + 1 - first).state_at(record)
 
-    def _samples(self, first: int, end: int) -> Samples:
-        """Return the records from the *first* to the one before *end*."""
-        return self.path.sample_in_order(self.period * np.arange(first, end, dtype=np.float64))
+    def _earlier(self) -> Floats:
+        """Return orientations, positions and axis angles of the three records before the first."""
+        q, position = before(self.start_state, self.period)
+        joints = np.array(self.path.joints_before(0), dtype=np.float64).reshape(HISTORY, -1)
+        rows = np.zeros((HISTORY, STATE_FLOATS + joints.shape[1]))
+        rows[:, :4], rows[:, 10:13], rows[:, STATE_FLOATS:] = q, position, joints
+        return rows
 
     def sample(self, path_times: ArrayLike) -> Samples:
         """Return the motion at *path_times* (s, shape ``(n,)``, any order); held beyond its ends.
@@ -115,27 +138,51 @@ class Motion:
             raise ValueError(f"path_times must be one-dimensional, got shape {times.shape}")
         return self.path.sample(times)
 
-    def records(self, first: int, count: int) -> Floats:
-        """Return records for the path ring, in order of their index.
+    def rows(self, first: int, count: int) -> Floats:
+        """Return state and axis angles of records, in order of their index.
 
         Args:
             first: index of the first one; record *k* is at path time ``k * period``.
             count: how many.
 
         Returns:
-            A new C-contiguous array of shape ``(count, RECORD_FLOATS)``.
+            A new C-contiguous array of shape ``(count, STATE_FLOATS + axes)``.
 
         Raises:
             ValueError: there are no such records.
         """
-        if first < 0 or count < 0 or first + count > self.record_count:
+        end = first + count
+        if first < 0 or count < 0 or end > self.record_count:
             raise ValueError(
-                f"records must be within 0 to {self.record_count}, got {first} to {first + count}"
+                f"records must be within 0 to {self.record_count}, got {first} to {end}"
             )
-        samples = self._samples(first, first + count)
-        block: Floats = np.empty((count, RECORD_FLOATS))
+        path = self.path
+        times = self.period * np.arange(first, end, dtype=np.float64)
+        joints = path.joints[first:end] if isinstance(path, TablePath) else np.empty((count, 0))
+        rows: Floats = np.zeros((count, STATE_FLOATS + joints.shape[1]))
         column = 0
-        for part in samples:
-            block[:, column : column + part.shape[1]] = part
+        for part in path.sample_in_order(times):
+            rows[:, column : column + part.shape[1]] = part
             column += part.shape[1]
-        return block
+        if not path.positions.is_held:
+            rows[:, column:STATE_FLOATS] = path.push(times)
+        rows[:, STATE_FLOATS:] = joints
+        if count and end == self.record_count:
+            rows[-1, :STATE_FLOATS] = 0.0
+            rows[-1, :4], rows[-1, 10:13] = path.last, path.positions.last
+        return rows
+
+    def records(self, first: int, count: int) -> Floats:
+        """Return records as the path ring has them; see :meth:`rows`.
+
+        Returns:
+            A new C-contiguous array of shape ``(count, RECORD_FLOATS)``.
+        """
+        return np.ascontiguousarray(self.rows(first, count)[:, :RECORD_FLOATS])
+
+
+def _vector(omega: Floats | None) -> Vector3 | None:
+    if omega is None:
+        return None
+    x, y, z = omega.tolist()
+    return x, y, z

@@ -230,6 +230,10 @@ class Path:
         rows = self._rows(times, 10)
         return Samples(rows[:4].T, rows[4:7].T, rows[7:].T, position, velocity)
 
+    def push(self, times: Floats) -> Floats:
+        """Return the accelerations of the position at *times*, m/s^2, shape ``(n, 3)``."""
+        return self.positions.push(times)
+
     def setpoints(self, first: int, size: int, period: float) -> tuple[Floats, Floats]:
         """Return orientations and positions at multiples of a period from the *first* one on.
 

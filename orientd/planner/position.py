@@ -89,6 +89,19 @@ class PositionPath:
         acceleration = (index[2:] * index[1:-1] * powers[:-2]) @ c[2:]
         return powers @ c, velocity, acceleration
 
+    def push(self, times: Floats) -> Floats:
+        """Return the accelerations at *times*, of the pieces that begin there, ``(n, 3)``."""
+        if self.is_held:
+            return np.zeros((len(times), 3))
+        inside = (times >= self.breaks[0]) & (times < self.breaks[-1])
+        piece = np.searchsorted(self.breaks[1:-1], times, side="right")
+        elapsed = (times - self.breaks[piece])[:, None]
+        c = self.coefficients[piece]
+        found = np.zeros((len(times), 3))
+        for power in range(DEGREE, 1, -1):
+            found = found * elapsed + power * (power - 1) * c[:, power]
+        return np.where(inside[:, None], found, 0.0)
+
     def slowed(self, factor: float) -> PositionPath:
         """Return the same path *factor* times as slow."""
         powers = factor ** -np.arange(DEGREE + 1.0)

@@ -157,23 +157,23 @@ class TablePath:
 
     def state(self, time: float) -> State:
         """Return the state at *time*."""
-        sample = self.sample(np.array([time], dtype=np.float64))
+        times = np.array([time], dtype=np.float64)
+        sample = self.sample(times)
         return State(
             sample.q[0],
             sample.omega_body[0],
             sample.alpha_body[0],
             sample.position[0],
             sample.velocity[0],
-            self._push(time),
+            self.push(times)[0],
         )
 
-    def _push(self, time: float) -> Floats:
-        """Return the acceleration of the position at *time*, from velocities a period apart."""
-        if not self.period <= time < self.duration:
-            return np.zeros(3)
-        around = self.sample(np.array([time - self.period, time + self.period])).velocity
-        change: Floats = (around[1] - around[0]) / (2.0 * self.period)
-        return change
+    def push(self, times: Floats) -> Floats:
+        """Return the accelerations of the position at *times*, from velocities a period apart."""
+        is_inside = (times >= self.period) & (times < self.duration)
+        after, before = self.sample(times + self.period), self.sample(times - self.period)
+        change = (after.velocity - before.velocity) / (2.0 * self.period)
+        return np.where(is_inside[:, None], change, 0.0)
 
     def _between(self, index: NDArray[np.int64], u: Floats) -> tuple[Floats, Floats, Floats]:
         h = self.period

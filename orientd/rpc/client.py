@@ -182,6 +182,7 @@ class Robot(LeaseHolder):
         *,
         device: str = "",
         sample_rate_hz: float = 0.0,
+        plan_timeout: float | None = None,
         **wishes: Unpack[Wishes],
     ) -> Plan:
         """Plan a motion without running it.
@@ -193,6 +194,8 @@ class Robot(LeaseHolder):
             device: what is to move.
             sample_rate_hz: how often to sample the motion for :attr:`Plan.samples`, up to the
                 device's own rate; 0 for not at all.
+            plan_timeout: how long planning may take, s; by default, and at the most, as long as
+                the daemon's settings allow.
             wishes: see :class:`~orientd.rpc.motion_request.Wishes`.
 
         Raises:
@@ -204,7 +207,10 @@ class Robot(LeaseHolder):
         answer = self._connection.call(
             self._stub.Plan,
             pb.PlanRequest(
-                device=device, motion=from_request(request), sample_rate_hz=sample_rate_hz
+                device=device,
+                motion=from_request(request),
+                sample_rate_hz=sample_rate_hz,
+                plan_timeout=_timeout(plan_timeout),
             ),
         )
         samples = samples_from_messages(answer.samples) if sample_rate_hz else None
@@ -242,6 +248,7 @@ class Robot(LeaseHolder):
         blend_tolerance: float = 0.0,
         start_time: float | None = None,
         on_target: OnTarget | None = None,
+        plan_timeout: float | None = None,
         **wishes: Unpack[Wishes],
     ) -> MoveHandle:
         """Plan a motion, start it, and return once it has begun.
@@ -260,6 +267,7 @@ class Robot(LeaseHolder):
             start_time: when to begin, seconds since the epoch as of :func:`time.time`; motions of
                 several devices with the same start time begin in the same cycle.
             on_target: what must be measured for the motion to count as done.
+            plan_timeout: as for :meth:`plan`.
             wishes: see :class:`~orientd.rpc.motion_request.Wishes`.
 
         Raises:
@@ -268,7 +276,11 @@ class Robot(LeaseHolder):
             StateError: the device is not at rest, ready to move.
             PlanError: it cannot be planned, or would break a limit.
         """
-        request = pb.MoveRequest(device=device, progress_rate_hz=progress_rate_hz)
+        request = pb.MoveRequest(
+            device=device,
+            progress_rate_hz=progress_rate_hz,
+            plan_timeout=_timeout(plan_timeout),
+        )
         if isinstance(keyframes, Plan):
             request.motion_id = keyframes.motion_id
         else:
@@ -365,3 +377,16 @@ class Robot(LeaseHolder):
     ) -> DeviceReport:
         message = request(lease_token=self._token(), device=device, **more)
         return device_from_message(self._connection.ask(method, message).device)
+
+
+def _timeout(seconds: float | None) -> float:
+    """Return a time out for planning as a message has it.
+
+    Raises:
+        RequestError: it is no time.
+    """
+    if seconds is None:
+        return 0.0
+    if not (isinstance(seconds, int | float) and 0.0 < seconds < math.inf):
+        raise RequestError("plan_timeout", f"expected seconds, more than 0, got {seconds!r}")
+    return float(seconds)

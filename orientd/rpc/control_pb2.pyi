@@ -554,14 +554,16 @@ class ListDevicesResponse(_message.Message):
     def __init__(self, devices: _Optional[_Iterable[_Union[Device, _Mapping]]] = ...) -> None: ...
 
 class PlanRequest(_message.Message):
-    __slots__ = ("device", "motion", "sample_rate_hz")
+    __slots__ = ("device", "motion", "sample_rate_hz", "plan_timeout")
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     MOTION_FIELD_NUMBER: _ClassVar[int]
     SAMPLE_RATE_HZ_FIELD_NUMBER: _ClassVar[int]
+    PLAN_TIMEOUT_FIELD_NUMBER: _ClassVar[int]
     device: str
     motion: MotionRequest
     sample_rate_hz: float
-    def __init__(self, device: _Optional[str] = ..., motion: _Optional[_Union[MotionRequest, _Mapping]] = ..., sample_rate_hz: _Optional[float] = ...) -> None: ...
+    plan_timeout: float
+    def __init__(self, device: _Optional[str] = ..., motion: _Optional[_Union[MotionRequest, _Mapping]] = ..., sample_rate_hz: _Optional[float] = ..., plan_timeout: _Optional[float] = ...) -> None: ...
 
 class PlanResponse(_message.Message):
     __slots__ = ("plan", "samples")
@@ -590,7 +592,7 @@ class GetPlanResponse(_message.Message):
     def __init__(self, plan: _Optional[_Union[Plan, _Mapping]] = ..., samples: _Optional[_Iterable[_Union[MotionSample, _Mapping]]] = ...) -> None: ...
 
 class MoveRequest(_message.Message):
-    __slots__ = ("lease_token", "device", "motion", "motion_id", "progress_rate_hz", "queue", "blend_tolerance", "start_time", "on_target")
+    __slots__ = ("lease_token", "device", "motion", "motion_id", "progress_rate_hz", "queue", "blend_tolerance", "start_time", "on_target", "plan_timeout")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     MOTION_FIELD_NUMBER: _ClassVar[int]
@@ -600,6 +602,7 @@ class MoveRequest(_message.Message):
     BLEND_TOLERANCE_FIELD_NUMBER: _ClassVar[int]
     START_TIME_FIELD_NUMBER: _ClassVar[int]
     ON_TARGET_FIELD_NUMBER: _ClassVar[int]
+    PLAN_TIMEOUT_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
     motion: MotionRequest
@@ -609,7 +612,8 @@ class MoveRequest(_message.Message):
     blend_tolerance: float
     start_time: _timestamp_pb2.Timestamp
     on_target: OnTarget
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., motion: _Optional[_Union[MotionRequest, _Mapping]] = ..., motion_id: _Optional[str] = ..., progress_rate_hz: _Optional[float] = ..., queue: bool = ..., blend_tolerance: _Optional[float] = ..., start_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., on_target: _Optional[_Union[OnTarget, _Mapping]] = ...) -> None: ...
+    plan_timeout: float
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., motion: _Optional[_Union[MotionRequest, _Mapping]] = ..., motion_id: _Optional[str] = ..., progress_rate_hz: _Optional[float] = ..., queue: bool = ..., blend_tolerance: _Optional[float] = ..., start_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., on_target: _Optional[_Union[OnTarget, _Mapping]] = ..., plan_timeout: _Optional[float] = ...) -> None: ...
 
 class OnTarget(_message.Message):
     __slots__ = ("tolerance", "rate", "settle_time", "timeout")
@@ -624,18 +628,16 @@ class OnTarget(_message.Message):
     def __init__(self, tolerance: _Optional[float] = ..., rate: _Optional[float] = ..., settle_time: _Optional[float] = ..., timeout: _Optional[float] = ...) -> None: ...
 
 class MoveTiming(_message.Message):
-    __slots__ = ("planning", "splicing", "received_ns", "attempts", "reading")
+    __slots__ = ("planning", "splicing", "received_ns", "attempts")
     PLANNING_FIELD_NUMBER: _ClassVar[int]
     SPLICING_FIELD_NUMBER: _ClassVar[int]
     RECEIVED_NS_FIELD_NUMBER: _ClassVar[int]
     ATTEMPTS_FIELD_NUMBER: _ClassVar[int]
-    READING_FIELD_NUMBER: _ClassVar[int]
     planning: float
     splicing: float
     received_ns: int
     attempts: int
-    reading: float
-    def __init__(self, planning: _Optional[float] = ..., splicing: _Optional[float] = ..., received_ns: _Optional[int] = ..., attempts: _Optional[int] = ..., reading: _Optional[float] = ...) -> None: ...
+    def __init__(self, planning: _Optional[float] = ..., splicing: _Optional[float] = ..., received_ns: _Optional[int] = ..., attempts: _Optional[int] = ...) -> None: ...
 
 class MoveStarted(_message.Message):
     __slots__ = ("motion_number", "plan", "timing")

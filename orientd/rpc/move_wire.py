@@ -216,9 +216,7 @@ def timing_to_message(timing: MoveTiming) -> pb.MoveTiming:
 
 def timing_from_message(message: pb.MoveTiming) -> MoveTiming:
     """Return the timing that *message* was made of."""
-    return MoveTiming(
-        message.planning, message.splicing, message.received_ns, message.attempts, message.reading
-    )
+    return MoveTiming(message.planning, message.splicing, message.received_ns, message.attempts)
 
 
 def _to_statistics(message: pb.MotionStatistics) -> Statistics:

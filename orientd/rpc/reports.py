@@ -209,15 +209,12 @@ class MoveTiming:
         splicing: s from there until the servo had taken the motion up.
         received_ns: when the request arrived, the daemon's monotonic clock.
         attempts: how often it was planned.
-        reading: s of the planning until the request had been handed to a thread that plans, and
-            read there.
     """
 
     planning: float
     splicing: float
     received_ns: int
     attempts: int
-    reading: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

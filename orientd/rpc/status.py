@@ -15,6 +15,7 @@ from google.rpc import code_pb2, error_details_pb2, status_pb2
 from orientd.errors import (
     AccessError,
     DaemonError,
+    DeadlineError,
     LeaseError,
     LimitError,
     OrientdError,
@@ -35,6 +36,7 @@ MAX_MESSAGE_LENGTH = 1000
 _PRECONDITIONS: Mapping[str, type[OrientdError]] = {
     "LIMIT": LimitError,
     "START": StartError,
+    "DEADLINE": DeadlineError,
     "PLAN": PlanError,
     "STATE": StateError,
     "LEASE": LeaseError,

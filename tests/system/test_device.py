@@ -6,6 +6,7 @@ import signal
 
 import numpy as np
 import pytest
+from direct_planners import DirectPlanners, plan
 from harness import until
 
 from orientd import rotation
@@ -34,7 +35,8 @@ def device(events, monkeypatch):
         heartbeat_timeout=3.0,
         limits={"velocity": 1.0, "acceleration": 0.4},
     )
-    device = Device(settings, on_event=events.append)
+    planners = DirectPlanners([settings])
+    device = Device(settings, planners=planners, on_event=events.append)
     device.launch()
     try:
         assert device.wait_ready(20.0), device.failure
@@ -55,13 +57,13 @@ def turn_from_here(device, angle):
 
 
 def test_a_plan_begins_where_a_stop_just_ended(device, events):
-    first = device.start(Prepared(device.plan(turn_from_here(device, 1.0))))
+    first = device.start(Prepared(plan(device, turn_from_here(device, 1.0))))
     until(lambda: device.snapshot().path_time > 0.1, "the motion under way")
     device.stop()
     until_holding(device)
 
     held = device.commanded()
-    motion = device.plan(turn_from_here(device, 0.05))
+    motion = plan(device, turn_from_here(device, 0.05))
     assert np.array_equal(motion.state_at(0).q, held.q)
     second = device.start(Prepared(motion))
 
@@ -78,7 +80,7 @@ def test_a_fault_is_told_as_such_only_when_the_device_has_come_to_rest(device, m
     def broken(link):
         raise OSError("nothing to see")
 
-    device.start(Prepared(device.plan(turn_from_here(device, 2.5))))
+    device.start(Prepared(plan(device, turn_from_here(device, 2.5))))
     until(lambda: device.snapshot().path_time > 0.8, "the motion under way")
     monkeypatch.setattr(device, "_tick", broken)
 
@@ -94,7 +96,7 @@ def test_a_fault_is_told_as_such_only_when_the_device_has_come_to_rest(device, m
 
 
 def test_a_device_that_has_ended_says_why_and_does_not_begin_again(device):
-    planning = functools.partial(device.plan, turn_from_here(device, 1.0))
+    planning = functools.partial(plan, device, turn_from_here(device, 1.0))
     device.shutdown()
     for act in (planning, device.enable, device.reset):
         with pytest.raises(DaemonError, match=f"^{GOING_DOWN}$"):

@@ -8,7 +8,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from google.protobuf.json_format import MessageToDict, SerializeToJsonError
-from google.protobuf.message import Message
+from google.protobuf.message import DecodeError, Message
+
+from orientd.rpc import control_pb2 as pb
 
 SECRETS = ("lease_token", "token")
 """Fields that are nobody's business, wherever they are."""
@@ -29,6 +31,11 @@ def describe(request: Message) -> dict[str, Any]:
     """
     size = request.ByteSize()
     if size <= MOST_BYTES:
+        if isinstance(getattr(request, "motion", None), bytes):
+            with contextlib.suppress(DecodeError):
+                request = getattr(pb, request.DESCRIPTOR.name).FromString(
+                    request.SerializeToString()
+                )
         # A time out of its range has no text; what it is in is refused by whoever reads it.
         with contextlib.suppress(SerializeToJsonError):
             return _tidy(MessageToDict(request, preserving_proto_field_name=True))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
-from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, NoReturn, TypeVar
 
 import grpc
@@ -13,10 +12,7 @@ from orientd.daemon import report
 from orientd.daemon.access.identity import Identity
 from orientd.daemon.cell import Cell
 from orientd.daemon.device import Device
-from orientd.daemon.garbage import LateSparing
-from orientd.daemon.planners import Planners
-from orientd.errors import GOING_DOWN, DaemonError, OrientdError, RequestError
-from orientd.prefetch import prefetch
+from orientd.errors import OrientdError, RequestError
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.reports import DaemonReport
 from orientd.rpc.state_wire import device_to_message
@@ -25,14 +21,6 @@ from orientd.rpc.status import DETAILS_KEY, to_status
 DEFAULT_REPORTS_HZ = 20.0
 SLOWEST_REPORTS_HZ = 0.1
 FASTEST_REPORTS_HZ = 100.0
-
-PLANNERS = 2
-"""Motions planned at the same time."""
-
-COMMANDERS = 8
-"""Commands under way at the same time; a device may take its time over one."""
-
-GONE = "its caller has gone away"
 
 Result = TypeVar("Result")
 Context = grpc.aio.ServicerContext[Any, Any]
@@ -58,23 +46,11 @@ class Calls:
         self._cell = cell
         self._who = who
         self._describe = describe
-        self._sparing = LateSparing()
-        self._planners = Planners(PLANNERS, before=self._expect, afterwards=self._sparing.look)
-        self._commanders = ThreadPoolExecutor(COMMANDERS, thread_name_prefix="command")
         self._closing = asyncio.Event()
 
     def end_calls(self) -> None:
-        """Let every WatchState come to its end, and every call that waits for a plan."""
+        """Let every WatchState come to its end."""
         self._closing.set()
-
-    def close(self) -> None:
-        """Take on no more work."""
-        self._commanders.shutdown(wait=False, cancel_futures=True)
-
-    def _expect(self) -> None:
-        """Get ready for what the first motions load, while other devices may be moving."""
-        prefetch("numpy", "scipy")
-        self._sparing.expect()
 
     async def _is_closing_within(self, seconds: float) -> bool:
         try:
@@ -101,31 +77,12 @@ class Calls:
             await refuse(context, error)
 
     def _in_worker(self, work: Callable[[], Result]) -> Awaitable[Result]:
-        return asyncio.get_running_loop().run_in_executor(self._commanders, work)
+        return self._cell.in_worker(work)
 
-    async def _planned(self, planning: Future[Result]) -> Result:
-        """Wait for a plan; whoever waits for that does not keep the daemon from ending.
 
-        Raises:
-            DaemonError: the daemon is going down.
-        """
-        waiting = asyncio.wrap_future(planning)
-        closing = asyncio.ensure_future(self._closing.wait())
-        try:
-            either: set[asyncio.Future[Any]] = {waiting, closing}
-            await asyncio.wait(either, return_when=asyncio.FIRST_COMPLETED)
-            if not waiting.done():
-                raise DaemonError(GOING_DOWN)
-            try:
-                return waiting.result()
-            except Exception as error:
-                # A device that has ended already is no reason that anybody could mend.
-                if self._cell.is_closing:
-                    raise DaemonError(GOING_DOWN) from error
-                raise
-        finally:
-            waiting.cancel()
-            closing.cancel()
+def caller(context: Context) -> str:
+    """Return who calls, for turns: a connection."""
+    return str(context.peer())
 
 
 def device_message(device: Device) -> pb.DeviceReport:

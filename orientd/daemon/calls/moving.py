@@ -3,28 +3,23 @@
 from __future__ import annotations
 
 import asyncio
+import functools
 import math
 import time
-from collections.abc import AsyncIterator, Callable
-from concurrent.futures import Future
-from typing import TYPE_CHECKING
+from collections.abc import AsyncIterator
+from typing import cast
 
 from orientd.daemon import report
-from orientd.daemon.calls.calls import GONE, Calls, Context, interval, refuse
+from orientd.daemon.calls.calls import Calls, Context, caller, interval, refuse
+from orientd.daemon.cell import GONE
 from orientd.daemon.device import Device
 from orientd.daemon.manner import Gate, Manner
+from orientd.daemon.planners import Order, PlannedMotion
 from orientd.daemon.runs import Run
-from orientd.errors import DaemonError, OrientdError, RequestError
+from orientd.errors import GOING_DOWN, DaemonError, OrientdError, RequestError
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.motion_wire import to_mapping
 from orientd.rpc.reports import MoveTiming
 from orientd.stream import UNKNOWN
-
-if TYPE_CHECKING:
-    from orientd.planner import Motion
-
-MOST_SAMPLES = 300_000
-"""In the answer to one Plan; each takes some 170 bytes of a message."""
 
 SETTLING_TIMEOUT = 5.0
 """How long a device may take to be on target after the last setpoint, by default, s."""
@@ -36,34 +31,56 @@ LONGEST_WAIT = 3600.0
 class MovingCalls(Calls):
     """Calls that plan and run motions."""
 
-    async def Plan(self, request: pb.PlanRequest, context: Context) -> pb.PlanResponse:
+    async def Plan(self, request: pb.PlanRequest, context: Context) -> bytes:
         """Plan a motion and keep it."""
-
-        def work() -> pb.PlanResponse:
+        try:
             device = self._cell.device(request.device)
             rate_hz = _sample_rate(request.sample_rate_hz, device)
-            motion = self._cell.plan(device, to_mapping(request.motion))
-            plan, samples = _planned_messages(motion, rate_hz)
-            return pb.PlanResponse(plan=plan, samples=samples)
-
-        try:
-            return await self._planned(self._planners.submit(work))
+            order = self._order(request, context)
+            motion = await self._cell.plan(device, order)
+            return await self._report(motion, order, rate_hz)
         except OrientdError as error:
-            await refuse(context, error)
+            await refuse(context, self._in_the_end(error))
 
-    async def GetPlan(self, request: pb.GetPlanRequest, context: Context) -> pb.GetPlanResponse:
+    async def GetPlan(
+        self, request: pb.GetPlanRequest, context: Context
+    ) -> pb.GetPlanResponse | bytes:
         """Report the plan of a motion."""
-
-        def work() -> pb.GetPlanResponse:
+        try:
             device = self._cell.device(request.device)
             rate_hz = _sample_rate(request.sample_rate_hz, device)
             motion = self._cell.present(device, request.motion_id)
             if motion is None:
                 return pb.GetPlanResponse()
-            plan, samples = _planned_messages(motion, rate_hz)
-            return pb.GetPlanResponse(plan=plan, samples=samples)
+            order = Order(motion.job.motion, caller(context), self._cell.planners.timeout)
+            return await self._report(motion, order, rate_hz)
+        except OrientdError as error:
+            await refuse(context, self._in_the_end(error))
 
-        return await self._do(context, work)
+    async def _report(self, motion: PlannedMotion, order: Order, rate_hz: float) -> bytes:
+        """Return a serialised answer with the plan of a motion and samples of it."""
+        if not rate_hz:
+            plan = pb.Plan.FromString(motion.plan)
+            return pb.PlanResponse(plan=plan).SerializeToString()
+        return await self._cell.planners.report(motion.job, order, rate_hz)
+
+    def _order(self, request: pb.PlanRequest | pb.MoveRequest, context: Context) -> Order:
+        """Return what is to be planned, for whom, and for how long at the most.
+
+        Raises:
+            RequestError: the time for it is none.
+        """
+        longest = self._cell.planners.timeout
+        wanted = request.plan_timeout or longest
+        if not 0.0 < wanted < math.inf:
+            raise RequestError("plan_timeout", f"expected more than 0 s, got {wanted:g}")
+        # Whoever serves sees the motion as the bytes that it came in.
+        motion = cast("bytes", request.motion)
+        return Order(motion, caller(context), min(wanted, longest))
+
+    def _in_the_end(self, error: OrientdError) -> OrientdError:
+        """Return why a call failed: once the daemon ends, because of that."""
+        return DaemonError(GOING_DOWN) if self._cell.is_closing else error
 
     async def Move(
         self, request: pb.MoveRequest, context: Context
@@ -77,10 +94,8 @@ class MovingCalls(Calls):
             self._cell.desk.check(request.lease_token)
             manner = self._manner(request)
             stops = self._cell.runs.stops(device)
-            run, timing = await self._begun(
-                lambda: self._start(device, request, manner, stops, received_ns)
-            )
-            yield await self._in_worker(lambda: _started(run, timing))
+            run, timing = await self._start(device, request, manner, stops, received_ns, context)
+            yield _started(run, timing)
             reader = report.ProgressReader(run)
             ended = asyncio.wrap_future(run.ended)
             while not (await asyncio.wait({ended}, timeout=pause))[0]:
@@ -89,26 +104,27 @@ class MovingCalls(Calls):
                     yield pb.MoveResponse(progress=progress)
             yield await self._in_worker(lambda: self._summary(run))
         except OrientdError as error:
-            await refuse(context, error)
+            await refuse(context, self._in_the_end(error))
         finally:
             if run is not None and not run.ended.done():
-                self._commanders.submit(self._cell.abandon, run, GONE)
+                self._cell.in_worker(functools.partial(self._cell.abandon, run, GONE))
 
-    def _start(
+    async def _start(
         self,
         device: Device,
         request: pb.MoveRequest,
         manner: Manner,
         stops: int,
         received_ns: int,
+        context: Context,
     ) -> tuple[Run, MoveTiming]:
-        """Plan and begin a motion; called where planning may take its time."""
+        """Plan and begin a motion."""
         token, what = request.lease_token, request.WhichOneof("what")
         if what == "motion":
-            return self._cell.move(
+            return await self._cell.move(
                 token,
                 device,
-                to_mapping(request.motion),
+                self._order(request, context),
                 manner,
                 stops=stops,
                 received_ns=received_ns,
@@ -116,23 +132,9 @@ class MovingCalls(Calls):
         if what == "motion_id":
             motion = self._cell.plans.find(device.name, request.motion_id)
             planned_ns = time.monotonic_ns()
-            run = self._cell.start(token, device, motion, manner, stops=stops)
+            run = await self._cell.start(token, device, motion, manner, stops=stops)
             return run, _timing(received_ns, planned_ns, attempts=0)
         raise RequestError("motion", "expected a motion or a motion_id, got neither")
-
-    async def _begun(self, work: Callable[[], tuple[Run, MoveTiming]]) -> tuple[Run, MoveTiming]:
-        """Do *work*, which begins a motion; if the caller goes away meanwhile, stop it again."""
-        beginning = self._planners.submit(work)
-        try:
-            return await self._planned(beginning)
-        except (asyncio.CancelledError, DaemonError):
-            beginning.add_done_callback(self._abandon)
-            raise
-
-    def _abandon(self, beginning: Future[tuple[Run, MoveTiming]]) -> None:
-        """Stop what was begun for a caller who has gone away meanwhile."""
-        if not beginning.cancelled() and beginning.exception() is None:
-            self._commanders.submit(self._cell.abandon, beginning.result()[0], GONE)
 
     def _manner(self, request: pb.MoveRequest) -> Manner:
         """Return how the motion of *request* is to begin and to end.
@@ -176,15 +178,14 @@ class MovingCalls(Calls):
 
 
 def _started(run: Run, timing: MoveTiming) -> pb.MoveResponse:
-    from orientd.daemon import motion_report
-    from orientd.rpc.move_wire import plan_to_message, timing_to_message
+    from orientd.rpc.move_wire import timing_to_message
 
     if run.motion is None:
         raise ValueError("the run has no motion")
     return pb.MoveResponse(
         started=pb.MoveStarted(
             motion_number=run.number,
-            plan=plan_to_message(motion_report.plan(run.motion)),
+            plan=pb.Plan.FromString(run.motion.plan),
             timing=timing_to_message(timing),
         )
     )
@@ -195,19 +196,6 @@ def _sample_rate(rate_hz: float, device: Device) -> float:
     if not 0.0 <= rate_hz <= device.rate_hz:
         raise RequestError("sample_rate_hz", f"expected 0 to {device.rate_hz:g}, got {rate_hz:g}")
     return rate_hz
-
-
-def _planned_messages(motion: Motion, rate_hz: float) -> tuple[pb.Plan, list[pb.MotionSample]]:
-    from orientd.daemon import motion_report
-    from orientd.rpc.move_wire import plan_to_message, samples_to_messages
-
-    if rate_hz * motion.duration > MOST_SAMPLES:
-        raise RequestError(
-            "sample_rate_hz",
-            f"{motion.duration:.6g} s make more than {MOST_SAMPLES} samples at {rate_hz:g} Hz",
-        )
-    samples = samples_to_messages(motion_report.samples(motion, rate_hz)) if rate_hz else []
-    return plan_to_message(motion_report.plan(motion)), samples
 
 
 def _progress(reader: report.ProgressReader) -> pb.MoveProgress | None:

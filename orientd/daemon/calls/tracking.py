@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import functools
 from collections.abc import AsyncIterator
 from typing import Any
 
-from orientd.daemon.calls.calls import GONE, Calls, Context, interval, refuse
+from orientd.daemon.calls.calls import Calls, Context, interval, refuse
+from orientd.daemon.cell import GONE
 from orientd.daemon.following import Following
 from orientd.daemon.runs import Run
 from orientd.errors import OrientdError, RequestError, StateError
@@ -55,7 +57,7 @@ class TrackingCalls(Calls):
             if reading is not None:
                 reading.cancel()
             if run is not None and not run.ended.done():
-                self._commanders.submit(self._cell.abandon, run, GONE)
+                self._cell.in_worker(functools.partial(self._cell.abandon, run, GONE))
 
 
 async def _first(requests: AsyncIterator[pb.TrackRequest]) -> pb.TrackStart:

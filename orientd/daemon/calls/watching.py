@@ -7,7 +7,7 @@ import time
 from collections.abc import AsyncIterator
 
 from orientd.daemon import report
-from orientd.daemon.calls.calls import Calls, Context, device_message, interval, refuse
+from orientd.daemon.calls.calls import Calls, Context, caller, device_message, interval, refuse
 from orientd.daemon.device import Device
 from orientd.daemon.supervised_device import TICK
 from orientd.errors import OrientdError
@@ -16,7 +16,6 @@ from orientd.rpc.state_wire import (
     cycle_to_message,
     daemon_to_message,
     limits_to_message,
-    method_to_message,
     outline_to_messages,
 )
 from orientd.stream.records import CYCLE_RECORD
@@ -108,12 +107,13 @@ class WatchingCalls(Calls):
         answer.time.FromNanoseconds(time.time_ns())
         return answer
 
-    async def ListMethods(
-        self, request: pb.ListMethodsRequest, context: Context
-    ) -> pb.ListMethodsResponse:
+    async def ListMethods(self, request: pb.ListMethodsRequest, context: Context) -> bytes:
         """List the families of curves."""
-        del request, context
-        return pb.ListMethodsResponse(methods=[method_to_message(m) for m in report.methods()])
+        del request
+        try:
+            return await self._cell.planners.methods(caller(context))
+        except OrientdError as error:
+            await refuse(context, error)
 
     async def ListDevices(
         self, request: pb.ListDevicesRequest, context: Context

@@ -5,9 +5,9 @@ import pytest
 
 from orientd import motion_file, planner
 from orientd.clock import ManualClock
-from orientd.daemon.fitting import plan_to_fit
 from orientd.errors import LimitError
 from orientd.planner import Limits, State
+from orientd.planner.fitting import plan_to_fit
 from orientd.rotation import angle, conjugate, exp, multiply
 from orientd_dynamixel import DynamixelDriver
 

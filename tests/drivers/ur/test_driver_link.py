@@ -1,12 +1,12 @@
 """How the driver looks at a robot, and what it makes of its sockets and of hanging calls."""
 
+import asyncio
 import contextlib
 import os
 import signal
 import socket
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,8 +14,10 @@ from ur_rig import device_of, is_holding, streaming, swing, swing_motion, until
 
 from orientd.clock import MonotonicClock
 from orientd.daemon.manner import Manner, Prepared
+from orientd.daemon.planners import Order
 from orientd.driver import Setpoint
 from orientd.errors import LimitError, LinkError, PlanError, RequestError, StateError
+from orientd.rpc import control_pb2 as pb
 from orientd_ur import UrDriver
 from orientd_ur.joint_path import tool_in_flange
 from orientd_ur.kinematics import forward, quaternion
@@ -170,11 +172,13 @@ def test_motion_brings_options_of_its_own_and_the_next_has_those_of_the_configur
             until(lambda: is_holding(device), "the end")
             assert ur_robot.state()["servoing"] == found
         begun = swing_motion(device)
-        other = replace(begun.request, device_options={"gain": 700})
+        other = pb.MotionRequest.FromString(begun.job.motion)
+        other.device_options.update({"gain": 700})
+        order = Order(other.SerializeToString())
         device.start(Prepared(begun))
         streaming(device)
         with pytest.raises(StateError, match="device_options change at rest only"):
-            device.start(device.prepare(other, Manner(is_queued=True)))
+            device.start(asyncio.run(device.prepare(order, Manner(is_queued=True))))
 
 
 def test_motion_with_options_that_are_not_allowed_is_refused(ur_robot):

@@ -8,6 +8,7 @@ from orientd import rotation
 from orientd.daemon.latency import identify
 from orientd.daemon.manner import Prepared
 from orientd.errors import Fault
+from orientd.rpc import control_pb2 as pb
 from orientd_sim.ur.recording import read_arm, read_setpoints
 
 pytest.importorskip("rtde_control")
@@ -31,7 +32,7 @@ def check_motion(robot, tmp_path, *, seconds, count):
         robot.wait_until(lambda s: s["setpoints"] > before["setpoints"] + 5)
         number = device.start(Prepared(motion))
         streaming(device)
-        until(lambda: is_holding(device), "the end", motion.duration + 10.0)
+        until(lambda: is_holding(device), "the end", motion.facts.duration + 10.0)
         # Whatever was on its way then has come before fifty more have.
         held = robot.state()["setpoints"]
         after = robot.wait_until(lambda s: s["setpoints"] > held + 50)
@@ -46,16 +47,17 @@ def check_motion(robot, tmp_path, *, seconds, count):
     times = np.array([row.time_ns for row in rows])
     woken = np.array([w for w in woken if times[0] < w < times[-1]])
     to_wire = (times[np.searchsorted(times, woken)] - woken) * 1e-3
-    planned = motion.sample(motion.period * np.arange(motion.record_count)).q
+    count = motion.facts.record_count
+    planned = motion.rows(0, count)[:, :4]
     # Setpoints of the hold come before the motion and after it.
-    lags = range(len(arrived) - motion.record_count + 1)
-    some = np.arange(0, motion.record_count, 50)
+    lags = range(len(arrived) - count + 1)
+    some = np.arange(0, count, 50)
     lag = min(lags, key=lambda k: angle_between(arrived[k + some], planned[some]).max())
-    matched = arrived[lag : lag + motion.record_count]
+    matched = arrived[lag : lag + count]
     worst = float(angle_between(matched, planned).max())
     arm = orientations([row.actual_pose for row in read_arm(tmp_path / "run")])
     return {
-        "setpoints": motion.record_count,
+        "setpoints": count,
         "worst_rad": worst,
         "overwritten": after["overwritten"] - before["overwritten"],
         "stalls": after["stalls"] - before["stalls"],
@@ -104,12 +106,13 @@ def test_setpoints_settle_where_the_controllers_cycle_takes_each(ur_robot, tmp_p
 def sweep(device):
     """Turn by 0.8 rad and back, at up to 1 rad/s; return the statistics and the cycles."""
     motion = swing_motion(device, angle=0.8, seconds=3.2)
-    assert motion.certificate.peak_velocity.value == pytest.approx(1.0, abs=0.15)
+    certificate = pb.Plan.FromString(motion.plan).certificate
+    assert certificate.velocity.value == pytest.approx(1.0, abs=0.15)
     number = device.start(Prepared(motion))
     streaming(device)
     until(lambda: is_holding(device), "the end")
     last = device.snapshot().cycle.index
-    return device.statistics(number), device.cycles(last - motion.record_count)
+    return device.statistics(number), device.cycles(last - motion.facts.record_count)
 
 
 def check_leading(robot, *, factor):
@@ -122,7 +125,10 @@ def check_leading(robot, *, factor):
     with device_of(robot.host, lookahead=0.1, compensate_latency=found.seconds) as device:
         led, _ = sweep(device)
         until(
-            lambda: device.snapshot().path_time == pytest.approx(device.snapshot().motion.duration),
+            lambda: (
+                device.snapshot().path_time
+                == pytest.approx(device.snapshot().motion.facts.duration)
+            ),
             "the end of the path that is reported",
         )
     print(f"{found}; tracking error {behind.tracking_error:.4f}, led {led.tracking_error:.4f} rad")

@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+from direct_planners import DirectPlanners, plan
 
 from orientd import rotation
 from orientd.config import DeviceSettings
@@ -44,7 +45,8 @@ def device_of(host, *, compensate_latency=False, **options):
             **options,
         },
     )
-    device = Device(settings, on_event=lambda _event: None)
+    planners = DirectPlanners([settings])
+    device = Device(settings, planners=planners, on_event=lambda _event: None)
     device.launch()
     try:
         assert device.wait_ready(20.0), device.failure
@@ -63,7 +65,7 @@ def swing_motion(device, *, angle=0.3, seconds=3.0, count=1, home=None, **wishes
         Keyframe(away if k % 2 else home if k else start.q, k * seconds / 2)
         for k in range(2 * count + 1)
     ]
-    return device.plan(MotionRequest(keyframes=keyframes, **wishes))
+    return plan(device, MotionRequest(keyframes=keyframes, **wishes))
 
 
 def swing(device, **settings):

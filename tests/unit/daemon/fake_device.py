@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import time
 
-from orientd import planner
 from orientd.daemon.device_report import DeviceEvent, DeviceSnapshot, EventKind
 from orientd.daemon.manner import AT_ONCE, Prepared
 from orientd.daemon.meter import MotionStatistics
+from orientd.daemon.planners import Job
 from orientd.driver import IDENTITY, ZERO
 from orientd.errors import DaemonError, Fault, LateError, PlanError, StateError
 from orientd.planner import DEFAULT_LIMITS, State
@@ -26,7 +27,8 @@ def cycle(index=0, *, state=ServoState.HOLDING, lateness_ns=0, motion=0, overrun
 class FakeDevice:
     """The parts of a device that a cell needs."""
 
-    def __init__(self, settings, *, on_event):
+    def __init__(self, settings, *, planners, on_event):
+        self.planners = planners
         self.name = settings.name
         self.driver = settings.driver
         self.rate_hz = settings.rate_hz
@@ -63,19 +65,19 @@ class FakeDevice:
             raise StateError(f"device {self.name} is {self.state.name.lower()}, not holding")
         return self.at
 
-    def plan(self, request):
+    async def plan(self, order):
         if self.refusal:
             raise PlanError(self.refusal)
-        period = self.period_ns * 1e-9
-        return planner.plan(request, start=self.commanded(), limits=self.limits, period=period)
+        job = Job(self.name, order.motion, os.urandom(6).hex(), self.commanded())
+        return await self.planners.plan(job, order)
 
     def is_at(self, joints):
         return True
 
-    def prepare(self, request, manner=AT_ONCE, *, attempt=0):
+    async def prepare(self, order, manner=AT_ONCE, *, attempt=0):
         if self.lateness > attempt:
             raise LateError("the path has passed record 3, it is at 4")
-        return Prepared(self.plan(request), manner=manner)
+        return Prepared(await self.plan(order), manner=manner)
 
     def start(self, prepared):
         self.commanded()

@@ -1,16 +1,19 @@
 """The cell: who may command which device, and what becomes of the motions."""
 
+import asyncio
 import threading
 
 import pytest
+from direct_planners import DirectPlanners, order_of
 from fake_device import FakeDevice
 
 from orientd import config
 from orientd.clock import ManualClock
 from orientd.daemon.cell import Cell
-from orientd.daemon.manner import Manner
+from orientd.daemon.manner import AT_ONCE, Manner
 from orientd.daemon.pausing import pause, resume
 from orientd.daemon.plan_store import KEPT_PLANS
+from orientd.daemon.planners import Order
 from orientd.errors import (
     DaemonError,
     Fault,
@@ -22,12 +25,13 @@ from orientd.errors import (
     StateError,
     UnknownNameError,
 )
-from orientd.planner import State
+from orientd.planner import Keyframe, MotionRequest, State
+from orientd.rotation import exp
 from orientd.rpc.reports import Outcome
 from orientd.stream import State as ServoState
 
 SECOND = 1_000_000_000
-MOTION = {"keyframes": [{"rotation_vector": [0, 0, 0]}, {"rotation_vector": [0, 0, 0.1]}]}
+MOTION = MotionRequest([Keyframe(tuple(exp([0.0, 0.0, angle]))) for angle in (0.0, 0.1)])
 SETTINGS = {
     "daemon": {"lease_seconds": 5.0},
     "devices": {"arm": {"driver": "loopback"}, "leg": {"driver": "loopback"}},
@@ -39,9 +43,15 @@ def clock():
     return ManualClock(1)
 
 
+@pytest.fixture(scope="module")
+def planners():
+    return DirectPlanners(config.parse(SETTINGS, source="test").devices.values())
+
+
 @pytest.fixture
-def cell(clock):
-    return Cell(config.parse(SETTINGS, source="test"), make_device=FakeDevice, clock=clock)
+def cell(clock, planners):
+    settings = config.parse(SETTINGS, source="test")
+    return Cell(settings, make_device=FakeDevice, planners=planners, clock=clock)
 
 
 @pytest.fixture
@@ -49,9 +59,21 @@ def arm(cell):
     return cell.device("arm")
 
 
+def plan(cell, device, request=MOTION):
+    return asyncio.run(cell.plan(device, order_of(request)))
+
+
+def start(cell, token, device, motion, *, stops=0):
+    return asyncio.run(cell.start(token, device, motion, stops=stops))
+
+
+def move(cell, token, device, manner=AT_ONCE):
+    return asyncio.run(cell.move(token, device, order_of(MOTION), manner, stops=0, received_ns=0))
+
+
 def begin(cell, device, token):
     stops = cell.runs.stops(device)
-    return cell.start(token, device, cell.plan(device, MOTION), stops=stops)
+    return start(cell, token, device, plan(cell, device), stops=stops)
 
 
 def test_a_motion_runs_to_its_end(cell, arm):
@@ -68,12 +90,12 @@ def test_a_motion_that_ends_before_its_start_returns_has_ended(cell, arm):
 
 
 def test_a_motion_needs_the_lease(cell, arm):
-    motion = cell.plan(arm, MOTION)
+    motion = plan(cell, arm)
     with pytest.raises(LeaseError, match="needs the lease"):
-        cell.start("", arm, motion, stops=0)
+        start(cell, "", arm, motion, stops=0)
     cell.tenure.acquire("ana")
     with pytest.raises(LeaseError, match="held by 'ana'"):
-        cell.start("nonsense", arm, motion, stops=0)
+        start(cell, "nonsense", arm, motion, stops=0)
     assert "start 1" not in arm.calls
 
 
@@ -130,10 +152,10 @@ def test_one_dead_servo_does_not_keep_the_others_from_stopping(cell, arm):
 def test_a_stop_while_a_motion_is_planned_keeps_it_from_beginning(cell, arm):
     token = cell.tenure.acquire("ana").token
     stops = cell.runs.stops(arm)
-    motion = cell.plan(arm, MOTION)
+    motion = plan(cell, arm)
     cell.stop("arm", "ben")
     with pytest.raises(StateError, match="stopped before it began: stopped by ben"):
-        cell.start(token, arm, motion, stops=stops)
+        start(cell, token, arm, motion, stops=stops)
     assert "start 1" not in arm.calls
 
 
@@ -184,32 +206,30 @@ def test_an_abandoned_motion_is_stopped_but_not_the_one_after_it(cell, arm):
 def test_a_device_that_is_not_ready_to_move_is_refused(cell, arm):
     arm.state = ServoState.IDLE
     with pytest.raises(StateError, match="idle, not holding"):
-        cell.plan(arm, MOTION)
+        plan(cell, arm)
 
 
 def test_a_bad_motion_is_refused_by_its_field(cell, arm):
     with pytest.raises(RequestError, match=r"^keyframes: expected at least 1, got 0"):
-        cell.plan(arm, {"keyframes": []})
-    with pytest.raises(LimitError):
-        cell.plan(
-            arm,
-            {
-                "keyframes": [
-                    {"time": 0, "rotation_vector": [0, 0, 0]},
-                    {"time": 0.1, "rotation_vector": [0, 0, 1]},
-                ]
-            },
-        )
+        asyncio.run(cell.plan(arm, Order(b"")))
+    with pytest.raises(RequestError, match=r"^motion: cannot be read"):
+        asyncio.run(cell.plan(arm, Order(b"nonsense")))
+    keyframes = [
+        Keyframe(tuple(exp([0.0, 0.0, angle])), time) for angle, time in ((0.0, 0.0), (1.0, 0.1))
+    ]
+    with pytest.raises(LimitError) as refused:
+        plan(cell, arm, MotionRequest(keyframes))
+    assert refused.value.value > refused.value.limit
 
 
 def test_a_motion_that_the_device_could_not_follow_is_refused(cell, arm):
     arm.refusal = "the elbow would be straight"
     with pytest.raises(PlanError, match="the elbow would be straight"):
-        cell.plan(arm, MOTION)
+        plan(cell, arm)
 
 
 def test_a_kept_plan_is_found_by_its_name_and_device(cell, arm):
-    motion = cell.plan(arm, MOTION)
+    motion = plan(cell, arm)
     assert cell.plans.find(arm.name, motion.id) is motion
     for device, name in ((cell.device("leg"), motion.id), (arm, "nonsense")):
         with pytest.raises(UnknownNameError, match=r"^motion_id: device .* has no plan"):
@@ -217,7 +237,7 @@ def test_a_kept_plan_is_found_by_its_name_and_device(cell, arm):
 
 
 def test_few_plans_are_kept(cell, arm):
-    plans = [cell.plan(arm, MOTION) for _ in range(KEPT_PLANS + 1)]
+    plans = [plan(cell, arm) for _ in range(KEPT_PLANS + 1)]
     with pytest.raises(UnknownNameError):
         cell.plans.find(arm.name, plans[0].id)
     assert cell.plans.find(arm.name, plans[1].id) is plans[1]
@@ -232,10 +252,10 @@ def test_few_plans_are_kept(cell, arm):
 )
 def test_a_plan_that_begins_elsewhere_is_refused(cell, arm, where, what):
     token = cell.tenure.acquire("ana").token
-    motion = cell.plan(arm, MOTION)
+    motion = plan(cell, arm)
     arm.at = where
     with pytest.raises(StartError, match=what):
-        cell.start(token, arm, motion, stops=0)
+        start(cell, token, arm, motion, stops=0)
 
 
 def test_a_name_may_be_left_out_where_there_is_one_device(cell):
@@ -243,7 +263,7 @@ def test_a_name_may_be_left_out_where_there_is_one_device(cell):
         cell.device("")
     with pytest.raises(UnknownNameError, match=r"^device: expected one of arm, leg, got 'tail'"):
         cell.device("tail")
-    alone = Cell(config.default_settings(), make_device=FakeDevice)
+    alone = Cell(config.default_settings(), make_device=FakeDevice, planners=cell.planners)
     assert alone.device("").name == "arm"
 
 
@@ -279,7 +299,7 @@ def test_shutdown_stops_what_runs_and_takes_no_more(cell, arm):
     assert run.ended.result(0) == (Outcome.STOPPED, "the daemon is going down")
     assert arm.calls[-2:] == ["stop", "shutdown"]
     with pytest.raises(DaemonError, match="going down"):
-        cell.start(token, arm, motion, stops=cell.runs.stops(arm))
+        start(cell, token, arm, motion, stops=cell.runs.stops(arm))
     with pytest.raises(DaemonError, match="going down"):
         cell.command(token, "arm", "enable", lambda device: device.enable())
 
@@ -310,7 +330,7 @@ def test_nobody_waits_for_devices_of_a_daemon_that_ends(cell, arm):
 def test_a_motion_that_is_planned_too_late_is_planned_again(cell, arm):
     token = cell.tenure.acquire("ana").token
     arm.lateness = 2
-    run, timing = cell.move(token, arm, MOTION, stops=0, received_ns=0)
+    run, timing = move(cell, token, arm)
     assert (run.number, timing.attempts) == (1, 3)
 
 
@@ -318,7 +338,7 @@ def test_a_device_that_is_always_too_quick_is_said_to_be(cell, arm):
     token = cell.tenure.acquire("ana").token
     arm.lateness = 100
     with pytest.raises(StateError, match="too quick for 6 plans: the path has passed record 3"):
-        cell.move(token, arm, MOTION, stops=0, received_ns=0)
+        move(cell, token, arm)
 
 
 def test_motions_with_one_start_time_are_compared(cell):
@@ -327,7 +347,7 @@ def test_motions_with_one_start_time_are_compared(cell):
     for name, late_ns in (("arm", 3_000), ("leg", 11_000)):
         device = cell.device(name)
         manner = Manner(start_ns=5 * SECOND)
-        run, _ = cell.move(token, device, MOTION, manner, stops=0, received_ns=0)
+        run, _ = move(cell, token, device, manner)
         device.began[run.number] = 5 * SECOND + late_ns
         runs.append(run)
     assert [cell.runs.starts(run) for run in runs] == [

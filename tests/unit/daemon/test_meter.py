@@ -50,7 +50,7 @@ def sent(motion):
 
 def measure(motion, cycles, sizes=(64,)):
     """Return the statistics of *cycles*, given in blocks of these sizes in turn."""
-    meter = MotionMeter(motion, NUMBER, FIRST)
+    meter = MotionMeter(motion.recorded(), NUMBER, FIRST)
     begin, turn = 0, 0
     while begin < len(cycles):
         end = begin + sizes[turn % len(sizes)]
@@ -143,7 +143,7 @@ def test_a_device_that_is_led_is_compared_with_what_was_sent_a_lead_before(motio
     cycles["measured_q"][behind:] = cycles["sent_q"][:-behind]
     cycles["measured_q"][:behind] = cycles["sent_q"][0]
     assert measure(motion, cycles).tracking_error > 1e-3
-    meter = MotionMeter(motion, NUMBER, FIRST, lead=behind * PERIOD)
+    meter = MotionMeter(motion.recorded(), NUMBER, FIRST, lead=behind * PERIOD)
     for begin in range(0, len(cycles), 7):
         meter.add([record.tobytes() for record in cycles[begin : begin + 7]])
     assert meter.statistics().tracking_error < 1e-9

@@ -6,6 +6,7 @@ from fake_device import FakeDevice, cycle
 
 from orientd import config, planner
 from orientd.daemon import motion_report, report
+from orientd.daemon.planners import reporting
 from orientd.daemon.runs import Run, Runs
 from orientd.rpc.reports import Outcome
 from orientd.stream import State
@@ -15,7 +16,7 @@ SETTINGS = config.default_settings().devices["arm"]
 
 @pytest.fixture
 def device():
-    return FakeDevice(SETTINGS, on_event=lambda event: None)
+    return FakeDevice(SETTINGS, planners=None, on_event=lambda event: None)
 
 
 @pytest.fixture
@@ -72,8 +73,8 @@ def test_who_is_behind_reads_on_where_a_full_batch_ended(device):
 
 
 def test_progress_tells_the_worst_lateness_since_the_last(device, motion):
-    device.motion = motion
-    reader = report.ProgressReader(Run(device, 1, motion, ""))
+    recorded = device.motion = motion.recorded()
+    reader = report.ProgressReader(Run(device, 1, recorded, ""))
     device.published += [cycle(1, lateness_ns=5), cycle(2, lateness_ns=900), cycle(3, overruns=2)]
     progress = reader.read()
     assert progress.lateness == pytest.approx(900e-9)
@@ -87,7 +88,7 @@ def test_progress_tells_the_worst_lateness_since_the_last(device, motion):
 
 def test_samples_begin_and_end_with_the_motion(motion):
     for rate_hz in (500.0, 33.3, 7.0):
-        samples = motion_report.samples(motion, rate_hz)
+        samples = reporting.samples_of(motion, rate_hz)
         assert samples.times[0] == 0.0
         assert samples.times[-1] == pytest.approx(motion.duration, abs=1e-9)
         assert np.all(np.diff(samples.times) > 1e-9)
@@ -97,7 +98,7 @@ def test_samples_begin_and_end_with_the_motion(motion):
 def test_a_summary_has_the_statistics_of_its_motion_only(device, motion):
     device.number = 2
     for number, cycles in ((2, 7), (1, None)):
-        run = Run(device, number, motion, "")
+        run = Run(device, number, motion.recorded(), "")
         run.ended.set_result((Outcome.STOPPED, "why"))
         summary = motion_report.summary(run, Runs({}))
         assert (summary.outcome, summary.text) == (Outcome.STOPPED, "why")
@@ -112,6 +113,6 @@ def test_a_device_without_cycles_or_motion_can_be_told(device):
 
 
 def test_every_method_says_what_it_is():
-    for method in report.methods():
+    for method in reporting.known_methods():
         assert method.summary
         assert method.source, method.name

@@ -22,7 +22,9 @@ def first_motion(random, **fields):
 
 
 def blended(first, request, tolerance, **fields):
-    return blend(first, request, tolerance=tolerance, limits=ARM, period=PERIOD, **fields)
+    return blend(
+        first.recorded(), request, tolerance=tolerance, limits=ARM, period=PERIOD, **fields
+    )
 
 
 def records(first, record, second):
@@ -139,4 +141,4 @@ def test_nonsense_is_refused():
     with pytest.raises(ValueError, match="tolerance must be"):
         blended(first, request, -1.0)
     with pytest.raises(ValueError, match="period must be that of the first motion"):
-        blend(first, request, tolerance=0.1, limits=ARM, period=0.004)
+        blend(first.recorded(), request, tolerance=0.1, limits=ARM, period=0.004)

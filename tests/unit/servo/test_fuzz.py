@@ -129,7 +129,8 @@ class Fuzz:
 
     def plan(self, start):
         request = MotionRequest([Keyframe(tuple(self.orientation()))], approach=True)
-        return planner.plan(request, start=start, limits=self.limits, period=PERIOD)
+        motion = planner.plan(request, start=start, limits=self.limits, period=PERIOD)
+        return motion.recorded()
 
     def retarget(self):
         self.tend()
@@ -141,7 +142,8 @@ class Fuzz:
             itinerary.begin(motion, self.number, speed=1.0, start_ns=UNKNOWN)
         elif cycle.state is ServoState.STREAMING and itinerary.is_active:
             leave = itinerary.ahead(cycle, int(self.random.integers(2, 9)))
-            motion = self.plan(leave.state)
+            left = itinerary.stage(leave.number)
+            motion = self.plan(left.motion.state_at(leave.record))
             self.number += 1
             try:
                 itinerary.replace(motion, self.number, leave)
@@ -157,8 +159,8 @@ class Fuzz:
         if self.rig.cycle.state is not ServoState.STREAMING or not itinerary.is_active:
             return
         last = itinerary.last
-        leave = itinerary.end(last.motion.record_count - 1)
-        motion = self.plan(leave.state)
+        leave = itinerary.end(last.motion.last_record)
+        motion = self.plan(last.motion.state_at(leave.record))
         self.number += 1
         itinerary.append(motion, self.number, leave)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from orientd import planner, rotation
-from orientd.daemon import motion_report
+from orientd.daemon.planners import reporting
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State
 from orientd.viewer import geometry
 
@@ -30,15 +30,15 @@ def test_tips_are_the_columns_of_the_matrices():
 
 @pytest.mark.parametrize("rate_hz", [100.0, 17.0])
 def test_keyframes_are_where_they_were_asked_for(motion, rate_hz):
-    samples = motion_report.samples(motion, rate_hz)
-    found = geometry.keyframe_orientations(motion_report.plan(motion), samples)
+    samples = reporting.samples_of(motion, rate_hz)
+    found = geometry.keyframe_orientations(reporting.plan_of(motion), samples)
     errors = rotation.angle(found, rotation.from_rotation_vector(TURNS))
     # Between samples the angular velocity is taken as constant.
     assert errors.max() < DEFAULT_LIMITS.acceleration / 8.0 / rate_hz**2
 
 
 def test_signs_of_the_samples_do_not_matter(motion):
-    samples, plan = motion_report.samples(motion, 100.0), motion_report.plan(motion)
+    samples, plan = reporting.samples_of(motion, 100.0), reporting.plan_of(motion)
     signs = np.where(np.arange(len(samples.times)) % 2, 1.0, -1.0)[:, None]
     flipped = SimpleNamespace(times=samples.times, q=samples.q * signs)
     errors = rotation.angle(

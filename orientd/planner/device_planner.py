@@ -6,18 +6,21 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from orientd import planner
-from orientd.daemon.fitting import plan_to_fit
-from orientd.daemon.servo_link import tuning_text
 from orientd.driver import Driver
 from orientd.errors import RequestError
-from orientd.planner import Limits, Motion, MotionRequest, State
+from orientd.planner.blending import blend
+from orientd.planner.fitting import plan_to_fit
+from orientd.planner.limits import Limits
+from orientd.planner.motion import Motion
+from orientd.planner.recorded import RecordedMotion
+from orientd.planner.request import MotionRequest, State
+from orientd.stream.tuning import tuning_text
 
 _EXAMINED_EVERY = 0.008
 """How far apart in path time the poses are that a driver looks at, s."""
 
 
-class MotionPlanner:
+class DevicePlanner:
     """Plan motions that a device's driver agrees to.
 
     Args:
@@ -38,6 +41,7 @@ class MotionPlanner:
         start: State,
         joints: Sequence[float],
         before: Sequence[tuple[float, ...]] = (),
+        motion_id: str | None = None,
     ) -> Motion:
         """Plan a motion from *start*.
 
@@ -46,6 +50,7 @@ class MotionPlanner:
             start: where the device is commanded to be.
             joints: its axis angles there, rad.
             before: axis angles planned for the cycles before, where it moves.
+            motion_id: names the motion; by default a new random name.
 
         Raises:
             RequestError: the request is not one that its method or the device allows.
@@ -60,25 +65,28 @@ class MotionPlanner:
             limits=self._limits,
             period=self._period,
             before=before,
+            motion_id=motion_id,
         )
         self._examine(motion)
         return motion
 
     def blend(
         self,
-        first: Motion,
+        first: RecordedMotion,
         request: MotionRequest,
         *,
         tolerance: float,
         earliest: int,
+        motion_id: str | None = None,
     ) -> tuple[int, Motion]:
         """Plan a motion that follows *first* without coming to rest between them.
 
         Args:
-            first: what runs before.
+            first: the end of what runs before.
             request: what is to follow.
             tolerance: how far from the corner between them it may pass, rad.
             earliest: record of *first* before which it cannot be left any more.
+            motion_id: names the motion; by default a new random name.
 
         Returns:
             The record of *first* at which to leave it, and the motion from there on.
@@ -88,17 +96,20 @@ class MotionPlanner:
             PlanError: it cannot be planned, or would break a limit.
         """
         if self.shapes_paths:
-            record = first.record_count - 1
-            start, joints = first.state_at(record), first.last_joints
-            return record, self.plan(request, start=start, joints=joints)
-        record, motion = planner.blend(
+            record = first.last_record
+            start, joints = first.state_at(record), first.facts.last_joints
+            motion = self.plan(request, start=start, joints=joints, motion_id=motion_id)
+            return record, motion
+        record, motion = blend(
             first,
             request,
             tolerance=tolerance,
             limits=self._limits,
             period=self._period,
             earliest=earliest,
+            motion_id=motion_id,
         )
+        self._check_options(request)
         self._examine(motion)
         return record, motion
 

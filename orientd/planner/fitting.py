@@ -10,10 +10,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from orientd import planner
 from orientd.driver import Driver
 from orientd.errors import LimitError, PlanError
-from orientd.planner import Limits, Motion, MotionRequest, State
+from orientd.planner.limits import Limits
+from orientd.planner.motion import Motion
+from orientd.planner.planning import plan
+from orientd.planner.request import MotionRequest, State
+from orientd.planner.shaped import reshaped
 
 _POWERS = {"rad/s": 1, "rad/s^2": 2, "rad/s^3": 3, "s": 1}
 """How what a limit is about falls with the speed; a stop takes less long, too."""
@@ -35,6 +38,7 @@ def plan_to_fit(
     limits: Limits,
     period: float,
     before: Sequence[tuple[float, ...]] = (),
+    motion_id: str | None = None,
 ) -> Motion:
     """Return the motion that a request asks for, on the path that the device's axes follow.
 
@@ -47,12 +51,13 @@ def plan_to_fit(
         period: the device's cycle, s.
         before: axis angles planned for the cycles before, where it moves, the oldest first; see
             :meth:`.TablePath.joints_before`.
+        motion_id: names the motion; by default a new random name.
 
     Raises:
         RequestError: the request is not one that its method or the device allows.
         PlanError: it cannot be planned, an axis cannot follow, or it would break a limit.
     """
-    motion = planner.plan(request, start=start, limits=limits, period=period)
+    motion = plan(request, start=start, limits=limits, period=period, motion_id=motion_id)
     try:
         return _fitted(driver, motion, joints, before)
     except LimitError as error:
@@ -73,7 +78,13 @@ def plan_to_fit(
         else:
             break
         try:
-            slow = planner.plan(request, start=start, limits=own.slowed(speed), period=period)
+            slow = plan(
+                request,
+                start=start,
+                limits=own.slowed(speed),
+                period=period,
+                motion_id=motion_id,
+            )
             # Certified against the limits themselves: only the planning aimed below them.
             faster = _fitted(driver, replace(slow, limits=own), joints, before)
         except PlanError as error:
@@ -105,7 +116,7 @@ def _fitted(
     shape = driver.shape(
         motion.period, list(map(tuple, q.tolist())), joints, before, _rates(motion.limits)
     )
-    return motion if shape is None else planner.reshaped(motion, shape, joints_before=before)
+    return motion if shape is None else reshaped(motion, shape, joints_before=before)
 
 
 def _rates(limits: Limits) -> tuple[float, float, float]:

@@ -1,0 +1,86 @@
+"""Requests with the motion in them left as the bytes that it came in.
+
+A motion of a hundred thousand keyframes takes as long to read as a hundred retargets to serve, and
+is read where it is planned.  On the wire a message and its bytes are the same, so a copy of the
+protocol with one field of another type reads everything around the motion, and nothing of it.
+Answers that a planner has made come as bytes, too, and are handed on as they are.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from google.protobuf import descriptor_pb2, message_factory
+from google.protobuf.descriptor import FileDescriptor
+from google.protobuf.descriptor_pool import DescriptorPool
+from google.protobuf.message import Message
+
+from orientd.daemon.gate import GenericHandler
+from orientd.rpc import control_pb2 as pb
+
+if TYPE_CHECKING:
+    from orientd.daemon.gate import MethodHandler
+
+MOTION = "motion"
+"""The field that is left unread."""
+
+UNREAD = ("PlanRequest", "MoveRequest")
+
+
+def _classes() -> dict[str, type[Message]]:
+    file = descriptor_pb2.FileDescriptorProto()
+    pb.DESCRIPTOR.CopyToProto(file)
+    for message in file.message_type:
+        for field in message.field:
+            if message.name in UNREAD and field.name == MOTION:
+                field.type = descriptor_pb2.FieldDescriptorProto.TYPE_BYTES
+                field.ClearField("type_name")
+    pool = DescriptorPool()
+    for needed in pb.DESCRIPTOR.dependencies:
+        _add(pool, needed)
+    pool.Add(file)
+    return {
+        name: message_factory.GetMessageClass(pool.FindMessageTypeByName(f"{file.package}.{name}"))
+        for name in UNREAD
+    }
+
+
+def _add(pool: DescriptorPool, file: FileDescriptor) -> None:
+    for needed in file.dependencies:
+        _add(pool, needed)
+    pool.AddSerializedFile(file.serialized_pb)
+
+
+CLASSES = _classes()
+"""Messages with their motions unread, by name."""
+
+
+class UnreadHandlers(GenericHandler):
+    """Handlers of a service, those of long requests without reading these."""
+
+    def __init__(self, inner: GenericHandler) -> None:
+        """Stand for the generated handlers *inner*."""
+        self._inner = inner
+        self._changed: dict[str, MethodHandler | None] = {}
+
+    def service(self, handler_call_details: Any) -> MethodHandler | None:  # noqa: ANN401
+        """Return what handles a call."""
+        method = handler_call_details.method
+        if method not in self._changed:
+            found: Any = self._inner.service(handler_call_details)
+            if found is not None:
+                found = found._replace(
+                    request_deserializer=_reader(method, found.request_deserializer),
+                    response_serializer=_serialized,
+                )
+            self._changed[method] = found
+        return self._changed[method]
+
+
+def _reader(method: str, read: Any) -> Any:  # noqa: ANN401 - as gRPC has them
+    unread = CLASSES.get(f"{method.rpartition('/')[2]}Request")
+    return read if unread is None else unread.FromString
+
+
+def _serialized(answer: Message | bytes) -> bytes:
+    return answer if isinstance(answer, bytes) else answer.SerializeToString()

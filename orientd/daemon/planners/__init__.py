@@ -1,0 +1,21 @@
+"""Planner processes: warm, few, and each of them may be killed.
+
+The daemon waits for many, a planner calculates: under one interpreter's lock each would spoil the
+other.  A :class:`Job` says everything that a plan depends on, so whichever process does it, and
+however often, the motion is the same to the last bit; no process keeps anything that matters.
+"""
+
+from orientd.daemon.planners.jobs import Continuation, Job, PlannerDevice, Report
+from orientd.daemon.planners.planned_motion import PlannedMotion
+from orientd.daemon.planners.pool import Order, Planners, Rank
+
+__all__ = [
+    "Continuation",
+    "Job",
+    "Order",
+    "PlannedMotion",
+    "PlannerDevice",
+    "Planners",
+    "Rank",
+    "Report",
+]

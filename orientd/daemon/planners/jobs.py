@@ -1,0 +1,211 @@
+"""What crosses between the daemon and a planner process: questions, answers, and their frames.
+
+A frame is a length and a pickle; both ends are of one installation and one user.  Records do not
+go that way: they lie in memory that the two processes share.
+"""
+
+from __future__ import annotations
+
+import pickle
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from orientd import errors
+from orientd.errors import OrientdError, PlanError
+from orientd.planner.limits import Limits
+from orientd.planner.recorded import STATE_FLOATS, Joints, MotionFacts, RecordedMotion
+from orientd.planner.request import State
+
+CHUNK = 16_384
+"""Records that are asked for at a time: half a minute at 500 Hz."""
+
+MOST_AXES = 8
+
+BLOCK_BYTES = 8 * CHUNK * (STATE_FLOATS + MOST_AXES)
+"""Of memory shared with one planner."""
+
+STAGE_BYTES = 256
+"""Before the records: what the planner is at, in words, for whoever gives it up."""
+
+HEADER = struct.Struct("!Q")
+
+
+@dataclass(frozen=True, slots=True)
+class PlannerDevice:
+    """What a planner is told of a device.
+
+    Attributes:
+        name: of the device.
+        driver: the registry's name of its driver.
+        options: of the driver.
+        period_ns: of its cycle.
+        limits: what no motion may exceed.
+    """
+
+    name: str
+    driver: str
+    options: Mapping[str, Any]
+    period_ns: int
+    limits: Limits
+
+
+@dataclass(frozen=True, slots=True)
+class SetUp:
+    """The first frame: what a planner needs to know of the daemon.
+
+    Attributes:
+        devices: to plan for.
+        most_keyframes: of one request.
+    """
+
+    devices: tuple[PlannerDevice, ...]
+    most_keyframes: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Continuation:
+    """The motion before one that is to follow it.
+
+    Attributes:
+        first: its end.
+        tolerance: how far from the corner between the two the device may pass, rad.
+        earliest: its record before which it cannot be left any more.
+    """
+
+    first: RecordedMotion
+    tolerance: float
+    earliest: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Job:
+    """A motion to plan, with everything that it depends on.
+
+    Attributes:
+        device: what is to move.
+        motion: a serialised ``orientd.v1.MotionRequest``.
+        motion_id: names the motion.
+        start: where the device will be; not of a continuation.
+        joints: its axis angles there, rad.
+        before: axis angles planned for the cycles before, where it moves.
+        after: what it is to follow; ``None`` for what begins at *start*.
+    """
+
+    device: str
+    motion: bytes
+    motion_id: str
+    start: State | None = None
+    joints: Joints = ()
+    before: tuple[Joints, ...] = ()
+    after: Continuation | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What a caller is to be told of a motion, serialised.
+
+    Attributes:
+        rate_hz: samples a second to add; 0 for none.
+    """
+
+    rate_hz: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Records:
+    """Records to work out.
+
+    Attributes:
+        first: of them.
+        count: at the most; fewer where the motion ends.
+    """
+
+    first: int = 0
+    count: int = CHUNK
+
+
+@dataclass(frozen=True, slots=True)
+class Methods:
+    """The families of curves, as a serialised ``ListMethodsResponse``."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Question:
+    """What a planner is asked.
+
+    Attributes:
+        what: is wanted; of a motion, but for the methods.
+        job: how that motion is made.
+    """
+
+    what: Records | Report | Methods
+    job: Job | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Planned:
+    """Of a motion whose records lie in the shared memory.
+
+    Attributes:
+        facts: what there is to know of it.
+        leave: record of the motion before at which it begins, of a continuation.
+        plan: a serialised ``orientd.v1.Plan``.
+        event: a serialised ``orientd.v1.Event``: plan, request and samples of a motion that starts.
+        shape: of the records in the shared memory.
+    """
+
+    facts: MotionFacts
+    leave: int
+    plan: bytes
+    event: bytes
+    shape: tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Answer:
+    """What a planner says.
+
+    Attributes:
+        content: a message's bytes, or what was planned; ``None`` where it failed.
+        error: why.
+        resident: bytes of memory that the process uses now.
+    """
+
+    content: bytes | Planned | None = None
+    error: Failure | None = None
+    resident: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """An error on its way to whoever waits for a plan."""
+
+    kind: str
+    text: str
+    attributes: Mapping[str, Any]
+
+    @classmethod
+    def of(cls, error: OrientdError) -> Failure:
+        """Take an error apart."""
+        return cls(type(error).__name__, str(error), vars(error).copy())
+
+    def error(self) -> OrientdError:
+        """Return the error as it was."""
+        kind = getattr(errors, self.kind, PlanError)
+        found: OrientdError = kind.__new__(kind, self.text)
+        found.args = (self.text,)
+        vars(found).update(self.attributes)
+        return found
+
+
+def frame(content: object) -> bytes:
+    """Return *content* with its length in front."""
+    body = pickle.dumps(content, protocol=pickle.HIGHEST_PROTOCOL)
+    return HEADER.pack(len(body)) + body
+
+
+def unframed(body: bytes | bytearray) -> Any:  # noqa: ANN401 - whatever was framed
+    """Return what the body of a frame holds."""
+    return pickle.loads(body)

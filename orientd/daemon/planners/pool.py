@@ -1,0 +1,364 @@
+"""The planners of a daemon: who is served next, for how long, and what becomes of the rest.
+
+Three lanes keep what is short from waiting behind what is long: planner 0 serves moving devices
+alone, planner 1 these and small requests, all others whatever there is.  Within a lane callers
+take turns, so that one with many requests delays another by no more than one of them.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+from collections import OrderedDict, deque
+from collections.abc import Coroutine, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+from orientd.daemon.planners.jobs import (
+    Answer,
+    Job,
+    Methods,
+    Planned,
+    PlannerDevice,
+    Question,
+    Records,
+    Report,
+    SetUp,
+)
+from orientd.daemon.planners.planned_motion import PlannedMotion
+from orientd.daemon.planners.process import GIVE_UP, PlannerProcess
+from orientd.errors import GOING_DOWN, DaemonError, DeadlineError, TooMuchError
+from orientd.rotation import Floats
+
+_log = logging.getLogger(__name__)
+
+MOST_WAITING = 32
+"""Requests of one caller that may wait for their turn."""
+
+MOST_WAITING_BYTES = 24 * 2**20
+"""Of the requests of one caller that wait."""
+
+SMALL_BYTES = 32_768
+"""Of a request that counts as small: some 500 keyframes."""
+
+RETIRED_BYTES = 128 * 2**20
+"""A planner that still uses so much after its work makes room for a new one."""
+
+_RESTART = 0.1  # s before another process is tried where one did not start
+_NICE = {0: 0, 1: 5}
+_NICEST = 10
+
+
+class Rank(IntEnum):
+    """What may wait for what."""
+
+    URGENT = 0
+    SMALL = 1
+    LARGE = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """A motion that somebody asks for.
+
+    Attributes:
+        motion: a serialised ``orientd.v1.MotionRequest``.
+        caller: who asks; callers take turns.
+        timeout: how long planning may take, waiting for a turn included, s.
+    """
+
+    motion: bytes
+    caller: str = ""
+    timeout: float = 10.0
+
+    @property
+    def rank(self) -> Rank:
+        """What it may wait for, on a device at rest."""
+        return Rank.SMALL if len(self.motion) <= SMALL_BYTES else Rank.LARGE
+
+
+@dataclass(eq=False, slots=True)
+class _Waiting:
+    """A question and who waits for the answer."""
+
+    question: Question
+    rank: Rank
+    caller: str
+    size: int
+    answer: asyncio.Future[tuple[Answer, Floats | None]]
+    process: PlannerProcess | None = None
+
+
+@dataclass(slots=True)
+class _Lane:
+    """What waits in one lane, by caller; the first caller is served next."""
+
+    callers: OrderedDict[str, deque[_Waiting]] = field(default_factory=OrderedDict)
+
+    def put(self, waiting: _Waiting) -> None:
+        self.callers.setdefault(waiting.caller, deque()).append(waiting)
+
+    def take(self) -> _Waiting | None:
+        while self.callers:
+            caller, queue = self.callers.popitem(last=False)
+            while queue:
+                waiting = queue.popleft()
+                if queue:
+                    self.callers[caller] = queue
+                if not waiting.answer.done():
+                    return waiting
+        return None
+
+    def of(self, caller: str) -> list[_Waiting]:
+        return [one for one in self.callers.get(caller, ()) if not one.answer.done()]
+
+
+class Planners:
+    """Planner processes, replaced whenever one ends."""
+
+    def __init__(
+        self,
+        devices: Sequence[PlannerDevice],
+        *,
+        processes: int,
+        timeout: float,
+        most_keyframes: int,
+    ) -> None:
+        """Start nothing yet.
+
+        Args:
+            devices: to plan for.
+            processes: how many planners there are.
+            timeout: how long a request may take at the most, s.
+            most_keyframes: of one request.
+        """
+        self.timeout = timeout
+        self._set_up = SetUp(tuple(devices), most_keyframes)
+        self._count = processes
+        self._lanes = {rank: _Lane() for rank in Rank}
+        self._idle: list[PlannerProcess] = []
+        self._all: set[PlannerProcess] = set()
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._is_closing = False
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._started: set[int] = set()
+
+    def start(self) -> None:
+        """Start the processes and return at once; to be called in the event loop."""
+        self._loop = asyncio.get_running_loop()
+        self._spawn(self._start_all())
+
+    async def close(self) -> None:
+        """End every process; whoever waits is told that the daemon is going down."""
+        self._is_closing = True
+        for lane in self._lanes.values():
+            while (waiting := lane.take()) is not None:
+                waiting.answer.set_exception(DaemonError(GOING_DOWN))
+        for task in self._tasks:
+            task.cancel()
+        for process in self._all:
+            process.kill()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await asyncio.gather(*(process.end() for process in self._all))
+        self._all.clear()
+
+    # What can be asked
+
+    async def plan(self, job: Job, order: Order, *, rank: Rank | None = None) -> PlannedMotion:
+        """Plan a motion.
+
+        Args:
+            job: what to plan.
+            order: who asks, and how long it may take.
+            rank: what it may wait for; by default by its size.
+
+        Raises:
+            RequestError: it is not well formed.
+            PlanError: it cannot be planned.
+            DeadlineError: it takes too long.
+            TooMuchError: too much of the same caller waits already.
+            DaemonError: the planner has ended.
+        """
+        chosen = order.rank if rank is None else rank
+        content, rows = await self._ask(Question(Records(), job), chosen, order)
+        if not isinstance(content, Planned) or rows is None:
+            raise DaemonError("the planner said something else")
+        return PlannedMotion(content, job, rows, lambda first, count: self._more(job, first, count))
+
+    async def report(self, job: Job, order: Order, rate_hz: float) -> bytes:
+        """Return a serialised ``PlanResponse`` of a motion; arguments and errors as of a plan."""
+        content, _ = await self._ask(Question(Report(rate_hz), job), order.rank, order)
+        return content if isinstance(content, bytes) else b""
+
+    async def methods(self, caller: str) -> bytes:
+        """Return a serialised ``ListMethodsResponse``."""
+        order = Order(b"", caller, self.timeout)
+        content, _ = await self._ask(Question(Methods()), Rank.SMALL, order)
+        return content if isinstance(content, bytes) else b""
+
+    def _more(self, job: Job, first: int, count: int) -> Future[Floats]:
+        """Ask for more records of a motion, from any thread."""
+        if self._loop is None:
+            raise DaemonError(GOING_DOWN)
+        return asyncio.run_coroutine_threadsafe(self._records(job, first, count), self._loop)
+
+    async def _records(self, job: Job, first: int, count: int) -> Floats:
+        order = Order(job.motion, "", self.timeout)
+        _, rows = await self._ask(Question(Records(first, count), job), Rank.URGENT, order)
+        if rows is None:
+            raise DaemonError("the planner said something else")
+        return rows
+
+    async def records(self, motion: PlannedMotion, first: int) -> Floats:
+        """Return the records of a motion from the first one on to its end, or to the next chunk."""
+        count = motion.facts.record_count - first
+        return await self._records(motion.job, first, count)
+
+    # How
+
+    async def _ask(
+        self, question: Question, rank: Rank, order: Order
+    ) -> tuple[bytes | Planned | None, Floats | None]:
+        if self._is_closing:
+            raise DaemonError(GOING_DOWN)
+        waiting = self._enter(question, rank, order)
+        timeout = min(order.timeout, self.timeout)
+        try:
+            async with asyncio.timeout(timeout):
+                answer, rows = await waiting.answer
+        except TimeoutError:
+            raise DeadlineError(self._too_long(waiting, timeout)) from None
+        except DaemonError:
+            if self._is_closing:
+                raise DaemonError(GOING_DOWN) from None
+            raise
+        finally:
+            waiting.answer.cancel()
+            self._give_up(waiting)
+        if answer.error is not None:
+            raise answer.error.error()
+        return answer.content, rows
+
+    def _enter(self, question: Question, rank: Rank, order: Order) -> _Waiting:
+        size = len(order.motion)
+        if order.caller:
+            others = [one for lane in self._lanes.values() for one in lane.of(order.caller)]
+            if len(others) >= MOST_WAITING:
+                raise TooMuchError(
+                    f"at most {MOST_WAITING} requests of one caller may wait to be planned"
+                )
+            if others and sum(one.size for one in others) + size > MOST_WAITING_BYTES:
+                raise TooMuchError(
+                    f"at most {MOST_WAITING_BYTES >> 20} MiB of requests of one caller may wait"
+                )
+        answer = asyncio.get_running_loop().create_future()
+        waiting = _Waiting(question, rank, order.caller, size, answer)
+        self._lanes[rank].put(waiting)
+        self._dispatch()
+        return waiting
+
+    def _dispatch(self) -> None:
+        """Give every planner that has nothing to do the first of what it may do."""
+        for process in sorted(self._idle, key=lambda idle: -idle.number):
+            waiting = self._next(process)
+            if waiting is not None:
+                self._idle.remove(process)
+                waiting.process = process
+                self._spawn(self._serve(process, waiting))
+
+    def _next(self, process: PlannerProcess) -> _Waiting | None:
+        # Until all are there, the last of those that are takes everything.
+        is_last = process.number == max(self._started, default=0)
+        slowest = Rank.LARGE if is_last else Rank(min(process.number, Rank.LARGE))
+        for rank in Rank:
+            if rank <= slowest:
+                waiting = self._lanes[rank].take()
+                if waiting is not None:
+                    return waiting
+        return None
+
+    async def _serve(self, process: PlannerProcess, waiting: _Waiting) -> None:
+        try:
+            answer, rows = await process.ask(waiting.question)
+        except DaemonError as error:
+            waiting.process = None
+            if not waiting.answer.done():
+                waiting.answer.set_exception(error)
+            _log.warning("%s", error)
+            await self._replace(process)
+            return
+        waiting.process = None
+        if not waiting.answer.done():
+            waiting.answer.set_result((answer, rows))
+        if answer.resident > RETIRED_BYTES:
+            _log.info("planner %s uses %d MiB: replaced", process.pid, answer.resident >> 20)
+            await self._replace(process)
+            return
+        self._idle.append(process)
+        self._dispatch()
+
+    def _give_up(self, waiting: _Waiting) -> None:
+        """Have a planner end what nobody waits for any more, or be ended itself."""
+        process, waiting.process = waiting.process, None
+        if process is not None:
+            process.give_up()
+            self._spawn(self._kill_late(process))
+
+    async def _kill_late(self, process: PlannerProcess) -> None:
+        answers = process.answers
+        await asyncio.sleep(GIVE_UP)
+        if process in self._all and process.answers == answers:
+            _log.warning("planner %s: killed while %s", process.pid, process.stage)
+            process.kill()
+
+    def _too_long(self, waiting: _Waiting, timeout: float) -> str:
+        if waiting.process is None:
+            return f"planning did not begin within {timeout:g} s: the planners are busy"
+        return f"planning took longer than {timeout:g} s: {waiting.process.stage}"
+
+    # Life
+
+    async def _start_all(self) -> None:
+        # One after the other: the first motion waits for the first of them only.
+        for number in range(self._count):
+            await self._start(number)
+
+    async def _start(self, number: int) -> None:
+        while not self._is_closing:
+            process = PlannerProcess(number, nice=_NICE.get(number, _NICEST))
+            self._all.add(process)
+            try:
+                await process.start(self._set_up)
+            except DaemonError as error:
+                _log.error("a planner did not start: %s", error)
+                await self._remove(process)
+                await asyncio.sleep(_RESTART)
+                continue
+            self._idle.append(process)
+            self._started.add(number)
+            self._dispatch()
+            return
+
+    async def _replace(self, process: PlannerProcess) -> None:
+        self._started.discard(process.number)
+        self._dispatch()
+        await self._remove(process)
+        await self._start(process.number)
+
+    async def _remove(self, process: PlannerProcess) -> None:
+        process.kill()
+        await process.end()
+        self._all.discard(process)
+
+    def _spawn(self, work: Coroutine[None, None, None]) -> asyncio.Task[None]:
+        task = asyncio.get_running_loop().create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        return task
+
+
+def default_processes() -> int:
+    """Return how many planners there are unless the settings say."""
+    return max(3, min(len(os.sched_getaffinity(0)), 6))

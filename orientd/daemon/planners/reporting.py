@@ -1,0 +1,146 @@
+"""What callers are told of a motion, as bytes that the daemon only hands on.
+
+Samples are written as a table: a double in a message takes nine bytes wherever it is, so a sample
+of which every field is there has always the same length.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orientd.curves import METHODS
+from orientd.errors import RequestError
+from orientd.planner.motion import Motion
+from orientd.planner.path import Samples as Sampled
+from orientd.rotation import Floats
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc.motion_wire import from_request
+from orientd.rpc.move_wire import plan_to_message
+from orientd.rpc.reports import Method, Plan, Samples
+from orientd.rpc.state_wire import method_to_message
+
+MOST_SAMPLES = 300_000
+"""In the answer to one Plan; each takes some 170 bytes of a message."""
+
+EVENT_SAMPLES = 4000
+EVENT_RATE_HZ = 50.0
+"""Of a motion that starts, as its event has them."""
+
+_FIXED64 = 1
+_LENGTH = 2
+
+
+def plan_of(motion: Motion) -> Plan:
+    """Return what there is to say about *motion* before it is run."""
+    return Plan(
+        motion_id=motion.id,
+        duration=motion.duration,
+        start_time=motion.start_time,
+        end_time=motion.end_time,
+        keyframe_times=tuple(motion.keyframe_times.tolist()),
+        certificate=motion.certificate,
+    )
+
+
+def samples_of(motion: Motion, rate_hz: float) -> Samples:
+    """Return *motion* sampled *rate_hz* times a second, from its beginning to its end."""
+    times, sampled = _sampled(motion, rate_hz)
+    return Samples(
+        times=times,
+        q=sampled.q,
+        omega_body=sampled.omega_body,
+        alpha_body=sampled.alpha_body,
+        position=sampled.position,
+        velocity=sampled.velocity,
+    )
+
+
+def known_methods() -> list[Method]:
+    """Return the families of curves that motions can be made of."""
+    return [
+        Method(
+            name=name,
+            summary=family.summary,
+            source=family.source,
+            interpolates=family.interpolates,
+            is_local=family.local,
+            meets_end_velocities=family.meets_end_velocities,
+        )
+        for name, family in METHODS.items()
+    ]
+
+
+def plan(motion: Motion) -> pb.Plan:
+    """Return the message of what there is to say about *motion*."""
+    return plan_to_message(plan_of(motion))
+
+
+def plan_response(motion: Motion, rate_hz: float) -> bytes:
+    """Return a serialised ``PlanResponse``, or ``GetPlanResponse``, which has the same fields.
+
+    Raises:
+        RequestError: these would be too many samples.
+    """
+    if rate_hz * motion.duration > MOST_SAMPLES:
+        raise RequestError(
+            "sample_rate_hz",
+            f"{motion.duration:.6g} s make more than {MOST_SAMPLES} samples at {rate_hz:g} Hz",
+        )
+    response = pb.PlanResponse(plan=plan(motion)).SerializeToString()
+    if not rate_hz:
+        return response
+    times, samples = _sampled(motion, rate_hz)
+    field = pb.PlanResponse.DESCRIPTOR.fields_by_name["samples"].number
+    return response + _samples(field, times, list(samples))
+
+
+def event(motion: Motion) -> bytes:
+    """Return a serialised ``Event`` with plan, request and some samples of a motion that starts."""
+    message = pb.Event(plan=plan(motion), motion=from_request(motion.request))
+    times, samples = _sampled(motion, min(EVENT_RATE_HZ, EVENT_SAMPLES / motion.duration))
+    field = pb.Event.DESCRIPTOR.fields_by_name["samples"].number
+    return message.SerializeToString() + _samples(field, times, list(samples[:2]))
+
+
+def methods() -> bytes:
+    """Return a serialised ``ListMethodsResponse``."""
+    found = [method_to_message(method) for method in known_methods()]
+    return pb.ListMethodsResponse(methods=found).SerializeToString()
+
+
+def _sampled(motion: Motion, rate_hz: float) -> tuple[Floats, Sampled]:
+    """Return instants so many times a second, from beginning to end, and the motion there."""
+    count = int(np.floor(motion.duration * rate_hz + 1e-9)) + 1
+    times = np.append(np.arange(count) / rate_hz, motion.duration)
+    if times[-1] - times[-2] < 1e-9:
+        times = times[:-1]
+    return times, motion.sample(times)
+
+
+def _samples(number: int, times: Floats, parts: list[Floats]) -> bytes:
+    """Return a repeated field of ``MotionSample``, serialised: times and the first few *parts*."""
+    sizes = [9, *(2 + 9 * part.shape[1] for part in parts)]
+    table = np.zeros((len(times), 2 + sum(sizes) + (1 if sum(sizes) > 127 else 0)), dtype=np.uint8)
+    table[:, 0] = number << 3 | _LENGTH
+    if sum(sizes) > 127:
+        table[:, 1], table[:, 2] = sum(sizes) & 127 | 128, sum(sizes) >> 7
+    else:
+        table[:, 1] = sum(sizes)
+    at = table.shape[1] - sum(sizes)
+    at = _double(table, at, 1, times)
+    for field, part in enumerate(parts, start=2):
+        table[:, at], table[:, at + 1] = field << 3 | _LENGTH, 9 * part.shape[1]
+        at += 2
+        for k in range(part.shape[1]):
+            at = _double(table, at, k + 1, part[:, k])
+    return table.tobytes()
+
+
+def _double(
+    table: np.ndarray[tuple[int, int], np.dtype[np.uint8]], at: int, field: int, column: Floats
+) -> int:
+    """Write a field of doubles at byte *at* of every row, and return where the next one goes."""
+    table[:, at] = field << 3 | _FIXED64
+    content = np.ascontiguousarray(column, dtype="<f8").view(np.uint8)
+    table[:, at + 1 : at + 9] = content.reshape(-1, 8)
+    return at + 9

@@ -1,0 +1,258 @@
+"""The planner process: it plans what it is asked to, one request after the other.
+
+It knows the devices by their settings and their drivers, which it never opens.  It ends with the
+daemon, whichever way that ends.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import mmap
+import os
+import signal
+import socket
+from collections import OrderedDict
+from types import FrameType
+from typing import Any
+
+import numpy as np
+from google.protobuf.message import DecodeError
+
+from orientd import motion_file
+from orientd.daemon.planners import reporting
+from orientd.daemon.planners.jobs import (
+    BLOCK_BYTES,
+    HEADER,
+    STAGE_BYTES,
+    Answer,
+    Failure,
+    Job,
+    Methods,
+    Planned,
+    PlannerDevice,
+    Question,
+    Records,
+    SetUp,
+    frame,
+    unframed,
+)
+from orientd.driver.registry import make_driver
+from orientd.errors import OrientdError, PlanError, RequestError
+from orientd.planner.device_planner import DevicePlanner
+from orientd.planner.motion import Motion
+from orientd.planner.request import Keyframe, MotionRequest, State
+from orientd.rotation import Floats
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc.motion_wire import to_mapping
+
+KEPT = 2
+"""Motions that are remembered, in case more of one is asked for."""
+
+_PR_SET_PDEATHSIG = 1
+
+
+class Abandoned(BaseException):
+    """Nobody waits any more for what is being done."""
+
+
+class Work:
+    """What a planner can do, apart from hearing of it."""
+
+    def __init__(self, set_up: SetUp, *, memory: memoryview | None = None) -> None:
+        """Make a planner for each device.
+
+        Args:
+            set_up: what the daemon says.
+            memory: shared with it, for the stage; ``None`` where nobody looks.
+        """
+        self._most_keyframes = set_up.most_keyframes
+        self._planners = {device.name: _planner(device) for device in set_up.devices}
+        self._periods = {device.name: device.period_ns * 1e-9 for device in set_up.devices}
+        self._memory = memory
+        self._known: OrderedDict[str, tuple[Motion, int]] = OrderedDict()
+
+    def warm_up(self) -> None:
+        """Plan something small for each device, so that nothing is left to be loaded."""
+        q = ((1.0, 0.0, 0.0, 0.0), (0.9999500004166653, 0.0, 0.0, 0.009999833334166664))
+        for planner in self._planners.values():
+            request = MotionRequest([Keyframe(one) for one in q])
+            try:
+                planner.plan(request, start=State.at_rest(q[0]), joints=())
+            except (OrientdError, ValueError):
+                continue  # not every device can do that; what it loads is loaded
+
+    def do(self, question: Question) -> tuple[bytes | Planned, Floats | None]:
+        """Return what was asked for, and records where these were.
+
+        Raises:
+            OrientdError: it cannot be done.
+        """
+        what, job = question.what, question.job
+        if isinstance(what, Methods):
+            return reporting.methods(), None
+        if job is None:
+            raise ValueError("the question needs a job")
+        motion, leave = self._motion(job)
+        self._say("reporting on it")
+        if not isinstance(what, Records):
+            return reporting.plan_response(motion, what.rate_hz), None
+        last = min(what.first + what.count, motion.record_count)
+        rows = motion.rows(what.first, last - what.first)
+        is_first = what.first == 0
+        planned = Planned(
+            facts=motion.facts,
+            leave=leave,
+            plan=reporting.plan(motion).SerializeToString() if is_first else b"",
+            event=reporting.event(motion) if is_first else b"",
+            shape=(rows.shape[0], rows.shape[1]),
+        )
+        return planned, rows
+
+    def _motion(self, job: Job) -> tuple[Motion, int]:
+        """Return the motion of a job, and where it leaves the one before."""
+        known = self._known.get(job.motion_id)
+        if known is not None:
+            return known
+        self._say("reading the request")
+        try:
+            message = pb.MotionRequest.FromString(job.motion)
+        except DecodeError as error:
+            raise RequestError("motion", f"cannot be read: {error}") from error
+        count = len(message.keyframes)
+        if count > self._most_keyframes:
+            problem = f"expected at most {self._most_keyframes}, got {count}"
+            raise RequestError("keyframes", problem)
+        request = motion_file.parse(to_mapping(message))
+        duration = f", duration {request.duration}" if request.duration else ""
+        self._say(f"planning {count} keyframes with {request.method}{duration}")
+        planner = self._planners[job.device]
+        leave, after = 0, job.after
+        if after is not None:
+            leave, motion = planner.blend(
+                after.first,
+                request,
+                tolerance=after.tolerance,
+                earliest=after.earliest,
+                motion_id=job.motion_id,
+            )
+        elif job.start is not None:
+            motion = planner.plan(
+                request,
+                start=job.start,
+                joints=job.joints,
+                before=job.before,
+                motion_id=job.motion_id,
+            )
+        else:
+            raise ValueError("the job needs a start")
+        self._known[job.motion_id] = motion, leave
+        while len(self._known) > KEPT:
+            self._known.popitem(last=False)
+        return motion, leave
+
+    def forget(self) -> None:
+        """Give back what motions are remembered in."""
+        self._known.clear()
+
+    def _say(self, stage: str) -> None:
+        if self._memory is not None:
+            text = stage.encode()[: STAGE_BYTES - 1]
+            self._memory[: len(text) + 1] = text + b"\0"
+
+
+def _planner(device: PlannerDevice) -> DevicePlanner:
+    driver = make_driver(device.name, device.driver, device.options, device.period_ns)
+    return DevicePlanner(driver, limits=device.limits, period=device.period_ns * 1e-9)
+
+
+def main(channel: int, memory: int) -> None:
+    """Be a planner until the daemon says no more.
+
+    Args:
+        channel: descriptor of a stream socket to the daemon.
+        memory: descriptor of the shared memory.
+    """
+    _end_with_parent()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the daemon's to hear
+    with (
+        socket.socket(fileno=channel) as peer,
+        mmap.mmap(memory, STAGE_BYTES + BLOCK_BYTES) as block,
+        memoryview(block) as view,
+    ):
+        set_up = _receive(peer)
+        if set_up is None:
+            return
+        work = Work(set_up, memory=view)
+        work.warm_up()
+        gc.collect()
+        gc.freeze()
+        peer.sendall(frame(Answer(resident=resident())))
+        _serve(peer, work, view)
+
+
+def _serve(peer: socket.socket, work: Work, view: memoryview) -> None:
+    is_busy = False
+
+    def give_up(_number: int, _frame: FrameType | None) -> None:
+        if is_busy:
+            raise Abandoned
+
+    signal.signal(signal.SIGUSR1, give_up)
+    while (question := _receive(peer)) is not None:
+        rows: Floats | None = None
+        content: bytes | Planned | None = None
+        failure: Failure | None = None
+        try:
+            is_busy = True
+            content, rows = work.do(question)
+            is_busy = False
+        except Abandoned:
+            failure = Failure.of(PlanError("nobody waits for it any more"))
+        except OrientdError as error:
+            failure = Failure.of(error)
+        except MemoryError:
+            failure = Failure.of(PlanError("the planner has not enough memory for it"))
+        except Exception as error:  # noqa: BLE001 - one request fails, and says why
+            failure = Failure.of(PlanError(f"planning failed: {type(error).__name__}: {error}"))
+        finally:
+            is_busy = False
+        if rows is not None:
+            room = np.frombuffer(view, np.float64, rows.size, STAGE_BYTES)
+            room.reshape(rows.shape)[:] = rows
+            del room
+        peer.sendall(frame(Answer(content, failure, resident())))
+
+
+def _receive(peer: socket.socket) -> Any:  # noqa: ANN401 - whatever was framed
+    """Return what the next frame holds; ``None`` at the end."""
+    header = _exactly(peer, HEADER.size)
+    if header is None:
+        return None
+    body = _exactly(peer, HEADER.unpack(header)[0])
+    return None if body is None else unframed(body)
+
+
+def _exactly(peer: socket.socket, count: int) -> bytearray | None:
+    taken = bytearray(count)
+    view, have = memoryview(taken), 0
+    while have < count:
+        more = peer.recv_into(view[have:])
+        if not more:
+            return None
+        have += more
+    return taken
+
+
+def resident() -> int:
+    """Return how many bytes of memory this process uses."""
+    with open("/proc/self/statm", encoding="ascii") as statm:  # noqa: PTH123 - after every plan
+        return int(statm.read().split()[1]) * mmap.PAGESIZE
+
+
+def _end_with_parent() -> None:
+    """Have the kernel kill this process when the daemon is killed, in the middle of a plan too."""
+    parent = os.getppid()
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:
+        raise SystemExit

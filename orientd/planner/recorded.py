@@ -1,0 +1,202 @@
+r"""A motion as its records tell it: all that is needed to feed, leave, measure and continue it.
+
+Whoever planned a motion can work out every record of it; everybody else has the records.  Around
+the record :math:`q_k` the path is :math:`q_k \exp(r)`.  Between two records *r* is a cubic that
+has the angular velocities of both at its ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from orientd.planner.limits import Limits
+from orientd.planner.request import State, Vector3
+from orientd.rotation import (
+    Floats,
+    conjugate,
+    exp,
+    log,
+    multiply,
+    right_jacobian_inverse,
+)
+
+HISTORY = 3
+"""Setpoints that a third difference reaches back to."""
+
+RECORD_FLOATS = 16
+"""q (4), omega_body (3), alpha_body (3), position (3), velocity (3): a record in the path ring."""
+
+STATE_FLOATS = 19
+"""A record of the ring, and the acceleration of the position (3)."""
+
+_ON_RECORD = 1e-9
+"""Share of a period within which an instant is that of a record."""
+
+Joints = tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MotionFacts:
+    """What there is to know of a motion besides its records.
+
+    Attributes:
+        id: names it.
+        period: path time from one record to the next, s.
+        record_count: number of records; the last one is at rest.
+        duration: path time from hold to hold, s.
+        start_time: path time of the first keyframe, s.
+        end_time: path time of the last keyframe, s.
+        last_passed: path time of the last keyframe before that one; 0 where there is none.
+        limits: what it keeps.
+        brake_rate: share of full speed by which it may be slowed down in a second, 1/s.
+        stop_time: how long a stop on its path takes at the most, s.
+        omega_start: angular velocity asked for at the first keyframe, body frame, rad/s.
+        omega_end: the same at the last keyframe.
+        device_options: of the device's driver.
+        first_joints: axis angles it begins at, rad; empty unless it was made for a device's axes.
+        last_joints: axis angles it ends at, rad.
+        earlier: states of the three records before the first, shape ``(3, STATE_FLOATS + axes)``;
+            orientations, positions and axis angles of them count.
+    """
+
+    id: str
+    period: float
+    record_count: int
+    duration: float
+    start_time: float
+    end_time: float
+    last_passed: float
+    limits: Limits
+    brake_rate: float
+    stop_time: float
+    omega_start: Vector3 | None
+    omega_end: Vector3 | None
+    device_options: Mapping[str, Any]
+    first_joints: Joints
+    last_joints: Joints
+    earlier: Floats
+
+
+class RecordedMotion:
+    """A motion, and those of its records that are at hand.
+
+    Attributes:
+        facts: what there is to know of it.
+    """
+
+    def __init__(self, facts: MotionFacts, rows: Floats, first: int = 0) -> None:
+        """Take records.
+
+        Args:
+            facts: of the motion.
+            rows: state and axis angles of each, shape ``(n, STATE_FLOATS + axes)``.
+            first: which record the first row is.
+        """
+        self.facts = facts
+        self._rows = rows
+        self._first = first
+
+    @property
+    def at_hand(self) -> tuple[int, int]:
+        """The first record that is at hand, and the one after the last."""
+        return self._first, self._first + len(self._rows)
+
+    @property
+    def last_record(self) -> int:
+        """The record at which it ends."""
+        return self.facts.record_count - 1
+
+    def rows(self, first: int, count: int) -> Floats:
+        """Return state and axis angles of records.
+
+        Args:
+            first: may be down to -3: before the first record the device was where it came from.
+            count: how many.
+
+        Raises:
+            ValueError: there are no such records, or they are not at hand.
+        """
+        begin, end = self.at_hand
+        if first < 0 and begin == 0 and first >= -HISTORY:
+            earlier = self.facts.earlier[HISTORY + first : HISTORY + min(first + count, 0)]
+            rest = count - len(earlier)
+            return np.concatenate([earlier, self.rows(0, rest)]) if rest else earlier
+        if count < 0 or first < begin or first + count > end:
+            raise ValueError(
+                f"records must be within {begin} to {end}, got {first} to {first + count}"
+            )
+        return self._rows[first - begin : first - begin + count]
+
+    def records(self, first: int, count: int) -> Floats:
+        """Return records for the path ring, as many of *count* as are at hand.
+
+        Returns:
+            Shape ``(n, RECORD_FLOATS)``.
+        """
+        return self.rows(first, min(count, self.at_hand[1] - first))[:, :RECORD_FLOATS]
+
+    def rows_at(self, records: np.ndarray[Any, np.dtype[np.intp]]) -> Floats:
+        """Return state and axis angles of some records, all of them at hand."""
+        rows: Floats = self._rows[records - self._first]
+        return rows
+
+    def state_at(self, record: int) -> State:
+        """Return the state at a record, with the setpoints before it, for a motion to take over.
+
+        Raises:
+            ValueError: there is no such record, or it is not at hand.
+        """
+        rows = self.rows(record - HISTORY, HISTORY + 1)
+        here, before = rows[-1].copy(), rows[:-1].copy()
+        q, omega, alpha, *linear = np.split(here[:STATE_FLOATS], [4, 7, 10, 13, 16])
+        position, velocity, acceleration = linear
+        return State(
+            q,
+            omega,
+            alpha,
+            position,
+            velocity,
+            acceleration,
+            before=(before[:, :4], before[:, 10:13]),
+        )
+
+    def joints_at(self, record: int) -> Joints:
+        """Return the axis angles planned at a record, rad; none where it knows of none."""
+        return tuple(self.rows(record, 1)[0, STATE_FLOATS:].tolist())
+
+    def joints_before(self, record: int) -> tuple[Joints, ...]:
+        """Return the axis angles of the three records before one, the oldest first."""
+        rows = self.rows(record - HISTORY, HISTORY)[:, STATE_FLOATS:]
+        return tuple(map(tuple, rows.tolist())) if rows.shape[1] else ()
+
+    def orientations(self, times: Floats) -> Floats:
+        """Return the orientations at path *times* that are at hand, shape ``(n, 4)``.
+
+        Times beyond the records at hand are those of the nearest one.
+        """
+        begin, end = self.at_hand
+        where = np.clip(times / self.facts.period, begin, end - 1.0) - begin
+        nearest = np.rint(where)
+        where = np.where(np.abs(where - nearest) < _ON_RECORD, nearest, where)
+        index = where.astype(np.int64)
+        u = where - index
+        q: Floats = self._rows[index, :4]
+        between = np.flatnonzero(u > 0.0)
+        if len(between):
+            q[between] = self._between(index[between], u[between][:, None])
+        return q
+
+    def _between(self, index: np.ndarray[Any, np.dtype[np.int64]], u: Floats) -> Floats:
+        """Return orientations a share *u*, shape ``(n, 1)``, of the way to the next record."""
+        here, there = self._rows[index], self._rows[index + 1]
+        way = log(multiply(conjugate(here[:, :4]), there[:, :4]))
+        leave = self.facts.period * here[:, 4:7]
+        arrive = np.einsum("nij,nj->ni", right_jacobian_inverse(way), there[:, 4:7])
+        arrive *= self.facts.period
+        r = u * u * (3 - 2 * u) * way + u * (1 - u) * ((1 - u) * leave - u * arrive)
+        joined: Floats = multiply(here[:, :4], exp(r))
+        return joined

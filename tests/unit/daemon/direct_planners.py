@@ -1,0 +1,49 @@
+"""What planner processes do, done in this process: for tests of what asks them."""
+
+from __future__ import annotations
+
+import asyncio
+from concurrent.futures import Future
+
+from orientd.daemon.cell import planner_device
+from orientd.daemon.planners import Job, Order, PlannedMotion
+from orientd.daemon.planners.jobs import Methods, Planned, Question, Records, Report, SetUp
+from orientd.daemon.planners.worker import Work
+from orientd.rpc.motion_wire import from_request
+
+
+class DirectPlanners:
+    """The planners of some devices."""
+
+    timeout = 10.0
+
+    def __init__(self, settings):
+        self.work = Work(SetUp(tuple(map(planner_device, settings)), 100_000))
+
+    async def plan(self, job: Job, order: Order, *, rank=None) -> PlannedMotion:
+        planned, rows = self.work.do(Question(Records(), job))
+        assert isinstance(planned, Planned)
+        return PlannedMotion(planned, job, rows, lambda first, count: self._more(job, first, count))
+
+    def _more(self, job, first, count):
+        more = Future()
+        more.set_result(self.work.do(Question(Records(first, count), job))[1])
+        return more
+
+    async def records(self, motion, first):
+        return self._more(motion.job, first, motion.facts.record_count - first).result()
+
+    async def report(self, job, order, rate_hz):
+        return self.work.do(Question(Report(rate_hz), job))[0]
+
+    async def methods(self, caller):
+        return self.work.do(Question(Methods()))[0]
+
+
+def order_of(request) -> Order:
+    return Order(from_request(request).SerializeToString())
+
+
+def plan(device, request) -> PlannedMotion:
+    """Have a device plan a request."""
+    return asyncio.run(device.plan(order_of(request)))

@@ -1,0 +1,220 @@
+"""Planner processes: real ones, asked, given up, killed and replaced."""
+
+import asyncio
+import os
+import signal
+import time
+
+import numpy as np
+import pytest
+from direct_planners import DirectPlanners
+
+from orientd import config
+from orientd.daemon.cell import planner_device
+from orientd.daemon.planners import Job, Order, Planners, Rank
+from orientd.daemon.planners import pool as pools
+from orientd.errors import DaemonError, DeadlineError, PlanError, RequestError, TooMuchError
+from orientd.planner import Keyframe, MotionRequest, State
+from orientd.rotation import exp
+from orientd.rpc.motion_wire import from_request
+
+SETTINGS = config.default_settings().devices["arm"]
+HERE = State.at_rest((1.0, 0.0, 0.0, 0.0))
+
+
+def motion(*angles, **fields):
+    keyframes = [Keyframe(tuple(exp([0.0, 0.0, angle]))) for angle in (0.0, *angles)]
+    return from_request(MotionRequest(keyframes, **fields)).SerializeToString()
+
+
+SMALL = motion(0.1)
+QUICK = Order(SMALL, timeout=60.0)
+ENDLESS = motion(*np.tile([0.1, 0.2], 50_000))
+
+
+def job(content=SMALL, name="arm"):
+    return Job(name, content, os.urandom(6).hex(), HERE)
+
+
+def run(test, *, processes=1, timeout=60.0):
+    """Run a coroutine function with planners, and end these."""
+
+    async def main():
+        planners = Planners(
+            [planner_device(SETTINGS)],
+            processes=processes,
+            timeout=timeout,
+            most_keyframes=200_000,
+        )
+        planners.start()
+        try:
+            await planners.plan(job(), Order(SMALL, timeout=60.0))
+            return await test(planners)
+        finally:
+            await planners.close()
+
+    return asyncio.run(main())
+
+
+def pids(planners):
+    return [process.pid for process in planners._all]
+
+
+def test_a_planner_makes_what_is_made_here_bit_for_bit():
+    one = job(motion(0.3, -0.2, 0.5))
+
+    async def test(planners):
+        return await planners.plan(one, Order(one.motion, timeout=60.0))
+
+    there = run(test)
+    here = asyncio.run(DirectPlanners([SETTINGS]).plan(one, Order(one.motion)))
+    assert (there.plan, there.event) == (here.plan, here.event)
+    count = here.facts.record_count
+    assert there.rows(0, count).tobytes() == here.rows(0, count).tobytes()
+
+
+def test_what_is_wrong_with_a_request_is_raised_where_it_was_asked():
+    async def test(planners):
+        with pytest.raises(RequestError, match=r"^keyframes: expected at least 1") as refused:
+            await planners.plan(job(b""), Order(b""))
+        assert refused.value.field == "keyframes"
+        with pytest.raises(RequestError, match=r"^motion: cannot be read"):
+            await planners.plan(job(b"nonsense"), Order(b"nonsense"))
+
+    run(test)
+
+
+def test_a_killed_planner_fails_one_request_and_is_replaced():
+    async def test(planners):
+        (before,) = pids(planners)
+        asked = asyncio.ensure_future(planners.plan(job(ENDLESS), Order(ENDLESS, timeout=60.0)))
+        await asyncio.sleep(0.1)
+        os.kill(before, signal.SIGKILL)
+        with pytest.raises(
+            DaemonError, match=rf"the planner process {before} was ended by SIGKILL"
+        ):
+            await asked
+        assert (await planners.plan(job(), QUICK)).facts.record_count > 1
+        assert pids(planners) != [before]
+
+    run(test)
+
+
+def test_a_plan_ends_at_its_deadline_and_says_what_took_so_long():
+    async def test(planners):
+        with pytest.raises(DeadlineError, match=r"^planning took longer than 0\.05 s: ") as late:
+            await planners.plan(job(ENDLESS), Order(ENDLESS, timeout=0.05))
+        assert isinstance(late.value, PlanError)
+        assert (await planners.plan(job(), QUICK)).facts.record_count > 1
+
+    run(test)
+
+
+def test_a_planner_that_does_not_end_in_time_is_killed():
+    async def test(planners):
+        (before,) = pids(planners)
+        os.kill(before, signal.SIGSTOP)
+        with pytest.raises(DeadlineError):
+            await planners.plan(job(), Order(SMALL, timeout=0.2))
+        assert (await planners.plan(job(), QUICK)).facts.record_count > 1
+        assert pids(planners) != [before]
+
+    run(test)
+
+
+def test_a_caller_that_goes_away_frees_its_planner():
+    async def test(planners):
+        before = pids(planners)
+        asked = asyncio.ensure_future(planners.plan(job(ENDLESS), Order(ENDLESS, timeout=60.0)))
+        await asyncio.sleep(0.1)
+        asked.cancel()
+        assert (await planners.plan(job(), QUICK)).facts.record_count > 1
+        return before, pids(planners)
+
+    before, after = run(test)
+    assert len(after) == len(before)
+
+
+def test_callers_take_turns():
+    order = []
+
+    async def ask(planners, caller):
+        await planners.plan(job(), Order(SMALL, caller, 60.0))
+        order.append(caller)
+
+    async def test(planners):
+        many = [asyncio.ensure_future(ask(planners, "many")) for _ in range(20)]
+        await asyncio.sleep(0)
+        await ask(planners, "one")
+        await asyncio.gather(*many)
+
+    run(test)
+    assert order.index("one") <= 2
+
+
+def test_what_one_caller_may_have_waiting_is_bounded():
+    async def test(planners):
+        asked = [
+            asyncio.ensure_future(planners.plan(job(), Order(SMALL, "many", 60.0)))
+            for _ in range(pools.MOST_WAITING + 5)
+        ]
+        ended = await asyncio.gather(*asked, return_exceptions=True)
+        refused = [one for one in ended if isinstance(one, TooMuchError)]
+        assert 1 <= len(refused) <= 5
+        assert not [one for one in ended if isinstance(one, Exception) and one not in refused]
+
+    run(test)
+
+
+def test_a_moving_device_does_not_wait_for_a_large_plan():
+    async def test(planners):
+        while len(planners._started) < 3:
+            await asyncio.sleep(0.05)
+        large = [
+            asyncio.ensure_future(planners.plan(job(ENDLESS), Order(ENDLESS, str(caller), 60.0)))
+            for caller in range(3)
+        ]
+        await asyncio.sleep(0.05)
+        await planners.plan(job(), QUICK, rank=Rank.URGENT)
+        await planners.plan(job(), QUICK)
+        assert not any(one.done() for one in large)
+        for one in large:
+            one.cancel()
+        await asyncio.gather(*large, return_exceptions=True)
+
+    run(test, processes=3)
+
+
+def test_whoever_waits_is_told_when_the_daemon_ends():
+    async def test(planners):
+        asked = [asyncio.ensure_future(planners.plan(job(), QUICK)) for _ in range(3)]
+        await asyncio.sleep(0)
+        await planners.close()
+        for one in asked:
+            with pytest.raises(DaemonError, match="going down"):
+                await one
+
+    run(test)
+
+
+def test_records_beyond_the_first_chunk_are_asked_for_while_they_are_fed():
+    long = motion(*(0.2 * np.sin(np.arange(400.0))))
+    one = job(long)
+
+    async def test(planners):
+        found = await planners.plan(one, Order(long, timeout=60.0))
+        count, fed = found.facts.record_count, []
+        assert found.at_hand[1] < count
+        ends = time.monotonic() + 60.0
+        place = 0
+        while place < count and time.monotonic() < ends:
+            rows = found.records(place, 512)
+            fed.append(rows.copy())
+            place += len(rows)
+            await asyncio.sleep(0.0 if len(rows) else 0.01)
+        return np.concatenate(fed)
+
+    fed = run(test)
+    work = DirectPlanners([SETTINGS]).work
+    whole, _ = work._motion(one)
+    assert fed.tobytes() == whole.records(0, whole.record_count).tobytes()

@@ -1,0 +1,53 @@
+"""What callers are told of a motion, as bytes."""
+
+import numpy as np
+import pytest
+
+from orientd import planner
+from orientd.daemon.planners import reporting
+from orientd.errors import RequestError
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc.move_wire import samples_from_messages
+
+
+@pytest.fixture(scope="module")
+def motion():
+    keyframes = [
+        planner.Keyframe((1.0, 0.0, 0.0, 0.0), position=(0.0, 0.0, 0.0)),
+        planner.Keyframe((0.8, 0.6, 0.0, 0.0), position=(0.1, -0.2, 0.3)),
+    ]
+    start = planner.State.at_rest(keyframes[0].q)
+    return planner.plan(
+        planner.MotionRequest(keyframes), start=start, limits=planner.DEFAULT_LIMITS, period=0.002
+    )
+
+
+@pytest.mark.parametrize("rate_hz", [500.0, 33.3])
+def test_samples_are_read_back_as_they_are(motion, rate_hz):
+    response = pb.PlanResponse.FromString(reporting.plan_response(motion, rate_hz))
+    read, meant = (
+        samples_from_messages(list(response.samples)),
+        reporting.samples_of(motion, rate_hz),
+    )
+    for name in ("times", "q", "omega_body", "alpha_body", "position", "velocity"):
+        np.testing.assert_array_equal(getattr(read, name), getattr(meant, name))
+    assert response.plan.motion_id == motion.id
+
+
+def test_a_plan_without_samples_has_none(motion):
+    assert not pb.PlanResponse.FromString(reporting.plan_response(motion, 0.0)).samples
+
+
+def test_an_event_has_orientations_and_velocities_only(motion):
+    event = pb.Event.FromString(reporting.event(motion))
+    meant = reporting.samples_of(motion, 50.0)
+    read = samples_from_messages(list(event.samples))
+    np.testing.assert_array_equal(read.q, meant.q)
+    np.testing.assert_array_equal(read.omega_body, meant.omega_body)
+    assert not event.samples[0].HasField("position")
+    assert len(event.motion.keyframes) == 2
+
+
+def test_more_samples_than_a_message_holds_are_refused(motion):
+    with pytest.raises(RequestError, match="more than 300000 samples"):
+        reporting.plan_response(motion, 1e9)
