@@ -13,6 +13,7 @@ import numpy as np
 from orientd import kernels
 from orientd.errors import PlanError
 from orientd.planner.joins import FACTORS, STATE, Joins, join, state_row
+from orientd.planner.lead import check_lead
 from orientd.planner.limit_table import limit_table
 from orientd.planner.limits import Limits
 from orientd.planner.path import Stretch
@@ -38,7 +39,7 @@ def connector(
         least: it takes at least this long, s.
 
     Raises:
-        PlanError: nothing was found.
+        PlanError: nothing was found, or it takes longer than is planned.
     """
     q, w, times = np.empty((3, 4)), np.empty((3, FACTORS, 3)), np.empty(4)
     table = limit_table(limits.with_reserve())
@@ -50,6 +51,7 @@ def connector(
             f"{np.linalg.norm(end.omega_body):.4g} rad/s over {angle(start.q, end.q):.4g} rad"
         )
     _, before, after, total = times.tolist()
+    check_lead("a connector", total)
     # A ramp that takes no time is none.
     first, last = int(before == 0.0), 3 - int(after == total)
     return Stretch(Joins(q[first:last], w[first:last], times[first : last + 1]), 0.0, total)
