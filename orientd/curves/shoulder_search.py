@@ -120,7 +120,7 @@ class _Objective:
                 moved = x + tangents @ (share * step)
                 moved /= np.linalg.norm(moved)
                 reached = self.value(moved)
-                if reached <= value + 1e-15 * abs(value) or share * length < 1e-14:
+                if reached <= value + 1e-15 * abs(value) or not share * length >= 1e-14:
                     break
                 share *= 0.5
             if not reached <= value + 1e-15 * abs(value):

@@ -12,12 +12,20 @@ __path__.insert(0, str(folder()))
 from orientd.kernels.native import (  # noqa: E402
     LEVEL,
     SOURCES,
+    find_connector,
+    put_joins,
+    ramps_of_stop,
     sample_cubic,
+    try_joins,
 )
 
 check_sources(SOURCES)
 
 __all__ = [
     "LEVEL",
+    "find_connector",
+    "put_joins",
+    "ramps_of_stop",
     "sample_cubic",
+    "try_joins",
 ]

@@ -7,20 +7,10 @@ As long as they are not there, and where Numba is not, NumPy serves; see
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
-
-import numpy as np
 
 from orientd.curves import fast
 from orientd.curves.basis import Indices
 from orientd.rotation import Floats
-
-Booleans = np.ndarray[Any, np.dtype[np.bool_]]
-
-Search = Callable[
-    [Floats, Floats, Floats, bool, float, float, Floats, Floats, Floats, Floats, Floats], bool
-]
-"""Finds the shortest bridge; see ``orientd.planner.compiled_bridge``."""
 
 Extremes = Callable[
     [
@@ -30,15 +20,6 @@ Extremes = Callable[
     tuple[float, int],
 ]  # fmt: skip
 """Takes all a certificate needs of some setpoints; see ``orientd.planner.compiled_certificate``."""
-
-PutJoins = Callable[
-    [
-        Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats,
-        Floats, Floats,
-    ],
-    None,
-]  # fmt: skip
-"""Writes what joins are sampled from; see ``orientd.planner.compiled_join``."""
 
 LeastRate = Callable[
     [Floats, Floats, Floats, float, float, Floats, Floats, Floats, float, float, float],
@@ -78,8 +59,6 @@ class PlannerKernels(fast.Background):
     """The compiled kernels of the planner; nothing each as long as they are not ready.
 
     Attributes:
-        put_joins: writes what joins are sampled from.
-        search: finds the shortest bridge.
         survey: surveys a core.
         look: looks at records of a core.
         quick_core: finds the default curve through keyframes without times.
@@ -98,15 +77,11 @@ class PlannerKernels(fast.Background):
                 "farthest_from": "orientd.planner.compiled_path:farthest_from",
                 "path_extremes": "orientd.planner.compiled_path:path_extremes",
                 "least_rate": "orientd.planner.compiled_certificate:least_rate",
-                "put_joins": "orientd.planner.compiled_join:put_joins",
-                "search": "orientd.planner.compiled_bridge:search",
                 "survey": "orientd.planner.compiled_survey:survey",
                 "look": "orientd.planner.compiled_survey:look",
                 "quick_core": "orientd.planner.compiled_quick_core:quick_core",
             }
         )
-        self.put_joins: PutJoins | None = None
-        self.search: Search | None = None
         self.survey: SurveyOf | None = None
         self.look: LookAt | None = None
         self.quick_core: QuickCore | None = None

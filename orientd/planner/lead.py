@@ -24,9 +24,10 @@ from numpy.typing import NDArray
 
 from orientd.curves import Curve
 from orientd.errors import PlanError
+from orientd.planner.joins import join
 from orientd.planner.limits import Limits
 from orientd.planner.position import UNIT_ACCELERATION, UNIT_JERK, UNIT_VELOCITY
-from orientd.planner.quintic import join
+from orientd.planner.timing import LONGEST
 from orientd.rotation import (
     Floats,
     angle,
@@ -118,7 +119,7 @@ def lead_out(q: Floats, omega: Floats, alpha: Floats, *, limits: Limits, period:
         period: the duration is a whole multiple of it, s.
 
     Raises:
-        PlanError: no duration keeps the limits.
+        PlanError: no duration that is planned keeps the limits.
     """
     bounds = _Bounds.of(limits, omega, alpha)
     for cycles in _candidates(omega, alpha, bounds, period):
@@ -161,7 +162,8 @@ def _candidates(omega: Floats, alpha: Floats, bounds: _Bounds, period: float) ->
         + math.sqrt(6.0 * speed / most_jerk)
         + 9.0 * size / most_jerk
     )
-    most = math.ceil(10.0 * scale / period) + 8
+    check_lead("a lead", scale)
+    most = math.ceil(min(10.0 * scale, LONGEST) / period) + 8
     grid = np.unique(np.round(np.geomspace(1.0, most, _GRID)).astype(np.int64))
     blocks = np.array_split(grid, range(_BLOCK, len(grid), _BLOCK))
     low, found, near = 0, 0, []
@@ -214,7 +216,11 @@ def _curve_keeps(curve: Curve, bounds: _Bounds) -> bool:
 def approach_cycles(
     q0: Floats, q1: Floats, p0: Floats, p1: Floats, *, limits: Limits, period: float
 ) -> int:
-    """Return the fewest periods for a turn and a move from rest to rest; 0 if neither is needed."""
+    """Return the fewest periods for a turn and a move from rest to rest; 0 if neither is needed.
+
+    Raises:
+        PlanError: it takes longer than is planned.
+    """
     reserved = limits.with_reserve()
     turn, move = float(angle(q0, q1)), float(np.linalg.norm(p1 - p0))
     if turn <= _SAME and move <= _SAME:
@@ -230,7 +236,18 @@ def approach_cycles(
         UNIT_VELOCITY * move / limits.linear_velocity,
         math.sqrt(UNIT_ACCELERATION * move / reserved.linear_acceleration),
     )
+    check_lead("an approach", duration)
     return math.ceil(duration / period)
+
+
+def check_lead(what: str, duration: float) -> None:
+    """Refuse a lead that would take days.
+
+    Raises:
+        PlanError: it is longer than allowed.
+    """
+    if not duration <= LONGEST:
+        raise PlanError(f"{what} takes {duration:.6g} s, at most {LONGEST:g} s is planned")
 
 
 def approach(q0: Floats, q1: Floats, duration: float) -> Curve:

@@ -38,6 +38,7 @@ INLINE vec_t cross(vec_t a, vec_t b) {
 }
 
 INLINE quat_t conjugated(quat_t q) { return quat(q.w, -q.x, -q.y, -q.z); }
+INLINE quat_t opposite(quat_t q) { return quat(-q.w, -q.x, -q.y, -q.z); }
 INLINE quat_t multiplied(quat_t p, quat_t q) {
     return quat(p.w * q.w - p.x * q.x - p.y * q.y - p.z * q.z,
                 p.w * q.x + p.x * q.w + p.y * q.z - p.z * q.y,

@@ -5,7 +5,8 @@ import pytest
 from planned import LIMITS, PERIOD, differences, rotations, vector
 
 from orientd.errors import PlanError
-from orientd.planner import Limits
+from orientd.planner import Limits, State
+from orientd.planner.connector import connector
 from orientd.planner.lead import approach, approach_cycles, is_still, lead_out
 from orientd.rotation import angle, conjugate, exp, log, multiply
 
@@ -156,3 +157,17 @@ def test_an_approach_takes_the_short_way_from_rest_to_rest():
     assert angle(q[2], there) < 1e-14
     assert np.linalg.norm(omega, axis=1) == pytest.approx([0, 1.875 * 2.0 / 1.5, 0], abs=1e-12)
     assert np.linalg.norm(alpha[[0, 2]], axis=1) == pytest.approx([0, 0], abs=1e-12)
+
+
+@pytest.mark.parametrize("jerk", [1e-15, 1e-300])
+def test_leads_that_would_take_days_are_refused(jerk):
+    slow = Limits.partial(velocity=1.0, acceleration=1.0, jerk=jerk)
+    nowhere, omega = np.zeros(3), np.array([0.1, 0.0, 0.0])
+    here, there = exp(nowhere), exp(omega)
+    with pytest.raises(PlanError, match="at most 86400 s is planned"):
+        approach_cycles(here, there, nowhere, nowhere, limits=slow, period=PERIOD)
+    with pytest.raises(PlanError, match="at most 86400 s is planned"):
+        lead_out(here, omega, nowhere, limits=slow, period=PERIOD)
+    start, end = State(here, omega, nowhere, nowhere), State.at_rest(there)
+    with pytest.raises(PlanError, match=r"at most 86400 s is planned|no way found"):
+        connector(start, end, limits=slow, period=PERIOD)
