@@ -13,22 +13,9 @@ Result = TypeVar("Result")
 class Planners:
     """Run work in threads that end with the process, unlike those of an executor."""
 
-    def __init__(
-        self,
-        most: int,
-        *,
-        before: Callable[[], object] = lambda: None,
-        afterwards: Callable[[], object] = lambda: None,
-    ) -> None:
-        """Run up to *most* pieces of work at a time; more of them would only take turns.
-
-        Args:
-            most: pieces of work at a time.
-            before: called before each, in its thread.
-            afterwards: called after each, when whoever waited for it has been told.
-        """
+    def __init__(self, most: int) -> None:
+        """Run up to *most* pieces of work at a time; more of them would only take turns."""
         self._turns = threading.BoundedSemaphore(most)
-        self._before, self._afterwards = before, afterwards
 
     def submit(self, work: Callable[[], Result]) -> Future[Result]:
         """Begin *work* as soon as it is its turn, unless its future is cancelled before."""
@@ -41,10 +28,8 @@ class Planners:
             if not future.set_running_or_notify_cancel():
                 return
             try:
-                self._before()
                 result = work()
             except BaseException as error:  # noqa: BLE001 - it is raised where the result is asked for
                 future.set_exception(error)
             else:
                 future.set_result(result)
-            self._afterwards()

@@ -13,10 +13,8 @@ from orientd.daemon import report
 from orientd.daemon.access.identity import Identity
 from orientd.daemon.cell import Cell
 from orientd.daemon.device import Device
-from orientd.daemon.garbage import LateSparing
 from orientd.daemon.planners import Planners
 from orientd.errors import GOING_DOWN, DaemonError, OrientdError, RequestError
-from orientd.prefetch import prefetch
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.reports import DaemonReport
 from orientd.rpc.state_wire import device_to_message
@@ -58,8 +56,7 @@ class Calls:
         self._cell = cell
         self._who = who
         self._describe = describe
-        self._sparing = LateSparing()
-        self._planners = Planners(PLANNERS, before=self._expect, afterwards=self._sparing.look)
+        self._planners = Planners(PLANNERS)
         self._commanders = ThreadPoolExecutor(COMMANDERS, thread_name_prefix="command")
         self._closing = asyncio.Event()
 
@@ -70,11 +67,6 @@ class Calls:
     def close(self) -> None:
         """Take on no more work."""
         self._commanders.shutdown(wait=False, cancel_futures=True)
-
-    def _expect(self) -> None:
-        """Get ready for what the first motions load, while other devices may be moving."""
-        prefetch("numpy", "scipy")
-        self._sparing.expect()
 
     async def _is_closing_within(self, seconds: float) -> bool:
         try:

@@ -60,25 +60,3 @@ def test_no_thread_keeps_the_process_from_ending():
     names = []
     Planners(1).submit(lambda: names.append(threading.current_thread().daemon)).result(10)
     assert names == [True]
-
-
-def test_something_is_done_after_each_when_its_result_has_been_told():
-    done = threading.Semaphore(0)
-    planners = Planners(1, afterwards=done.release)
-    assert planners.submit(lambda: 5).result(10) == 5
-    assert done.acquire(timeout=10)
-    with pytest.raises(ZeroDivisionError):
-        planners.submit(lambda: 1 // 0).result(10)
-    assert done.acquire(timeout=10)
-
-
-def test_something_is_done_before_each_in_its_thread():
-    seen = []
-    planners = Planners(1, before=lambda: seen.append(threading.get_ident()))
-    assert planners.submit(threading.get_ident).result(10) == seen[0]
-    assert planners.submit(lambda: len(seen)).result(10) == 2
-
-
-def test_what_fails_before_is_told_to_who_waits():
-    with pytest.raises(ZeroDivisionError):
-        Planners(1, before=lambda: 1 // 0).submit(lambda: 5).result(10)
