@@ -67,7 +67,8 @@ def compiler() -> list[str] | None:
         return None
     libc = f"gnu.{GLIBC}" if platform.libc_ver()[0] == "glibc" else "musl"
     target = f"{platform.machine().lower()}-linux-{libc}"
-    return [sys.executable, "-m", "ziglang", "cc", "-target", target]
+    # Without its run-time library, which no kernel needs and every level would build for itself.
+    return [sys.executable, "-m", "ziglang", "cc", "-target", target, "-nostdlib", "-lc"]
 
 
 def _is_usable(name: str) -> bool:
