@@ -8,7 +8,7 @@ BIN = $(VENV)/bin
 ROUNDS ?= 50
 SEED ?= 1
 
-.PHONY: demo test check kernels bench peers soak chaos standard proto clean
+.PHONY: demo test check bench peers soak chaos standard proto clean
 
 demo: $(VENV)/.user
 	$(BIN)/orientd demo
@@ -17,14 +17,9 @@ demo: $(VENV)/.user
 CALCULATES = tests/unit orientd drivers sim
 RUNS = tests/system tests/drivers tests/chaos tests/bench
 
-test: $(VENV)/.dev
-	$(MAKE) -j2 check kernels
+test: check
 	$(BIN)/python -m pytest -n logical $(CALCULATES)
 	$(BIN)/python -m pytest $(RUNS)
-
-# Compiled once, before several processes would each begin to.
-kernels: $(VENV)/.dev
-	$(BIN)/python -c "from orientd.planner.fast import wait_ready; wait_ready()"
 
 check: $(VENV)/.dev
 	$(BIN)/ruff check .
@@ -40,7 +35,7 @@ PEERS = ruckig toppra splines drake
 
 peers:
 	$(PYTHON) -m venv build/peers
-	build/peers/bin/python -m pip install --quiet --disable-pip-version-check -e ".[fast]"
+	build/peers/bin/python -m pip install --quiet --disable-pip-version-check -e .
 	for peer in $(PEERS); do \
 	    build/peers/bin/python -m pip install --quiet --disable-pip-version-check $$peer; done; true
 	build/peers/bin/python tests/bench/compare_peers.py
@@ -71,11 +66,14 @@ $(VENV)/.pip:
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check "pip>=24"
 	@touch $@
 
-$(VENV)/.user: pyproject.toml $(VENV)/.pip
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[fast,plot]"
+# An install compiles the kernels: whoever has edited one has them compiled again.
+KERNELS = $(wildcard orientd/kernels/c/*.[ch]) orientd/kernels/build.py
+
+$(VENV)/.user: pyproject.toml $(KERNELS) $(VENV)/.pip
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[plot]"
 	@touch $@
 
-$(VENV)/.dev: pyproject.toml $(VENV)/.pip
+$(VENV)/.dev: pyproject.toml $(KERNELS) $(VENV)/.pip
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[all,dev]"
 	@touch $@ $(VENV)/.user
 

@@ -21,7 +21,8 @@ An error is ours (a call failed); a fault is the device's (it stopped and waits 
     │   ├── LinkError           the connection to the device is gone
     │   ├── FeedbackError       feedback is missing or older than its limit
     │   └── DeviceFaultError    the device says that it cannot go on
-    └── DaemonError             the daemon is not there, is there already, or did not answer
+    ├── DaemonError             the daemon is not there, is there already, or did not answer
+    └── KernelsError            the compiled kernels are not there, or not for this machine
 """
 
 from __future__ import annotations
@@ -130,6 +131,10 @@ class DeviceFaultError(DeviceError):
 
 class DaemonError(OrientdError):
     """The daemon is not there, is there already, or did not answer."""
+
+
+class KernelsError(OrientdError, ImportError):
+    """The compiled kernels are not there, or not for this machine, or of other sources."""
 
 
 GOING_DOWN = "the daemon is going down"

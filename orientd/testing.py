@@ -25,7 +25,7 @@ from orientd.driver import Driver, Feedback, Setpoint
 from orientd.driver.floats import difference, exp, multiply, norm
 from orientd.errors import DeviceError
 
-_FORBIDDEN = ("numpy", "scipy", "asyncio", "grpc", "pydantic", "numba")
+_FORBIDDEN = ("numpy", "scipy", "asyncio", "grpc", "pydantic", "orientd.kernels")
 
 
 class DriverConformance(ABC):

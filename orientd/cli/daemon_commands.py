@@ -84,7 +84,9 @@ def run(
 
 def _end_with_input() -> None:
     """Ask this process to end once whoever started it is gone."""
-    sys.stdin.buffer.read()
+    # Not sys.stdin: an interpreter that ends meanwhile, as of an error, would miss the lock of it.
+    while os.read(sys.stdin.fileno(), 4096):
+        pass
     os.kill(os.getpid(), signal.SIGTERM)
 
 

@@ -14,11 +14,11 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterable
-from importlib import metadata
-from importlib.util import find_spec
 from pathlib import Path
 
+from orientd import processor
 from orientd.driver import Finding, Verdict
+from orientd.errors import KernelsError
 
 PRIORITY = 80
 PERIOD_NS = 2_000_000
@@ -71,7 +71,7 @@ def findings() -> list[Finding]:
         _shared_memory,
         _runtime_directory,
         _python,
-        _numba,
+        _kernels,
     )
     return [finding for look in looks for finding in look()]
 
@@ -294,17 +294,18 @@ def _python() -> list[Finding]:
     ]
 
 
-def _numba() -> list[Finding]:
-    if find_spec("numba") is None:
-        return [
-            Finding(
-                "fast sampling",
-                "Numba is not installed",
-                Verdict.IMPROVE,
-                "pip install 'orientd[fast]'",
-            )
-        ]
-    return [Finding("fast sampling", f"Numba {metadata.version('numba')}", Verdict.OK)]
+def _kernels() -> list[Finding]:
+    name = "compiled kernels"
+    try:
+        from orientd import kernels
+    except KernelsError as error:
+        return [Finding(name, str(error), Verdict.PROBLEM, "nothing can be planned until then")]
+    except ImportError as error:
+        return [Finding(name, f"do not load: {error}", Verdict.PROBLEM, "install orientd again")]
+    if forced := os.environ.get(processor.FORCED):
+        mend = f"unset {processor.FORCED}, unless {forced} is meant"
+        return [Finding(name, f"{kernels.LEVEL}, as forced", Verdict.IMPROVE, mend)]
+    return [Finding(name, f"{kernels.LEVEL}, loaded", Verdict.OK)]
 
 
 def _read(path: str | Path) -> str:

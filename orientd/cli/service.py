@@ -70,8 +70,7 @@ AmbientCapabilities=
 CapabilityBoundingSet=
 """
 
-# Not MemoryDenyWriteExecute, which keeps Numba from compiling, nor PrivateDevices, which hides
-# serial ports, nor RestrictRealtime.
+# Not PrivateDevices, which hides serial ports, nor RestrictRealtime.
 _SYSTEM_SANDBOX = """\
 SystemCallFilter=@system-service
 SystemCallErrorNumber=EPERM

@@ -17,7 +17,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from orientd.prefetch import prefetch
 from orientd.rotation import Floats
 
 Indices = NDArray[np.intp]
@@ -131,7 +130,6 @@ class Background:
     def _load(self) -> None:
         try:
             forget_stale(_PACKAGE)
-            prefetch("llvmlite", "numba")
             for attribute, home in self._homes.items():
                 module, _, function = home.partition(":")
                 setattr(self, attribute, getattr(import_module(module), function))

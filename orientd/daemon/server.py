@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import logging
 import os
 import signal
@@ -16,11 +17,11 @@ from grpc_health.v1 import health, health_pb2, health_pb2_grpc
 from grpc_reflection.v1alpha import reflection
 
 import orientd
+from orientd import processor
 from orientd.config import Settings
 from orientd.daemon.access.entry import Entry, inner_socket
 from orientd.daemon.calls.unread import UnreadHandlers
 from orientd.daemon.claim import claimed
-from orientd.daemon.garbage import spare
 from orientd.daemon.gate import Gate
 from orientd.daemon.notify import notify
 from orientd.daemon.watchdog import Watchdog
@@ -69,7 +70,10 @@ def run(
     Raises:
         ConfigError: a device of the settings is not possible here.
         DaemonError: there is a daemon at *socket* already, or it cannot be listened at.
+        KernelsError: nothing could be planned, for want of compiled kernels that this machine runs.
     """
+    kernels = processor.library().parent.name
+    _log.info("daemon: orientd %s with kernels for %s", orientd.__version__, kernels)
     target(socket)  # whether the path can be that of a socket
     with claimed(socket), inner_socket(socket) as inner:
         asyncio.run(_Daemon(settings, socket, configuration, reread, on_ready).run(inner))
@@ -202,7 +206,9 @@ class _Daemon:
                 _log.error("%s", problem)
             self._on_ready(self._describe(cell), problems)
             notify("READY=1")
-            spare()
+            # What was loaded stays for good; every full collection would take 20 ms over it.
+            gc.collect()
+            gc.freeze()
         await self._stopping.wait()
         notify("STOPPING=1")
         expiry.cancel()

@@ -2,24 +2,21 @@
 
 Importing it loads the build for this machine's processor, a library of some 100 kB, and nothing
 else.  Kernels take C-contiguous arrays by position and write to arrays that they are given; what
-calls them knows the shapes.
+calls them knows the shapes.  Why they are written in C, and how to add one, is in ``DECISION.md``.
 """
 
-from orientd.kernels.levels import check_sources, folder
+from orientd.processor import library
 
-__path__.insert(0, str(folder()))
+__path__.insert(0, str(library().parent))
 
 from orientd.kernels.native import (  # noqa: E402
     LEVEL,
-    SOURCES,
     find_connector,
     put_joins,
     ramps_of_stop,
     sample_cubic,
     try_joins,
 )
-
-check_sources(SOURCES)
 
 __all__ = [
     "LEVEL",

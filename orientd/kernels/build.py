@@ -1,7 +1,11 @@
 """Build the kernels: by hand after an edit, and as a hook of the package's build.
 
-Needs a C compiler: the one that ``CC`` names, ``cc``, or that of the package ``ziglang``, which the
-build fetches where there is none.
+By hand it needs nothing but Python and a C compiler::
+
+    python orientd/kernels/build.py [LEVEL ...]
+
+The compiler is the one that ``CC`` names, one that the machine has, or that of the package
+``ziglang``, which the package's build fetches where there is no other.
 """
 
 from __future__ import annotations
@@ -13,73 +17,127 @@ import subprocess
 import sys
 import sysconfig
 from concurrent.futures import ThreadPoolExecutor
-from importlib import util
+from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
-HOME = Path(__file__).parent
+ROOT = Path(__file__).parents[2]
 
 FLAGS = (
-    "-std=gnu11", "-shared", "-fPIC", "-O3", "-Wall", "-Wextra",
+    "-std=gnu11", "-shared", "-fPIC", "-O3", "-Wall", "-Wextra", "-s",
+    # What one file of kernels calls in another is theirs alone, and need not go through a table.
+    "-fvisibility=hidden",
     # Not -ffast-math: what is not a number keeps its meaning, and loading it must not change how
     # the whole process rounds.
     "-fno-math-errno", "-fno-trapping-math", "-fno-signed-zeros", "-ffp-contract=fast",
-    "-DPy_LIMITED_API=0x030b0000",
 )  # fmt: skip
 WIDE = {"x86-64-v4": ("-mprefer-vector-width=512",)}
 
+ZIG = "ziglang>=0.14,<0.18"
+GLIBC = "2.28"
+"""The oldest C library that a build with Zig runs with: as old as NumPy and SciPy ask for."""
 
-def compiler() -> list[str]:
-    """Return the command of a C compiler."""
-    named = os.environ.get("CC", "").split()
-    if named:
-        return named
-    if shutil.which("cc"):
-        return ["cc"]
-    return [sys.executable, "-m", "ziglang", "cc"]
+PROBE = "#include <math.h>\n#include <stdlib.h>\n#include <string.h>\n"
 
 
 def build(levels: list[str]) -> list[Path]:
-    """Compile the kernels for some levels into folders of their names, and return the files."""
+    """Compile the kernels for some levels into folders of their names, and return the files.
+
+    Raises:
+        SystemExit: there is no compiler, or it refuses.
+    """
+    command = compiler()
+    if command is None:
+        raise SystemExit(f"orientd: no C compiler: install one, or run `pip install -e {ROOT}`")
+    processor = _processor()
     with ThreadPoolExecutor() as pool:
-        return list(pool.map(_build, levels))
+        return list(pool.map(lambda level: _build(command, level, processor), levels))
 
 
-def all_levels() -> list[str]:
-    """Return the levels to build for this architecture."""
-    machine = platform.machine().lower()
-    return list(_levels().LEVELS) if machine in ("x86_64", "amd64") else [machine]
+def compiler() -> list[str] | None:
+    """Return the command of a C compiler, if there is one that knows what is asked of it."""
+    named = os.environ.get("CC", "").split()
+    if named:
+        return named
+    for name in ("cc", "gcc", "clang"):
+        if shutil.which(name) and _is_usable(name):
+            return [name]
+    if find_spec("ziglang") is None:
+        return None
+    libc = f"gnu.{GLIBC}" if platform.libc_ver()[0] == "glibc" else "musl"
+    target = f"{platform.machine().lower()}-linux-{libc}"
+    # Without its run-time library, which no kernel needs and every level would build for itself.
+    return [sys.executable, "-m", "ziglang", "cc", "-target", target, "-nostdlib", "-lc"]
 
 
-def _build(level: str) -> Path:
-    target = HOME / level / "native.abi3.so"
+def _is_usable(name: str) -> bool:
+    """Return whether a compiler has the C library's headers and knows the widest level."""
+    command = [name, *_march([name], _processor().builds()[-1]), "-fsyntax-only", "-xc", "-"]
+    done = subprocess.run(command, input=PROBE, text=True, capture_output=True, check=False)
+    return done.returncode == 0
+
+
+def _march(command: list[str], level: str) -> tuple[str, ...]:
+    if not level.startswith("x86-64"):
+        return ()
+    is_zig = any(Path(word).name.startswith("zig") for word in command)
+    return (f"-march={level.replace('-', '_') if is_zig else level}",)
+
+
+def _build(command: list[str], level: str, processor: ModuleType) -> Path:
+    target: Path = processor.KERNELS / level / processor.LIBRARY
     target.parent.mkdir(exist_ok=True)
     fresh = target.with_suffix(".new")
-    march = (f"-march={level}",) if level.startswith("x86-64") else ()
-    sources = sorted(map(str, (HOME / "c").glob("*.c")))
-    subprocess.run(
+    done = subprocess.run(
         [
-            *compiler(), *FLAGS, *march, *WIDE.get(level, ()),
-            f"-I{sysconfig.get_path('include')}",
-            f'-DORIENTD_LEVEL="{level}"', f'-DORIENTD_SOURCES="{_levels().digest()}"',
-            *sources, "-o", str(fresh), "-lm",
+            *command, *FLAGS, *_march(command, level), *WIDE.get(level, ()),
+            f'-DORIENTD_LEVEL="{level}"', f'-DORIENTD_SOURCES="{processor.digest()}"',
+            *sorted(map(str, processor.SOURCES.glob("*.c"))), "-o", str(fresh), "-lm",
         ],
-        check=True,
+        check=False,
     )  # fmt: skip
+    if done.returncode != 0:
+        raise SystemExit(f"orientd: `{' '.join(command)}` could not compile the kernels: {level}")
     fresh.replace(target)  # never a half-written library in the place of one in use
     return target
 
 
-def _levels() -> ModuleType:
-    """Load the module beside this one, without the package that needs what is to be built."""
-    spec = util.spec_from_file_location("_orientd_levels", HOME / "levels.py")
-    if spec is None or spec.loader is None:
-        raise FileNotFoundError(HOME / "levels.py")
-    module = util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def _processor() -> ModuleType:
+    """Return the module of that name, without the package that needs what is to be built."""
+    if str(ROOT) not in sys.path:
+        sys.path.insert(0, str(ROOT))
+    from orientd import processor
+
+    return processor
+
+
+def get_build_hook() -> type:
+    """Return what hatchling calls while it builds a wheel, or an editable one."""
+    from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+
+    class KernelsHook(BuildHookInterface[Any]):
+        def dependencies(self) -> list[str]:
+            if sysconfig.get_config_var("Py_GIL_DISABLED"):
+                raise SystemExit(
+                    "orientd: expected a Python with its global lock, got a free-threaded one, "
+                    "which has no stable ABI"
+                )
+            return [ZIG] if compiler() is None else []
+
+        def initialize(self, version: str, build_data: dict[str, Any]) -> None:
+            libraries = build(_processor().builds())
+            platform_tag = sysconfig.get_platform().replace("-", "_").replace(".", "_")
+            build_data["pure_python"] = False
+            build_data["tag"] = f"cp311-abi3-{platform_tag}"
+            if version != "editable":  # there they are used where they lie, beside the sources
+                for library in libraries:
+                    place = library.relative_to(ROOT).as_posix()
+                    build_data["force_include"][str(library)] = place
+
+    return KernelsHook
 
 
 if __name__ == "__main__":
-    for library in build(all_levels()):
+    for library in build(sys.argv[1:] or _processor().builds()):
         print(f"built {library}")  # noqa: T201

@@ -18,6 +18,7 @@ from grpc_reflection.v1alpha.proto_reflection_descriptor_database import (
 )
 from harness import DEVICE, DaemonProcess, assert_limits_kept, is_alive, resident_kib, spin, until
 
+from orientd import __version__, processor
 from orientd.rpc import control_pb2 as pb
 
 SERVICE = "orientd.v1.Control"
@@ -60,7 +61,7 @@ def test_it_is_small_before_its_first_plan(daemon):
 def test_starting_imports_nothing_that_is_slow():
     code = (
         "import sys, orientd.cli.main, orientd.daemon.server, orientd.daemon.service\n"
-        "slow = {'numpy', 'scipy', 'numba', 'matplotlib', 'rich'} & set(sys.modules)\n"
+        "slow = {'numpy', 'scipy', 'orientd.kernels', 'matplotlib', 'rich'} & set(sys.modules)\n"
         "print(', '.join(slow))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
@@ -85,6 +86,8 @@ def test_the_socket_is_for_its_user_alone(tmp_path):
     assert process.returncode == 0
     assert "Traceback" not in errors
     assert list(path.parent.iterdir()) == []
+    kernels = f"orientd {__version__} with kernels for {processor.level()}"
+    assert errors.splitlines()[0].endswith(f" INFO daemon: {kernels}")
 
 
 def test_a_second_daemon_is_refused_and_the_first_goes_on(daemon):

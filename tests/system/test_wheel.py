@@ -4,22 +4,31 @@ import os
 import subprocess
 import sys
 import sysconfig
+import tarfile
 import venv
 import zipfile
 from pathlib import Path
 
 import pytest
 
+from orientd import processor
+
 ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("wheel")
-    command = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", folder, ROOT]
+def built(tmp_path_factory):
+    """The sources as they are handed on, and the wheel that is built of those."""
+    folder = tmp_path_factory.mktemp("built")
+    command = [sys.executable, "-m", "build", "--no-isolation", "--outdir", folder, ROOT]
     subprocess.run(command, check=True, capture_output=True)
-    (built,) = folder.glob("*.whl")
-    return built
+    return folder
+
+
+@pytest.fixture(scope="module")
+def wheel(built):
+    (file,) = built.glob("*.whl")
+    return file
 
 
 @pytest.fixture(scope="module")
@@ -52,6 +61,41 @@ def test_the_wheel_holds_every_package_with_its_types_and_nothing_else(wheel):
     assert {f"{package}/py.typed" for package in packages} <= set(names)
     assert "orientd/rpc/control.proto" in names
     assert "orientd/bench/loop.c" in names
+
+
+def test_the_wheel_holds_the_kernels_of_every_level_and_nothing_that_they_are_built_of(wheel):
+    names = zipfile.ZipFile(wheel).namelist()
+    kernels = {name for name in names if name.startswith("orientd/kernels/")}
+    libraries = {f"orientd/kernels/{level}/{processor.LIBRARY}" for level in processor.builds()}
+    assert kernels == libraries | {"orientd/kernels/__init__.py", "orientd/kernels/native.pyi"}
+
+
+def test_one_wheel_is_for_every_python_from_311_on(wheel):
+    platform = sysconfig.get_platform().replace("-", "_")
+    assert wheel.name.endswith(f"-cp311-abi3-{platform}.whl")
+
+
+def test_the_sources_that_are_handed_on_hold_those_of_the_kernels_and_no_library(built):
+    (file,) = built.glob("*.tar.gz")
+    with tarfile.open(file) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    sources = {f"orientd/kernels/c/{source.name}" for source in processor.SOURCES.glob("*.[ch]")}
+    assert sources | {"orientd/kernels/build.py"} <= names
+    assert not [name for name in names if name.endswith(".so")]
+
+
+def test_a_curve_is_sampled_from_the_wheel(script, tmp_path):
+    code = (
+        "from orientd import kernels\n"
+        "from orientd.curves import METHODS\n"
+        "curve = METHODS['c2_cumulative'](keys=[[1, 0, 0, 0], [0, 1, 0, 0]], times=[0.0, 1.0])\n"
+        "q, _, _ = curve.evaluate([0.0, 1.0])\n"
+        "print(kernels.LEVEL, abs(q).round(9).tolist())"
+    )
+    answer = run(script.parent / "python", "-c", code, cwd=tmp_path)
+    assert answer.stdout == (
+        f"{processor.level()} [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]]\n"
+    ), answer.stderr
 
 
 def test_the_console_script_runs_from_the_wheel(script, tmp_path):

@@ -15,10 +15,8 @@
 #ifndef ORIENTD_BINDING_H
 #define ORIENTD_BINDING_H
 
-#define PY_SSIZE_T_CLEAN
-#include <Python.h>
-
 #include "arrays.h"
+#include "stable_abi.h"
 
 enum { MOST_ARGUMENTS = 20 };
 

@@ -1,9 +1,11 @@
 """What the doctor makes of what it finds."""
 
 import os
+import sys
 
 import pytest
 
+from orientd import processor
 from orientd.cli import machine
 from orientd.driver import Verdict
 
@@ -101,9 +103,25 @@ def test_one_core_is_too_few(monkeypatch):
     assert verdict(machine._cores()) is Verdict.IMPROVE
 
 
-def test_numba_is_wanted(monkeypatch):
-    monkeypatch.setattr(machine, "find_spec", lambda name: None)
-    assert verdict(machine._numba()) is Verdict.IMPROVE
+def test_the_kernels_are_loaded_and_their_level_named(monkeypatch):
+    monkeypatch.delenv(processor.FORCED, raising=False)
+    (finding,) = machine._kernels()
+    assert finding.verdict is Verdict.OK
+    assert processor.level() in finding.found
+
+
+def test_kernels_of_a_forced_level_are_named_as_such(monkeypatch):
+    monkeypatch.setenv(processor.FORCED, processor.level())
+    assert verdict(machine._kernels()) is Verdict.IMPROVE
+
+
+def test_kernels_that_do_not_load_are_a_problem(monkeypatch):
+    monkeypatch.delattr("orientd.kernels")
+    monkeypatch.delitem(sys.modules, "orientd.kernels")
+    monkeypatch.setenv(processor.FORCED, "x86-64-v5")
+    (finding,) = machine._kernels()
+    assert finding.verdict is Verdict.PROBLEM
+    assert "got 'x86-64-v5'" in finding.found
 
 
 def test_a_servo_that_does_not_run_is_a_problem(monkeypatch):
