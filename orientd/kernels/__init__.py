@@ -12,12 +12,30 @@ __path__.insert(0, str(folder()))
 from orientd.kernels.native import (  # noqa: E402
     LEVEL,
     SOURCES,
+    farthest_from_path,
+    least_rate,
+    look_at,
+    path_extremes,
+    put_factors,
+    put_instants,
+    put_spots,
     sample_cubic,
+    sample_path,
+    setpoint_extremes,
 )
 
 check_sources(SOURCES)
 
 __all__ = [
     "LEVEL",
+    "farthest_from_path",
+    "least_rate",
+    "look_at",
+    "path_extremes",
+    "put_factors",
+    "put_instants",
+    "put_spots",
     "sample_cubic",
+    "sample_path",
+    "setpoint_extremes",
 ]

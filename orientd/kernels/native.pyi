@@ -13,3 +13,85 @@ SOURCES: str
 def sample_cubic(
     times: Floats, breaks: Floats, table: Floats, slack: float, out: Floats, /
 ) -> int: ...
+
+# certify.h
+def least_rate(
+    velocity: Floats,
+    acceleration: Floats,
+    jerk: Floats,
+    most: float,
+    most_jerk: float,
+    nodes: Floats,
+    worst: Floats,
+    most_change: float,
+    fastest: float,
+    margin: float,
+    /,
+) -> tuple[float, int]: ...
+def setpoint_extremes(
+    q: Floats,
+    past: int,
+    with_axes: bool,
+    period: float,
+    start: float,
+    rough: Floats,
+    with_rate: bool,
+    most: Floats,
+    nodes: Floats,
+    worst: Floats,
+    most_change: float,
+    fastest: float,
+    margin: float,
+    squares: Floats,
+    places: Indices,
+    /,
+) -> tuple[float, int]: ...
+def sample_path(path: Floats, times: Floats, out: Floats, /) -> None: ...
+def farthest_from_path(path: Floats, times: Floats, keys: Floats, /) -> float: ...
+def path_extremes(
+    path: Floats,
+    records: int,
+    period: float,
+    before: Floats,
+    with_axes: bool,
+    rough: Floats,
+    most: Floats,
+    nodes: Floats,
+    worst: Floats,
+    most_change: float,
+    fastest: float,
+    margin: float,
+    squares: Floats,
+    places: Indices,
+    /,
+) -> tuple[float, int]: ...
+def put_instants(
+    breaks: Floats, duration: float, pieces: int, shares: Floats, instants: Floats, /
+) -> int: ...
+def put_factors(
+    instants: Floats,
+    omega: Floats,
+    alpha: Floats,
+    period: float,
+    limits: Floats,
+    step: float,
+    factors: Floats,
+    /,
+) -> None: ...
+def put_spots(
+    instants: Floats, factors: Floats, hot: float, ends: Floats, spots: Floats, /
+) -> int: ...
+def look_at(
+    ranges: Indices,
+    curve: Floats,
+    rate: float,
+    duration: float,
+    period: float,
+    is_held_before: bool,
+    is_held_after: bool,
+    limits: Floats,
+    bends: float,
+    twists: float,
+    is_smooth: bool,
+    /,
+) -> float: ...

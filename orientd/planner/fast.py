@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from orientd.curves import fast
-from orientd.curves.basis import Indices
 from orientd.rotation import Floats
 
 Booleans = np.ndarray[Any, np.dtype[np.bool_]]
@@ -22,14 +21,6 @@ Search = Callable[
 ]
 """Finds the shortest bridge; see ``orientd.planner.compiled_bridge``."""
 
-Extremes = Callable[
-    [
-        Floats, int, bool, float, float, Floats, bool, Floats, Floats, Floats, Floats,
-        float, float, float, float, Floats, Indices,
-    ],
-    tuple[float, int],
-]  # fmt: skip
-"""Takes all a certificate needs of some setpoints; see ``orientd.planner.compiled_certificate``."""
 
 PutJoins = Callable[
     [
@@ -40,39 +31,6 @@ PutJoins = Callable[
 ]  # fmt: skip
 """Writes what joins are sampled from; see ``orientd.planner.compiled_join``."""
 
-LeastRate = Callable[
-    [Floats, Floats, Floats, float, float, Floats, Floats, Floats, float, float, float],
-    tuple[float, int],
-]
-"""Finds the least brake rate of a path; see ``orientd.planner.compiled_certificate``."""
-
-SurveyOf = Callable[[Floats, Floats, float, float, float, Floats, bool, Floats], tuple[float, int]]
-"""Surveys a core; see ``orientd.planner.compiled_survey``."""
-
-LookAt = Callable[[Floats, int, Floats, Floats, float, float, float, Floats, bool, bool], float]
-"""Looks at records of a core; see ``orientd.planner.compiled_survey``."""
-
-QuickCore = Callable[
-    [Floats, Floats, float, int, Floats, Floats, Floats, Floats, Floats], tuple[int, float]
-]
-"""Finds the quickest default curve; see ``orientd.planner.compiled_quick_core``."""
-
-
-SamplePath = Callable[[Floats, Floats, Floats], None]
-"""Samples a path; see ``orientd.planner.compiled_path``."""
-
-FarthestFrom = Callable[[Floats, Floats, Floats], float]
-"""Holds a path against orientations; see ``orientd.planner.compiled_path``."""
-
-PathExtremes = Callable[
-    [
-        Floats, int, float, Floats, bool, Floats, Floats, Floats, Floats, Floats,
-        float, float, float, Floats, Indices,
-    ],
-    tuple[float, int],
-]  # fmt: skip
-"""Takes all a certificate needs of a path; see ``orientd.planner.compiled_path``."""
-
 
 class PlannerKernels(fast.Background):
     """The compiled kernels of the planner; nothing each as long as they are not ready.
@@ -80,41 +38,17 @@ class PlannerKernels(fast.Background):
     Attributes:
         put_joins: writes what joins are sampled from.
         search: finds the shortest bridge.
-        survey: surveys a core.
-        look: looks at records of a core.
-        quick_core: finds the default curve through keyframes without times.
-        extremes: the largest backward differences of setpoints, and the least brake rate.
-        sample_path: samples a path.
-        farthest_from: how far a path is from some orientations.
-        path_extremes: the same as *extremes* of all records of a path.
-        least_rate: the least brake rate of a path.
     """
 
     def __init__(self) -> None:
         super().__init__(
             {
-                "extremes": "orientd.planner.compiled_certificate:extremes",
-                "sample_path": "orientd.planner.compiled_path:sample_path",
-                "farthest_from": "orientd.planner.compiled_path:farthest_from",
-                "path_extremes": "orientd.planner.compiled_path:path_extremes",
-                "least_rate": "orientd.planner.compiled_certificate:least_rate",
                 "put_joins": "orientd.planner.compiled_join:put_joins",
                 "search": "orientd.planner.compiled_bridge:search",
-                "survey": "orientd.planner.compiled_survey:survey",
-                "look": "orientd.planner.compiled_survey:look",
-                "quick_core": "orientd.planner.compiled_quick_core:quick_core",
             }
         )
         self.put_joins: PutJoins | None = None
         self.search: Search | None = None
-        self.survey: SurveyOf | None = None
-        self.look: LookAt | None = None
-        self.quick_core: QuickCore | None = None
-        self.extremes: Extremes | None = None
-        self.sample_path: SamplePath | None = None
-        self.farthest_from: FarthestFrom | None = None
-        self.path_extremes: PathExtremes | None = None
-        self.least_rate: LeastRate | None = None
 
 
 KERNELS = PlannerKernels()

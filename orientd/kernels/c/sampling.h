@@ -24,4 +24,11 @@ index_t span_of(double t, row_t breaks);
  * Return the place of the first instant that is outside the domain, or -1 if none is. */
 index_t sample_cubic(row_t times, row_t breaks, matrix_t table, double slack, matrix_t out);
 
+/* product.c */
+
+/* The same of a product of any number of factors. */
+index_t sample_product(row_t times, row_t breaks, matrix_t base, tensor_t axes, matrix_t lengths,
+                       tensor_t values, tensor_t rates, tensor_t curvatures, double slack,
+                       matrix_t out);
+
 #endif
