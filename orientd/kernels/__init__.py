@@ -12,12 +12,16 @@ __path__.insert(0, str(folder()))
 from orientd.kernels.native import (  # noqa: E402
     LEVEL,
     SOURCES,
+    fill_basis,
     sample_cubic,
+    sample_product,
 )
 
 check_sources(SOURCES)
 
 __all__ = [
     "LEVEL",
+    "fill_basis",
     "sample_cubic",
+    "sample_product",
 ]
