@@ -13,6 +13,7 @@ from orientd.kernels.native import (  # noqa: E402
     LEVEL,
     SOURCES,
     farthest_from_path,
+    fill_basis,
     least_rate,
     look_at,
     path_extremes,
@@ -21,6 +22,7 @@ from orientd.kernels.native import (  # noqa: E402
     put_spots,
     sample_cubic,
     sample_path,
+    sample_product,
     setpoint_extremes,
 )
 
@@ -29,6 +31,7 @@ check_sources(SOURCES)
 __all__ = [
     "LEVEL",
     "farthest_from_path",
+    "fill_basis",
     "least_rate",
     "look_at",
     "path_extremes",
@@ -37,5 +40,6 @@ __all__ = [
     "put_spots",
     "sample_cubic",
     "sample_path",
+    "sample_product",
     "setpoint_extremes",
 ]

@@ -13,6 +13,14 @@ SOURCES: str
 def sample_cubic(
     times: Floats, breaks: Floats, table: Floats, slack: float, out: Floats, /
 ) -> int: ...
+def sample_product(
+    times: Floats, breaks: Floats, base: Floats, axes: Floats, lengths: Floats,
+    values: Floats, rates: Floats, curvatures: Floats, slack: float, out: Floats, /,
+) -> int: ...  # fmt: skip
+def fill_basis(
+    spans: Indices, knots: Floats, order: int,
+    values: Floats, rates: Floats, curvatures: Floats, /,
+) -> None: ...  # fmt: skip
 
 # certify.h
 def least_rate(

@@ -27,10 +27,10 @@ typedef struct { double a0, a1, a2, a3; vec_t axis; } factor_t;
 
 INLINE void turn(double t, factor_t f, double *c, vec_t *e, double *rate, double *curvature) {
     double s;
-    cosine_and_sine(f.a0 + t * (f.a1 + t * (f.a2 + t * f.a3)), c, &s);
+    cosine_and_sine(fused(t, fused(t, fused(t, f.a3, f.a2), f.a1), f.a0), c, &s);
     *e = times(s, f.axis);
-    *rate = 2.0 * (f.a1 + t * (2.0 * f.a2 + t * (3.0 * f.a3)));
-    *curvature = 4.0 * f.a2 + t * (12.0 * f.a3);
+    *rate = 2.0 * fused(t, fused(t, 3.0 * f.a3, 2.0 * f.a2), f.a1);
+    *curvature = fused(t, 12.0 * f.a3, 4.0 * f.a2);
 }
 
 INLINE motion_t sampled(double t, quat_t base, factor_t f, factor_t g, factor_t h) {
