@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #include "differences.h"
+#include "fused.h"
 #include "plain_path.h"
 #include "rotation.h"
 #include "sampling.h"
@@ -77,7 +78,7 @@ static int sample_stretch(const double *head, curve_t curve, row_t times, index_
     for (; from < to; from += PART) {
         index_t count = least(PART, to - from);
         for (index_t i = 0; i < count; i++) {
-            double t = (times.v[from + i] - begin + skipped) * rate + origin;
+            double t = fused(times.v[from + i] - begin + skipped, rate, origin);
             scratch->instants[i] = fmin(fmax(t, low), high);
         }
         int failed = sample_curve(curve, (row_t){scratch->instants, count},

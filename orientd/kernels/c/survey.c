@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #include "differences.h"
+#include "fused.h"
 #include "plain_path.h"
 
 index_t put_instants(row_t breaks, double duration, index_t pieces, row_t shares, row_t instants) {
@@ -88,7 +89,8 @@ static int see_records(look_t motion, curve_t curve, index_t first, index_t last
         index_t known = block.count, more = least(BLOCK - known, end - read);
         for (index_t i = 0; i < more; i++) {
             index_t record = least(most(read + i, first), last);
-            double t = low + motion.rate * fmin(motion.period * (double)record, motion.duration);
+            double t = fmin(motion.period * (double)record, motion.duration);
+            t = fused(motion.rate, t, low);
             scratch->instants[i] = fmin(fmax(t, low), high);
         }
         int failed = sample_curve(curve, (row_t){scratch->instants, more},
