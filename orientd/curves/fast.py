@@ -58,7 +58,6 @@ Linearise = Callable[
 """Writes the derivatives of a spline's effort; see ``orientd.curves.compiled_effort``."""
 
 NUMBERS_FROM = (
-    "planner/bridge_search.py",
     "planner/differences.py",
     "planner/plain_path.py",
     "planner/survey.py",

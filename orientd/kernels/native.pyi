@@ -13,6 +13,24 @@ SOURCES: str
 def sample_cubic(
     times: Floats, breaks: Floats, table: Floats, slack: float, out: Floats, /
 ) -> int: ...
+
+# connectors.h
+def put_joins(
+    q: Floats, w: Floats, breaks: Floats, base: Floats, axes: Floats, lengths: Floats,
+    values: Floats, rates: Floats, curvatures: Floats, at_ends: Floats, /,
+) -> None: ...  # fmt: skip
+def try_joins(
+    first: Floats, last: Floats, durations: Floats, around: Floats, limits: Floats, w: Floats,
+    kept: Indices, /,
+) -> None: ...  # fmt: skip
+def ramps_of_stop(
+    state: Floats, limits: Floats, period: float, ends: Floats, w: Floats, durations: Floats, /
+) -> int: ...
+def find_connector(
+    start: Floats, end: Floats, limits: Floats, period: float, least: float, q: Floats, w: Floats,
+    times: Floats, /,
+) -> bool: ...  # fmt: skip
+
 def sample_product(
     times: Floats, breaks: Floats, base: Floats, axes: Floats, lengths: Floats,
     values: Floats, rates: Floats, curvatures: Floats, slack: float, out: Floats, /,

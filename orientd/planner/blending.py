@@ -13,15 +13,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from orientd.errors import PlanError
-from orientd.planner.bridge_search import Bounds
 from orientd.planner.certifying import certified
 from orientd.planner.draft import Draft
+from orientd.planner.joins import join, try_joins
+from orientd.planner.limit_table import limit_table
 from orientd.planner.limits import Limits
 from orientd.planner.motion import Motion
 from orientd.planner.path import Path, Stretch
 from orientd.planner.planning import plan
 from orientd.planner.position import PositionPath, quintic
-from orientd.planner.quintic import Ends, increments, join, rates
 from orientd.planner.request import MotionRequest, State
 from orientd.rotation import Floats, angle
 
@@ -134,9 +134,8 @@ def _blended(
     durations = period * cycles
     here = first.sample(period * leave.astype(np.float64))
     there = second.sample(period * joined.astype(np.float64))
-    w = increments(Ends(*here[:3]), Ends(*there[:3]), durations)[0]
-    bounds = Bounds.of(State.at_rest(corner), State.at_rest(corner), second.limits)
-    kept = np.flatnonzero(bounds.keeps(rates(w, durations, with_axes=bounds.has_axes)))
+    limits = limit_table(second.limits.with_reserve())
+    w, kept = try_joins(here, there, durations, State.at_rest(corner), limits)
     # The quickest first.
     gain = (spared[index] - cycles)[kept]
     tries = 0

@@ -9,11 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from orientd.errors import PlanError
-from orientd.planner.bridge_search import Bounds
 from orientd.planner.course import Core
+from orientd.planner.joins import join, try_joins
+from orientd.planner.limit_table import limit_table
 from orientd.planner.limits import Limits
 from orientd.planner.path import Stretch
-from orientd.planner.quintic import Ends, increments, join, rates
 from orientd.planner.request import State
 
 _TRIES = 60
@@ -36,20 +36,13 @@ def join_in(core: Core, start: State, *, limits: Limits, period: float) -> Stret
     cycles = np.unique(np.geomspace(_FEWEST, max(most, _FEWEST), _TRIES).astype(int))
     durations = period * cycles[cycles <= most]
     if len(durations):
-        last = Ends(*core.stretch.sample(durations))
-        count = len(durations)
-        first = Ends(
-            *(
-                np.repeat(part[None], count, axis=0)
-                for part in (start.q, start.omega_body, start.alpha_body)
-            )
-        )
-        w = increments(first, last, durations)[0]
+        here = (start.q, start.omega_body, start.alpha_body)
+        first = [np.tile(part, (len(durations), 1)) for part in here]
+        last = core.stretch.sample(durations)
         # The curve may go up to the limits itself.
-        bounds = Bounds.of(start, start, limits, reserve=1.0)
-        is_kept = bounds.keeps(rates(w, durations, with_axes=bounds.has_axes))
-        if is_kept.any():
-            index = int(np.argmax(is_kept))
+        w, kept = try_joins(first, last, durations, start, limit_table(limits))
+        if len(kept):
+            index = int(kept[0])
             duration = float(durations[index])
             return Stretch(join(start.q, w[index], duration), 0.0, duration)
     raise PlanError(

@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 
 from orientd.curves import Curve
 from orientd.errors import PlanError
+from orientd.planner.joins import join
 from orientd.planner.limits import Limits
 from orientd.planner.position import UNIT_ACCELERATION, UNIT_JERK, UNIT_VELOCITY
-from orientd.planner.quintic import join
 from orientd.rotation import (
     Floats,
     angle,

@@ -1,7 +1,7 @@
 """Leads in: how a device gets from wherever it is, and however it moves, to the first keyframe.
 
 From rest that is an approach, and a run-up where the keyframe is passed with a velocity.  From a
-motion it is a bridge; where none is found, a stop and then the way from rest, so that there is
+motion it is a connector; where none is found, a stop and then the way from rest, so that there is
 always an answer.
 """
 
@@ -13,7 +13,7 @@ from enum import Enum
 import numpy as np
 
 from orientd.errors import PlanError
-from orientd.planner.bridge import bridge, ramped_stops
+from orientd.planner.connector import connector, ramped_stops
 from orientd.planner.lead import approach, approach_cycles, is_still, lead_out
 from orientd.planner.limits import Limits
 from orientd.planner.path import Stretch
@@ -68,7 +68,7 @@ def lead_in(
         first: at the first keyframe; its position is at rest.
         limits: to keep.
         period: it takes a whole number of periods, s.
-        is_direct: whether to look for a bridge from rest, too.
+        is_direct: whether to look for a connector from rest, too.
         caution: what to do with less than the limits, and how.
 
     Raises:
@@ -82,7 +82,7 @@ def lead_in(
         return _by_way_of_rest(start, first, positions, limits=limits, period=period)
     least = 0.0 if positions.is_held else float(positions.breaks[-1])
     try:
-        stretch = bridge(start, first, limits=limits, period=period, least=least)
+        stretch = connector(start, first, limits=limits, period=period, least=least)
     except PlanError:
         return _by_way_of_rest(start, first, positions, limits=limits, period=period)
     if not positions.is_held:

@@ -62,6 +62,7 @@ PyObject *refuse(arguments_t *taken);
 
 /* One table for each group of kernels, in py_<group>.c. */
 extern PyMethodDef sampling_methods[];
+extern PyMethodDef connectors_methods[];
 extern PyMethodDef certify_methods[];
 
 #endif

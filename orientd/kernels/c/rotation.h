@@ -49,6 +49,7 @@ INLINE vec_t cross_plus(vec_t a, vec_t b, vec_t c) {
 }
 
 INLINE quat_t conjugated(quat_t q) { return quat(q.w, -q.x, -q.y, -q.z); }
+INLINE quat_t opposite(quat_t q) { return quat(-q.w, -q.x, -q.y, -q.z); }
 INLINE quat_t multiplied(quat_t p, quat_t q) {
     return quat(fused(-p.z, q.z, fused(-p.y, q.y, fused(-p.x, q.x, p.w * q.w))),
                 fused(-p.z, q.y, fused(p.y, q.z, fused(p.x, q.w, p.w * q.x))),

@@ -6,7 +6,6 @@ import pytest
 from orientd.curves import fast as curves_fast
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, fast, plan, retarget
 from orientd.planner.brake import axis_brake_rate, brake_rate
-from orientd.planner.bridge import bridge
 from orientd.planner.course import Course
 from orientd.planner.differences import Rough, differences, extremes
 from orientd.planner.limits import ANGULAR
@@ -14,7 +13,7 @@ from orientd.planner.measuring import measure_path
 from orientd.planner.methods import Ends, method_of
 from orientd.planner.position import PositionPath
 from orientd.planner.survey import Survey
-from orientd.rotation import angle, exp, multiply, normalize
+from orientd.rotation import exp, multiply, normalize
 
 PERIOD = 0.002
 LIMITS = [DEFAULT_LIMITS, DEFAULT_LIMITS.with_rates({"velocity": [2.0, 0.7, 1.5], "jerk": 300.0})]
@@ -39,46 +38,6 @@ def both(loaded, monkeypatch):
         return reference, work()
 
     return call
-
-
-def random_state(rng, speed):
-    return State(
-        normalize(rng.normal(size=4)), speed * rng.normal(size=3), 4.0 * speed * rng.normal(size=3),
-        np.zeros(3),
-    )  # fmt: skip
-
-
-@pytest.mark.parametrize("limits", LIMITS)
-@pytest.mark.parametrize("speed", [0.0, 0.3])
-def test_both_find_the_same_bridges(both, limits, speed):
-    rng = np.random.default_rng(3)
-    for _ in range(8):
-        start, end = random_state(rng, speed), random_state(rng, 0.5 * speed)
-        reference, found = both(lambda a=start, b=end: bridge(a, b, limits=limits, period=PERIOD))
-        assert found.curve.knots == pytest.approx(reference.curve.knots, abs=1e-12)
-        for part, other in zip(
-            *(each.curve.evaluate(each.curve.knots) for each in (found, reference)), strict=True
-        ):
-            assert np.abs(part - other).max() <= 1e-9
-        times = np.linspace(0.0, found.end, 60)
-        assert np.abs(found.sample(times)[0] - reference.sample(times)[0]).max() <= 1e-12
-
-
-@pytest.mark.parametrize("speed", [0.0, 0.3, 1.0])
-def test_a_bridge_is_one_smooth_curve_from_state_to_state(both, speed):
-    rng = np.random.default_rng(4)
-    for _ in range(12):
-        start, end = random_state(rng, speed), random_state(rng, speed)
-        for stretch in both(lambda a=start, b=end: bridge(a, b, limits=LIMITS[0], period=PERIOD)):
-            q, omega, alpha = stretch.sample(np.array([0.0, stretch.end]))
-            for k, state in enumerate((start, end)):
-                assert angle(q[k], state.q) <= 1e-13
-                assert omega[k] == pytest.approx(state.omega_body, abs=1e-12)
-                assert alpha[k] == pytest.approx(state.alpha_body, abs=1e-9)
-            inner = stretch.curve.knots[1:-1]
-            before, after = (stretch.sample(np.nextafter(inner, side)) for side in (-1.0, 9.0))
-            for part, other, bound in zip(before, after, (1e-12, 1e-9, 1e-6), strict=True):
-                assert np.abs(part - other).max(initial=0.0) <= bound
 
 
 @pytest.mark.parametrize("past", [0, 1])
@@ -295,7 +254,7 @@ def test_the_kernels_are_sent_for_once_those_of_the_curves_are_in_use(loaded, mo
     curves_fast.KERNEL.status = curves_fast.Status.READY
     assert fast.kernels().status is not curves_fast.Status.NOT_STARTED
     assert fast.KERNELS.wait_ready(60.0)
-    assert fast.kernels().search is not None
+    assert fast.kernels().survey is not None
 
 
 def test_without_numba_numpy_plans_on(monkeypatch):
@@ -303,4 +262,4 @@ def test_without_numba_numpy_plans_on(monkeypatch):
     kernels = fast.PlannerKernels()
     assert not kernels.wait_ready(60.0)
     assert kernels.status is curves_fast.Status.MISSING
-    assert kernels.search is None
+    assert kernels.survey is None

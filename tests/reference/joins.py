@@ -1,54 +1,47 @@
-r"""Many quintic joins of two states of motion at once, with what they ask of the device.
+"""Joins of two states of motion, many at once, with what they ask of the device.
 
-A join is the curve ``kks_quintic_hermite``: the cumulative Bernstein product of degree 5 with
-orientation, angular velocity and acceleration prescribed at both ends, an extension of the cubic
-Hermite curve of Kim, Kim and Shin (1995), sec. 5.2, which they do not give.  With half-angle
-increments :math:`w_1 \dots w_5` and duration *T* its velocity would be
-
-.. math:: \omega(u) = \tfrac{10}{T} \sum_{i=1}^5 w_i B_{i-1,4}(u)
-
-if turns commuted.  That decides which durations are worth a look; what is kept is measured on the
-curve itself.
+The formulas are those of ``orientd/kernels/c/connectors.h``.  If turns commuted the velocity of a
+join of duration *T* would be ``10 / T`` times the sum of its increments, each times a Bernstein
+polynomial of degree 4.  That decides which durations are worth a look; what is kept is measured on
+the curve itself.
 """
 
 from __future__ import annotations
 
+from math import comb
 from typing import NamedTuple
 
 import numpy as np
 
-from orientd.curves import Curve
-from orientd.curves.basis import CumulativeBasis, cumulative_basis
-from orientd.curves.cumulative import CumulativeCurve
-from orientd.curves.product import product, product_memory
-from orientd.planner.fast import kernels
 from orientd.rotation import Floats, conjugate, exp_half, log_half, multiply, rotate
 
 _ROUGH, _FINE = 17, 49  # points of a curve that are looked at
-_NO_TURN = 1e-300
-_UNIT = cumulative_basis(np.repeat([0.0, 1.0], 6), 6)
 
 
-def _values(points: int) -> Floats:
-    u = np.linspace(0.0, 1.0, points)
-    return _UNIT.at(np.zeros(points, dtype=np.intp), u)
+def bernstein(degree: int, u: Floats) -> Floats:
+    """Return the Bernstein polynomials of a degree, with a zero on either side, row by row."""
+    rows = [comb(degree, j) * u**j * (1.0 - u) ** (degree - j) for j in range(degree + 1)]
+    return np.array([0.0 * u, *rows, 0.0 * u])
+
+
+def basis(u: Floats) -> Floats:
+    """Return the five cumulative functions with two derivatives by *u*, shape ``(3, 5, n)``."""
+    five, four, three = (bernstein(degree, u) for degree in (5, 4, 3))
+    values = np.cumsum(five[::-1], axis=0)[::-1][2:7]
+    return np.array([values, 5.0 * four[1:6], 20.0 * (three[:5] - three[1:6])])
 
 
 def _commuting(points: int) -> Floats:
     """Return what turns the increments to velocity, acceleration and jerk, ``(3, points, 5)``."""
     u = np.linspace(0.0, 1.0, points)
-    v = 2.0 * _values(points)[1].T
-    a = 2.0 * _values(points)[2].T
-    # The third derivative of a quintic, from its second at three points: exact for a cubic.
-    j = np.gradient(a, u, axis=0, edge_order=2)
-    return np.stack([v, a, j])
+    _, v, a = 2.0 * basis(u).transpose(0, 2, 1)
+    return np.stack([v, a, np.gradient(a, u, axis=0, edge_order=2)])
 
 
-TO_RATES = np.ascontiguousarray(_commuting(_ROUGH))
-"""Velocity, acceleration and jerk of increments over a second at so many points, if turns commuted,
-shape ``(3, points, 5)``."""
+TO_RATES = _commuting(_ROUGH)
+"""Velocity, acceleration and jerk of increments over a second, shape ``(3, points, 5)``."""
 
-AT_FINE = _values(_FINE)
+AT_FINE = basis(np.linspace(0.0, 1.0, _FINE))
 """Basis functions with two derivatives at more points, shape ``(3, 5, points)``."""
 
 
@@ -120,21 +113,37 @@ def rough_rates(w: Floats, durations: Floats, *, with_axes: bool) -> Floats:
     return found
 
 
+def sampled(q: Floats, w: Floats, durations: Floats, at: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return orientations, velocities and accelerations of joins, factor by factor.
+
+    Args:
+        q: where they begin, shape ``(n, 4)``.
+        w: increments, shape ``(n, 5, 3)``.
+        durations: s, shape ``(n,)``.
+        at: from :func:`basis` at some points.
+
+    Returns:
+        Shapes ``(n, points, 4)``, ``(n, points, 3)`` and ``(n, points, 3)``.
+    """
+    h = durations[:, None, None]
+    here = np.repeat(q[:, None], at.shape[2], axis=1)
+    omega, alpha = np.zeros((2, *here.shape[:2], 3))
+    for k in range(5):
+        value, rate, bend = (row[k][:, None] * w[:, None, k] for row in at)
+        turn = exp_half(value)
+        own = 2.0 * rate / h
+        here, omega = multiply(here, turn), rotate(conjugate(turn), omega)
+        alpha = rotate(conjugate(turn), alpha) + np.cross(omega, own) + 2.0 * bend / h**2
+        omega = omega + own
+    return here, omega, alpha
+
+
 def rates(w: Floats, durations: Floats, *, with_axes: bool) -> Floats:
     """Return what joins really have of what :func:`rough_rates` estimates."""
-    count = len(w) * _FINE
-    lengths = np.sqrt(np.einsum("nki,nki->nk", w, w))
-    axes = w / np.where(lengths > 0.0, lengths, 1.0)[..., None]
-    scale = durations ** -np.arange(3.0)[:, None]
-    turns = np.einsum("rkp,nk,rn->rknp", AT_FINE, lengths, scale).reshape(3, 5, count)
-    spread = np.repeat(np.moveaxis(axes, 0, -1), _FINE, axis=2)
-    base: Floats = np.zeros((4, count))
-    base[0] = 1.0
-    out: Floats = np.empty((10, count))
-    product(base, spread, np.ascontiguousarray(turns), out, product_memory(count))
-    omega, alpha = out[4:7].reshape(3, -1, _FINE), out[7:10].reshape(3, -1, _FINE)
-    jerk = np.diff(alpha, axis=2) * (_FINE - 1) / durations[:, None]
-    rows = [np.moveaxis(x, 0, -1) for x in (omega, alpha, jerk)]
+    base = np.tile([1.0, 0.0, 0.0, 0.0], (len(w), 1))
+    _, omega, alpha = sampled(base, w, durations, AT_FINE)
+    jerk = np.diff(alpha, axis=1) * (_FINE - 1) / durations[:, None, None]
+    rows = (omega, alpha, jerk)
     return np.stack([_largest(x, "npi,npi->np", 1, with_axes=with_axes).T for x in rows])
 
 
@@ -156,50 +165,6 @@ def _largest(vectors: Floats, squares: str, points: int, *, with_axes: bool) -> 
     if not with_axes:
         return np.asarray(norms)
     return np.concatenate([norms, np.abs(vectors).max(axis=points)], axis=-1)
-
-
-def join(q: Floats, w: Floats, duration: float) -> Curve:
-    """Return the curve of increments, over ``[0, duration]``.
-
-    Args:
-        q: orientation it begins at, shape ``(4,)``.
-        w: its increments, shape ``(5, 3)``.
-        duration: s.
-    """
-    return Joins(q[None], w[None], np.array([0.0, duration]))
-
-
-class Joins(CumulativeCurve):
-    """Joins end to end; where they meet, velocity and acceleration are prescribed to be the same.
-
-    Args:
-        q: orientations that they begin at, signs continuous, shape ``(n, 4)``.
-        w: their increments, shape ``(n, 5, 3)``.
-        breaks: when they begin, and when the last one ends, s, shape ``(n + 1,)``.
-    """
-
-    def __init__(self, q: Floats, w: Floats, breaks: Floats) -> None:
-        count = len(q)
-        base, axes, lengths = np.empty((4, count)), np.empty((5, 3, count)), np.empty((5, count))
-        values, rates = np.empty((count, 5, 6)), np.empty((count, 5, 5))
-        curvatures = np.empty((count, 5, 4))
-        basis = CumulativeBasis(breaks, 1 + 5 * np.arange(count), values, rates, curvatures)
-        self._set_factors(basis, base, axes, lengths, w.reshape(-1, 3), continuity=2)
-        put_joins = kernels().put_joins
-        if put_joins is not None:
-            units = _UNIT.values[0], _UNIT.rates[0], _UNIT.curvatures[0]
-            at_ends: Floats = np.empty((10, 2))
-            put_joins(q, w, breaks, *units, base, axes, lengths, values, rates, curvatures, at_ends)
-            self._set_ends(at_ends)
-            return
-        rate = (1.0 / (breaks[1:] - breaks[:-1]))[:, None, None]
-        values[:], rates[:] = _UNIT.values, rate * _UNIT.rates
-        curvatures[:] = rate * rate * _UNIT.curvatures
-        factors = w.transpose(1, 2, 0)
-        lengths[:] = np.sqrt((factors * factors).sum(axis=1))
-        # A factor that does not turn has any axis.
-        axes[:] = factors / np.maximum(lengths, _NO_TURN)[:, None]
-        base[:] = q.T
 
 
 def arrival(q: Floats, w: Floats) -> Floats:

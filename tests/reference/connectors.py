@@ -1,7 +1,4 @@
-"""The search for the shortest bridge: all ramps with a grid of durations, then those near the best.
-
-This is the reference in NumPy; :mod:`orientd.planner.compiled_bridge` is what mostly runs.
-"""
+"""The search for the shortest connector: all ramps with a grid of durations, then the best ones."""
 
 from __future__ import annotations
 
@@ -9,11 +6,10 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+from reference.joins import Ends, arrival, increments, rates, rough_rates
 
-from orientd.planner.fast import Booleans
 from orientd.planner.limit_table import limit_table
 from orientd.planner.limits import ACCELERATION_RESERVE, Limits
-from orientd.planner.quintic import Ends, arrival, increments, rates, rough_rates
 from orientd.planner.request import State
 from orientd.rotation import Floats, between, exp, log, multiply
 
@@ -36,7 +32,7 @@ REFINED = 12
 """Durations of the second look."""
 
 BEST = 6
-"""Bridges that are measured first."""
+"""Connectors that are measured first."""
 
 CLOSE = (1.0, 1.004, 1.012, 1.03, 1.07, 1.15)
 """How much longer they may be."""
@@ -47,13 +43,14 @@ SHORTEST = 1e-6
 STILL = 1e-9
 """Sizes that count as none, rad/s and rad/s^2."""
 
-_BLOCK = 12  # bridges measured in one go: the first few mostly decide
+_BLOCK = 12  # connectors measured in one go: the first few mostly decide
 
 Indices = np.ndarray[Any, np.dtype[np.intp]]
+Booleans = np.ndarray[Any, np.dtype[np.bool_]]
 
 
 class Way(NamedTuple):
-    """A bridge: a ramp, a join and another ramp, each a quintic.
+    """A connector: a ramp, a join and another ramp, each a quintic.
 
     Attributes:
         q: orientations that they begin at, signs continuous, shape ``(3, 4)``.
@@ -79,7 +76,7 @@ class Ramps(NamedTuple):
 
 
 def search(start: State, end: State, limits: Limits, period: float, least: float) -> Way | None:
-    """Return the shortest bridge that is found; ``None`` if there is none.
+    """Return the shortest connector that is found; ``None`` if there is none.
 
     Args:
         start: where it begins.
@@ -168,7 +165,7 @@ class _Found(NamedTuple):
 def _look(
     first: Ends, last: Ends, ramped: Floats, pairs: Indices, totals: Floats, bounds: Bounds
 ) -> _Found:
-    """Return which of the bridges seem to keep the bounds, the shortest first."""
+    """Return which of the connectors seem to keep the bounds, the shortest first."""
     durations = totals - ramped[pairs]
     is_long = durations > SHORTEST
     pairs, totals, durations = pairs[is_long], totals[is_long], durations[is_long]
@@ -185,7 +182,7 @@ def _look(
 def _first_kept(
     first: Ends, last: Ends, ramped: Floats, some: _Found, bounds: Bounds
 ) -> tuple[int, float, Floats] | None:
-    """Return pair, duration and increments of the first bridge that keeps the bounds."""
+    """Return pair, duration and increments of the first connector that keeps the bounds."""
     for begin in range(0, len(some.totals), _BLOCK):
         block = some.some(slice(begin, begin + _BLOCK))
         durations = block.totals - ramped[block.pairs]
@@ -199,7 +196,7 @@ def _first_kept(
 
 
 class Bounds(NamedTuple):
-    """What a bridge keeps: the limits with their reserve, but never less than what it begins with.
+    """What a connector keeps: the limits with their reserve, but never less than it begins with.
 
     Attributes:
         most: velocity, acceleration and jerk: the norm, and the components where they are limited,
@@ -277,7 +274,7 @@ def ramps(
     *,
     in_cycles: bool = False,
 ) -> Ramps:
-    """Return changes of the acceleration that a bridge from *state* may begin with."""
+    """Return changes of the acceleration that a connector from *state* may begin with."""
     omega, alpha = state.omega_body, state.alpha_body
     reserved = limits.with_reserve()
     targets = [alpha]

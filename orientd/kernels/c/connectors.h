@@ -1,0 +1,216 @@
+/* Joins of two states of motion, and connectors: the shortest way found from one to the other.
+ *
+ * A join is the curve kks_quintic_hermite: the cumulative Bernstein product of degree 5 with
+ * orientation, angular velocity and acceleration prescribed at both ends, an extension of the cubic
+ * Hermite curve of Kim, Kim and Shin (1995), sec. 5.2, which they do not give:
+ *
+ *     q(u) = q_0 exp(w_1 b_1(u)) ... exp(w_5 b_5(u)),   b_i = B_{i,5} + ... + B_{5,5},
+ *
+ * with half-angle increments w_i and u from 0 to 1 over its duration.
+ *
+ * A curve of several joins end to end is one cumulative product like others: sample_product of
+ * sampling.h serves what put_joins has written.
+ */
+#ifndef ORIENTD_CONNECTORS_H
+#define ORIENTD_CONNECTORS_H
+
+#include "lanes.h"
+#include "rotation.h"
+
+enum { FACTORS = 5 };  /* of a join */
+
+/* The functions b_i and their first two derivatives by u. */
+typedef struct { double value[FACTORS], rate[FACTORS], curvature[FACTORS]; } basis_t;
+
+/* What a connector keeps of velocity, acceleration and jerk: the norm, then the components, each
+ * infinite where nothing limits it. */
+typedef struct { double most[3][4]; } bounds_t;
+
+/* What a join is sampled from; a factor that does not turn has any axis. */
+typedef struct {
+    vec_t axis[FACTORS];
+    double length[FACTORS];
+    double per_second;  /* one over the duration */
+} join_t;
+
+INLINE basis_t join_basis(double u) {
+    double v = 1.0 - u, uu = u * u, vv = v * v;
+    /* Bernstein polynomials of degree 4 and 3. */
+    double four[5] = {vv * vv, 4.0 * u * vv * v, 6.0 * uu * vv, 4.0 * uu * u * v, uu * uu};
+    double three[4] = {vv * v, 3.0 * u * vv, 3.0 * uu * v, uu * u};
+    /* Those of degree 5, summed from the last. */
+    double fifth = u * four[4], fourth = fifth + (u * four[3] + v * four[4]);
+    double third = fourth + (u * four[2] + v * four[3]);
+    double second = third + (u * four[1] + v * four[2]);
+    double first = second + (u * four[0] + v * four[1]);
+    return (basis_t){
+        {first, second, third, fourth, fifth},
+        {5.0 * four[0], 5.0 * four[1], 5.0 * four[2], 5.0 * four[3], 5.0 * four[4]},
+        {-20.0 * three[0], 20.0 * (three[0] - three[1]), 20.0 * (three[1] - three[2]),
+         20.0 * (three[2] - three[3]), 20.0 * three[3]},
+    };
+}
+
+INLINE join_t join_of(const vec_t w[FACTORS], double duration) {
+    join_t join;
+    for (int k = 0; k < FACTORS; k++) {
+        double length = norm(w[k]);
+        join.length[k] = length;
+        join.axis[k] = times(length > 0.0 ? 1.0 / length : 0.0, w[k]);
+    }
+    join.per_second = 1.0 / duration;
+    return join;
+}
+
+/* A motion followed by one factor of a join. */
+INLINE motion_t past_factor(motion_t before, vec_t axis, double angle, double rate, double bend) {
+    double c, s;
+    cosine_and_sine(angle, &c, &s);
+    vec_t e = times(s, axis);
+    motion_t after = {
+        followed(before.q, c, e),
+        turned_back(c, e, before.omega),
+        turned_back(c, e, before.alpha),
+    };
+    join(&after.omega, &after.alpha, axis, 2.0 * rate, 2.0 * bend);
+    return after;
+}
+
+/* A join at some point, from the orientation it begins at.  Neither branches nor calls, so that a
+ * loop over points goes to the vector units. */
+INLINE motion_t join_at(quat_t begin, const join_t *of, basis_t basis) {
+    motion_t here = {begin, vec(0.0, 0.0, 0.0), vec(0.0, 0.0, 0.0)};
+#define PAST(K) \
+    here = past_factor(here, of->axis[K], of->length[K] * basis.value[K], \
+                       of->length[K] * basis.rate[K] * of->per_second, \
+                       of->length[K] * basis.curvature[K] * of->per_second * of->per_second)
+    PAST(0);
+    PAST(1);
+    PAST(2);
+    PAST(3);
+    PAST(4);
+#undef PAST
+    return here;
+}
+
+/* A state as a row: orientation, angular velocity and angular acceleration, body components. */
+enum { STATE = 10 };
+
+INLINE motion_t state_at(const double *row) {
+    return (motion_t){quat_at(row), vec_at(row + 4), vec_at(row + 7)};
+}
+INLINE void put_state(double *row, motion_t state) {
+    put_quat(row, state.q), put_vec(row + 4, state.omega), put_vec(row + 7, state.alpha);
+}
+
+/* join.c */
+
+/* Write the increments of a join but the middle one, and return the quaternion of that, the
+ * shorter way round. */
+quat_t put_outer_increments(const motion_t *first, const motion_t *last, double duration,
+                            vec_t w[FACTORS]);
+/* Write all increments of a join, the shorter way round. */
+void put_increments(const motion_t *first, const motion_t *last, double duration,
+                    vec_t w[FACTORS]);
+
+/* Write what joins end to end are sampled from.
+ *
+ * q: orientations that they begin at, shape (n, 4).
+ * w: their increments, shape (n, 5, 3).
+ * breaks: when they begin, and when the last one ends, s, shape (n + 1,).
+ * base: receives the orientations, shape (4, n).
+ * axes: receives the unit axes of the increments, shape (5, 3, n).
+ * lengths: receives their half angles, shape (5, n).
+ * values, rates, curvatures: receive the Bernstein coefficients of the basis functions and of
+ *     their derivatives by time, shapes (n, 5, 6), (n, 5, 5) and (n, 5, 4).
+ * at_ends: receives samples at both ends, shape (10, 2). */
+void put_joins(matrix_t q, tensor_t w, row_t breaks, matrix_t base, tensor_t axes,
+               matrix_t lengths, tensor_t values, tensor_t rates, tensor_t curvatures,
+               matrix_t at_ends);
+
+/* join_bounds.c */
+
+enum {
+    ROUGH = 17, ROUGH_LANES = 24,  /* points of a join that are looked at first */
+    FINE = 49, FINE_LANES = 56,    /* points of one that seems to do; lanes repeat the last one */
+};
+
+/* What joins are at points spread evenly, the same for all of them. */
+typedef struct {
+    /* Velocity, acceleration and jerk of increments over a second, if turns commuted. */
+    double rough[3][FACTORS][ROUGH_LANES];
+    /* Basis functions with two derivatives. */
+    double fine[3][FACTORS][FINE_LANES];
+} points_t;
+
+void put_points(points_t *points);
+
+/* Return the limits, a little less of the velocity, but never less than what a device has in
+ * either of two states. */
+bounds_t bounds_of(const motion_t *start, const motion_t *end, matrix_t limits);
+/* Whether a vector is above its bounds: the norm, or a component. */
+bool exceeds(vec_t v, const double most[4]);
+/* Whether a join keeps its bounds as if turns commuted. */
+bool seems_to_keep(const vec_t w[FACTORS], double duration, const points_t *points,
+                   const bounds_t *bounds);
+/* Whether a join keeps its bounds at points of the curve itself. */
+bool keeps(const vec_t w[FACTORS], double duration, const points_t *points,
+           const bounds_t *bounds);
+
+/* Write the increments of several joins, the shorter way round each, and which keep the limits.
+ *
+ * first, last: states that they begin and end with, shape (n, 10).
+ * durations: s, shape (n,).
+ * around: a state whose velocity and acceleration are allowed whatever the limits, shape (10,).
+ * limits: of velocity, acceleration and jerk, norm and components, shape (3, 4).
+ * w: receives the increments, shape (n, 5, 3).
+ * kept: receives 1 for each that keeps the limits and 0 for others, shape (n,). */
+void try_joins(matrix_t first, matrix_t last, row_t durations, row_t around, matrix_t limits,
+               tensor_t w, indices_t kept);
+
+/* ramp.c */
+
+enum { RAMPS = 6 };  /* at most, at either end of a connector */
+
+/* Changes of the acceleration at one end, several to choose from; the first is none at all. */
+typedef struct {
+    motion_t ends[RAMPS];
+    double durations[RAMPS];  /* s */
+    int count;
+} ramps_t;
+
+/* Return the ramps that a connector may begin with.
+ *
+ * way: rotation vector to where it leads.
+ * limits: with their reserve, shape (3, 4).
+ * period: least duration, s.
+ * in_cycles: whether durations are whole periods. */
+ramps_t ramps_from(const motion_t *state, vec_t way, matrix_t limits, const bounds_t *bounds,
+                   double period, bool in_cycles);
+
+/* Write the ramps that a stop may begin with, of whole periods, and return how many there are.
+ *
+ * state: shape (10,).
+ * limits: with their reserve, shape (3, 4).
+ * ends: receives the states that they lead to, shape (RAMPS, 10).
+ * w: receives their increments, shape (RAMPS, 5, 3).
+ * durations: receives these, s; the first one takes no time; shape (RAMPS,). */
+index_t ramps_of_stop(row_t state, matrix_t limits, double period, matrix_t ends, tensor_t w,
+                      row_t durations);
+
+/* connector_search.c */
+
+/* Write the shortest connector that is found, a ramp, a join and another ramp, and return whether
+ * there is one.
+ *
+ * start, end: states, shape (10,).
+ * limits: of velocity, acceleration and jerk with their reserve, norm and components, shape (3, 4).
+ * period: it takes a whole number of periods, s.
+ * least: it takes at least this long, s.
+ * q: receives the orientations that the three begin at, signs continuous, shape (3, 4).
+ * w: receives the increments of the three, shape (3, 5, 3); of one that takes no time none.
+ * times: receives when the three begin and when the last one ends, s, shape (4,). */
+bool find_connector(row_t start, row_t end, matrix_t limits, double period, double least,
+                    matrix_t q, tensor_t w, row_t times);
+
+#endif

@@ -1,0 +1,55 @@
+/* Joins and connectors as Python calls them. */
+#include "binding.h"
+#include "connectors.h"
+
+static bool is_matrix(matrix_t a, index_t n, index_t m) { return a.n == n && a.m == m; }
+static bool is_tensor(tensor_t a, index_t n, index_t m, index_t k) {
+    return a.n == n && a.m == m && a.k == k;
+}
+
+KERNEL(put_joins) {
+    TAKE("mtvMTMTTTM");
+    index_t n = a[0].m.n;
+    CHECK(n > 0 && a[0].m.m == 4 && is_tensor(a[1].t, n, FACTORS, 3) && a[2].v.n == n + 1);
+    CHECK(is_matrix(a[3].m, 4, n) && is_tensor(a[4].t, FACTORS, 3, n));
+    CHECK(is_matrix(a[5].m, FACTORS, n) && is_tensor(a[6].t, n, FACTORS, 6));
+    CHECK(is_tensor(a[7].t, n, FACTORS, 5) && is_tensor(a[8].t, n, FACTORS, 4));
+    CHECK(is_matrix(a[9].m, STATE, 2));
+    RUN(put_joins(a[0].m, a[1].t, a[2].v, a[3].m, a[4].t, a[5].m, a[6].t, a[7].t, a[8].t, a[9].m));
+    Py_RETURN_NONE;
+}
+
+KERNEL(try_joins) {
+    TAKE("mmvvmTX");
+    index_t n = a[2].v.n;
+    CHECK(is_matrix(a[0].m, n, STATE) && is_matrix(a[1].m, n, STATE) && a[3].v.n == STATE);
+    CHECK(is_matrix(a[4].m, 3, 4) && is_tensor(a[5].t, n, FACTORS, 3) && a[6].x.n == n);
+    RUN(try_joins(a[0].m, a[1].m, a[2].v, a[3].v, a[4].m, a[5].t, a[6].x));
+    Py_RETURN_NONE;
+}
+
+KERNEL(ramps_of_stop) {
+    TAKE("vmdMTV");
+    CHECK(a[0].v.n == STATE && is_matrix(a[1].m, 3, 4) && is_matrix(a[3].m, RAMPS, STATE));
+    CHECK(is_tensor(a[4].t, RAMPS, FACTORS, 3) && a[5].v.n == RAMPS);
+    index_t found;
+    RUN(found = ramps_of_stop(a[0].v, a[1].m, a[2].d, a[3].m, a[4].t, a[5].v));
+    return PyLong_FromLongLong(found);
+}
+
+KERNEL(find_connector) {
+    TAKE("vvmddMTV");
+    CHECK(a[0].v.n == STATE && a[1].v.n == STATE && is_matrix(a[2].m, 3, 4));
+    CHECK(is_matrix(a[5].m, 3, 4) && is_tensor(a[6].t, 3, FACTORS, 3) && a[7].v.n == 4);
+    bool is_found;
+    RUN(is_found = find_connector(a[0].v, a[1].v, a[2].m, a[3].d, a[4].d, a[5].m, a[6].t, a[7].v));
+    return PyBool_FromLong(is_found);
+}
+
+PyMethodDef connectors_methods[] = {
+    ENTRY(put_joins),
+    ENTRY(try_joins),
+    ENTRY(ramps_of_stop),
+    ENTRY(find_connector),
+    LAST_ENTRY,
+};

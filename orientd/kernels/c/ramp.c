@@ -1,0 +1,100 @@
+/* Ramps: changes of the acceleration alone, at the limit of the jerk. */
+#include "connectors.h"
+
+/* Sizes that count as none, rad/s and rad/s^2. */
+#define STILL 1e-9
+
+enum { SUBSTEPS = 2 };  /* of Magnus' expansion, in a ramp */
+
+/* Where a ramp leads to, by Magnus' expansion of fourth order:
+ *
+ *     exp(h/2 (omega_a + omega_b) + sqrt(3)/12 h^2 omega_a x omega_b)
+ *
+ * Blanes et al. (2009), eq. 254, for q' = 1/2 q omega, whose sign of the commutator is the opposite
+ * one, with the velocities at Gauss' two nodes. */
+static quat_t after_ramp(const motion_t *state, vec_t goal, double duration) {
+    double h = duration / SUBSTEPS, rate = duration > 0.0 ? 1.0 / duration : 1.0;
+    double node = sqrt(3.0) / 6.0, share = sqrt(3.0) / 24.0 * h * h;
+    vec_t slope = minus(goal, state->alpha);
+    quat_t here = state->q;
+    for (int step = 0; step < SUBSTEPS; step++) {
+        double t[2] = {(step + 0.5 - node) * h, (step + 0.5 + node) * h};
+        vec_t at[2];
+        for (int i = 0; i < 2; i++)
+            at[i] = plus(plus(state->omega, times(t[i], state->alpha)),
+                         times(0.5 * t[i] * t[i] * rate, slope));
+        vec_t half = plus(times(0.25 * h, plus(at[0], at[1])),
+                          times(share, cross(at[0], at[1])));
+        here = multiplied(here, exponential(half));
+    }
+    return here;
+}
+
+/* Add the ramp to an acceleration, unless it becomes too fast. */
+static void add_ramp(ramps_t *ramps, const motion_t *state, vec_t goal, matrix_t limits,
+                     const bounds_t *bounds, double period, bool in_cycles) {
+    double duration = 0.0;
+    if (ramps->count) {
+        vec_t change = minus(goal, state->alpha);
+        const double *jerk = row_of(limits, 2);
+        duration = fmax(fmax(norm(change) / jerk[0], fabs(change.x) / jerk[1]),
+                        fmax(fabs(change.y) / jerk[2], fabs(change.z) / jerk[3]));
+        duration = fmax(duration, period);
+        if (in_cycles)
+            duration = ceil(duration / period - 1e-9) * period;
+    }
+    vec_t speed = plus(state->omega, times(0.5 * duration, plus(state->alpha, goal)));
+    if (ramps->count && exceeds(speed, bounds->most[0]))
+        return;
+    ramps->ends[ramps->count] = (motion_t){after_ramp(state, goal, duration), speed, goal};
+    ramps->durations[ramps->count++] = duration;
+}
+
+/* A limit on the component along a direction. */
+static double along(vec_t direction, const double limits[4]) {
+    double limit = limits[0], parts[3] = {direction.x, direction.y, direction.z};
+    for (int k = 0; k < 3; k++)
+        if (fabs(parts[k]) * limit > limits[k + 1])
+            limit = limits[k + 1] / fabs(parts[k]);
+    return limit;
+}
+
+ramps_t ramps_from(const motion_t *state, vec_t way, matrix_t limits, const bounds_t *bounds,
+                   double period, bool in_cycles) {
+    ramps_t ramps;
+    ramps.count = 0;
+    add_ramp(&ramps, state, state->alpha, limits, bounds, period, in_cycles);
+    if (norm(state->alpha) > STILL)
+        add_ramp(&ramps, state, vec(0.0, 0.0, 0.0), limits, bounds, period, in_cycles);
+    vec_t towards[2] = {times(-1.0, state->omega), way};
+    for (int i = 0; i < 2; i++) {
+        double size = norm(towards[i]);
+        if (!(size > STILL))
+            continue;
+        vec_t direction = times(1.0 / size, towards[i]);
+        double limit = along(direction, row_of(limits, 1));
+        if (!(limit < INFINITY))
+            continue;
+        for (int half = 1; half <= 2; half++)
+            add_ramp(&ramps, state, times(0.5 * half * limit, direction), limits, bounds, period,
+                     in_cycles);
+    }
+    return ramps;
+}
+
+index_t ramps_of_stop(row_t state, matrix_t limits, double period, matrix_t ends, tensor_t w,
+                      row_t durations) {
+    motion_t begin = state_at(state.v);
+    bounds_t bounds = bounds_of(&begin, &begin, limits);
+    vec_t nowhere = vec(0.0, 0.0, 0.0);
+    ramps_t ramps = ramps_from(&begin, nowhere, limits, &bounds, period, true);
+    for (int i = 0; i < ramps.count; i++) {
+        vec_t of[FACTORS];
+        put_increments(&begin, &ramps.ends[i], ramps.durations[i], of);
+        for (int k = 0; k < FACTORS; k++)
+            put_vec(w.v + (i * FACTORS + k) * 3, of[k]);
+        put_state(row_of(ends, i), ramps.ends[i]);
+        durations.v[i] = ramps.durations[i];
+    }
+    return ramps.count;
+}

@@ -1,0 +1,161 @@
+"""Joins and connectors against plain NumPy, and the laws that they keep."""
+
+import numpy as np
+import pytest
+from reference import connectors, joins
+
+from orientd import kernels
+from orientd.planner import DEFAULT_LIMITS, State
+from orientd.planner.connector import connector, ramped_stops
+from orientd.planner.joins import Joins, state_row, try_joins
+from orientd.planner.limit_table import limit_table
+from orientd.rotation import angle, normalize
+
+PERIOD = 0.002
+LIMITS = [DEFAULT_LIMITS, DEFAULT_LIMITS.with_rates({"velocity": [2.0, 0.7, 1.5], "jerk": 300.0})]
+
+
+def random_state(rng, speed):
+    return State(
+        normalize(rng.normal(size=4)), speed * rng.normal(size=3), 4.0 * speed * rng.normal(size=3),
+        np.zeros(3),
+    )  # fmt: skip
+
+
+def nearby(rng, state, speed):
+    other = random_state(rng, speed)
+    q = normalize(state.q + 1e-3 * rng.normal(size=4))
+    return State(q, other.omega_body, other.alpha_body, other.position)
+
+
+def searched(start, end, limits, period, least):
+    """Return what the kernel finds, like the search in NumPy."""
+    way = connectors.Way(np.empty((3, 4)), np.empty((3, 5, 3)), np.empty(4))
+    table = limit_table(limits.with_reserve())
+    is_found = kernels.find_connector(state_row(start), state_row(end), table, period, least, *way)
+    return way if is_found else None
+
+
+@pytest.mark.parametrize("limits", LIMITS)
+@pytest.mark.parametrize("speed", [0.0, 0.1, 0.3, 0.6, 1.0])
+def test_the_connectors_found_are_those_of_numpy(limits, speed):
+    rng = np.random.default_rng(11)
+    count = 0
+    for k in range(60):
+        start = random_state(rng, speed)
+        slower = speed * rng.choice([0.0, 0.5, 1.0])
+        end = nearby(rng, start, slower) if k % 7 == 0 else random_state(rng, slower)
+        work = (start, end, limits, rng.choice([0.002, 0.008, 0.02]), rng.choice([0.0, 0.0, 3.0]))
+        reference, found = connectors.search(*work), searched(*work)
+        assert (found is None) == (reference is None)
+        if found is not None:
+            count += 1
+            assert np.abs(found.times - reference.times).max() <= 1e-12
+            assert np.abs(found.q - reference.q).max() <= 1e-12
+            takes_time = np.diff(found.times) > 0.0
+            assert np.abs(found.w - reference.w)[takes_time].max() <= 1e-12
+    assert count >= 45
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.3, 1.0])
+def test_a_connector_is_one_smooth_curve_from_state_to_state(speed):
+    rng = np.random.default_rng(4)
+    for _ in range(12):
+        start, end = random_state(rng, speed), random_state(rng, speed)
+        stretch = connector(start, end, limits=LIMITS[0], period=PERIOD)
+        q, omega, alpha = stretch.sample(np.array([0.0, stretch.end]))
+        for k, state in enumerate((start, end)):
+            assert angle(q[k], state.q) <= 1e-13
+            assert omega[k] == pytest.approx(state.omega_body, abs=1e-12)
+            assert alpha[k] == pytest.approx(state.alpha_body, abs=1e-9)
+        inner = stretch.curve.knots[1:-1]
+        before, after = (stretch.sample(np.nextafter(inner, side)) for side in (-1.0, 9.0))
+        for part, other, bound in zip(before, after, (1e-12, 1e-9, 1e-6), strict=True):
+            assert np.abs(part - other).max(initial=0.0) <= bound
+
+
+def test_the_same_states_give_the_same_bits():
+    rng = np.random.default_rng(8)
+    start, end = random_state(rng, 0.3), random_state(rng, 0.3)
+    one, other = (searched(start, end, LIMITS[1], PERIOD, 0.0) for _ in range(2))
+    for part, same in zip(one, other, strict=True):
+        assert part.tobytes() == same.tobytes()
+
+
+@pytest.mark.parametrize("limits", LIMITS)
+@pytest.mark.parametrize("speed", [0.0, 0.3])
+def test_joins_that_are_tried_are_those_of_numpy(limits, speed):
+    rng = np.random.default_rng(5)
+    first, last = (
+        joins.Ends(
+            normalize(rng.normal(size=(200, 4))),
+            speed * rng.normal(size=(200, 3)),
+            4.0 * speed * rng.normal(size=(200, 3)),
+        )
+        for _ in range(2)
+    )
+    durations = rng.uniform(0.3, 9.0, 200)
+    around = random_state(rng, speed)
+    table = limit_table(limits.with_reserve())
+    w, kept = try_joins(first, last, durations, around, table)
+    reference = joins.increments(first, last, durations)[0]
+    assert np.abs(w - reference).max() <= 1e-12
+    bounds = connectors.Bounds.of(around, around, limits)
+    is_kept = bounds.keeps(joins.rates(w, durations, with_axes=bounds.has_axes))
+    assert kept.tolist() == np.flatnonzero(is_kept).tolist()
+    assert 0 < len(kept) < 200
+
+
+def test_a_curve_of_joins_is_sampled_as_numpy_does():
+    rng = np.random.default_rng(6)
+    q, w = normalize(rng.normal(size=(4, 4))), 0.7 * rng.normal(size=(4, 5, 3))
+    w[1, 2] = 0.0
+    durations = rng.uniform(0.1, 3.0, 4)
+    breaks = np.concatenate([[-1.0], -1.0 + np.cumsum(durations)])
+    curve = Joins(q, w, breaks)
+    u = np.linspace(0.0, 1.0, 30)[:-1]
+    reference = joins.sampled(q, w, durations, joins.basis(u))
+    found = curve.evaluate((breaks[:-1, None] + durations[:, None] * u).reshape(-1))
+    for part, other in zip(found, reference, strict=True):
+        assert np.abs(part - other.reshape(part.shape)).max() <= 1e-11
+    at_ends = joins.sampled(q, w, durations, joins.basis(np.array([0.0, 1.0])))
+    for part, other in zip(curve.ends(), at_ends, strict=True):
+        assert np.abs(part - np.stack([other[0, 0], other[-1, 1]])).max() <= 1e-11
+
+
+@pytest.mark.parametrize("limits", LIMITS)
+def test_ramps_of_a_stop_are_those_of_numpy(limits):
+    rng = np.random.default_rng(7)
+    most = 0
+    for speed in (0.0, 1e-12, 0.1, 0.5, 1.0):
+        state = random_state(rng, speed)
+        bounds = connectors.Bounds.of(state, state, limits)
+        reference = connectors.ramps(state, np.zeros(3), bounds, limits, PERIOD, in_cycles=True)
+        found = list(ramped_stops(state, limits, PERIOD))
+        most = max(most, len(found))
+        assert len(found) == len(reference.durations)
+        for k, (ramp, end) in enumerate(found):
+            assert (ramp.end if ramp else 0.0) == reference.durations[k]
+            assert np.abs(end.q - reference.ends.q[k]).max() <= 1e-14
+            assert np.abs(end.omega_body - reference.ends.omega[k]).max() <= 1e-14
+            assert np.abs(end.alpha_body - reference.ends.alpha[k]).max() <= 1e-14
+    assert most == 4
+
+
+def test_what_is_not_a_number_has_no_connector():
+    rng = np.random.default_rng(1)
+    start, end = random_state(rng, 0.3), random_state(rng, 0.3)
+    broken = State(start.q, start.omega_body * np.nan, start.alpha_body, start.position)
+    assert searched(broken, end, LIMITS[0], PERIOD, 0.0) is None
+    assert searched(start, broken, LIMITS[0], PERIOD, 0.0) is None
+
+
+@pytest.mark.parametrize("place", range(3))
+def test_arrays_of_other_shapes_are_refused(place):
+    shapes = [(10,), (10,), (3, 4)]
+    shapes[place] = (*shapes[place][:-1], shapes[place][-1] + 1)
+    rows = [np.zeros(shape) for shape in shapes]
+    with pytest.raises(ValueError, match="do not belong together"):
+        kernels.find_connector(
+            *rows, PERIOD, 0.0, np.empty((3, 4)), np.empty((3, 5, 3)), np.empty(4)
+        )
