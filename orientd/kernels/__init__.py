@@ -12,12 +12,32 @@ __path__.insert(0, str(folder()))
 from orientd.kernels.native import (  # noqa: E402
     LEVEL,
     SOURCES,
+    euclidean_increments,
+    find_increments,
+    interpolate_c2,
+    keyframe_errors,
+    keyframe_step,
+    linearise_effort,
+    put_equations,
+    put_steps,
+    put_table,
     sample_cubic,
+    solve_banded,
 )
 
 check_sources(SOURCES)
 
 __all__ = [
     "LEVEL",
+    "euclidean_increments",
+    "find_increments",
+    "interpolate_c2",
+    "keyframe_errors",
+    "keyframe_step",
+    "linearise_effort",
+    "put_equations",
+    "put_steps",
+    "put_table",
     "sample_cubic",
+    "solve_banded",
 ]
