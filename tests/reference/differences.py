@@ -1,188 +1,15 @@
-"""What a device sees of setpoints: their backward differences, and the largest of these.
-
-A device knows setpoints, not derivatives.  It takes the rotation vector from one setpoint to the
-next over a period for the velocity, the change of that for the acceleration and the change of that
-for the jerk, so this is what is held against the limits, on the very records that are sent.
-"""
+"""Backward differences of setpoints in plain NumPy, as :mod:`orientd.planner.differences`."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
+from reference.brake import limited_brake_rate
 
-from orientd.planner.brake import FASTEST_BRAKE_RATE, LAW, axis_brake_rate, brake_rate
-from orientd.planner.fast import kernels
-from orientd.planner.limit_table import limit_table
-from orientd.planner.limits import ANGULAR, Limits
+from orientd.planner.differences import HISTORY, OFF_GRID, Extremes, Rough
+from orientd.planner.limits import Limits
 from orientd.rotation import Floats, conjugate, log, multiply
-
-HISTORY = 3
-"""Setpoints before the first that a third difference reaches back to."""
-
-OFF_GRID = {0: (2.0, 2.0), 1: (1.0, 1.5), 2: (1.0, 1.0)}
-"""By how much acceleration and jerk can be larger between the records of a curve, by continuity.
-
-A stop on the path leaves the grid of records.  A step of the acceleration then falls elsewhere
-between two setpoints, and its share in the third difference, the quadratic B-spline at that place,
-varies from 1/2 to 3/4; that of a step of the velocity in second and third varies from 1/2 to 1.
-"""
-
-
-@dataclass(frozen=True, slots=True)
-class Rough:
-    """A part of a path that is less than twice continuously differentiable.
-
-    Attributes:
-        begin: path time of the first step of a derivative, s.
-        end: path time of the last one, s.
-        continuity: how many derivatives of the orientation are continuous.
-    """
-
-    begin: float
-    end: float
-    continuity: int
-
-
-@dataclass(frozen=True, slots=True)
-class Extremes:
-    """What a certificate takes of some setpoints.
-
-    Attributes:
-        largest: squares of the largest backward differences, in units of rad a period: of the
-            norm, and of the components where they are wanted, shape ``(3, 4)``.
-        places: where these are, shape ``(3, 4)``.
-        rate: the least brake rate, 1/s, where it is wanted.
-        rate_place: which third difference sets it.
-    """
-
-    largest: list[list[float]]
-    places: list[list[int]]
-    rate: float = FASTEST_BRAKE_RATE
-    rate_place: int = 0
-
-    def peak(self, order: int, column: int, first: int) -> tuple[float, int]:
-        """Return the largest square, and its record where that of the first setpoint is *first*."""
-        return self.largest[order][column], first + order + 1 + self.places[order][column]
-
-
-def extremes(
-    q: Floats,
-    *,
-    past: int = 0,
-    with_axes: bool = False,
-    period: float = 1.0,
-    start: float = 0.0,
-    rough: Rough | None = None,
-    brake_limits: Limits | None = None,
-) -> Extremes:
-    """Return the largest backward differences of orientations, and the least brake rate.
-
-    Args:
-        q: setpoints, shape ``(n, 4)``.
-        past: how many accelerations, and twice as many velocities, do not count as largest.
-        with_axes: whether the largest components are wanted, too.
-        period: from one setpoint to the next, s.
-        start: path time of the fourth setpoint, s.
-        rough: where the brake rate must expect more between the records than on them.
-        brake_limits: limits for the brake rate; ``None`` leaves it out.
-    """
-    part = _reach(rough, period)
-    compiled = kernels().extremes
-    if compiled is not None:
-        largest: Floats = np.zeros((3, 4))
-        places = np.zeros((3, 4), dtype=np.intp)
-        rate, place = compiled(
-            q,
-            past,
-            with_axes or (brake_limits is not None and brake_limits.has_axes),
-            period,
-            start,
-            part,
-            brake_limits is not None,
-            _NO_LIMITS if brake_limits is None else limit_table(brake_limits)[1:],
-            *LAW,
-            FASTEST_BRAKE_RATE,
-            largest,
-            places,
-        )
-        return Extremes(largest.tolist(), places.tolist(), rate, place)
-    omega, alpha, jerk = rates = differences(q)
-    squares = [_squares(rate) for rate in rates]
-    found = Extremes([[0.0] * 4 for _ in ANGULAR], [[0] * 4 for _ in ANGULAR])
-    for order, first in enumerate((2 * past, past, 0)):
-        columns = [squares[order], *(rates[order].T ** 2 if with_axes else ())]
-        for column, values in enumerate(columns):
-            if len(values) > first:
-                place = first + int(np.argmax(values[first:]))
-                found.largest[order][column] = float(values[place])
-                found.places[order][column] = place
-    if brake_limits is None or not len(jerk):
-        return found
-    times = start + period * np.arange(len(jerk))
-    is_rough = (times >= part[0]) & (times < part[1])
-    bends, twists = (np.where(is_rough, scale, 1.0) for scale in part[2:])
-    velocity = omega[2:] / period
-    acceleration = bends[:, None] * alpha[1:] / period**2
-    jerk = twists[:, None] * jerk / period**3
-    slowest = brake_rate(velocity, acceleration, np.sqrt(_squares(jerk)), brake_limits)
-    if brake_limits.has_axes:
-        slowest = min(slowest, axis_brake_rate(velocity, acceleration, jerk, brake_limits))
-    return replace(found, rate=slowest[0], rate_place=slowest[1])
-
-
-def path_extremes(
-    path: Floats,
-    records: int,
-    period: float,
-    *,
-    before: Floats,
-    with_axes: bool,
-    rough: Rough | None,
-    brake_limits: Limits,
-) -> Extremes | None:
-    """Return what :func:`extremes` says of a path that is held at its end, if there is a kernel.
-
-    Places count from the first of the setpoints *before*.
-
-    Args:
-        path: from :func:`orientd.planner.plain_path.plain_path`; at multiples of the period.
-        records: how many there are.
-        period: from one to the next, s.
-        before: the setpoints before the first, shape ``(3, 4)``, or ``(0, 4)`` if not known.
-        with_axes: as for :func:`extremes`, like all that have the same name.
-        rough: likewise.
-        brake_limits: likewise.
-    """
-    compiled = kernels().path_extremes
-    if compiled is None:
-        return None
-    largest: Floats = np.zeros((3, 4))
-    places = np.zeros((3, 4), dtype=np.intp)
-    rate, place = compiled(
-        path,
-        records,
-        period,
-        before,
-        with_axes or brake_limits.has_axes,
-        _reach(rough, period),
-        limit_table(brake_limits)[1:],
-        *LAW,
-        largest,
-        places,
-    )
-    return Extremes(largest.tolist(), places.tolist(), rate, place)
-
-
-_SMOOTH = np.array([np.inf, -np.inf, 1.0, 1.0])
-_NO_LIMITS = np.full((2, 4), np.inf)
-
-
-def _reach(rough: Rough | None, period: float) -> Floats:
-    """Return from when to when differences see a rough part, and how much larger they may be."""
-    if rough is None:
-        return _SMOOTH
-    return np.array([rough.begin, rough.end + HISTORY * period, *OFF_GRID[rough.continuity]])
 
 
 def differences(q: Floats) -> tuple[Floats, Floats, Floats]:
@@ -200,6 +27,38 @@ def differences(q: Floats) -> tuple[Floats, Floats, Floats]:
     return omega, alpha, np.diff(alpha, axis=0)
 
 
-def _squares(vectors: Floats) -> Floats:
-    squares: Floats = np.einsum("ij,ij->i", vectors, vectors)
-    return squares
+def extremes(
+    q: Floats,
+    *,
+    past: int = 0,
+    with_axes: bool = False,
+    period: float = 1.0,
+    start: float = 0.0,
+    rough: Rough | None = None,
+    brake_limits: Limits | None = None,
+) -> Extremes:
+    """Return what :func:`orientd.planner.differences.extremes` does."""
+    rates = omega, alpha, jerk = differences(q)
+    with_axes = with_axes or (brake_limits is not None and brake_limits.has_axes)
+    found = Extremes([[0.0] * 4 for _ in rates], [[0] * 4 for _ in rates])
+    for order, first in enumerate((2 * past, past, 0)):
+        squares = np.sum(rates[order] ** 2, axis=1)
+        columns = [squares, *(rates[order].T ** 2 if with_axes else ())]
+        for column, values in enumerate(columns):
+            if len(values) > first:
+                place = first + int(np.argmax(values[first:]))
+                found.largest[order][column] = float(values[place])
+                found.places[order][column] = place
+    if brake_limits is None or not len(jerk):
+        return found
+    times = start + period * np.arange(len(jerk))
+    bends, twists = np.ones((2, len(jerk)))
+    if rough is not None:
+        is_rough = (times >= rough.begin) & (times < rough.end + HISTORY * period)
+        bends[is_rough], twists[is_rough] = OFF_GRID[rough.continuity]
+    velocity = omega[2:] / period
+    acceleration = bends[:, None] * alpha[1:] / period**2
+    rate, place = limited_brake_rate(
+        velocity, acceleration, twists[:, None] * jerk / period**3, brake_limits
+    )
+    return replace(found, rate=rate, rate_place=place)

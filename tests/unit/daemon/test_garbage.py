@@ -5,10 +5,10 @@ import subprocess
 import sys
 
 import pytest
+from orientd.planner.fast import KERNELS
 
 from orientd.curves.fast import KERNEL, Background, Status
 from orientd.daemon import garbage
-from orientd.planner.fast import KERNELS
 
 
 @pytest.fixture
