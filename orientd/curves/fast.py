@@ -67,9 +67,6 @@ NUMBERS_FROM = (
 
 _PACKAGE = Path(__file__).parents[1]
 
-START_AFTER = 10_000
-"""Samples worked out by NumPy in this process before the compiled kernel is sent for."""
-
 
 class Status(Enum):
     """How far compiled kernels are."""
@@ -166,10 +163,7 @@ class FastKernel(Background):
     """The compiled kernels of the curves.
 
     Attributes:
-        fill: samples a cubic cumulative product; nothing as long as it is not ready.
-        fill_product: samples any other cumulative product, likewise.
-        fill_basis: writes the coefficients of a B-spline basis, likewise.
-        find: finds the increments of an interpolating spline, likewise.
+        find: finds the increments of an interpolating spline; nothing as long as it is not ready.
         correct: writes a Newton step towards them, likewise.
         interpolate: finds the spline through keyframes, likewise.
         linearise: writes the derivatives of a spline's effort, likewise.
@@ -178,30 +172,16 @@ class FastKernel(Background):
     def __init__(self) -> None:
         super().__init__(
             {
-                "fill": "orientd.curves.compiled:fill",
                 "find": "orientd.curves.compiled_increments:find",
                 "correct": "orientd.curves.compiled_increments:correct",
                 "interpolate": "orientd.curves.compiled_interpolation:interpolate",
-                "fill_basis": "orientd.curves.compiled_basis:fill",
-                "fill_product": "orientd.curves.compiled_product:fill",
                 "linearise": "orientd.curves.compiled_effort:linearise",
             }
         )
-        self.fill: Fill | None = None
-        self.fill_product: FillProduct | None = None
-        self.fill_basis: FillBasis | None = None
         self.find: Increments | None = None
         self.correct: Correct | None = None
         self.interpolate: Interpolate | None = None
         self.linearise: Linearise | None = None
-        self._samples = 0
-
-    def count(self, samples: int) -> None:
-        """Take note of samples worked out by NumPy, and start loading when they become many."""
-        if self.status is Status.NOT_STARTED:
-            self._samples += samples
-            if self._samples > START_AFTER:
-                self.start()
 
 
 KERNEL = FastKernel()

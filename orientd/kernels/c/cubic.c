@@ -134,6 +134,20 @@ INLINE index_t inside(const double *times, double start, double end) {
     return found;
 }
 
+/* How many instants are in a span from the first one on, which is taken to be. */
+INLINE index_t run_length(const double *times, index_t count, double start, double end) {
+    index_t stop = 1, few = least(count, LANES);
+    while (stop < few && start <= times[stop] && times[stop] < end)
+        stop++;
+    if (stop < LANES)
+        return stop;
+    while (stop + STRIDE <= count && inside(times + stop, start, end) == STRIDE)
+        stop += STRIDE;
+    while (stop < count && start <= times[stop] && times[stop] < end)
+        stop++;
+    return stop;
+}
+
 index_t span_of(double t, row_t breaks) {
     const double *low = breaks.v;
     for (index_t n = breaks.n - 1; n > 1;) {
@@ -164,11 +178,7 @@ index_t sample_cubic(row_t times, row_t breaks, matrix_t table, double slack, ma
             start = breaks.v[span], end = breaks.v[span + 1];
         }
         const double *constants = table.v + span;
-        index_t stop = i + 1;
-        while (stop + STRIDE <= times.n && inside(times.v + stop, start, end) == STRIDE)
-            stop += STRIDE;
-        while (stop < times.n && start <= times.v[stop] && times.v[stop] < end)
-            stop++;
+        index_t stop = i + run_length(times.v + i, times.n - i, start, end);
         if (t != times.v[i]) {
             unload(&tile, i, out);
             fill_short(&t, 1, start, constants, spans, out.v + i, out.m);
