@@ -33,30 +33,6 @@ FillProduct = Callable[
 FillBasis = Callable[[Indices, Floats, int, Floats, Floats, Floats], None]
 """Writes the coefficients of a B-spline basis; see ``orientd.curves.compiled_basis``."""
 
-Increments = Callable[[Indices, Floats, Floats, Floats, Floats, float, float, Floats], bool]
-"""Finds the increments of an interpolating spline; see ``orientd.curves.compiled_increments``."""
-
-Correct = Callable[
-    [
-        Indices, Floats, Floats, float, Floats, Floats, float, float,
-        Floats, Indices, bool, Floats,
-    ],
-    float,
-]  # fmt: skip
-"""Writes a Newton step towards them; see ``orientd.curves.compiled_increments``."""
-
-Interpolate = Callable[[Floats, bool, Floats, Floats, int, int, Floats, Floats, Floats], bool]
-"""Finds the spline through keyframes; see ``orientd.curves.compiled_interpolation``."""
-
-Linearise = Callable[
-    [
-        Floats, Indices, Floats, Floats, Floats, bool, Indices, Floats, Floats,
-        Floats, Floats, Floats, Floats,
-    ],
-    float,
-]  # fmt: skip
-"""Writes the derivatives of a spline's effort; see ``orientd.curves.compiled_effort``."""
-
 NUMBERS_FROM = (
     "planner/bridge_search.py",
     "planner/differences.py",
@@ -170,31 +146,19 @@ class FastKernel(Background):
         fill: samples a cubic cumulative product; nothing as long as it is not ready.
         fill_product: samples any other cumulative product, likewise.
         fill_basis: writes the coefficients of a B-spline basis, likewise.
-        find: finds the increments of an interpolating spline, likewise.
-        correct: writes a Newton step towards them, likewise.
-        interpolate: finds the spline through keyframes, likewise.
-        linearise: writes the derivatives of a spline's effort, likewise.
     """
 
     def __init__(self) -> None:
         super().__init__(
             {
                 "fill": "orientd.curves.compiled:fill",
-                "find": "orientd.curves.compiled_increments:find",
-                "correct": "orientd.curves.compiled_increments:correct",
-                "interpolate": "orientd.curves.compiled_interpolation:interpolate",
                 "fill_basis": "orientd.curves.compiled_basis:fill",
                 "fill_product": "orientd.curves.compiled_product:fill",
-                "linearise": "orientd.curves.compiled_effort:linearise",
             }
         )
         self.fill: Fill | None = None
         self.fill_product: FillProduct | None = None
         self.fill_basis: FillBasis | None = None
-        self.find: Increments | None = None
-        self.correct: Correct | None = None
-        self.interpolate: Interpolate | None = None
-        self.linearise: Linearise | None = None
         self._samples = 0
 
     def count(self, samples: int) -> None:
