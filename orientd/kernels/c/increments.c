@@ -18,12 +18,16 @@ enum {
     HALO = 48,   /* of the rows after them, too: what lies beyond decays by 0.27 with each keyframe */
     KEPT = 12,   /* numbers: the block right of the diagonal and the right side, both divided */
     REACH = 12,  /* how far around a row that still moves others are corrected, too */
-    MOST_STEPS = 40,
+    MOST_STEPS = 30,
+    MOST_ATTEMPTS = 2,
 };
 
 /* The first correction must not be longer, in rad of half angle, and each must be a share of the
  * one before it, or the search is not under control. */
-static const double LARGEST_FIRST = 0.4, CONTRACTION = 0.25;
+static const double LARGEST_FIRST = 1.2, CONTRACTION = 0.6;
+static const double SMALLEST_GROWTH = 0.01;
+/* How small a correction has to be before the full scale is reached. */
+static const double ON_THE_WAY = 1e-2;
 /* After a correction so small the next one, its square, is lost in rounding. */
 static const double SETTLED = 1e-9;
 static const double ROUNDING = 1e-7;
@@ -310,24 +314,136 @@ int euclidean_increments(const equations_t *equations, matrix_t unknown) {
     return FOUND;
 }
 
-/* Add a correction to its rows, and keep those in the list that are near one that still moves. */
-static index_t advance(matrix_t unknown, int64_t *rows, index_t count, const double *correction,
-                       int64_t *moving) {
-    index_t found = 0, next = 0, kept = 0;
+/* What a search needs: increments and corrections, shape (N, 3) each, and lists of rows. */
+typedef struct {
+    const equations_t *equations;
+    matrix_t tangent; /* the increments of Euclidean space */
+    matrix_t here;    /* where the search is */
+    double *bend, *bend_before, *trial, *correction, *kept;
+    int64_t *rows, *window, *some;
+    tile_t tile;
+} search_t;
+
+INLINE double size_of(const double *v) {
+    double size = fmax(fmax(fabs(v[0]), fabs(v[1])), fabs(v[2]));
+    return v[0] != v[0] || v[1] != v[1] || v[2] != v[2] ? INFINITY : size;
+}
+
+/* Write those rows of a list that are within reach of some of them; both lists are increasing. */
+static index_t around(const int64_t *some, index_t found, const int64_t *rows, index_t count,
+                      int64_t *near) {
+    index_t next = 0, kept = 0;
     for (index_t i = 0; i < count; i++) {
-        double *w = row_of(unknown, rows[i]);
-        const double *d = correction + 3 * i;
-        w[0] += d[0], w[1] += d[1], w[2] += d[2];
-        moving[found] = rows[i];
-        found += !(fmax(fmax(fabs(d[0]), fabs(d[1])), fabs(d[2])) <= SETTLED);
-    }
-    for (index_t i = 0; i < count; i++) {
-        while (next < found && moving[next] < rows[i] - REACH)
+        int64_t row = rows[i];
+        while (next < found && some[next] < row - REACH)
             next++;
-        if (next < found && moving[next] <= rows[i] + REACH)
-            rows[kept++] = rows[i];
+        if (next < found && some[next] <= row + REACH)
+            near[kept++] = row;
     }
     return kept;
+}
+
+/* Improve the increments of the first rows in the list until corrections are small enough, and
+ * return how many rows are in the way, which are listed then; -1 if there is no end to it. */
+static index_t newton(search_t *search, matrix_t unknown, double scale, index_t count,
+                      double enough) {
+    double limit = LARGEST_FIRST, before = INFINITY;
+    for (index_t step = 0; step < MOST_STEPS; step++) {
+        double size = step_of(search->equations, scale, unknown, (indices_t){search->rows, count},
+                              (matrix_t){0}, search->correction, search->kept, &search->tile);
+        index_t bad = 0, moving = 0;
+        if (!(size <= limit))
+            for (index_t i = 0; i < count; i++) {
+                search->some[bad] = search->rows[i];
+                bad += !(size_of(search->correction + 3 * i) <= limit);
+            }
+        for (index_t i = 0; i < count; i++) {
+            double *w = row_of(unknown, search->rows[i]);
+            const double *d = search->correction + 3 * i;
+            w[0] += d[0], w[1] += d[1], w[2] += d[2];
+        }
+        if (bad)
+            return bad;
+        if (size <= ROUNDING && size > 0.5 * before)
+            return 0;
+        for (index_t i = 0; i < count; i++) {
+            search->some[moving] = search->rows[i];
+            moving += !(size_of(search->correction + 3 * i) <= enough);
+        }
+        if (!moving)
+            return 0;
+        count = around(search->some, moving, search->rows, count, search->rows);
+        limit = fmax(CONTRACTION * size, ROUNDING);
+        before = size;
+    }
+    return -1;
+}
+
+/* Carry the increments of a window of rows from where nothing turns to the full scale, those beyond
+ * it following by themselves, and return whether that was possible. */
+static bool march(search_t *search, index_t count) {
+    matrix_t trial = {search->trial, search->here.n, 3};
+    double scale = 0.0, growth = 0.5, reached[2] = {0.0, 0.0};
+    index_t points = 0;
+    /* w(s) = s w' + s^2 (c + s d), from what it is at the last one or two scales. */
+    for (index_t row = 0; row < trial.n; row++)
+        for (index_t k = 0; k < 3; k++)
+            search->bend[3 * row + k] = row_of(search->here, row)[k]
+                                      - row_of(search->tangent, row)[k];
+    for (index_t i = 0; i < count; i++)
+        put_vec(search->bend + 3 * search->window[i], vec(0.0, 0.0, 0.0));
+    memcpy(search->bend_before, search->bend, sizeof(double) * 3 * (size_t)trial.n);
+    while (scale < 1.0) {
+        double next = fmin(1.0, scale + growth);
+        double ahead = points == 2 ? (next - reached[0]) / (reached[0] - reached[1]) : 0.0;
+        for (index_t k = 0; k < 3 * trial.n; k++) {
+            double bend = search->bend[k] + ahead * (search->bend[k] - search->bend_before[k]);
+            trial.v[k] = next * (search->tangent.v[k] + next * bend);
+        }
+        memcpy(search->rows, search->window, sizeof *search->rows * (size_t)count);
+        if (newton(search, trial, next, count, ON_THE_WAY)) {
+            growth *= 0.5;
+            if (growth < SMALLEST_GROWTH)
+                return false;
+            continue;
+        }
+        for (index_t i = 0; i < count; i++)
+            for (index_t k = 3 * search->window[i]; k < 3 * search->window[i] + 3; k++) {
+                search->bend_before[k] = search->bend[k];
+                search->bend[k] = (trial.v[k] / next - search->tangent.v[k]) / next;
+            }
+        points = least(points + 1, 2);
+        reached[1] = reached[0], reached[0] = next;
+        growth = 2.0 * (next - scale);
+        scale = next;
+    }
+    for (index_t i = 0; i < count; i++)
+        put_vec(row_of(search->here, search->window[i]),
+                vec_at(row_of(trial, search->window[i])));
+    return true;
+}
+
+/* Newton's method from the increments of Euclidean space straight to the full steps.  Rows in the way
+ * are carried there in smaller steps: a correction decays by 0.27 with each keyframe, so the others
+ * hardly take notice.  The solution is the one connected with small rotations. */
+static bool search_increments(search_t *search) {
+    index_t count = search->here.n;
+    for (index_t attempt = 0;; attempt++) {
+        for (index_t i = 0; i < count; i++)
+            search->rows[i] = i;
+        index_t bad = newton(search, search->here, 1.0, count, SETTLED);
+        if (bad <= 0 || attempt == MOST_ATTEMPTS)
+            return bad == 0;
+        for (index_t i = 0; i < count; i++)
+            search->rows[i] = i;
+        index_t width = around(search->some, bad, search->rows, count, search->window);
+        if (attempt || width > count / 2) {
+            memcpy(search->window, search->rows, sizeof *search->rows * (size_t)count);
+            width = count;
+        }
+        if (!march(search, width))
+            return false;
+    }
 }
 
 /* The only unknown, where two increments are known at both ends: a logarithm, the principal one as
@@ -344,33 +460,24 @@ int find_increments(const equations_t *equations, matrix_t unknown) {
     }
     size_t count = (size_t)equations->steps.n;
     int found = OUT_OF_MEMORY;
-    int64_t *rows = malloc(2 * count * sizeof *rows);
-    double *correction = malloc((3 * count + KEPT * (PIECE + HALO)) * sizeof *correction);
-    if (rows && correction)
-        found = euclidean_increments(equations, unknown);
-    if (found == FOUND) {
-        tile_t tile;
-        double limit = LARGEST_FIRST, before = INFINITY;
-        for (size_t i = 0; i < count; i++)
-            rows[i] = (int64_t)i;
-        indices_t moving = {rows, (index_t)count};
-        found = NOT_FOUND;
-        for (index_t step = 0; step < MOST_STEPS; step++) {
-            double size = step_of(equations, 1.0, unknown, moving, (matrix_t){0}, correction,
-                                  correction + 3 * count, &tile);
-            /* Not `>`: what is not a number must not pass. */
-            if (!(size <= limit))
-                break;
-            moving.n = advance(unknown, rows, moving.n, correction, rows + count);
-            if (!moving.n || (size <= ROUNDING && size > 0.5 * before)) {
-                found = FOUND;
-                break;
-            }
-            limit = fmax(CONTRACTION * size, ROUNDING);
-            before = size;
-        }
+    search_t *search = malloc(sizeof *search);
+    int64_t *lists = malloc(3 * count * sizeof *lists);
+    double *memory = malloc((15 * count + KEPT * (PIECE + HALO)) * sizeof *memory);
+    if (search && lists && memory) {
+        search->equations = equations;
+        search->tangent = (matrix_t){memory, unknown.n, 3}, search->here = unknown;
+        search->bend = memory + 3 * count, search->bend_before = memory + 6 * count;
+        search->trial = memory + 9 * count, search->correction = memory + 12 * count;
+        search->kept = memory + 15 * count;
+        search->rows = lists, search->window = lists + count, search->some = lists + 2 * count;
+        found = euclidean_increments(equations, search->tangent);
     }
-    free(rows);
-    free(correction);
+    if (found == FOUND) {
+        memcpy(unknown.v, search->tangent.v, 3 * count * sizeof(double));
+        found = search_increments(search) ? FOUND : NOT_FOUND;
+    }
+    free(search);
+    free(lists);
+    free(memory);
     return found;
 }
