@@ -1,7 +1,7 @@
-"""How fast the default curve is sampled and built, beside scipy's RotationSpline in the same run.
+"""How fast the default curve is there, sampled and built, beside scipy's RotationSpline.
 
-Times are thread CPU time, taken in turns and reduced to medians, so that both meet the same
-machine; only the ratios carry over to another one.
+Times are thread CPU time, taken in turns in the same run and reduced to medians, so that both meet
+the same machine; only the ratios carry over to another one.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from orientd.curves.c2_cumulative import C2Cumulative
-from orientd.curves.fast import KERNEL
 from orientd.rotation import Floats, exp, multiply, normalize, to_scipy
 
 KEYFRAMES = 100
@@ -27,29 +26,24 @@ _SLICE = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Sampling:
-    """Orientation, velocity and acceleration at sorted instants, in ns for each.
+    """Orientation, velocity and acceleration, in ns for each instant.
 
     Attributes:
         instants: how many there were in a call.
-        compiled_ns: by :meth:`Curve.evaluate` with the compiled kernel; none without Numba.
-        numpy_ns: with the NumPy kernel.
-        scipy_ns: by scipy's RotationSpline through the same keyframes.
+        sorted_ns: by :meth:`Curve.evaluate`, at increasing instants.
+        unsorted_ns: at the same ones in a random order.
+        scipy_ns: by scipy's RotationSpline through the same keyframes, at increasing instants.
     """
 
     instants: int
-    compiled_ns: float | None
-    numpy_ns: float
+    sorted_ns: float
+    unsorted_ns: float
     scipy_ns: float
 
     @property
-    def compiled_ratio(self) -> float | None:
-        """How many times as fast as scipy the compiled kernel is."""
-        return None if self.compiled_ns is None else self.scipy_ns / self.compiled_ns
-
-    @property
-    def numpy_ratio(self) -> float:
-        """How many times as fast as scipy the NumPy kernel is."""
-        return self.scipy_ns / self.numpy_ns
+    def ratio(self) -> float:
+        """How many times as fast as scipy it is."""
+        return self.scipy_ns / self.sorted_ns
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +85,7 @@ class CurveSpeed:
 
 def measure_curves(
     *,
-    instants: tuple[int, ...] = (500, 100_000),
+    instants: tuple[int, ...] = (1, 500, 100_000),
     steps: tuple[float, ...] = (1.0, 3.0),
     few: int = 1000,
     rounds: int = 11,
@@ -99,7 +93,7 @@ def measure_curves(
     """Measure the default curve: sampling for each number of instants, building for each step.
 
     Args:
-        instants: how many sorted instants to sample in a call.
+        instants: how many instants to sample in a call.
         steps: turns between keyframes for the builds, in rad; without any nothing is built.
         few: keyframes of the smaller build; the larger one has a hundred times as many.
         rounds: how often each sampling is measured.
@@ -135,18 +129,17 @@ def _sampling(count: int, rounds: int) -> Sampling:
 
     keys = random_walk(KEYFRAMES, STEP)
     times = np.cumsum(np.random.default_rng(1).uniform(0.7, 1.3, KEYFRAMES))
-    at = np.linspace(times[0], times[-1], count)
+    at = np.linspace(times[0], times[-1], count + 1)[1:]
+    shuffled = np.random.default_rng(2).permutation(at)
     curve = C2Cumulative(keys=keys, times=times)
     peer = RotationSpline(times, to_scipy(keys))
-    out: Floats = np.empty((10, count))
     calls: dict[str, Callable[[], object]] = {
         "scipy": lambda: (peer(at).as_quat(), peer(at, 1), peer(at, 2)),
-        "numpy": lambda: curve.fill_with_numpy(at, out),
+        "sorted": lambda: curve.evaluate(at),
+        "unsorted": lambda: curve.evaluate(shuffled),
     }
-    if KERNEL.wait_ready():
-        calls["compiled"] = lambda: curve.evaluate(at, out=out)
     found = {name: value / count for name, value in _interleaved(calls, rounds).items()}
-    return Sampling(count, found.get("compiled"), found["numpy"], found["scipy"])
+    return Sampling(count, found["sorted"], found["unsorted"], found["scipy"])
 
 
 def _interleaved(calls: dict[str, Callable[[], object]], rounds: int) -> dict[str, float]:

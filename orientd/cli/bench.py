@@ -96,13 +96,13 @@ def _curves(*, as_json: bool) -> CurveSpeed:
     rows = [
         [
             str(sampling.instants),
-            _time(sampling.compiled_ns, sampling.compiled_ratio),
-            _time(sampling.numpy_ns, sampling.numpy_ratio),
+            f"{sampling.sorted_ns:.0f} ({sampling.ratio:.0f} x)",
+            f"{sampling.unsorted_ns:.0f}",
             f"{sampling.scipy_ns:.0f}",
         ]
         for sampling in found.samplings
     ]
-    say(*table(["instants", "compiled", "NumPy", "SciPy"], rows), "")
+    say(*table(["instants", "sorted", "unsorted", "SciPy"], rows), "")
     for building in found.buildings:
         say(
             f"built from {building.few} keyframes {building.step:g} rad apart in "
@@ -111,12 +111,6 @@ def _curves(*, as_json: bool) -> CurveSpeed:
         )
     say("")
     return found
-
-
-def _time(nanoseconds: float | None, ratio: float | None) -> str:
-    if nanoseconds is None or ratio is None:
-        return "not installed"
-    return f"{nanoseconds:.0f} ({ratio:.0f} x)"
 
 
 def _servo(seconds: float, slots: int, *, as_json: bool) -> list[dict[str, Any]]:

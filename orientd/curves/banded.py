@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from orientd import kernels
 from orientd.curves.basis import Indices
 from orientd.rotation import Floats
 
@@ -26,8 +27,6 @@ def solve_blocks(blocks: Floats, rows: Indices, columns: Indices, right: Floats)
     Raises:
         numpy.linalg.LinAlgError: the matrix is singular.
     """
-    from scipy.linalg import solve_banded
-
     size = len(right)
     _, height, width = blocks.shape
     lower = int(np.max(rows + height - 1 - np.maximum(columns, 0), initial=0))
@@ -40,5 +39,23 @@ def solve_blocks(blocks: Floats, rows: Indices, columns: Indices, right: Floats)
             inside = (column >= 0) & (column < size) & (row < size)
             diagonal = upper + row - column
             np.add.at(band, (diagonal[inside], column[inside]), blocks[inside, r, c])
-    solution: Floats = solve_banded((lower, upper), band, right)
+    return solve_banded(lower, upper, band, right)
+
+
+def solve_banded(lower: int, upper: int, band: Floats, right: Floats) -> Floats:
+    """Solve a banded system.
+
+    Args:
+        lower: how many diagonals below the main one.
+        upper: how many above it.
+        band: the diagonals from the uppermost to the lowest, an entry in its column, shape
+            ``(lower + upper + 1, size)``.
+        right: the right side, shape ``(size,)`` or ``(size, k)``.
+
+    Raises:
+        numpy.linalg.LinAlgError: the matrix is singular or not finite.
+    """
+    solution = np.array(right, dtype=np.float64)
+    if not kernels.solve_banded(band, lower, upper, solution.reshape(len(right), -1)):
+        raise np.linalg.LinAlgError("singular matrix")
     return solution

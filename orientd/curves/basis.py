@@ -13,13 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from orientd.curves import fast
+from orientd.kernels import fill_basis
 from orientd.rotation import Floats
 
 Indices = NDArray[np.intp]
-
-_PIECE = 1024
-"""Spans worked on at a time, so that intermediate results stay in the cache."""
 
 
 @dataclass(frozen=True)
@@ -137,62 +134,8 @@ def cumulative_basis(knots: Floats, order: int) -> CumulativeBasis:
         first=spans - order + 2,
         values=np.empty((count, functions, order)),
         rates=np.empty((count, functions, functions)),
-        curvatures=np.zeros((count, functions, max(functions - 1, 1))),
+        curvatures=np.empty((count, functions, max(functions - 1, 1))),
     )
-    if fast.KERNEL.fill_basis is not None:
-        fast.KERNEL.fill_basis(spans, knots, order, basis.values, basis.rates, basis.curvatures)
-        return basis
-    for begin in range(0, count, _PIECE):
-        part = slice(begin, begin + _PIECE)
-        _fill(
-            spans[part], knots, order, basis.values[part], basis.rates[part], basis.curvatures[part]
-        )
+    vector = np.ascontiguousarray(knots, dtype=np.float64)
+    fill_basis(spans, vector, order, basis.values, basis.rates, basis.curvatures)
     return basis
-
-
-def _fill(
-    spans: Indices, knots: Floats, order: int, values: Floats, rates: Floats, curvatures: Floats
-) -> None:
-    """Write the coefficients of some spans."""
-    stages = [np.ones((len(spans), 1, 1))]
-    for degree in range(1, order):
-        stages.append(_raised(stages[-1], knots, spans, degree))
-    values[:] = np.cumsum(stages[-1][:, ::-1], axis=1)[:, ::-1][:, 1:]
-    index = spans[:, None] - order + 2 + np.arange(order - 1)
-    support = knots[index + order - 1] - knots[index]
-    rates[:] = (order - 1) / support[..., None] * stages[-2]
-    if order > 2:
-        index = index[:, 1:]
-        support_below = knots[index + order - 2] - knots[index]
-        slopes = (order - 2) / support_below[..., None] * stages[-3]
-        curvatures[:, 1:] += slopes
-        curvatures[:, :-1] -= slopes
-        curvatures *= (order - 1) / support[..., None]
-
-
-def _raised(lower: Floats, knots: Floats, spans: Indices, degree: int) -> Floats:
-    """Take the non-zero B-splines of each span from one degree to the next.
-
-    Row *a* of *lower* is the B-spline of degree ``degree - 1`` that begins at knot
-    ``span - degree + 1 + a``, in Bernstein coefficients on the span.
-    """
-    higher: Floats = np.zeros((len(spans), degree + 1, degree + 1))
-    here, there = knots[spans], knots[spans + 1]
-    for row in range(degree):
-        begin = spans - degree + 1 + row
-        start, stop = knots[begin], knots[begin + degree]
-        width = stop - start
-        part = lower[:, row]
-        higher[:, row + 1] += _times_line(part, (here - start) / width, (there - start) / width)
-        higher[:, row] += _times_line(part, (stop - here) / width, (stop - there) / width)
-    return higher
-
-
-def _times_line(coefficients: Floats, at_start: Floats, at_end: Floats) -> Floats:
-    """Multiply polynomials in Bernstein form by straight lines given by their end values."""
-    degree = coefficients.shape[-1]
-    share = np.arange(1, degree + 1) / degree
-    product: Floats = np.zeros((len(coefficients), degree + 1))
-    product[:, :-1] += (1.0 - np.arange(degree) / degree) * at_start[:, None] * coefficients
-    product[:, 1:] += share * at_end[:, None] * coefficients
-    return product

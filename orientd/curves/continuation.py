@@ -19,9 +19,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from orientd.curves import fast
 from orientd.curves.basis import Indices
-from orientd.curves.interpolation import KeyframeEquations, solve_block_tridiagonal
+from orientd.curves.interpolation import KeyframeEquations
 from orientd.errors import PlanError
 from orientd.rotation import Floats
 
@@ -136,16 +135,14 @@ class _Search:
         Raises:
             PlanError: neither continuation nor the descent from the Euclidean spline arrives.
         """
-        found = self._equations.explicit_solution()
-        if found is None:
-            found = self._compiled()
+        found = self._equations.quick_solution()
         if found is None:
             found = self._continue()
         if found is None:
             found = self._descend()
         if found is None:
             raise PlanError(_NOT_FOUND)
-        return self._equations.complete(found, 1.0)
+        return self._equations.complete(found)
 
     def _correction(self, here: Floats, scale: float, rows: Indices) -> Floats:
         self._count()
@@ -154,27 +151,6 @@ class _Search:
     def _count(self) -> None:
         if next(self._corrections) >= _MOST_CORRECTIONS.get():
             raise PlanError(_NOT_FOUND)
-
-    def _compiled(self) -> Floats | None:
-        """Return what Newton's method alone finds, if the compiled kernel is there.
-
-        It is the first attempt of :meth:`_continue`, and the same solution.
-        """
-        find, equations = fast.KERNEL.find, self._equations
-        if find is None:
-            return None
-        found: Floats = np.empty_like(equations.steps)
-        is_found = find(
-            equations.index,
-            equations.share,
-            equations.steps,
-            equations.start.known,
-            equations.end.known,
-            equations.start.ratio,
-            equations.end.ratio,
-            found,
-        )
-        return found if is_found else None
 
     def _continue(self) -> Floats | None:
         """Return the solution that is connected with small rotations, if there is a path to it."""
@@ -287,11 +263,11 @@ class _Search:
     def _rate(self, here: Floats, scale: float, rows: Indices, path: _Path) -> Floats:
         """Return how fast the increments of some rows change with the scale along the path."""
         self._count()
-        blocks, error = self._equations.linearised(here, scale, rows)
         step = 1e-6
+        error = self._equations.errors(here, scale, rows)
         there = self._with_rows(path, scale + step, rows, here[rows])
         change = (self._equations.errors(there, scale + step, rows) - error) / step
-        return solve_block_tridiagonal(blocks, -change[..., None])[..., 0]
+        return self._equations.correction(here, scale, rows, change)
 
     def _with_rows(self, path: _Path, scale: float, rows: Indices, values: Floats) -> Floats:
         """Return the increments at a scale: given ones in some rows, the path's in the others."""

@@ -1,4 +1,18 @@
-"""The curves that are one cumulative product: what the families of Kim, Kim and Shin share."""
+r"""The curves that are one cumulative product: what the families of Kim, Kim and Shin share.
+
+.. math:: q(t) = q_0 \prod_j \exp\bigl(w_j \tilde B_j(t)\bigr)
+
+With :math:`w_j = \theta_j a_j`, :math:`|a_j| = 1`, and :math:`x_j = \theta_j \tilde B_j`, each
+factor turns about a fixed axis, and body velocity and acceleration follow factor by factor
+(compare Sommer et al., 2020, for the same recursion):
+
+.. math::
+    \omega &\leftarrow R_j^T \omega + 2 x_j' a_j \\
+    \alpha &\leftarrow R_j^T \alpha + (R_j^T \omega) \times 2 x_j' a_j + 2 x_j'' a_j
+
+where :math:`R_j` is the rotation of :math:`\exp(x_j a_j)`.  Increments are half-angle vectors of
+any length: a length above pi is extra winding, which the control quaternions alone do not show.
+"""
 
 from __future__ import annotations
 
@@ -7,26 +21,20 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves import fast
 from orientd.curves.basis import CumulativeBasis
 from orientd.curves.contract import Curve, Samples, check_out, in_shape
-from orientd.curves.product import (
-    BLOCK,
-    TABLE_ROWS,
-    cubic_memory,
-    fill_cubic,
-    product,
-    product_memory,
-)
+from orientd.kernels import sample_cubic, sample_product
 from orientd.rotation import Floats
+
+TABLE_ROWS = 25
+"""Numbers that a span of three cubic factors is sampled from: base quaternion, then for each factor
+four Taylor coefficients of the half angle, the factorials divided out, and the unit axis."""
 
 _FACTORIALS = np.array([1.0, 1.0, 2.0, 6.0])
 
 
 class CumulativeCurve(Curve):
     """A cumulative product over a B-spline basis: what the families of Kim, Kim and Shin share.
-
-    They are sampled by the compiled kernels once these are there.
 
     Args:
         basis: the cumulative basis functions that vary on each span.
@@ -126,7 +134,7 @@ class CumulativeCurve(Curve):
 
     @property
     def parts(self) -> tuple[Floats, ...]:
-        """What the compiled kernels sample it from.
+        """What the kernels sample it from.
 
         Breaks and table if its factors are cubic; breaks, base, axes, lengths and the coefficients
         of the basis otherwise.
@@ -150,57 +158,26 @@ class CumulativeCurve(Curve):
     def evaluate(self, times: ArrayLike, *, out: Floats | None = None) -> Samples:
         """See :meth:`Curve.evaluate`."""
         instants = np.asarray(times, dtype=np.float64)
-        flat = np.ascontiguousarray(instants).reshape(-1)
+        is_row = instants.ndim == 1
+        flat = instants if is_row and instants.flags.c_contiguous else instants.ravel()
         if out is None:
             out = np.empty((10, len(flat)))
         else:
             check_out(out, len(flat))
-        place = self._fill_compiled(flat, out)
-        if place is None:
-            self.fill_with_numpy(self._inside(flat), out)
-        elif place >= 0:
+        if self._table is not None:
+            place = sample_cubic(flat, self._knots, self._table, self._slack, out)
+        else:
+            knots, base, axes, lengths, values, rates, curvatures = self.parts
+            place = sample_product(
+                flat, knots, base, axes, lengths, values, rates, curvatures, self._slack, out
+            )
+        if place >= 0:
             self._inside(flat)
-        q, omega_body, alpha_body = out[0:4].T, out[4:7].T, out[7:10].T
-        if instants.ndim == 1:
+        samples = out.T
+        q, omega_body, alpha_body = samples[:, :4], samples[:, 4:7], samples[:, 7:]
+        if is_row:
             return q, omega_body, alpha_body
         return in_shape(instants.shape, q, omega_body, alpha_body)
 
     def _sample(self, times: Floats) -> Samples:
         return self.evaluate(times)
-
-    def _fill_compiled(self, times: Floats, out: Floats) -> int | None:
-        """Write the samples as the compiled kernels do, unless they are not there.
-
-        Returns:
-            The place of the first instant that is outside the domain, or -1; nothing, and nothing
-            is written, without the kernels.
-        """
-        kernel = fast.KERNEL
-        if self._table is not None:
-            if kernel.fill is None:
-                return None
-            return kernel.fill(times, self._knots, self._table, self._slack, out)
-        if kernel.fill_product is None:
-            return None
-        knots, base, axes, lengths, values, rates, curvatures = self.parts
-        return kernel.fill_product(
-            times, knots, base, axes, lengths, values, rates, curvatures, self._slack, out
-        )
-
-    def fill_with_numpy(self, times: Floats, out: Floats) -> None:
-        """Write the samples at instants inside the domain, block by block, with NumPy."""
-        size = min(BLOCK, len(times))
-        if self._table is not None:
-            memory = cubic_memory(size)
-            for begin in range(0, len(times), BLOCK):
-                block, part = times[begin : begin + BLOCK], out[:, begin : begin + BLOCK]
-                fill_cubic(block, self._knots, self._table, part, memory)
-            fast.KERNEL.count(len(times))
-            return
-        memory = product_memory(size)
-        for begin in range(0, len(times), BLOCK):
-            block, part = times[begin : begin + BLOCK], out[:, begin : begin + BLOCK]
-            span = self._segments(block)
-            turns = self._basis.at(span, block) * self._lengths.take(span, axis=1)
-            base, axes = self._base.take(span, axis=1), self._axes.take(span, axis=2)
-            product(base, axes, turns, part, memory)

@@ -19,20 +19,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orientd.curves import fast
+from orientd.curves.banded import solve_banded
 from orientd.curves.basis import CumulativeBasis, Indices
 from orientd.curves.shooting import Path
-from orientd.curves.torque import torques
-from orientd.rotation import (
-    Floats,
-    between,
-    conjugate,
-    exp_half,
-    log_half,
-    multiply,
-    right_jacobian,
-    rotate,
-)
+from orientd.kernels import linearise_effort
+from orientd.rotation import Floats, between
 
 SLACK = 1e-3
 """Relative; the nodes see a curve that is not their spline with an error."""
@@ -118,28 +109,6 @@ class EffortEquations:
 
     def linearised(self, increments: Floats) -> Linearised:
         """Return effort, equations and derivatives, increments of shape ``(count, 3)``."""
-        if fast.KERNEL.linearise is not None:
-            return self._compiled(fast.KERNEL.linearise, increments)
-        spans, functions = self._window.shape
-        places = len(self._node_weights) // spans
-        factors = np.repeat(increments[self._window], places, axis=0)
-        residuals, derivatives = torques(factors, self._at_nodes, self._inertia)
-        roots = np.sqrt(self._node_weights)[:, None]
-        weighted = (roots * residuals).reshape(spans, 1, 3 * places)
-        rows = (roots[..., None] * derivatives.reshape(-1, 3, 3 * functions)).reshape(
-            spans, 3 * places, 3 * functions
-        )
-        bound, missed = self._keyframe_equations(increments)
-        return Linearised(
-            effort=0.5 * float(np.sum(weighted * weighted)),
-            gradient=(weighted @ rows)[:, 0],
-            squares=np.swapaxes(rows, 1, 2) @ rows,
-            bound=bound,
-            missed=np.concatenate([missed, self.ends.errors(increments)]),
-        )
-
-    def _compiled(self, linearise: fast.Linearise, increments: Floats) -> Linearised:
-        """Return the same by the compiled kernel."""
         spans, functions = self._window.shape
         count, factors = self._index.shape
         gradient, squares, bound, missed = (
@@ -148,15 +117,13 @@ class EffortEquations:
             np.empty((count, 3, 3 * factors)),
             np.empty((count, 3)),
         )
-        inertia = np.eye(3) if self._inertia is None else self._inertia
-        effort = linearise(
+        effort = linearise_effort(
             np.ascontiguousarray(increments),
-            self._window,
+            self._window.ravel(),
             self._at_nodes,
             np.sqrt(self._node_weights),
-            inertia,
-            self._inertia is not None,
-            self._index,
+            np.empty((0, 3)) if self._inertia is None else self._inertia,
+            self._index.ravel(),
             self._share,
             self._steps,
             gradient,
@@ -183,20 +150,6 @@ class EffortEquations:
             numpy.linalg.LinAlgError: the system is singular.
         """
         return self._layout.solve(here, np.abs(self._share))
-
-    def _keyframe_equations(self, increments: Floats) -> tuple[Floats, Floats]:
-        """Return derivatives and errors, as in :meth:`KeyframeEquations.linearised`."""
-        count, factors = self._index.shape
-        turns = self._share[..., None] * increments[self._index]
-        jacobians = self._share[..., None, None] * right_jacobian(2.0 * turns)
-        partial, after = exp_half(turns), np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
-        tails = np.empty((count, factors, 4))
-        for f in reversed(range(factors)):
-            tails[:, f] = after
-            after = multiply(partial[:, f], after)
-        carried = rotate(conjugate(tails)[:, :, None], np.swapaxes(jacobians, 2, 3))
-        bound = np.moveaxis(carried, 3, 1).reshape(count, 3, 3 * factors)
-        return bound, log_half(between(self._steps, after))
 
 
 def keyframe_factors(basis: CumulativeBasis, places: Indices) -> tuple[Indices, Floats]:
@@ -268,8 +221,6 @@ class _Layout:
 
     def solve(self, here: Linearised, shares: Floats) -> tuple[Floats, Floats]:
         """Return step and multipliers, the unknowns scaled so that rounding treats all alike."""
-        from scipy.linalg import solve_banded
-
         count, total = self._count, len(self._place)
         right = np.zeros((total, 3))
         np.subtract.at(
@@ -285,9 +236,7 @@ class _Layout:
         entries *= scale[self._rows // 3] * scale[self._columns // 3]
         size = (2 * self._reach + 1) * 3 * total
         band = np.bincount(self._band, entries, minlength=size).reshape(-1, 3 * total)
-        reach = (self._reach, self._reach)
-        scaled = (scale[:, None] * right).ravel()
-        solution = solve_banded(reach, band, scaled, overwrite_ab=True, check_finite=False)
+        solution = solve_banded(self._reach, self._reach, band, (scale[:, None] * right).ravel())
         found = (scale[:, None] * solution.reshape(-1, 3))[self._place]
         return found[:count], found[count:]
 

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.rotation import Floats, align, between, log_half
+from orientd.kernels import put_steps
+from orientd.rotation import Floats, align
 from orientd.rotation.quaternion import ROUNDING
 
 NORM_TOLERANCE = 1e-6
@@ -228,7 +229,9 @@ def increments(keys: Floats) -> Floats:
     Returns:
         Half-angle vectors, shape ``(n - 1, 3)``, of length up to pi.
     """
-    return log_half(between(keys[:-1], keys[1:]))
+    steps: Floats = np.empty((len(keys) - 1, 3))
+    put_steps(np.ascontiguousarray(keys, dtype=np.float64), steps)
+    return steps
 
 
 def with_turns(steps: Floats, keys: Floats, turns: ArrayLike) -> tuple[Floats, Floats]:

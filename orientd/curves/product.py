@@ -13,7 +13,6 @@ factor turns about a fixed axis, and body velocity and acceleration follow facto
 where :math:`R_j` is the rotation of :math:`\exp(x_j a_j)`.  Increments are half-angle vectors of
 any length: a length above pi is extra winding, which the control quaternions alone do not show.
 
-This is the reference; :mod:`orientd.curves.compiled` does the same for up to three cubic factors.
 Everything works in memory handed in: fresh arrays would cost more than the mathematics.
 """
 
@@ -23,22 +22,13 @@ import numpy as np
 
 from orientd.rotation import Floats
 
-BLOCK = 2048
-"""Samples worked on at a time, so that intermediate results stay in the cache."""
-
 TABLE_ROWS = 25
 _PRODUCT_ROWS = 51
-_CUBIC_ROWS = _PRODUCT_ROWS + TABLE_ROWS + 12
 
 
 def product_memory(count: int) -> Floats:
     """Return memory for :func:`product` on blocks of up to *count* samples."""
     return np.empty(_PRODUCT_ROWS * count)
-
-
-def cubic_memory(count: int) -> Floats:
-    """Return memory for :func:`fill_cubic` on blocks of up to *count* samples."""
-    return np.empty(_CUBIC_ROWS * count)
 
 
 def product(base: Floats, axes: Floats, turns: Floats, out: Floats, memory: Floats) -> None:
@@ -106,38 +96,3 @@ def _add_cross(a: Floats, b: Floats, out: Floats, spare: Floats) -> None:
     """Add cross products of vectors held in five rows to what is there."""
     out += np.multiply(a[..., 1:4, :], b[..., 2:5, :], out=spare)
     out -= np.multiply(a[..., 2:5, :], b[..., 1:4, :], out=spare)
-
-
-def fill_cubic(times: Floats, breaks: Floats, table: Floats, out: Floats, memory: Floats) -> None:
-    """Write the samples of up to three cubic factors.
-
-    Args:
-        times: instants inside the domain, shape ``(n,)``.
-        breaks: ends of the spans, shape ``(S + 1,)``.
-        table: constants of the spans: four rows of base quaternion, then for each of three
-            factors four of Taylor coefficients of the half angle, the factorials divided out, and
-            three of unit axis, shape ``(25, S)``.
-        out: receives the samples, shape ``(10, n)``.
-        memory: from :func:`cubic_memory`.
-    """
-    count = len(times)
-    rows = memory[_PRODUCT_ROWS * count : _CUBIC_ROWS * count].reshape(-1, count)
-    constants, turns = rows[:TABLE_ROWS], rows[TABLE_ROWS:-3].reshape(3, 3, count)
-    span = np.searchsorted(breaks[1:-1], times, side="right")
-    table.take(span, axis=1, out=constants, mode="clip")
-    elapsed = times - breaks.take(span)
-    factors = constants[4:].reshape(3, 7, count)
-    a0, a1, a2, a3 = (factors[:, power] for power in range(4))
-    rising = np.multiply(a3, elapsed, out=rows[-3:])
-    angle, rate, curvature = turns
-    np.add(rising, a2, out=angle)
-    for coefficient in (a1, a0):
-        angle *= elapsed
-        angle += coefficient
-    rising *= 3.0
-    np.add(rising, a2, out=curvature)
-    np.add(curvature, a2, out=rate)
-    rate *= elapsed
-    rate += a1
-    curvature *= 2.0
-    product(constants[:4], factors[:, 4:], turns, out, memory)

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from orientd.curves.banded import solve_banded
 from orientd.curves.contract import Curve, Samples
 from orientd.curves.jets import Jet, rates, unit
 from orientd.errors import PlanError
@@ -42,8 +43,6 @@ def spline_slopes(
     Returns:
         Shape ``(n, d)``.  Time and memory grow linearly.
     """
-    from scipy.linalg import solve_banded
-
     h = np.diff(times)
     pull = 6.0 * np.diff(points, axis=0) / (h * h)[:, None]
     bands = np.zeros((3, len(points)))
@@ -58,8 +57,7 @@ def spline_slopes(
         bands[1, 0], bands[0, 1], right[0] = 1.0, 0.0, start
     if end is not None:
         bands[1, -1], bands[2, -2], right[-1] = 1.0, 0.0, end
-    slopes: Floats = solve_banded((1, 1), bands, right)
-    return slopes
+    return solve_banded(1, 1, bands, right)
 
 
 def hermite_jet(

@@ -9,6 +9,98 @@ Indices = NDArray[np.int64]
 LEVEL: str
 SOURCES: str
 
+# interpolation.h
+def euclidean_increments(
+    steps: Floats,
+    begun: Floats,
+    heads: Floats,
+    tails: Floats,
+    start_ratio: float,
+    end_ratio: float,
+    unknown: Floats,
+    /,
+) -> bool: ...
+def find_increments(
+    steps: Floats,
+    begun: Floats,
+    heads: Floats,
+    tails: Floats,
+    start_ratio: float,
+    end_ratio: float,
+    unknown: Floats,
+    /,
+) -> bool: ...
+def interpolate_c2(
+    keyframes: Floats,
+    is_aligned: bool,
+    times: Floats,
+    given: Floats,
+    start_known: int,
+    end_known: int,
+    breaks: Floats,
+    table: Floats,
+    solved: Floats,
+    /,
+) -> bool: ...
+def keyframe_errors(
+    steps: Floats,
+    begun: Floats,
+    heads: Floats,
+    tails: Floats,
+    start_ratio: float,
+    end_ratio: float,
+    scale: float,
+    unknown: Floats,
+    rows: Indices,
+    errors: Floats,
+    /,
+) -> None: ...
+def keyframe_step(
+    steps: Floats,
+    begun: Floats,
+    heads: Floats,
+    tails: Floats,
+    start_ratio: float,
+    end_ratio: float,
+    scale: float,
+    unknown: Floats,
+    rows: Indices,
+    errors: Floats,
+    correction: Floats,
+    /,
+) -> float: ...
+def linearise_effort(
+    increments: Floats,
+    window: Indices,
+    weights: Floats,
+    roots: Floats,
+    inertia: Floats,
+    index: Indices,
+    share: Floats,
+    steps: Floats,
+    gradient: Floats,
+    squares: Floats,
+    bound: Floats,
+    missed: Floats,
+    /,
+) -> float: ...
+def put_equations(
+    times: Floats,
+    given: Floats,
+    start_known: int,
+    end_known: int,
+    breaks: Floats,
+    begun: Floats,
+    known: Floats,
+    ratios: Floats,
+    /,
+) -> None: ...
+def put_steps(keyframes: Floats, steps: Floats, /) -> None: ...
+def put_table(
+    keyframes: Floats, with_start: bool, breaks: Floats, solved: Floats, table: Floats, /
+) -> bool: ...
+def solve_banded(band: Floats, lower: int, upper: int, right: Floats, /) -> bool: ...
+
 # sampling.h
 def sample_cubic(
     times: Floats, breaks: Floats, table: Floats, slack: float, out: Floats, /
@@ -30,3 +122,93 @@ def find_connector(
     start: Floats, end: Floats, limits: Floats, period: float, least: float, q: Floats, w: Floats,
     times: Floats, /,
 ) -> bool: ...  # fmt: skip
+def sample_product(
+    times: Floats, breaks: Floats, base: Floats, axes: Floats, lengths: Floats,
+    values: Floats, rates: Floats, curvatures: Floats, slack: float, out: Floats, /,
+) -> int: ...  # fmt: skip
+def fill_basis(
+    spans: Indices, knots: Floats, order: int,
+    values: Floats, rates: Floats, curvatures: Floats, /,
+) -> None: ...  # fmt: skip
+
+# certify.h
+def least_rate(
+    velocity: Floats,
+    acceleration: Floats,
+    jerk: Floats,
+    most: float,
+    most_jerk: float,
+    nodes: Floats,
+    worst: Floats,
+    most_change: float,
+    fastest: float,
+    margin: float,
+    /,
+) -> tuple[float, int]: ...
+def setpoint_extremes(
+    q: Floats,
+    past: int,
+    with_axes: bool,
+    period: float,
+    start: float,
+    rough: Floats,
+    with_rate: bool,
+    most: Floats,
+    nodes: Floats,
+    worst: Floats,
+    most_change: float,
+    fastest: float,
+    margin: float,
+    squares: Floats,
+    places: Indices,
+    /,
+) -> tuple[float, int]: ...
+def sample_path(path: Floats, times: Floats, out: Floats, /) -> None: ...
+def farthest_from_path(path: Floats, times: Floats, keys: Floats, /) -> float: ...
+def path_extremes(
+    path: Floats,
+    records: int,
+    period: float,
+    before: Floats,
+    with_axes: bool,
+    rough: Floats,
+    most: Floats,
+    nodes: Floats,
+    worst: Floats,
+    most_change: float,
+    fastest: float,
+    margin: float,
+    squares: Floats,
+    places: Indices,
+    /,
+) -> tuple[float, int]: ...
+def put_instants(
+    breaks: Floats, duration: float, pieces: int, shares: Floats, instants: Floats, /
+) -> int: ...
+def put_factors(
+    instants: Floats,
+    omega: Floats,
+    alpha: Floats,
+    period: float,
+    limits: Floats,
+    step: float,
+    factors: Floats,
+    /,
+) -> None: ...
+def put_spots(
+    instants: Floats, factors: Floats, hot: float, ends: Floats, spots: Floats, /
+) -> int: ...
+def look_at(
+    ranges: Indices,
+    curve: Floats,
+    rate: float,
+    duration: float,
+    period: float,
+    is_held_before: bool,
+    is_held_after: bool,
+    limits: Floats,
+    bends: float,
+    twists: float,
+    is_smooth: bool,
+    /,
+) -> float: ...

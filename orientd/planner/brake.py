@@ -36,8 +36,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orientd.planner.fast import kernels
-from orientd.planner.limits import Limits
+from orientd.kernels import least_rate
 from orientd.rotation import Floats
 
 FASTEST_BRAKE_RATE = 20.0
@@ -47,7 +46,6 @@ SLOWEST_STOP = 4.0
 """Seconds that a stop on the path may take where the timing is the user's."""
 
 _MARGIN = 0.99  # the nodes lie between the worst rates; this covers what they miss
-_BLOCK = 512
 
 
 def _nodes() -> Floats:
@@ -64,152 +62,28 @@ _RESERVE_ROOT = np.linspace(0.0, 1.0, 201)
 _WORST = _MARGIN * np.min(
     (1.0 - (1.0 - _RESERVE_ROOT[:, None] ** 2) * _SIGMA**2) / _G.clip(1e-12), axis=1
 )
-_LARGE = 1e12
 
-LAW = (_SIGMA, _G, _WORST, _SIGMA_G, FASTEST_BRAKE_RATE, _MARGIN)
-"""What the compiled kernels take of this module."""
+LAW = (np.stack([_SIGMA, _G]), _WORST, _SIGMA_G, FASTEST_BRAKE_RATE, _MARGIN)
+"""What the kernels take of this module."""
 
 
-def brake_rate(omega: Floats, alpha: Floats, jerk: Floats, limits: Limits) -> tuple[float, int]:
-    """Return the largest safe brake rate for the angular part of a path.
+def brake_rate(
+    velocity: Floats, acceleration: Floats, jerk: Floats, most: float, most_jerk: float
+) -> tuple[float, int]:
+    """Return the largest safe brake rate for points of a path.
+
+    The angular part, the linear one, which has no limit of the jerk, and each component in the body
+    frame obey the inequalities above with limits of their own.
 
     Args:
-        omega: angular velocities of the path, rad/s, shape ``(n, 3)``.
-        alpha: angular accelerations, rad/s^2, shape ``(n, 3)``.
-        jerk: sizes of the angular jerk, rad/s^3, shape ``(n,)``.
-        limits: what the device may see.
+        velocity: of the path, rad/s or m/s, shape ``(n, k)``.
+        acceleration: rad/s^2 or m/s^2, shape ``(n, k)``.
+        jerk: its size, rad/s^3 or m/s^3, shape ``(n,)``.
+        most: limit of the acceleration; infinite where there is none.
+        most_jerk: limit of the jerk; infinite where there is none.
 
     Returns:
         The rate in 1/s, in ``[0, FASTEST_BRAKE_RATE]``, and the index of the point that sets it.
     """
-    return _least(omega, alpha, jerk, limits.acceleration, limits.jerk)
-
-
-def axis_brake_rate(
-    omega: Floats, alpha: Floats, jerk: Floats, limits: Limits
-) -> tuple[float, int]:
-    """Return the largest brake rate that is safe for every component in the body frame.
-
-    Every component obeys the inequalities above with its own limits.
-
-    Args:
-        omega: angular velocities of the path, rad/s, shape ``(n, 3)``.
-        alpha: angular accelerations, rad/s^2, shape ``(n, 3)``.
-        jerk: angular jerks, rad/s^3, shape ``(n, 3)``.
-        limits: what the device may see.
-
-    Returns:
-        As :func:`brake_rate`.
-    """
-    return min(
-        _least(
-            omega[:, axis : axis + 1],
-            alpha[:, axis : axis + 1],
-            np.abs(jerk[:, axis]),
-            limits.axis_acceleration[axis],
-            limits.axis_jerk[axis],
-        )
-        for axis in range(3)
-    )
-
-
-def linear_brake_rate(velocity: Floats, acceleration: Floats, limits: Limits) -> tuple[float, int]:
-    """Return the largest safe brake rate for the linear part of a path, which has no jerk limit.
-
-    Args:
-        velocity: velocities of the position, m/s, shape ``(n, 3)``.
-        acceleration: its accelerations, m/s^2, shape ``(n, 3)``.
-        limits: what the device may see.
-
-    Returns:
-        As :func:`brake_rate`.
-    """
-    return _least(
-        velocity, acceleration, np.zeros(len(velocity)), limits.linear_acceleration, np.inf
-    )
-
-
-def _norm(vectors: Floats) -> Floats:
-    norm: Floats = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
-    return norm
-
-
-def _least(
-    velocity: Floats, acceleration: Floats, jerk: Floats, most: float, most_jerk: float
-) -> tuple[float, int]:
-    """Return the least rate over all points, looking closely only at those that could set it."""
-    compiled = kernels().least_rate
-    if compiled is not None:
-        return compiled(
-            velocity,
-            acceleration,
-            jerk,
-            most,
-            most_jerk,
-            *LAW,
-        )
-    speed, size = _norm(velocity), _norm(acceleration)
-    along = np.abs(np.einsum("ij,ij->i", velocity, acceleration))
-    best, place = FASTEST_BRAKE_RATE, 0
-    bound = _lower_bound(speed, size, most)
-    # The point nearest to its limit first; most others are ruled out by it.
-    order = [int(np.argmin(bound)), int(np.argmax(jerk))] if len(speed) else []
-    some = np.array(order, dtype=np.intp)
-    while len(some):
-        rates = _rates(speed[some], size[some], along[some], jerk[some], most, most_jerk)
-        index = int(np.argmin(rates))
-        if rates[index] < best:
-            best, place = float(rates[index]), int(some[index])
-        bound[some] = np.inf
-        at_risk = (bound < best) | (
-            (jerk + _SIGMA_G * size * best + 4.0 * speed * best * best > most_jerk)
-            & (bound < np.inf)
-        )
-        some = np.flatnonzero(at_risk)
-        if len(some) > _BLOCK:
-            some = some[np.argpartition(bound[some], _BLOCK)[:_BLOCK]]
-    return best, place
-
-
-def _lower_bound(speed: Floats, size: Floats, most: float) -> Floats:
-    """Return a rate that the acceleration allows each point, whatever its directions are.
-
-    With both vectors along each other and ``y = x speed / A`` the condition is
-    ``(1 - r) sigma^2 + y g <= 1``, whose largest *y* is a function of the reserve *r* alone.
-    """
-    if not np.isfinite(most):
-        return np.full(speed.shape, _LARGE)
-    reserve = np.sqrt(np.maximum(1.0 - size / most, 0.0))
-    allowed = most * np.interp(reserve, _RESERVE_ROOT, _WORST)
-    bound: Floats = np.divide(allowed, speed, out=np.full(speed.shape, _LARGE), where=speed > 0.0)
-    bound[size > most] = 0.0
-    return bound
-
-
-def _rates(
-    speed: Floats, size: Floats, along: Floats, jerk: Floats, most: float, most_jerk: float
-) -> Floats:
-    """Return the largest safe rate of each point, shape ``(n,)``."""
-    square = _SIGMA[:, None] ** 2
-    g = _G[:, None]
-    rates = np.full(speed.shape, FASTEST_BRAKE_RATE / _MARGIN)
-    # P x^2 + 2 H x <= R: the root in the form that does not cancel.
-    if np.isfinite(most):
-        rest = most * most - (size * square) ** 2
-        half = g * square * along
-        rates = np.minimum(rates, _root(rest, half, (g * speed) ** 2))
-    if np.isfinite(most_jerk):
-        rest = most_jerk - jerk * square
-        half = 1.5 * _SIGMA[:, None] * g * size
-        rates = np.minimum(rates, _root(rest, half, 4.0 * speed))
-    is_hopeless = (size > most) | (jerk > most_jerk)
-    safe: Floats = np.where(is_hopeless, 0.0, _MARGIN * rates)
-    return safe
-
-
-def _root(rest: Floats, half: Floats, leading: Floats) -> Floats:
-    rest = np.maximum(rest, 0.0)
-    divisor = half + np.sqrt(half * half + leading * rest)
-    roots = np.divide(rest, divisor, out=np.full(divisor.shape, np.inf), where=divisor > 0.0)
-    least: Floats = roots.min(axis=0)
-    return least
+    v, a = np.ascontiguousarray(velocity), np.ascontiguousarray(acceleration)
+    return least_rate(v, a, np.ascontiguousarray(jerk), most, most_jerk, *LAW)

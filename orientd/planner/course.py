@@ -48,6 +48,12 @@ class Core:
         """How many derivatives of the orientation are continuous."""
         return self.stretch.curve.continuity
 
+    @property
+    def is_plain(self) -> bool:
+        """Whether it is one curve run forwards from its beginning, at one position."""
+        stretch = self.stretch
+        return self.positions.is_held and stretch.rate > 0.0 and not stretch.skipped
+
     def has_acceleration_of(self, state: State, limits: Limits) -> bool:
         """Return whether it begins with the acceleration of *state*."""
         alpha = self.stretch.ends()[0].alpha_body

@@ -7,15 +7,15 @@ for the jerk, so this is what is held against the limits, on the very records th
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from orientd.planner.brake import FASTEST_BRAKE_RATE, LAW, axis_brake_rate, brake_rate
-from orientd.planner.fast import kernels
+from orientd import kernels
+from orientd.planner.brake import FASTEST_BRAKE_RATE, LAW
 from orientd.planner.limit_table import limit_table
-from orientd.planner.limits import ANGULAR, Limits
-from orientd.rotation import Floats, conjugate, log, multiply
+from orientd.planner.limits import Limits
+from orientd.rotation import Floats
 
 HISTORY = 3
 """Setpoints before the first that a third difference reaches back to."""
@@ -87,48 +87,21 @@ def extremes(
         rough: where the brake rate must expect more between the records than on them.
         brake_limits: limits for the brake rate; ``None`` leaves it out.
     """
-    part = _reach(rough, period)
-    compiled = kernels().extremes
-    if compiled is not None:
-        largest: Floats = np.zeros((3, 4))
-        places = np.zeros((3, 4), dtype=np.intp)
-        rate, place = compiled(
-            q,
-            past,
-            with_axes or (brake_limits is not None and brake_limits.has_axes),
-            period,
-            start,
-            part,
-            brake_limits is not None,
-            _NO_LIMITS if brake_limits is None else limit_table(brake_limits)[1:],
-            *LAW,
-            FASTEST_BRAKE_RATE,
-            largest,
-            places,
-        )
-        return Extremes(largest.tolist(), places.tolist(), rate, place)
-    omega, alpha, jerk = rates = differences(q)
-    squares = [_squares(rate) for rate in rates]
-    found = Extremes([[0.0] * 4 for _ in ANGULAR], [[0] * 4 for _ in ANGULAR])
-    for order, first in enumerate((2 * past, past, 0)):
-        columns = [squares[order], *(rates[order].T ** 2 if with_axes else ())]
-        for column, values in enumerate(columns):
-            if len(values) > first:
-                place = first + int(np.argmax(values[first:]))
-                found.largest[order][column] = float(values[place])
-                found.places[order][column] = place
-    if brake_limits is None or not len(jerk):
-        return found
-    times = start + period * np.arange(len(jerk))
-    is_rough = (times >= part[0]) & (times < part[1])
-    bends, twists = (np.where(is_rough, scale, 1.0) for scale in part[2:])
-    velocity = omega[2:] / period
-    acceleration = bends[:, None] * alpha[1:] / period**2
-    jerk = twists[:, None] * jerk / period**3
-    slowest = brake_rate(velocity, acceleration, np.sqrt(_squares(jerk)), brake_limits)
-    if brake_limits.has_axes:
-        slowest = min(slowest, axis_brake_rate(velocity, acceleration, jerk, brake_limits))
-    return replace(found, rate=slowest[0], rate_place=slowest[1])
+    squares, places = np.zeros((3, 4)), np.zeros(12, dtype=np.int64)
+    rate, place = kernels.setpoint_extremes(
+        np.ascontiguousarray(q.T),
+        past,
+        with_axes or (brake_limits is not None and brake_limits.has_axes),
+        period,
+        start,
+        _reach(rough, period),
+        brake_limits is not None,
+        _NO_LIMITS if brake_limits is None else limit_table(brake_limits)[1:],
+        *LAW,
+        squares,
+        places,
+    )
+    return Extremes(squares.tolist(), places.reshape(3, 4).tolist(), rate, place)
 
 
 def path_extremes(
@@ -140,8 +113,8 @@ def path_extremes(
     with_axes: bool,
     rough: Rough | None,
     brake_limits: Limits,
-) -> Extremes | None:
-    """Return what :func:`extremes` says of a path that is held at its end, if there is a kernel.
+) -> Extremes:
+    """Return what :func:`extremes` says of a path that is held at its end.
 
     Places count from the first of the setpoints *before*.
 
@@ -154,24 +127,20 @@ def path_extremes(
         rough: likewise.
         brake_limits: likewise.
     """
-    compiled = kernels().path_extremes
-    if compiled is None:
-        return None
-    largest: Floats = np.zeros((3, 4))
-    places = np.zeros((3, 4), dtype=np.intp)
-    rate, place = compiled(
+    squares, places = np.zeros((3, 4)), np.zeros(12, dtype=np.int64)
+    rate, place = kernels.path_extremes(
         path,
         records,
         period,
-        before,
+        np.ascontiguousarray(before),
         with_axes or brake_limits.has_axes,
         _reach(rough, period),
         limit_table(brake_limits)[1:],
         *LAW,
-        largest,
+        squares,
         places,
     )
-    return Extremes(largest.tolist(), places.tolist(), rate, place)
+    return Extremes(squares.tolist(), places.reshape(3, 4).tolist(), rate, place)
 
 
 _SMOOTH = np.array([np.inf, -np.inf, 1.0, 1.0])
@@ -183,23 +152,3 @@ def _reach(rough: Rough | None, period: float) -> Floats:
     if rough is None:
         return _SMOOTH
     return np.array([rough.begin, rough.end + HISTORY * period, *OFF_GRID[rough.continuity]])
-
-
-def differences(q: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the first three backward differences of orientations, in units of rad a period.
-
-    Args:
-        q: setpoints, shape ``(n, 4)``.
-
-    Returns:
-        The rotation vectors from one setpoint to the next, the change of these and the change of
-        that, shapes ``(n - 1, 3)`` to ``(n - 3, 3)``.
-    """
-    omega = log(multiply(conjugate(q[:-1]), q[1:]))
-    alpha = np.diff(omega, axis=0)
-    return omega, alpha, np.diff(alpha, axis=0)
-
-
-def _squares(vectors: Floats) -> Floats:
-    squares: Floats = np.einsum("ij,ij->i", vectors, vectors)
-    return squares

@@ -108,10 +108,9 @@ def measure_path(
             rough=rough,
             brake_limits=brake_limits,
         )
-        if found is not None:
-            tally = Tally(period, limits)
-            tally.note_turns(found, -len(q))
-            return tally.peaks()
+        tally = Tally(period, limits)
+        tally.note_turns(found, -len(q))
+        return tally.peaks()
 
     def setpoints(first: int, size: int) -> tuple[Floats, Floats]:
         return path.setpoints(first, size, period)

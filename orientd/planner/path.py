@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from orientd.curves import Curve
-from orientd.planner.plain_path import farthest_from, plain_path, sample
+from orientd.kernels import farthest_from_path, sample_path
+from orientd.planner.plain_path import plain_path
 from orientd.planner.position import PositionPath
 from orientd.planner.request import State
 from orientd.rotation import Floats, angle
@@ -186,7 +187,7 @@ class Path:
 
     @property
     def plain(self) -> Floats | None:
-        """The row of numbers that the compiled kernels sample it from, if they do."""
+        """The row of numbers that the kernels sample it from, if they do."""
         if not self._plain:
             end = self.duration - _AT_REST
             self._plain.append(plain_path(self.stretches, self.first, self.last, end))
@@ -255,8 +256,10 @@ class Path:
 
     def farthest_from(self, keys: Floats, times: Floats) -> float:
         """Return the largest angle between *keys* and the path at increasing *times*, rad."""
-        found = None if self.plain is None else farthest_from(self.plain, keys, times)
-        return float(np.max(angle(self.orientations(times), keys))) if found is None else found
+        if self.plain is None:
+            return float(np.max(angle(self.orientations(times), keys)))
+        instants, wanted = np.ascontiguousarray(times), np.ascontiguousarray(keys)
+        return farthest_from_path(self.plain, instants, wanted)
 
     def _ends(self, times: Floats) -> tuple[int, int]:
         """Return where the path begins and ends in increasing *times*."""
@@ -269,8 +272,9 @@ class Path:
         Returns:
             Shape ``(count, n)``, where *count* is 4 or 10.
         """
-        rows = None if self.plain is None else sample(self.plain, times, count)
-        if rows is not None:
+        if self.plain is not None:
+            rows: Floats = np.empty((count, len(times)))
+            sample_path(self.plain, np.ascontiguousarray(times), rows)
             return rows
         first, last = self._ends(times)
         rows = np.zeros((count, len(times)))

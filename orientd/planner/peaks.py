@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orientd.planner.brake import FASTEST_BRAKE_RATE, linear_brake_rate
+from orientd.planner.brake import FASTEST_BRAKE_RATE, brake_rate
 from orientd.planner.differences import HISTORY, Extremes
 from orientd.planner.limits import ANGULAR, Limits
 from orientd.rotation import Floats
@@ -120,9 +120,9 @@ class Tally:
         self._move = _larger(self._move, *_largest(v[2 * past :], first + 1 + 2 * past))
         self._push = _larger(self._push, *_largest(a[past:], first + 2 + past))
         if brake_limits is not None:
-            rate, place = linear_brake_rate(
-                v[1 + past :] / self._period, a[past:] / self._period**2, brake_limits
-            )
+            velocity, push = v[1 + past :] / self._period, a[past:] / self._period**2
+            most = brake_limits.linear_acceleration
+            rate, place = brake_rate(velocity, push, np.zeros(len(push)), most, math.inf)
             self._note_rate(rate, first + 2 + past + place)
 
     def _note_rate(self, rate: float, record: int) -> None:

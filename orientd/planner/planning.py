@@ -21,7 +21,6 @@ from orientd.planner.limits import Limits
 from orientd.planner.methods import Ends, Method, check_method
 from orientd.planner.motion import Motion
 from orientd.planner.position_lead import position_lead
-from orientd.planner.quick_core import quick_core
 from orientd.planner.quickest import SHARE, quickest
 from orientd.planner.request import MotionRequest, State
 from orientd.planner.survey import Survey
@@ -178,10 +177,6 @@ class _Job:
             everywhere: whether to look at every record at every attempt.
         """
         period, reserved = self.period, self.limits.with_reserve()
-        if not everywhere:
-            quick = quick_core(self.request, self.start, self.ends, reserved, period)
-            if quick is not None:
-                return self._with_leads(quick)
         course, shape = self._shape()
         is_same = course.has_one_shape
         is_held = is_same and shape.is_held_at_both_ends(self.limits)

@@ -8,24 +8,25 @@ The certificate looks at everything in the end.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from orientd.curves.cumulative import CumulativeCurve
+from orientd.kernels import look_at, put_factors, put_instants, put_spots
 from orientd.planner.course import Core
 from orientd.planner.differences import OFF_GRID
-from orientd.planner.fast import kernels
 from orientd.planner.limit_table import limit_table
 from orientd.planner.limits import Limits
 from orientd.planner.measuring import CHUNK
+from orientd.planner.plain_path import plain_curve
 from orientd.planner.timing import excess
 from orientd.rotation import Floats
 
 PIECES = 64
 """That a curve of fewer pieces is cut into."""
 
-SHARES = (1e-6, 0.25, 0.5, 0.75, 1.0 - 1e-6)
+SHARES = np.array([1e-6, 0.25, 0.5, 0.75, 1.0 - 1e-6])
 """Of a piece, where it is looked at."""
 
 HOT = 0.97
@@ -40,6 +41,7 @@ MARGIN = 4
 _SHORT = 4 * CHUNK  # records that are looked at as a whole where the shape may change
 _LARGEST_STEP = 0.75 * OFF_GRID[1][1]  # of what a step over a period is taken for
 _EVERYWHERE = np.array([[0.0, 1.0]])
+_NO_ENDS = np.empty((0, 2))
 _END_KEYFRAMES = 10  # to which the ends of a curve reach, whatever the duration
 
 
@@ -75,23 +77,17 @@ class Survey:
         is_held = core.held_ends(limits)
         # Where the acceleration goes on from that of a hold the ends are as smooth as the rest.
         with_ends = not (has_one_shape and core.continuity >= 2 and all(is_held))
-        terms, compiled = _terms(core, limits, period), kernels().survey
-        if has_one_shape and terms is not None and compiled is not None:
-            most = len(SHARES) * (len(core.stretch.curve.knots) + PIECES) + 2
-            spots: Floats = np.empty((most, 2))
-            factor, count = compiled(*terms, with_ends, spots)
-            return cls(factor, spots[:count], has_one_shape, is_held)
         instants = _instants(core)
         factors = _factors(core, instants, limits, period)
         largest = float(factors.max())
-        hot = np.flatnonzero(factors >= HOT * largest)
-        begins = instants[np.maximum(hot - 1, 0)]
-        ends = instants[np.minimum(hot + 1, len(instants) - 1)]
+        ends = _NO_ENDS
         if with_ends:
             reach = 0 if has_one_shape else min(_END_KEYFRAMES, len(core.times) - 1)
-            begins = np.concatenate([[0.0, core.times[-1 - reach]], begins])
-            ends = np.concatenate([[core.times[reach], core.duration], ends])
-        return cls(largest, _merged(begins, ends) / core.duration, has_one_shape)
+            ends = np.array([[0.0, core.times[reach]], [core.times[-1 - reach], core.duration]])
+        spots: Floats = np.empty((len(instants) + 2, 2))
+        count = put_spots(instants, factors, HOT * largest, ends, spots)
+        known = is_held if has_one_shape else None
+        return cls(largest, spots[:count] / core.duration, has_one_shape, known)
 
     def look(self, core: Core, limits: Limits, period: float, *, everywhere: bool) -> float:
         """Return by which factor a core should take longer, from its records.
@@ -105,29 +101,27 @@ class Survey:
         count = core.record_count(period)
         is_short = count <= _SHORT and not self.has_one_shape
         spots = _EVERYWHERE if everywhere or is_short else self.spots
-        terms, compiled = _terms(core, limits, period), kernels().look
-        if terms is not None and compiled is not None:
-            is_held = self.is_held or core.held_ends(limits)
-            return compiled(spots, count - 1, *terms, *is_held)
-        ranges = _ranges(spots, count)
-        factor = max(_excess(core, limits, period, first, last) for first, last in ranges)
+        ranges = _ranges(spots, count - 1)
+        curve = plain_curve(core.stretch.curve) if core.is_plain else None
+        if curve is None:
+            factor = max(_excess(core, limits, period, first, last) for first, last in ranges)
+        else:
+            factor = look_at(
+                np.array(ranges).reshape(-1),
+                curve,
+                core.stretch.rate,
+                core.duration,
+                period,
+                *(self.is_held or core.held_ends(limits)),
+                limit_table(limits),
+                *OFF_GRID[core.continuity],
+                core.continuity >= 2,
+            )
         if core.continuity >= 2:
             return factor
         # What a step of the acceleration shows on the records changes with where it falls between
         # them; the search needs something that depends on the duration smoothly.
         return max(factor, float(_factors(core, _instants(core), limits, period).max()))
-
-
-def _terms(
-    core: Core, limits: Limits, period: float
-) -> tuple[Floats, Floats, float, float, float, Floats] | None:
-    """Return a core as the compiled kernels know it; ``None`` where they cannot look at it."""
-    stretch, curve = core.stretch, core.stretch.curve
-    table = curve.table if isinstance(curve, CumulativeCurve) else None
-    is_plain = core.positions.is_held and core.continuity >= 2 and stretch.rate > 0.0
-    if table is None or not is_plain:
-        return None
-    return curve.knots, table, stretch.rate, core.duration, period, limit_table(limits)
 
 
 def _excess(core: Core, limits: Limits, period: float, first: int, last: int) -> float:
@@ -141,48 +135,29 @@ def _instants(core: Core) -> Floats:
     breaks = (curve.knots - curve.domain[0]) / core.stretch.rate
     if not core.positions.is_held:
         breaks = np.union1d(breaks, core.positions.breaks)
-    breaks = breaks[(breaks >= 0.0) & (breaks <= core.duration)]
-    if len(breaks) < PIECES:
-        breaks = np.union1d(breaks, np.linspace(0.0, core.duration, PIECES + 1))
-    widths = np.diff(breaks)
-    begins, widths = breaks[:-1][widths > 0.0], widths[widths > 0.0]
-    instants: Floats = (begins[:, None] + widths[:, None] * np.array(SHARES)).reshape(-1)
-    return instants
+    instants: Floats = np.empty(len(SHARES) * (len(breaks) + PIECES + 1))
+    return instants[: put_instants(breaks, core.duration, PIECES, SHARES, instants)]
 
 
 def _factors(core: Core, instants: Floats, limits: Limits, period: float) -> Floats:
     """Return, instant by instant, by which factor the core should take longer."""
     factors: Floats = np.zeros(len(instants))
+    step = 0.0 if core.continuity >= 2 else _LARGEST_STEP
     for first in range(0, len(instants), CHUNK):
         # One more on either side, for differences.
         some = slice(max(first - 1, 0), first + CHUNK)
-        times = instants[some]
+        times, found = instants[some], factors[some].copy()
         _, omega, alpha = core.stretch.sample(times)
-        # What lies within a period counts as a step of the acceleration over one.
-        steps = np.maximum(times[1:] - times[:-1], period)
-        twists = np.zeros(len(times))
-        twists[1:] = _shares(alpha[1:] - alpha[:-1], limits, "jerk") / steps
-        of_all = [
-            factors[some],
-            _shares(omega, limits, "velocity"),
-            np.sqrt(_shares(alpha, limits, "acceleration")),
-            np.sqrt(_LARGEST_STEP * twists) if core.continuity < 2 else np.cbrt(twists),
-        ]
+        spins, bends = np.ascontiguousarray(omega.T), np.ascontiguousarray(alpha.T)
+        put_factors(times, spins, bends, period, limit_table(limits), step, found)
         if not core.positions.is_held:
             _, velocity = core.positions.sample(times)
-            push = np.concatenate([[0.0], _norm(np.diff(velocity, axis=0)) / steps])
-            of_all.append(_norm(velocity) / limits.linear_velocity)
-            of_all.append(np.sqrt(push / limits.linear_acceleration))
-        factors[some] = np.maximum.reduce(of_all)
+            elapsed = np.maximum(times[1:] - times[:-1], period)
+            push = np.concatenate([[0.0], _norm(np.diff(velocity, axis=0)) / elapsed])
+            found = np.maximum(found, _norm(velocity) / limits.linear_velocity)
+            found = np.maximum(found, np.sqrt(push / limits.linear_acceleration))
+        factors[some] = np.maximum(factors[some], found)
     return factors
-
-
-def _shares(vectors: Floats, limits: Limits, name: str) -> Floats:
-    """Return angular rates as shares of their limits, of the norm or of an axis."""
-    shares = _norm(vectors) / float(getattr(limits, name))
-    if limits.has_axes:
-        shares = np.maximum(shares, np.max(np.abs(vectors) / limits.axes(name), axis=-1))
-    return shares
 
 
 def _norm(vectors: Floats) -> Floats:
@@ -190,24 +165,13 @@ def _norm(vectors: Floats) -> Floats:
     return norm
 
 
-def _merged(begins: Floats, ends: Floats) -> Floats:
-    """Return the union of intervals, as intervals in order, shape ``(m, 2)``."""
-    order = np.argsort(begins)
-    begins, ends = begins[order], np.maximum.accumulate(ends[order])
-    is_new = np.concatenate([[True], begins[1:] > ends[:-1]])
-    firsts = np.flatnonzero(is_new)
-    lasts = np.concatenate([firsts[1:] - 1, [len(begins) - 1]])
-    return np.stack([begins[firsts], ends[lasts]], axis=-1)
-
-
-def _ranges(spots: Floats, count: int) -> list[tuple[int, int]]:
+def _ranges(spots: Floats, final: int) -> list[tuple[int, int]]:
     """Return first and last record of every spot, neighbours joined."""
-    firsts = np.maximum(np.floor(spots[:, 0] * (count - 1)) - MARGIN, 0).astype(int)
-    lasts = np.minimum(np.ceil(spots[:, 1] * (count - 1)) + MARGIN, count - 1).astype(int)
-    ranges = [(int(firsts[0]), int(lasts[0]))]
-    for first, last in zip(firsts[1:].tolist(), lasts[1:].tolist(), strict=True):
-        if first <= ranges[-1][1] + GAP:
-            ranges[-1] = ranges[-1][0], max(last, ranges[-1][1])
-        else:
-            ranges.append((first, last))
+    ranges: list[tuple[int, int]] = []
+    for begin, end in spots.tolist():
+        first = max(math.floor(begin * final) - MARGIN, 0)
+        last = min(math.ceil(end * final) + MARGIN, final)
+        if ranges and first <= ranges[-1][1] + GAP:
+            first, last = ranges[-1][0], max(last, ranges.pop()[1])
+        ranges.append((first, last))
     return ranges

@@ -12,9 +12,6 @@ from pathlib import Path
 import peer_curves
 import peer_timing
 
-from orientd.curves import fast as fast_curves
-from orientd.planner import fast as fast_planner
-
 README = Path(__file__).parents[2] / "README.md"
 BEGIN, END = "<!-- peers:begin -->", "<!-- peers:end -->"
 PACKAGES = ("numpy", "numba", "scipy", "splines", "drake", "ruckig", "toppra")
@@ -53,8 +50,6 @@ def versions():
 
 
 def main():
-    if not (fast_curves.wait_ready(120) and fast_planner.wait_ready(120)):
-        raise RuntimeError("the compiled kernels are not there")
     lines = [
         *table("Curves through keyframes", peer_curves.ROWS, peer_curves.PEERS),
         "",

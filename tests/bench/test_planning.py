@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation, RotationSpline
 
 from orientd.curves import METHODS
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan, retarget
-from orientd.planner.fast import wait_ready
 
 pytestmark = pytest.mark.bench
 
@@ -28,8 +27,6 @@ def seconds(work, rounds=15):
 
 @pytest.mark.timeout(300)
 def test_motions_are_planned_and_certified_in_less_than_scipy_builds_and_samples_a_spline():
-    pytest.importorskip("numba")
-    assert wait_ready(120)
     random = np.random.default_rng(1)
     rotation = Rotation.identity()
     rotations = [

@@ -59,7 +59,9 @@ PyObject *refuse(arguments_t *taken);
 #define LAST_ENTRY {NULL, NULL, 0, NULL}
 
 /* One table for each group of kernels, in py_<group>.c. */
+extern PyMethodDef interpolation_methods[];
 extern PyMethodDef sampling_methods[];
 extern PyMethodDef connectors_methods[];
+extern PyMethodDef certify_methods[];
 
 #endif

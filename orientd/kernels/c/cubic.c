@@ -27,10 +27,10 @@ typedef struct { double a0, a1, a2, a3; vec_t axis; } factor_t;
 
 INLINE void turn(double t, factor_t f, double *c, vec_t *e, double *rate, double *curvature) {
     double s;
-    cosine_and_sine(f.a0 + t * (f.a1 + t * (f.a2 + t * f.a3)), c, &s);
+    cosine_and_sine(fused(t, fused(t, fused(t, f.a3, f.a2), f.a1), f.a0), c, &s);
     *e = times(s, f.axis);
-    *rate = 2.0 * (f.a1 + t * (2.0 * f.a2 + t * (3.0 * f.a3)));
-    *curvature = 4.0 * f.a2 + t * (12.0 * f.a3);
+    *rate = 2.0 * fused(t, fused(t, 3.0 * f.a3, 2.0 * f.a2), f.a1);
+    *curvature = fused(t, 12.0 * f.a3, 4.0 * f.a2);
 }
 
 INLINE motion_t sampled(double t, quat_t base, factor_t f, factor_t g, factor_t h) {
@@ -134,6 +134,20 @@ INLINE index_t inside(const double *times, double start, double end) {
     return found;
 }
 
+/* How many instants are in a span from the first one on, which is taken to be. */
+INLINE index_t run_length(const double *times, index_t count, double start, double end) {
+    index_t stop = 1, few = least(count, LANES);
+    while (stop < few && start <= times[stop] && times[stop] < end)
+        stop++;
+    if (stop < LANES)
+        return stop;
+    while (stop + STRIDE <= count && inside(times + stop, start, end) == STRIDE)
+        stop += STRIDE;
+    while (stop < count && start <= times[stop] && times[stop] < end)
+        stop++;
+    return stop;
+}
+
 index_t span_of(double t, row_t breaks) {
     const double *low = breaks.v;
     for (index_t n = breaks.n - 1; n > 1;) {
@@ -164,11 +178,7 @@ index_t sample_cubic(row_t times, row_t breaks, matrix_t table, double slack, ma
             start = breaks.v[span], end = breaks.v[span + 1];
         }
         const double *constants = table.v + span;
-        index_t stop = i + 1;
-        while (stop + STRIDE <= times.n && inside(times.v + stop, start, end) == STRIDE)
-            stop += STRIDE;
-        while (stop < times.n && start <= times.v[stop] && times.v[stop] < end)
-            stop++;
+        index_t stop = i + run_length(times.v + i, times.n - i, start, end);
         if (t != times.v[i]) {
             unload(&tile, i, out);
             fill_short(&t, 1, start, constants, spans, out.v + i, out.m);

@@ -9,6 +9,7 @@
 #include <math.h>
 
 #include "arrays.h"
+#include "fused.h"
 
 #ifndef M_PI
 #define M_PI 3.14159265358979323846
@@ -33,17 +34,27 @@ INLINE vec_t minus(vec_t a, vec_t b) { return vec(a.x - b.x, a.y - b.y, a.z - b.
 INLINE vec_t times(double s, vec_t a) { return vec(s * a.x, s * a.y, s * a.z); }
 INLINE double dot(vec_t a, vec_t b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 INLINE double norm(vec_t a) { return sqrt(dot(a, a)); }
+/* s a + b */
+INLINE vec_t scaled_plus(double s, vec_t a, vec_t b) {
+    return vec(fused(s, a.x, b.x), fused(s, a.y, b.y), fused(s, a.z, b.z));
+}
 INLINE vec_t cross(vec_t a, vec_t b) {
-    return vec(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
+    return vec(fused(a.y, b.z, -(a.z * b.y)), fused(a.z, b.x, -(a.x * b.z)),
+               fused(a.x, b.y, -(a.y * b.x)));
+}
+/* a x b + c */
+INLINE vec_t cross_plus(vec_t a, vec_t b, vec_t c) {
+    return vec(fused(a.y, b.z, fused(-a.z, b.y, c.x)), fused(a.z, b.x, fused(-a.x, b.z, c.y)),
+               fused(a.x, b.y, fused(-a.y, b.x, c.z)));
 }
 
 INLINE quat_t conjugated(quat_t q) { return quat(q.w, -q.x, -q.y, -q.z); }
 INLINE quat_t opposite(quat_t q) { return quat(-q.w, -q.x, -q.y, -q.z); }
 INLINE quat_t multiplied(quat_t p, quat_t q) {
-    return quat(p.w * q.w - p.x * q.x - p.y * q.y - p.z * q.z,
-                p.w * q.x + p.x * q.w + p.y * q.z - p.z * q.y,
-                p.w * q.y - p.x * q.z + p.y * q.w + p.z * q.x,
-                p.w * q.z + p.x * q.y - p.y * q.x + p.z * q.w);
+    return quat(fused(-p.z, q.z, fused(-p.y, q.y, fused(-p.x, q.x, p.w * q.w))),
+                fused(-p.z, q.y, fused(p.y, q.z, fused(p.x, q.w, p.w * q.x))),
+                fused(p.z, q.x, fused(p.y, q.w, fused(-p.x, q.z, p.w * q.y))),
+                fused(p.z, q.w, fused(-p.y, q.x, fused(p.x, q.y, p.w * q.z))));
 }
 
 /* p* q, with all digits where the two are close, as orientd.rotation.between. */
@@ -95,7 +106,7 @@ INLINE vec_t turned(quat_t q, vec_t v) {
 /* A vector seen after the turn (c, e): rotated by the conjugate of that quaternion. */
 INLINE vec_t turned_back(double c, vec_t e, vec_t v) {
     vec_t t = times(2.0, cross(v, e));
-    return plus(plus(v, times(c, t)), cross(t, e));
+    return cross_plus(t, e, scaled_plus(c, t, v));
 }
 
 /* An orientation followed by the turn (c, e). */
@@ -107,8 +118,8 @@ INLINE quat_t followed(quat_t q, double c, vec_t e) {
  * which turns about a fixed axis (Sommer et al., 2020, eq. 30 and 38). */
 INLINE void join(vec_t *omega, vec_t *alpha, vec_t axis, double rate, double curvature) {
     vec_t own = times(rate, axis);
-    *alpha = plus(plus(*alpha, times(curvature, axis)), cross(*omega, own));
-    *omega = plus(*omega, own);
+    *alpha = cross_plus(*omega, own, scaled_plus(curvature, axis, *alpha));
+    *omega = scaled_plus(rate, axis, *omega);
 }
 
 /* A motion followed by a turn about a fixed axis.

@@ -24,4 +24,35 @@ index_t span_of(double t, row_t breaks);
  * Return the place of the first instant that is outside the domain, or -1 if none is. */
 index_t sample_cubic(row_t times, row_t breaks, matrix_t table, double slack, matrix_t out);
 
+/* product.c */
+
+/* Write what sample_cubic does for any number m of factors.
+ *
+ * base: the quaternions before the product of each span, shape (4, S).
+ * axes: unit axes of the factors, shape (m, 3, S).
+ * lengths: their half angles, shape (m, S).
+ * values: Bernstein coefficients of the basis functions, shape (S, m, m + 1).
+ * rates: those of their derivatives, shape (S, m, m).
+ * curvatures: those of their second derivatives, shape (S, m, max(m - 1, 1)).
+ *
+ * Return what sample_cubic does, or OUT_OF_MEMORY. */
+index_t sample_product(row_t times, row_t breaks, matrix_t base, tensor_t axes, matrix_t lengths,
+                       tensor_t values, tensor_t rates, tensor_t curvatures, double slack,
+                       matrix_t out);
+
+/* basis.c */
+
+/* Write the cumulative B-spline basis of an order on some spans, m = order - 1 functions on each.
+ *
+ * spans: the knot that each begins at, from order - 1 to the number of knots - order - 1 and
+ *     not of length zero, shape (S,).
+ * knots: the knot vector.
+ * values: receives Bernstein coefficients of the functions that vary, shape (S, m, m + 1).
+ * rates: receives those of their derivatives, shape (S, m, m).
+ * curvatures: receives those of their second derivatives, shape (S, m, max(m - 1, 1)).
+ *
+ * Return 0, or OUT_OF_MEMORY. */
+int fill_basis(indices_t spans, row_t knots, index_t order, tensor_t values, tensor_t rates,
+               tensor_t curvatures);
+
 #endif

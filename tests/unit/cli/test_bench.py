@@ -15,7 +15,7 @@ from orientd.errors import OrientdError
 
 SPEED = CurveSpeed(
     keyframes=100,
-    samplings=(Sampling(500, 40.0, 400.0, 1600.0), Sampling(100_000, None, 250.0, 1250.0)),
+    samplings=(Sampling(500, 40.0, 80.0, 1600.0), Sampling(100_000, 10.0, 50.0, 1250.0)),
     buildings=(Building(1.0, 1000, 0.02, 2.0),),
 )
 
@@ -50,8 +50,8 @@ def test_people_get_tables():
     result = CliRunner().invoke(app, ["bench"])
     assert result.exit_code == 0
     lines = [line.split() for line in result.stdout.splitlines()]
-    assert ["500", "40", "(40", "x)", "400", "(4", "x)", "1600"] in lines
-    assert ["100000", "not", "installed", "250", "(5", "x)", "1250"] in lines
+    assert ["500", "40", "(40", "x)", "80", "1600"] in lines
+    assert ["100000", "10", "(125", "x)", "50", "1250"] in lines
     for spin in ("50", "0"):
         figures = [spin, "20.0", "60.0", "40", "3", "(C", "3)", "50"]
         assert ["500", "busy", "FIFO", "80", *figures] in lines
@@ -62,7 +62,7 @@ def test_people_get_tables():
 def test_programs_get_one_object():
     result = CliRunner().invoke(app, ["bench", "--json"])
     found = json.loads(result.stdout)
-    assert found["curves"]["samplings"][0]["compiled_ns"] == 40.0
+    assert found["curves"]["samplings"][0]["sorted_ns"] == 40.0
     assert found["servo"][0]["p99_ratio"] == 1.5
     assert found["servo"][0]["bare"][0]["work_p99_us"] is None
     assert [one["spin_us"] for one in found["servo"][:3]] == [50, 0, 50]

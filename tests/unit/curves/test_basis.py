@@ -89,15 +89,6 @@ def test_reversing_swaps_the_functions():
     assert np.array_equal(basis.reversed().at(span, t), basis.at(span, t)[:, ::-1])
 
 
-def test_pieces_of_a_long_basis_fit_together(monkeypatch):
-    vector = np.cumsum(np.random.default_rng(1).uniform(0.1, 1.0, 200))
-    whole = cumulative_basis(vector, 4)
-    monkeypatch.setattr("orientd.curves.basis._PIECE", 7)
-    pieces = cumulative_basis(vector, 4)
-    assert np.array_equal(whole.values, pieces.values)
-    assert np.array_equal(whole.curvatures, pieces.curvatures)
-
-
 def test_bernstein_polynomials_sum_to_one():
     u = np.linspace(0.0, 1.0, 11)
     for degree in (0, 1, 5, 30):

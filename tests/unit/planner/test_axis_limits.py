@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from orientd.errors import LimitError, RequestError
 from orientd.planner import DEFAULT_LIMITS, PRESETS, Keyframe, Limits, MotionRequest, State, plan
-from orientd.planner.brake import axis_brake_rate, brake_rate
+from orientd.planner.differences import extremes
+from orientd.rotation import exp
 
 SQUAT = Limits.partial(velocity=[1.0, 2.0, 0.6], acceleration=[3.0, 8.0, 2.0], jerk=[60, 200, 90])
 UNEVEN = DEFAULT_LIMITS.narrowed(SQUAT)
@@ -103,14 +104,13 @@ def test_an_end_velocity_beyond_an_axis_is_refused_before_anything_is_planned():
 
 
 def test_a_brake_rate_for_axes_is_that_for_a_norm_on_a_turn_about_one_of_them():
-    random = np.random.default_rng(2)
-    sizes = random.uniform(0.1, 0.9, (3, 20))
-    omega, alpha, jerk = (np.outer(size, [0.0, 1.0, 0.0]) for size in sizes)
+    times = PERIOD * np.arange(40)
+    q = exp(np.outer(0.3 * np.sin(1.5 * times), [0.0, 1.0, 0.0]))
     alone = Limits.partial(acceleration=1.0, jerk=50.0)
     about_y = Limits.partial(acceleration=[1e9, 1.0, 1e9], jerk=[1e9, 50.0, 1e9])
-    rate, place = axis_brake_rate(omega, alpha, jerk, about_y)
-    assert (rate, place) == brake_rate(omega, alpha, sizes[2], alone)
-    assert rate < 20.0
+    one, other = (extremes(q, period=PERIOD, brake_limits=each) for each in (about_y, alone))
+    assert (one.rate, one.rate_place) == (other.rate, other.rate_place)
+    assert 0.0 < one.rate < 20.0
 
 
 def test_a_stop_on_the_path_keeps_the_limits_of_every_axis():

@@ -3,10 +3,14 @@ import pytest
 from planned import LIMITS, PERIOD, differences, random_motions
 
 from orientd.planner import Limits
-from orientd.planner.brake import FASTEST_BRAKE_RATE, brake_rate, linear_brake_rate
+from orientd.planner.brake import FASTEST_BRAKE_RATE, brake_rate
 from orientd.servo.path_clock import PathClock
 
 SOFT = LIMITS["soft"]
+
+
+def angular_rate(omega, alpha, jerk, limits):
+    return brake_rate(omega, alpha, jerk, limits.acceleration, limits.jerk)
 
 
 def points(random, count, limits):
@@ -37,13 +41,13 @@ def excess(omega, alpha, jerk, limits, x):
 def test_no_change_of_speed_breaks_a_limit_at_the_rate_returned(name):
     limits = LIMITS[name]
     for omega, alpha, jerk in zip(*points(np.random.default_rng(1), 60, limits), strict=True):
-        x, _ = brake_rate(omega[None], alpha[None], np.array([jerk]), limits)
+        x, _ = angular_rate(omega[None], alpha[None], np.array([jerk]), limits)
         assert excess(omega, alpha, jerk, limits, x) <= 1.0
 
 
 def test_the_rate_is_nearly_the_largest_that_is_safe():
     for omega, alpha, jerk in zip(*points(np.random.default_rng(2), 60, SOFT), strict=True):
-        x, _ = brake_rate(omega[None], alpha[None], np.array([jerk]), SOFT)
+        x, _ = angular_rate(omega[None], alpha[None], np.array([jerk]), SOFT)
         if x < FASTEST_BRAKE_RATE:
             assert excess(omega, alpha, jerk, SOFT, 1.03 * x) > 1.0
 
@@ -51,10 +55,10 @@ def test_the_rate_is_nearly_the_largest_that_is_safe():
 def test_the_rate_of_many_points_is_the_least_of_them_with_its_place():
     omega, alpha, jerk = points(np.random.default_rng(3), 3000, SOFT)
     alone = [
-        brake_rate(omega[k : k + 1], alpha[k : k + 1], jerk[k : k + 1], SOFT)[0]
+        angular_rate(omega[k : k + 1], alpha[k : k + 1], jerk[k : k + 1], SOFT)[0]
         for k in range(3000)
     ]
-    rate, place = brake_rate(omega, alpha, jerk, SOFT)
+    rate, place = angular_rate(omega, alpha, jerk, SOFT)
     assert rate == min(alone)
     assert alone[place] == rate
 
@@ -62,9 +66,9 @@ def test_the_rate_of_many_points_is_the_least_of_them_with_its_place():
 def test_without_reserve_there_is_no_brake():
     along = np.array([[0.5, 0.0, 0.0]])
     alpha = np.array([[SOFT.acceleration, 0.0, 0.0]])
-    rate, _ = brake_rate(along, alpha, np.zeros(1), SOFT)
+    rate, _ = angular_rate(along, alpha, np.zeros(1), SOFT)
     assert rate < 0.02
-    rate, _ = brake_rate(along, 1.01 * alpha, np.zeros(1), SOFT)
+    rate, _ = angular_rate(along, 1.01 * alpha, np.zeros(1), SOFT)
     assert rate == 0.0
 
 
@@ -72,26 +76,26 @@ def test_a_reserve_buys_its_square_root():
     rates = []
     for reserve in (0.01, 0.04):
         alpha = np.array([[(1 - reserve) * SOFT.acceleration, 0.0, 0.0]])
-        rates.append(brake_rate(np.array([[1.0, 0, 0]]), alpha, np.zeros(1), SOFT)[0])
+        rates.append(angular_rate(np.array([[1.0, 0, 0]]), alpha, np.zeros(1), SOFT)[0])
     assert rates[1] / rates[0] == pytest.approx(2.0, rel=0.05)
 
 
 def test_a_motion_at_rest_brakes_at_the_fastest_rate():
     zero = np.zeros((4, 3))
-    assert brake_rate(zero, zero, np.zeros(4), SOFT)[0] == FASTEST_BRAKE_RATE
-    assert brake_rate(zero[:0], zero[:0], np.zeros(0), SOFT)[0] == FASTEST_BRAKE_RATE
+    assert angular_rate(zero, zero, np.zeros(4), SOFT)[0] == FASTEST_BRAKE_RATE
+    assert angular_rate(zero[:0], zero[:0], np.zeros(0), SOFT)[0] == FASTEST_BRAKE_RATE
 
 
 def test_infinite_limits_do_not_slow_the_brake():
     omega, alpha, jerk = points(np.random.default_rng(4), 10, SOFT)
-    assert brake_rate(omega, alpha, jerk, Limits.partial())[0] == FASTEST_BRAKE_RATE
+    assert angular_rate(omega, alpha, jerk, Limits.partial())[0] == FASTEST_BRAKE_RATE
 
 
 def test_the_linear_rate_looks_at_the_acceleration_of_the_position():
     v, a = np.array([[0.5, 0.0, 0.0]]), np.array([[0.0, 4.0, 0.0]])
-    rate, _ = linear_brake_rate(v, a, SOFT)
+    rate, _ = brake_rate(v, a, np.zeros(1), SOFT.linear_acceleration, np.inf)
     wide = Limits(SOFT.velocity, SOFT.linear_acceleration, 1e9, 1.0, 1.0)
-    assert rate == brake_rate(v, a, np.zeros(1), wide)[0]
+    assert rate == angular_rate(v, a, np.zeros(1), wide)[0]
     assert 0.0 < rate < FASTEST_BRAKE_RATE
 
 

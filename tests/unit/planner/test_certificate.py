@@ -8,7 +8,6 @@ from planned import rotations
 from orientd.driver.floats import difference
 from orientd.planner import DEFAULT_LIMITS, Limits, measuring
 from orientd.planner.differences import Rough
-from orientd.planner.fast import wait_ready
 from orientd.planner.measuring import measure
 
 H = 0.004
@@ -128,7 +127,6 @@ def test_a_long_motion_needs_no_more_memory_than_a_short_one():
     def setpoints(first, size):
         return np.repeat(unit, size, axis=0), np.repeat(nowhere, size, axis=0)
 
-    wait_ready(120)  # or what loads meanwhile would count
     used = []
     for count in (50_000, 500_000):
         tracemalloc.start()

@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 from planned import LIMITS, PERIOD, differences, times_of
 
-from orientd.curves.fast import Status
 from orientd.errors import LimitError, PlanError, RequestError, StartError
-from orientd.planner import Keyframe, Limits, MotionRequest, State, fast, plan
+from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.request import rotate
 from orientd.rotation import angle, exp, multiply
 
@@ -349,9 +348,6 @@ def test_many_keyframes_are_planned_with_a_fixed_number_of_samples_at_a_time(mon
     largest = []
     from orientd.planner.path import Stretch
 
-    # The kernels work in blocks of their own.
-    monkeypatch.setattr(fast, "KERNELS", fast.PlannerKernels())
-    fast.KERNELS.status = Status.MISSING
     sample = Stretch.sample
 
     def watched(self, times):
@@ -369,6 +365,13 @@ def test_many_keyframes_are_planned_with_a_fixed_number_of_samples_at_a_time(mon
 def test_steps_up_to_three_radians_are_planned():
     motion = made(at(ZERO, 3.0 * X, ZERO, 3.0 * Y, -2.9 * Z))
     assert motion.certificate.keyframe_error < 1e-9
+
+
+def test_a_keyframe_that_is_repeated_is_passed_once():
+    x, y = (0.8, 0.6, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0)
+    request = MotionRequest([Keyframe(q) for q in (tuple(HERE), x, x, y)])
+    motion = plan(request, start=State.at_rest(HERE), limits=ARM, period=PERIOD)
+    assert motion.keyframe_times[1] == motion.keyframe_times[2]
 
 
 def test_a_tiny_motion_is_a_motion():

@@ -1,12 +1,16 @@
 import numpy as np
 import pytest
 from planned import LIMITS, rotations
+from reference import differences as reference
+from reference.survey import surveyed
 
-from orientd.planner import Keyframe, MotionRequest, State, plan, survey
+from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, measuring, plan, survey
 from orientd.planner.course import Course
 from orientd.planner.methods import Ends, method_of
 from orientd.planner.position import PositionPath
 from orientd.planner.survey import Survey
+from orientd.planner.timing import excess
+from orientd.rotation import normalize
 
 ARM = LIMITS["arm"]
 PERIOD = 0.002
@@ -17,11 +21,11 @@ def request(count=400, seed=9, **fields):
     return MotionRequest([Keyframe(key) for key in q], **fields)
 
 
-def core(asked, duration):
+def core(asked, duration, end_velocity=None):
     times = np.linspace(0.0, 1.0, len(asked.keys))
     kept = np.arange(len(times))
-    method = method_of(asked.method)
-    return Course(asked, method, Ends(), times, kept, PositionPath.held(np.zeros(3))).core(duration)
+    method, ends = method_of(asked.method), Ends(None, end_velocity, None)
+    return Course(asked, method, ends, times, kept, PositionPath.held(np.zeros(3))).core(duration)
 
 
 @pytest.mark.parametrize("method", ["c2_cumulative", "kks_hermite_spline"])
@@ -58,3 +62,24 @@ def test_a_peak_that_a_survey_has_missed_is_found_in_the_end(monkeypatch):
     motion = plan(asked, start=start, limits=ARM, period=PERIOD)
     assert motion.duration == pytest.approx(right.duration, rel=2e-3)
     assert motion.certificate.peak_acceleration.ratio < 0.96
+
+
+AXES = DEFAULT_LIMITS.with_rates({"velocity": [2.0, 0.7, 1.5], "jerk": 300.0})
+
+
+@pytest.mark.parametrize("limits", [DEFAULT_LIMITS, AXES])
+@pytest.mark.parametrize("count", [2, 5, 80])
+@pytest.mark.parametrize("end_velocity", [None, (0.0, 0.2, 0.0)])
+def test_a_survey_says_what_numpy_says(monkeypatch, limits, count, end_velocity):
+    keys = np.array([4.0, 0.0, 0.0, 0.0]) + np.random.default_rng(count).normal(size=(count, 4))
+    asked = MotionRequest([Keyframe(tuple(q)) for q in normalize(keys).tolist()])
+    made = core(asked, 1.4 * count, end_velocity and np.array(end_velocity))
+    found = Survey.of(made, limits, PERIOD, has_one_shape=True)
+    factor, spots = surveyed(made, limits, PERIOD)
+    assert found.factor == pytest.approx(factor, rel=1e-12)
+    assert found.spots.reshape(-1) == pytest.approx(spots.reshape(-1), rel=1e-12)
+    everywhere = found.look(made, limits, PERIOD, everywhere=True)
+    here = found.look(made, limits, PERIOD, everywhere=False)
+    monkeypatch.setattr(measuring, "extremes", reference.extremes)
+    assert everywhere == pytest.approx(excess(made.peaks(PERIOD, limits), 2), rel=1e-12)
+    assert here == pytest.approx(everywhere, rel=2e-3)

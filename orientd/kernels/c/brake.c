@@ -1,0 +1,178 @@
+/* The largest safe brake rate: how fast a motion may be slowed down on its own path.
+ *
+ * orientd.planner.brake has the inequalities.  Both are quadratic in the rate, P x^2 + 2 H x <= R,
+ * at each of some rates sigma of the path, the nodes.
+ */
+#include <math.h>
+#include <stdlib.h>
+
+#include "differences.h"
+
+/* Sizes of velocity, acceleration and jerk of some points, the product of the first two without
+ * its sign, and a rate that the acceleration allows, whatever the directions are. */
+typedef struct { const double *speed, *size, *along, *jerk; double *bound; index_t n; } points_t;
+
+/* The root in the form that does not cancel. */
+INLINE double root(double rest, double half, double leading) {
+    rest = fmax(rest, 0.0);
+    double divisor = half + sqrt(half * half + leading * rest);
+    return divisor > 0.0 ? rest / divisor : INFINITY;
+}
+
+/* Return the largest safe rate of a point. */
+static double safe_rate(points_t at, index_t i, double most, double most_jerk, brake_law_t law) {
+    double speed = at.speed[i], size = at.size[i], along = at.along[i], jerk = at.jerk[i];
+    if (size > most || jerk > most_jerk)
+        return 0.0;
+    double rate = law.fastest / law.margin;
+    const double *sigmas = law.nodes.v, *gs = law.nodes.v + law.nodes.m;
+    for (index_t k = 0; k < law.nodes.m; k++) {
+        double sigma = sigmas[k], g = gs[k], square = sigma * sigma;
+        if (most < INFINITY) {
+            double bend = size * square, turn = g * speed;
+            rate = fmin(rate, root(most * most - bend * bend, g * square * along, turn * turn));
+        }
+        if (most_jerk < INFINITY)
+            rate = fmin(rate, root(most_jerk - jerk * square, 1.5 * sigma * g * size,
+                                   4.0 * speed));
+    }
+    return law.margin * rate;
+}
+
+/* Write the rates that the acceleration allows.  With velocity and acceleration along each other
+ * and y = x speed / A the condition is (1 - r) sigma^2 + y g <= 1, whose largest y is a function
+ * of the reserve r alone. */
+static void put_bounds(points_t at, double most, row_t worst) {
+    const double *restrict table = worst.v, *restrict speed = at.speed, *restrict size = at.size;
+    double *restrict bound = at.bound;
+    double scale = 1.0 / most;
+    int cells = (int)worst.n - 1;
+    if (!(most < INFINITY)) {
+        for (index_t i = 0; i < at.n; i++)
+            bound[i] = INFINITY;
+        return;
+    }
+    INDEPENDENT
+    for (index_t i = 0; i < at.n; i++) {
+        double place = sqrt(fmax(1.0 - size[i] * scale, 0.0)) * cells;
+        int cell = (int)place;
+        cell = cell < cells ? cell : cells - 1;
+        double allowed = most * (table[cell] + (place - cell) * (table[cell + 1] - table[cell]));
+        double rate = speed[i] > 0.0 ? allowed / speed[i] : INFINITY;
+        bound[i] = size[i] <= most ? rate : 0.0;
+    }
+}
+
+INLINE bool is_at_risk(points_t at, index_t i, double rate, double most_jerk, double most_change) {
+    double bend = most_change * at.size[i] * rate, turn = 4.0 * at.speed[i] * rate * rate;
+    return (at.bound[i] < rate) | (at.jerk[i] + bend + turn > most_jerk);
+}
+
+/* Return the least rate of points, looking closely only at those that could set it. */
+static slowest_t least_of(points_t at, double most, double most_jerk, brake_law_t law,
+                          index_t shift, slowest_t found) {
+    put_bounds(at, most, law.worst);
+    index_t risky = 0;
+    for (index_t i = 0; i < at.n; i++)
+        risky += is_at_risk(at, i, found.rate, most_jerk, law.most_change);
+    if (!risky)
+        return found;
+    /* The point nearest to its limit first; most others are ruled out by it. */
+    index_t nearest = 0;
+    for (index_t i = 1; i < at.n; i++)
+        nearest = at.bound[i] < at.bound[nearest] ? i : nearest;
+    for (index_t turn = -1; turn < at.n; turn++) {
+        index_t i = turn < 0 ? nearest : turn;
+        if (!is_at_risk(at, i, found.rate, most_jerk, law.most_change))
+            continue;
+        double rate = safe_rate(at, i, most, most_jerk, law);
+        if (rate < found.rate)
+            found.rate = rate, found.place = shift + i;
+    }
+    return found;
+}
+
+int least_rate(matrix_t velocity, matrix_t acceleration, row_t jerk, double most, double most_jerk,
+               brake_law_t law, slowest_t *found) {
+    index_t n = jerk.n;
+    double *memory = malloc((size_t)(4 * n + 1) * sizeof(double));
+    if (memory == NULL)
+        return OUT_OF_MEMORY;
+    double *speed = memory, *size = speed + n, *along = size + n;
+    for (index_t i = 0; i < n; i++) {
+        const double *v = row_of(velocity, i), *a = row_of(acceleration, i);
+        double vv = 0.0, aa = 0.0, va = 0.0;
+        for (index_t k = 0; k < velocity.m; k++)
+            vv += v[k] * v[k], aa += a[k] * a[k], va += v[k] * a[k];
+        speed[i] = sqrt(vv), size[i] = sqrt(aa), along[i] = fabs(va);
+    }
+    points_t at = {speed, size, along, jerk.v, along + n, n};
+    *found = least_of(at, most, most_jerk, law, 0, (slowest_t){law.fastest, 0});
+    free(memory);
+    return 0;
+}
+
+/* What turns differences into rates, and how much larger acceleration and jerk may be in a rough
+ * part of the path. */
+typedef struct { double unit, unit2, unit3, start, period, begin, end, more, most; } scale_t;
+
+INLINE void scales(scale_t s, index_t i, double *bends, double *twists) {
+    double time = s.start + s.period * (double)i;
+    bool is_rough = (s.begin <= time) & (time < s.end);
+    *bends = is_rough ? s.unit2 * s.more : s.unit2;
+    *twists = is_rough ? s.unit3 * s.most : s.unit3;
+}
+
+/* Write the points of a block; those of all three components together. */
+static void put_norms(const block_t *block, index_t points, scale_t s,
+                      double (*restrict to)[BLOCK]) {
+    const double (*v)[BLOCK] = block->rates[0], (*a)[BLOCK] = block->rates[1];
+    const double (*squares)[BLOCK] = block->squares;
+    INDEPENDENT
+    for (index_t i = 0; i < points; i++) {
+        double bends, twists;
+        scales(s, i, &bends, &twists);
+        double along = v[0][i + 2] * a[0][i + 1] + v[1][i + 2] * a[1][i + 1]
+                     + v[2][i + 2] * a[2][i + 1];
+        to[0][i] = s.unit * sqrt(squares[0][i + 2]);
+        to[1][i] = bends * sqrt(squares[1][i + 1]);
+        to[2][i] = s.unit * bends * fabs(along);
+        to[3][i] = twists * sqrt(squares[2][i]);
+    }
+}
+
+/* Write the points of a block; those of one component. */
+static void put_component(const block_t *block, index_t axis, index_t points, scale_t s,
+                          double (*restrict to)[BLOCK]) {
+    const double *v = block->rates[0][axis], *a = block->rates[1][axis];
+    const double *jerk = block->rates[2][axis];
+    INDEPENDENT
+    for (index_t i = 0; i < points; i++) {
+        double bends, twists;
+        scales(s, i, &bends, &twists);
+        double speed = s.unit * fabs(v[i + 2]), size = bends * fabs(a[i + 1]);
+        to[0][i] = speed, to[1][i] = size, to[2][i] = speed * size;
+        to[3][i] = twists * fabs(jerk[i]);
+    }
+}
+
+slowest_t slower(const block_t *block, index_t shift, double start, const measure_t *how,
+                 slowest_t before) {
+    index_t points = block->count - HISTORY;
+    if (points <= 0)
+        return before;
+    double rows[5][BLOCK], period = how->period;
+    const double *rough = how->rough;
+    points_t at = {rows[0], rows[1], rows[2], rows[3], rows[4], points};
+    scale_t s = {1.0 / period, 1.0 / (period * period), 1.0 / (period * period * period),
+                 start + period * (double)shift, period, rough[0], rough[1], rough[2], rough[3]};
+    /* The norm, then the components where they are limited. */
+    for (index_t column = 0; column < (how->with_axes ? 4 : 1); column++) {
+        if (column)
+            put_component(block, column - 1, points, s, rows);
+        else
+            put_norms(block, points, s, rows);
+        before = least_of(at, how->most[column], how->most[4 + column], how->law, shift, before);
+    }
+    return before;
+}

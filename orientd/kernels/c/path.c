@@ -1,0 +1,185 @@
+/* Sample a path that is one row of numbers, and hold its records against limits. */
+#include <math.h>
+#include <stdlib.h>
+
+#include "differences.h"
+#include "fused.h"
+#include "plain_path.h"
+#include "rotation.h"
+#include "sampling.h"
+
+/* Return how many numbers a curve is sampled from. */
+static double curve_size(double spans, double factors) {
+    if (factors == 0.0)
+        return spans + 1.0 + TABLE_ROWS * spans;
+    double of_basis = factors + 1.0 + factors + fmax(factors - 1.0, 1.0);
+    return spans + 1.0 + 4.0 * spans + factors * spans * (3.0 + 1.0 + of_basis);
+}
+
+index_t read_curve(row_t row, curve_t *curve) {
+    if (row.n < CURVE_HEAD)
+        return 0;
+    double spans = row.v[0], factors = row.v[1], room = (double)(row.n - CURVE_HEAD);
+    if (!(spans >= 1.0 && spans <= room && factors >= 0.0 && factors <= room
+          && spans == floor(spans) && factors == floor(factors)
+          && curve_size(spans, factors) <= room))
+        return 0;
+    *curve = (curve_t){(index_t)spans, (index_t)factors, row.v + CURVE_HEAD};
+    return CURVE_HEAD + (index_t)curve_size(spans, factors);
+}
+
+int sample_curve(curve_t curve, row_t times, matrix_t out) {
+    index_t spans = curve.spans, m = curve.factors, low = most(m - 1, 1), place;
+    double *numbers = (double *)curve.numbers;
+    row_t breaks = {numbers, spans + 1};
+    numbers += spans + 1;
+    if (m == 0) {
+        place = sample_cubic(times, breaks, (matrix_t){numbers, TABLE_ROWS, spans}, 0.0, out);
+    } else {
+        matrix_t base = {numbers, 4, spans};
+        tensor_t axes = {base.v + 4 * spans, m, 3, spans};
+        matrix_t lengths = {axes.v + 3 * m * spans, m, spans};
+        tensor_t values = {lengths.v + m * spans, spans, m, m + 1};
+        tensor_t rates = {values.v + spans * m * (m + 1), spans, m, m};
+        tensor_t curvatures = {rates.v + spans * m * m, spans, m, low};
+        place = sample_product(times, breaks, base, axes, lengths, values, rates, curvatures, 0.0,
+                               out);
+    }
+    /* Instants are inside the domain of every curve whose breaks are numbers. */
+    return place == OUT_OF_MEMORY ? OUT_OF_MEMORY : place >= 0 ? NO_PATH : 0;
+}
+
+/* Return the place of the first of increasing numbers that is not less than some value. */
+static index_t place_of(row_t numbers, double value) {
+    index_t low = 0;
+    for (index_t n = numbers.n; n > 0;) {
+        index_t half = n / 2;
+        if (numbers.v[low + half] < value)
+            low += half + 1, n -= half + 1;
+        else
+            n = half;
+    }
+    return low;
+}
+
+/* Write what is held from one instant to the one before another. */
+static void hold(const double *orientation, index_t from, index_t to, matrix_t out) {
+    for (index_t row = 0; row < out.n; row++)
+        for (index_t i = from; i < to; i++)
+            row_of(out, row)[i] = row < 4 ? orientation[row] : 0.0;
+}
+
+/* Write a stretch from one instant to the one before another. */
+static int sample_stretch(const double *head, curve_t curve, row_t times, index_t from, index_t to,
+                          matrix_t out, scratch_t *scratch) {
+    double begin = head[0], skipped = head[1], rate = head[2], sign = head[3];
+    double low = curve.numbers[0], high = curve.numbers[curve.spans];
+    double origin = rate > 0.0 ? low : high;
+    for (; from < to; from += PART) {
+        index_t count = least(PART, to - from);
+        for (index_t i = 0; i < count; i++) {
+            double t = fused(times.v[from + i] - begin + skipped, rate, origin);
+            scratch->instants[i] = fmin(fmax(t, low), high);
+        }
+        int failed = sample_curve(curve, (row_t){scratch->instants, count},
+                                  (matrix_t){scratch->samples, 10, count});
+        if (failed)
+            return failed;
+        for (index_t row = 0; row < out.n; row++) {
+            double factor = row < 4 ? sign : row < 7 ? rate : rate * rate;
+            const double *samples = scratch->samples + row * count;
+            double *to_row = row_of(out, row) + from;
+            for (index_t i = 0; i < count; i++)
+                to_row[i] = factor * samples[i];
+        }
+    }
+    return 0;
+}
+
+int sample_in_parts(row_t path, row_t times, matrix_t out, scratch_t *scratch) {
+    if (path.n < PATH_HEAD)
+        return NO_PATH;
+    index_t final = place_of(times, path.v[1]);
+    index_t first = least(place_of(times, 0.0), final);
+    hold(path.v + 2, 0, first, out);
+    hold(path.v + 6, final, times.n, out);
+    row_t rest = {path.v + PATH_HEAD, path.n - PATH_HEAD};
+    for (double left = path.v[0]; left > 0.0; left -= 1.0) {
+        curve_t curve;
+        const double *head = rest.v;
+        rest = (row_t){rest.v + STRETCH_HEAD, rest.n - STRETCH_HEAD};
+        index_t taken = read_curve(rest, &curve);
+        if (!taken)
+            return NO_PATH;
+        rest = (row_t){rest.v + taken, rest.n - taken};
+        index_t stop = final;
+        if (left > 1.0 && rest.n > 0)
+            stop = least(place_of(times, rest.v[0]), final);
+        int failed = sample_stretch(head, curve, times, first, stop, out, scratch);
+        if (failed)
+            return failed;
+        first = most(first, stop);
+    }
+    return first == final ? 0 : NO_PATH;
+}
+
+int sample_path(row_t path, row_t times, matrix_t out) {
+    scratch_t *scratch = malloc(sizeof *scratch);
+    if (scratch == NULL)
+        return OUT_OF_MEMORY;
+    int failed = sample_in_parts(path, times, out, scratch);
+    free(scratch);
+    return failed;
+}
+
+int farthest_from_path(row_t path, row_t times, matrix_t keys, double *angle) {
+    double *q = malloc((size_t)(4 * times.n + 1) * sizeof(double));
+    if (q == NULL)
+        return OUT_OF_MEMORY;
+    matrix_t out = {q, 4, times.n};
+    int failed = sample_path(path, times, out);
+    *angle = 0.0;
+    for (index_t i = 0; !failed && i < times.n; i++) {
+        quat_t here = quat(row_of(out, 0)[i], row_of(out, 1)[i], row_of(out, 2)[i],
+                           row_of(out, 3)[i]);
+        double found = angle_between(here, quat_at(row_of(keys, i)));
+        if (!(found <= *angle) && *angle == *angle)
+            *angle = found;
+    }
+    free(q);
+    return failed;
+}
+
+int path_extremes(row_t path, index_t records, matrix_t before, measure_t how, extremes_t found,
+                  slowest_t *slowest) {
+    block_t block;
+    index_t tail = before.n, end = records + HISTORY;
+    double start = how.period * (double)(HISTORY - tail), instants[BLOCK];
+    scratch_t *scratch = malloc(sizeof *scratch);
+    if (scratch == NULL)
+        return OUT_OF_MEMORY;
+    *slowest = (slowest_t){how.law.fastest, 0};
+    for (index_t i = 0; i < tail; i++)
+        for (index_t row = 0; row < 4; row++)
+            block.q[row][i] = row_of(before, i)[row];
+    block.count = tail;
+    int failed = 0;
+    for (index_t read = 0; read < end && !failed;) {
+        index_t known = block.count, more = least(BLOCK - known, end - read);
+        for (index_t i = 0; i < more; i++)
+            instants[i] = how.period * (double)least(read + i, records - 1);
+        failed = sample_in_parts(path, (row_t){instants, more},
+                                 (matrix_t){block.q[0] + known, 4, BLOCK}, scratch);
+        if (failed)
+            break;
+        block.count += more;
+        read += more;
+        /* Places count from the first setpoint before the path. */
+        index_t shift = read - block.count + tail;
+        take_differences(&block, tail && !shift, how.with_axes, shift, found);
+        *slowest = slower(&block, shift, start, &how, *slowest);
+        keep_last(&block);
+    }
+    free(scratch);
+    return failed;
+}

@@ -1,0 +1,217 @@
+"""Sampling of cumulative products: against plain NumPy, for any arrays, the same bits always."""
+
+import importlib.util
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from reference import basis as plain_basis
+from reference import product as plain_product
+
+from orientd import kernels
+from orientd.curves import METHODS
+from orientd.curves.basis import cumulative_basis
+from orientd.kernels import levels
+
+
+def assert_close(samples, others):
+    scale = max(1.0, np.abs(samples[1]).max())
+    for part, other, size in zip(samples, others, (1.0, scale, scale**2), strict=True):
+        assert np.abs(part - other).max() <= 1e-12 * size
+
+
+@pytest.mark.parametrize("step", [1e-3, 1.0, 2.5])
+def test_samples_are_those_of_the_plain_product(product_example, step):
+    curve = product_example.curve(step=step)
+    for count in (1, 2, 63, 64, 65, 1000):
+        times = np.linspace(*curve.domain, count)
+        assert_close(plain_product.sample(curve, times), curve.evaluate(times))
+
+
+def any_order(curve):
+    rng = np.random.default_rng(0)
+    return np.concatenate(
+        [
+            rng.uniform(*curve.domain, 300),
+            np.repeat(curve.knots, 3),
+            np.linspace(*curve.domain, 200)[::-1],
+            np.linspace(*curve.domain, 3000),
+            np.nextafter(curve.knots[1:], -np.inf),
+        ]
+    )
+
+
+def test_instants_may_come_in_any_order(product_example):
+    curve = product_example.curve()
+    times = any_order(curve)
+    assert_close(plain_product.sample(curve, times), curve.evaluate(times))
+
+
+def test_instants_may_be_any_array(product_example):
+    curve = product_example.curve()
+    start, end = curve.domain
+    times = np.linspace(start, end, 40)
+    reference = plain_product.sample(curve, times)
+    frozen = times.copy()
+    frozen.setflags(write=False)
+    for same in (frozen, np.repeat(times, 2)[::2], times.tolist(), times.astype(np.longdouble)):
+        assert_close(reference, curve.evaluate(same))
+    assert curve.evaluate([])[0].shape == (0, 4)
+    assert curve.evaluate(start)[1].shape == (3,)
+    assert curve.evaluate(times.reshape(8, 5))[2].shape == (8, 5, 3)
+    assert_close(
+        [part.reshape(8, 5, -1).transpose(1, 0, 2) for part in reference],
+        curve.evaluate(times.reshape(8, 5).T),
+    )
+    out = np.empty((10, 40))
+    assert np.shares_memory(curve.evaluate(times, out=out)[0], out)
+
+
+@pytest.mark.parametrize("place", [0, 1, 70, 199])
+def test_instants_outside_the_domain_are_refused(product_example, place):
+    curve = product_example.curve()
+    start, end = curve.domain
+    for wrong in (start - 1e-9, end + 1e-9, np.nan, np.inf, -np.inf):
+        times = np.linspace(start, end, 200)
+        times[place] = wrong
+        with pytest.raises(ValueError, match="domain"):
+            curve.evaluate(times)
+
+
+def test_rounding_at_the_ends_is_forgiven(product_example):
+    curve = product_example.curve()
+    ends = np.array(curve.domain)
+    outside = np.array([np.nextafter(ends[0], -np.inf), np.nextafter(ends[1], np.inf)])
+    for part, other in zip(curve.evaluate(ends), curve.evaluate(outside), strict=True):
+        assert np.array_equal(part, other)
+
+
+@pytest.mark.parametrize("spins", [0, 1, 2, 3, 1000, -1001])
+def test_many_turns_within_a_span_lose_no_digits(spins):
+    curve = METHODS["slerp"](q0=[1, 0, 0, 0], q1=[0.6, 0, 0.8, 0], spins=spins)
+    times = np.linspace(0.0, 1.0, 500)
+    assert_close(plain_product.sample(curve, times), curve.evaluate(times))
+
+
+@pytest.mark.parametrize("order", [2, 3, 4, 6])
+def test_bases_are_those_of_the_plain_recurrence(order):
+    rng = np.random.default_rng(order)
+    inner = np.cumsum(rng.choice([0.0, 0.01, 1.0, 30.0], 40, p=[0.1, 0.2, 0.4, 0.3]))
+    knots = np.concatenate([np.full(order, -1.0), inner, np.full(order, inner[-1] + 1.0)])
+    basis = cumulative_basis(knots, order)
+    names = ("values", "rates", "curvatures")
+    reference = plain_basis.coefficients(basis.first + order - 2, knots, order)
+    for name, expected in zip(names, reference, strict=True):
+        assert getattr(basis, name) == pytest.approx(expected, rel=1e-13, abs=1e-15)
+
+
+@pytest.fixture(scope="module", params=levels.machine_levels())
+def build(request):
+    """The kernels that were built for one of the levels of this machine."""
+    (path,) = (levels.HOME / request.param).glob("native.*")
+    spec = importlib.util.spec_from_file_location("native", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    assert request.param == module.LEVEL
+    return module
+
+
+def bits(build, curve, times):
+    """Samples as a build takes them, as integers: 0.0 is not -0.0 there."""
+    sample = build.sample_cubic if curve.table is not None else build.sample_product
+    out = np.full((10, len(times)), np.nan)
+    assert sample(times, *curve.parts, 0.0, out) == -1
+    return out.view(np.int64)
+
+
+def test_a_sample_is_the_same_whatever_else_is_asked_for(product_example, build):
+    """Bit for bit: in any order, in any company, alone, and however often."""
+    curve = product_example.curve()
+    times = any_order(curve)
+    reference = bits(build, curve, times)
+    assert np.array_equal(bits(build, curve, times), reference)
+    rng = np.random.default_rng(1)
+    for order in (np.argsort(times), np.argsort(-times), rng.permutation(len(times))):
+        assert np.array_equal(bits(build, curve, times[order]), reference[:, order])
+    for _ in range(300):
+        some = rng.choice(len(times), rng.integers(1, 40))
+        some = some if rng.random() < 0.5 else np.sort(some)
+        assert np.array_equal(bits(build, curve, times[some]), reference[:, some])
+    for first in range(0, len(times), 7):
+        some = np.arange(first, min(first + rng.integers(1, 20), len(times)))
+        assert np.array_equal(bits(build, curve, times[some]), reference[:, some])
+
+
+def test_every_build_is_in_use_where_it_is_asked_for():
+    code = "import orientd.kernels; print(orientd.kernels.LEVEL)"
+    for level in levels.machine_levels():
+        found = subprocess.run(
+            [sys.executable, "-c", code],
+            env={levels.FORCED: level, "PYTHONPATH": ":".join(sys.path)},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        assert found.stdout.strip() == level
+
+
+def test_importing_the_curves_imports_neither_scipy_nor_any_family():
+    code = """
+import sys
+import orientd.curves
+sys.exit(any(name == "scipy" or name == f"orientd.curves.{family}"
+             for name in sys.modules for family in orientd.curves.METHODS))
+"""
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def cubic_arguments():
+    curve = METHODS["slerp"](q0=[1, 0, 0, 0], q1=[0.6, 0, 0.8, 0])
+    return [np.linspace(0.0, 1.0, 5), *curve.parts, 0.0, np.empty((10, 5))]
+
+
+def product_arguments():
+    curve = METHODS["kks_quintic_hermite"](
+        q0=[1, 0, 0, 0], q1=[0.6, 0, 0.8, 0], omega0=[0.0, 0.0, 1.0], omega1=[0.0, 0.0, 1.0]
+    )
+    return [np.linspace(0.0, 1.0, 5), *curve.parts, 0.0, np.empty((10, 5))]
+
+
+def basis_arguments():
+    knots = np.arange(8.0)
+    sizes = (4, 3, 4), (4, 3, 3), (4, 3, 2)
+    return [np.array([3, 3, 3, 3]), knots, 4, *(np.empty(size) for size in sizes)]
+
+
+CALLS = {
+    "sample_cubic": cubic_arguments,
+    "sample_product": product_arguments,
+    "fill_basis": basis_arguments,
+}
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_arrays_of_other_shapes_are_refused(name):
+    kernel, arguments = getattr(kernels, name), CALLS[name]()
+    kernel(*arguments)
+    for place, argument in enumerate(arguments):
+        if not isinstance(argument, np.ndarray) or argument.dtype == np.int64:
+            continue
+        for axis in range(argument.ndim):
+            if name == "fill_basis" and place == 1:
+                continue
+            longer = np.concatenate([argument, argument], axis=axis)
+            with pytest.raises(ValueError, match="do not belong together"):
+                kernel(*arguments[:place], longer, *arguments[place + 1 :])
+        for wrong in (argument[None], argument.astype(np.float32)):
+            with pytest.raises(TypeError, match="expected"):
+                kernel(*arguments[:place], wrong, *arguments[place + 1 :])
+
+
+@pytest.mark.parametrize("span", [-1, 2, 4])
+def test_a_basis_on_a_span_that_is_not_there_is_refused(span):
+    arguments = basis_arguments()
+    arguments[0][2] = span
+    with pytest.raises(ValueError, match="do not belong together"):
+        kernels.fill_basis(*arguments)

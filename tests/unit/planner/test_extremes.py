@@ -1,0 +1,190 @@
+"""Differences of setpoints and of paths, and what they leave for a stop, against plain NumPy."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from reference import brake as reference_brake
+from reference import differences as reference
+
+from orientd import kernels
+from orientd.planner import (
+    DEFAULT_LIMITS,
+    Keyframe,
+    MotionRequest,
+    State,
+    measuring,
+    plan,
+    retarget,
+)
+from orientd.planner.brake import LAW, brake_rate
+from orientd.planner.differences import Rough, extremes
+from orientd.planner.limits import ANGULAR
+from orientd.planner.measuring import measure_path
+from orientd.rotation import exp, multiply
+
+PERIOD = 0.002
+LIMITS = [DEFAULT_LIMITS, DEFAULT_LIMITS.with_rates({"velocity": [2.0, 0.7, 1.5], "jerk": 300.0})]
+
+
+@pytest.mark.parametrize("past", [0, 1])
+@pytest.mark.parametrize("with_axes", [False, True])
+def test_the_largest_differences_are_those_of_numpy(past, with_axes):
+    rng = np.random.default_rng(past)
+    for count in (1, 2, 3, 4, 255, 256, 257, 508, 509, 510, 2000):
+        q = exp(np.cumsum(rng.normal(size=(count, 3)), axis=0))
+        found = extremes(q, past=past, with_axes=with_axes)
+        wanted = reference.extremes(q, past=past, with_axes=with_axes)
+        assert found.places == wanted.places
+        assert np.abs(np.subtract(found.largest, wanted.largest)).max() <= 1e-12
+
+
+def test_what_is_not_a_number_is_the_largest_difference():
+    q = exp(np.linspace(0.0, 1.0, 40)[:, None] * np.ones(3))
+    q[20] = np.nan
+    assert np.isnan([row[0] for row in extremes(q).largest]).all()
+
+
+@pytest.mark.parametrize("angle", [1e-12, 1e-4, 0.0624, 0.0625, 0.0626, 1.0, 3.0])
+def test_differences_are_those_of_turns_of_any_size(angle):
+    rng = np.random.default_rng(1)
+    axis = np.array([2.0, -1.0, 2.0]) / 3.0
+    q = multiply(exp(rng.normal(size=3)), exp(angle * np.arange(5)[:, None] * axis))
+    q *= rng.choice([-1.0, 1.0], 5)[:, None]
+    found = extremes(q, with_axes=True)
+    sizes = np.sqrt(found.largest[0])
+    assert sizes == pytest.approx(angle * np.array([1.0, *np.abs(axis)]), rel=1e-12, abs=1e-15)
+    assert np.sqrt(found.largest[1:]).max() <= 1e-15 + 1e-14 * angle
+
+
+@pytest.mark.parametrize("limits", [LIMITS[0], LIMITS[1].with_rates({"jerk": [9e3, 5e3, 7e3]})])
+@pytest.mark.parametrize("rough", [None, Rough(0.1, 0.3, 1), Rough(0.0, 9.0, 0)])
+@pytest.mark.parametrize("count", [3, 4, 400])
+def test_the_brake_rate_of_setpoints_is_that_of_numpy(limits, rough, count):
+    times = PERIOD * np.arange(count)
+    q = exp(np.stack([np.sin(2.0 * times), 0.5 * np.cos(3.0 * times), 0.1 * times], axis=1))
+    options = {"start": 3 * PERIOD, "rough": rough, "brake_limits": limits, "period": PERIOD}
+    wanted, found = (each(q, **options) for each in (reference.extremes, extremes))
+    assert found.rate == pytest.approx(wanted.rate, rel=1e-9)
+    assert found.rate_place == wanted.rate_place
+
+
+@pytest.mark.parametrize("scale", [0.1, 0.9, 1.0, 1.2])
+@pytest.mark.parametrize("count", [0, 1, 500])
+@pytest.mark.parametrize("width", [1, 3])
+def test_the_brake_rate_is_that_of_numpy(scale, count, width):
+    rng = np.random.default_rng(7)
+    velocity, acceleration = (
+        scale * limit * rng.uniform(-0.55, 0.55, (count, width)) for limit in (1.0, 12.0)
+    )
+    jerk = scale * 165.0 * rng.uniform(0.0, 1.0, count)
+    for limits in ((12.0, 300.0), (12.0, np.inf), (np.inf, 300.0)):
+        points = velocity, acceleration, jerk, *limits
+        wanted, found = reference_brake.brake_rate(*points), brake_rate(*points)
+        assert found[0] == pytest.approx(wanted[0], rel=1e-12)
+        # Of several points where nothing is left either may be named.
+        assert found[1] == wanted[1] or found[0] == 0.0
+
+
+def test_numbers_that_are_not_a_path_are_refused():
+    good = motion_between(*KEYS).path.plain
+    times = np.linspace(0.0, 0.1, 9)
+    for bad in (good[:-1], good[:9], np.where(np.arange(len(good)) == 14, 1e9, good)):
+        with pytest.raises(ValueError, match="path"):
+            kernels.sample_path(bad, times, np.empty((10, 9)))
+        with pytest.raises(ValueError, match="path"):
+            kernels.farthest_from_path(bad, times, np.empty((9, 4)))
+        room = np.zeros((3, 4)), np.zeros(12, dtype=np.int64)
+        with pytest.raises(ValueError, match="path"):
+            kernels.path_extremes(
+                bad, 9, PERIOD, np.empty((0, 4)), False, np.zeros(4), np.ones((2, 4)), *LAW, *room
+            )
+
+
+KEYS = [(1.0, 0.0, 0.0, 0.0), (0.8, 0.6, 0.0, 0.0), (0.6, 0.0, 0.8, 0.0)]
+
+
+def motion_between(*keys):
+    request = MotionRequest([Keyframe(q) for q in keys])
+    return plan(request, start=State.at_rest(keys[0]), limits=LIMITS[0], period=PERIOD)
+
+
+def one_by_one(path):
+    """Return a path that samples each curve by itself."""
+    return replace(path, _plain=[None])
+
+
+def several_paths(limits):
+    """Yield motions on paths of one to five stretches, run backwards and taken over, too."""
+    rng = np.random.default_rng(6)
+    here = State.at_rest([1.0, 0.0, 0.0, 0.0])
+    keys = [tuple(q) for q in exp(0.3 * rng.normal(size=(5, 3))).tolist()]
+    times = [0.0, 4.0, 9.0, 13.0, 17.0]
+    timed = [Keyframe(q, t) for q, t in zip(keys, times, strict=True)]
+    velocities = {"start_velocity": (0.2, 0.0, -0.1), "end_velocity": (0.0, 0.3, 0.0)}
+    for keyframes, method, options in (
+        ([Keyframe(keys[0])], "c2_cumulative", {}),
+        ([Keyframe(keys[0])], "c2_cumulative", {"end_velocity": (0.0, 0.3, 0.0)}),
+        ([Keyframe(q) for q in keys], "c2_cumulative", {}),
+        (timed, "c2_cumulative", velocities),
+        (timed, "kks_hermite_spline", velocities),
+        (timed, "kks_hermite_spline", {}),
+    ):
+        request = MotionRequest(keyframes, method=method, approach=True, **options)
+        for start in (here, retarget(keys[1], start=here, limits=limits, period=PERIOD)):
+            state = start if start is here else start.state_at(start.record_count // 2)
+            yield plan(request, start=state, limits=limits, period=PERIOD)
+
+
+@pytest.mark.parametrize("limits", LIMITS)
+def test_a_path_in_one_row_is_the_same_as_its_curves_one_by_one(limits):
+    counts, rates = set(), set()
+    for motion in several_paths(limits):
+        path = motion.path
+        assert path.plain is not None
+        counts.add(len(path.stretches))
+        rates |= {stretch.rate > 0.0 for stretch in path.stretches}
+        inside = np.linspace(-0.1, path.duration + 0.1, 700)
+        joints = [stretch.begin for stretch in path.stretches]
+        times = np.sort(np.concatenate([inside, joints, np.nextafter(joints, -9.0)]))
+        for some in (times, times[-1:], times[:0], inside[::-1]):
+            for part, other in zip(path.sample(some), one_by_one(path).sample(some), strict=True):
+                assert part == pytest.approx(other, abs=1e-12)
+        keys, at = path.orientations(times[::7]), times[::7]
+        found = path.farthest_from(keys, at + 0.01)
+        assert found == pytest.approx(one_by_one(path).farthest_from(keys, at + 0.01), rel=1e-9)
+        assert found > 1e-3
+    assert counts >= {1, 2, 4}
+    assert rates == {True, False}
+
+
+def value_at(path, name, time):
+    """Return the size of a backward difference of a path that was held before."""
+    times = np.arange(round(time / PERIOD) - 3, round(time / PERIOD) + 1) * PERIOD
+    rate = reference.differences(path.orientations(np.maximum(times, 0.0)))[ANGULAR.index(name)][-1]
+    return np.linalg.norm(rate) / PERIOD ** (1 + ANGULAR.index(name))
+
+
+@pytest.mark.parametrize("limits", LIMITS)
+@pytest.mark.parametrize("rough", [None, Rough(0.1, 2.0, 1)])
+def test_a_path_is_held_against_its_limits_as_numpy_does(monkeypatch, limits, rough):
+    for motion in several_paths(limits):
+        path, count = motion.path, motion.record_count
+        q = path.orientations(np.zeros(3))
+        befores = [None, (q, np.zeros((3, 3))), (q, np.full((3, 3), 0.1))]
+        for before in befores:
+            options = {"before": before, "brake_limits": limits, "rough": rough}
+            found = measure_path(path, count, PERIOD, limits, **options)
+            with monkeypatch.context() as patch:
+                patch.setattr(measuring, "extremes", reference.extremes)
+                wanted = measure_path(one_by_one(path), count, PERIOD, limits, **options)
+            assert found.brake_rate == pytest.approx(wanted.brake_rate, rel=1e-6)
+            for name in ("velocity", "acceleration", "jerk", "linear_velocity"):
+                one, other = getattr(found, name), getattr(wanted, name)
+                assert one.value == pytest.approx(other.value, rel=1e-6)
+                if name in ANGULAR:
+                    # Of several that are as large either may be named.
+                    assert value_at(path, name, one.time) == pytest.approx(one.value, rel=1e-6)
+            for name in ("axis_velocity", "axis_acceleration", "axis_jerk"):
+                row, rows = getattr(found, name), getattr(wanted, name)
+                assert [p.value for p in row] == pytest.approx([p.value for p in rows], rel=1e-6)
