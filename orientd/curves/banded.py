@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from orientd import kernels
 from orientd.curves.basis import Indices
+from orientd.kernels import solve_banded as solve
 from orientd.rotation import Floats
 
 
@@ -56,6 +56,6 @@ def solve_banded(lower: int, upper: int, band: Floats, right: Floats) -> Floats:
         numpy.linalg.LinAlgError: the matrix is singular or not finite.
     """
     solution = np.array(right, dtype=np.float64)
-    if not kernels.solve_banded(band, lower, upper, solution.reshape(len(right), -1)):
+    if not solve(band, lower, upper, solution.reshape(len(right), -1)):
         raise np.linalg.LinAlgError("singular matrix")
     return solution

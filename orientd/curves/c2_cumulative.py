@@ -161,7 +161,7 @@ def _equations(
 ) -> KeyframeEquations:
     """Return the equations, and write the ends of the spans."""
     given = np.stack([end.given for end in ends])
-    counts = [end.count for end in ends]
+    counts = ends[0].count, ends[1].count
     begun, known, ratios = np.empty((len(times), 2)), np.empty((2, 2, 3)), np.empty(2)
     put_equations(times, given, *counts, breaks, begun, known, ratios)
     start, end = (

@@ -235,7 +235,8 @@ class _Layout:
         entries = np.concatenate([here.squares.ravel(), bound, ties, bound, ties])
         entries *= scale[self._rows // 3] * scale[self._columns // 3]
         size = (2 * self._reach + 1) * 3 * total
-        band = np.bincount(self._band, entries, minlength=size).reshape(-1, 3 * total)
+        band: Floats = np.bincount(self._band, entries, minlength=size).astype(np.float64)
+        band = band.reshape(-1, 3 * total)
         solution = solve_banded(self._reach, self._reach, band, (scale[:, None] * right).ravel())
         found = (scale[:, None] * solution.reshape(-1, 3))[self._place]
         return found[:count], found[count:]

@@ -11,8 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orientd import kernels
 from orientd.curves.basis import Indices
+from orientd.kernels import (
+    euclidean_increments,
+    find_increments,
+    keyframe_errors,
+    keyframe_step,
+)
 from orientd.rotation import Floats
 
 _NONE: Floats = np.empty((0, 3))
@@ -57,7 +62,7 @@ class KeyframeEquations:
     def errors(self, unknown: Floats, scale: float, rows: Indices) -> Floats:
         """Return the half-angle vectors by which some rows miss their steps, shape ``(n, 3)``."""
         errors: Floats = np.empty((len(rows), 3))
-        kernels.keyframe_errors(*self._arrays(), scale, unknown, rows, errors)
+        keyframe_errors(*self._arrays(), scale, unknown, rows, errors)
         return errors
 
     def correction(
@@ -75,13 +80,13 @@ class KeyframeEquations:
             Half-angle vectors, shape ``(n, 3)``; not finite where the system is singular.
         """
         correction: Floats = np.empty((len(rows), 3))
-        kernels.keyframe_step(*self._arrays(), scale, unknown, rows, errors, correction)
+        keyframe_step(*self._arrays(), scale, unknown, rows, errors, correction)
         return correction
 
     def linear_solution(self) -> Floats:
         """Return the increments of the spline in Euclidean space with the same steps."""
         unknown: Floats = np.empty_like(self.steps)
-        kernels.euclidean_increments(*self._arrays(), unknown)
+        euclidean_increments(*self._arrays(), unknown)
         return unknown
 
     def quick_solution(self) -> Floats | None:
@@ -91,7 +96,7 @@ class KeyframeEquations:
         the Hermite curve.  Whole turns added to the step are left to the search.
         """
         unknown: Floats = np.empty_like(self.steps)
-        return unknown if kernels.find_increments(*self._arrays(), unknown) else None
+        return unknown if find_increments(*self._arrays(), unknown) else None
 
     def _arrays(self) -> tuple[Floats, Floats, Floats, Floats, float, float]:
         start, end = self.start, self.end

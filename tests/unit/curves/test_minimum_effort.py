@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from reference.torque import torques
 
 from orientd.curves import METHODS
 from orientd.curves.basis import cumulative_basis
 from orientd.curves.keyframes import resolve_times
 from orientd.curves.minimum_effort import effort_knots
-from orientd.curves.torque import torques
 from orientd.errors import PlanError
 from orientd.rotation import align, angle, exp, multiply, normalize
 

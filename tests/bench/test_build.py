@@ -1,0 +1,63 @@
+"""Building the default curve beside scipy's RotationSpline."""
+
+import time
+from functools import partial
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RotationSpline
+
+from orientd.bench.curves import random_walk
+from orientd.curves import METHODS
+from orientd.rotation import to_scipy
+
+pytestmark = pytest.mark.bench
+
+ENDS = {
+    "natural": {},
+    "clamped": {
+        "start": "clamped",
+        "omega_start": [0.1, 0.0, 0.2],
+        "end": "clamped",
+        "omega_end": [0.0, 0.3, 0.0],
+    },
+}
+
+
+def shortest(run, rounds):
+    """The shortest CPU time of a call, in seconds."""
+    found = []
+    for _ in range(rounds):
+        begin = time.thread_time()
+        run()
+        found.append(time.thread_time() - begin)
+    return min(found)
+
+
+def walk(count, step):
+    """Keyframes *step* rad apart and uneven times."""
+    return random_walk(count, step), np.cumsum(np.random.default_rng(2).uniform(0.8, 1.2, count))
+
+
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize("ends", ENDS)
+@pytest.mark.parametrize("step", [0.3, 1.0, 2.0, 3.0])
+def test_building_is_many_times_as_fast_as_scipys(step, ends):
+    keys, times = walk(1000, step)
+    rotations = to_scipy(keys)
+    ours = shortest(lambda: METHODS["c2_cumulative"](keys=keys, times=times, **ENDS[ends]), 30)
+    scipys = shortest(lambda: RotationSpline(times, rotations), 10)
+    print(f"\n{step:g} rad, {ends}: {1e6 * ours:.0f} ns a keyframe, scipy {1e6 * scipys:.0f}")
+    assert scipys >= 8.0 * ours
+
+
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize("step", [0.3, 1.0, 2.0, 3.0])
+def test_building_a_hundred_times_as_much_takes_a_hundred_times_as_long(step):
+    found = []
+    for count, rounds in ((1000, 30), (100_000, 5)):
+        keys, times = walk(count, step)
+        found.append(shortest(partial(METHODS["c2_cumulative"], keys=keys, times=times), rounds))
+    few, many = found
+    print(f"\n{step:g} rad: {1e6 * few:.0f} and {1e4 * many:.0f} ns a keyframe")
+    assert many <= 140.0 * few
