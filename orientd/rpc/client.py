@@ -170,6 +170,7 @@ class Robot(LeaseHolder):
                 rate_hz=device.rate_hz,
                 limits=limits_from_message(device.limits),
                 lead=device.lead,
+                phase=device.phase,
             )
             for device in answer.devices
         ]
@@ -263,8 +264,8 @@ class Robot(LeaseHolder):
             queue: whether to follow what runs, rather than to replace it.
             blend_tolerance: for a queued motion, how far it may pass from the corner to the motion
                 before it, rad, so that the device need not come to rest there.
-            start_time: when to begin, seconds since the epoch as of :func:`time.time`; motions of
-                several devices with the same start time begin in the same cycle.
+            start_time: when to begin, seconds since the epoch as of :func:`time.time`; of motions
+                with the same start time each is as far along its path as the others.
             on_target: what must be measured for the motion to count as done.
             wishes: see :class:`~orientd.rpc.motion_request.Wishes`.
 
