@@ -1,8 +1,9 @@
 """`orientd stop` and `orientd halt`, on their way before the command line is loaded.
 
-Typer takes some 80 ms to load and gRPC's library over 100 ms, in which what moves would move on.
-What these two commands are plainly asked for is read here, without both; whatever is not plain, and
-whatever goes wrong, is left to the command line, which asks the daemon again.
+Typer, with the library it checks options by, takes some 0.2 s to load and gRPC's library 0.1 s
+more, in which what moves would move on; all of this takes 40 ms.  What these two commands are
+plainly asked for is read here, without both; whatever is not plain, and whatever goes wrong, is
+left to the command line, which asks the daemon again.
 """
 
 from __future__ import annotations
@@ -44,6 +45,7 @@ def run(arguments: list[str]) -> bool:
     content = urgent.answer(connection)
     if content is None:
         return False
+    # A HaltResponse is the same on the wire.
     reports = [device_from_message(report) for report in StopResponse.FromString(content).devices]
     try:
         tell(reports, as_json="json" in given)
