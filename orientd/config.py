@@ -18,7 +18,8 @@ from __future__ import annotations
 import math
 import os
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
@@ -45,6 +46,8 @@ LONGEST_LEAD = 1.0
 """s."""
 SPIN_US = 50
 """Spun before a deadline unless a device says otherwise, us: 2.5 % of a core at 500 Hz."""
+FIRST_PHASE = 5 / 16
+"""Phase of the first device: beside whole milliseconds, where the kernel's own timers are."""
 
 
 _EXPECTED = {
@@ -158,6 +161,9 @@ class DeviceSettings(Table):
         feedback_timeout: feedback older than this is a fault, s.
         stall_timeout: a servo process that did not run for longer in motion is a fault, s; after
             a shorter time the motion goes on from rest.
+        phase: where in a period its cycles begin, as a share of it from 0 to below 1, on the
+            machine's monotonic clock.  Without it devices are spread over the period, so that not
+            all want the processor at once; those with the same number have their cycles together.
         spin_us: the last part of the wait for a deadline that is spent spinning, microseconds.
         priority: SCHED_FIFO priority asked for; 0 asks for none.
         compensate_latency: s by which setpoints lead the path time that is reported, so that the
@@ -174,6 +180,7 @@ class DeviceSettings(Table):
     heartbeat_timeout: Positive = 1.0
     feedback_timeout: Positive = 0.1
     stall_timeout: Positive = 0.5
+    phase: Annotated[float, Field(ge=0.0, lt=1.0)] = FIRST_PHASE
     spin_us: Annotated[int, Field(ge=0, le=1000)] = SPIN_US
     priority: Annotated[int, Field(ge=0, le=99)] = 80
     compensate_latency: bool | float = False
@@ -218,6 +225,11 @@ class DeviceSettings(Table):
         """Length of a cycle in nanoseconds."""
         return round(NANOSECONDS / self.rate_hz)
 
+    @property
+    def phase_ns(self) -> int:
+        """Where in a period of the monotonic clock its cycles begin."""
+        return int(self.phase * self.period_ns)
+
 
 class Settings(Table):
     """A whole file.
@@ -246,11 +258,26 @@ class Settings(Table):
         if not isinstance(table, Mapping) or not isinstance(table.get("devices"), Mapping):
             return table
         named: dict[str, object] = {}
+        phases = _spread()
         for name, device in table["devices"].items():
             if isinstance(device, Mapping) and "name" in device:
                 raise ValueError(f"devices.{name}.name: the table's own name is the device's name")
-            named[name] = {**device, "name": name} if isinstance(device, Mapping) else device
+            if isinstance(device, Mapping):
+                phase = {} if "phase" in device else {"phase": next(phases)}
+                device = {**phase, **device, "name": name}
+            named[name] = device
         return {**table, "devices": named}
+
+
+def _spread() -> Iterator[float]:
+    """Yield phases that are spread over a period as evenly as can be, however many are taken.
+
+    The sequence of van der Corput (1935) in base 2, so that a device that is added at the end of a
+    configuration leaves the others where they are.
+    """
+    for number in count():
+        bits = f"{number:b}"[::-1]
+        yield (FIRST_PHASE + int(bits, 2) / 2 ** len(bits)) % 1.0
 
 
 def default_settings() -> Settings:

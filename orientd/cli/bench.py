@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from orientd.cli.output import AsJson, command, is_terminal, say, say_json, table
+from orientd.cli.command import AsJson, command
+from orientd.cli.output import is_terminal, say, say_json, table
 
 if TYPE_CHECKING:
     from orientd.bench.curves import CurveSpeed

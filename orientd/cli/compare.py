@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from orientd.cli.command import AsJson, command
 from orientd.cli.motion_commands import MotionFile
-from orientd.cli.output import AsJson, command, say, say_json, table
+from orientd.cli.output import say, say_json, table
 from orientd.errors import RequestError
 
 if TYPE_CHECKING:

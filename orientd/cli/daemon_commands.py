@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.output import AsJson, Socket, command, say, say_json, table
+from orientd.cli.command import AsJson, Socket, command
+from orientd.cli.output import say, say_json, table
 from orientd.daemon.story import LogFormat
 
 if TYPE_CHECKING:

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from orientd.cli.output import AsJson, command, say, say_json
+from orientd.cli.command import AsJson, command
+from orientd.cli.output import say, say_json
 from orientd.errors import DaemonError, OrientdError
 
 if TYPE_CHECKING:

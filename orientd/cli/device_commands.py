@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.output import AsJson, DeviceName, Socket, command, say, say_json
+from orientd.cli.command import AsJson, DeviceName, Socket, command
+from orientd.cli.output import say, say_json
 
 if TYPE_CHECKING:
     from orientd.rpc.client import Robot
@@ -82,15 +83,12 @@ def reset(device: DeviceName = "", socket: Socket = None, as_json: AsJson = Fals
 def _bring_to_rest(
     name: str, socket: Path | None, as_json: bool, act: Callable[[Robot], list[DeviceReport]]
 ) -> None:
-    from orientd.cli import texts
+    from orientd.cli.at_rest import tell
     from orientd.rpc.client import connect
 
     with connect(socket, holder=holder(name)) as robot:
         reports = act(robot)
-    if as_json:
-        say_json({"devices": reports})
-    else:
-        say(*(f"{report.name}: {texts.state(report)}" for report in reports))
+    tell(reports, as_json=as_json)
 
 
 def _command(

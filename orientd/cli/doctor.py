@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.output import AsJson, command, say, say_json, table
+from orientd.cli.command import AsJson, command
+from orientd.cli.output import say, say_json, table
 from orientd.driver import Finding, Verdict
 from orientd.errors import OrientdError
 

@@ -6,8 +6,9 @@ from typing import Annotated
 
 import typer
 
+from orientd.cli.command import AsJson, Socket, command
 from orientd.cli.device_commands import holder
-from orientd.cli.output import AsJson, Socket, command, say, say_json
+from orientd.cli.output import say, say_json
 
 lease = typer.Typer(
     name="lease", help="Hand the lease to command over, or seize it.", no_args_is_help=True

@@ -1,38 +1,82 @@
-"""The command `orientd`."""
+"""The command `orientd`: its commands, each loaded when it is asked for."""
 
 from __future__ import annotations
 
 import os
 import signal
-from typing import Annotated
+from importlib import import_module
+from typing import Annotated, Any
+
+if __name__ == "__main__":
+    # As the installed command begins, which must not load what is below for a stop.
+    from orientd.cli.start import main as start
+
+    start()
 
 import typer
 
 import orientd
-from orientd.cli import (
-    bench,
-    certs,
-    compare,
-    daemon_commands,
-    demo,
-    device_commands,
-    doctor,
-    lease,
-    motion_commands,
-    plot,
-    record,
-    replay,
-    service,
-    sim,
-    track,
-    view,
-)
 from orientd.cli.output import say
 from orientd.cli.usage import Commands
 
+_HOMES = {
+    "demo": "demo",
+    "run": "daemon_commands",
+    "status": "daemon_commands",
+    "devices": "daemon_commands",
+    "methods": "daemon_commands",
+    "plan": "motion_commands",
+    "move": "motion_commands",
+    "track": "track",
+    "compare": "compare",
+    "plot": "plot",
+    "record": "record",
+    "export": "record",
+    "replay": "replay",
+    "stop": "device_commands",
+    "halt": "device_commands",
+    "pause": "device_commands",
+    "resume": "device_commands",
+    "speed": "device_commands",
+    "enable": "device_commands",
+    "disable": "device_commands",
+    "reset": "device_commands",
+    "doctor": "doctor",
+    "view": "view",
+    "bench": "bench",
+    "sim": "sim",
+    "service": "service",
+    "lease": "lease",
+    "certs": "certs",
+}
+"""The module of each command, or group of commands, in the order of the help."""
+
+
+class LazyCommands(Commands):
+    """The group of all commands, which loads the one that is asked for."""
+
+    def __init__(self, **settings: Any) -> None:  # noqa: ANN401 - handed on
+        super().__init__(**{**settings, "commands": dict.fromkeys(_HOMES)})
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ANN401 - Click's
+        """Return the command of that name, or ``None``."""
+        del ctx
+        if cmd_name not in _HOMES:
+            return None
+        found = getattr(import_module(f"orientd.cli.{_HOMES[cmd_name]}"), cmd_name)
+        alone = typer.Typer(rich_markup_mode=None)
+        if isinstance(found, typer.Typer):
+            alone.add_typer(found)
+        else:
+            # A negative speed is a wrong speed, not an option.
+            is_lax = cmd_name == "speed"
+            alone.command(context_settings={"ignore_unknown_options": is_lax})(found)
+        return typer.main.get_group(alone).commands[cmd_name]
+
+
 app = typer.Typer(
     name="orientd",
-    cls=Commands,
+    cls=LazyCommands,
     help="Plan smooth orientation motion and stream it to robots.",
     no_args_is_help=True,
     add_completion=False,
@@ -57,41 +101,6 @@ def _options(
     del version
 
 
-for _command in (
-    demo.demo,
-    daemon_commands.run,
-    daemon_commands.status,
-    daemon_commands.devices,
-    daemon_commands.methods,
-    motion_commands.plan,
-    motion_commands.move,
-    track.track,
-    compare.compare,
-    plot.plot,
-    record.record,
-    record.export,
-    replay.replay,
-    device_commands.stop,
-    device_commands.halt,
-    device_commands.pause,
-    device_commands.resume,
-    device_commands.speed,
-    device_commands.enable,
-    device_commands.disable,
-    device_commands.reset,
-    doctor.doctor,
-    view.view,
-):
-    # A negative speed is a wrong speed, not an option.
-    _is_lax = _command is device_commands.speed
-    app.command(context_settings={"ignore_unknown_options": _is_lax})(_command)
-app.add_typer(bench.bench)
-app.add_typer(sim.sim)
-app.add_typer(service.service)
-app.add_typer(lease.lease)
-app.add_typer(certs.certs)
-
-
 def main() -> None:
     """Run the command line."""
     # gRPC's own log lines are about its connections, for which our errors have words.
@@ -99,7 +108,3 @@ def main() -> None:
     # To be told to end is to be interrupted: a motion stops on its path, nothing is left behind.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     app()
-
-
-if __name__ == "__main__":
-    main()

@@ -1,111 +1,21 @@
-"""How commands speak: plain lines or one JSON object, and one line for what goes wrong.
+"""How commands speak: plain lines or one JSON object.
 
-Standard output carries what was asked for, standard error what went wrong.  Exit status 0 is done,
-1 is refused or failed, 2 is a mistake in the command line itself.
+Standard output carries what was asked for, standard error what went wrong.
 """
 
 from __future__ import annotations
 
-import functools
-import inspect
 import json
 import math
 import os
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Annotated, Any, ParamSpec, TypeVar
-
-import typer
-
-from orientd.errors import LimitError, OrientdError, RequestError
-
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
-Socket = Annotated[
-    Path | None,
-    typer.Option("--socket", help="Where the daemon listens.", envvar="ORIENTD_SOCKET"),
-]
-DeviceName = Annotated[
-    str, typer.Option("--device", "-d", help="Which device, where there are several.")
-]
-
-_REMOTE = {
-    "address": Annotated[
-        str | None,
-        typer.Option("--address", metavar="HOST:PORT", help="Reach a daemon over TCP, with TLS."),
-    ],
-    "cert": Annotated[Path | None, typer.Option("--cert", help="For --address: who this is.")],
-    "key": Annotated[Path | None, typer.Option("--key", help="For --address: of --cert.")],
-    "ca": Annotated[Path | None, typer.Option("--ca", help="For --address: of the daemon.")],
-}
+from typing import Any
 
 _QUATERNIONS = {"q", "feedback_q"}
-
-Parameters = ParamSpec("Parameters")
-Returned = TypeVar("Returned")
-
-
-def command(run: Callable[Parameters, None]) -> Callable[Parameters, None]:
-    """Make a command of *run*: what goes wrong becomes one line and exit status 1.
-
-    Where the command has ``as_json``, it is one JSON object instead, on standard error too.  Where
-    it has ``socket`` to connect to, it gets the options of a daemon that is reached over TCP.
-    """
-
-    @functools.wraps(run)
-    def reporting(*arguments: Parameters.args, **options: Parameters.kwargs) -> None:
-        as_json = bool(options.get("as_json"))
-        for name in _REMOTE:
-            given = options.pop(name, None)
-            if given is not None:
-                os.environ[f"ORIENTD_{name.upper()}"] = str(given)
-                if name == "address":
-                    options["socket"] = None
-        try:
-            run(*arguments, **options)
-            sys.stdout.flush()
-        except OrientdError as error:
-            fail(error, as_json=as_json)
-        except KeyboardInterrupt:
-            fail(OrientdError("interrupted"), as_json=as_json)
-        except BrokenPipeError:
-            # Whoever read has had enough; what is still buffered has nowhere to go.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            raise typer.Exit(1) from None
-
-    signature = inspect.signature(run, eval_str=True)
-    if "socket" in signature.parameters:
-        more = [
-            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=kind)
-            for name, kind in _REMOTE.items()
-        ]
-        listed = [*signature.parameters.values(), *more]
-        reporting.__signature__ = signature.replace(parameters=listed)  # type: ignore[attr-defined] # typer reads it
-        reporting.__annotations__ = {**run.__annotations__, **_REMOTE}
-    return reporting
-
-
-def fail(error: OrientdError, *, as_json: bool) -> None:
-    """Say what went wrong and exit with status 1."""
-    if as_json:
-        print(json.dumps({"error": describe(error)}), file=sys.stderr)  # noqa: T201
-    else:
-        text = " ".join(str(error).split())
-        print(f"orientd: {text}", file=sys.stderr)  # noqa: T201
-    raise typer.Exit(1) from None
-
-
-def describe(error: OrientdError) -> dict[str, Any]:
-    """Return what a program wants to know of *error*."""
-    described: dict[str, Any] = {"kind": type(error).__name__, "message": str(error)}
-    if isinstance(error, RequestError):
-        described["field"] = error.field
-    if isinstance(error, LimitError):
-        for name in ("quantity", "value", "limit", "time", "unit"):
-            described[name] = plain(getattr(error, name))
-    return described
 
 
 def say(*lines: str) -> None:
@@ -166,3 +76,8 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
 def is_terminal() -> bool:
     """Return whether somebody is looking at standard output."""
     return sys.stdout.isatty()
+
+
+def close_output() -> None:
+    """Have nobody hear what is still buffered: whoever read has had enough."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

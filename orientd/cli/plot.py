@@ -8,8 +8,9 @@ from typing import Annotated
 
 import typer
 
+from orientd.cli.command import AsJson, DeviceName, command
 from orientd.cli.compare import KeyframeTimes, Times, need_two
-from orientd.cli.output import AsJson, DeviceName, command, say, say_json, table
+from orientd.cli.output import say, say_json, table
 from orientd.errors import OrientdError, RequestError
 
 

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from orientd.cli.command import AsJson, DeviceName, Socket, command
 from orientd.cli.device_commands import holder
-from orientd.cli.output import AsJson, DeviceName, Socket, command, say, say_json
+from orientd.cli.output import say, say_json
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:

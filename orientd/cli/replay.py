@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from orientd.cli.command import AsJson, DeviceName, Socket, command
 from orientd.cli.daemon_commands import ConfigFile
 from orientd.cli.device_commands import holder
-from orientd.cli.output import AsJson, DeviceName, Socket, command, say, say_json
+from orientd.cli.output import say, say_json
 from orientd.cli.record import need_record
 from orientd.errors import OrientdError
 

@@ -10,7 +10,8 @@ from typing import Annotated
 
 import typer
 
-from orientd.cli.output import AsJson, command, say, say_json
+from orientd.cli.command import AsJson, command
+from orientd.cli.output import say, say_json
 from orientd.errors import ConfigError
 
 service = typer.Typer(

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from orientd.cli.output import command
+from orientd.cli.command import command
 from orientd.errors import DaemonError
 
 sim = typer.Typer(

@@ -1,23 +1,30 @@
-"""Where the command `orientd` begins: while modules are still loaded, Ctrl-C is one line too."""
+"""Where the command `orientd` begins: a stop goes out at once, and Ctrl-C is one line already."""
 
 from __future__ import annotations
 
 import os
 import signal
+import sys
 from types import FrameType
+from typing import NoReturn
 
 
-def main() -> None:
-    """Load the command line and run it."""
+def main() -> NoReturn:
+    """Run what the command line says: a stop before that is loaded, anything else by it."""
     # Whoever ignores the signal, such as a shell for its background jobs, has a reason to.
     is_ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if is_ours:
         signal.signal(signal.SIGINT, _end)
+    from orientd.cli import urgent
+
+    if urgent.run(sys.argv[1:]):
+        sys.exit(0)
     from orientd.cli.main import main as run
 
     if is_ours:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     run()
+    sys.exit(0)
 
 
 def _end(number: int, frame: FrameType | None) -> None:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from orientd.planner import Certificate, Peak
 from orientd.planner.limits import ANGULAR, AXES, Rate
 from orientd.rpc.reports import DeviceReport, Outcome, Plan, Statistics, Summary
 from orientd.stream import State
+
+if TYPE_CHECKING:
+    from orientd.planner import Certificate, Peak
 
 
 def orientation(q: Sequence[float]) -> str:
@@ -62,6 +65,7 @@ def state(device: DeviceReport) -> str:
 def peak(measured: Peak, unit: str) -> str:
     """Return a largest value against its limit.
 
+    >>> from orientd.planner import Peak
     >>> peak(Peak(1.5, 0.25, 2.5), "rad/s")
     '1.5 of 2.5 rad/s (60.0 %) at 0.250 s'
     """
@@ -95,6 +99,8 @@ _OF_BODY_AXES = {f"angular {name} about {axis}" for name in ANGULAR for axis in 
 
 def certificate(of: Certificate) -> list[str]:
     """Return what a motion promises, line by line."""
+    from orientd.planner import Peak
+
     lines = [
         f"duration             {of.duration:.3f} s at {of.rate_hz:g} Hz",
         f"lead-in, lead-out    {of.lead_in:.3f} s, {of.lead_out:.3f} s",

@@ -9,8 +9,9 @@ from typing import Annotated, Any
 
 import typer
 
+from orientd.cli.command import AsJson, DeviceName, Socket, command
 from orientd.cli.device_commands import holder
-from orientd.cli.output import AsJson, DeviceName, Socket, command, say, say_json
+from orientd.cli.output import say, say_json
 from orientd.errors import RequestError
 
 _KEYS = ("angular_velocity", "velocity_frame", "time_ns", "time_to_live")

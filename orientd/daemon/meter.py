@@ -101,8 +101,8 @@ class MotionMeter:
 
     Attributes:
         number: the motion's number.
-        began_ns: when the first setpoint was sent that is not where the motion begins, monotonic
-            clock; ``None`` before that.
+        began_ns: when the motion began to be run, monotonic clock, as its first setpoint says,
+            which is for the end of a cycle; ``None`` before that.
     """
 
     def __init__(
@@ -210,7 +210,10 @@ class MotionMeter:
         if not moved.any():
             return block[:0]
         first = int(np.argmax(moved))
-        self.began_ns = int(block["deadline_ns"][first] + block["lateness_ns"][first])
+        sent = block[first]
+        run = sent["path_index"] - self._first + sent["path_fraction"]
+        late_ns = (1.0 - run / (sent["speed"] or 1.0)) * self._motion.period * 1e9
+        self.began_ns = int(sent["deadline_ns"] + sent["lateness_ns"] + round(late_ns))
         return block[first:]
 
     def _differentiate(self, q: NDArray[np.float64]) -> None:

@@ -39,6 +39,7 @@ def device_report(device: Device) -> DeviceReport:
         is_memory_locked=now.memory_locked,
         cycle=now.cycle,
         lead=device.lead,
+        phase=device.phase,
     )
 
 

@@ -93,6 +93,7 @@ class ServoSupervisor:
             driver=self._target,
             options=settings.options,
             period_ns=settings.period_ns,
+            phase_ns=settings.phase_ns,
             path_capacity=2 * self._read_ahead,
             cycle_capacity=self._read_ahead,
             heartbeat_timeout_ns=round(settings.heartbeat_timeout * 1e9),

@@ -49,6 +49,7 @@ class SupervisedDevice:
         rate_hz: cycle rate.
         period_ns: cycle period.
         lead: how long before its time each setpoint is sent, s.
+        phase: where in a period its cycles begin, as a share of it.
         memory: keeps the newest cycles for the flight recorder; ``None`` where there is none.
     """
 
@@ -71,6 +72,7 @@ class SupervisedDevice:
         self.rate_hz = settings.rate_hz
         self.period_ns = settings.period_ns
         self.lead = settings.lead
+        self.phase = settings.phase
         self._on_event = on_event
         # In path records, a power of two.
         self._read_ahead = 1 << round(_READ_AHEAD * settings.rate_hz - 1).bit_length()

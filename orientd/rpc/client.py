@@ -13,20 +13,15 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, Unpack
+from typing import TYPE_CHECKING, Any, Self, Unpack
 
 import grpc
 
 from orientd.errors import OrientdError, RequestError
-from orientd.planner import MotionRequest
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.channel import Way
 from orientd.rpc.connection import Connection
 from orientd.rpc.lease_holder import LeaseHolder
-from orientd.rpc.motion_request import Wishes, motion_request
-from orientd.rpc.motion_wire import from_request, limits_message
-from orientd.rpc.move_handle import MoveHandle
-from orientd.rpc.move_wire import plan_from_message, samples_from_messages
 from orientd.rpc.observer import Observer
 from orientd.rpc.reports import CellReport, Device, DeviceReport, Method, OnTarget, Plan
 from orientd.rpc.state_wire import (
@@ -36,8 +31,13 @@ from orientd.rpc.state_wire import (
     limits_from_message,
     method_from_message,
 )
-from orientd.rpc.tracking import Tracking
 from orientd.stream import Cycle
+
+if TYPE_CHECKING:
+    from orientd.planner import MotionRequest
+    from orientd.rpc.motion_request import Wishes
+    from orientd.rpc.move_handle import MoveHandle
+    from orientd.rpc.tracking import Tracking
 
 
 def connect(
@@ -170,6 +170,7 @@ class Robot(LeaseHolder):
                 rate_hz=device.rate_hz,
                 limits=limits_from_message(device.limits),
                 lead=device.lead,
+                phase=device.phase,
             )
             for device in answer.devices
         ]
@@ -203,6 +204,10 @@ class Robot(LeaseHolder):
             StateError: the device is not at rest, ready to move.
             PlanError: it cannot be planned, or would break a limit.
         """
+        from orientd.rpc.motion_request import motion_request
+        from orientd.rpc.motion_wire import from_request
+        from orientd.rpc.move_wire import plan_from_message, samples_from_messages
+
         request = motion_request(keyframes, **wishes)
         answer = self._connection.call(
             self._stub.Plan,
@@ -229,6 +234,8 @@ class Robot(LeaseHolder):
         Raises:
             UnknownNameError: there is no such plan, or no longer.
         """
+        from orientd.rpc.move_wire import plan_from_message, samples_from_messages
+
         request = pb.GetPlanRequest(
             device=device, motion_id=motion_id, sample_rate_hz=sample_rate_hz
         )
@@ -264,8 +271,8 @@ class Robot(LeaseHolder):
             queue: whether to follow what runs, rather than to replace it.
             blend_tolerance: for a queued motion, how far it may pass from the corner to the motion
                 before it, rad, so that the device need not come to rest there.
-            start_time: when to begin, seconds since the epoch as of :func:`time.time`; motions of
-                several devices with the same start time begin in the same cycle.
+            start_time: when to begin, seconds since the epoch as of :func:`time.time`; of motions
+                with the same start time each is as far along its path as the others.
             on_target: what must be measured for the motion to count as done.
             plan_timeout: as for :meth:`plan`.
             wishes: see :class:`~orientd.rpc.motion_request.Wishes`.
@@ -276,6 +283,10 @@ class Robot(LeaseHolder):
             StateError: the device is not at rest, ready to move.
             PlanError: it cannot be planned, or would break a limit.
         """
+        from orientd.rpc.motion_request import motion_request
+        from orientd.rpc.motion_wire import from_request
+        from orientd.rpc.move_handle import MoveHandle
+
         request = pb.MoveRequest(
             device=device,
             progress_rate_hz=progress_rate_hz,
@@ -335,6 +346,9 @@ class Robot(LeaseHolder):
             LeaseError: somebody else holds the lease.
             StateError: the device cannot follow targets.
         """
+        from orientd.rpc.motion_wire import limits_message
+        from orientd.rpc.tracking import Tracking
+
         begin = pb.TrackStart(
             lease_token=self._token(), device=device, report_rate_hz=report_rate_hz
         )

@@ -168,9 +168,9 @@ class Summary:
         statistics: what was measured of it; ``None`` where the device has forgotten it.
         settled_after: how long after the last setpoint it had been on target for the settle time,
             s; ``None`` where that was not asked for, or did not come.
-        start_lateness: how long after the start time that was asked for its first setpoint was
-            sent, s; ``None`` where none was asked for.
-        start_skew: between the first and the last device's first setpoint, s, over the motions
+        start_lateness: how long after the start time that was asked for it began to be run, s;
+            ``None`` where none was asked for.
+        start_skew: between the first device's beginning and the last one's, s, over the motions
             with that start time.
     """
 
@@ -268,6 +268,7 @@ class DeviceReport:
         cycle: the newest one; ``None`` before the first.
         lead: how long before its time each setpoint is sent, s; 0 for a device that is not led.
             What the newest cycle sent is where the device is to be a lead from now.
+        phase: where in a period of the monotonic clock its cycles begin, as a share of it.
     """
 
     name: str
@@ -288,6 +289,7 @@ class DeviceReport:
     is_memory_locked: bool
     cycle: Cycle | None
     lead: float = 0.0
+    phase: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -338,6 +340,7 @@ class Device:
         rate_hz: cycles a second.
         limits: what no motion of it may exceed.
         lead: how long before its time each setpoint is sent, s; 0 for a device that is not led.
+        phase: where in a period of the monotonic clock its cycles begin, as a share of it.
     """
 
     name: str
@@ -345,6 +348,7 @@ class Device:
     rate_hz: float
     limits: Limits
     lead: float = 0.0
+    phase: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -132,6 +132,7 @@ def device_to_message(report: DeviceReport) -> pb.DeviceReport:
             rate_hz=report.rate_hz,
             limits=limits_to_message(report.limits),
             lead=report.lead,
+            phase=report.phase,
         ),
         state=STATES[report.state],
         fault=_FAULTS[report.fault],
@@ -172,6 +173,7 @@ def device_from_message(message: pb.DeviceReport) -> DeviceReport:
         is_memory_locked=message.is_memory_locked,
         cycle=cycle_from_message(message.cycle) if message.HasField("cycle") else None,
         lead=message.device.lead,
+        phase=message.device.phase,
     )
 
 

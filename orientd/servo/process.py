@@ -38,6 +38,7 @@ class ProcessSettings:
         driver: where its driver class is, ``module:Class``.
         options: the driver's options.
         period_ns: cycle period.
+        phase_ns: where in a period of the monotonic clock cycles begin.
         path_capacity: size of the path ring.
         cycle_capacity: size of the ring of cycles.
         heartbeat_timeout_ns: longest silence of the daemon in motion.
@@ -53,6 +54,7 @@ class ProcessSettings:
     driver: str
     options: dict[str, Any]
     period_ns: int
+    phase_ns: int
     path_capacity: int
     cycle_capacity: int
     heartbeat_timeout_ns: int
@@ -111,7 +113,13 @@ def run(descriptor: int, settings: ProcessSettings) -> int:
     memory.notes.publish(*pack_note(0, NoteKind.READY, 0, ready))
     try:
         timer = DeadlineTimer(settings.spin_ns)
-        run_cycles(servo, timer, settings.period_ns, driver.deadline_shift_ns)
+        run_cycles(
+            servo,
+            timer,
+            settings.period_ns,
+            driver.deadline_shift_ns,
+            phase_ns=settings.phase_ns,
+        )
     finally:
         servo.close()
         _write_report(Path(settings.report_path), servo.report())
@@ -121,19 +129,23 @@ def run(descriptor: int, settings: ProcessSettings) -> int:
 
 
 def run_cycles(
-    servo: Servo, timer: DeadlineTimer, period_ns: int, shift_ns: Callable[[int], int]
+    servo: Servo,
+    timer: DeadlineTimer,
+    period_ns: int,
+    shift_ns: Callable[[int], int],
+    *,
+    phase_ns: int = 0,
 ) -> None:
     """Call ``servo.cycle`` at every deadline until the servo has ended.
 
-    Deadlines are a period apart, or nearly: *shift_ns*, told the last one, says how much later the
+    Deadlines are a period apart, *phase_ns* after its multiples on the clock at first, or nearly:
+    *shift_ns*, told the last one, says how much later the
     next should be, and is heeded up to a period over :data:`LARGEST_SHIFT`.  One that has passed
     altogether is counted and skipped, before a cycle too where the process has not run for long;
     path time is not, so that a late cycle never makes the device jump.
     """
     overrun_ns, most_ns = period_ns // 2, period_ns // LARGEST_SHIFT
-    # At one phase of the clock, so that devices of one rate begin in the same cycle; beside whole
-    # milliseconds, where the kernel's own timers are.
-    deadline = (time.monotonic_ns() // period_ns + 2) * period_ns + period_ns * 3 // 8
+    deadline = (time.monotonic_ns() // period_ns + 2) * period_ns + phase_ns
     while not servo.has_ended:
         woken = timer.wait(deadline)
         lateness = woken - deadline

@@ -96,6 +96,7 @@ class Servo:
         self._stalls = Stalls(period_ns, watch.stall_ns)
         self._clock = clock
         self._parent_is_alive = parent_is_alive
+        self._period_ns = period_ns
         period = period_ns * 1e-9
         self._path_clock = PathClock(period)
         self._speed = 0.0
@@ -380,11 +381,12 @@ class Servo:
             return self._step_off_path()
         if self._pursuit.is_on:
             return self._follow(deadline_ns)
-        clock, follower = self._path_clock, self._follower
+        clock, follower, share = self._path_clock, self._follower, 1.0
         if self.state is _STREAMING:
             speed = self._speed * self._driver.speed_scaling
             if self._is_waiting:
-                if deadline_ns < self._start_ns:
+                share = self._share_run(deadline_ns)
+                if share <= 0.0:
                     return self._held
                 self._is_waiting = False
                 # The path is at rest there: it needs no run-up in time.
@@ -398,7 +400,7 @@ class Servo:
         else:
             rate = clock.advance()
         try:
-            path, place = follower.look(rate)
+            path, place = follower.look(rate * share)
             terms = self._terms if place.leg is leg else place.leg.terms
             problem = self._guard.admit(path.q, path.position, terms)
             if problem and not clock.is_led and (rate != 1.0 or follower.fraction):
@@ -426,6 +428,17 @@ class Servo:
             path.position,
             _combine(path.velocity, rate, path.velocity, 0.0),
         )
+
+    def _share_run(self, deadline_ns: int) -> float:
+        """Return for which share of the cycle that begins the motion that waits is to run.
+
+        A setpoint is where the device is to be at the end of its cycle, so that devices whose
+        cycles begin at other instants are as far along their paths at every instant.
+        """
+        if self._start_ns == UNKNOWN:
+            return 1.0
+        period_ns = self._period_ns
+        return min((deadline_ns + period_ns - self._start_ns) / period_ns, 1.0)
 
     def _ease(
         self, path: PathPoint, place: Place, rate: float, problem: str

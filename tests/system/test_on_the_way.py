@@ -221,6 +221,7 @@ def test_devices_begin_together(tmp_path):
         daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))
         with orientd.connect(daemon.socket) as robot:
             assert turn(robot, 0.1, device="leg").wait(20.0).outcome is Outcome.DONE
+            assert len({device.phase for device in robot.devices()}) == 2
             instant = time.time() + 2.0
             handles = [
                 turn(robot, 0.4, device=name, start_time=instant) for name in (DEVICE, "leg")

@@ -176,6 +176,31 @@ def limits_of(tmp_path, table):
     return config.load(write(tmp_path, text)).devices["arm"].limits.to_limits()
 
 
+def phases(*devices):
+    table = {f"arm{k}": {"driver": "loopback", **device} for k, device in enumerate(devices)}
+    found = config.parse({"devices": table}, source="test").devices
+    return [device.phase for device in found.values()]
+
+
+@pytest.mark.parametrize("count", [1, 2, 4, 8, 16])
+def test_devices_are_spread_over_the_period(count):
+    spread = sorted(phases(*[{}] * count))
+    gaps = [b - a for a, b in zip(spread, [*spread[1:], 1.0 + spread[0]], strict=True)]
+    assert gaps == pytest.approx([1.0 / count] * count)
+    assert all(0.0 <= phase < 1.0 for phase in spread)
+
+
+def test_a_device_that_is_added_leaves_the_phases_of_the_others():
+    assert phases(*[{}] * 5)[:4] == phases(*[{}] * 4)
+    assert phases({}, {"phase": 0.5}, {}) == [phases({})[0], 0.5, phases({}, {})[1]]
+
+
+@pytest.mark.parametrize("phase", [-0.1, 1.0, "half"])
+def test_a_phase_outside_the_period_is_refused(phase):
+    with pytest.raises(ConfigError, match=r"devices\.arm0\.phase: expected "):
+        phases({"phase": phase})
+
+
 def test_a_preset_is_overridden_by_what_is_given_beside_it(tmp_path):
     limits = limits_of(tmp_path, "preset = 'franka-panda', velocity = [2, 1, 2], jerk = 100")
     assert limits.acceleration == 25.0  # of the preset

@@ -128,6 +128,7 @@ class WatchingCalls(Calls):
                     rate_hz=device.rate_hz,
                     limits=limits_to_message(device.limits),
                     lead=device.lead,
+                    phase=device.phase,
                 )
                 for device in self._cell.devices.values()
             ]

@@ -11,7 +11,8 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from orientd.cli.output import AsJson, command, plain, table
+from orientd.cli.command import AsJson, command
+from orientd.cli.output import plain, table
 from orientd.errors import LimitError, OrientdError, RequestError
 from orientd.stream import State
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from orientd import rotation
-from orientd.curves import METHODS, Curve, cumulative, fast
+from orientd.curves import METHODS, Curve, cumulative
 from orientd.curves.keyframes import resolve_times
 
 
@@ -277,15 +277,6 @@ def pytest_generate_tests(metafunc):
 @pytest.fixture
 def keyframes_of():
     return met_keyframes
-
-
-@pytest.fixture(autouse=True)
-def numpy_kernel(monkeypatch):
-    """Keep the compiled kernel from coming into use in the middle of a test."""
-    kernel = fast.FastKernel()
-    kernel.status = fast.Status.MISSING
-    monkeypatch.setattr(fast, "KERNEL", kernel)
-    return kernel
 
 
 @pytest.fixture

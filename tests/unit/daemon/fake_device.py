@@ -34,6 +34,7 @@ class FakeDevice:
         self.rate_hz = settings.rate_hz
         self.period_ns = settings.period_ns
         self.lead = settings.lead
+        self.phase = 0.0
         self.limits = DEFAULT_LIMITS
         self.failure = ""
         self.calls = []

@@ -35,6 +35,15 @@ def test_deadline_moves_by_what_the_driver_asks_and_little_at_a_time(monkeypatch
     assert steps == {PERIOD_NS + max(-most, min(most, asked))}
 
 
+@pytest.mark.parametrize("phase_ns", [0, 1, PERIOD_NS - 1])
+def test_deadlines_are_at_the_phase_that_is_asked_for(monkeypatch, phase_ns):
+    monkeypatch.setattr("orientd.servo.process.time.monotonic_ns", lambda: 10**9 + 12_345)
+    servo = Rig().servo
+    timer = VirtualTimer(servo, 5)
+    run_cycles(servo, timer, PERIOD_NS, lambda _deadline_ns: 0, phase_ns=phase_ns)
+    assert {deadline % PERIOD_NS for deadline in timer.deadlines} == {phase_ns}
+
+
 def test_deadline_that_moves_is_no_deadline_missed():
     rig = Rig()
     rig.ask(Command.ENABLE)

@@ -197,6 +197,26 @@ def test_a_motion_waits_for_its_instant():
     ends_at(rig, PATH[0][-1])
 
 
+@pytest.mark.parametrize("after_ns", [1, 400_000, 1_999_999])
+@pytest.mark.parametrize("speed", [1.0, 0.5])
+def test_a_motion_is_as_far_along_as_its_instant_is_past(after_ns, speed):
+    rig = Rig()
+    assert rig.ask(Command.ENABLE)[0] is Answer.DONE
+    first = rig.lay(*PATH)
+    instant = rig.clock.now_ns() + 20 * 2_000_000 - after_ns
+    asked = rig.ask(Command.START, path_index=first, start_ns=instant, speed=speed)
+    assert asked[0] is Answer.DONE
+    for _ in range(100):
+        rig.run(1)
+        cycle = rig.cycle
+        # A setpoint is where the device is to be at the end of its cycle.
+        past = max(0.0, (cycle.deadline_ns + 2_000_000 - instant) / 2_000_000)
+        records = cycle.path_index + cycle.path_fraction - first
+        assert records == pytest.approx(speed * past, abs=1e-9)
+    assert cycle.state is State.STREAMING
+    ends_at(rig, PATH[0][-1])
+
+
 def test_a_stop_before_that_instant_leaves_the_device_where_it_is():
     rig = Rig()
     assert rig.ask(Command.ENABLE)[0] is Answer.DONE

@@ -1,0 +1,15 @@
+"""What is said of devices that were told to come to rest."""
+
+from __future__ import annotations
+
+from orientd.cli import texts
+from orientd.cli.output import say, say_json
+from orientd.rpc.reports import DeviceReport
+
+
+def tell(reports: list[DeviceReport], *, as_json: bool) -> None:
+    """Say what each device was doing when it was told."""
+    if as_json:
+        say_json({"devices": reports})
+    else:
+        say(*(f"{report.name}: {texts.state(report)}" for report in reports))

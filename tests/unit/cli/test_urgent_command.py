@@ -1,0 +1,100 @@
+"""A stop before the command line is loaded: what is read of it, and what is left to that."""
+
+import subprocess
+import sys
+from concurrent import futures
+
+import grpc
+import pytest
+
+from orientd.cli import urgent
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc.control_pb2_grpc import ControlServicer, add_ControlServicer_to_server
+
+
+class Told(ControlServicer):
+    """Devices that are told to stop, and note it."""
+
+    def __init__(self):
+        self.stops, self.halts = [], []
+
+    def Stop(self, request, context):  # noqa: N802 - gRPC's name
+        self.stops.append(request)
+        return pb.StopResponse()
+
+    def Halt(self, request, context):  # noqa: N802 - gRPC's name
+        self.halts.append(request)
+        return pb.HaltResponse()
+
+
+@pytest.fixture
+def there(tmp_path, monkeypatch):
+    server = grpc.server(futures.ThreadPoolExecutor(1))
+    told = Told()
+    add_ControlServicer_to_server(told, server)
+    server.add_insecure_port(f"unix:{tmp_path / 'socket'}")
+    server.start()
+    monkeypatch.setenv("ORIENTD_SOCKET", str(tmp_path / "socket"))
+    yield told
+    server.stop(None).wait()
+
+
+def test_a_stop_is_sent_and_told(there, capsys):
+    assert urgent.run(["stop", "--json"])
+    (request,) = there.stops
+    assert request.device == ""
+    assert request.caller.startswith("orientd stop, process ")
+    assert capsys.readouterr().out == '{"devices": []}\n'
+
+
+def test_a_halt_of_one_device_is_sent(there):
+    assert urgent.run(["halt", "-d", "leg"])
+    (request,) = there.halts
+    assert request.device == "leg"
+    assert not there.stops
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [],
+        ["status"],
+        ["stop", "--help"],
+        ["stop", "now"],
+        ["stop", "--device"],
+        ["stop", "--device", "--json"],
+        ["stop", "--device="],
+        ["stop", "--address", "there:1"],
+        ["stop", "--device", "x" * 200],
+    ],
+)
+def test_whatever_else_is_left_to_the_command_line(there, arguments):
+    assert not urgent.run(arguments)
+    assert not there.stops
+
+
+def test_a_daemon_that_is_reached_over_tcp_is_left_to_the_command_line(there, monkeypatch):
+    monkeypatch.delenv("ORIENTD_SOCKET")
+    monkeypatch.setenv("ORIENTD_ADDRESS", "there:1")
+    assert not urgent.run(["stop"])
+
+
+def test_nothing_large_is_loaded_before_it_is_sent():
+    program = (
+        "import sys\n"
+        "from orientd.cli import start, urgent\n"
+        "large = {'typer', 'grpc', 'google', 'numpy', 'pydantic', 'rich', 'asyncio'}\n"
+        "print(*large & {name.split('.')[0] for name in sys.modules})"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert (done.stdout, done.stderr) == ("\n", "")
+
+
+def test_a_client_that_does_not_plan_loads_nothing_that_plans():
+    program = (
+        "import sys, orientd.rpc.client, orientd.cli.texts\n"
+        "large = {'numpy', 'scipy', 'pydantic', 'yaml'}\n"
+        "print(*large & {name.split('.')[0] for name in sys.modules})"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert (done.stdout, done.stderr) == ("\n", "")
