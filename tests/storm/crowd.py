@@ -39,7 +39,7 @@ def large_motion(keyframes: int, **more) -> pb.MotionRequest:
     return pb.MotionRequest(keyframes=frames, approach=True, **more)
 
 
-def endless_motion(keyframes: int = 50_000) -> pb.MotionRequest:
+def endless_motion(keyframes: int = 200_000) -> pb.MotionRequest:
     """Return what takes minutes to plan: every point of it as quick as the limits permit."""
     motion = large_motion(keyframes, duration=pb.DURATION_MINIMUM)
     for keyframe in motion.keyframes:

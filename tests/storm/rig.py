@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import re
+import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -44,7 +45,7 @@ class Rig(DaemonProcess):
         """
         super().__init__(folder)
         self.recordings = {name: folder / f"sent-{name}" for name in devices}
-        tables = [f'[daemon]\nsocket = "{self.socket}"\nlease_seconds = 60.0\n']
+        tables = [f'[daemon]\nsocket = "{self.socket}"\nlease_seconds = 3600.0\n']
         if planner:
             tables.append(f"[planner]\n{planner}\n")
         for name, path in self.recordings.items():
@@ -121,6 +122,19 @@ def processor_seconds(pid: int) -> float:
         fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
     return 0.0
+
+
+def is_idle(rig):
+    """Whether the daemon and its planners have hardly had a processor for a while."""
+    pids = {rig.pid, *rig.planners()}
+    before = sum(map(processor_seconds, pids))
+    time.sleep(0.5)
+    return sum(map(processor_seconds, pids)) - before < 0.1
+
+
+def await_idle(rig, seconds=120.0):
+    """Wait until whatever was asked for has been planned, or given up."""
+    until(lambda: is_idle(rig), "an idle daemon", seconds)
 
 
 # What was sent

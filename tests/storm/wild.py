@@ -9,20 +9,24 @@ from typing import Any
 Quaternion = tuple[float, float, float, float]
 
 MOST_KEYFRAMES = 10
+PAIRS = ("slerp", "kks_hermite", "kks_quintic_hermite")
+"""What takes two keyframes, and is asked for more now and then."""
 
 
 def wild_motion(chance: random.Random, methods: list[str]) -> tuple[list[Any], dict[str, Any]]:
     """Return the keyframes of a motion and what else is asked for, of any of *methods*.
 
     Keyframes lie anywhere, a step, half a turn or next to nothing from the one before, with either
-    sign; a third of the motions are timed, a third run as quickly as the limits permit everywhere.
+    sign; some of the motions are timed, some run as quickly as the limits permit everywhere.
     """
+    method = chance.choice(methods)
+    is_pair = method in PAIRS and chance.random() < 0.9
     keys = [anywhere(chance)]
-    for _ in range(chance.randrange(MOST_KEYFRAMES)):
+    for _ in range(1 if is_pair else chance.randrange(MOST_KEYFRAMES)):
         keys.append(_next(chance, keys[-1]))
-    wishes: dict[str, Any] = {"approach": True, "method": chance.choice(methods)}
+    wishes: dict[str, Any] = {"approach": True, "method": method}
     keyframes = [{"quaternion": dict(zip("wxyz", _signed(chance, q), strict=True))} for q in keys]
-    kind = chance.choice(("own", "minimum", "timed"))
+    kind = chance.choice(("own", "own", "minimum", "timed"))
     if kind == "minimum":
         wishes["duration"] = "minimum"
     elif kind == "timed" and len(keys) > 1:
@@ -33,7 +37,7 @@ def wild_motion(chance: random.Random, methods: list[str]) -> tuple[list[Any], d
     if chance.random() < 0.15:
         for keyframe in keyframes:
             keyframe["position"] = [chance.uniform(-0.2, 0.2) for _ in range(3)]
-    if chance.random() < 0.1:
+    if chance.random() < 0.05:
         wishes["end_velocity"] = [chance.uniform(-0.4, 0.4) for _ in range(3)]
     if chance.random() < 0.1:
         wishes["limits"] = {"velocity": chance.uniform(0.3, 2.5)}
