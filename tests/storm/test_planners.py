@@ -182,10 +182,8 @@ def test_many_large_plans_of_one_caller_do_not_hold_up_another(rig):
         done = sum(call.done() for call in calls)
         for call in calls:
             call.cancel()
-    print(
-        f"\na large plan alone {alone:.2f} s; small ones behind 50, s:",
-        *map("{:.2f}".format, waits),
-    )
+    told = " ".join(f"{wait:.2f}" for wait in waits)
+    print(f"\na large plan alone {alone:.2f} s; small ones behind 50: {told} s")
     assert done < 50, "they were planned before anybody could wait"
     # The processors are shared while they plan.
     assert max(waits) <= 2.0 * alone + PROMPT

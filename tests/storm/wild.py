@@ -13,17 +13,25 @@ PAIRS = ("slerp", "kks_hermite", "kks_quintic_hermite")
 """What takes two keyframes, and is asked for more now and then."""
 
 
-def wild_motion(chance: random.Random, methods: list[str]) -> tuple[list[Any], dict[str, Any]]:
+def wild_motion(
+    chance: random.Random, methods: list[str], *, nearest: float = 1e-12
+) -> tuple[list[Any], dict[str, Any]]:
     """Return the keyframes of a motion and what else is asked for, of any of *methods*.
 
     Keyframes lie anywhere, a step, half a turn or next to nothing from the one before, with either
     sign; some of the motions are timed, some run as quickly as the limits permit everywhere.
+
+    Args:
+        chance: of everything.
+        methods: names of families of curves.
+        nearest: how near duplicates may be, rad; to pass those 1e-12 rad apart, curves whose
+            acceleration has steps may take half an hour.
     """
     method = chance.choice(methods)
     is_pair = method in PAIRS and chance.random() < 0.9
     keys = [anywhere(chance)]
     for _ in range(1 if is_pair else chance.randrange(MOST_KEYFRAMES)):
-        keys.append(_next(chance, keys[-1]))
+        keys.append(_next(chance, keys[-1], nearest))
     wishes: dict[str, Any] = {"approach": True, "method": method}
     keyframes = [{"quaternion": dict(zip("wxyz", _signed(chance, q), strict=True))} for q in keys]
     kind = chance.choice(("own", "own", "minimum", "timed"))
@@ -63,7 +71,7 @@ def turned(q: Quaternion, axis: tuple[float, ...], angle: float) -> Quaternion:
     )
 
 
-def _next(chance: random.Random, q: Quaternion) -> Quaternion:
+def _next(chance: random.Random, q: Quaternion, nearest: float) -> Quaternion:
     _, *rest = anywhere(chance)
     length = math.sqrt(sum(part * part for part in rest))
     axis = tuple(part / length for part in rest)
@@ -75,7 +83,7 @@ def _next(chance: random.Random, q: Quaternion) -> Quaternion:
         case "half turn":
             return turned(q, axis, math.pi)
         case _:
-            return turned(q, axis, 10.0 ** chance.uniform(-12.0, -2.0))
+            return turned(q, axis, 10.0 ** chance.uniform(math.log10(nearest), -2.0))
 
 
 def _signed(chance: random.Random, q: Quaternion) -> Quaternion:

@@ -16,6 +16,8 @@ from orientd.planner import DEFAULT_LIMITS, State, plan
 from orientd.rpc.motion_request import motion_request
 
 PERIOD = 0.002
+NEAREST = 1e-3
+"""rad between keyframes; some motions through nearer ones have a million records."""
 ELSEWHERE = [{"quaternion": {"w": 0.0, "x": 0.6, "y": 0.0, "z": 0.8}}]
 FAMILIES = list(METHODS)
 
@@ -27,7 +29,7 @@ def fingerprint(number):
     if chance.random() < 0.4:
         first = planned(ELSEWHERE, {}, start)
         start = first.state_at(chance.randrange(first.record_count))
-    keyframes, wishes = wild_motion(chance, [FAMILIES[number % len(FAMILIES)]])
+    keyframes, wishes = wild_motion(chance, [FAMILIES[number % len(FAMILIES)]], nearest=NEAREST)
     try:
         motion = planned(keyframes, wishes, start)
     except OrientdError as error:
