@@ -83,10 +83,13 @@ def motion(rig, seconds):
     token = rig.stub.AcquireLease(pb.AcquireLeaseRequest(holder="test")).lease.token
     request = pb.MoveRequest(lease_token=token, device=DEVICE, motion=spin(seconds))
     stream = rig.stub.Move(request)
-    next(stream)
-    yield
-    *_, last = stream
-    rig.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=token))
+    try:
+        next(stream)
+        yield
+        *_, last = stream
+    finally:
+        stream.cancel()
+        rig.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=token))
     assert last.summary.outcome == pb.OUTCOME_DONE, last
 
 

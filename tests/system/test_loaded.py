@@ -2,21 +2,22 @@
 
 from pathlib import Path
 
-from harness import DaemonProcess, nudge
+from rig import Rig
 
-from orientd.rpc import control_pb2 as pb
+import orientd
+from orientd.rpc.reports import Outcome
 
 HEAVY = ("/scipy/", "/scipy.libs/", "native.abi3")
 """What is for processes that plan alone: libraries by their paths."""
 
+MOTION = [{"rotation_vector": [angle, 0.0, angle * angle]} for angle in (0.0, 0.1, 0.2)]
+
 
 def test_the_daemon_loads_nothing_that_only_planning_needs(tmp_path):
-    with DaemonProcess(tmp_path) as daemon:
-        for method in ("", "minimum_effort", "squad"):
-            motion = nudge(0.2)
-            motion.method = method
-            *_, last = daemon.move(motion)
-            assert last.summary.outcome == pb.OUTCOME_DONE, last
-        maps = Path(f"/proc/{daemon.process.pid}/maps").read_text().splitlines()
+    with Rig(tmp_path, devices=["arm"]) as rig, orientd.connect(rig.socket) as robot:
+        for method in ("c2_cumulative", "minimum_effort", "squad"):
+            motion = robot.move(MOTION, method=method, approach=True)
+            assert motion.wait(60.0).outcome is Outcome.DONE
+        maps = Path(f"/proc/{rig.pid}/maps").read_text().splitlines()
     libraries = {line.split()[-1] for line in maps if ".so" in line}
     assert not {path for path in libraries if any(part in path for part in HEAVY)}

@@ -16,7 +16,7 @@ from orientd.planner import DEFAULT_LIMITS, State, plan
 from orientd.rpc.motion_request import motion_request
 
 PERIOD = 0.002
-NEAREST = 1e-3
+NEAREST = 1e-2
 """rad between keyframes; some motions through nearer ones have a million records."""
 ELSEWHERE = [{"quaternion": {"w": 0.0, "x": 0.6, "y": 0.0, "z": 0.8}}]
 FAMILIES = list(METHODS)
