@@ -173,14 +173,14 @@ def test_many_large_plans_of_one_caller_do_not_hold_up_another(rig):
     begun = time.monotonic()
     rig.stub.Plan(large)
     alone = time.monotonic() - begun
-    waits = []
+    # The processors are shared while they plan.
+    longest, waits = 2.0 * alone + PROMPT, []
     with raw_channel(rig.socket) as greedy, raw_channel(rig.socket) as modest:
-        plan = ControlStub(modest).Plan
         calls = [ControlStub(greedy).Plan.future(large) for _ in range(50)]
         time.sleep(0.5)
         for _ in range(5):
             begun = time.monotonic()
-            plan(SMALL, timeout=10.0 * alone + 10.0)
+            ControlStub(modest).Plan(SMALL, timeout=longest)
             waits.append(time.monotonic() - begun)
         done = sum(call.done() for call in calls)
         for call in calls:
@@ -188,5 +188,3 @@ def test_many_large_plans_of_one_caller_do_not_hold_up_another(rig):
     told = " ".join(f"{wait:.2f}" for wait in waits)
     print(f"\na large plan alone {alone:.2f} s; small ones behind 50: {told} s")
     assert done < 50, "they were planned before anybody could wait"
-    # The processors are shared while they plan.
-    assert max(waits) <= 2.0 * alone + PROMPT
