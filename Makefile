@@ -8,14 +8,14 @@ BIN = $(VENV)/bin
 ROUNDS ?= 50
 SEED ?= 1
 
-.PHONY: demo test check bench peers soak chaos standard proto clean
+.PHONY: demo test check bench peers soak chaos storm standard proto clean
 
 demo: $(VENV)/.user
 	$(BIN)/orientd demo
 
 # What only calculates is tested on every core; what runs real processes to a clock, one by one.
 CALCULATES = tests/unit orientd drivers sim
-RUNS = tests/system tests/drivers tests/chaos tests/bench
+RUNS = tests/system tests/drivers tests/chaos tests/storm tests/bench
 
 test: check
 	$(BIN)/python -m pytest -n logical $(CALCULATES)
@@ -48,6 +48,10 @@ chaos: $(VENV)/.dev
 	-ORIENTD_CHAOS_ROUNDS=$(ROUNDS) ORIENTD_CHAOS_SEED=$(SEED) \
 		$(BIN)/python -m pytest tests/chaos -m chaos --timeout=0 -s
 	$(BIN)/python tests/chaos/ledger.py
+
+# Every kind of command at once; shorter: ORIENTD_STORM_SECONDS=30, again: ORIENTD_STORM_SEED=7.
+storm: $(VENV)/.dev
+	$(BIN)/python -m pytest tests/storm -m storm --timeout=0 -s
 
 standard: $(VENV)/.dev
 	$(BIN)/python tests/data/standard/sequences.py

@@ -21,6 +21,7 @@ for folder in (
     "unit/recorder",
     "system",
     "chaos",
+    "storm",
     "drivers/ur",
     "data/standard",
     "bench",

@@ -212,7 +212,7 @@ class MotionMeter:
         first = int(np.argmax(moved))
         sent = block[first]
         run = sent["path_index"] - self._first + sent["path_fraction"]
-        late_ns = (1.0 - run / (sent["speed"] or 1.0)) * self._motion.period * 1e9
+        late_ns = (1.0 - run / (sent["speed"] or 1.0)) * self._motion.facts.period * 1e9
         self.began_ns = int(sent["deadline_ns"] + sent["lateness_ns"] + round(late_ns))
         return block[first:]
 

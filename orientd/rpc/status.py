@@ -36,7 +36,6 @@ MAX_MESSAGE_LENGTH = 1000
 _PRECONDITIONS: Mapping[str, type[OrientdError]] = {
     "LIMIT": LimitError,
     "START": StartError,
-    "DEADLINE": DeadlineError,
     "PLAN": PlanError,
     "STATE": StateError,
     "LEASE": LeaseError,
@@ -44,6 +43,7 @@ _PRECONDITIONS: Mapping[str, type[OrientdError]] = {
 
 
 _CODES: Mapping[type[OrientdError], int] = {
+    DeadlineError: code_pb2.DEADLINE_EXCEEDED,
     DaemonError: code_pb2.UNAVAILABLE,
     AccessError: code_pb2.PERMISSION_DENIED,
     TooMuchError: code_pb2.RESOURCE_EXHAUSTED,
@@ -64,12 +64,12 @@ def to_status(error: OrientdError) -> status_pb2.Status:
         )
         status.details.add().Pack(bad_request)
         return status
-    for kind, exception in _PRECONDITIONS.items():
-        if isinstance(error, exception):
-            return _failed_precondition(error, kind, message)
     for exception, code in _CODES.items():
         if isinstance(error, exception):
             return status_pb2.Status(code=code, message=message)
+    for kind, exception in _PRECONDITIONS.items():
+        if isinstance(error, exception):
+            return _failed_precondition(error, kind, message)
     return status_pb2.Status(code=code_pb2.INTERNAL, message=message)
 
 

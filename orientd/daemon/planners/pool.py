@@ -47,6 +47,9 @@ RETIRED_BYTES = 128 * 2**20
 """A planner that still uses so much after its work makes room for a new one."""
 
 _RESTART = 0.1  # s before another process is tried where one did not start
+_ENDING = 0.5
+"""How long whatever serves may take to notice that the planners have ended, s."""
+
 _NICE = {0: 0, 1: 5}
 _NICEST = 10
 
@@ -156,10 +159,13 @@ class Planners:
         for lane in self._lanes.values():
             while (waiting := lane.take()) is not None:
                 waiting.answer.set_exception(DaemonError(GOING_DOWN))
-        for task in self._tasks:
-            task.cancel()
+        # Whoever is being served hears of it by the end of their planner.
         for process in self._all:
             process.kill()
+        if self._tasks:
+            await asyncio.wait(self._tasks, timeout=_ENDING)
+        for task in self._tasks:
+            task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
         await asyncio.gather(*(process.end() for process in self._all))
         self._all.clear()
@@ -228,12 +234,12 @@ class Planners:
         try:
             async with asyncio.timeout(timeout):
                 answer, rows = await waiting.answer
-        except TimeoutError:
-            raise DeadlineError(self._too_long(waiting, timeout)) from None
-        except DaemonError:
+        except (TimeoutError, DaemonError) as error:
             if self._is_closing:
                 raise DaemonError(GOING_DOWN) from None
-            raise
+            if isinstance(error, DaemonError):
+                raise
+            raise DeadlineError(self._too_long(waiting, timeout)) from None
         finally:
             waiting.answer.cancel()
             self._give_up(waiting)

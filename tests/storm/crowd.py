@@ -1,0 +1,85 @@
+"""Many who plan large files, without a lease, until their standard input is closed.
+
+``python crowd.py SOCKET DEVICE CLIENTS KEYFRAMES AT_ONCE``: so many clients plan one file after the
+other, one more plans files twice as large, and another sends so many at once.  At the end it prints
+how many calls ended with which status, as JSON.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import sys
+import threading
+from collections import Counter
+
+import grpc
+import numpy as np
+
+from orientd.rpc import control_pb2 as pb
+
+PLAN = "/orientd.v1.Control/Plan"
+STEP = 0.004
+"""s from keyframe to keyframe of a large file."""
+
+
+def large_motion(keyframes: int, **more) -> pb.MotionRequest:
+    """Return a timed wandering that grows from rest and falls back to it."""
+    times = STEP * np.arange(keyframes)
+    ramp = np.clip(np.minimum(times, times[-1] - times) / min(2.0, 0.5 * times[-1]), 0.0, 1.0)
+    ramp = ramp**3 * (10 - 15 * ramp + 6 * ramp**2)
+    vectors = np.stack(
+        [0.3 * np.sin(0.8 * times), 0.2 * np.sin(1.1 * times), 0.4 * np.sin(0.3 * times)]
+    )
+    columns = zip(times.tolist(), *(ramp * vectors).tolist(), strict=True)
+    frames = [
+        pb.Keyframe(time=t, rotation_vector=pb.Vector3(x=x, y=y, z=z)) for t, x, y, z in columns
+    ]
+    return pb.MotionRequest(keyframes=frames, approach=True, **more)
+
+
+def endless_motion(keyframes: int = 200_000) -> pb.MotionRequest:
+    """Return what takes minutes to plan: every point of it as quick as the limits permit."""
+    motion = large_motion(keyframes, duration=pb.DURATION_MINIMUM)
+    for keyframe in motion.keyframes:
+        keyframe.ClearField("time")
+    return motion
+
+
+def raw_channel(socket: str) -> grpc.Channel:
+    """Return a connection of its own."""
+    return grpc.insecure_channel(
+        f"unix:{socket}",
+        options=[("grpc.use_local_subchannel_pool", 1), ("grpc.max_send_message_length", -1)],
+    )
+
+
+def main(socket: str, device: str, clients: int, keyframes: int, at_once: int) -> None:
+    """Plan until standard input is closed."""
+    met: Counter[str] = Counter()
+    large, largest = (
+        pb.PlanRequest(device=device, motion=large_motion(n)).SerializeToString()
+        for n in (keyframes, 2 * keyframes)
+    )
+
+    def keep_planning(request: bytes, together: int) -> None:
+        # Bytes as they are: what a client does to make them is not what is measured.
+        plan = raw_channel(socket).unary_unary(PLAN)
+        while True:
+            for call in [plan.future(request) for _ in range(together)]:
+                code = call.code()  # waits for its end
+                met[code.name] += 1
+
+    jobs = [(large, 1)] * clients + [(largest, 1), (large, at_once)]
+    for job in jobs:
+        threading.Thread(target=keep_planning, args=job, daemon=True).start()
+    print("sending", flush=True)
+    with contextlib.suppress(KeyboardInterrupt):
+        sys.stdin.read()
+    print(json.dumps(met), flush=True)
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], sys.argv[2], *map(int, sys.argv[3:]))

@@ -1,0 +1,52 @@
+"""Plan random requests by their numbers, and print a fingerprint of what came of each as JSON.
+
+``python bits.py NUMBER...`` plans them in this order.
+"""
+
+import hashlib
+import json
+import random
+import sys
+
+from wild import wild_motion
+
+from orientd.curves import METHODS
+from orientd.errors import OrientdError
+from orientd.planner import DEFAULT_LIMITS, State, plan
+from orientd.rpc.motion_request import motion_request
+
+PERIOD = 0.002
+NEAREST = 1e-2
+"""rad between keyframes; some motions through nearer ones have a million records."""
+ELSEWHERE = [{"quaternion": {"w": 0.0, "x": 0.6, "y": 0.0, "z": 0.8}}]
+FAMILIES = list(METHODS)
+
+
+def fingerprint(number):
+    """Return what came of request *number*, which begins at rest or within another motion."""
+    chance = random.Random(number)
+    start = State.at_rest((1.0, 0.0, 0.0, 0.0))
+    if chance.random() < 0.4:
+        first = planned(ELSEWHERE, {}, start)
+        start = first.state_at(chance.randrange(first.record_count))
+    keyframes, wishes = wild_motion(chance, [FAMILIES[number % len(FAMILIES)]], nearest=NEAREST)
+    try:
+        motion = planned(keyframes, wishes, start)
+    except OrientdError as error:
+        return [f"{type(error).__name__}: {error}"]
+    records = motion.records(0, motion.record_count)
+    return [
+        hashlib.sha256(records.tobytes()).hexdigest(),
+        *(time.hex() for time in motion.keyframe_times.tolist()),
+        *(time.hex() for time in (motion.duration, motion.start_time, motion.end_time)),
+        repr(motion.certificate),
+    ]
+
+
+def planned(keyframes, wishes, start):
+    request = motion_request(keyframes, **wishes)
+    return plan(request, start=start, limits=DEFAULT_LIMITS, period=PERIOD, motion_id="same")
+
+
+if __name__ == "__main__":
+    print(json.dumps({number: fingerprint(int(number)) for number in sys.argv[1:]}))

@@ -1,0 +1,31 @@
+"""The same requests give the same bits, in whichever process and order they are planned."""
+
+import json
+import os
+import random
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from bits import FAMILIES
+
+PROGRAM = Path(__file__).with_name("bits.py")
+
+
+@pytest.mark.parametrize("count", [60, pytest.param(300, marks=pytest.mark.slow)])
+def test_two_processes_plan_the_same_bits_in_another_order(count):
+    numbers = [str(number) for number in range(count)]
+    orders = numbers, random.Random(count).sample(numbers, count)
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    processes = [
+        subprocess.Popen(
+            [sys.executable, PROGRAM, *order], stdout=subprocess.PIPE, text=True, env=environment
+        )
+        for order in orders
+    ]
+    one, other = (json.loads(process.communicate()[0]) for process in processes)
+    differing = [number for number in numbers if one[number] != other[number]]
+    assert not differing, {number: (one[number], other[number]) for number in differing[:3]}
+    motions = {int(number) % len(FAMILIES) for number in numbers if len(one[number]) > 1}
+    assert len(motions) > 0.6 * len(FAMILIES), "hardly anything could be planned"
