@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from orientd.planner.blending import blend
-    from orientd.planner.certificate import Certificate
+    from orientd.planner.certificate import Certificate, Peak
     from orientd.planner.limits import DEFAULT_LIMITS, Limits
     from orientd.planner.motion import Motion
     from orientd.planner.path import Samples
-    from orientd.planner.peaks import Peak
     from orientd.planner.planning import plan
     from orientd.planner.presets import PRESETS
     from orientd.planner.recorded import RECORD_FLOATS, MotionFacts, RecordedMotion
@@ -37,7 +36,7 @@ _HOMES = {
     "Motion": "motion",
     "MotionFacts": "recorded",
     "MotionRequest": "request",
-    "Peak": "peaks",
+    "Peak": "certificate",
     "RecordedMotion": "recorded",
     "Samples": "path",
     "State": "request",

@@ -5,7 +5,26 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from orientd.driver import Figure
-from orientd.planner.peaks import Peak
+
+
+@dataclass(frozen=True, slots=True)
+class Peak:
+    """The largest value of a quantity.
+
+    Attributes:
+        value: in SI units.
+        time: path time of the record where it occurs, s.
+        limit: what was allowed.
+    """
+
+    value: float
+    time: float
+    limit: float
+
+    @property
+    def ratio(self) -> float:
+        """The value as a share of the limit."""
+        return self.value / self.limit
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orientd.planner.differences import HISTORY
 from orientd.planner.lead import STILL, is_still
 from orientd.planner.limits import Limits
 from orientd.planner.measuring import measure
@@ -19,6 +18,7 @@ from orientd.planner.methods import Ends, Method, build
 from orientd.planner.path import Stretch
 from orientd.planner.peaks import Peaks
 from orientd.planner.position import Motion3, PositionPath, position_path
+from orientd.planner.recorded import HISTORY
 from orientd.planner.request import MotionRequest, State
 from orientd.planner.timing import Indices
 from orientd.rotation import Floats

@@ -15,10 +15,8 @@ from orientd import kernels
 from orientd.planner.brake import FASTEST_BRAKE_RATE, LAW
 from orientd.planner.limit_table import limit_table
 from orientd.planner.limits import Limits
+from orientd.planner.recorded import HISTORY
 from orientd.rotation import Floats
-
-HISTORY = 3
-"""Setpoints before the first that a third difference reaches back to."""
 
 OFF_GRID = {0: (2.0, 2.0), 1: (1.0, 1.5), 2: (1.0, 1.0)}
 """By how much acceleration and jerk can be larger between the records of a curve, by continuity.

@@ -6,10 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from orientd.planner.differences import HISTORY, Rough, extremes, path_extremes
+from orientd.planner.differences import Rough, extremes, path_extremes
 from orientd.planner.limits import Limits
 from orientd.planner.path import Path
 from orientd.planner.peaks import Peaks, Tally
+from orientd.planner.recorded import HISTORY
 from orientd.rotation import Floats
 
 CHUNK = 8192

@@ -8,32 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from orientd.planner.brake import FASTEST_BRAKE_RATE, brake_rate
-from orientd.planner.differences import HISTORY, Extremes
+from orientd.planner.certificate import Peak
+from orientd.planner.differences import Extremes
 from orientd.planner.limits import ANGULAR, Limits
+from orientd.planner.recorded import HISTORY
 from orientd.rotation import Floats
 
 Largest = tuple[float, int]
 """A squared rate and the record where it is."""
-
-
-@dataclass(frozen=True, slots=True)
-class Peak:
-    """The largest value of a quantity.
-
-    Attributes:
-        value: in SI units.
-        time: path time of the record where it occurs, s.
-        limit: what was allowed.
-    """
-
-    value: float
-    time: float
-    limit: float
-
-    @property
-    def ratio(self) -> float:
-        """The value as a share of the limit."""
-        return self.value / self.limit
 
 
 @dataclass(frozen=True, slots=True)

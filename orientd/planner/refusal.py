@@ -9,8 +9,9 @@ import numpy as np
 
 from orientd.errors import LimitError, PlanError, StartError
 from orientd.planner.brake import SLOWEST_STOP
+from orientd.planner.certificate import Peak
 from orientd.planner.limits import ANGULAR, AXES, UNITS, Limits
-from orientd.planner.peaks import Peak, Peaks
+from orientd.planner.peaks import Peaks
 from orientd.planner.request import DEFAULT_METHOD, MotionRequest, State
 from orientd.planner.timing import LONGEST
 from orientd.rotation import Floats, angle

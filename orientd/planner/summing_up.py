@@ -8,11 +8,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from orientd.driver import Figure
-from orientd.planner.certificate import Certificate
-from orientd.planner.differences import HISTORY
+from orientd.planner.certificate import Certificate, Peak
 from orientd.planner.limits import ANGULAR, AXES, UNITS
 from orientd.planner.path import Path
-from orientd.planner.peaks import Peak, Peaks
+from orientd.planner.peaks import Peaks
+from orientd.planner.recorded import HISTORY
 from orientd.planner.request import MotionRequest, State
 from orientd.planner.table_path import TablePath
 from orientd.rotation import Floats, exp, multiply

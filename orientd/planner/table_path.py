@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from orientd.planner.differences import HISTORY
 from orientd.planner.path import Path, Samples
 from orientd.planner.position import PositionPath
+from orientd.planner.recorded import HISTORY
 from orientd.planner.request import State
 from orientd.rotation import (
     Floats,

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 from reference.brake import limited_brake_rate
 
-from orientd.planner.differences import HISTORY, OFF_GRID, Extremes, Rough
+from orientd.planner.differences import OFF_GRID, Extremes, Rough
 from orientd.planner.limits import Limits
+from orientd.planner.recorded import HISTORY
 from orientd.rotation import Floats, conjugate, log, multiply
 
 
