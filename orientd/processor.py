@@ -47,11 +47,16 @@ def level() -> str:
         raise KernelsError(f"{FORCED}: expected one of {', '.join(known)}, got {forced!r}")
     candidates = [forced] if forced else known[::-1]
     for candidate in candidates:
-        if not _lacking(candidate):
+        if candidate in runnable():
             return candidate
     narrowest = candidates[-1]
     lacking = ", ".join(_lacking(narrowest))
     raise KernelsError(f"this processor cannot run orientd's kernels for {narrowest}: no {lacking}")
+
+
+def runnable() -> list[str]:
+    """Return the levels that this machine can run, narrowest first."""
+    return [candidate for candidate in builds() if not _lacking(candidate)]
 
 
 def library() -> Path:

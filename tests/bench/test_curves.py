@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RotationSpline
 
+from orientd import processor
 from orientd.bench.curves import Sampling, measure_curves, random_walk
 from orientd.curves import METHODS
-from orientd.kernels import levels
 from orientd.rotation import to_scipy
 
 pytestmark = pytest.mark.bench
@@ -40,7 +40,7 @@ def in_new_process(*arguments, level=None):
     """Prints of a new process, with the kernels of one level."""
     ran = subprocess.run(
         [sys.executable, *arguments],
-        env=os.environ | ({levels.FORCED: level} if level else {}),
+        env=os.environ | ({processor.FORCED: level} if level else {}),
         stdout=subprocess.PIPE,
         text=True,
         check=True,
@@ -49,7 +49,7 @@ def in_new_process(*arguments, level=None):
 
 
 def samplings(level, *instants):
-    if level not in levels.machine_levels():
+    if level not in processor.runnable():
         pytest.skip(f"the processor is not one of {level}")
     code = f"""
 import json

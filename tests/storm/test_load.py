@@ -20,7 +20,7 @@ import grpc
 import numpy as np
 import pytest
 from harness import until
-from rig import Rig, await_idle, memory_mib
+from storm_rig import Rig, await_idle, memory_mib
 
 from orientd.rpc import control_pb2 as pb
 

@@ -10,7 +10,7 @@ import grpc
 import pytest
 from crowd import endless_motion, large_motion, raw_channel
 from harness import nudge, spin, until
-from rig import Rig, await_idle, memory_mib
+from storm_rig import Rig, await_idle, memory_mib
 
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.control_pb2_grpc import ControlStub

@@ -16,7 +16,7 @@ import grpc
 import numpy as np
 import pytest
 from command_line import orientd
-from rig import DEVICES, TOLERANCE, Rig, memory_mib, sent, shares_of_limits, stretches
+from storm_rig import DEVICES, TOLERANCE, Rig, memory_mib, sent, shares_of_limits, stretches
 from wild import anywhere, wild_motion
 
 import orientd as api

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from rig import Rig
+from storm_rig import Rig
 
 import orientd
 from orientd.rpc.reports import Outcome

@@ -9,10 +9,9 @@ import pytest
 from reference import basis as plain_basis
 from reference import product as plain_product
 
-from orientd import kernels
+from orientd import kernels, processor
 from orientd.curves import METHODS
 from orientd.curves.basis import cumulative_basis
-from orientd.kernels import levels
 
 
 def assert_close(samples, others):
@@ -106,10 +105,10 @@ def test_bases_are_those_of_the_plain_recurrence(order):
         assert getattr(basis, name) == pytest.approx(expected, rel=1e-13, abs=1e-15)
 
 
-@pytest.fixture(scope="module", params=levels.machine_levels())
+@pytest.fixture(scope="module", params=processor.runnable())
 def build(request):
     """The kernels that were built for one of the levels of this machine."""
-    (path,) = (levels.HOME / request.param).glob("native.*")
+    (path,) = (processor.KERNELS / request.param).glob("native.*")
     spec = importlib.util.spec_from_file_location("native", path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -145,10 +144,10 @@ def test_a_sample_is_the_same_whatever_else_is_asked_for(product_example, build)
 
 def test_every_build_is_in_use_where_it_is_asked_for():
     code = "import orientd.kernels; print(orientd.kernels.LEVEL)"
-    for level in levels.machine_levels():
+    for level in processor.runnable():
         found = subprocess.run(
             [sys.executable, "-c", code],
-            env={levels.FORCED: level, "PYTHONPATH": ":".join(sys.path)},
+            env={processor.FORCED: level, "PYTHONPATH": ":".join(sys.path)},
             capture_output=True,
             text=True,
             check=True,
