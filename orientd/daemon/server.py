@@ -72,8 +72,7 @@ def run(
         DaemonError: there is a daemon at *socket* already, or it cannot be listened at.
         KernelsError: nothing could be planned, for want of compiled kernels that this machine runs.
     """
-    kernels = processor.library().parent.name
-    _log.info("daemon: orientd %s with kernels for %s", orientd.__version__, kernels)
+    processor.library()
     target(socket)  # whether the path can be that of a socket
     with claimed(socket), inner_socket(socket) as inner:
         asyncio.run(_Daemon(settings, socket, configuration, reread, on_ready).run(inner))
@@ -189,10 +188,14 @@ class _Daemon:
 
     def _load(self, entry: Entry) -> tuple[Cell, ControlService]:
         """Import, and start, what takes its time."""
+        from orientd.daemon import motions
         from orientd.daemon.cell import Cell
         from orientd.daemon.service import ControlService
 
+        del motions  # loaded before anything moves
         cell = Cell(self._settings)
+        kernels = processor.level()
+        _log.info("daemon: orientd %s with kernels for %s", orientd.__version__, kernels)
         cell.launch()
         return cell, ControlService(cell, lambda: self._describe(cell), who=entry.named)
 

@@ -8,6 +8,7 @@ take turns, so that one with many requests delays another by no more than one of
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import os
 from collections import OrderedDict, deque
@@ -47,6 +48,9 @@ RETIRED_BYTES = 128 * 2**20
 """A planner that still uses so much after its work makes room for a new one."""
 
 _RESTART = 0.1  # s before another process is tried where one did not start
+_LATER = 2.0
+"""How long after the first planner the others are started, s, unless somebody waits for them."""
+
 _ENDING = 0.5
 """How long whatever serves may take to notice that the planners have ended, s."""
 
@@ -147,6 +151,7 @@ class Planners:
         self._is_closing = False
         self._loop: asyncio.AbstractEventLoop | None = None
         self._started: set[int] = set()
+        self._wanted = asyncio.Event()
 
     def start(self) -> None:
         """Start the processes and return at once; to be called in the event loop."""
@@ -263,6 +268,8 @@ class Planners:
         waiting = _Waiting(question, rank, order.caller, size, answer)
         self._lanes[rank].put(waiting)
         self._dispatch()
+        if waiting.process is None:
+            self._wanted.set()
         return waiting
 
     def _dispatch(self) -> None:
@@ -327,8 +334,11 @@ class Planners:
     # Life
 
     async def _start_all(self) -> None:
-        # One after the other: the first motion waits for the first of them only.
-        for number in range(self._count):
+        # The first motion waits for the first of them only, and the daemon's own start for none.
+        await self._start(0)
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(self._wanted.wait(), _LATER)
+        for number in range(1, self._count):
             await self._start(number)
 
     async def _start(self, number: int) -> None:
