@@ -71,9 +71,9 @@ class Rig(DaemonProcess):
         return {report.servo_pid for report in reports if report.servo_pid}
 
     def planners(self) -> set[int]:
-        """Return the processes that plan: children that neither move a device nor record."""
-        others = {pid for pid in children(self.pid) if "recorder" in command_line(pid)}
-        return children(self.pid) - self.servos() - others
+        """Return the processes that plan: children of what they are forked from."""
+        forking = {pid for pid in children(self.pid) if "planners" in command_line(pid)}
+        return {pid for parent in forking for pid in children(parent)}
 
     def busiest_planner(self) -> int:
         """Return the process that plans right now."""

@@ -1,7 +1,7 @@
-"""``python -m orientd.daemon.planners SOCKET MEMORY``: a planner process of the daemon."""
+"""``python -m orientd.daemon.planners SOCKET``: what the daemon's planners are forked from."""
 
 import sys
 
 from orientd.daemon.planners.worker import main
 
-main(int(sys.argv[1]), int(sys.argv[2]))
+main(int(sys.argv[1]))

@@ -30,6 +30,7 @@ STAGE_BYTES = 256
 """Before the records: what the planner is at, in words, for whoever gives it up."""
 
 HEADER = struct.Struct("!Q")
+PID = struct.Struct("!q")
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,6 @@ take turns, so that one with many requests delays another by no more than one of
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import logging
 import os
 from collections import OrderedDict, deque
@@ -29,7 +28,7 @@ from orientd.daemon.planners.jobs import (
     SetUp,
 )
 from orientd.daemon.planners.planned_motion import PlannedMotion
-from orientd.daemon.planners.process import GIVE_UP, PlannerProcess
+from orientd.daemon.planners.process import GIVE_UP, ForkServer, PlannerProcess
 from orientd.errors import GOING_DOWN, DaemonError, DeadlineError, TooMuchError
 from orientd.rotation import Floats
 
@@ -48,9 +47,6 @@ RETIRED_BYTES = 128 * 2**20
 """A planner that still uses so much after its work makes room for a new one."""
 
 _RESTART = 0.1  # s before another process is tried where one did not start
-_LATER = 2.0
-"""How long after the first planner the others are started, s, unless somebody waits for them."""
-
 _ENDING = 0.5
 """How long whatever serves may take to notice that the planners have ended, s."""
 
@@ -151,7 +147,8 @@ class Planners:
         self._is_closing = False
         self._loop: asyncio.AbstractEventLoop | None = None
         self._started: set[int] = set()
-        self._wanted = asyncio.Event()
+        self._server: ForkServer | None = None
+        self._turn = asyncio.Lock()
 
     def start(self) -> None:
         """Start the processes and return at once; to be called in the event loop."""
@@ -172,8 +169,9 @@ class Planners:
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
-        await asyncio.gather(*(process.end() for process in self._all))
-        self._all.clear()
+        for process in list(self._all):
+            self._remove(process)
+        self._end_server()
 
     # What can be asked
 
@@ -268,8 +266,6 @@ class Planners:
         waiting = _Waiting(question, rank, order.caller, size, answer)
         self._lanes[rank].put(waiting)
         self._dispatch()
-        if waiting.process is None:
-            self._wanted.set()
         return waiting
 
     def _dispatch(self) -> None:
@@ -334,22 +330,19 @@ class Planners:
     # Life
 
     async def _start_all(self) -> None:
-        # The first motion waits for the first of them only, and the daemon's own start for none.
-        await self._start(0)
-        with contextlib.suppress(TimeoutError):
-            await asyncio.wait_for(self._wanted.wait(), _LATER)
-        for number in range(1, self._count):
+        for number in range(self._count):
             await self._start(number)
 
     async def _start(self, number: int) -> None:
         while not self._is_closing:
-            process = PlannerProcess(number, nice=_NICE.get(number, _NICEST))
+            process = PlannerProcess(number)
             self._all.add(process)
             try:
-                await process.start(self._set_up)
+                await process.start(await self._forking(), nice=_NICE.get(number, _NICEST))
             except DaemonError as error:
                 _log.error("a planner did not start: %s", error)
-                await self._remove(process)
+                self._remove(process)
+                self._end_server()
                 await asyncio.sleep(_RESTART)
                 continue
             self._idle.append(process)
@@ -357,16 +350,28 @@ class Planners:
             self._dispatch()
             return
 
+    async def _forking(self) -> ForkServer:
+        """Return what planners are forked from, started anew where it has ended."""
+        async with self._turn:
+            if self._server is None:
+                self._server = ForkServer()
+                await self._server.start(self._set_up)
+            return self._server
+
     async def _replace(self, process: PlannerProcess) -> None:
         self._started.discard(process.number)
+        self._remove(process)
         self._dispatch()
-        await self._remove(process)
         await self._start(process.number)
 
-    async def _remove(self, process: PlannerProcess) -> None:
-        process.kill()
-        await process.end()
+    def _remove(self, process: PlannerProcess) -> None:
         self._all.discard(process)
+        process.end()
+
+    def _end_server(self) -> None:
+        if self._server is not None:
+            self._server.end()
+            self._server = None
 
     def _spawn(self, work: Coroutine[None, None, None]) -> asyncio.Task[None]:
         task = asyncio.get_running_loop().create_task(work)

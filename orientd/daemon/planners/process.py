@@ -11,12 +11,14 @@ import signal
 import socket
 import subprocess
 import sys
+from typing import Any
 
 import numpy as np
 
 from orientd.daemon.planners.jobs import (
     BLOCK_BYTES,
     HEADER,
+    PID,
     STAGE_BYTES,
     Answer,
     Planned,
@@ -33,8 +35,59 @@ _log = logging.getLogger(__name__)
 GIVE_UP = 1.0
 """How long a planner may take to end what nobody waits for any more, s; then it is killed."""
 
-_NICE = 5
-"""A planner yields to the daemon and to whatever else keeps a device going."""
+
+class ForkServer:
+    """The process that planners are forked from."""
+
+    def __init__(self) -> None:
+        """Start nothing yet."""
+        self._process: subprocess.Popen[bytes] | None = None
+        self._turn = asyncio.Lock()
+
+    async def start(self, set_up: SetUp) -> None:
+        """Start the process and wait until it has loaded everything.
+
+        Raises:
+            DaemonError: it has ended instead.
+        """
+        self._socket, theirs = socket.socketpair()
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "orientd.daemon.planners", str(theirs.fileno())],
+                stdin=subprocess.DEVNULL,
+                pass_fds=[theirs.fileno()],
+                cwd="/",
+                # Threads would not outlive a fork, and sums must not depend on how many there are.
+                env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
+            )
+        self._reader, self._writer = await asyncio.open_connection(sock=self._socket)
+        self._writer.write(frame(set_up))
+        try:
+            await _frame_from(self._reader)
+        except (asyncio.IncompleteReadError, ConnectionError) as error:
+            status = await asyncio.to_thread(self._process.wait)
+            raise DaemonError(f"it ended with status {status}") from error
+
+    async def fork(self, descriptors: list[int]) -> int:
+        """Return the process id of a new planner, which is given two descriptors.
+
+        Raises:
+            DaemonError: the process has ended.
+        """
+        async with self._turn:
+            try:
+                socket.send_fds(self._socket, [b"f"], descriptors)
+                (pid,) = PID.unpack(await self._reader.readexactly(PID.size))
+            except (asyncio.IncompleteReadError, OSError) as error:
+                raise DaemonError("what planners are forked from has ended") from error
+        return int(pid)
+
+    def end(self) -> None:
+        """End the process; its planners go on to whoever has them."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+            self._writer.close()
 
 
 class PlannerProcess:
@@ -43,42 +96,38 @@ class PlannerProcess:
     Attributes:
         number: which of the pool's it is.
         answers: how many questions it has answered.
+        pid: its process id; 0 before it was started.
     """
 
-    def __init__(self, number: int, *, nice: int = _NICE) -> None:
+    def __init__(self, number: int) -> None:
         self.number = number
-        self.answers = 0
-        self._nice = nice
-        self._process: subprocess.Popen[bytes] | None = None
+        self.answers = self.pid = 0
+        self._handle = -1
         self._memory = os.memfd_create(f"orientd-planner-{number}", os.MFD_CLOEXEC)
         os.ftruncate(self._memory, STAGE_BYTES + BLOCK_BYTES)
         self._block = mmap.mmap(self._memory, STAGE_BYTES + BLOCK_BYTES)
 
-    async def start(self, set_up: SetUp) -> None:
-        """Start the process and wait until it is warm.
+    async def start(self, server: ForkServer, *, nice: int) -> None:
+        """Have the process forked.
+
+        Args:
+            server: forks it.
+            nice: how far it yields to others.
 
         Raises:
-            DaemonError: it has ended instead.
+            DaemonError: it cannot be.
         """
         ours, theirs = socket.socketpair()
         with theirs:
-            arguments = [str(theirs.fileno()), str(self._memory)]
-            self._process = subprocess.Popen(
-                [sys.executable, "-m", "orientd.daemon.planners", *arguments],
-                stdin=subprocess.DEVNULL,
-                pass_fds=[theirs.fileno(), self._memory],
-                cwd="/",
-            )
-        with contextlib.suppress(OSError):
-            os.setpriority(os.PRIO_PROCESS, self._process.pid, self._nice)
+            self.pid = await server.fork([theirs.fileno(), self._memory])
+        try:
+            self._handle = os.pidfd_open(self.pid)
+            os.setpriority(os.PRIO_PROCESS, self.pid, nice)
+        except ProcessLookupError as error:
+            raise DaemonError(f"the planner process {self.pid} ended at once") from error
+        except PermissionError:
+            _log.debug("planner %d: not permitted to be given the nice value %d", self.pid, nice)
         self._reader, self._writer = await asyncio.open_connection(sock=ours)
-        self._writer.write(frame(set_up))
-        await self._hear()
-
-    @property
-    def pid(self) -> int | None:
-        """Its process id."""
-        return None if self._process is None else self._process.pid
 
     async def ask(self, question: Question) -> tuple[Answer, Floats | None]:
         """Return the answer to a question, with its records.
@@ -101,52 +150,44 @@ class PlannerProcess:
     @property
     def stage(self) -> str:
         """What it is at, or was at last."""
+        if self._memory < 0:
+            return ""
         return self._block[:STAGE_BYTES].partition(b"\0")[0].decode(errors="replace")
 
     def give_up(self) -> None:
         """Tell it that nobody waits any more for what it is doing."""
-        if self._process is not None and self._process.poll() is None:
-            self._process.send_signal(signal.SIGUSR1)
+        self._signal(signal.SIGUSR1)
 
     def kill(self) -> None:
         """End it at once; whoever waits for its answer hears of that."""
-        if self._process is not None and self._process.poll() is None:
-            self._process.kill()
+        self._signal(signal.SIGKILL)
 
-    async def end(self) -> None:
-        """Let it end, and release what it used."""
-        if self._process is not None:
-            with contextlib.suppress(AttributeError):
-                self._writer.close()
-            for _ in range(100):
-                if self._process.poll() is not None:
-                    break
-                await asyncio.sleep(0.01)
-            self.kill()
-            self._process.wait()
+    def _signal(self, number: signal.Signals) -> None:
+        if self._handle >= 0:
+            with contextlib.suppress(ProcessLookupError):
+                signal.pidfd_send_signal(self._handle, number)
+
+    def end(self) -> None:
+        """End it, and release what it used."""
+        self.kill()
+        with contextlib.suppress(AttributeError):
+            self._writer.close()
         with contextlib.suppress(BufferError):
             self._block.close()
-        if self._memory >= 0:
-            os.close(self._memory)
-            self._memory = -1
+        for descriptor in (self._handle, self._memory):
+            if descriptor >= 0:
+                os.close(descriptor)
+        self._handle = self._memory = -1
 
     async def _hear(self) -> Answer:
         try:
-            (length,) = HEADER.unpack(await self._reader.readexactly(HEADER.size))
-            answer: Answer = unframed(await self._reader.readexactly(length))
+            answer: Answer = await _frame_from(self._reader)
         except (asyncio.IncompleteReadError, ConnectionError) as error:
-            raise DaemonError(self._ending()) from error
+            what = f" while {self.stage}" if self.stage else ""
+            raise DaemonError(f"the planner process {self.pid} ended{what}") from error
         return answer
 
-    def _ending(self) -> str:
-        """Return how it came to its end."""
-        if self._process is None:
-            return "the planner process was never started"
-        try:
-            status = self._process.wait(GIVE_UP)
-        except subprocess.TimeoutExpired:
-            self.kill()
-            status = self._process.wait()
-        how = f"was ended by {signal.Signals(-status).name}" if status < 0 else "ended"
-        what = f" while {self.stage}" if self.stage else ""
-        return f"the planner process {self._process.pid} {how}{what}"
+
+async def _frame_from(reader: asyncio.StreamReader) -> Any:  # noqa: ANN401 - whatever was framed
+    (length,) = HEADER.unpack(await reader.readexactly(HEADER.size))
+    return unframed(await reader.readexactly(length))

@@ -1,11 +1,13 @@
 """The planner process: it plans what it is asked to, one request after the other.
 
-It knows the devices by their settings and their drivers, which it never opens.  It ends with the
-daemon, whichever way that ends.
+It knows the devices by their settings and their drivers, which it never opens.  Planners are forked
+from a process that has loaded everything and plans nothing, so that each is there within
+milliseconds, and shares what was loaded.  All end with the daemon, whichever way that ends.
 """
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import gc
 import mmap
@@ -24,6 +26,7 @@ from orientd.daemon.planners import reporting
 from orientd.daemon.planners.jobs import (
     BLOCK_BYTES,
     HEADER,
+    PID,
     STAGE_BYTES,
     Answer,
     Failure,
@@ -59,18 +62,17 @@ class Abandoned(BaseException):
 class Work:
     """What a planner can do, apart from hearing of it."""
 
-    def __init__(self, set_up: SetUp, *, memory: memoryview | None = None) -> None:
-        """Make a planner for each device.
-
-        Args:
-            set_up: what the daemon says.
-            memory: shared with it, for the stage; ``None`` where nobody looks.
-        """
+    def __init__(self, set_up: SetUp) -> None:
+        """Make a planner for each device, of which *set_up* tells."""
         self._most_keyframes = set_up.most_keyframes
         self._planners = {device.name: _planner(device) for device in set_up.devices}
         self._periods = {device.name: device.period_ns * 1e-9 for device in set_up.devices}
-        self._memory = memory
+        self._memory: memoryview | None = None
         self._known: OrderedDict[str, tuple[Motion, int]] = OrderedDict()
+
+    def show_stage(self, memory: memoryview) -> None:
+        """Write to shared memory what is being done, for whoever gives it up."""
+        self._memory = memory
 
     def warm_up(self) -> None:
         """Plan something small for each device, so that nothing is left to be loaded."""
@@ -151,10 +153,6 @@ class Work:
             self._known.popitem(last=False)
         return motion, leave
 
-    def forget(self) -> None:
-        """Give back what motions are remembered in."""
-        self._known.clear()
-
     def _say(self, stage: str) -> None:
         if self._memory is not None:
             text = stage.encode()[: STAGE_BYTES - 1]
@@ -166,28 +164,50 @@ def _planner(device: PlannerDevice) -> DevicePlanner:
     return DevicePlanner(driver, limits=device.limits, period=device.period_ns * 1e-9)
 
 
-def main(channel: int, memory: int) -> None:
-    """Be a planner until the daemon says no more.
+def main(channel: int) -> None:
+    """Be what planners are forked from, until the daemon says no more.
 
     Args:
-        channel: descriptor of a stream socket to the daemon.
-        memory: descriptor of the shared memory.
+        channel: descriptor of a stream socket to the daemon.  After the first frame each byte comes
+            with the descriptors of a planner's own socket and memory, and is answered with its pid.
     """
     _end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the daemon's to hear
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody waits for planners here
+    with socket.socket(fileno=channel) as peer:
+        set_up = _receive(peer)
+        if set_up is None:
+            return
+        work = Work(set_up)
+        work.warm_up()
+        # What there is now is shared with every planner, as long as nobody touches it.
+        gc.collect()
+        gc.freeze()
+        peer.sendall(frame(Answer(resident=resident())))
+        while True:
+            asked, descriptors, _, _ = socket.recv_fds(peer, 1, 2)
+            if not asked:
+                return
+            pid = os.fork()
+            if not pid:
+                peer.close()
+                _plan(work, *descriptors)
+                os._exit(0)
+            for descriptor in descriptors:
+                os.close(descriptor)
+            peer.sendall(PID.pack(pid))
+
+
+def _plan(work: Work, channel: int, memory: int) -> None:
+    """Be a planner until the daemon says no more."""
+    _end_with_parent()
     with (
         socket.socket(fileno=channel) as peer,
         mmap.mmap(memory, STAGE_BYTES + BLOCK_BYTES) as block,
         memoryview(block) as view,
+        contextlib.suppress(ConnectionError),
     ):
-        set_up = _receive(peer)
-        if set_up is None:
-            return
-        work = Work(set_up, memory=view)
-        work.warm_up()
-        gc.collect()
-        gc.freeze()
-        peer.sendall(frame(Answer(resident=resident())))
+        work.show_stage(view)
         _serve(peer, work, view)
 
 

@@ -90,9 +90,7 @@ def test_a_killed_planner_fails_one_request_and_is_replaced():
         asked = asyncio.ensure_future(planners.plan(job(ENDLESS), Order(ENDLESS, timeout=60.0)))
         await asyncio.sleep(0.1)
         os.kill(before, signal.SIGKILL)
-        with pytest.raises(
-            DaemonError, match=rf"the planner process {before} was ended by SIGKILL"
-        ):
+        with pytest.raises(DaemonError, match=f"planner process {before} ended while "):
             await asked
         assert (await planners.plan(job(), QUICK)).facts.record_count > 1
         assert pids(planners) != [before]
