@@ -36,9 +36,8 @@ class MovingCalls(Calls):
         try:
             device = self._cell.device(request.device)
             rate_hz = _sample_rate(request.sample_rate_hz, device)
-            order = self._order(request, context)
-            motion = await self._cell.plan(device, order)
-            return await self._report(motion, order, rate_hz)
+            motion = await self._cell.plan(device, self._order(request, context, rate_hz))
+            return motion.response or _unsampled(motion)
         except OrientdError as error:
             await refuse(context, self._in_the_end(error))
 
@@ -53,18 +52,15 @@ class MovingCalls(Calls):
             if motion is None:
                 return pb.GetPlanResponse()
             order = Order(motion.job.motion, caller(context), self._cell.planners.timeout)
-            return await self._report(motion, order, rate_hz)
+            if not rate_hz:
+                return _unsampled(motion)
+            return await self._cell.planners.report(motion.job, order, rate_hz)
         except OrientdError as error:
             await refuse(context, self._in_the_end(error))
 
-    async def _report(self, motion: PlannedMotion, order: Order, rate_hz: float) -> bytes:
-        """Return a serialised answer with the plan of a motion and samples of it."""
-        if not rate_hz:
-            plan = pb.Plan.FromString(motion.plan)
-            return pb.PlanResponse(plan=plan).SerializeToString()
-        return await self._cell.planners.report(motion.job, order, rate_hz)
-
-    def _order(self, request: pb.PlanRequest | pb.MoveRequest, context: Context) -> Order:
+    def _order(
+        self, request: pb.PlanRequest | pb.MoveRequest, context: Context, rate_hz: float = 0.0
+    ) -> Order:
         """Return what is to be planned, for whom, and for how long at the most.
 
         Raises:
@@ -76,7 +72,7 @@ class MovingCalls(Calls):
             raise RequestError("plan_timeout", f"expected more than 0 s, got {wanted:g}")
         # Whoever serves sees the motion as the bytes that it came in.
         motion = cast("bytes", request.motion)
-        return Order(motion, caller(context), min(wanted, longest))
+        return Order(motion, caller(context), min(wanted, longest), rate_hz)
 
     def _in_the_end(self, error: OrientdError) -> OrientdError:
         """Return why a call failed: once the daemon ends, because of that."""
@@ -196,6 +192,11 @@ def _sample_rate(rate_hz: float, device: Device) -> float:
     if not 0.0 <= rate_hz <= device.rate_hz:
         raise RequestError("sample_rate_hz", f"expected 0 to {device.rate_hz:g}, got {rate_hz:g}")
     return rate_hz
+
+
+def _unsampled(motion: PlannedMotion) -> bytes:
+    """Return a serialised answer with the plan of a motion alone."""
+    return pb.PlanResponse(plan=pb.Plan.FromString(motion.plan)).SerializeToString()
 
 
 def _progress(reader: report.ProgressReader) -> pb.MoveProgress | None:

@@ -121,10 +121,17 @@ class Records:
     Attributes:
         first: of them.
         count: at the most; fewer where the motion ends.
+        rate_hz: samples a second to report with the first of them; 0 for none.
     """
 
     first: int = 0
     count: int = CHUNK
+    rate_hz: float = 0.0
+
+    @property
+    def is_told_of(self) -> bool:
+        """Whether a second answer follows, with what the journal tells when the motion starts."""
+        return self.first == 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,15 +159,15 @@ class Planned:
     Attributes:
         facts: what there is to know of it.
         leave: record of the motion before at which it begins, of a continuation.
-        plan: a serialised ``orientd.v1.Plan``.
-        event: a serialised ``orientd.v1.Event``: plan, request and samples of a motion that starts.
+        plan: a serialised ``orientd.v1.Plan``; empty behind the first records.
+        response: a serialised ``PlanResponse`` with samples, where these were asked for.
         shape: of the records in the shared memory.
     """
 
     facts: MotionFacts
     leave: int
     plan: bytes
-    event: bytes
+    response: bytes
     shape: tuple[int, int]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from concurrent.futures import Future
+from concurrent.futures import CancelledError, Future
 
 import numpy as np
 
@@ -12,6 +12,9 @@ from orientd.daemon.planners.jobs import CHUNK, Job, Planned
 from orientd.errors import OrientdError
 from orientd.planner.recorded import RecordedMotion
 from orientd.rotation import Floats
+
+_EVENT_WAIT = 1.0
+"""How long the journal waits for what it is to tell of a motion, s."""
 
 _BEHIND = 4096
 """Records kept behind those that were fed last: what is sent is compared with them."""
@@ -29,15 +32,26 @@ class PlannedMotion(RecordedMotion):
     Attributes:
         job: what it was planned by; any planner makes the same of it again.
         plan: a serialised ``orientd.v1.Plan``.
-        event: a serialised ``orientd.v1.Event``: plan, request and samples.
+        response: a serialised ``PlanResponse`` with samples, where these were asked for.
         leave: record of the motion before at which it begins, of one that follows another.
     """
 
-    def __init__(self, planned: Planned, job: Job, rows: Floats, fetch: Fetch) -> None:
+    def __init__(
+        self, planned: Planned, job: Job, rows: Floats, *, fetch: Fetch, event: Future[bytes]
+    ) -> None:
+        """Take what a planner has answered.
+
+        Args:
+            planned: what there is to know.
+            job: what was asked for.
+            rows: the first records.
+            fetch: asks for more of them.
+            event: what the journal tells of the motion, as soon as that is there.
+        """
         super().__init__(planned.facts, rows)
-        self.job = job
-        self.plan, self.event, self.leave = planned.plan, planned.event, planned.leave
-        self._fetch = fetch
+        self.job, self.leave = job, planned.leave
+        self.plan, self.response = planned.plan, planned.response
+        self._fetch, self._event = fetch, event
         self._coming: Future[Floats] | None = None
         self._lock = threading.Lock()
 
@@ -45,6 +59,14 @@ class PlannedMotion(RecordedMotion):
     def id(self) -> str:
         """Its name."""
         return self.facts.id
+
+    @property
+    def event(self) -> bytes:
+        """A serialised ``Event`` with plan, request and samples; empty if there is none in time."""
+        try:
+            return self._event.result(_EVENT_WAIT)
+        except (TimeoutError, CancelledError):
+            return b""
 
     def records(self, first: int, count: int) -> Floats:
         """See :meth:`.RecordedMotion.records`; asks for more where there will soon be none."""

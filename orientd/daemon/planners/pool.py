@@ -8,6 +8,7 @@ take turns, so that one with many requests delays another by no more than one of
 from __future__ import annotations
 
 import asyncio
+import functools
 import logging
 import os
 from collections import OrderedDict, deque
@@ -47,6 +48,9 @@ RETIRED_BYTES = 128 * 2**20
 """A planner that still uses so much after its work makes room for a new one."""
 
 _RESTART = 0.1  # s before another process is tried where one did not start
+_MORE = 5.0
+"""How long a planner may take over what the journal tells of a motion, s."""
+
 _ENDING = 0.5
 """How long whatever serves may take to notice that the planners have ended, s."""
 
@@ -70,11 +74,13 @@ class Order:
         motion: a serialised ``orientd.v1.MotionRequest``.
         caller: who asks; callers take turns.
         timeout: how long planning may take, waiting for a turn included, s.
+        rate_hz: samples a second to report with the plan; 0 for none.
     """
 
     motion: bytes
     caller: str = ""
     timeout: float = 10.0
+    rate_hz: float = 0.0
 
     @property
     def rank(self) -> Rank:
@@ -91,6 +97,7 @@ class _Waiting:
     caller: str
     size: int
     answer: asyncio.Future[tuple[Answer, Floats | None]]
+    event: Future[bytes] = field(default_factory=Future)
     process: PlannerProcess | None = None
 
 
@@ -191,20 +198,22 @@ class Planners:
             DaemonError: the planner has ended.
         """
         chosen = order.rank if rank is None else rank
-        content, rows = await self._ask(Question(Records(), job), chosen, order)
+        question = Question(Records(rate_hz=order.rate_hz), job)
+        content, rows, event = await self._ask(question, chosen, order)
         if not isinstance(content, Planned) or rows is None:
             raise DaemonError("the planner said something else")
-        return PlannedMotion(content, job, rows, lambda first, count: self._more(job, first, count))
+        fetch = functools.partial(self._more, job)
+        return PlannedMotion(content, job, rows, fetch=fetch, event=event)
 
     async def report(self, job: Job, order: Order, rate_hz: float) -> bytes:
         """Return a serialised ``PlanResponse`` of a motion; arguments and errors as of a plan."""
-        content, _ = await self._ask(Question(Report(rate_hz), job), order.rank, order)
+        content, _, _ = await self._ask(Question(Report(rate_hz), job), order.rank, order)
         return content if isinstance(content, bytes) else b""
 
     async def methods(self, caller: str) -> bytes:
         """Return a serialised ``ListMethodsResponse``."""
         order = Order(b"", caller, self.timeout)
-        content, _ = await self._ask(Question(Methods()), Rank.SMALL, order)
+        content, _, _ = await self._ask(Question(Methods()), Rank.SMALL, order)
         return content if isinstance(content, bytes) else b""
 
     def _more(self, job: Job, first: int, count: int) -> Future[Floats]:
@@ -215,7 +224,7 @@ class Planners:
 
     async def _records(self, job: Job, first: int, count: int) -> Floats:
         order = Order(job.motion, "", self.timeout)
-        _, rows = await self._ask(Question(Records(first, count), job), Rank.URGENT, order)
+        _, rows, _ = await self._ask(Question(Records(first, count), job), Rank.URGENT, order)
         if rows is None:
             raise DaemonError("the planner said something else")
         return rows
@@ -229,7 +238,7 @@ class Planners:
 
     async def _ask(
         self, question: Question, rank: Rank, order: Order
-    ) -> tuple[bytes | Planned | None, Floats | None]:
+    ) -> tuple[bytes | Planned | None, Floats | None, Future[bytes]]:
         if self._is_closing:
             raise DaemonError(GOING_DOWN)
         waiting = self._enter(question, rank, order)
@@ -248,7 +257,7 @@ class Planners:
             self._give_up(waiting)
         if answer.error is not None:
             raise answer.error.error()
-        return answer.content, rows
+        return answer.content, rows, waiting.event
 
     def _enter(self, question: Question, rank: Rank, order: Order) -> _Waiting:
         size = len(order.motion)
@@ -289,18 +298,27 @@ class Planners:
         return None
 
     async def _serve(self, process: PlannerProcess, waiting: _Waiting) -> None:
+        what = waiting.question.what
         try:
             answer, rows = await process.ask(waiting.question)
-        except DaemonError as error:
+            waiting.process = None
+            if not waiting.answer.done():
+                waiting.answer.set_result((answer, rows))
+            if answer.error is None and isinstance(what, Records) and what.is_told_of:
+                async with asyncio.timeout(_MORE):
+                    answer = await process.hear_more()
+                if isinstance(answer.content, bytes):
+                    waiting.event.set_result(answer.content)
+        except (DaemonError, TimeoutError) as error:
             waiting.process = None
             if not waiting.answer.done():
                 waiting.answer.set_exception(error)
-            _log.warning("%s", error)
+            waiting.event.cancel()
+            if self._is_closing:
+                return
+            _log.warning("%s", error or f"planner {process.pid}: it does not answer")
             await self._replace(process)
             return
-        waiting.process = None
-        if not waiting.answer.done():
-            waiting.answer.set_result((answer, rows))
         if answer.resident > RETIRED_BYTES:
             _log.info("planner %s uses %d MiB: replaced", process.pid, answer.resident >> 20)
             await self._replace(process)
@@ -316,9 +334,10 @@ class Planners:
             self._spawn(self._kill_late(process))
 
     async def _kill_late(self, process: PlannerProcess) -> None:
-        answers = process.answers
+        questions = process.questions
         await asyncio.sleep(GIVE_UP)
-        if process in self._all and process.answers == answers:
+        is_at_it = process not in self._idle and process.questions == questions
+        if process in self._all and is_at_it:
             _log.warning("planner %s: killed while %s", process.pid, process.stage)
             process.kill()
 

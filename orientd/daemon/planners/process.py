@@ -95,13 +95,13 @@ class PlannerProcess:
 
     Attributes:
         number: which of the pool's it is.
-        answers: how many questions it has answered.
+        questions: how many it was asked.
         pid: its process id; 0 before it was started.
     """
 
     def __init__(self, number: int) -> None:
         self.number = number
-        self.answers = self.pid = 0
+        self.questions = self.pid = 0
         self._handle = -1
         self._memory = os.memfd_create(f"orientd-planner-{number}", os.MFD_CLOEXEC)
         os.ftruncate(self._memory, STAGE_BYTES + BLOCK_BYTES)
@@ -136,9 +136,9 @@ class PlannerProcess:
             DaemonError: the process has ended instead.
         """
         self._block[0] = 0
+        self.questions += 1
         self._writer.write(frame(question))
         answer = await self._hear()
-        self.answers += 1
         content = answer.content
         if not isinstance(content, Planned):
             return answer, None
@@ -146,6 +146,14 @@ class PlannerProcess:
         here = np.frombuffer(self._block, np.float64, rows * columns, STAGE_BYTES)
         copied = here.reshape(rows, columns).copy()
         return answer, copied
+
+    async def hear_more(self) -> Answer:
+        """Return the second answer to a question that has two.
+
+        Raises:
+            DaemonError: the process has ended instead.
+        """
+        return await self._hear()
 
     @property
     def stage(self) -> str:

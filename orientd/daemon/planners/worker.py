@@ -96,7 +96,7 @@ class Work:
         if job is None:
             raise ValueError("the question needs a job")
         motion, leave = self._motion(job)
-        self._say("reporting on it")
+        self._say(f"reporting on {motion.record_count} records")
         if not isinstance(what, Records):
             return reporting.plan_response(motion, what.rate_hz), None
         last = min(what.first + what.count, motion.record_count)
@@ -106,10 +106,15 @@ class Work:
             facts=motion.facts,
             leave=leave,
             plan=reporting.plan(motion).SerializeToString() if is_first else b"",
-            event=reporting.event(motion) if is_first else b"",
+            response=reporting.plan_response(motion, what.rate_hz) if what.rate_hz else b"",
             shape=(rows.shape[0], rows.shape[1]),
         )
         return planned, rows
+
+    def event(self, job: Job) -> bytes:
+        """Return a serialised ``Event`` of the motion of a job that was done last."""
+        motion, _ = self._known[job.motion_id]
+        return reporting.event(motion)
 
     def _motion(self, job: Job) -> tuple[Motion, int]:
         """Return the motion of a job, and where it leaves the one before."""
@@ -242,6 +247,10 @@ def _serve(peer: socket.socket, work: Work, view: memoryview) -> None:
             room.reshape(rows.shape)[:] = rows
             del room
         peer.sendall(frame(Answer(content, failure, resident())))
+        what, job = question.what, question.job
+        if failure is None and isinstance(what, Records) and what.is_told_of and job is not None:
+            # Whoever waits for the motion does not wait for this.
+            peer.sendall(frame(Answer(work.event(job), None, resident())))
 
 
 def _receive(peer: socket.socket) -> Any:  # noqa: ANN401 - whatever was framed

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import functools
 from concurrent.futures import Future
 
 from orientd.daemon.cell import planner_device
@@ -21,9 +22,12 @@ class DirectPlanners:
         self.work = Work(SetUp(tuple(map(planner_device, settings)), 100_000))
 
     async def plan(self, job: Job, order: Order, *, rank=None) -> PlannedMotion:
-        planned, rows = self.work.do(Question(Records(), job))
+        planned, rows = self.work.do(Question(Records(rate_hz=order.rate_hz), job))
         assert isinstance(planned, Planned)
-        return PlannedMotion(planned, job, rows, lambda first, count: self._more(job, first, count))
+        event = Future()
+        event.set_result(self.work.event(job))
+        fetch = functools.partial(self._more, job)
+        return PlannedMotion(planned, job, rows, fetch=fetch, event=event)
 
     def _more(self, job, first, count):
         more = Future()

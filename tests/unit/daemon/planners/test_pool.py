@@ -64,11 +64,12 @@ def test_a_planner_makes_what_is_made_here_bit_for_bit():
     one = job(motion(0.3, -0.2, 0.5))
 
     async def test(planners):
-        return await planners.plan(one, Order(one.motion, timeout=60.0))
+        found = await planners.plan(one, Order(one.motion, timeout=60.0))
+        return found, await asyncio.to_thread(lambda: found.event)
 
-    there = run(test)
+    there, event = run(test)
     here = asyncio.run(DirectPlanners([SETTINGS]).plan(one, Order(one.motion)))
-    assert (there.plan, there.event) == (here.plan, here.event)
+    assert (there.plan, event) == (here.plan, here.event)
     count = here.facts.record_count
     assert there.rows(0, count).tobytes() == here.rows(0, count).tobytes()
 
