@@ -14,7 +14,7 @@ import peer_timing
 
 README = Path(__file__).parents[2] / "README.md"
 BEGIN, END = "<!-- peers:begin -->", "<!-- peers:end -->"
-PACKAGES = ("numpy", "numba", "scipy", "splines", "drake", "ruckig", "toppra")
+PACKAGES = ("numpy", "scipy", "splines", "drake", "ruckig", "toppra")
 
 
 def table(what, rows, peers):
