@@ -60,7 +60,8 @@ _NOT_FOUND = (
     "lower the end velocities or make neighbouring intervals more alike"
 )
 
-_MOST_CORRECTIONS: ContextVar[float] = ContextVar("most corrections", default=math.inf)
+_MOST_CORRECTIONS: ContextVar[int] = ContextVar("most corrections", default=5000)
+"""Twice as many as any search took that found something; without an end some take minutes."""
 
 
 @contextmanager
@@ -68,7 +69,7 @@ def corrections_at_most(count: int) -> Iterator[None]:
     """Have searches in this context end with a PlanError after so many corrections.
 
     For who has other curves to try: the ordinary search takes a handful, a hard one hundreds, and
-    one that finds nothing thousands.
+    one that finds nothing thousands, up to some limit in any case.
     """
     token = _MOST_CORRECTIONS.set(count)
     try:
