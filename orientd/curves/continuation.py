@@ -60,8 +60,9 @@ _NOT_FOUND = (
     "lower the end velocities or make neighbouring intervals more alike"
 )
 
-_MOST_CORRECTIONS: ContextVar[int] = ContextVar("most corrections", default=5000)
-"""Twice as many as any search took that found something; without an end some take minutes."""
+_MOST_CORRECTIONS: ContextVar[int] = ContextVar("most corrections", default=20_000)
+"""More than searches take that find something: some 13,000 for hundreds of keyframes at uneven
+times with half turns between them.  Without an end others go on for minutes."""
 
 
 @contextmanager

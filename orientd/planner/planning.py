@@ -30,10 +30,12 @@ from orientd.rotation import Floats
 _CYCLES_A_STEP = 4
 _LONGEST_SEARCH = 256  # times as long as the first guess, where longer ones are other curves
 _MOST_REFUSALS = 10  # of leads, the last one at some four times the duration of the first
+_HOPELESS = 1e3  # times as long as a motion may take, with each keyframe
 _MOST_CORRECTIONS = 300  # of a curve that is one of many to try
 _LONGEST_STOP = 6.0  # s, on longer motions of minimum duration; so much of a path is read ahead
 _LEAST_SHARE = 0.2  # of acceleration and jerk, below which they would not be the quickest
-_MOST_TIMINGS = 6  # until a stop is short enough, each of them a whole search
+_MOST_TIMINGS = 12  # until a stop is short enough, each of them a whole search
+_PATIENCE = 3  # timings after which the reserve is at least doubled by each
 
 
 def plan(
@@ -247,6 +249,8 @@ class _Job:
         knots = chord_knots(self.request, self.limits, is_uniform=is_uniform)
         course = self._course(knots.times, knots.kept)
         guess = knots.first_guess(self.limits.with_reserve())
+        if course.has_one_shape and guess > _HOPELESS * len(knots.times) * LONGEST:
+            refusal.check_duration(guess)
         guess = min(max(guess, 2.0 * self.period), LONGEST)
         return course, course.core(guess) if course.has_one_shape else self._moving(course, guess)
 
@@ -263,7 +267,7 @@ class _Job:
             # A velocity at an end is one at some duration: take the curve of the usual one.
             core = self.as_quick_as_possible(everywhere=False).core or core
         share = SHARE
-        for _ in range(_MOST_TIMINGS):
+        for count in range(_MOST_TIMINGS):
             quick = quickest(core, self.limits, self.period, share=share)
             motion = self.certified(self._with_leads(quick), motion_id)
             stop_time = motion.certificate.stop_time
@@ -272,8 +276,10 @@ class _Job:
             if share <= _LEAST_SHARE:
                 break
             # How fast a stop can be goes with the square root of the reserve.
-            share = 1.0 - 1.05 * (1.0 - share) * (stop_time / _LONGEST_STOP) ** 2
-            share = max(share, _LEAST_SHARE)
+            more = 1.05 * (stop_time / _LONGEST_STOP) ** 2
+            if count >= _PATIENCE:
+                more = max(more, 2.0)
+            share = max(1.0 - more * (1.0 - share), _LEAST_SHARE)
         raise refusal.of_slow_stop(stop_time, _LONGEST_STOP, share)
 
     def certified(self, draft: Draft, motion_id: str) -> Motion:

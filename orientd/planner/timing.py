@@ -141,8 +141,7 @@ def _moves(positions: Floats) -> Floats:
     lengths = np.zeros(len(positions) - 1)
     given = np.flatnonzero(np.isfinite(positions[:, 0]))
     for first, last in pairwise(given):
-        with np.errstate(over="ignore"):
-            distance = float(np.linalg.norm(positions[last] - positions[first]))
+        distance = float(np.linalg.norm(positions[last] - positions[first]))
         lengths[first:last] = distance / (last - first)
     return lengths
 
