@@ -60,7 +60,9 @@ _NOT_FOUND = (
     "lower the end velocities or make neighbouring intervals more alike"
 )
 
-_MOST_CORRECTIONS: ContextVar[float] = ContextVar("most corrections", default=math.inf)
+_MOST_CORRECTIONS: ContextVar[int] = ContextVar("most corrections", default=20_000)
+"""More than searches take that find something: some 13,000 for hundreds of keyframes at uneven
+times with half turns between them.  Without an end others go on for minutes."""
 
 
 @contextmanager
@@ -68,7 +70,7 @@ def corrections_at_most(count: int) -> Iterator[None]:
     """Have searches in this context end with a PlanError after so many corrections.
 
     For who has other curves to try: the ordinary search takes a handful, a hard one hundreds, and
-    one that finds nothing thousands.
+    one that finds nothing thousands, up to some limit in any case.
     """
     token = _MOST_CORRECTIONS.set(count)
     try:

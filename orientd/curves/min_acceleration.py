@@ -124,8 +124,8 @@ def stationary_nodes(
             return found
     raise PlanError(
         "no curve of least acceleration was found through the keyframes: Newton's method does "
-        "not converge; add keyframes, lower the end velocities or make neighbouring intervals "
-        "more alike"
+        "not converge, or only over more pieces than are tried; add keyframes, lower the end "
+        "velocities or make neighbouring intervals more alike"
     )
 
 

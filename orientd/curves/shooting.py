@@ -105,7 +105,7 @@ def settled(
     """Return the stationary curve near a guess, its nodes close, or nothing if none is found."""
     for _ in range(REFINEMENTS):
         nodes = nodes_along(path, q, instants)
-        if len(nodes.times) > MOST_PIECES * len(q):
+        if nodes is None:
             return None
         found = _Equations(nodes, first, last).solve()
         if found is None or found.is_close():
@@ -114,8 +114,8 @@ def settled(
     return None
 
 
-def nodes_along(path: Path, q: Floats, knots: Floats) -> Nodes:
-    """Return nodes on a guess, close where it is fast.
+def nodes_along(path: Path, q: Floats, knots: Floats) -> Nodes | None:
+    """Return nodes on a guess, close where it is fast; nothing where that would be too many.
 
     Args:
         path: a curve through the keyframes.
@@ -132,7 +132,10 @@ def nodes_along(path: Path, q: Floats, knots: Floats) -> Nodes:
     jerk *= (count / h)[:, None, None]
     pace = State(*(part.reshape(-1, 3) for part in (omega, alpha, jerk))).pace()
     fastest = pace.reshape(len(h), count + 1).max(axis=1)
-    counts = np.maximum(np.ceil(h * fastest / STRIDE).astype(np.intp), 1)
+    pieces = np.maximum(np.ceil(h * fastest / STRIDE), 1.0)
+    if not pieces.sum() < MOST_PIECES * len(q):
+        return None
+    counts = pieces.astype(np.intp)
     start = np.repeat(np.arange(len(h)), counts)
     number = np.arange(len(start)) - np.repeat(np.cumsum(counts) - counts, counts)
     nodes = np.append(knots[start] + h[start] * number / counts[start], knots[-1])

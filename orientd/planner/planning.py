@@ -30,8 +30,12 @@ from orientd.rotation import Floats
 _CYCLES_A_STEP = 4
 _LONGEST_SEARCH = 256  # times as long as the first guess, where longer ones are other curves
 _MOST_REFUSALS = 10  # of leads, the last one at some four times the duration of the first
+_HOPELESS = 1e3  # times as long as a motion may take, with each keyframe
 _MOST_CORRECTIONS = 300  # of a curve that is one of many to try
 _LONGEST_STOP = 6.0  # s, on longer motions of minimum duration; so much of a path is read ahead
+_LEAST_SHARE = 0.2  # of acceleration and jerk, below which they would not be the quickest
+_MOST_TIMINGS = 12  # until a stop is short enough, each of them a whole search
+_PATIENCE = 3  # timings after which the reserve is at least doubled by each
 
 
 def plan(
@@ -159,6 +163,7 @@ class _Job:
         times = self.request.times - self.request.times[0]
         duration = float(times[-1])
         refusal.check_duration(duration)
+        refusal.check_intervals(times)
         core = self._course(times, np.arange(len(times))).core(duration)
         try:
             return self._with_leads(core)
@@ -181,7 +186,9 @@ class _Job:
         is_same = course.has_one_shape
         is_held = is_same and shape.is_held_at_both_ends(self.limits)
         survey = Survey.of(shape, reserved, period, has_one_shape=is_same)
-        first = math.ceil(shape.duration * survey.factor / period)
+        guess = shape.duration * survey.factor
+        if is_same:
+            refusal.check_duration(guess)
         # Two steps of the acceleration within a difference of the setpoints would add up.
         fewest = 1 if shape.continuity >= 2 else _CYCLES_A_STEP * (len(course.kept) - 1)
         drafts: dict[int, Draft] = {}
@@ -211,10 +218,12 @@ class _Job:
             return factor
 
         most = int(LONGEST / period)
-        if not is_same:
+        if is_same:
+            first = math.ceil(guess / period)
+        else:
             # There is a curve of that duration; a longer one may swing out further.
             known = math.ceil(shape.duration / period)
-            first = first if first <= 2 * known else known
+            first = math.ceil(guess / period) if guess <= 2 * known * period else known
             most = min(most, _LONGEST_SEARCH * known)
         # From hold to hold the leads are the same for any duration.  Elsewhere what is found mostly
         # has leads; otherwise every attempt counts with its own.
@@ -240,7 +249,9 @@ class _Job:
         knots = chord_knots(self.request, self.limits, is_uniform=is_uniform)
         course = self._course(knots.times, knots.kept)
         guess = knots.first_guess(self.limits.with_reserve())
-        guess = max(guess, 2.0 * self.period)
+        if course.has_one_shape and guess > _HOPELESS * len(knots.times) * LONGEST:
+            refusal.check_duration(guess)
+        guess = min(max(guess, 2.0 * self.period), LONGEST)
         return course, course.core(guess) if course.has_one_shape else self._moving(course, guess)
 
     def _moving(self, course: Course, duration: float) -> Core:
@@ -256,14 +267,20 @@ class _Job:
             # A velocity at an end is one at some duration: take the curve of the usual one.
             core = self.as_quick_as_possible(everywhere=False).core or core
         share = SHARE
-        while True:
+        for count in range(_MOST_TIMINGS):
             quick = quickest(core, self.limits, self.period, share=share)
             motion = self.certified(self._with_leads(quick), motion_id)
-            slowness = motion.certificate.stop_time / _LONGEST_STOP
-            if slowness <= 1.0 or motion.duration <= _LONGEST_STOP:
+            stop_time = motion.certificate.stop_time
+            if stop_time <= _LONGEST_STOP or motion.duration <= _LONGEST_STOP:
                 return motion
+            if share <= _LEAST_SHARE:
+                break
             # How fast a stop can be goes with the square root of the reserve.
-            share = 1.0 - 1.05 * (1.0 - share) * slowness**2
+            more = 1.05 * (stop_time / _LONGEST_STOP) ** 2
+            if count >= _PATIENCE:
+                more = max(more, 2.0)
+            share = max(1.0 - more * (1.0 - share), _LEAST_SHARE)
+        raise refusal.of_slow_stop(stop_time, _LONGEST_STOP, share)
 
     def certified(self, draft: Draft, motion_id: str) -> Motion:
         """Return the motion, held against its limits on the records that will be sent."""

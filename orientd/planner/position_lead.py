@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from orientd.planner.lead import check_lead
 from orientd.planner.limits import Limits
 from orientd.planner.position import DEGREE, Motion3, PositionPath, quintic
 from orientd.planner.request import State
@@ -36,6 +37,9 @@ def position_lead(
         limits: to keep.
         period: the path takes a whole number of periods, s.
         least: preferred duration, s; taken if the limits are kept with it.
+
+    Raises:
+        PlanError: the target is days away.
     """
     if not start.is_position_moving and (target is None or (target == start.position).all()):
         return PositionPath.held(start.position)
@@ -100,6 +104,7 @@ def _shortest(
     p, v, _ = here
     speed = float(np.linalg.norm(v))
     distance = 0.0 if target is None else float(np.linalg.norm(target - p))
+    check_lead("a move of the position", distance / bounds[0])
     scale = 2.0 * distance / bounds[0] + 3.0 * math.sqrt(distance / bounds[1])
     longest = max(1.5 * scale + 8.0 * speed / bounds[1] + 8.0 * period, 8.0 * period)
     grid = np.unique(np.ceil(np.geomspace(period, longest, _GRID) / period - 1e-9))

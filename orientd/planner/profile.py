@@ -133,7 +133,9 @@ def fastest_profile(
     Raises:
         ProfileError: none was found.
     """
-    return _Search(step, highest, bounds, start, end).run(guess)
+    # A step that ends in overflow is none: what is not finite counts as outside.
+    with np.errstate(all="ignore"):
+        return _Search(step, highest, bounds, start, end).run(guess)
 
 
 class _Search:
@@ -310,6 +312,9 @@ class _Search:
             flipped, back = _flipped(band), right[::-1]
             _tie(flipped, back)
             band, right = _flipped(flipped), back[::-1]
+        if not np.all(band[3] > 0.0):
+            # Rounding has eaten up the curvature: there is no way on from here.
+            return np.zeros(nodes + 2), 0.0
         scale = 1.0 / np.sqrt(band[3])
         for apart in range(4):
             band[3 - apart, apart:] *= scale[apart:] * scale[: len(scale) - apart]

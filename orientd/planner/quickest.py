@@ -15,6 +15,7 @@ import numpy as np
 
 from orientd.curves.warped import Warp, Warped, unit_map
 from orientd.errors import PlanError
+from orientd.planner import refusal
 from orientd.planner.course import Core
 from orientd.planner.limits import ANGULAR, Limits
 from orientd.planner.path import Stretch
@@ -61,6 +62,7 @@ def quickest(core: Core, limits: Limits, period: float, *, share: float = SHARE)
     for attempt in range(_ATTEMPTS):
         profile = problem.solved(rates)
         quick = problem.retimed(profile)
+        refusal.check_duration(quick.duration)
         # Where a lead goes on, the last record that is the core's own.
         last = math.floor(quick.duration / period + _WHOLE) if problem.is_moving[1] else None
         peaks = quick.peaks(period, limits, last=last)

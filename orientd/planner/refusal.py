@@ -16,6 +16,7 @@ from orientd.planner.request import DEFAULT_METHOD, MotionRequest, State
 from orientd.planner.timing import LONGEST
 from orientd.rotation import Floats, angle
 
+SHORTEST_INTERVAL = 1e-12  # s; derivatives over shorter ones end in overflow sooner or later
 SAME_ORIENTATION = 1e-6  # rad
 SAME_POSITION = 1e-6  # m
 SAME_VELOCITY = 1e-6  # rad/s
@@ -42,8 +43,10 @@ def check_end_velocities(
     for name, omega in (("start_velocity", omega_start), ("end_velocity", omega_end)):
         if omega is None:
             continue
-        speeds = {"angular velocity": (float(np.linalg.norm(omega)), limits.velocity)}
-        for axis, component, limit in zip(AXES, omega.tolist(), limits.axis_velocity, strict=True):
+        components = omega.tolist()
+        # Unlike the root of the sum of squares, it overflows for no velocity that can be written.
+        speeds = {"angular velocity": (math.hypot(*components), limits.velocity)}
+        for axis, component, limit in zip(AXES, components, limits.axis_velocity, strict=True):
             speeds[f"angular velocity about {axis}"] = abs(component), limit
         for quantity, (speed, limit) in speeds.items():
             if speed > limit * (1.0 + _ROUNDING):
@@ -89,8 +92,23 @@ def check_duration(duration: float) -> None:
     Raises:
         PlanError: it is longer than allowed.
     """
-    if duration > LONGEST:
+    if not duration <= LONGEST:
         raise PlanError(f"the keyframes take {duration:.6g} s, at most {LONGEST:g} s is planned")
+
+
+def check_intervals(times: Floats) -> None:
+    """Refuse keyframes that follow one another at once.
+
+    Raises:
+        PlanError: an interval is shorter than any clock could tell.
+    """
+    steps = np.diff(times)
+    index = int(np.argmin(steps))
+    if not steps[index] >= SHORTEST_INTERVAL:
+        raise PlanError(
+            f"keyframes[{index + 1}] follows keyframes[{index}] after {steps[index]:.3g} s, at "
+            f"least {SHORTEST_INTERVAL:g} s is planned"
+        )
 
 
 def check_continuity(request: MotionRequest) -> None:
@@ -190,6 +208,21 @@ def of_any_duration(start: State, limits: Limits) -> PlanError:
             f"{np.linalg.norm(start.alpha_body):.4g} rad/s^2; `approach: true` would lead in"
         )
     return PlanError(problem)
+
+
+def of_slow_stop(stop_time: float, longest: float, share: float) -> PlanError:
+    """Return the refusal of a motion of minimum duration that could hardly be stopped.
+
+    Args:
+        stop_time: that a stop on its path takes, s.
+        longest: that it may take, s.
+        share: of acceleration and jerk that the motion uses.
+    """
+    return PlanError(
+        f"duration: minimum needs limits that permit a stop on the path within {longest:g} s, it "
+        f"takes {stop_time:.4g} s on the quickest motion with {100.0 * share:.3g} % of acceleration"
+        " and jerk; allow more of both, or leave the duration out"
+    )
 
 
 def check_limits(peaks: Peaks, place: Place) -> None:

@@ -22,6 +22,9 @@ from orientd.rotation import Floats, check_unit, conjugate, rotate
 
 NORM_TOLERANCE = 1e-6
 MOST_TURNS = 1000
+FARTHEST = 1e12
+"""m from the origin, in every direction; squares of what is further away end in overflow."""
+
 DEFAULT_METHOD = "c2_cumulative"
 
 Vector3 = tuple[float, float, float]
@@ -284,7 +287,11 @@ def _positions(keyframes: Sequence[Keyframe]) -> Floats | None:
     for index in indices:
         position = keyframes[index].position
         if position is not None:
-            positions[index] = _vector(position, f"keyframes[{index}].position")
+            name = f"keyframes[{index}].position"
+            positions[index] = _vector(position, name)
+            farthest = float(np.max(np.abs(positions[index])))
+            if farthest > FARTHEST:
+                raise RequestError(name, f"expected at most {FARTHEST:g} m, got {farthest:g} m")
     return positions
 
 

@@ -9,6 +9,7 @@ orientation, measured in time at the limits, the position sets the interval.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -16,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from orientd.errors import RequestError
+from orientd.errors import PlanError, RequestError
 from orientd.planner.differences import OFF_GRID
 from orientd.planner.limits import Limits
 from orientd.planner.peaks import Peaks
@@ -92,12 +93,17 @@ def chord_knots(request: MotionRequest, limits: Limits, *, is_uniform: bool) -> 
 
     Raises:
         RequestError: the keyframes are all the same.
+        PlanError: the way is too long for the limits of velocity, whatever the curve.
     """
     lengths = angle(request.keys[:-1], request.keys[1:])
+    if not is_uniform:
+        _check_way(lengths, limits.velocity)
     if request.turns.any():
         lengths += 2.0 * np.pi * np.abs(request.turns[1:])
     if request.positions is not None and math.isfinite(limits.linear_velocity):
-        lengths = np.maximum(lengths, _moves(request.positions) * _radians_per_metre(limits))
+        moves = _moves(request.positions)
+        _check_way(moves, limits.linear_velocity)
+        lengths = np.maximum(lengths, moves * _radians_per_metre(limits))
     is_repeated = lengths <= SAME
     if is_repeated.all():
         raise RequestError("keyframes", "are all the same; give them times to make the device wait")
@@ -114,8 +120,20 @@ def chord_knots(request: MotionRequest, limits: Limits, *, is_uniform: bool) -> 
     return Knots(times / times[-1], kept, length)
 
 
+def _check_way(lengths: Floats, velocity: float) -> None:
+    least = float(lengths.sum()) / velocity
+    if not least <= LONGEST:
+        raise PlanError(
+            f"the keyframes take {least:.6g} s at the limit of the velocity, at most {LONGEST:g} s "
+            "is planned"
+        )
+
+
 def _radians_per_metre(limits: Limits) -> float:
-    return limits.velocity / limits.linear_velocity if math.isfinite(limits.velocity) else 1.0
+    if not math.isfinite(limits.velocity):
+        return 1.0
+    # Finite, as it is multiplied by no way at all, too.
+    return min(limits.velocity / limits.linear_velocity, sys.float_info.max)
 
 
 def _moves(positions: Floats) -> Floats:

@@ -39,12 +39,27 @@ def large_motion(keyframes: int, **more) -> pb.MotionRequest:
     return pb.MotionRequest(keyframes=frames, approach=True, **more)
 
 
-def endless_motion(keyframes: int = 200_000) -> pb.MotionRequest:
-    """Return what takes minutes to plan: every point of it as quick as the limits permit."""
-    motion = large_motion(keyframes, duration=pb.DURATION_MINIMUM)
-    for keyframe in motion.keyframes:
-        keyframe.ClearField("time")
-    return motion
+def endless_motion(keyframes: int = 300) -> pb.MotionRequest:
+    """Return what takes minutes to plan, in little memory, and can be told to end at any moment.
+
+    De Casteljau's construction takes a step for each pair of keyframes at every instant.
+    """
+    numbers = 0.1 * np.arange(keyframes)
+    vectors = np.stack([np.sin(numbers), np.cos(numbers), 0.1 * numbers], axis=1).tolist()
+    frames = [pb.Keyframe(rotation_vector=pb.Vector3(x=x, y=y, z=z)) for x, y, z in vectors]
+    return pb.MotionRequest(keyframes=frames, method="de_casteljau", approach=True)
+
+
+def deaf_motion() -> pb.MotionRequest:
+    """Return what is planned in one call of a kernel, which hears nothing until it is done.
+
+    The records of a whole day are held against the limits: seconds, longer at higher rates.
+    """
+    frames = [
+        pb.Keyframe(time=43_200.0 * k, rotation_vector=pb.Vector3(x=x, y=0.0, z=z))
+        for k, (x, z) in enumerate([(0.0, 0.0), (1.3, 0.0), (0.0, 1.5)])
+    ]
+    return pb.MotionRequest(keyframes=frames, approach=True)
 
 
 def raw_channel(socket: str) -> grpc.Channel:

@@ -1,0 +1,112 @@
+"""Requests that are well formed and that nothing can be done about: refused, and soon."""
+
+import math
+
+import numpy as np
+import pytest
+
+from orientd.curves.c2_cumulative import C2Cumulative
+from orientd.curves.interpolation import KeyframeEquations
+from orientd.curves.min_acceleration import MinAcceleration
+from orientd.errors import OrientdError, PlanError
+from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
+from orientd.planner.survey import Survey
+from orientd.rotation import exp, multiply
+
+THREE = ((1.0, 0.0, 0.0, 0.0), (0.8, 0.6, 0.0, 0.0), (0.6, 0.0, 0.8, 0.0))
+FOUR = (*THREE, (0.0, 0.0, 0.0, 1.0))
+FAR = (None, (1e300, 0.0, 0.0), (-1e300, 1e-300, 0.0))
+MOVES = (None, (1e-3, 0.0, 0.0), (1e-3, 0.0, 1e-9))
+
+
+def planned(times=(None,) * 3, positions=(None,) * 3, period=0.002, **fields):
+    keyframes = [
+        Keyframe(q, time, position=position)
+        for q, time, position in zip(THREE, times, positions, strict=True)
+    ]
+    start = State.at_rest(THREE[0], positions[0] or (0.0, 0.0, 0.0))
+    request = MotionRequest(keyframes, **fields)
+    return plan(request, start=start, limits=DEFAULT_LIMITS, period=period)
+
+
+@pytest.mark.parametrize("limits", [{"acceleration": 0.01}, {"jerk": 0.01}])
+def test_a_quickest_motion_that_could_not_be_stopped_is_refused(limits):
+    with pytest.raises(PlanError, match=r"within 6 s, it takes \d.* s on the .* with 20 %"):
+        planned(duration="minimum", limits=Limits.partial(**limits), period=0.02)
+
+
+def test_a_quickest_motion_gives_up_some_speed_to_be_stopped():
+    limits = Limits.partial(acceleration=0.1)
+    motion = planned(duration="minimum", limits=limits, period=0.02)
+    assert motion.certificate.stop_time <= 6.0
+    assert motion.duration < planned(limits=limits, period=0.02).duration * 1.5
+
+
+@pytest.mark.parametrize("duration", [None, "minimum"])
+@pytest.mark.parametrize(
+    "limits",
+    [
+        {"velocity": 1e-300, "acceleration": 1e-6, "jerk": 1e-12},
+        {"velocity": 1e-7},
+        {"velocity": 2e-300, "acceleration": 8e-12},
+        {"acceleration": 8e-300},
+        {"jerk": 1e-318},
+    ],
+)
+def test_limits_that_would_take_days_are_refused_before_any_attempt(monkeypatch, limits, duration):
+    monkeypatch.setattr(Survey, "look", lambda *_, **__: pytest.fail("an attempt"))
+    with pytest.raises(PlanError, match="at most 86400 s is planned"):
+        planned(duration=duration, limits=Limits.partial(**limits))
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {
+            "limits": Limits.partial(velocity=1e-300, acceleration=1e-6, jerk=1e-12),
+            "end_velocity": (1e-300, 0.0, 0.0),
+            "duration": "minimum",
+        },
+        {"end_velocity": (1e300, -1e300, 0.0)},
+        {"end_velocity": (1e300, -1e300, 0.0), "times": (0.0, 1.0, 2.0)},
+        {"positions": FAR},
+        {"limits": Limits.partial(linear_velocity=1e-320), "positions": MOVES},
+        {"times": (0.0, 1e-300, 1.0)},
+        {"times": (0.0, 1e-9, 86_000.0), "method": "minimum_effort"},
+        {"times": (0.0, 1e-9, 86_000.0), "method": "min_acceleration"},
+    ],
+)
+@pytest.mark.parametrize("approach", [False, True])
+def test_numbers_out_of_all_proportion_are_refused_by_name(fields, approach):
+    # Warnings are errors here.
+    with pytest.raises(OrientdError):
+        planned(**fields, approach=approach)
+
+
+def test_intervals_too_short_for_any_clock_are_named():
+    with pytest.raises(PlanError, match=r"\[2\] follows .*\[1\] after .* s, at least 1e-12 s"):
+        planned(times=(-1.0, 0.0, 1e-13), approach=True)
+
+
+def test_a_curve_of_too_many_pieces_is_refused_before_they_are_made():
+    with pytest.raises(PlanError, match="more pieces than are tried"):
+        MinAcceleration(keys=FOUR, times=[0.0, 1e-6, 1e6, 1e6 + 1.0])
+
+
+def test_a_search_that_arrives_nowhere_ends(monkeypatch):
+    count, one = 0, KeyframeEquations.correction
+
+    def counted(*arguments):
+        nonlocal count
+        count += 1
+        return one(*arguments)
+
+    monkeypatch.setattr(KeyframeEquations, "correction", counted)
+    random = np.random.default_rng(5)
+    keys = [np.array(THREE[0])]
+    for axis in random.normal(size=(119, 3)):
+        keys.append(multiply(keys[-1], exp(0.99 * math.pi * axis / np.linalg.norm(axis))))
+    times = np.cumsum(10.0 ** random.uniform(-3.0, 0.0, 120))
+    with pytest.raises(PlanError, match="no twice differentiable interpolant"):
+        C2Cumulative(keys=np.array(keys), times=times)
+    assert 5_000 < count <= 40_000
