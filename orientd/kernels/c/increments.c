@@ -16,7 +16,7 @@ enum {
     LANES = 8,
     TILE = 8,      /* rows of each strand that are loaded before any of them is worked off */
     ALONE = 48,    /* rows that are not worth a second strand */
-    SHORTEST = 24,
+    SHORTEST = 8,
     LONGEST = 128, /* so that what is kept of all strands stays in the cache */
     LONG_RUN = 48, /* rows to begin early and to end late: what lies beyond decays by 0.27 with each */
     ALIGNMENT = 64, /* bytes: of the widest vectors */
@@ -36,14 +36,13 @@ typedef struct { vec_t x, y, z; } columns_t;
 
 /* A factor exp(share w): the turn, and its right Jacobian times the share, by columns. */
 INLINE columns_t factor(double share, vec_t w, quat_t *q) {
-    double length = norm(w), c, s;
-    vec_t n = times(length > 0.0 ? 1.0 / length : 0.0, w);
-    double half = share * length;
-    cosine_and_sine(half, &c, &s);
+    double length = norm(w), inverse = length > 0.0 ? 1.0 / length : 0.0, c, s;
+    vec_t n = times(inverse, w);
+    cosine_and_sine(share * length, &c, &s);
     *q = quat(c, s * n.x, s * n.y, s * n.z);
-    /* With the angle t = 2 half: sin(t)/t I + (1 - sin(t)/t) n n^T - (1 - cos t)/t [n]. */
-    double ratio = half != 0.0 ? s / half : 1.0;
-    double along = share * (ratio * c), across = share * (ratio * s), rest = share - along;
+    /* With the angle t = 2 share length: sin(t)/t I + (1 - sin(t)/t) n n^T - (1 - cos t)/t [n]. */
+    double scaled = s * inverse, along = length > 0.0 ? scaled * c : share, across = scaled * s;
+    double rest = share - along;
     vec_t m = times(rest, n), k = times(across, n);
     return (columns_t){
         vec(m.x * n.x + along, m.x * n.y - k.z, m.x * n.z + k.y),

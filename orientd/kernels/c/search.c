@@ -20,9 +20,11 @@ static const double ON_THE_WAY = 1e-2;
 static const double SETTLED = 1e-8;
 static const double ROUNDING = 1e-7;
 /* Longer increments of Euclidean space, in rad of half angle, are too far away to begin with. */
-static const double LONGEST_FIRST = 1.5;
+static const double LONGEST_FIRST = 1.8;
 /* By which scales they are approached, and how much a correction there may move one, in rad. */
-static const double APPROACH[] = {0.45, 0.7, 0.85, 0.95, 1.0}, LARGEST_MOVE = 0.5;
+static const double APPROACH[] = {0.4, 0.6, 0.75, 0.9, 1.0}, LARGEST_MOVE = 0.5;
+/* After a longer last one rows are not where they should be. */
+static const double LARGEST_LAST = 0.2;
 
 /* What a search needs: increments and corrections, shape (N, 3) each, and lists of rows. */
 typedef struct {
@@ -45,16 +47,27 @@ INLINE double size_of(const double *v) {
 
 /* Write those rows of a list that are within reach of some of them; both lists are increasing. */
 static index_t around(const int64_t *some, index_t found, const int64_t *rows, index_t count,
-                      int64_t *near) {
+                      int64_t *to) {
     index_t next = 0, kept = 0;
     for (index_t i = 0; i < count; i++) {
         int64_t row = rows[i];
         while (next < found && some[next] < row - REACH)
             next++;
         if (next < found && some[next] <= row + REACH)
-            near[kept++] = row;
+            to[kept++] = row;
     }
     return kept;
+}
+
+static void list_all(int64_t *rows, index_t count) {
+    for (index_t i = 0; i < count; i++)
+        rows[i] = i;
+}
+
+/* List rows that are within reach of some of them as the window, and return how many there are. */
+static index_t near(search_t *search, index_t found) {
+    list_all(search->rows, search->here.n);
+    return around(search->some, found, search->rows, search->here.n, search->window);
 }
 
 /* Improve the increments of the first rows in the list until corrections are small enough, and
@@ -130,26 +143,44 @@ static void arrive(search_t *search, index_t count) {
                 vec_at(search->trial + 3 * search->window[i]));
 }
 
+/* Correct the rows of the window once, none of them by more than LARGEST_MOVE, and return how many
+ * were to move by more than LARGEST_LAST, which are listed. */
+static index_t move(search_t *search, matrix_t unknown, double scale, index_t count) {
+    index_t lost = 0;
+    double largest = newton_step(search->equations, scale, unknown,
+                                 (indices_t){search->window, count}, search->strands,
+                                 search->correction);
+    for (index_t i = 0; i < count; i++) {
+        const double *d = search->correction + 3 * i;
+        double *w = row_of(unknown, search->window[i]);
+        if (largest <= LARGEST_LAST) {
+            w[0] += d[0], w[1] += d[1], w[2] += d[2];
+            continue;
+        }
+        double size = size_of(d), share = size > LARGEST_MOVE ? LARGEST_MOVE / size : 1.0;
+        search->some[lost] = search->window[i];
+        lost += size > LARGEST_LAST;
+        if (size < INFINITY)
+            put_vec(w, scaled_plus(share, vec_at(d), vec_at(w)));
+    }
+    return lost;
+}
+
 /* Bring the increments of a window of rows near their full scale: a correction at each of a few
- * scales, which only has to be good enough to foresee the next.  Those beyond follow by themselves. */
-static void approach(search_t *search, index_t count) {
+ * scales, which only has to be good enough to foresee the next.  Those beyond follow by themselves.
+ *
+ * Return how many rows are not under control there, which are listed. */
+static index_t approach(search_t *search, index_t count) {
     matrix_t trial = {search->trial, search->here.n, 3};
+    index_t lost = 0;
     begin_way(search, count);
     for (size_t step = 0; step < sizeof APPROACH / sizeof *APPROACH; step++) {
-        double scale = APPROACH[step];
-        foresee(search, scale);
-        newton_step(search->equations, scale, trial, (indices_t){search->window, count},
-                    search->strands, search->correction);
-        for (index_t i = 0; i < count; i++) {
-            const double *d = search->correction + 3 * i;
-            double size = size_of(d), share = size > LARGEST_MOVE ? LARGEST_MOVE / size : 1.0;
-            double *w = row_of(trial, search->window[i]);
-            if (size < INFINITY)
-                put_vec(w, scaled_plus(share, vec_at(d), vec_at(w)));
-        }
-        note(search, scale, count);
+        foresee(search, APPROACH[step]);
+        lost = move(search, trial, APPROACH[step], count);
+        note(search, APPROACH[step], count);
     }
     arrive(search, count);
+    return lost;
 }
 
 /* Carry the increments of a window of rows from where nothing turns to the full scale with care,
@@ -163,7 +194,7 @@ static bool march(search_t *search, index_t count) {
         foresee(search, next);
         memcpy(search->rows, search->window, sizeof *search->rows * (size_t)count);
         if (newton(search, trial, next, count, ON_THE_WAY)) {
-            growth *= 0.5;
+            growth = 0.5 * (next - scale);
             if (growth < SMALLEST_GROWTH)
                 return false;
             continue;
@@ -183,24 +214,22 @@ static bool march(search_t *search, index_t count) {
 static bool search_increments(search_t *search) {
     index_t count = search->here.n, far = 0;
     for (index_t i = 0; i < count; i++) {
-        search->rows[i] = search->some[far] = i;
+        search->some[far] = i;
         far += norm(vec_at(row_of(search->tangent, i))) > LONGEST_FIRST;
     }
-    if (far)
-        approach(search, around(search->some, far, search->rows, count, search->window));
+    if (far) {
+        index_t lost = approach(search, near(search, far));
+        if (lost)
+            march(search, near(search, lost));
+    }
     for (index_t attempt = 0;; attempt++) {
-        for (index_t i = 0; i < count; i++)
-            search->rows[i] = i;
+        list_all(search->rows, count);
         index_t bad = newton(search, search->here, 1.0, count, SETTLED);
         if (bad <= 0 || attempt == MOST_ATTEMPTS)
             return bad == 0;
-        for (index_t i = 0; i < count; i++)
-            search->rows[i] = i;
-        index_t width = around(search->some, bad, search->rows, count, search->window);
-        if (attempt || width > count / 2) {
-            memcpy(search->window, search->rows, sizeof *search->rows * (size_t)count);
-            width = count;
-        }
+        index_t width = near(search, bad);
+        if (attempt || width > count / 2)
+            list_all(search->window, width = count);
         if (!march(search, width))
             return false;
     }
