@@ -1,56 +1,48 @@
-/* The increments of an interpolating cumulative B-spline: its equations, and Newton's method.
+/* The increments of an interpolating cumulative B-spline: Newton steps of its equations.
  *
- * Rows are written a tile at a time in loops that go to the vector units.  The block tridiagonal
- * system is eliminated as its rows are made, so that only what the substitution needs is kept.
- * Blocks are not exchanged for pivots: Newton's method corrects what that costs.
+ * Rows are worked off in strands, one for each lane of the vector units: long runs of neighbouring
+ * rows, each begun some rows early and ended some rows late, because what lies beyond hardly counts.
+ * The block tridiagonal system is eliminated as its rows are made.  Blocks are not exchanged for
+ * pivots: Newton's method corrects what that costs, and what the ends of the strands cost.
  */
 #include <stdlib.h>
 #include <string.h>
 
-#include "interpolation.h"
+#include "increments.h"
 #include "lane_log.h"
 #include "lanes.h"
-#include "rotation.h"
 
 enum {
-    TILE = 32,
-    PIECE = 512, /* rows that are substituted together, so that what they need stays in the cache */
-    HALO = 48,   /* of the rows after them, too: what lies beyond decays by 0.27 with each keyframe */
-    KEPT = 12,   /* numbers: the block right of the diagonal and the right side, both divided */
-    REACH = 12,  /* how far around a row that still moves others are corrected, too */
-    MOST_STEPS = 30,
-    MOST_ATTEMPTS = 2,
+    LANES = 8,
+    TILE = 8,      /* rows of each strand that are loaded before any of them is worked off */
+    ALONE = 48,    /* rows that are not worth a second strand */
+    SHORTEST = 8,
+    LONGEST = 128, /* so that what is kept of all strands stays in the cache */
+    LONG_RUN = 48, /* rows to begin early and to end late: what lies beyond decays by 0.27 with each */
+    ALIGNMENT = 64, /* bytes: of the widest vectors */
+    KEPT = 12,     /* numbers: the block right of the diagonal and the right side, both divided */
 };
 
-/* The first correction must not be longer, in rad of half angle, and each must be a share of the
- * one before it, or the search is not under control. */
-static const double LARGEST_FIRST = 1.2, CONTRACTION = 0.6;
-static const double SMALLEST_GROWTH = 0.01;
-/* How small a correction has to be before the full scale is reached. */
-static const double ON_THE_WAY = 1e-2;
-/* After a correction so small the next one, its square, is lost in rounding. */
-static const double SETTLED = 1e-9;
-static const double ROUNDING = 1e-7;
-
-/* What a tile is made from, and what becomes of it, a column for each row of the system. */
+/* What some rows are made from, a column for each lane.  The last four say how much of the blocks
+ * left and right of the diagonal belongs to it, and whether these belong to rows of the list. */
 enum {
-    BEFORE = 0, HERE = 3, AFTER = 6, STEP = 9, UNDONE = 12, REST, DONE, AHEAD, INPUTS,
-    LEFT = 0, MIDDLE = 9, RIGHT = 18, ERROR = 27, OUTPUTS = 30,
+    BEFORE = 0, HERE = 3, AFTER = 6, STEP = 9, UNDONE = 12, REST, DONE, AHEAD,
+    FOLD_LEFT, FOLD_RIGHT, HAS_LEFT, HAS_RIGHT, INPUTS,
 };
-typedef struct { double in[INPUTS][TILE], out[OUTPUTS][TILE]; } tile_t;
+typedef struct { double in[INPUTS][LANES], error[3][LANES]; } inputs_t;
+struct strands { inputs_t tile[TILE]; double kept[][KEPT][LANES]; };
 
 typedef struct { vec_t x, y, z; } columns_t;
 
 /* A factor exp(share w): the turn, and its right Jacobian times the share, by columns. */
 INLINE columns_t factor(double share, vec_t w, quat_t *q) {
-    double length = norm(w), c, s;
-    vec_t n = times(length > 0.0 ? 1.0 / length : 0.0, w);
-    double half = share * length;
-    cosine_and_sine(half, &c, &s);
+    double length = norm(w), inverse = length > 0.0 ? 1.0 / length : 0.0, c, s;
+    vec_t n = times(inverse, w);
+    cosine_and_sine(share * length, &c, &s);
     *q = quat(c, s * n.x, s * n.y, s * n.z);
-    /* With the angle t = 2 half: sin(t)/t I + (1 - sin(t)/t) n n^T - (1 - cos t)/t [n]. */
-    double ratio = half != 0.0 ? s / half : 1.0;
-    double along = share * (ratio * c), across = share * (ratio * s), rest = share - along;
+    /* With the angle t = 2 share length: sin(t)/t I + (1 - sin(t)/t) n n^T - (1 - cos t)/t [n]. */
+    double scaled = s * inverse, along = length > 0.0 ? scaled * c : share, across = scaled * s;
+    double rest = share - along;
     vec_t m = times(rest, n), k = times(across, n);
     return (columns_t){
         vec(m.x * n.x + along, m.x * n.y - k.z, m.x * n.z + k.y),
@@ -65,60 +57,102 @@ INLINE columns_t seen_after(quat_t q, columns_t a) {
                        turned_back(q.w, e, a.z)};
 }
 
-INLINE void put_columns(double *to, columns_t a) {
-    to[0] = a.x.x, to[TILE] = a.y.x, to[2 * TILE] = a.z.x;
-    to[3 * TILE] = a.x.y, to[4 * TILE] = a.y.y, to[5 * TILE] = a.z.y;
-    to[6 * TILE] = a.x.z, to[7 * TILE] = a.y.z, to[8 * TILE] = a.z.z;
+INLINE vec_t lane(double (*rows)[LANES], index_t i) {
+    return vec(rows[0][i], rows[1][i], rows[2][i]);
 }
 
-INLINE vec_t lane(const double *first) {
-    return vec(first[0], first[TILE], first[2 * TILE]);
+INLINE void load_vec(double (*rows)[LANES], index_t i, vec_t v) {
+    rows[0][i] = v.x, rows[1][i] = v.y, rows[2][i] = v.z;
 }
 
-/* Write derivatives and errors of the rows of a tile.
+INLINE columns_t folded(columns_t m, double left, columns_t a, double right, columns_t b) {
+    return (columns_t){scaled_plus(left, a.x, scaled_plus(right, b.x, m.x)),
+                       scaled_plus(left, a.y, scaled_plus(right, b.y, m.y)),
+                       scaled_plus(left, a.z, scaled_plus(right, b.z, m.z))};
+}
+
+INLINE vec_t applied(columns_t m, vec_t v) {
+    return scaled_plus(v.x, m.x, scaled_plus(v.y, m.y, times(v.z, m.z)));
+}
+
+INLINE vec_t chosen(double condition, vec_t v) {
+    return vec(condition > 0.0 ? v.x : 0.0, condition > 0.0 ? v.y : 0.0,
+               condition > 0.0 ? v.z : 0.0);
+}
+
+/* The half-angle vector by which a row misses its step, and its derivatives.
  *
  * With P the product of a row and e = log(E^-1 P) its error, a Newton step obeys
  * sum_f c_f R(S_f)^T J_r(2 c_f w_f) dw_f = -e, where S_f is the product of the factors after f: the
  * right Jacobian leaves a multiple of its own axis as it is, so it need not be applied to e. */
-static void linearise(tile_t *tile, index_t count) {
-    double *restrict in = tile->in[0], *restrict out = tile->out[0];
-    /* Whole vectors: places that are not in use hold what is in the first one. */
-    index_t padded = least((count + 7) / 8 * 8, TILE);
-    for (index_t row = 0; row < INPUTS; row++)
-        for (index_t i = count; i < padded; i++)
-            in[row * TILE + i] = in[row * TILE + 0];
+INLINE vec_t linearised(double (*in)[LANES], index_t i, columns_t *left, columns_t *middle,
+                        columns_t *right) {
+    quat_t a, b, c, d, e;
+    vec_t here = lane(in + HERE, i);
+    *right = factor(in[AHEAD][i], lane(in + AFTER, i), &d);
+    columns_t by_c = seen_after(d, factor(in[DONE][i], here, &c));
+    quat_t after = multiplied(c, d);
+    *left = seen_after(after, factor(in[REST][i], lane(in + BEFORE, i), &b));
+    after = multiplied(b, after);
+    columns_t by_a = seen_after(after, factor(-in[UNDONE][i], here, &a));
+    after = multiplied(a, after);
+    *middle = (columns_t){plus(by_a.x, by_c.x), plus(by_a.y, by_c.y), plus(by_a.z, by_c.z)};
+    factor(1.0, lane(in + STEP, i), &e);
+    return lane_logarithm(multiplied(conjugated(e), after));
+}
+
+static void put_errors(inputs_t *inputs) {
     INDEPENDENT
-    for (index_t i = 0; i < padded; i++) {
-        quat_t a, b, c, d, e;
-        vec_t here = lane(in + HERE * TILE + i);
-        columns_t by_d = factor(in[AHEAD * TILE + i], lane(in + AFTER * TILE + i), &d);
-        columns_t by_c = seen_after(d, factor(in[DONE * TILE + i], here, &c));
-        quat_t after = multiplied(c, d);
-        columns_t by_b = seen_after(after, factor(in[REST * TILE + i], lane(in + BEFORE * TILE + i), &b));
-        after = multiplied(b, after);
-        columns_t by_a = seen_after(after, factor(-in[UNDONE * TILE + i], here, &a));
-        after = multiplied(a, after);
-        factor(1.0, lane(in + STEP * TILE + i), &e);
-        vec_t error = lane_logarithm(multiplied(conjugated(e), after));
-        put_columns(&out[LEFT * TILE + i], by_b);
-        put_columns(&out[MIDDLE * TILE + i], (columns_t){plus(by_a.x, by_c.x), plus(by_a.y, by_c.y),
-                                                 plus(by_a.z, by_c.z)});
-        put_columns(&out[RIGHT * TILE + i], by_d);
-        out[ERROR * TILE + i] = error.x, out[(ERROR + 1) * TILE + i] = error.y, out[(ERROR + 2) * TILE + i] = error.z;
+    for (index_t i = 0; i < LANES; i++) {
+        columns_t left, middle, right;
+        load_vec(inputs->error, i, linearised(inputs->in, i, &left, &middle, &right));
+    }
+}
+
+/* Eliminate a row of each strand: keep what the substitution needs, given what was kept of the row
+ * before.
+ *
+ * is_given: whether the errors are there. */
+INLINE void eliminate(inputs_t *inputs, bool is_given, double (*before)[LANES],
+                      double (*kept)[LANES]) {
+    double (*in)[LANES] = inputs->in;
+    INDEPENDENT
+    for (index_t i = 0; i < LANES; i++) {
+        columns_t l, m, r;
+        vec_t e = linearised(in, i, &l, &m, &r);
+        if (is_given)
+            e = lane(inputs->error, i);
+        m = folded(m, in[FOLD_LEFT][i], l, in[FOLD_RIGHT][i], r);
+        double linked = in[HAS_LEFT][i], ahead = in[HAS_RIGHT][i];
+        m.x = minus(m.x, chosen(linked, applied(l, lane(before, i))));
+        m.y = minus(m.y, chosen(linked, applied(l, lane(before + 3, i))));
+        m.z = minus(m.z, chosen(linked, applied(l, lane(before + 6, i))));
+        e = plus(e, chosen(linked, applied(l, lane(before + 9, i))));
+        /* Where the determinant is zero, what comes is not finite, which is looked for at the end. */
+        vec_t p = cross(m.y, m.z), q = cross(m.z, m.x), s = cross(m.x, m.y);
+        double inverse = 1.0 / dot(m.x, p);
+        p = times(inverse, p), q = times(inverse, q), s = times(inverse, s);
+        r.x = chosen(ahead, r.x), r.y = chosen(ahead, r.y), r.z = chosen(ahead, r.z);
+        load_vec(kept, i, vec(dot(p, r.x), dot(q, r.x), dot(s, r.x)));
+        load_vec(kept + 3, i, vec(dot(p, r.y), dot(q, r.y), dot(s, r.y)));
+        load_vec(kept + 6, i, vec(dot(p, r.z), dot(q, r.z), dot(s, r.z)));
+        load_vec(kept + 9, i, vec(-dot(p, e), -dot(q, e), -dot(s, e)));
     }
 }
 
 /* The first or last step: what two known increments turn is taken off. */
-static vec_t end_step(const equations_t *equations, double scale, index_t row) {
+vec_t end_step(const equations_t *equations, double scale, index_t row) {
     vec_t step = times(scale, vec_at(row_of(equations->steps, row)));
     bool off_start = row == 0 && equations->heads.n == 2;
     bool off_end = row == equations->steps.n - 1 && equations->tails.n == 2;
+    if (!off_start && !off_end)
+        return step;
     quat_t rest = exponential(step);
     for (index_t i = 0; off_start && i < 2; i++)
         rest = multiplied(exponential(times(-scale, vec_at(row_of(equations->heads, i)))), rest);
     for (index_t i = 0; off_end && i < 2; i++)
         rest = multiplied(rest, exponential(times(-scale, vec_at(row_of(equations->tails, i)))));
-    return off_start || off_end ? logarithm(rest) : step;
+    return logarithm(rest);
 }
 
 /* The increment before the first unknown, or after the last one. */
@@ -126,148 +160,142 @@ static vec_t beyond(matrix_t known, double ratio, double scale, const double *ne
     return known.n ? times(scale, vec_at(row_of(known, known.n - 1))) : times(ratio, vec_at(next));
 }
 
-INLINE void load_vec(double (*rows)[TILE], index_t i, vec_t v) {
-    rows[0][i] = v.x, rows[1][i] = v.y, rows[2][i] = v.z;
-}
-
-/* Fill a tile with rows, their numbers given, and work it off. */
-static void load(tile_t *tile, const equations_t *equations, double scale, matrix_t unknown,
-                 const int64_t *rows, index_t count) {
+/* Load a row into a lane. */
+INLINE void load(inputs_t *inputs, index_t i, const equations_t *equations, double scale,
+                 matrix_t unknown, index_t row) {
+    double (*in)[LANES] = inputs->in;
     index_t last = equations->steps.n - 1;
-    for (index_t i = 0; i < count; i++) {
-        index_t row = rows[i];
-        const double *w = row_of(unknown, row), *begun = row_of(equations->begun, row);
-        load_vec(tile->in + HERE, i, vec_at(w));
-        load_vec(tile->in + BEFORE, i, row > 0 ? vec_at(w - 3) : beyond(
-            equations->heads, equations->start_ratio, scale, w));
-        load_vec(tile->in + AFTER, i, row < last ? vec_at(w + 3) : beyond(
-            equations->tails, equations->end_ratio, scale, w));
-        load_vec(tile->in + STEP, i, row > 0 && row < last
-            ? times(scale, vec_at(row_of(equations->steps, row)))
-            : end_step(equations, scale, row));
-        tile->in[UNDONE][i] = begun[1];
-        tile->in[REST][i] = 1.0 - begun[0];
-        tile->in[DONE][i] = begun[2];
-        tile->in[AHEAD][i] = begun[3];
+    const double *w = row_of(unknown, row), *begun = row_of(equations->begun, row);
+    load_vec(in + HERE, i, vec_at(w));
+    in[UNDONE][i] = begun[1], in[REST][i] = 1.0 - begun[0];
+    in[DONE][i] = begun[2], in[AHEAD][i] = begun[3];
+    if (row > 0 && row < last) {
+        load_vec(in + BEFORE, i, vec_at(w - 3));
+        load_vec(in + AFTER, i, vec_at(w + 3));
+        load_vec(in + STEP, i, times(scale, vec_at(row_of(equations->steps, row))));
+        in[FOLD_LEFT][i] = in[FOLD_RIGHT][i] = 0.0;
+        return;
     }
-    linearise(tile, count);
+    matrix_t heads = equations->heads, tails = equations->tails;
+    double before = equations->start_ratio, after = equations->end_ratio;
+    load_vec(in + BEFORE, i, row > 0 ? vec_at(w - 3) : beyond(heads, before, scale, w));
+    load_vec(in + AFTER, i, row < last ? vec_at(w + 3) : beyond(tails, after, scale, w));
+    load_vec(in + STEP, i, end_step(equations, scale, row));
+    in[FOLD_LEFT][i] = row == 0 && !heads.n ? before : 0.0;
+    in[FOLD_RIGHT][i] = row == last && !tails.n ? after : 0.0;
 }
 
-/* Fold the block of an increment that is a multiple of its neighbour into the diagonal. */
-static void fold(tile_t *tile, index_t i, index_t side, matrix_t known, double ratio) {
-    for (index_t k = 0; k < 9; k++) {
-        if (!known.n)
-            tile->out[MIDDLE + k][i] += ratio * tile->out[side + k][i];
-        tile->out[side + k][i] = 0.0;
-    }
-}
-
-/* Eliminate a row: keep what the substitution needs, given what was kept of the row before. */
-INLINE void eliminate(const tile_t *tile, index_t i, const double *before, double *kept) {
-    double m[9], r[KEPT];
-    for (index_t k = 0; k < 9; k++)
-        m[k] = tile->out[MIDDLE + k][i];
-    for (index_t k = 0; k < 3; k++) {
-        for (index_t j = 0; j < 3; j++)
-            r[4 * k + j] = tile->out[RIGHT + 3 * k + j][i];
-        r[4 * k + 3] = -tile->out[ERROR + k][i];
-    }
-    if (before)
-        for (index_t k = 0; k < 3; k++) {
-            double x = tile->out[LEFT + 3 * k][i], y = tile->out[LEFT + 3 * k + 1][i];
-            double z = tile->out[LEFT + 3 * k + 2][i];
-            for (index_t j = 0; j < 3; j++)
-                m[3 * k + j] -= x * before[j] + y * before[4 + j] + z * before[8 + j];
-            r[4 * k + 3] -= x * before[3] + y * before[7] + z * before[11];
+/* Write the corrections of the rows that strands own, each so many, and raise the largest ones.
+ *
+ * begin, end: places that were eliminated, counted from where the own ones begin.
+ * wanted: how many rows there are from the first strand on. */
+static void substitute(double (*kept)[KEPT][LANES], index_t begin, index_t end, index_t length,
+                       double *to, index_t wanted, double *largest, double *sum) {
+    double x[LANES] = {0}, y[LANES] = {0}, z[LANES] = {0};
+    for (index_t place = end - 1; place >= 0; place--) {
+        const double (*r)[LANES] = kept[place - begin + 1];
+        INDEPENDENT
+        for (index_t i = 0; i < LANES; i++) {
+            double p = r[9][i] - (r[0][i] * x[i] + r[3][i] * y[i] + r[6][i] * z[i]);
+            double q = r[10][i] - (r[1][i] * x[i] + r[4][i] * y[i] + r[7][i] * z[i]);
+            double s = r[11][i] - (r[2][i] * x[i] + r[5][i] * y[i] + r[8][i] * z[i]);
+            x[i] = p, y[i] = q, z[i] = s;
         }
-    double c[9] = {
-        m[4] * m[8] - m[5] * m[7], m[2] * m[7] - m[1] * m[8], m[1] * m[5] - m[2] * m[4],
-        m[5] * m[6] - m[3] * m[8], m[0] * m[8] - m[2] * m[6], m[2] * m[3] - m[0] * m[5],
-        m[3] * m[7] - m[4] * m[6], m[1] * m[6] - m[0] * m[7], m[0] * m[4] - m[1] * m[3],
-    };
-    /* Where the determinant is zero, what comes is not finite, which is looked for at the end. */
-    double inverse = 1.0 / (m[0] * c[0] + m[1] * c[3] + m[2] * c[6]);
-    for (index_t k = 0; k < 9; k++)
-        c[k] *= inverse;
-    for (index_t k = 0; k < 3; k++)
-        for (index_t j = 0; j < 4; j++)
-            kept[4 * k + j] = c[3 * k] * r[j] + c[3 * k + 1] * r[4 + j] + c[3 * k + 2] * r[8 + j];
-}
-
-/* Write the corrections of all rows that are kept but the last ones, which others follow. */
-static void substitute(double *kept, index_t held, index_t wanted, double *to,
-                       double *largest) {
-    double x = 0.0, y = 0.0, z = 0.0;
-    for (index_t i = held - 1; i >= 0; i--) {
-        const double *r = kept + KEPT * i;
-        double p = r[3] - (r[0] * x + r[1] * y + r[2] * z);
-        double q = r[7] - (r[4] * x + r[5] * y + r[6] * z);
-        z = r[11] - (r[8] * x + r[9] * y + r[10] * z);
-        x = p, y = q;
-        if (i < wanted) {
-            double *v = to + 3 * i;
-            v[0] = x, v[1] = y, v[2] = z;
-            double size = fmax(fmax(fabs(x), fabs(y)), fabs(z));
-            /* Not `>`: what is not a number must not pass for small. */
-            if (!(size <= *largest) || x != x || y != y || z != z)
-                *largest = x != x || y != y || z != z ? NAN : size;
+        if (place >= length)
+            continue;
+        index_t full = place < wanted ? least(LANES, (wanted - place - 1) / length + 1) : 0;
+        for (index_t i = 0; i < full; i++) {
+            double a = fabs(x[i]), b = fabs(y[i]), c = fabs(z[i]);
+            double size = a > b ? a : b;
+            size = c > size ? c : size;
+            largest[i] = size > largest[i] ? size : largest[i];
+            sum[i] += a + b + c;
+            put_vec(to + 3 * (i * length + place), vec(x[i], y[i], z[i]));
         }
     }
 }
 
-static double step_of(const equations_t *equations, double scale, matrix_t unknown, indices_t rows,
-                      matrix_t errors, double *correction, double *kept, tile_t *tile) {
-    index_t last = equations->steps.n - 1, done = 0, held = 0;
-    double largest = 0.0;
-    for (index_t begin = 0; begin < rows.n; begin += TILE) {
-        index_t count = least(TILE, rows.n - begin);
-        load(tile, equations, scale, unknown, rows.v + begin, count);
+strands_t *new_strands(index_t run, size_t more, void **rest) {
+    size_t places = (size_t)(LONGEST + 2 * run + 1);
+    size_t size = sizeof(strands_t) + sizeof(double) * KEPT * LANES * places;
+    char *memory = aligned_alloc(ALIGNMENT, (size + more + ALIGNMENT - 1) / ALIGNMENT * ALIGNMENT);
+    if (!memory)
+        return NULL;
+    if (rest)
+        *rest = memory + size;
+    strands_t *strands = (strands_t *)memory;
+    memset(strands->kept[0], 0, sizeof strands->kept[0]);
+    return strands;
+}
+
+/* Load a place of each strand. */
+static void load_place(inputs_t *inputs, const equations_t *equations, double scale,
+                       matrix_t unknown, indices_t rows, matrix_t errors, index_t first,
+                       index_t length) {
+    for (index_t i = 0; i < LANES; i++) {
+        index_t wanted = first + i * length, place = most(0, least(wanted, rows.n - 1));
+        index_t row = rows.v[place];
+        load(inputs, i, equations, scale, unknown, row);
+        inputs->in[HAS_LEFT][i] = wanted > 0 && wanted < rows.n && rows.v[place - 1] == row - 1;
+        inputs->in[HAS_RIGHT][i] = wanted >= 0 && wanted + 1 < rows.n
+                                   && rows.v[place + 1] == row + 1;
         if (errors.n)
-            for (index_t i = 0; i < count; i++)
-                load_vec(tile->out + ERROR, i, vec_at(row_of(errors, begin + i)));
-        for (index_t i = 0; i < count; i++) {
-            index_t place = begin + i, row = rows.v[place];
-            if (row == 0)
-                fold(tile, i, LEFT, equations->heads, equations->start_ratio);
-            if (row == last)
-                fold(tile, i, RIGHT, equations->tails, equations->end_ratio);
-            if (place + 1 == rows.n || rows.v[place + 1] != row + 1)
-                for (index_t k = 0; k < 9; k++)
-                    tile->out[RIGHT + k][i] = 0.0;
-            bool follows = place > 0 && rows.v[place - 1] == row - 1;
-            eliminate(tile, i, follows ? kept + KEPT * (held - 1) : NULL, kept + KEPT * held);
-            held++;
-        }
-        if (held > PIECE + HALO - TILE) {
-            index_t ready = held - HALO;
-            substitute(kept, held, ready, correction + 3 * done, &largest);
-            memmove(kept, kept + KEPT * ready, sizeof(double) * KEPT * HALO);
-            done += ready, held = HALO;
-        }
+            load_vec(inputs->error, i, vec_at(row_of(errors, place)));
     }
-    substitute(kept, held, held, correction + 3 * done, &largest);
-    return largest;
 }
 
+static double correct(const equations_t *equations, double scale, matrix_t unknown, indices_t rows,
+                      matrix_t errors, index_t run, strands_t *strands, double *correction) {
+    double largest[LANES] = {0}, sum[LANES] = {0}, most_of_all = 0.0, total = 0.0;
+    for (index_t done = 0; done < rows.n;) {
+        index_t left = rows.n - done, length = left, begin = 0, end = left;
+        if (rows.n > ALONE) {
+            length = least(LONGEST, most((left + LANES - 1) / LANES, SHORTEST));
+            begin = -run, end = length + run;
+        }
+        for (index_t from = begin; from < end; from += TILE) {
+            index_t count = least(TILE, end - from);
+            for (index_t i = 0; i < count; i++)
+                load_place(&strands->tile[i], equations, scale, unknown, rows, errors,
+                           done + from + i, length);
+            for (index_t i = 0; i < count; i++) {
+                double (*kept)[KEPT][LANES] = strands->kept + from + i - begin;
+                eliminate(&strands->tile[i], errors.n > 0, kept[0], kept[1]);
+            }
+        }
+        substitute(strands->kept, begin, end, length, correction + 3 * done, left, largest, sum);
+        done += LANES * length;
+    }
+    for (index_t i = 0; i < LANES; i++) {
+        most_of_all = largest[i] > most_of_all ? largest[i] : most_of_all;
+        total += sum[i];
+    }
+    return total < INFINITY ? most_of_all : NAN;
+}
+
+double newton_step(const equations_t *equations, double scale, matrix_t unknown, indices_t rows,
+                   strands_t *strands, double *correction) {
+    return correct(equations, scale, unknown, rows, (matrix_t){0}, SHORT_RUN, strands, correction);
+}
 void keyframe_errors(const equations_t *equations, double scale, matrix_t unknown, indices_t rows,
                      matrix_t errors) {
-    tile_t tile;
-    for (index_t begin = 0; begin < rows.n; begin += TILE) {
-        index_t count = least(TILE, rows.n - begin);
-        load(&tile, equations, scale, unknown, rows.v + begin, count);
-        for (index_t i = 0; i < count; i++)
-            put_vec(row_of(errors, begin + i), lane(&tile.out[ERROR][i]));
+    inputs_t inputs;
+    for (index_t begin = 0; begin < rows.n; begin += LANES) {
+        for (index_t i = 0; i < LANES; i++)
+            load(&inputs, i, equations, scale, unknown, rows.v[least(begin + i, rows.n - 1)]);
+        put_errors(&inputs);
+        for (index_t i = 0; i < least(LANES, rows.n - begin); i++)
+            put_vec(row_of(errors, begin + i), lane(inputs.error, i));
     }
 }
 
 int keyframe_step(const equations_t *equations, double scale, matrix_t unknown, indices_t rows,
                   matrix_t errors, matrix_t correction, double *largest) {
-    tile_t tile;
-    double *kept = malloc(sizeof(double) * KEPT * (PIECE + HALO));
-    if (!kept)
+    strands_t *strands = new_strands(LONG_RUN, 0, NULL);
+    if (!strands)
         return OUT_OF_MEMORY;
-    *largest = step_of(equations, scale, unknown, rows, errors, correction.v, kept, &tile);
-    free(kept);
+    *largest = correct(equations, scale, unknown, rows, errors, LONG_RUN, strands, correction.v);
+    free(strands);
     return FOUND;
 }
 
@@ -312,172 +340,4 @@ int euclidean_increments(const equations_t *equations, matrix_t unknown) {
     }
     free(above);
     return FOUND;
-}
-
-/* What a search needs: increments and corrections, shape (N, 3) each, and lists of rows. */
-typedef struct {
-    const equations_t *equations;
-    matrix_t tangent; /* the increments of Euclidean space */
-    matrix_t here;    /* where the search is */
-    double *bend, *bend_before, *trial, *correction, *kept;
-    int64_t *rows, *window, *some;
-    tile_t tile;
-} search_t;
-
-INLINE double size_of(const double *v) {
-    double size = fmax(fmax(fabs(v[0]), fabs(v[1])), fabs(v[2]));
-    return v[0] != v[0] || v[1] != v[1] || v[2] != v[2] ? INFINITY : size;
-}
-
-/* Write those rows of a list that are within reach of some of them; both lists are increasing. */
-static index_t around(const int64_t *some, index_t found, const int64_t *rows, index_t count,
-                      int64_t *near) {
-    index_t next = 0, kept = 0;
-    for (index_t i = 0; i < count; i++) {
-        int64_t row = rows[i];
-        while (next < found && some[next] < row - REACH)
-            next++;
-        if (next < found && some[next] <= row + REACH)
-            near[kept++] = row;
-    }
-    return kept;
-}
-
-/* Improve the increments of the first rows in the list until corrections are small enough, and
- * return how many rows are in the way, which are listed then; -1 if there is no end to it. */
-static index_t newton(search_t *search, matrix_t unknown, double scale, index_t count,
-                      double enough) {
-    double limit = LARGEST_FIRST, before = INFINITY;
-    for (index_t step = 0; step < MOST_STEPS; step++) {
-        double size = step_of(search->equations, scale, unknown, (indices_t){search->rows, count},
-                              (matrix_t){0}, search->correction, search->kept, &search->tile);
-        index_t bad = 0, moving = 0;
-        if (!(size <= limit))
-            for (index_t i = 0; i < count; i++) {
-                search->some[bad] = search->rows[i];
-                bad += !(size_of(search->correction + 3 * i) <= limit);
-            }
-        for (index_t i = 0; i < count; i++) {
-            double *w = row_of(unknown, search->rows[i]);
-            const double *d = search->correction + 3 * i;
-            w[0] += d[0], w[1] += d[1], w[2] += d[2];
-        }
-        if (bad)
-            return bad;
-        if (size <= ROUNDING && size > 0.5 * before)
-            return 0;
-        for (index_t i = 0; i < count; i++) {
-            search->some[moving] = search->rows[i];
-            moving += !(size_of(search->correction + 3 * i) <= enough);
-        }
-        if (!moving)
-            return 0;
-        count = around(search->some, moving, search->rows, count, search->rows);
-        limit = fmax(CONTRACTION * size, ROUNDING);
-        before = size;
-    }
-    return -1;
-}
-
-/* Carry the increments of a window of rows from where nothing turns to the full scale, those beyond
- * it following by themselves, and return whether that was possible. */
-static bool march(search_t *search, index_t count) {
-    matrix_t trial = {search->trial, search->here.n, 3};
-    double scale = 0.0, growth = 0.5, reached[2] = {0.0, 0.0};
-    index_t points = 0;
-    /* w(s) = s w' + s^2 (c + s d), from what it is at the last one or two scales. */
-    for (index_t row = 0; row < trial.n; row++)
-        for (index_t k = 0; k < 3; k++)
-            search->bend[3 * row + k] = row_of(search->here, row)[k]
-                                      - row_of(search->tangent, row)[k];
-    for (index_t i = 0; i < count; i++)
-        put_vec(search->bend + 3 * search->window[i], vec(0.0, 0.0, 0.0));
-    memcpy(search->bend_before, search->bend, sizeof(double) * 3 * (size_t)trial.n);
-    while (scale < 1.0) {
-        double next = fmin(1.0, scale + growth);
-        double ahead = points == 2 ? (next - reached[0]) / (reached[0] - reached[1]) : 0.0;
-        for (index_t k = 0; k < 3 * trial.n; k++) {
-            double bend = search->bend[k] + ahead * (search->bend[k] - search->bend_before[k]);
-            trial.v[k] = next * (search->tangent.v[k] + next * bend);
-        }
-        memcpy(search->rows, search->window, sizeof *search->rows * (size_t)count);
-        if (newton(search, trial, next, count, ON_THE_WAY)) {
-            growth *= 0.5;
-            if (growth < SMALLEST_GROWTH)
-                return false;
-            continue;
-        }
-        for (index_t i = 0; i < count; i++)
-            for (index_t k = 3 * search->window[i]; k < 3 * search->window[i] + 3; k++) {
-                search->bend_before[k] = search->bend[k];
-                search->bend[k] = (trial.v[k] / next - search->tangent.v[k]) / next;
-            }
-        points = least(points + 1, 2);
-        reached[1] = reached[0], reached[0] = next;
-        growth = 2.0 * (next - scale);
-        scale = next;
-    }
-    for (index_t i = 0; i < count; i++)
-        put_vec(row_of(search->here, search->window[i]),
-                vec_at(row_of(trial, search->window[i])));
-    return true;
-}
-
-/* Newton's method from the increments of Euclidean space straight to the full steps.  Rows in the way
- * are carried there in smaller steps: a correction decays by 0.27 with each keyframe, so the others
- * hardly take notice.  The solution is the one connected with small rotations. */
-static bool search_increments(search_t *search) {
-    index_t count = search->here.n;
-    for (index_t attempt = 0;; attempt++) {
-        for (index_t i = 0; i < count; i++)
-            search->rows[i] = i;
-        index_t bad = newton(search, search->here, 1.0, count, SETTLED);
-        if (bad <= 0 || attempt == MOST_ATTEMPTS)
-            return bad == 0;
-        for (index_t i = 0; i < count; i++)
-            search->rows[i] = i;
-        index_t width = around(search->some, bad, search->rows, count, search->window);
-        if (attempt || width > count / 2) {
-            memcpy(search->window, search->rows, sizeof *search->rows * (size_t)count);
-            width = count;
-        }
-        if (!march(search, width))
-            return false;
-    }
-}
-
-/* The only unknown, where two increments are known at both ends: a logarithm, the principal one as
- * in the Hermite curve.  Whole turns added to the step are left to the search. */
-static bool is_explicit(const equations_t *equations) {
-    return equations->steps.n == 1 && equations->heads.n == 2 && equations->tails.n == 2
-        && norm(vec_at(equations->steps.v)) <= M_PI;
-}
-
-int find_increments(const equations_t *equations, matrix_t unknown) {
-    if (is_explicit(equations)) {
-        put_vec(unknown.v, end_step(equations, 1.0, 0));
-        return FOUND;
-    }
-    size_t count = (size_t)equations->steps.n;
-    int found = OUT_OF_MEMORY;
-    search_t *search = malloc(sizeof *search);
-    int64_t *lists = malloc(3 * count * sizeof *lists);
-    double *memory = malloc((15 * count + KEPT * (PIECE + HALO)) * sizeof *memory);
-    if (search && lists && memory) {
-        search->equations = equations;
-        search->tangent = (matrix_t){memory, unknown.n, 3}, search->here = unknown;
-        search->bend = memory + 3 * count, search->bend_before = memory + 6 * count;
-        search->trial = memory + 9 * count, search->correction = memory + 12 * count;
-        search->kept = memory + 15 * count;
-        search->rows = lists, search->window = lists + count, search->some = lists + 2 * count;
-        found = euclidean_increments(equations, search->tangent);
-    }
-    if (found == FOUND) {
-        memcpy(unknown.v, search->tangent.v, 3 * count * sizeof(double));
-        found = search_increments(search) ? FOUND : NOT_FOUND;
-    }
-    free(search);
-    free(lists);
-    free(memory);
-    return found;
 }

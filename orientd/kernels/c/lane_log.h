@@ -23,7 +23,8 @@ INLINE vec_t lane_logarithm(quat_t q) {
     /* What pi and pi/2 lack as doubles counts where the angle is subtracted from them. */
     angle = length > w ? 1.5707963267948966 - (angle - 6.123233995736766e-17) : angle;
     angle = q.w < 0.0 ? 3.141592653589793 - (angle - 1.2246467991473532e-16) : angle;
-    double factor = length > 0.0 ? angle / length : q.w > 0.0 ? 1.0 / q.w : 0.0;
+    double over = length > 0.0 ? angle : q.w > 0.0 ? 1.0 : 0.0;
+    double factor = over / (length > 0.0 ? length : q.w > 0.0 ? q.w : 1.0);
     double whole = length > 0.0 || !(q.w < 0.0) ? 0.0 : 3.141592653589793;
     return vec(factor * q.x + whole, factor * q.y, factor * q.z);
 }

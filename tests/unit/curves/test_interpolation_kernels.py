@@ -13,8 +13,8 @@ from orientd.curves.basis import cumulative_basis
 from orientd.curves.interpolation import EndCondition, KeyframeEquations
 from orientd.rotation import align, between, exp_half, log_half
 
-COUNT = 40
-"""Keyframes: more than a tile of the kernel has rows."""
+COUNT = 100
+"""Keyframes: more than a strand of the kernel has rows."""
 
 
 def equations_and_increments(start="natural", end="natural", step=0.5, seed=0):
