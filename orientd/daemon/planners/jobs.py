@@ -58,11 +58,9 @@ class SetUp:
 
     Attributes:
         devices: to plan for.
-        most_keyframes: of one request.
     """
 
     devices: tuple[PlannerDevice, ...]
-    most_keyframes: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,10 +144,12 @@ class Question:
     Attributes:
         what: is wanted; of a motion, but for the methods.
         job: how that motion is made.
+        most_keyframes: that it may have.
     """
 
     what: Records | Report | Methods
     job: Job | None = None
+    most_keyframes: int = 100_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)

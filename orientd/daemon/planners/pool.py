@@ -126,7 +126,12 @@ class _Lane:
 
 
 class Planners:
-    """Planner processes, replaced whenever one ends."""
+    """Planner processes, replaced whenever one ends.
+
+    Attributes:
+        timeout: how long a request may take at the most, s.
+        most_keyframes: that a request for a new plan may have.
+    """
 
     def __init__(
         self,
@@ -145,7 +150,8 @@ class Planners:
             most_keyframes: of one request.
         """
         self.timeout = timeout
-        self._set_up = SetUp(tuple(devices), most_keyframes)
+        self._set_up = SetUp(tuple(devices))
+        self.most_keyframes = most_keyframes
         self._count = processes
         self._lanes = {rank: _Lane() for rank in Rank}
         self._idle: list[PlannerProcess] = []
@@ -198,7 +204,7 @@ class Planners:
             DaemonError: the planner has ended.
         """
         chosen = order.rank if rank is None else rank
-        question = Question(Records(rate_hz=order.rate_hz), job)
+        question = Question(Records(rate_hz=order.rate_hz), job, self.most_keyframes)
         content, rows, event = await self._ask(question, chosen, order)
         if not isinstance(content, Planned) or rows is None:
             raise DaemonError("the planner said something else")

@@ -64,7 +64,6 @@ class Work:
 
     def __init__(self, set_up: SetUp) -> None:
         """Make a planner for each device, of which *set_up* tells."""
-        self._most_keyframes = set_up.most_keyframes
         self._planners = {device.name: _planner(device) for device in set_up.devices}
         self._periods = {device.name: device.period_ns * 1e-9 for device in set_up.devices}
         self._memory: memoryview | None = None
@@ -95,7 +94,7 @@ class Work:
             return reporting.methods(), None
         if job is None:
             raise ValueError("the question needs a job")
-        motion, leave = self._motion(job)
+        motion, leave = self._motion(job, question.most_keyframes)
         self._say(f"reporting on {motion.record_count} records")
         if not isinstance(what, Records):
             return reporting.plan_response(motion, what.rate_hz), None
@@ -116,7 +115,7 @@ class Work:
         motion, _ = self._known[job.motion_id]
         return reporting.event(motion)
 
-    def _motion(self, job: Job) -> tuple[Motion, int]:
+    def _motion(self, job: Job, most_keyframes: int) -> tuple[Motion, int]:
         """Return the motion of a job, and where it leaves the one before."""
         known = self._known.get(job.motion_id)
         if known is not None:
@@ -127,8 +126,8 @@ class Work:
         except DecodeError as error:
             raise RequestError("motion", f"cannot be read: {error}") from error
         count = len(message.keyframes)
-        if count > self._most_keyframes:
-            problem = f"expected at most {self._most_keyframes}, got {count}"
+        if count > most_keyframes:
+            problem = f"expected at most {most_keyframes}, got {count}"
             raise RequestError("keyframes", problem)
         request = motion_file.parse(to_mapping(message))
         duration = f", duration {request.duration}" if request.duration else ""

@@ -19,7 +19,7 @@ class DirectPlanners:
     timeout = 10.0
 
     def __init__(self, settings):
-        self.work = Work(SetUp(tuple(map(planner_device, settings)), 100_000))
+        self.work = Work(SetUp(tuple(map(planner_device, settings))))
 
     async def plan(self, job: Job, order: Order, *, rank=None) -> PlannedMotion:
         planned, rows = self.work.do(Question(Records(rate_hz=order.rate_hz), job))
