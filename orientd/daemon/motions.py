@@ -31,6 +31,9 @@ from orientd.stream import UNKNOWN, Command, Cycle, State
 _SHAPED_ATTEMPTS = 3
 """How often a path that the driver shapes is planned from on the way before it begins at rest."""
 
+_LATER = (0.0, 0.1, 0.25, 0.5)
+"""How much later on the way than as soon as possible axes are tried that cannot go on there, s."""
+
 LONGEST_STOP = 30.0
 """How long a stop on the path may take, s."""
 
@@ -117,7 +120,7 @@ class Motions:
         kind = len(order.motion).bit_length(), manner.is_queued
         leave = await self._leave(manner, kind, attempt)
         chosen = time.monotonic()
-        motion = None
+        motion: PlannedMotion | None = None
         if leave is not None and manner.is_queued:
             left = self._left(leave)
             tail = await self._tail(left, leave.record)
@@ -130,7 +133,9 @@ class Motions:
             motion = await self._planners.plan(job, order, rank=Rank.URGENT)
             leave = replace(leave, record=motion.leave)
         elif leave is not None:
-            motion = await self._taking_over(order, leave, attempt)
+            taking_over = await self._taking_over(order, leave, attempt)
+            if taking_over is not None:
+                leave, motion = taking_over
         if motion is None:
             if leave is not None:
                 await self._stop_on_path()
@@ -193,28 +198,38 @@ class Motions:
             return itinerary.end(record=0)
         return ahead
 
-    async def _taking_over(self, order: Order, leave: Leave, attempt: int) -> PlannedMotion | None:
+    async def _taking_over(
+        self, order: Order, leave: Leave, attempt: int
+    ) -> tuple[Leave, PlannedMotion] | None:
         """Plan a motion from *leave* on; ``None`` where the axes can begin it at rest only.
+
+        Where the axes could not go on from there, as in the midst of a passage near a singularity,
+        it is tried a little later on the way.
 
         Raises:
             LateError: what it was to replace has ended.
             PlanError: it cannot be planned, at rest neither; nothing has changed.
         """
         left = self._left(leave)
-        state = left.state_at(leave.record)
-        joints = left.joints_at(leave.record)
+        state, joints = left.state_at(leave.record), left.joints_at(leave.record)
         if not joints:
             job = self._job(order, state)
-            return await self._planners.plan(job, order, rank=Rank.URGENT)
-        before = () if state.is_at_rest else left.joints_before(leave.record)
-        if attempt < _SHAPED_ATTEMPTS:
+            return leave, await self._planners.plan(job, order, rank=Rank.URGENT)
+        for later in _LATER if attempt < _SHAPED_ATTEMPTS else ():
+            record = leave.record + round(later / self._period)
+            if record >= min(left.last_record, left.at_hand[1]):
+                break
+            start = left.state_at(record)
+            before = () if start.is_at_rest else left.joints_before(record)
+            job = self._job(order, start, left.joints_at(record), before)
             try:
-                job = self._job(order, state, joints, before)
-                return await self._planners.plan(job, order, rank=Rank.URGENT)
+                motion = await self._planners.plan(job, order, rank=Rank.URGENT)
             except PlanError:
-                # What cannot be planned from rest near there is not worth a stop.
-                rest = PlannedState.at_rest(state.q, state.position)
-                await self._planners.plan(self._job(order, rest, joints), order)
+                continue
+            return replace(leave, record=record), motion
+        # What cannot be planned from rest near there is not worth a stop.
+        rest = PlannedState.at_rest(state.q, state.position)
+        await self._planners.plan(self._job(order, rest, joints), order)
         return None
 
     def _left(self, leave: Leave) -> PlannedMotion:
