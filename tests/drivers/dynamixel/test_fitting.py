@@ -6,7 +6,7 @@ import pytest
 from orientd import motion_file, planner
 from orientd.clock import ManualClock
 from orientd.errors import LimitError
-from orientd.planner import Limits, State
+from orientd.planner import Limits, State, fitting
 from orientd.planner.fitting import plan_to_fit
 from orientd.rotation import angle, conjugate, exp, multiply
 from orientd_dynamixel import DynamixelDriver
@@ -95,7 +95,7 @@ def test_path_without_times_is_nearly_as_fast_as_the_axes_allow(miss):
 def test_planning_for_the_axes_is_bounded_in_attempts(monkeypatch):
     made = []
     plan = planner.plan
-    monkeypatch.setattr(planner, "plan", lambda *a, **k: made.append(1) or plan(*a, **k))
+    monkeypatch.setattr(fitting, "plan", lambda *a, **k: made.append(1) or plan(*a, **k))
     fit(over_the_top(4.0))
     assert 3 <= len(made) <= 17
     made.clear()

@@ -172,7 +172,7 @@ def test_second_client_with_the_registers_is_named(ur_robot):
     other = rtde_control.RTDEControlInterface(ur_robot.host)
     try:
         settings = DeviceSettings(name="arm", driver="ur", options={"host": ur_robot.host})
-        device = Device(settings, on_event=lambda _event: None)
+        device = Device(settings, planners=None, on_event=lambda _event: None)
         device.launch()
         try:
             assert device.wait_ready(20.0), device.failure
@@ -190,7 +190,7 @@ def test_second_client_with_the_registers_is_named(ur_robot):
 def test_silent_controller_is_named_when_opening(ur_robot):
     ur_robot.ask("silence")
     settings = DeviceSettings(name="arm", driver="ur", options={"host": ur_robot.host})
-    device = Device(settings, on_event=lambda _event: None)
+    device = Device(settings, planners=None, on_event=lambda _event: None)
     device.launch()
     try:
         assert not device.wait_ready(20.0)
