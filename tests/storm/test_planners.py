@@ -131,7 +131,7 @@ def test_a_plan_ends_at_its_deadline_and_leaves_a_planner(request, endless, whos
             assert time.monotonic() - begun > 0.9 * PLAN_TIMEOUT
             assert call.code() is grpc.StatusCode.DEADLINE_EXCEEDED, call.details()
             if is_stopped:
-                assert_replaced(rig, pid, count, PROMPT)
+                assert_replaced(rig, pid, count, 1.0 + PROMPT)
         finally:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGCONT)
