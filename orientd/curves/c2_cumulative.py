@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.continuation import solve
-from orientd.curves.cumulative import CumulativeCurve
+from orientd.curves.cumulative import TABLE_ROWS, CumulativeCurve
 from orientd.curves.interpolation import EndCondition, KeyframeEquations
 from orientd.curves.keyframes import (
     check_bool,
@@ -19,7 +19,6 @@ from orientd.curves.keyframes import (
     resolve_times,
     with_turns,
 )
-from orientd.curves.product import TABLE_ROWS
 from orientd.kernels import interpolate_c2, put_equations, put_table
 from orientd.rotation import Floats
 from orientd.rotation import align as align_signs
