@@ -101,6 +101,10 @@ class LateError(StateError):
     """A motion was to leave the path at a point that the device has passed."""
 
 
+class UnsteadyError(LateError):
+    """A motion cannot be left while its speed is changing; a moment later it can."""
+
+
 class LeaseError(OrientdError):
     """A command from somebody who does not hold the lease."""
 

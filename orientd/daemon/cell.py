@@ -31,6 +31,7 @@ from orientd.daemon.runs import Run, Runs
 from orientd.daemon.start_place import check_start
 from orientd.daemon.story import about
 from orientd.daemon.tenure import Tenure
+from orientd.daemon.turns import Turns
 from orientd.errors import (
     GOING_DOWN,
     DaemonError,
@@ -38,6 +39,7 @@ from orientd.errors import (
     RequestError,
     StateError,
     UnknownNameError,
+    UnsteadyError,
 )
 from orientd.rpc.reports import MoveTiming, Outcome
 from orientd.stream import UNKNOWN
@@ -49,6 +51,9 @@ _log = logging.getLogger(__name__)
 
 ATTEMPTS = 6
 """How often a motion is planned anew because the device has passed where it was to begin."""
+
+_STEADYING = 0.05
+"""Time after which a device whose speed was changing is looked at again, s."""
 
 _READY_STEP = 0.1
 
@@ -89,6 +94,7 @@ class Cell:
         self._lock = threading.Lock()
         self.plans = PlanStore()
         self.instants = Instants()
+        self._turns = Turns()
         self.is_closing = False
         self.configuration = settings.model_dump_json(exclude_none=True)
         self.listeners: list[Callable[[DeviceEvent, Device], object]] = []
@@ -228,15 +234,30 @@ class Cell:
             StateError: the device is not ready to move, or was stopped meanwhile.
             PlanError: it cannot be planned, or would break a limit.
         """
-        late: Exception | None = None
-        for attempt in range(ATTEMPTS):
+        async with self._turns.of(device.name, order):
+            return await self._move(token, device, order, manner, stops, received_ns)
+
+    async def _move(
+        self,
+        token: str,
+        device: Device,
+        order: Order,
+        manner: Manner,
+        stops: int,
+        received_ns: int,
+    ) -> tuple[Run, MoveTiming]:
+        attempt, late = 0, ""
+        while attempt < ATTEMPTS and order.time_left:
             try:
                 prepared = await device.prepare(order, manner, attempt=attempt)
                 planned_ns = time.monotonic_ns()
                 run = await self._begin(token, device, prepared, stops=stops)
+            except UnsteadyError as error:
+                late = str(error)
+                await asyncio.sleep(_STEADYING)
             except LateError as error:
                 _log.info("%s: planned too late: %s", device.name, error)
-                late = error
+                attempt, late = attempt + 1, str(error)
             else:
                 timing = MoveTiming(
                     planning=(planned_ns - received_ns) * 1e-9,
@@ -245,7 +266,7 @@ class Cell:
                     attempts=attempt + 1,
                 )
                 return run, timing
-        raise StateError(f"device {device.name} was too quick for {ATTEMPTS} plans: {late}")
+        raise StateError(f"device {device.name} was too quick for {attempt} plans: {late}")
 
     def present(self, device: Device, motion_id: str) -> PlannedMotion | None:
         """Return the motion that *device* runs or ran last, or the plan called *motion_id*.

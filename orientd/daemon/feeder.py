@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from orientd.planner.recorded import RecordedMotion
 from orientd.servo.path_follower import FINAL_WORD, TAIL_WORD
 from orientd.stream import PathFlag, RecordRing
-from orientd.stream.records import PATH_FLOATS, PATH_RECORD
+from orientd.stream.records import PATH_FLOATS
 
 BLOCK = 512
 """Records copied at a time."""
@@ -100,17 +100,12 @@ class Feeder:
         if count <= 0:
             return 0
         block = self._records(self._fed, count)
-        count = len(block)
-        size = PATH_RECORD.size
-        content = block.tobytes()
-        head = ring.head
-        for k in range(count):
-            ring.put(content[k * size : (k + 1) * size], head + k)
-        self._fed += count
+        ring.put(block.tobytes(), ring.head)
+        self._fed += len(block)
         if self._is_taken_up:
             self._declare_end()
-        ring.advance(head + count)
-        return count
+        ring.advance(ring.head + len(block))
+        return len(block)
 
     def take_up(self) -> None:
         """Note that the servo has the motion on its path; it is told where it ends from now on."""

@@ -1,8 +1,8 @@
 """Estimate the replanning horizon: how far ahead of the setpoint a new motion takes over.
 
-That is from the moment when the place to take over at is chosen until the servo has the motion,
-learnt from what plans of the same kind have lately taken.  The second longest of the last few
-counts: one that was held up does not make those after it wait.
+That is from the moment when the place to take over at is chosen until the servo is handed the
+motion, learnt from what plans of the same kind have lately taken.  The second longest of the last
+few counts: one that was held up does not make those after it wait.
 """
 
 from __future__ import annotations

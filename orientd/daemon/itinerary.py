@@ -15,10 +15,11 @@ from orientd.daemon.meter import MotionMeter, MotionStatistics
 from orientd.daemon.planners import PlannedMotion
 from orientd.daemon.servo_link import ServoLink, terms_of
 from orientd.errors import LateError, StateError
+from orientd.planner.recorded import MotionFacts
 from orientd.stream import UNKNOWN, Command, Cycle
 
-METERS = 16
-"""Motions whose measurements are kept."""
+MEASURED = 16
+"""Motions that have ended whose measurements are kept."""
 
 _METER_BLOCK = 256
 """Cycles measured at a time: few of them would cost nearly as much as so many."""
@@ -81,7 +82,8 @@ class Itinerary:
         self._lead = lead
         self._read_ahead = read_ahead
         self._stages: list[Stage] = []
-        self._meters: OrderedDict[int, MotionMeter] = OrderedDict()
+        self._meters: dict[int, MotionMeter] = {}
+        self._measured: OrderedDict[int, tuple[MotionStatistics, int | None]] = OrderedDict()
         self._metered = 0
 
     # What there is
@@ -127,13 +129,17 @@ class Itinerary:
 
     def statistics(self, number: int) -> MotionStatistics | None:
         """Return what was measured of motion *number*; ``None`` where that is not known."""
-        meter = self._meters.get(number)
-        return None if meter is None else meter.statistics()
+        return self._figures(number)[0]
 
     def began_ns(self, number: int) -> int | None:
         """Return when motion *number* began to move, monotonic clock, where that is known."""
+        return self._figures(number)[1]
+
+    def _figures(self, number: int) -> tuple[MotionStatistics | None, int | None]:
         meter = self._meters.get(number)
-        return None if meter is None else meter.began_ns
+        if meter is None:
+            return self._measured.get(number, (None, None))
+        return meter.statistics(), meter.began_ns
 
     # Motions
 
@@ -170,6 +176,7 @@ class Itinerary:
         left.leave, left.is_replaced = leave.record, True
         left.feeder.leave_at(leave.record)
         self._stages[place + 1 :] = [stage]
+        self._let_go(dropped)
         return dropped
 
     def append(self, motion: PlannedMotion, number: int, leave: Leave) -> None:
@@ -210,6 +217,7 @@ class Itinerary:
         if left.leave == left.motion.last_record:
             return []  # it begins when the one before has come to rest
         missed, self._stages = self._stages[place:], self._stages[:place]
+        self._let_go(missed)
         left.leave = None
         if left.feeder is not None:
             left.feeder.leave_at(left.motion.last_record)
@@ -249,6 +257,7 @@ class Itinerary:
         if place:
             self.measure()
         passed, self._stages = self._stages[:place], self._stages[place:]
+        self._let_go(passed)
         return passed
 
     def clear(self) -> list[Stage]:
@@ -256,9 +265,19 @@ class Itinerary:
         if self._stages:
             self.measure()
         stages, self._stages = self._stages, []
+        self._let_go(stages)
         return stages
 
     # How
+
+    def _let_go(self, stages: list[Stage]) -> None:
+        """Keep of motions that have ended what was measured of them, and nothing else."""
+        for stage in stages:
+            meter = self._meters.pop(stage.number, None)
+            if meter is not None:
+                self._measured[stage.number] = meter.statistics(), meter.began_ns
+        while len(self._measured) > MEASURED:
+            self._measured.popitem(last=False)
 
     def _splice(self, stage: Stage, left: Stage, record: int) -> None:
         """Put the beginning of *stage* into the ring and have the servo go over to it."""
@@ -273,7 +292,7 @@ class Itinerary:
             # Nobody has heard of these records; what is fed next goes where they are.
             ring.advance(head)
             stage.feeder = None
-            raise LateError(str(error)) from error
+            raise error if isinstance(error, LateError) else LateError(str(error)) from error
         self._add_meter(stage, after=self._meters.get(left.number))
 
     def _feeder(self, stage: Stage) -> Feeder:
@@ -284,15 +303,18 @@ class Itinerary:
             feeder.leave_at(stage.leave)
         return feeder
 
+    def needed(self, facts: MotionFacts) -> int:
+        """Return how many records of a motion the servo wants to see before it begins."""
+        rates = [stage.motion.facts.brake_rate for stage in self._stages if stage.is_running]
+        slowest = min([*rates, facts.brake_rate])
+        return int((1.0 / slowest + _FEED_TIME) / facts.period) + 1
+
     def _feed_first(self, feeder: Feeder) -> None:
         """Put as much into the ring as the servo wants to see before it begins.
 
         Until what ran before is behind, the slowest stop of them all must fit.
         """
-        motion = feeder.motion
-        rates = [stage.motion.facts.brake_rate for stage in self._stages if stage.is_running]
-        slowest = min([*rates, motion.facts.brake_rate])
-        needed = int((1.0 / slowest + _FEED_TIME) / motion.facts.period) + 1
+        needed = self.needed(feeder.motion.facts)
         ring = self._link.memory.path
         while not feeder.is_done and ring.head - feeder.first_index < needed:
             if not feeder.feed(min(BLOCK, needed), is_urgent=True):
@@ -330,5 +352,3 @@ class Itinerary:
         self._meters[stage.number] = MotionMeter(
             stage.motion, stage.number, first, lead=self._lead, after=after
         )
-        while len(self._meters) > METERS:
-            self._meters.popitem(last=False)

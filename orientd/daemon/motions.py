@@ -21,9 +21,8 @@ from orientd.daemon.itinerary import Itinerary, Leave, Stage
 from orientd.daemon.manner import Kind, Manner, Prepared
 from orientd.daemon.meter import MotionStatistics
 from orientd.daemon.planners import Continuation, Job, Order, PlannedMotion, Planners, Rank
-from orientd.daemon.planners.jobs import CHUNK
 from orientd.daemon.servo_link import ServoLink
-from orientd.errors import LateError, PlanError, StateError
+from orientd.errors import LateError, PlanError, StateError, UnsteadyError
 from orientd.planner.recorded import HISTORY, Joints, RecordedMotion
 from orientd.planner.request import State as PlannedState
 from orientd.stream import UNKNOWN, Command, Cycle, State
@@ -33,6 +32,9 @@ _SHAPED_ATTEMPTS = 3
 
 _LATER = (0.0, 0.1, 0.25, 0.5)
 """How much later on the way than as soon as possible axes are tried that cannot go on there, s."""
+
+_TAIL = 16_384
+"""Records from the end of a motion, at the most, on which one that follows it may leave it."""
 
 LONGEST_STOP = 30.0
 """How long a stop on the path may take, s."""
@@ -142,6 +144,7 @@ class Motions:
                 leave = None
             job = self._job(order, self.held(), self._joints())
             motion = await self._planners.plan(job, order)
+        await motion.arrive(self._itinerary.needed(motion.facts))
         return Prepared(motion, leave, manner, chosen, kind)
 
     def _job(
@@ -159,7 +162,7 @@ class Motions:
         corner = min(
             math.ceil(facts.last_passed / facts.period), round(facts.end_time / facts.period)
         )
-        first = max(earliest, min(corner, motion.last_record), facts.record_count - CHUNK + 3)
+        first = max(earliest, min(corner, motion.last_record), facts.record_count - _TAIL)
         first = max(0, first - HISTORY)
         begin, end = motion.at_hand
         if begin <= first and end == facts.record_count:
@@ -193,7 +196,8 @@ class Motions:
             return None
         since = (time.monotonic_ns() - cycle.deadline_ns) * 1e-9
         horizon = since + self._horizon.ahead(kind, attempt)
-        ahead = itinerary.ahead(cycle, math.ceil(horizon / self._period) + 1)
+        # It takes a command up before it moves on from the record of the cycle before.
+        ahead = itinerary.ahead(cycle, max(0, math.ceil(horizon / self._period) - 1))
         if manner.is_queued and ahead.number != itinerary.last.number:
             return itinerary.end(record=0)
         return ahead
@@ -287,12 +291,8 @@ class Motions:
         elif manner.is_queued:
             self._itinerary.append(motion, number, leave)
         else:
-            try:
-                dropped = self._itinerary.replace(motion, number, leave)
-            finally:
-                # Late or not: it took so long.
-                self._horizon.add(prepared.kind, time.monotonic() - prepared.chosen)
-            for stage in dropped:
+            self._horizon.add(prepared.kind, time.monotonic() - prepared.chosen)
+            for stage in self._itinerary.replace(motion, number, leave):
                 self._tell(EventKind.MOTION_REPLACED, stage.number, "before it began")
             if self.is_paused:
                 self._link.ask(Command.SPEED, speed=speed)
@@ -323,6 +323,8 @@ class Motions:
             return
         try:
             itinerary.feed()
+        except UnsteadyError:
+            pass  # tried again with the next look
         except LateError as error:
             for stage in itinerary.miss():
                 self._tell(EventKind.MOTION_STOPPED, stage.number, str(error))

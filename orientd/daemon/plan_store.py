@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from orientd.daemon.planners import PlannedMotion
 
 KEPT_PLANS = 4
-"""Plans kept for a later move; a plan of 100,000 keyframes takes some tens of MiB."""
+"""Plans kept for a later move; each takes as much memory as its request, and up to 14 MB more."""
 
 
 class PlanStore:
@@ -41,4 +41,4 @@ class PlanStore:
             raise UnknownNameError(
                 "motion_id", f"device {device!r} has no plan {motion_id!r}, plan it again"
             )
-        return motion
+        return motion.again()

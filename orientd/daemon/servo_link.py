@@ -16,7 +16,7 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Any
 
-from orientd.errors import DaemonError, StateError
+from orientd.errors import DaemonError, StateError, UnsteadyError
 from orientd.planner.limits import Limits
 from orientd.servo.process import ProcessSettings
 from orientd.stream import (
@@ -123,6 +123,7 @@ class ServoLink:
         One that this has given up waiting for is not carried out later, unless it stops something.
 
         Raises:
+            UnsteadyError: not while the speed is changing.
             StateError: the servo's state does not allow it, or it was refused.
             DaemonError: the servo does not answer, or is not there.
         """
@@ -154,6 +155,8 @@ class ServoLink:
                     f"the servo did not answer {command.name.lower()} within {timeout:g} s"
                 )
             time.sleep(_POLL)
+        if answer.code == Answer.NOT_YET:
+            raise UnsteadyError(answer.text)
         if answer.code in (Answer.WRONG_STATE, Answer.REFUSED):
             raise StateError(answer.text)
         if answer.code != Answer.DONE:

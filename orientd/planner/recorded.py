@@ -129,7 +129,11 @@ class RecordedMotion:
             raise ValueError(
                 f"records must be within {begin} to {end}, got {first} to {first + count}"
             )
-        return self._rows[first - begin : first - begin + count]
+        return self._read(first, count)
+
+    def _read(self, first: int, count: int) -> Floats:
+        """Return rows that are at hand."""
+        return self._rows[first - self._first : first - self._first + count]
 
     def records(self, first: int, count: int) -> Floats:
         """Return records for the path ring, as many of *count* as are at hand.
@@ -141,7 +145,8 @@ class RecordedMotion:
 
     def rows_at(self, records: np.ndarray[Any, np.dtype[np.intp]]) -> Floats:
         """Return state and axis angles of some records, all of them at hand."""
-        rows: Floats = self._rows[records - self._first]
+        first = int(records.min())
+        rows: Floats = self.rows(first, int(records.max()) + 1 - first)[records - first]
         return rows
 
     def state_at(self, record: int) -> State:
@@ -179,20 +184,22 @@ class RecordedMotion:
         Times beyond the records at hand are those of the nearest one.
         """
         begin, end = self.at_hand
-        where = np.clip(times / self.facts.period, begin, end - 1.0) - begin
+        where = np.clip(times / self.facts.period, begin, end - 1.0)
         nearest = np.rint(where)
         where = np.where(np.abs(where - nearest) < _ON_RECORD, nearest, where)
-        index = where.astype(np.int64)
-        u = where - index
-        q: Floats = self._rows[index, :4]
+        first, last = int(where.min()), int(np.ceil(where.max()))
+        rows = self.rows(first, last + 1 - first)
+        index = where.astype(np.int64) - first
+        u = where - first - index
+        q: Floats = rows[index, :4]
         between = np.flatnonzero(u > 0.0)
         if len(between):
-            q[between] = self._between(index[between], u[between][:, None])
+            here, there = rows[index[between]], rows[index[between] + 1]
+            q[between] = self._between(here, there, u[between][:, None])
         return q
 
-    def _between(self, index: np.ndarray[Any, np.dtype[np.int64]], u: Floats) -> Floats:
+    def _between(self, here: Floats, there: Floats, u: Floats) -> Floats:
         """Return orientations a share *u*, shape ``(n, 1)``, of the way to the next record."""
-        here, there = self._rows[index], self._rows[index + 1]
         way = log(multiply(conjugate(here[:, :4]), there[:, :4]))
         leave = self.facts.period * here[:, 4:7]
         arrive = np.einsum("nij,nj->ni", right_jacobian_inverse(way), there[:, 4:7])

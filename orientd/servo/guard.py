@@ -128,12 +128,18 @@ class Guard:
             yield from self._profiled_stop(terms)
             return
         limits = bounds(self.period, terms.velocity, terms.acceleration, terms.jerk)
-        brake = terms.linear_acceleration * self.period
         while not self.omega == self.alpha == self.velocity == ZERO:
             omega, _ = halt(self.omega, self.alpha, loosened(limits, self.omega, self.alpha))
-            speed = norm(self.velocity)
-            share = max(0.0, 1.0 - brake / speed) if speed > 0.0 else 0.0
-            yield self._step(omega, _plus(ZERO, self.velocity, share))
+            yield self._step(omega, self._braked(terms))
+
+    def braked_position(self, terms: Terms) -> Vector3:
+        """Return the next position on the quickest way to rest along a straight line."""
+        return _plus(self.position, self._braked(terms), self.period)
+
+    def _braked(self, terms: Terms) -> Vector3:
+        """Return the velocity of the next step of that."""
+        speed, brake = norm(self.velocity), terms.linear_acceleration * self.period
+        return _plus(ZERO, self.velocity, 1.0 - brake / speed) if speed > brake else ZERO
 
     def _profiled_stop(self, terms: Terms) -> Iterator[tuple[Quaternion, Vector3]]:
         """Yield setpoints that first take the acceleration away, then the velocity.

@@ -128,7 +128,7 @@ class PathFollower:
         Returns:
             An empty string, or why that is not possible; then nothing has changed.
         """
-        if leg.leave <= self.index:
+        if leg.leave < self.index + bool(self.fraction):
             return f"the path has passed record {leg.leave}, it is at {self.index}"
         legs = [self.leg, *self._ahead]
         place = max(k for k, other in enumerate(legs) if other.first <= leg.leave)
@@ -207,9 +207,12 @@ class PathFollower:
             StarvedError: the path ends before that without being at rest.
         """
         index, fraction, leg = self.index, self.fraction + records, self.leg
+        if self._ahead and index == self._ahead[0].leave:
+            leg = self._ahead[0]
+            index = leg.first
         if fraction >= 1.0:
             index, fraction = index + 1, fraction - 1.0
-            if self._ahead and index == self._ahead[0].leave:
+            if leg is self.leg and self._ahead and index == self._ahead[0].leave:
                 leg = self._ahead[0]
                 index = leg.first
         is_end = False

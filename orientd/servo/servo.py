@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 from orientd.clock import Clock
 from orientd.driver import IDENTITY, ZERO, Driver, Feedback, Quaternion, Setpoint, Vector3
@@ -19,6 +20,7 @@ from orientd.errors import (
     FeedbackError,
     LinkError,
     StateError,
+    UnsteadyError,
 )
 from orientd.servo.brake_law import BrakeLaw
 from orientd.servo.guard import Guard
@@ -242,7 +244,8 @@ class Servo:
             text = self._obey(Command(code), leg, speed, start_ns)
             answer = Answer.REFUSED if text else Answer.DONE
         except StateError as error:
-            answer, text = Answer.WRONG_STATE, str(error)
+            is_early = isinstance(error, UnsteadyError)
+            answer, text = Answer.NOT_YET if is_early else Answer.WRONG_STATE, str(error)
         except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
             answer, text = Answer.FAILED, str(error) or type(error).__name__
         self._memory.notes.publish(*pack_note(index, NoteKind.ANSWER, answer, text))
@@ -342,7 +345,7 @@ class Servo:
         if not brake_rate > 0.0:
             return f"brake rate must be positive, got {brake_rate!r}"
         if clock.is_led or (not clock.is_steady and brake_rate < clock.brake_rate):
-            return "the speed is changing"
+            raise UnsteadyError("the speed is changing")
         problem = self._follower.splice(leg)
         if not problem:
             # Until the path of before is behind, a stop keeps the limits of both.
@@ -362,7 +365,9 @@ class Servo:
         following = advance(self.state, Event.TRACK)
         guard = self._guard
         self._path_clock.halt()
-        self._terms, self._motion = leg.terms, leg.number
+        # Where a narrower limit is broken already, what there is of it is taken away.
+        speed = max(leg.terms.linear_velocity, norm(guard.velocity))
+        self._terms, self._motion = replace(leg.terms, linear_velocity=speed), leg.number
         self._pursuit.begin(guard.q, guard.omega, guard.alpha, leg.terms)
         self.state = following
 
@@ -483,16 +488,16 @@ class Servo:
 
     def _follow(self, deadline_ns: int) -> PathPoint:
         """Return the next setpoint on the way to a target, or to rest."""
-        pursuit, position = self._pursuit, self._last.position
+        pursuit, guard = self._pursuit, self._guard
         if self.state is _TRACKING:
             pursuit.aim(deadline_ns)
-        point = pursuit.step(deadline_ns)
-        problem = self._guard.admit(point.q, position, self._terms)
+        point, position = pursuit.step(deadline_ns), guard.braked_position(self._terms)
+        problem = guard.admit(point.q, position, self._terms)
         if problem:
             return self._leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")
-        if self.state is _STOPPING and pursuit.is_at_rest:
+        if self.state is _STOPPING and pursuit.is_at_rest and guard.velocity == ZERO:
             self._finish(Event.REST)
-        return PathPoint(point.q, point.omega_body, point.alpha_body, position, ZERO)
+        return PathPoint(point.q, point.omega_body, point.alpha_body, position, guard.velocity)
 
     def _leave_path(self, fault: Fault, text: str) -> PathPoint:
         """Begin to come to rest without the path."""

@@ -51,6 +51,8 @@ class Answer(IntEnum):
     WRONG_STATE = 1
     REFUSED = 2
     FAILED = 3
+    NOT_YET = 4
+    """The speed is changing."""
 
 
 class PathFlag(IntEnum):

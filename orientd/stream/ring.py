@@ -56,10 +56,15 @@ class RecordRing:
         """Index that the next record will have; the number of records published so far."""
         return self.words[HEAD]
 
-    def put(self, record: bytes, index: int) -> None:
-        """Fill the slot of *index* without publishing it."""
-        offset = index % self.capacity * self._stride
-        self._slots[offset : offset + self._end] = record + _CHECK.pack(crc32(record))
+    def put(self, records: bytes, index: int) -> None:
+        """Fill the slots from *index* on, at most all of them, without publishing them."""
+        size, rest = self._size, bytes(self._stride - self._end)
+        each = [records[begin : begin + size] for begin in range(0, len(records), size)]
+        slots = b"".join([record + _CHECK.pack(crc32(record)) + rest for record in each])
+        begin = index % self.capacity * self._stride
+        whole = slots[: len(self._slots) - begin]
+        self._slots[begin : begin + len(whole)] = whole
+        self._slots[: len(slots) - len(whole)] = slots[len(whole) :]
 
     def publish(self, *fields: Any) -> None:  # noqa: ANN401 - whatever the layout holds
         """Write the next record; *fields* are those of the layout after the index."""

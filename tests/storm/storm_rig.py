@@ -21,6 +21,9 @@ PERIOD = 1.0 / RATE_HZ
 STALL_NS = 50_000_000
 """A servo process that did not run for so long goes on from rest."""
 
+NEARLY_NS = 30_000_000
+"""Deadlines so far apart may have been run as far apart as a stall, one of them being late."""
+
 TOLERANCE = 1e-3
 """How far above a limit what was sent may be, relative: the planner's own grid and rounding."""
 
@@ -148,7 +151,10 @@ def sent(path: Path) -> np.ndarray:
 
 def stretches(setpoints: np.ndarray) -> Iterator[np.ndarray]:
     """Yield what was sent without a stall, each time from rest at what was sent before."""
-    cuts = np.flatnonzero(np.diff(setpoints["time_ns"]) > STALL_NS) + 1
+    gaps = np.diff(setpoints["time_ns"])
+    steps = np.linalg.norm(rotation_vectors(setpoints["q"]), axis=1)
+    from_rest = steps < 0.1 * np.append(0.0, steps[:-1])
+    cuts = np.flatnonzero((gaps > STALL_NS) | ((gaps > NEARLY_NS) & from_rest)) + 1
     for first, end in zip([0, *cuts], [*cuts, len(setpoints)], strict=True):
         rest = setpoints[max(first - 1, 0) : max(first, 1)]
         yield np.concatenate([rest, rest, rest, setpoints[first:end]])

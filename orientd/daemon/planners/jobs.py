@@ -1,7 +1,7 @@
 """What crosses between the daemon and a planner process: questions, answers, and their frames.
 
 A frame is a length and a pickle; both ends are of one installation and one user.  Records do not
-go that way: they lie in memory that the two processes share.
+go that way: with a question for them comes the descriptor of the file that they are written to.
 """
 
 from __future__ import annotations
@@ -15,19 +15,17 @@ from typing import Any
 from orientd import errors
 from orientd.errors import OrientdError, PlanError
 from orientd.planner.limits import Limits
-from orientd.planner.recorded import STATE_FLOATS, Joints, MotionFacts, RecordedMotion
+from orientd.planner.recorded import Joints, MotionFacts, RecordedMotion
 from orientd.planner.request import State
 
-CHUNK = 16_384
-"""Records that are asked for at a time: half a minute at 500 Hz."""
+CHUNK = 65_536
+"""Records that are worked out at a time: two minutes at 500 Hz."""
 
-MOST_AXES = 8
-
-BLOCK_BYTES = 8 * CHUNK * (STATE_FLOATS + MOST_AXES)
-"""Of memory shared with one planner."""
+FIRST = 1024
+"""Records that are there with the first answer; the rest of the chunk comes with the second."""
 
 STAGE_BYTES = 256
-"""Before the records: what the planner is at, in words, for whoever gives it up."""
+"""Of memory shared with one planner: what it is at, in words, for whoever gives it up."""
 
 HEADER = struct.Struct("!Q")
 PID = struct.Struct("!q")
@@ -127,8 +125,8 @@ class Records:
     rate_hz: float = 0.0
 
     @property
-    def is_told_of(self) -> bool:
-        """Whether a second answer follows, with what the journal tells when the motion starts."""
+    def is_first(self) -> bool:
+        """Whether few come with the first answer, and a second one follows with the rest."""
         return self.first == 0
 
 
@@ -154,14 +152,14 @@ class Question:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Planned:
-    """Of a motion whose records lie in the shared memory.
+    """Of a motion whose records have been written to the file that came with the question.
 
     Attributes:
         facts: what there is to know of it.
         leave: record of the motion before at which it begins, of a continuation.
         plan: a serialised ``orientd.v1.Plan``; empty behind the first records.
         response: a serialised ``PlanResponse`` with samples, where these were asked for.
-        shape: of the records in the shared memory.
+        shape: of the records in the file.
     """
 
     facts: MotionFacts
@@ -172,16 +170,29 @@ class Planned:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Rest:
+    """What follows when nobody waits for it any more.
+
+    Attributes:
+        count: records in the file by now.
+        event: a serialised ``Event``, with what the journal tells when the motion starts.
+    """
+
+    count: int
+    event: bytes
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Answer:
     """What a planner says.
 
     Attributes:
-        content: a message's bytes, or what was planned; ``None`` where it failed.
+        content: a message's bytes, what was planned, or what follows; ``None`` where it failed.
         error: why.
         resident: bytes of memory that the process uses now.
     """
 
-    content: bytes | Planned | None = None
+    content: bytes | Planned | Rest | None = None
     error: Failure | None = None
     resident: int = 0
 

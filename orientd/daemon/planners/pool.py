@@ -11,6 +11,7 @@ import asyncio
 import functools
 import logging
 import os
+import time
 from collections import OrderedDict, deque
 from collections.abc import Coroutine, Sequence
 from concurrent.futures import Future
@@ -26,10 +27,12 @@ from orientd.daemon.planners.jobs import (
     Question,
     Records,
     Report,
+    Rest,
     SetUp,
 )
 from orientd.daemon.planners.planned_motion import PlannedMotion
 from orientd.daemon.planners.process import GIVE_UP, ForkServer, PlannerProcess
+from orientd.daemon.planners.record_file import Chunk, RecordFile
 from orientd.errors import GOING_DOWN, DaemonError, DeadlineError, TooMuchError
 from orientd.rotation import Floats
 
@@ -49,7 +52,7 @@ RETIRED_BYTES = 128 * 2**20
 
 _RESTART = 0.1  # s before another process is tried where one did not start
 _MORE = 5.0
-"""How long a planner may take over what the journal tells of a motion, s."""
+"""How long a planner may take over the rest of a chunk and what the journal tells, s."""
 
 _ENDING = 0.5
 """How long whatever serves may take to notice that the planners have ended, s."""
@@ -73,14 +76,21 @@ class Order:
     Attributes:
         motion: a serialised ``orientd.v1.MotionRequest``.
         caller: who asks; callers take turns.
-        timeout: how long planning may take, waiting for a turn included, s.
+        timeout: how long planning may take, waiting for a turn and planning anew included, s.
         rate_hz: samples a second to report with the plan; 0 for none.
+        began: when that time began, monotonic s.
     """
 
     motion: bytes
     caller: str = ""
     timeout: float = 10.0
     rate_hz: float = 0.0
+    began: float = field(default_factory=time.monotonic)
+
+    @property
+    def time_left(self) -> float:
+        """How much of that time is left, s."""
+        return max(0.0, self.began + self.timeout - time.monotonic())
 
     @property
     def rank(self) -> Rank:
@@ -96,9 +106,28 @@ class _Waiting:
     rank: Rank
     caller: str
     size: int
-    answer: asyncio.Future[tuple[Answer, Floats | None]]
-    event: Future[bytes] = field(default_factory=Future)
+    answer: asyncio.Future[Answer]
+    file: RecordFile | None
+    rest: Future[Rest] = field(default_factory=Future)
     process: PlannerProcess | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Answered:
+    """What a question was answered with, and what is to follow."""
+
+    question: Question
+    content: bytes | Planned | Rest | None
+    file: RecordFile | None
+    rest: Future[Rest]
+
+
+def _chunk(answered: _Answered) -> tuple[Planned, Chunk]:
+    what, planned, file = answered.question.what, answered.content, answered.file
+    if not isinstance(what, Records) or not isinstance(planned, Planned) or file is None:
+        raise DaemonError("the planner said something else")
+    count, columns = planned.shape
+    return planned, Chunk(what.first, count, columns, file)
 
 
 @dataclass(slots=True)
@@ -205,65 +234,60 @@ class Planners:
         """
         chosen = order.rank if rank is None else rank
         question = Question(Records(rate_hz=order.rate_hz), job, self.most_keyframes)
-        content, rows, event = await self._ask(question, chosen, order)
-        if not isinstance(content, Planned) or rows is None:
-            raise DaemonError("the planner said something else")
+        answered = await self._ask(question, chosen, order)
+        planned, chunk = _chunk(answered)
         fetch = functools.partial(self._more, job)
-        return PlannedMotion(content, job, rows, fetch=fetch, event=event)
+        return PlannedMotion(planned, job, chunk, fetch=fetch, rest=answered.rest)
 
     async def report(self, job: Job, order: Order, rate_hz: float) -> bytes:
         """Return a serialised ``PlanResponse`` of a motion; arguments and errors as of a plan."""
-        content, _, _ = await self._ask(Question(Report(rate_hz), job), order.rank, order)
+        content = (await self._ask(Question(Report(rate_hz), job), order.rank, order)).content
         return content if isinstance(content, bytes) else b""
 
     async def methods(self, caller: str) -> bytes:
         """Return a serialised ``ListMethodsResponse``."""
         order = Order(b"", caller, self.timeout)
-        content, _, _ = await self._ask(Question(Methods()), Rank.SMALL, order)
+        content = (await self._ask(Question(Methods()), Rank.SMALL, order)).content
         return content if isinstance(content, bytes) else b""
 
-    def _more(self, job: Job, first: int, count: int) -> Future[Floats]:
+    def _more(self, job: Job, first: int, count: int) -> Future[Chunk]:
         """Ask for more records of a motion, from any thread."""
         if self._loop is None:
             raise DaemonError(GOING_DOWN)
         return asyncio.run_coroutine_threadsafe(self._records(job, first, count), self._loop)
 
-    async def _records(self, job: Job, first: int, count: int) -> Floats:
+    async def _records(self, job: Job, first: int, count: int) -> Chunk:
         order = Order(job.motion, "", self.timeout)
-        _, rows, _ = await self._ask(Question(Records(first, count), job), Rank.URGENT, order)
-        if rows is None:
-            raise DaemonError("the planner said something else")
-        return rows
+        answered = await self._ask(Question(Records(first, count), job), Rank.URGENT, order)
+        return _chunk(answered)[1]
 
     async def records(self, motion: PlannedMotion, first: int) -> Floats:
-        """Return the records of a motion from the first one on to its end, or to the next chunk."""
+        """Return the records of a motion from one on to its end."""
         count = motion.facts.record_count - first
-        return await self._records(motion.job, first, count)
+        chunk = await self._records(motion.job, first, count)
+        return chunk.read(first, chunk.count)
 
     # How
 
-    async def _ask(
-        self, question: Question, rank: Rank, order: Order
-    ) -> tuple[bytes | Planned | None, Floats | None, Future[bytes]]:
+    async def _ask(self, question: Question, rank: Rank, order: Order) -> _Answered:
         if self._is_closing:
             raise DaemonError(GOING_DOWN)
         waiting = self._enter(question, rank, order)
-        timeout = min(order.timeout, self.timeout)
         try:
-            async with asyncio.timeout(timeout):
-                answer, rows = await waiting.answer
+            async with asyncio.timeout(order.time_left):
+                answer = await waiting.answer
         except (TimeoutError, DaemonError) as error:
             if self._is_closing:
                 raise DaemonError(GOING_DOWN) from None
             if isinstance(error, DaemonError):
                 raise
-            raise DeadlineError(self._too_long(waiting, timeout)) from None
+            raise DeadlineError(self._too_long(waiting, order.timeout)) from None
         finally:
             waiting.answer.cancel()
             self._give_up(waiting)
         if answer.error is not None:
             raise answer.error.error()
-        return answer.content, rows, waiting.event
+        return _Answered(question, answer.content, waiting.file, waiting.rest)
 
     def _enter(self, question: Question, rank: Rank, order: Order) -> _Waiting:
         size = len(order.motion)
@@ -278,7 +302,8 @@ class Planners:
                     f"at most {MOST_WAITING_BYTES >> 20} MiB of requests of one caller may wait"
                 )
         answer = asyncio.get_running_loop().create_future()
-        waiting = _Waiting(question, rank, order.caller, size, answer)
+        file = RecordFile() if isinstance(question.what, Records) else None
+        waiting = _Waiting(question, rank, order.caller, size, answer, file)
         self._lanes[rank].put(waiting)
         self._dispatch()
         return waiting
@@ -306,20 +331,20 @@ class Planners:
     async def _serve(self, process: PlannerProcess, waiting: _Waiting) -> None:
         what = waiting.question.what
         try:
-            answer, rows = await process.ask(waiting.question)
+            answer = await process.ask(waiting.question, waiting.file)
             waiting.process = None
             if not waiting.answer.done():
-                waiting.answer.set_result((answer, rows))
-            if answer.error is None and isinstance(what, Records) and what.is_told_of:
+                waiting.answer.set_result(answer)
+            if answer.error is None and isinstance(what, Records) and what.is_first:
                 async with asyncio.timeout(_MORE):
                     answer = await process.hear_more()
-                if isinstance(answer.content, bytes):
-                    waiting.event.set_result(answer.content)
+                if isinstance(answer.content, Rest):
+                    waiting.rest.set_result(answer.content)
         except (DaemonError, TimeoutError) as error:
             waiting.process = None
             if not waiting.answer.done():
                 waiting.answer.set_exception(error)
-            waiting.event.cancel()
+            waiting.rest.cancel()
             if self._is_closing:
                 return
             _log.warning("%s", error or f"planner {process.pid}: it does not answer")

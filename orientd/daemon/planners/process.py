@@ -13,22 +13,18 @@ import subprocess
 import sys
 from typing import Any
 
-import numpy as np
-
 from orientd.daemon.planners.jobs import (
-    BLOCK_BYTES,
     HEADER,
     PID,
     STAGE_BYTES,
     Answer,
-    Planned,
     Question,
     SetUp,
     frame,
     unframed,
 )
+from orientd.daemon.planners.record_file import RecordFile
 from orientd.errors import DaemonError
-from orientd.rotation import Floats
 
 _log = logging.getLogger(__name__)
 
@@ -104,8 +100,8 @@ class PlannerProcess:
         self.questions = self.pid = 0
         self._handle = -1
         self._memory = os.memfd_create(f"orientd-planner-{number}", os.MFD_CLOEXEC)
-        os.ftruncate(self._memory, STAGE_BYTES + BLOCK_BYTES)
-        self._block = mmap.mmap(self._memory, STAGE_BYTES + BLOCK_BYTES)
+        os.ftruncate(self._memory, STAGE_BYTES)
+        self._block = mmap.mmap(self._memory, STAGE_BYTES)
 
     async def start(self, server: ForkServer, *, nice: int) -> None:
         """Have the process forked.
@@ -127,25 +123,25 @@ class PlannerProcess:
             raise DaemonError(f"the planner process {self.pid} ended at once") from error
         except PermissionError:
             _log.debug("planner %d: not permitted to be given the nice value %d", self.pid, nice)
+        self._socket = ours
         self._reader, self._writer = await asyncio.open_connection(sock=ours)
 
-    async def ask(self, question: Question) -> tuple[Answer, Floats | None]:
-        """Return the answer to a question, with its records.
+    async def ask(self, question: Question, file: RecordFile | None = None) -> Answer:
+        """Return the answer to a question, once its records are in *file*.
 
         Raises:
             DaemonError: the process has ended instead.
         """
         self._block[0] = 0
         self.questions += 1
-        self._writer.write(frame(question))
-        answer = await self._hear()
-        content = answer.content
-        if not isinstance(content, Planned):
-            return answer, None
-        rows, columns = content.shape
-        here = np.frombuffer(self._block, np.float64, rows * columns, STAGE_BYTES)
-        copied = here.reshape(rows, columns).copy()
-        return answer, copied
+        asked = frame(question)
+        if file is not None:
+            # The first bytes take the descriptor along; nothing else is on its way meanwhile.
+            with contextlib.suppress(ConnectionError):
+                socket.send_fds(self._socket, [asked[: HEADER.size]], [file.descriptor])
+            asked = asked[HEADER.size :]
+        self._writer.write(asked)
+        return await self._hear()
 
     async def hear_more(self) -> Answer:
         """Return the second answer to a question that has two.

@@ -18,13 +18,12 @@ from collections import OrderedDict
 from types import FrameType
 from typing import Any
 
-import numpy as np
 from google.protobuf.message import DecodeError
 
 from orientd import motion_file
 from orientd.daemon.planners import reporting
 from orientd.daemon.planners.jobs import (
-    BLOCK_BYTES,
+    FIRST,
     HEADER,
     PID,
     STAGE_BYTES,
@@ -36,21 +35,25 @@ from orientd.daemon.planners.jobs import (
     PlannerDevice,
     Question,
     Records,
+    Rest,
     SetUp,
     frame,
     unframed,
 )
+from orientd.daemon.planners.record_file import write
 from orientd.driver.registry import make_driver
 from orientd.errors import OrientdError, PlanError, RequestError
 from orientd.planner.device_planner import DevicePlanner
 from orientd.planner.motion import Motion
 from orientd.planner.request import Keyframe, MotionRequest, State
-from orientd.rotation import Floats
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.motion_wire import to_mapping
 
 KEPT = 2
 """Motions that are remembered, in case more of one is asked for."""
+
+_BLOCK = 8192
+"""Records worked out at a time: more would take memory without being quicker."""
 
 _PR_SET_PDEATHSIG = 1
 
@@ -83,37 +86,42 @@ class Work:
             except (OrientdError, ValueError):
                 continue  # not every device can do that; what it loads is loaded
 
-    def do(self, question: Question) -> tuple[bytes | Planned, Floats | None]:
-        """Return what was asked for, and records where these were.
+    def do(self, question: Question, file: int = -1) -> bytes | Planned:
+        """Return what was asked for, once records have been written to *file* where these were.
 
         Raises:
             OrientdError: it cannot be done.
         """
         what, job = question.what, question.job
         if isinstance(what, Methods):
-            return reporting.methods(), None
+            return reporting.methods()
         if job is None:
             raise ValueError("the question needs a job")
         motion, leave = self._motion(job, question.most_keyframes)
         self._say(f"reporting on {motion.record_count} records")
         if not isinstance(what, Records):
-            return reporting.plan_response(motion, what.rate_hz), None
-        last = min(what.first + what.count, motion.record_count)
-        rows = motion.rows(what.first, last - what.first)
-        is_first = what.first == 0
-        planned = Planned(
+            return reporting.plan_response(motion, what.rate_hz)
+        most = min(what.count, FIRST) if what.is_first else what.count
+        rows = motion.rows(what.first, min(most, motion.record_count - what.first))
+        write(file, 0, rows)
+        return Planned(
             facts=motion.facts,
             leave=leave,
-            plan=reporting.plan(motion).SerializeToString() if is_first else b"",
+            plan=reporting.plan(motion).SerializeToString() if what.is_first else b"",
             response=reporting.plan_response(motion, what.rate_hz) if what.rate_hz else b"",
             shape=(rows.shape[0], rows.shape[1]),
         )
-        return planned, rows
 
-    def event(self, job: Job) -> bytes:
-        """Return a serialised ``Event`` of the motion of a job that was done last."""
+    def rest(self, question: Question, file: int) -> Rest | None:
+        """Return what follows the answer to *question*, if anything does."""
+        what, job = question.what, question.job
+        if not isinstance(what, Records) or not what.is_first or job is None:
+            return None
         motion, _ = self._known[job.motion_id]
-        return reporting.event(motion)
+        count = min(what.count, motion.record_count)
+        for first in range(FIRST, count, _BLOCK):
+            write(file, first, motion.rows(first, min(_BLOCK, count - first)))
+        return Rest(count, reporting.event(motion))
 
     def _motion(self, job: Job, most_keyframes: int) -> tuple[Motion, int]:
         """Return the motion of a job, and where it leaves the one before."""
@@ -179,7 +187,7 @@ def main(channel: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the daemon's to hear
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody waits for planners here
     with socket.socket(fileno=channel) as peer:
-        set_up = _receive(peer)
+        set_up = _set_up(peer)
         if set_up is None:
             return
         work = Work(set_up)
@@ -207,29 +215,29 @@ def _plan(work: Work, channel: int, memory: int) -> None:
     _end_with_parent()
     with (
         socket.socket(fileno=channel) as peer,
-        mmap.mmap(memory, STAGE_BYTES + BLOCK_BYTES) as block,
+        mmap.mmap(memory, STAGE_BYTES) as block,
         memoryview(block) as view,
         contextlib.suppress(ConnectionError),
     ):
         work.show_stage(view)
-        _serve(peer, work, view)
+        _serve(peer, work)
 
 
-def _serve(peer: socket.socket, work: Work, view: memoryview) -> None:
+def _serve(peer: socket.socket, work: Work) -> None:
     is_busy = False
+    files: list[int] = []
 
     def give_up(_number: int, _frame: FrameType | None) -> None:
         if is_busy:
             raise Abandoned
 
     signal.signal(signal.SIGUSR1, give_up)
-    while (question := _receive(peer)) is not None:
-        rows: Floats | None = None
+    while (question := _question(peer, files)) is not None:
         content: bytes | Planned | None = None
         failure: Failure | None = None
         try:
             is_busy = True
-            content, rows = work.do(question)
+            content = work.do(question, *files)
             is_busy = False
         except Abandoned:
             failure = Failure.of(PlanError("nobody waits for it any more"))
@@ -241,22 +249,28 @@ def _serve(peer: socket.socket, work: Work, view: memoryview) -> None:
             failure = Failure.of(PlanError(f"planning failed: {type(error).__name__}: {error}"))
         finally:
             is_busy = False
-        if rows is not None:
-            room = np.frombuffer(view, np.float64, rows.size, STAGE_BYTES)
-            room.reshape(rows.shape)[:] = rows
-            del room
         peer.sendall(frame(Answer(content, failure, resident())))
-        what, job = question.what, question.job
-        if failure is None and isinstance(what, Records) and what.is_told_of and job is not None:
-            # Whoever waits for the motion does not wait for this.
-            peer.sendall(frame(Answer(work.event(job), None, resident())))
+        # Whoever waits for the motion does not wait for the rest of it.
+        if failure is None and (rest := work.rest(question, *files)) is not None:
+            peer.sendall(frame(Answer(rest, None, resident())))
+        while files:
+            os.close(files.pop())
 
 
-def _receive(peer: socket.socket) -> Any:  # noqa: ANN401 - whatever was framed
-    """Return what the next frame holds; ``None`` at the end."""
+def _question(peer: socket.socket, files: list[int]) -> Any:  # noqa: ANN401 - whatever was framed
+    """Return the next question, and add the descriptor that comes with it; ``None`` at the end."""
+    header, descriptors, _, _ = socket.recv_fds(peer, HEADER.size, 1)
+    files += descriptors
+    more = _exactly(peer, HEADER.size - len(header)) if header else None
+    return None if more is None else _body(peer, header + more)
+
+
+def _set_up(peer: socket.socket) -> SetUp | None:
     header = _exactly(peer, HEADER.size)
-    if header is None:
-        return None
+    return None if header is None else _body(peer, header)
+
+
+def _body(peer: socket.socket, header: bytes | bytearray) -> Any:  # noqa: ANN401 - as above
     body = _exactly(peer, HEADER.unpack(header)[0])
     return None if body is None else unframed(body)
 

@@ -9,6 +9,7 @@ from concurrent.futures import Future
 from orientd.daemon.cell import planner_device
 from orientd.daemon.planners import Job, Order, PlannedMotion
 from orientd.daemon.planners.jobs import Methods, Planned, Question, Records, Report, SetUp
+from orientd.daemon.planners.record_file import Chunk, RecordFile
 from orientd.daemon.planners.worker import Work
 from orientd.rpc.motion_wire import from_request
 
@@ -22,26 +23,31 @@ class DirectPlanners:
         self.work = Work(SetUp(tuple(map(planner_device, settings))))
 
     async def plan(self, job: Job, order: Order, *, rank=None) -> PlannedMotion:
-        planned, rows = self.work.do(Question(Records(rate_hz=order.rate_hz), job))
+        question, file = Question(Records(rate_hz=order.rate_hz), job), RecordFile()
+        planned = self.work.do(question, file.descriptor)
         assert isinstance(planned, Planned)
-        event = Future()
-        event.set_result(self.work.event(job))
+        rest = Future()
+        rest.set_result(self.work.rest(question, file.descriptor))
         fetch = functools.partial(self._more, job)
-        return PlannedMotion(planned, job, rows, fetch=fetch, event=event)
+        chunk = Chunk(0, *planned.shape, file)
+        return PlannedMotion(planned, job, chunk, fetch=fetch, rest=rest)
 
     def _more(self, job, first, count):
-        more = Future()
-        more.set_result(self.work.do(Question(Records(first, count), job))[1])
+        more, file = Future(), RecordFile()
+        planned = self.work.do(Question(Records(first, count), job), file.descriptor)
+        assert isinstance(planned, Planned)
+        more.set_result(Chunk(first, *planned.shape, file))
         return more
 
     async def records(self, motion, first):
-        return self._more(motion.job, first, motion.facts.record_count - first).result()
+        chunk = self._more(motion.job, first, motion.facts.record_count - first).result()
+        return chunk.read(first, chunk.count)
 
     async def report(self, job, order, rate_hz):
-        return self.work.do(Question(Report(rate_hz), job))[0]
+        return self.work.do(Question(Report(rate_hz), job))
 
     async def methods(self, caller):
-        return self.work.do(Question(Methods()))[0]
+        return self.work.do(Question(Methods()))
 
 
 def order_of(request) -> Order:

@@ -1,6 +1,7 @@
 """Targets reach the servo through shared memory and are followed within the limits."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -65,6 +66,35 @@ def test_it_takes_over_from_a_motion_without_a_step():
         aim(rig, rotation.exp([0.3, 0.0, 0.0]))
         rig.run(20)
     assert rig.cycle.motion == 2
+    assert rotation.angle(rig.sent()[-1], rotation.exp([0.3, 0.0, 0.0])) < 1e-9
+    assert keeps_limits(rig)
+
+
+def test_a_position_on_its_way_comes_to_rest_inside_its_limits():
+    rig = Rig()
+    path = turn(angle=0.9)
+    t = np.linspace(0.0, 1.0, len(path[0]))[:, None]
+    along = np.array([0.3, 0.0, 0.4])
+    rig.start(
+        path,
+        position=along * t**3 * (10 - 15 * t + 6 * t**2),
+        velocity=along * 15 * (t - t * t) ** 2,
+    )
+    rig.run(500)
+    assert np.linalg.norm(rig.driver.setpoints[-1].velocity) == pytest.approx(
+        0.5 * 15 / 16, rel=1e-3
+    )
+    narrow = replace(TERMS, linear_velocity=0.1)
+    assert rig.ask(Command.TRACK, motion=2, terms=narrow)[0] is Answer.DONE
+    for _ in range(50):
+        aim(rig, rotation.exp([0.3, 0.0, 0.0]))
+        rig.run(20)
+    assert rig.cycle.state is State.TRACKING
+    assert rig.driver.setpoints[-1].velocity == (0.0, 0.0, 0.0)
+    positions = np.array([setpoint.position for setpoint in rig.driver.setpoints])
+    velocity = np.diff(positions, axis=0) * 500.0
+    acceleration = np.diff(velocity, axis=0) * 500.0
+    assert np.linalg.norm(acceleration, axis=1).max() <= TERMS.linear_acceleration * (1 + 1e-6)
     assert rotation.angle(rig.sent()[-1], rotation.exp([0.3, 0.0, 0.0])) < 1e-9
     assert keeps_limits(rig)
 

@@ -73,7 +73,26 @@ def test_the_rest_of_a_motion_is_replaced_without_a_step():
     assert (velocity, acceleration, jerk) == pytest.approx(peaks(planned), rel=1e-6)
 
 
-@pytest.mark.parametrize("behind", [1, 2, 50])
+@pytest.mark.parametrize("speed", [1.0, 0.7])
+def test_a_motion_is_left_at_the_record_that_was_sent_last(speed):
+    rig = Rig()
+    first = rig.start(PATH)
+    assert rig.ask(Command.SPEED, speed=speed)[0] is Answer.DONE
+    rig.run(300)
+    cycle = rig.cycle
+    leave = cycle.path_index
+    target = rotation.exp([0.0, 0.9, 0.2])
+    (answer, text), _ = splice(rig, bridge(PATH, leave - first, target, 1.2), leave)
+    if cycle.path_fraction:
+        assert answer is Answer.REFUSED
+        assert f"has passed record {leave}" in text
+        return
+    assert (answer, text) == (Answer.DONE, "")
+    assert rig.cycle.motion == 2
+    ends_at(rig, target)
+
+
+@pytest.mark.parametrize("behind", [2, 3, 50])
 def test_a_record_that_is_passed_is_refused_and_nothing_changes(behind):
     rig = Rig()
     first = rig.start(PATH)
