@@ -101,8 +101,8 @@ class LateError(StateError):
     """A motion was to leave the path at a point that the device has passed."""
 
 
-class UnsteadyError(LateError):
-    """A motion cannot be left while its speed is changing; a moment later it can."""
+class NotYetError(LateError):
+    """A motion cannot be replaced or followed at this moment; a little later it can."""
 
 
 class LeaseError(OrientdError):

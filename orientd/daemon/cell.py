@@ -36,10 +36,10 @@ from orientd.errors import (
     GOING_DOWN,
     DaemonError,
     LateError,
+    NotYetError,
     RequestError,
     StateError,
     UnknownNameError,
-    UnsteadyError,
 )
 from orientd.rpc.reports import MoveTiming, Outcome
 from orientd.stream import UNKNOWN
@@ -252,7 +252,7 @@ class Cell:
                 prepared = await device.prepare(order, manner, attempt=attempt)
                 planned_ns = time.monotonic_ns()
                 run = await self._begin(token, device, prepared, stops=stops)
-            except UnsteadyError as error:
+            except NotYetError as error:
                 late = str(error)
                 await asyncio.sleep(_STEADYING)
             except LateError as error:

@@ -14,7 +14,7 @@ from orientd.daemon.feeder import BLOCK, Feeder
 from orientd.daemon.meter import MotionMeter, MotionStatistics
 from orientd.daemon.planners import PlannedMotion
 from orientd.daemon.servo_link import ServoLink, terms_of
-from orientd.errors import LateError, StateError
+from orientd.errors import LateError, NotYetError, StateError
 from orientd.planner.recorded import MotionFacts
 from orientd.stream import UNKNOWN, Command, Cycle
 
@@ -313,12 +313,15 @@ class Itinerary:
         """Put as much into the ring as the servo wants to see before it begins.
 
         Until what ran before is behind, the slowest stop of them all must fit.
+
+        Raises:
+            NotYetError: the ring has no room for so much.
         """
         needed = self.needed(feeder.motion.facts)
         ring = self._link.memory.path
         while not feeder.is_done and ring.head - feeder.first_index < needed:
             if not feeder.feed(min(BLOCK, needed), is_urgent=True):
-                break
+                raise NotYetError("motions replaced before they began fill the path ring")
 
     def _command(
         self,

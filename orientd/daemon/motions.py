@@ -22,7 +22,7 @@ from orientd.daemon.manner import Kind, Manner, Prepared
 from orientd.daemon.meter import MotionStatistics
 from orientd.daemon.planners import Continuation, Job, Order, PlannedMotion, Planners, Rank
 from orientd.daemon.servo_link import ServoLink
-from orientd.errors import LateError, PlanError, StateError, UnsteadyError
+from orientd.errors import LateError, NotYetError, PlanError, StateError
 from orientd.planner.recorded import HISTORY, Joints, RecordedMotion
 from orientd.planner.request import State as PlannedState
 from orientd.stream import UNKNOWN, Command, Cycle, State
@@ -323,7 +323,7 @@ class Motions:
             return
         try:
             itinerary.feed()
-        except UnsteadyError:
+        except NotYetError:
             pass  # tried again with the next look
         except LateError as error:
             for stage in itinerary.miss():

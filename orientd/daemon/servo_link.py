@@ -16,7 +16,7 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Any
 
-from orientd.errors import DaemonError, StateError, UnsteadyError
+from orientd.errors import DaemonError, NotYetError, StateError
 from orientd.planner.limits import Limits
 from orientd.servo.process import ProcessSettings
 from orientd.stream import (
@@ -123,7 +123,7 @@ class ServoLink:
         One that this has given up waiting for is not carried out later, unless it stops something.
 
         Raises:
-            UnsteadyError: not while the speed is changing.
+            NotYetError: not while the speed is changing.
             StateError: the servo's state does not allow it, or it was refused.
             DaemonError: the servo does not answer, or is not there.
         """
@@ -156,7 +156,7 @@ class ServoLink:
                 )
             time.sleep(_POLL)
         if answer.code == Answer.NOT_YET:
-            raise UnsteadyError(answer.text)
+            raise NotYetError(answer.text)
         if answer.code in (Answer.WRONG_STATE, Answer.REFUSED):
             raise StateError(answer.text)
         if answer.code != Answer.DONE:

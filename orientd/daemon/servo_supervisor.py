@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import threading
@@ -104,6 +105,13 @@ class ServoSupervisor:
             daemon_pid=os.getpid(),
             report_path=str(Path(report_directory()) / f"servo-{settings.name}.json"),
         )
+
+    def beat(self) -> None:
+        """Tell the servo, if there is one, that the daemon is alive."""
+        link = self.link
+        if link is not None:
+            with contextlib.suppress(ValueError):  # closed meanwhile
+                link.beat()
 
     def wait_ready(self, timeout: float) -> bool:
         """Wait until the servo runs its cycles, or has failed to; return which."""

@@ -169,7 +169,9 @@ class SupervisedDevice:
 
     def _watch(self) -> None:
         while not self._closing.wait(TICK):
-            with self._lock:
+            while not self._lock.acquire(timeout=TICK):
+                self._servo.beat()  # a command waits for the servo's answer
+            try:
                 link = self._servo.link
                 if link is None or self._closing.is_set() or self._servo.failure:
                     continue
@@ -180,6 +182,8 @@ class SupervisedDevice:
                         self._give_up(link, error)
                     else:
                         self._lose(link)
+            finally:
+                self._lock.release()
 
     def _give_up(self, link: ServoLink, error: Exception) -> None:
         """Have the servo stop, since it cannot be watched any more."""

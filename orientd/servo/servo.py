@@ -19,8 +19,8 @@ from orientd.errors import (
     Fault,
     FeedbackError,
     LinkError,
+    NotYetError,
     StateError,
-    UnsteadyError,
 )
 from orientd.servo.brake_law import BrakeLaw
 from orientd.servo.guard import Guard
@@ -244,7 +244,7 @@ class Servo:
             text = self._obey(Command(code), leg, speed, start_ns)
             answer = Answer.REFUSED if text else Answer.DONE
         except StateError as error:
-            is_early = isinstance(error, UnsteadyError)
+            is_early = isinstance(error, NotYetError)
             answer, text = Answer.NOT_YET if is_early else Answer.WRONG_STATE, str(error)
         except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
             answer, text = Answer.FAILED, str(error) or type(error).__name__
@@ -345,7 +345,7 @@ class Servo:
         if not brake_rate > 0.0:
             return f"brake rate must be positive, got {brake_rate!r}"
         if clock.is_led or (not clock.is_steady and brake_rate < clock.brake_rate):
-            raise UnsteadyError("the speed is changing")
+            raise NotYetError("the speed is changing")
         problem = self._follower.splice(leg)
         if not problem:
             # Until the path of before is behind, a stop keeps the limits of both.

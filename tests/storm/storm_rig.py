@@ -18,11 +18,9 @@ DEVICES = ("left", "right")
 RATE_HZ = 500.0
 PERIOD = 1.0 / RATE_HZ
 
-STALL_NS = 50_000_000
-"""A servo process that did not run for so long goes on from rest."""
-
-NEARLY_NS = 30_000_000
-"""Deadlines so far apart may have been run as far apart as a stall, one of them being late."""
+NEARLY_NS, STALL_NS = 30_000_000, 75_000_000
+"""A servo process that did not run for 50 ms goes on from rest; a setpoint tells only when it was
+due, so that between these two it may go on either way."""
 
 TOLERANCE = 1e-3
 """How far above a limit what was sent may be, relative: the planner's own grid and rounding."""
@@ -153,8 +151,10 @@ def stretches(setpoints: np.ndarray) -> Iterator[np.ndarray]:
     """Yield what was sent without a stall, each time from rest at what was sent before."""
     gaps = np.diff(setpoints["time_ns"])
     steps = np.linalg.norm(rotation_vectors(setpoints["q"]), axis=1)
-    from_rest = steps < 0.1 * np.append(0.0, steps[:-1])
-    cuts = np.flatnonzero((gaps > STALL_NS) | ((gaps > NEARLY_NS) & from_rest)) + 1
+    # A cycle that was run late is stamped with when it was due: the gap may come behind it.
+    stalled = np.maximum(gaps, np.append(gaps[1:], 0)) > NEARLY_NS
+    from_rest = stalled & (steps < 0.1 * np.append(0.0, steps[:-1]))
+    cuts = np.flatnonzero(from_rest | (gaps > STALL_NS) & ~np.append(False, from_rest[:-1])) + 1
     for first, end in zip([0, *cuts], [*cuts, len(setpoints)], strict=True):
         rest = setpoints[max(first - 1, 0) : max(first, 1)]
         yield np.concatenate([rest, rest, rest, setpoints[first:end]])

@@ -112,7 +112,7 @@ class Work:
             shape=(rows.shape[0], rows.shape[1]),
         )
 
-    def rest(self, question: Question, file: int) -> Rest | None:
+    def rest(self, question: Question, file: int = -1) -> Rest | None:
         """Return what follows the answer to *question*, if anything does."""
         what, job = question.what, question.job
         if not isinstance(what, Records) or not what.is_first or job is None:
