@@ -25,6 +25,9 @@ due, so that between these two it may go on either way."""
 TOLERANCE = 1e-3
 """How far above a limit what was sent may be, relative: the planner's own grid and rounding."""
 
+SLOW = 0.05
+"""Angular velocity below which a step may be the first one from rest, rad/s."""
+
 SETPOINT = np.dtype(
     [("time_ns", "i8"), ("q", "f8", 4), ("rates", "f8", 6), ("position", "f8", 3), ("v", "f8", 3)]
 )
@@ -153,7 +156,7 @@ def stretches(setpoints: np.ndarray) -> Iterator[np.ndarray]:
     steps = np.linalg.norm(rotation_vectors(setpoints["q"]), axis=1)
     # A cycle that was run late is stamped with when it was due: the gap may come behind it.
     stalled = np.maximum(gaps, np.append(gaps[1:], 0)) > NEARLY_NS
-    from_rest = stalled & (steps < 0.1 * np.append(0.0, steps[:-1]))
+    from_rest = stalled & (steps < SLOW * PERIOD)
     cuts = np.flatnonzero(from_rest | (gaps > STALL_NS) & ~np.append(False, from_rest[:-1])) + 1
     for first, end in zip([0, *cuts], [*cuts, len(setpoints)], strict=True):
         rest = setpoints[max(first - 1, 0) : max(first, 1)]

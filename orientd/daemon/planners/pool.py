@@ -44,6 +44,9 @@ MOST_WAITING = 32
 MOST_WAITING_BYTES = 24 * 2**20
 """Of the requests of one caller that wait."""
 
+MOST_BYTES = 64 * 2**20
+"""Of all requests that wait; of each caller one may wait in any case, and small ones."""
+
 SMALL_BYTES = 32_768
 """Of a request that counts as small: some 500 keyframes."""
 
@@ -150,8 +153,9 @@ class _Lane:
                     return waiting
         return None
 
-    def of(self, caller: str) -> list[_Waiting]:
-        return [one for one in self.callers.get(caller, ()) if not one.answer.done()]
+    def all(self) -> list[_Waiting]:
+        queues = self.callers.values()
+        return [one for queue in queues for one in queue if not one.answer.done()]
 
 
 class Planners:
@@ -292,7 +296,9 @@ class Planners:
     def _enter(self, question: Question, rank: Rank, order: Order) -> _Waiting:
         size = len(order.motion)
         if order.caller:
-            others = [one for lane in self._lanes.values() for one in lane.of(order.caller)]
+            waiting = [one for lane in self._lanes.values() for one in lane.all()]
+            others = [one for one in waiting if one.caller == order.caller]
+            is_large = order.rank is Rank.LARGE
             if len(others) >= MOST_WAITING:
                 raise TooMuchError(
                     f"at most {MOST_WAITING} requests of one caller may wait to be planned"
@@ -301,12 +307,16 @@ class Planners:
                 raise TooMuchError(
                     f"at most {MOST_WAITING_BYTES >> 20} MiB of requests of one caller may wait"
                 )
+            if others and is_large and sum(one.size for one in waiting) + size > MOST_BYTES:
+                raise TooMuchError(
+                    f"at most {MOST_BYTES >> 20} MiB of requests of all callers may wait"
+                )
         answer = asyncio.get_running_loop().create_future()
         file = RecordFile() if isinstance(question.what, Records) else None
-        waiting = _Waiting(question, rank, order.caller, size, answer, file)
-        self._lanes[rank].put(waiting)
+        asked = _Waiting(question, rank, order.caller, size, answer, file)
+        self._lanes[rank].put(asked)
         self._dispatch()
-        return waiting
+        return asked
 
     def _dispatch(self) -> None:
         """Give every planner that has nothing to do the first of what it may do."""
