@@ -118,7 +118,7 @@ class Servo:
         self._enabled_ns = 0
         self._motion = 0
         self._last = PathPoint(IDENTITY, ZERO, ZERO, ZERO, ZERO)
-        self._taken = memory.commands.head
+        self._taken = 0  # what was asked for before the process was ready counts
         self._cycle_count = 0
         self._moved_ns = 0
 
