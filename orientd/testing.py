@@ -22,8 +22,8 @@ from collections.abc import Iterator
 
 from orientd.clock import Clock, MonotonicClock
 from orientd.driver import Driver, Feedback, Setpoint
-from orientd.driver.floats import difference, exp, multiply, norm
 from orientd.errors import DeviceError
+from orientd.floats import difference, exp, multiply, norm
 
 _FORBIDDEN = ("numpy", "scipy", "asyncio", "grpc", "pydantic", "orientd.kernels")
 

@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 
 from orientd.driver import Quaternion, Vector3
-from orientd.driver.floats import conjugate, multiply, normalize
+from orientd.floats import conjugate, multiply, normalize
 
 Matrix = tuple[float, ...]
 """Nine numbers, row by row."""

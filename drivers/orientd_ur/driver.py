@@ -14,8 +14,8 @@ from typing import Any, ClassVar
 
 from orientd.clock import Clock
 from orientd.driver import Driver, Feedback, Finding, Quaternion, Setpoint, Vector3
-from orientd.driver.floats import exp, rotate_back
 from orientd.errors import DeviceFaultError, FeedbackError, LinkError, PlanError
+from orientd.floats import exp, rotate_back
 from orientd_ur import options as ur_options
 from orientd_ur.controller_clock import ControllerClock
 from orientd_ur.dashboard import Dashboard

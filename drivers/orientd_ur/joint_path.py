@@ -11,8 +11,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from orientd.driver import Quaternion, Vector3
-from orientd.driver.floats import conjugate, exp, log, multiply
 from orientd.errors import LimitError, PlanError
+from orientd.floats import conjugate, exp, log, multiply
 from orientd_ur.kinematics import (
     JOINT_NAMES,
     JOINT_RANGE,

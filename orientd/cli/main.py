@@ -7,12 +7,6 @@ import signal
 from importlib import import_module
 from typing import Annotated, Any
 
-if __name__ == "__main__":
-    # As the installed command begins, which must not load what is below for a stop.
-    from orientd.cli.start import main as start
-
-    start()
-
 import typer
 
 import orientd
@@ -63,7 +57,7 @@ class LazyCommands(Commands):
         del ctx
         if cmd_name not in _HOMES:
             return None
-        found = getattr(import_module(f"orientd.cli.{_HOMES[cmd_name]}"), cmd_name)
+        found = getattr(import_module(f"orientd.cli.commands.{_HOMES[cmd_name]}"), cmd_name)
         alone = typer.Typer(rich_markup_mode=None)
         if isinstance(found, typer.Typer):
             alone.add_typer(found)

@@ -40,7 +40,7 @@ def run(arguments: list[str]) -> bool:
     from orientd.cli import output
     from orientd.cli.at_rest import tell
     from orientd.rpc.control_pb2 import StopResponse
-    from orientd.rpc.state_wire import device_from_message
+    from orientd.rpc.wire.state import device_from_message
 
     content = urgent.answer(connection)
     if content is None:

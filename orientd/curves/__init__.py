@@ -6,6 +6,6 @@ any family: each is imported when it is first asked for.
 """
 
 from orientd.curves.contract import Curve, Samples
-from orientd.curves.families import METHODS
+from orientd.curves.methods import METHODS
 
 __all__ = ["METHODS", "Curve", "Samples"]

@@ -18,20 +18,20 @@ from typing import TYPE_CHECKING, TypeVar
 from orientd.clock import Clock, MonotonicClock
 from orientd.config import DeviceSettings, Settings
 from orientd.daemon.device import Device
-from orientd.daemon.device_report import DeviceEvent
-from orientd.daemon.flight_recorder import FlightRecorder
+from orientd.daemon.devices.device_report import DeviceEvent
 from orientd.daemon.instants import Instants
-from orientd.daemon.journal import Journal
-from orientd.daemon.lease import Lease, LeaseDesk
-from orientd.daemon.manner import AT_ONCE, Manner, Prepared
-from orientd.daemon.plan_store import PlanStore
+from orientd.daemon.leases.lease import Lease, LeaseDesk
+from orientd.daemon.leases.lease_manager import Tenure
+from orientd.daemon.motions.active_motions import Run, Runs
+from orientd.daemon.motions.options import AT_ONCE, Manner, Prepared
+from orientd.daemon.motions.plan_store import PlanStore
+from orientd.daemon.motions.start_check import check_start
+from orientd.daemon.motions.turns import Turns
+from orientd.daemon.observe.flight_recorder import FlightRecorder
+from orientd.daemon.observe.journal import Journal
+from orientd.daemon.observe.structured_log import about
 from orientd.daemon.planners import Order, PlannedMotion, PlannerDevice, Planners
 from orientd.daemon.planners.pool import default_processes
-from orientd.daemon.runs import Run, Runs
-from orientd.daemon.start_place import check_start
-from orientd.daemon.story import about
-from orientd.daemon.tenure import Tenure
-from orientd.daemon.turns import Turns
 from orientd.errors import (
     GOING_DOWN,
     DaemonError,

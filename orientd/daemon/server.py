@@ -19,10 +19,10 @@ from grpc_reflection.v1alpha import reflection
 import orientd
 from orientd import processor
 from orientd.config import Settings
-from orientd.daemon.access.entry import Entry, inner_socket
+from orientd.daemon.access.authentication import Entry, inner_socket
+from orientd.daemon.access.claim import claimed
+from orientd.daemon.access.gate import Gate
 from orientd.daemon.calls.unread import UnreadHandlers
-from orientd.daemon.claim import claimed
-from orientd.daemon.gate import Gate
 from orientd.daemon.notify import notify
 from orientd.daemon.watchdog import Watchdog
 from orientd.errors import ConfigError, DaemonError
@@ -32,9 +32,9 @@ from orientd.rpc.channel_options import server_options
 from orientd.rpc.control_pb2_grpc import add_ControlServicer_to_server
 
 if TYPE_CHECKING:
+    from orientd.daemon.calls.telemetry import Telemetry
     from orientd.daemon.cell import Cell
     from orientd.daemon.service import ControlService
-    from orientd.daemon.telemetry import Telemetry
     from orientd.rpc.reports import DaemonReport
 
 _log = logging.getLogger(__name__)
@@ -178,7 +178,7 @@ class _Daemon:
             self._telemetry = None
         if self._settings.metrics is None:
             return
-        from orientd.daemon.telemetry import Telemetry
+        from orientd.daemon.calls.telemetry import Telemetry
 
         telemetry = Telemetry()
         telemetry.serve(self._settings.metrics)
@@ -189,8 +189,8 @@ class _Daemon:
 
     def _load(self, entry: Entry) -> tuple[Cell, ControlService]:
         """Import, and start, what takes its time."""
-        from orientd.daemon import motions
         from orientd.daemon.cell import Cell
+        from orientd.daemon.motions import motions
         from orientd.daemon.service import ControlService
 
         del motions  # loaded before anything moves

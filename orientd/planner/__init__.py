@@ -13,17 +13,17 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from orientd.planner.axis_path import reshaped
     from orientd.planner.blending import blend
-    from orientd.planner.certificate import Certificate, Peak
+    from orientd.planner.certify.certificate import Certificate, Peak
     from orientd.planner.limits import DEFAULT_LIMITS, Limits
     from orientd.planner.motion import Motion
-    from orientd.planner.path import Samples
+    from orientd.planner.path.path import Samples
     from orientd.planner.planning import plan
     from orientd.planner.presets import PRESETS
     from orientd.planner.recorded import RECORD_FLOATS, MotionFacts, RecordedMotion
     from orientd.planner.request import DEFAULT_METHOD, Keyframe, MotionRequest, State
     from orientd.planner.retargeting import retarget
-    from orientd.planner.shaped import reshaped
 
 _HOMES = {
     "DEFAULT_LIMITS": "limits",

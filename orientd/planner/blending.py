@@ -13,15 +13,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from orientd.errors import PlanError
+from orientd.planner.candidate import Draft
+from orientd.planner.certify.limit_table import limit_table
 from orientd.planner.certifying import certified
-from orientd.planner.draft import Draft
-from orientd.planner.joins import join, try_joins
-from orientd.planner.limit_table import limit_table
+from orientd.planner.connect.quintic_connector import join, try_joins
 from orientd.planner.limits import Limits
 from orientd.planner.motion import Motion
-from orientd.planner.path import Path, Stretch
+from orientd.planner.path.path import Path, Stretch
+from orientd.planner.path.position import PositionPath, quintic
 from orientd.planner.planning import plan
-from orientd.planner.position import PositionPath, quintic
 from orientd.planner.recorded import HISTORY, RecordedMotion
 from orientd.planner.request import MotionRequest, State
 from orientd.rotation import Floats, angle

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 
 from orientd.planner import refusal
-from orientd.planner.draft import Draft
+from orientd.planner.candidate import Draft
+from orientd.planner.certify.measuring import measure_path
+from orientd.planner.certify.summary import before, summed_up
 from orientd.planner.limits import GUARD_TOLERANCE, Limits
-from orientd.planner.measuring import measure_path
 from orientd.planner.motion import Motion
 from orientd.planner.request import MotionRequest, State
-from orientd.planner.summing_up import before, summed_up
 
 _END_SLACK = 1e-9  # of a period
 

@@ -12,11 +12,11 @@ from dataclasses import replace
 
 from orientd.driver import Driver
 from orientd.errors import LimitError, PlanError
+from orientd.planner.axis_path import reshaped
 from orientd.planner.limits import Limits
 from orientd.planner.motion import Motion
 from orientd.planner.planning import plan
 from orientd.planner.request import MotionRequest, State
-from orientd.planner.shaped import reshaped
 
 _POWERS = {"rad/s": 1, "rad/s^2": 2, "rad/s^3": 3, "s": 1}
 """How what a limit is about falls with the speed; a stop takes less long, too."""

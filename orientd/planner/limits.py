@@ -8,12 +8,19 @@ from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 
 from orientd.errors import RequestError
+from orientd.rotation import Floats
 
 ACCELERATION_RESERVE = 0.95
 """Share of acceleration and jerk that planned timings use; the rest lets a motion be stopped."""
 
 GUARD_TOLERANCE = 1.001
 """How far above a limit the servo's guard lets a setpoint be."""
+
+LONGEST = 86_400.0
+"""Seconds that a motion may take, so that a slip of a unit does not plan for ever."""
+
+STILL = 1e-9
+"""Angular velocity, rad/s, and share of the acceleration limit that count as rest."""
 
 UNITS = {
     "velocity": "rad/s",
@@ -205,7 +212,7 @@ class Limits:
         """Return the limits for timings of the planner's own making.
 
         At a limit of acceleration there is nothing left to slow down with, and a stop on the path
-        would take for ever; :mod:`orientd.planner.brake` says how much a reserve buys.
+        would take for ever; :mod:`orientd.planner.certify.brake` says how much a reserve buys.
 
         Args:
             share: of acceleration and jerk that the timing may use.
@@ -264,3 +271,9 @@ def _with_reserve(limits: Limits, share: float) -> Limits:
 @lru_cache(maxsize=64)
 def _scaled(limits: Limits, factor: float) -> Limits:
     return limits.times(**dict.fromkeys(UNITS, factor))
+
+
+def is_still(omega: Floats, alpha: Floats, limits: Limits) -> bool:
+    """Return whether a motion in this state needs no lead."""
+    speed, size = math.hypot(*omega.tolist()), math.hypot(*alpha.tolist())
+    return speed <= STILL and size <= STILL * limits.acceleration

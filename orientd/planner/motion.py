@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.planner.certificate import Certificate
-from orientd.planner.differences import Rough
+from orientd.planner.certify.certificate import Certificate
+from orientd.planner.certify.differences import Rough
+from orientd.planner.certify.summary import before
 from orientd.planner.limits import Limits
-from orientd.planner.path import Path, Samples
+from orientd.planner.path.path import Path, Samples
+from orientd.planner.path.table_path import TablePath
 from orientd.planner.recorded import (
     HISTORY,
     RECORD_FLOATS,
@@ -19,8 +21,6 @@ from orientd.planner.recorded import (
     RecordedMotion,
 )
 from orientd.planner.request import MotionRequest, State, Vector3
-from orientd.planner.summing_up import before
-from orientd.planner.table_path import TablePath
 from orientd.rotation import Floats
 
 _SAME = 1e-9

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from orientd.errors import LimitError, PlanError, StartError
-from orientd.planner.brake import SLOWEST_STOP
-from orientd.planner.certificate import Peak
-from orientd.planner.limits import ANGULAR, AXES, UNITS, Limits
-from orientd.planner.peaks import Peaks
+from orientd.planner.certify.brake import SLOWEST_STOP
+from orientd.planner.certify.certificate import Peak
+from orientd.planner.certify.peaks import Peaks
+from orientd.planner.limits import ANGULAR, AXES, LONGEST, UNITS, Limits
 from orientd.planner.request import DEFAULT_METHOD, MotionRequest, State
-from orientd.planner.timing import LONGEST
 from orientd.rotation import Floats, angle
 
 SHORTEST_INTERVAL = 1e-12  # s; derivatives over shorter ones end in overflow sooner or later

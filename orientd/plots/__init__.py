@@ -1,10 +1,10 @@
 """Pictures of curves and motions, by Matplotlib (extra ``plot``), as PNG, SVG or PDF."""
 
 from orientd.plots.charts import Traces
-from orientd.plots.figures import FIGURES, draw_figure
 from orientd.plots.gallery import draw_family, draw_gallery
 from orientd.plots.motion import draw_motion, draw_sent, draw_traces
 from orientd.plots.paper import check_format, is_available
+from orientd.plots.papers.figures import FIGURES, draw_figure
 from orientd.plots.parts import draw_bodies_alone, draw_rates_alone, draw_triads_alone
 from orientd.plots.punctuality import Timing
 from orientd.plots.recording import Strands, draw_recording

@@ -10,13 +10,13 @@ import grpc
 
 from orientd.errors import DaemonError, OrientdError
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.move_wire import (
+from orientd.rpc.reports import MoveTiming, Plan, Progress, Summary
+from orientd.rpc.wire.move import (
     plan_from_message,
     progress_from_message,
     summary_from_message,
     timing_from_message,
 )
-from orientd.rpc.reports import MoveTiming, Plan, Progress, Summary
 
 
 class Stream(Protocol):

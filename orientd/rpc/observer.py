@@ -13,7 +13,7 @@ from orientd.errors import DaemonError
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.connection import Connection
 from orientd.rpc.reports import Outline
-from orientd.rpc.state_wire import outline_from_messages
+from orientd.rpc.wire.state import outline_from_messages
 from orientd.stream import Cycle, unpack_cycle
 from orientd.stream.records import CYCLE_RECORD
 

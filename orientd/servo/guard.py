@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from math import ceil, sqrt
 
 from orientd.driver import ZERO, Quaternion, Vector3
-from orientd.driver.floats import difference, exp, multiply, norm, normalize
+from orientd.floats import difference, exp, multiply, norm, normalize
 from orientd.servo.tracking.bounds import bounds, loosened
 from orientd.servo.tracking.law import halt
 from orientd.stream import Terms

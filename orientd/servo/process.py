@@ -22,7 +22,7 @@ from orientd.driver import Driver
 from orientd.servo.realtime import DeadlineTimer, freeze_garbage, lock_memory, set_scheduling
 from orientd.servo.servo import Servo
 from orientd.servo.stall import SHORTEST_NS
-from orientd.servo.vigil import Watch
+from orientd.servo.watchdog import Watch
 from orientd.stream import NoteKind, SharedMemory, pack_note
 
 LARGEST_SHIFT = 400

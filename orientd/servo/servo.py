@@ -13,7 +13,6 @@ from dataclasses import replace
 
 from orientd.clock import Clock
 from orientd.driver import IDENTITY, ZERO, Driver, Feedback, Quaternion, Setpoint, Vector3
-from orientd.driver.floats import difference, norm
 from orientd.errors import (
     DeviceFaultError,
     Fault,
@@ -22,16 +21,17 @@ from orientd.errors import (
     NotYetError,
     StateError,
 )
-from orientd.servo.brake_law import BrakeLaw
+from orientd.floats import difference, norm
 from orientd.servo.guard import Guard
-from orientd.servo.path_clock import PathClock
-from orientd.servo.path_follower import Leg, PathFollower, Place, StarvedError
-from orientd.servo.path_point import PathPoint
-from orientd.servo.pursuit import Pursuit
-from orientd.servo.reach import Past, eased
+from orientd.servo.path.brake_law import BrakeLaw
+from orientd.servo.path.feasible_rates import Past, eased
+from orientd.servo.path.path_follower import Leg, PathFollower, Place, StarvedError
+from orientd.servo.path.path_point import PathPoint
+from orientd.servo.path.time_scaling import PathClock
 from orientd.servo.stall import Stalls
-from orientd.servo.table import Event, advance
-from orientd.servo.vigil import Vigil, Watch
+from orientd.servo.state_table import Event, advance
+from orientd.servo.tracking.target_follower import Pursuit
+from orientd.servo.watchdog import Vigil, Watch
 from orientd.stream import (
     CYCLE_RECORD,
     GIVEN_UP_WORD,

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from orientd.driver.floats import difference, norm
+from orientd.floats import difference, norm
 from orientd.rotation import Floats
 from orientd.stream import Cycle
 

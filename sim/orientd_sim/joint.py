@@ -7,7 +7,7 @@ from math import exp as decay
 from math import isfinite, pi
 
 from orientd.driver import IDENTITY, Quaternion, Vector3
-from orientd.driver.floats import difference, exp, multiply, normalize
+from orientd.floats import difference, exp, multiply, normalize
 
 
 class LaggedBody:

@@ -61,7 +61,7 @@ def test_the_daemon_is_soon_healthy_and_small(tmp_path):
     for _ in range(5):
         began = time.monotonic()
         process = subprocess.Popen(
-            [sys.executable, "-m", "orientd.cli.main", "run", "--config", str(daemon.config)],
+            [sys.executable, "-m", "orientd", "run", "--config", str(daemon.config)],
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             env=environment,

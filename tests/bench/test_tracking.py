@@ -7,7 +7,7 @@ import pytest
 import ruckig
 from tracking_world import NS, World, terms
 
-from orientd.driver.floats import normalize
+from orientd.floats import normalize
 from orientd.servo.tracking import Target
 
 pytestmark = pytest.mark.bench

@@ -4,9 +4,9 @@ import pytest
 
 from orientd.clock import ManualClock
 from orientd.driver import Setpoint
-from orientd.driver.floats import difference, exp, norm
 from orientd.driver.registry import driver_names, driver_target, load_driver
 from orientd.errors import ConfigError
+from orientd.floats import difference, exp, norm
 from orientd.testing import DriverConformance
 from orientd_loopback import LoopbackDriver, read_recording
 

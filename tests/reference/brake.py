@@ -1,10 +1,10 @@
-"""The largest safe brake rate in plain NumPy; :mod:`orientd.planner.brake` derives it."""
+"""The largest safe brake rate in plain NumPy; :mod:`orientd.planner.certify.brake` derives it."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from orientd.planner.brake import FASTEST_BRAKE_RATE, LAW
+from orientd.planner.certify.brake import FASTEST_BRAKE_RATE, LAW
 from orientd.planner.limits import Limits
 from orientd.rotation import Floats
 
@@ -15,7 +15,7 @@ _MARGIN = LAW[-1]
 def brake_rate(
     velocity: Floats, acceleration: Floats, jerk: Floats, most: float, most_jerk: float
 ) -> tuple[float, int]:
-    """Return what :func:`orientd.planner.brake.brake_rate` does, looking at every point."""
+    """Return what :func:`orientd.planner.certify.brake.brake_rate` does, looking at every point."""
     if not len(jerk):
         return FASTEST_BRAKE_RATE, 0
     speed, size = np.linalg.norm(velocity, axis=1), np.linalg.norm(acceleration, axis=1)

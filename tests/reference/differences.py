@@ -1,4 +1,4 @@
-"""Backward differences of setpoints in plain NumPy, as :mod:`orientd.planner.differences`."""
+"""Backward differences of setpoints, as in :mod:`orientd.planner.certify.differences`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from reference.brake import limited_brake_rate
 
-from orientd.planner.differences import OFF_GRID, Extremes, Rough
+from orientd.planner.certify.differences import OFF_GRID, Extremes, Rough
 from orientd.planner.limits import Limits
 from orientd.planner.recorded import HISTORY
 from orientd.rotation import Floats, conjugate, log, multiply
@@ -38,7 +38,7 @@ def extremes(
     rough: Rough | None = None,
     brake_limits: Limits | None = None,
 ) -> Extremes:
-    """Return what :func:`orientd.planner.differences.extremes` does."""
+    """Return what :func:`orientd.planner.certify.differences.extremes` does."""
     rates = omega, alpha, jerk = differences(q)
     with_axes = with_axes or (brake_limits is not None and brake_limits.has_axes)
     found = Extremes([[0.0] * 4 for _ in rates], [[0] * 4 for _ in rates])

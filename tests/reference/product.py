@@ -1,11 +1,11 @@
 """A cumulative product, factor after factor, in plain NumPy.
 
-The formulas are those at the head of :mod:`orientd.curves.cumulative`.
+The formulas are those at the head of :mod:`orientd.curves.construct.cumulative`.
 """
 
 import numpy as np
 
-from orientd.curves.basis import bernstein
+from orientd.curves.construct.basis import bernstein
 from orientd.rotation import conjugate, exp_half, multiply, rotate
 
 

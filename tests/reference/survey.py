@@ -1,12 +1,12 @@
-"""A quick look at a core in plain NumPy, as :mod:`orientd.planner.survey`."""
+"""A quick look at a core in plain NumPy, as :mod:`orientd.planner.timing.survey`."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from orientd.planner.course import Core
 from orientd.planner.limits import Limits
-from orientd.planner.survey import HOT, PIECES, SHARES
+from orientd.planner.timing.candidate_path import Core
+from orientd.planner.timing.survey import HOT, PIECES, SHARES
 from orientd.rotation import Floats
 
 

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from orientd.cli.main import app
 
-COMMAND = (sys.executable, "-m", "orientd.cli.main")
+COMMAND = (sys.executable, "-m", "orientd")
 
 
 def environment(**more):

@@ -80,7 +80,7 @@ class DaemonProcess:
         """Start it and wait until it is ready."""
         self.log = (self.folder / "log").open("ab")
         self.process = subprocess.Popen(
-            [*self.prefix, sys.executable, "-m", "orientd.cli.main", "run", *self.arguments],
+            [*self.prefix, sys.executable, "-m", "orientd", "run", *self.arguments],
             stdout=subprocess.PIPE,
             stderr=self.log,
             text=True,

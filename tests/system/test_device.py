@@ -12,8 +12,8 @@ from harness import until
 from orientd import rotation
 from orientd.config import DeviceSettings
 from orientd.daemon.device import Device
-from orientd.daemon.device_report import EventKind
-from orientd.daemon.manner import Prepared
+from orientd.daemon.devices.device_report import EventKind
+from orientd.daemon.motions.options import Prepared
 from orientd.errors import GOING_DOWN, DaemonError, Fault
 from orientd.planner import Keyframe, MotionRequest
 from orientd.stream import State

@@ -20,7 +20,7 @@ from harness import (
 
 from orientd import motion_file, planner, rotation
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.motion_wire import to_mapping
+from orientd.rpc.wire.motion import to_mapping
 
 RANDOM = random.Random(7)
 MOMENTS = [

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import Protocol
 
 from orientd.daemon.calls.calls import Calls, Context, device_message, refuse
+from orientd.daemon.calls.pausing import pause, resume
 from orientd.daemon.device import Device
-from orientd.daemon.pausing import pause, resume
 from orientd.errors import RequestError
 from orientd.rpc import control_pb2 as pb
 

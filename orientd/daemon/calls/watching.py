@@ -6,13 +6,13 @@ import asyncio
 import time
 from collections.abc import AsyncIterator
 
-from orientd.daemon import report
+from orientd.daemon.calls import report
 from orientd.daemon.calls.calls import Calls, Context, caller, device_message, interval, refuse
 from orientd.daemon.device import Device
 from orientd.daemon.supervised_device import TICK
 from orientd.errors import OrientdError
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.state_wire import (
+from orientd.rpc.wire.state import (
     cycle_to_message,
     daemon_to_message,
     limits_to_message,

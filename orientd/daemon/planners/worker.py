@@ -47,7 +47,7 @@ from orientd.planner.device_planner import DevicePlanner
 from orientd.planner.motion import Motion
 from orientd.planner.request import Keyframe, MotionRequest, State
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.motion_wire import to_mapping
+from orientd.rpc.wire.motion import to_mapping
 
 KEPT = 2
 """Motions that are remembered, in case more of one is asked for."""

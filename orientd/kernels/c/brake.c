@@ -1,6 +1,6 @@
 /* The largest safe brake rate: how fast a motion may be slowed down on its own path.
  *
- * orientd.planner.brake has the inequalities.  Both are quadratic in the rate, P x^2 + 2 H x <= R,
+ * orientd.planner.certify.brake has the inequalities.  Both are quadratic in the rate, P x^2 + 2 H x <= R,
  * at each of some rates sigma of the path, the nodes.
  */
 #include <math.h>

@@ -15,7 +15,7 @@ enum { NO_PATH = -3 };
  * are velocity, acceleration and jerk; columns the norm and the three components, shape (3, 4). */
 typedef struct { double *squares; int64_t *places; } extremes_t;
 
-/* What the brake rate follows from; orientd.planner.brake has the mathematics.
+/* What the brake rate follows from; orientd.planner.certify.brake has the mathematics.
  *
  * nodes: rates to look at, and how fast the rate may change there, shape (2, n).
  * worst: share of the acceleration over the speed that is allowed at roots of the reserve from 0
@@ -68,7 +68,7 @@ slowest_t setpoint_extremes(matrix_t q, index_t past, double start, measure_t ho
 
 /* Write orientations, and velocities and accelerations where there is room for them.
  *
- * path: the row of numbers of orientd.planner.plain_path.
+ * path: the row of numbers of orientd.planner.path.plain_path.
  * times: increasing path times, s, shape (n,).
  * out: receives samples, shape (4, n) or (10, n). */
 int sample_path(row_t path, row_t times, matrix_t out);
@@ -121,7 +121,7 @@ index_t put_spots(row_t instants, row_t factors, double hot, matrix_t ends, matr
 
 /* What is looked at: a curve at a constant rate, from its beginning.
  *
- * curve: the row of numbers of a curve, see orientd.planner.plain_path.
+ * curve: the row of numbers of a curve, see orientd.planner.path.plain_path.
  * rate: curve seconds for a second.
  * duration: how long it takes, s.
  * period: of the device, s.

@@ -1,4 +1,4 @@
-/* A path of cumulative products as one row of numbers; orientd.planner.plain_path writes it.
+/* A path of cumulative products as one row of numbers; orientd.planner.path.plain_path writes it.
  *
  * The row begins with the number of stretches, the path time from which on the path is held, and
  * the orientations before it and after it.  Of each stretch follow when it begins, what is skipped

@@ -6,7 +6,7 @@ from math import cbrt, sqrt
 from typing import NamedTuple
 
 from orientd.driver import Vector3
-from orientd.driver.floats import norm
+from orientd.floats import norm
 from orientd.stream import Terms
 
 PRECISION = 1e-3

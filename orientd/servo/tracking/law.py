@@ -18,8 +18,8 @@ from collections.abc import Iterator
 from math import sqrt
 
 from orientd.driver import ZERO, Quaternion, Vector3
-from orientd.driver.floats import exp as rotation
-from orientd.driver.floats import multiply, norm, normalize
+from orientd.floats import exp as rotation
+from orientd.floats import multiply, norm, normalize
 from orientd.servo.tracking.bounds import Bounds, bounds_of, divided, loosened, run_out, times
 from orientd.stream import Terms
 

@@ -20,7 +20,7 @@ from collections import deque
 from typing import NamedTuple
 
 from orientd.driver import ZERO, Quaternion, Vector3
-from orientd.driver.floats import difference, exp, multiply, norm, normalize
+from orientd.floats import difference, exp, multiply, norm, normalize
 
 LOOKAHEAD_NS = 1_000_000_000
 """How far ahead of its time a target may come: a wrong stamp must not lock the later ones out."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 from math import inf
 
 from orientd.driver import Vector3
-from orientd.driver.floats import norm
+from orientd.floats import norm
 
 FORGETTING = 0.02
 """By which part the target's largest acceleration is forgotten in a second."""

@@ -6,7 +6,7 @@ from math import inf, pi, sqrt
 from typing import NamedTuple
 
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
-from orientd.driver.floats import difference, exp, multiply, norm, normalize
+from orientd.floats import difference, exp, multiply, norm, normalize
 from orientd.servo.tracking.bounds import (
     Bounds,
     bounds,

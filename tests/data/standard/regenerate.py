@@ -16,8 +16,8 @@ import numpy as np
 
 from orientd import motion_file
 from orientd.curves import METHODS
-from orientd.curves.measure import measure
-from orientd.curves.roles import fit
+from orientd.curves.compare.measure import measure
+from orientd.curves.compare.roles import fit
 from orientd.errors import PlanError
 from orientd.planner.task import task_of
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from orientd.plots.scenes import boomerang_task, samples_of_ideal
+from orientd.plots.papers.scenes import boomerang_task, samples_of_ideal
 from orientd.rotation import exp, from_euler, multiply
 
 HERE = Path(__file__).parent

@@ -12,8 +12,8 @@ pytest.importorskip("dynamixel_sdk")
 
 from orientd.clock import MonotonicClock
 from orientd.driver import Setpoint
-from orientd.driver.floats import difference, norm
 from orientd.errors import DeviceError, LinkError
+from orientd.floats import difference, norm
 from orientd.testing import DriverConformance
 from orientd_dynamixel import DynamixelDriver
 

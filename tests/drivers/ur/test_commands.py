@@ -11,7 +11,7 @@ from orientd_sim.ur import EmulatedRobot
 pytest.importorskip("rtde_control")
 
 CONFIG = Path(__file__).parents[3] / "config"
-COMMAND = (sys.executable, "-m", "orientd.cli.main")
+COMMAND = (sys.executable, "-m", "orientd")
 
 
 @pytest.mark.slow

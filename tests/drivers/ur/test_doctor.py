@@ -2,7 +2,7 @@
 
 import pytest
 
-from orientd.cli.doctor import device_findings, latency_finding
+from orientd.cli.commands.doctor import device_findings, latency_finding
 from orientd.config import DeviceSettings
 from orientd.driver import Verdict
 from orientd_ur.inspection import _link

@@ -13,7 +13,7 @@ import pytest
 from ur_rig import device_of, is_holding, streaming, swing, swing_motion, until
 
 from orientd.clock import MonotonicClock
-from orientd.daemon.manner import Manner, Prepared
+from orientd.daemon.motions.options import Manner, Prepared
 from orientd.daemon.planners import Order
 from orientd.driver import Setpoint
 from orientd.errors import LimitError, LinkError, PlanError, RequestError, StateError

@@ -5,8 +5,8 @@ import pytest
 from ur_rig import device_of, is_holding, streaming, swing_motion, until
 
 from orientd import rotation
-from orientd.daemon.latency import identify
-from orientd.daemon.manner import Prepared
+from orientd.daemon.calls.latency import identify
+from orientd.daemon.motions.options import Prepared
 from orientd.errors import Fault
 from orientd.rpc import control_pb2 as pb
 from orientd_sim.ur.recording import read_arm, read_setpoints

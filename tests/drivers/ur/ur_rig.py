@@ -10,7 +10,7 @@ from direct_planners import DirectPlanners, plan
 from orientd import rotation
 from orientd.config import DeviceSettings
 from orientd.daemon.device import Device
-from orientd.daemon.manner import Prepared
+from orientd.daemon.motions.options import Prepared
 from orientd.errors import Fault
 from orientd.planner import Keyframe, MotionRequest
 from orientd.stream import State

@@ -7,7 +7,8 @@ import pytest
 from typer.testing import CliRunner
 
 from orientd.cli.main import app
-from orientd.curves import METHODS, compare
+from orientd.curves import METHODS
+from orientd.curves.compare.compare import compare
 
 STANDARD = Path(__file__).parents[2] / "data/standard"
 QUICK = ("squad", "c2_cumulative", "piecewise_slerp", "kks_bspline", "slerp")

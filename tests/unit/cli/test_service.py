@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from orientd.cli.service import NAME, unit
+from orientd.cli.commands.service import NAME, unit
 
 ANALYZE = shutil.which("systemd-analyze")
 

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from orientd import rotation
-from orientd.curves import METHODS, Curve, cumulative
+from orientd.curves import METHODS, Curve
+from orientd.curves.construct import cumulative
 from orientd.curves.keyframes import resolve_times
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from orientd.curves.basis import bernstein, cumulative_basis
-from orientd.curves.knots import inner_multiplicity, resolve_knots
+from orientd.curves.construct.basis import bernstein, cumulative_basis
+from orientd.curves.construct.knots import inner_multiplicity, resolve_knots
 
 VECTORS = {
     "uniform": np.arange(16.0),

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from orientd.curves import METHODS
-from orientd.curves.compare import COLUMNS, compare, ranked
-from orientd.curves.measure import measure
+from orientd.curves.compare.compare import COLUMNS, compare, ranked
+from orientd.curves.compare.measure import measure
+from orientd.curves.compare.roles import Task, averaged_knots, fit, parameters
 from orientd.curves.retimed import Retimed
-from orientd.curves.roles import Task, averaged_knots, fit, parameters
 from orientd.rotation import angle, exp, multiply
 
 GOLDEN = sorted((Path(__file__).parents[2] / "data/golden").glob("*.json"))

@@ -4,7 +4,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from orientd.curves import jets
+from orientd.curves.construct import jets
 
 mpmath.mp.dps = 50
 

@@ -5,12 +5,12 @@ import pytest
 from scipy.interpolate import BSpline, make_interp_spline
 
 from orientd.curves import METHODS
-from orientd.curves.position_spline import (
+from orientd.plots.papers.position_spline import (
     blended_positions,
     hermite_positions,
     interpolated_positions,
 )
-from orientd.curves.rigid import (
+from orientd.plots.papers.rigid import (
     RigidMotion,
     blended_motion,
     hermite_motion,

@@ -11,7 +11,7 @@ from reference import product as plain_product
 
 from orientd import kernels, processor
 from orientd.curves import METHODS
-from orientd.curves.basis import cumulative_basis
+from orientd.curves.construct.basis import cumulative_basis
 
 
 def assert_close(samples, others):

@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from orientd.curves import METHODS
-from orientd.curves.shoulder_chain import ShoulderChain
+from orientd.curves.construct.shoulder_chain import ShoulderChain
 from orientd.errors import PlanError
 from orientd.rotation import angle, exp_half, multiply, normalize, slerp
 

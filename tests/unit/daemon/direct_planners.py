@@ -11,7 +11,7 @@ from orientd.daemon.planners import Job, Order, PlannedMotion
 from orientd.daemon.planners.jobs import Methods, Planned, Question, Records, Report, SetUp
 from orientd.daemon.planners.record_file import Chunk, RecordFile
 from orientd.daemon.planners.worker import Work
-from orientd.rpc.motion_wire import from_request
+from orientd.rpc.wire.motion import from_request
 
 
 class DirectPlanners:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 import time
 
-from orientd.daemon.device_report import DeviceEvent, DeviceSnapshot, EventKind
-from orientd.daemon.manner import AT_ONCE, Prepared
-from orientd.daemon.meter import MotionStatistics
+from orientd.daemon.devices.device_report import DeviceEvent, DeviceSnapshot, EventKind
+from orientd.daemon.motions.meter import MotionStatistics
+from orientd.daemon.motions.options import AT_ONCE, Prepared
 from orientd.daemon.planners import Job
 from orientd.driver import IDENTITY, ZERO
 from orientd.errors import DaemonError, Fault, LateError, PlanError, StateError

@@ -9,10 +9,10 @@ from fake_device import FakeDevice
 
 from orientd import config
 from orientd.clock import ManualClock
+from orientd.daemon.calls.pausing import pause, resume
 from orientd.daemon.cell import Cell
-from orientd.daemon.manner import AT_ONCE, Manner
-from orientd.daemon.pausing import pause, resume
-from orientd.daemon.plan_store import KEPT_PLANS
+from orientd.daemon.motions.options import AT_ONCE, Manner
+from orientd.daemon.motions.plan_store import KEPT_PLANS
 from orientd.daemon.planners import Order
 from orientd.errors import (
     DaemonError,

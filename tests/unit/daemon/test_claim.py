@@ -6,7 +6,7 @@ import stat
 
 import pytest
 
-from orientd.daemon.claim import claimed
+from orientd.daemon.access.claim import claimed
 from orientd.errors import DaemonError
 
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import grpc
 
-from orientd.daemon.gate import Gate
+from orientd.daemon.access.gate import Gate
 
 EARLY = SimpleNamespace(method="/a.Service/Call")
 OTHER = SimpleNamespace(method="/b.Health/Check")

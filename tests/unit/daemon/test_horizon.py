@@ -2,7 +2,7 @@
 
 import pytest
 
-from orientd.daemon.horizon import ReplanningHorizon
+from orientd.daemon.motions.horizon import ReplanningHorizon
 
 KIND = (8, False)
 

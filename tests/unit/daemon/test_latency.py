@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from orientd.daemon.latency import identify
-from orientd.driver.floats import exp
+from orientd.daemon.calls.latency import identify
+from orientd.floats import exp
 
 
 def sway(t):

@@ -3,7 +3,7 @@
 import pytest
 
 from orientd.clock import ManualClock
-from orientd.daemon.lease import LeaseDesk
+from orientd.daemon.leases.lease import LeaseDesk
 from orientd.errors import LeaseError
 
 SECOND = 1_000_000_000

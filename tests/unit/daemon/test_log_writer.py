@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from orientd.daemon.log_writer import MOST_LINES, LogWriter
+from orientd.daemon.observe.log_writer import MOST_LINES, LogWriter
 
 
 @pytest.fixture

@@ -5,9 +5,9 @@ import pytest
 from fake_device import FakeDevice, cycle
 
 from orientd import config, planner
-from orientd.daemon import motion_report, report
+from orientd.daemon.calls import motion_report, report
+from orientd.daemon.motions.active_motions import Run, Runs
 from orientd.daemon.planners import reporting
-from orientd.daemon.runs import Run, Runs
 from orientd.rpc.reports import Outcome
 from orientd.stream import State
 

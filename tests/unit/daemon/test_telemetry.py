@@ -9,8 +9,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from orientd.daemon.device_report import DeviceEvent, EventKind
-from orientd.daemon.telemetry import RECENT, Telemetry
+from orientd.daemon.calls.telemetry import RECENT, Telemetry
+from orientd.daemon.devices.device_report import DeviceEvent, EventKind
 from orientd.errors import ConfigError, Fault
 from orientd.operation_settings import MetricsSettings
 from orientd.stream import Cycle, CycleFlag, State

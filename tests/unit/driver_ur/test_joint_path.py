@@ -5,8 +5,8 @@ import random
 
 import pytest
 
-from orientd.driver.floats import exp, log, multiply
 from orientd.errors import LimitError, PlanError
+from orientd.floats import exp, log, multiply
 from orientd_ur import kinematics
 from orientd_ur.joint_path import examine, follow, tool_in_flange
 from orientd_ur.kinematics import forward, inverse, matrix, quaternion, reserve

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from orientd import config
-from orientd.driver.floats import exp, multiply
+from orientd.floats import exp, multiply
 from orientd_ur import kinematics, options, rtde, states
 from orientd_ur.controller_clock import ControllerClock
 from orientd_ur.pose import LONGEST, continued, shortest

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from orientd.errors import LimitError, RequestError
 from orientd.planner import DEFAULT_LIMITS, PRESETS, Keyframe, Limits, MotionRequest, State, plan
-from orientd.planner.differences import extremes
+from orientd.planner.certify.differences import extremes
 from orientd.rotation import exp
 
 SQUAT = Limits.partial(velocity=[1.0, 2.0, 0.6], acceleration=[3.0, 8.0, 2.0], jerk=[60, 200, 90])
@@ -115,7 +115,7 @@ def test_a_brake_rate_for_axes_is_that_for_a_norm_on_a_turn_about_one_of_them():
 
 def test_a_stop_on_the_path_keeps_the_limits_of_every_axis():
     # The servo's own path clock on the motion's own curve, at the worst moments.
-    from orientd.servo.path_clock import PathClock
+    from orientd.servo.path.time_scaling import PathClock
 
     random = np.random.default_rng(7)
     motion = plan(

@@ -3,8 +3,8 @@ import pytest
 from planned import LIMITS, PERIOD, differences, random_motions
 
 from orientd.planner import Limits
-from orientd.planner.brake import FASTEST_BRAKE_RATE, brake_rate
-from orientd.servo.path_clock import PathClock
+from orientd.planner.certify.brake import FASTEST_BRAKE_RATE, brake_rate
+from orientd.servo.path.time_scaling import PathClock
 
 SOFT = LIMITS["soft"]
 

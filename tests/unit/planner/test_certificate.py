@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 from planned import rotations
 
-from orientd.driver.floats import difference
-from orientd.planner import DEFAULT_LIMITS, Limits, measuring
-from orientd.planner.differences import Rough
-from orientd.planner.measuring import measure
+from orientd.floats import difference
+from orientd.planner import DEFAULT_LIMITS, Limits
+from orientd.planner.certify import measuring
+from orientd.planner.certify.differences import Rough
+from orientd.planner.certify.measuring import measure
 
 H = 0.004
 

@@ -6,9 +6,9 @@ from reference import connectors, joins
 
 from orientd import kernels
 from orientd.planner import DEFAULT_LIMITS, State
-from orientd.planner.connector import connector, ramped_stops
-from orientd.planner.joins import Joins, state_row, try_joins
-from orientd.planner.limit_table import limit_table
+from orientd.planner.certify.limit_table import limit_table
+from orientd.planner.connect.connector import connector, ramped_stops
+from orientd.planner.connect.quintic_connector import Joins, state_row, try_joins
 from orientd.rotation import angle, normalize
 
 PERIOD = 0.002

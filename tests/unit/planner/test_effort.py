@@ -4,19 +4,11 @@ import numpy as np
 import pytest
 from planned import PERIOD
 
-from orientd.curves.interpolation import KeyframeEquations
+from orientd.curves.construct.interpolation import KeyframeEquations
 from orientd.errors import PlanError
-from orientd.planner import (
-    DEFAULT_LIMITS,
-    Keyframe,
-    Limits,
-    MotionRequest,
-    State,
-    course,
-    plan,
-    retarget,
-)
-from orientd.planner.timing import LONGER, shortest
+from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan, retarget
+from orientd.planner.timing.timing import LONGER, shortest
+from orientd.planner.timing.timing import candidate_path as course
 from orientd.rotation import exp, multiply, normalize
 
 # Requests that begin in motion, as random search found them: the largest steps, accelerations and

@@ -8,19 +8,12 @@ from reference import brake as reference_brake
 from reference import differences as reference
 
 from orientd import kernels
-from orientd.planner import (
-    DEFAULT_LIMITS,
-    Keyframe,
-    MotionRequest,
-    State,
-    measuring,
-    plan,
-    retarget,
-)
-from orientd.planner.brake import LAW, brake_rate
-from orientd.planner.differences import Rough, extremes
+from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan, retarget
+from orientd.planner.certify import measuring
+from orientd.planner.certify.brake import LAW, brake_rate
+from orientd.planner.certify.differences import Rough, extremes
+from orientd.planner.certify.measuring import measure_path
 from orientd.planner.limits import ANGULAR
-from orientd.planner.measuring import measure_path
 from orientd.rotation import exp, multiply
 
 PERIOD = 0.002

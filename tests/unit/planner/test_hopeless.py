@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from orientd.curves.c2_cumulative import C2Cumulative
-from orientd.curves.interpolation import KeyframeEquations
-from orientd.curves.min_acceleration import MinAcceleration
+from orientd.curves.construct.interpolation import KeyframeEquations
+from orientd.curves.families.c2_cumulative import C2Cumulative
+from orientd.curves.optimal.min_acceleration import MinAcceleration
 from orientd.errors import OrientdError, PlanError
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
-from orientd.planner.survey import Survey
+from orientd.planner.timing.survey import Survey
 from orientd.rotation import exp, multiply
 
 THREE = ((1.0, 0.0, 0.0, 0.0), (0.8, 0.6, 0.0, 0.0), (0.6, 0.0, 0.8, 0.0))

@@ -6,8 +6,9 @@ from planned import LIMITS, PERIOD, differences, rotations, vector
 
 from orientd.errors import PlanError
 from orientd.planner import Limits, State
-from orientd.planner.connector import connector
-from orientd.planner.lead import approach, approach_cycles, is_still, lead_out
+from orientd.planner.connect.connector import connector
+from orientd.planner.connect.leads import approach, approach_cycles, lead_out
+from orientd.planner.limits import is_still
 from orientd.rotation import angle, conjugate, exp, log, multiply
 
 ARM = LIMITS["arm"]

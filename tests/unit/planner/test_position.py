@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from orientd.planner.position import PositionPath, position_path
+from orientd.planner.path.position import PositionPath, position_path
 
 RANDOM = np.random.default_rng(11)
 TIMES = np.cumsum(RANDOM.uniform(0.3, 1.2, 8))

@@ -11,10 +11,10 @@ from planned import LIMITS, PERIOD, anywhere, differences, random_request, rotat
 from orientd.curves import METHODS
 from orientd.errors import PlanError, RequestError
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
-from orientd.planner.course import Core
-from orientd.planner.path import Stretch
-from orientd.planner.position import PositionPath
-from orientd.planner.quickest import quickest
+from orientd.planner.path.path import Stretch
+from orientd.planner.path.position import PositionPath
+from orientd.planner.timing.candidate_path import Core
+from orientd.planner.timing.quickest import quickest
 
 HERE = (1.0, 0.0, 0.0, 0.0)
 OPTIMA = json.loads((Path(__file__).parents[2] / "data/quickest/optima.json").read_text())

@@ -5,7 +5,7 @@ import pytest
 from hand_held import recorded, truth
 
 from orientd import planner, rotation
-from orientd.curves.fit import fit_orientations
+from orientd.curves.fit.fit import fit_orientations
 from orientd.errors import RequestError
 from orientd.planner.replay import plan_as_recorded, replay_request
 
@@ -77,7 +77,7 @@ def test_the_quickest_replay_is_quicker_and_keeps_the_curve(fit):
 
 def test_knots_come_through_a_motion_file(fit):
     from orientd import motion_file
-    from orientd.rpc.motion_wire import from_request, to_mapping
+    from orientd.rpc.wire.motion import from_request, to_mapping
 
     request = replay_request(fit, slower=1.0)
     again = motion_file.parse(to_mapping(from_request(request)))

@@ -4,12 +4,13 @@ from planned import LIMITS, rotations
 from reference import differences as reference
 from reference.survey import surveyed
 
-from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, measuring, plan, survey
-from orientd.planner.course import Course
+from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
+from orientd.planner.certify import measuring
 from orientd.planner.methods import Ends, method_of
-from orientd.planner.position import PositionPath
-from orientd.planner.survey import Survey
-from orientd.planner.timing import excess
+from orientd.planner.path.position import PositionPath
+from orientd.planner.timing.candidate_path import Course
+from orientd.planner.timing.survey import Survey
+from orientd.planner.timing.timing import excess, survey
 from orientd.rotation import normalize
 
 ARM = LIMITS["arm"]

@@ -6,7 +6,7 @@ from planned import LIMITS, anywhere, random_request
 
 from orientd.errors import RequestError
 from orientd.planner import Keyframe, MotionRequest, State, plan
-from orientd.planner.timing import chord_knots, shortest
+from orientd.planner.timing.timing import chord_knots, shortest
 from orientd.rotation import exp
 
 ARM = LIMITS["arm"]

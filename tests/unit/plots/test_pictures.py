@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from orientd.curves import METHODS
-from orientd.curves.compare import compare, ranked
-from orientd.curves.roles import Task, fit
+from orientd.curves.compare.compare import compare, ranked
+from orientd.curves.compare.roles import Task, fit
 from orientd.errors import OrientdError
 from orientd.planner import Limits
 from orientd.rotation import angle, exp, from_rotation_vector, rotate
@@ -18,11 +18,12 @@ from orientd.rotation import angle, exp, from_rotation_vector, rotate
 pytest.importorskip("matplotlib")
 
 from orientd import plots
-from orientd.plots import gallery, scenes
-from orientd.plots.figures import FIGURES
+from orientd.plots import gallery
 from orientd.plots.paper import new_figure
+from orientd.plots.papers import scenes
+from orientd.plots.papers.figures import FIGURES
+from orientd.plots.papers.sweep import Poses, draw_bodies, draw_sweep, prism
 from orientd.plots.sampling import traces_of
-from orientd.plots.sweep import Poses, draw_bodies, draw_sweep, prism
 from orientd.plots.triads import draw_triads
 from orientd.plots.view import View
 

@@ -9,8 +9,8 @@ from orientd import motion_file
 from orientd.errors import RequestError
 from orientd.planner import DEFAULT_LIMITS
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.motion_wire import from_request, to_mapping
-from orientd.rpc.state_wire import limits_from_message, limits_to_message
+from orientd.rpc.wire.motion import from_request, to_mapping
+from orientd.rpc.wire.state import limits_from_message, limits_to_message
 
 FILE = {
     "method": "kks_hermite_spline",

@@ -9,16 +9,6 @@ import pytest
 from orientd.driver import IDENTITY, ZERO
 from orientd.errors import Fault
 from orientd.planner import DEFAULT_LIMITS, Certificate, Peak
-from orientd.rpc.move_wire import (
-    plan_from_message,
-    plan_to_message,
-    progress_from_message,
-    progress_to_message,
-    samples_from_messages,
-    samples_to_messages,
-    summary_from_message,
-    summary_to_message,
-)
 from orientd.rpc.reports import (
     DaemonReport,
     DeviceReport,
@@ -31,7 +21,17 @@ from orientd.rpc.reports import (
     Statistics,
     Summary,
 )
-from orientd.rpc.state_wire import (
+from orientd.rpc.wire.move import (
+    plan_from_message,
+    plan_to_message,
+    progress_from_message,
+    progress_to_message,
+    samples_from_messages,
+    samples_to_messages,
+    summary_from_message,
+    summary_to_message,
+)
+from orientd.rpc.wire.state import (
     cycle_from_message,
     cycle_to_message,
     daemon_from_message,

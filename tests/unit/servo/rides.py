@@ -7,12 +7,12 @@ from rig import PERIOD, Rig
 
 import orientd.planner.limits
 from orientd import rotation
-from orientd.daemon import servo_link
+from orientd.daemon.devices import servo_link
 from orientd.errors import OrientdError
 from orientd.planner import Keyframe, Limits, MotionRequest, plan
 from orientd.planner import State as PlannedState
-from orientd.planner.measuring import measure
-from orientd.servo.path_follower import Leg
+from orientd.planner.certify.measuring import measure
+from orientd.servo.path.path_follower import Leg
 from orientd.stream import UNKNOWN, Answer, Command
 
 LIMITS = [

@@ -10,7 +10,7 @@ from orientd import rotation
 from orientd.clock import ManualClock
 from orientd.driver import Setpoint
 from orientd.servo import Servo, Watch
-from orientd.servo.path_follower import FINAL_WORD, TAIL_WORD
+from orientd.servo.path.path_follower import FINAL_WORD, TAIL_WORD
 from orientd.stream import (
     UNKNOWN,
     Answer,

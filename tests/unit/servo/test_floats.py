@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orientd import rotation
-from orientd.driver import floats
+from orientd import floats, rotation
 
 component = st.floats(-4.0, 4.0)
 vector = st.tuples(component, component, component)

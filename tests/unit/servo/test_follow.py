@@ -9,7 +9,7 @@ from rig import PERIOD_NS, TERMS, Rig, peaks, turn
 
 from orientd import rotation
 from orientd.errors import Fault
-from orientd.servo.pursuit import LEFT_OUT_WORD
+from orientd.servo.tracking.target_follower import LEFT_OUT_WORD
 from orientd.stream import Answer, Command, State
 
 LIMITS = (2.5, 17.0, 8500.0)

@@ -14,8 +14,8 @@ import pytest
 from rig import PERIOD, Rig, peaks
 
 from orientd import planner, rotation
-from orientd.daemon.itinerary import Itinerary
-from orientd.daemon.servo_link import terms_of
+from orientd.daemon.devices.servo_link import terms_of
+from orientd.daemon.motions.motion_queue import Itinerary
 from orientd.errors import LateError, StateError
 from orientd.planner import Keyframe, Limits, MotionRequest, State
 from orientd.stream import UNKNOWN, Answer, Command, NoteKind, unpack_note

@@ -8,7 +8,7 @@ from rig import PERIOD, TERMS, peaks
 from scipy.spatial.transform import Rotation
 
 from orientd.driver import ZERO
-from orientd.driver.floats import exp, multiply
+from orientd.floats import exp, multiply
 from orientd.servo.guard import Guard
 from orientd.stream import Terms
 from orientd.stream.records import TERMS_FLOATS

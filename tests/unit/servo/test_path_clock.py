@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from orientd.servo.path_clock import PathClock
+from orientd.servo.path.time_scaling import PathClock
 
 H = 0.002
 

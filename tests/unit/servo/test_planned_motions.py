@@ -5,7 +5,7 @@ import pytest
 from rig import PERIOD, Rig
 
 from orientd import rotation
-from orientd.daemon import servo_link
+from orientd.daemon.devices import servo_link
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, plan
 from orientd.planner import State as PlannedState
 from orientd.stream import Answer, Command, State

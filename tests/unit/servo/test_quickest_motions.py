@@ -5,7 +5,7 @@ import pytest
 from rig import PERIOD, Rig
 from scipy.spatial.transform import Rotation
 
-from orientd.daemon.servo_link import terms_of
+from orientd.daemon.devices.servo_link import terms_of
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, plan
 from orientd.planner import State as PlannedState
 from orientd.stream import Answer, Command, State

@@ -5,7 +5,7 @@ from math import inf
 import numpy as np
 import pytest
 
-from orientd.servo.reach import Ahead, Past, allowed, released
+from orientd.servo.path.feasible_rates import Ahead, Past, allowed, released
 from orientd.stream import Terms
 
 H = 0.002

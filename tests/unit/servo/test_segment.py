@@ -4,10 +4,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orientd.driver import floats
-from orientd.servo.kink import find_kink
-from orientd.servo.path_point import PathPoint
-from orientd.servo.segment import Segment
+from orientd import floats
+from orientd.servo.path.acceleration_step import find_kink
+from orientd.servo.path.path_point import PathPoint
+from orientd.servo.path.segment import Segment
 
 GOLDEN = Path(__file__).parents[2] / "data" / "golden"
 
@@ -21,7 +21,7 @@ def point(q, omega, alpha=(0.0, 0.0, 0.0), position=(0.0, 0.0, 0.0), velocity=(0
 @pytest.fixture
 def without_kinks(monkeypatch):
     """Segments that know only orientations and velocities."""
-    monkeypatch.setattr("orientd.servo.segment.find_kink", lambda *records: None)
+    monkeypatch.setattr("orientd.servo.path.segment.find_kink", lambda *records: None)
 
 
 @pytest.mark.usefixtures("without_kinks")

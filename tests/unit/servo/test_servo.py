@@ -5,7 +5,7 @@ import pytest
 from rig import PERIOD, TERMS, Rig, distance_to_path, peaks, turn
 
 from orientd.errors import Fault, LinkError
-from orientd.servo.table import TRANSITIONS, Event, advance
+from orientd.servo.state_table import TRANSITIONS, Event, advance
 from orientd.stream import Answer, Command, NoteKind, State
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from orientd.servo.cubic import between, cubic
-from orientd.servo.turn import Turn
+from orientd.servo.path.cubic import between, cubic
+from orientd.servo.path.turn_back import Turn
 
 ZERO = (0.0, 0.0, 0.0)
 AXIS = (0.6, 0.0, 0.8)

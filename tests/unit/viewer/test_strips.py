@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from fake_device import cycle
 
-from orientd.driver.floats import exp
+from orientd.floats import exp
 from orientd.stream import CycleFlag
 from orientd.viewer.strips import COUNT, SPAN, Strips
 

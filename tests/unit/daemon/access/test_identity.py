@@ -6,8 +6,8 @@ import time
 
 import pytest
 
-from orientd.daemon.access.door import peer_process
 from orientd.daemon.access.identity import Certificate, Policy, Process
+from orientd.daemon.access.peer_credentials import peer_process
 from orientd.errors import ConfigError, RequestError
 from orientd.operation_settings import AccessSettings, Role
 

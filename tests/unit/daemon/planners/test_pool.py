@@ -16,7 +16,7 @@ from orientd.daemon.planners import pool as pools
 from orientd.errors import DaemonError, DeadlineError, PlanError, RequestError, TooMuchError
 from orientd.planner import Keyframe, MotionRequest, State
 from orientd.rotation import exp
-from orientd.rpc.motion_wire import from_request
+from orientd.rpc.wire.motion import from_request
 
 SETTINGS = config.default_settings().devices["arm"]
 HERE = State.at_rest((1.0, 0.0, 0.0, 0.0))

@@ -7,7 +7,7 @@ from orientd import planner
 from orientd.daemon.planners import reporting
 from orientd.errors import RequestError
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.move_wire import samples_from_messages
+from orientd.rpc.wire.move import samples_from_messages
 
 
 @pytest.fixture(scope="module")

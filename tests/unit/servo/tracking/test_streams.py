@@ -7,7 +7,7 @@ from math import cos, sin, sqrt
 import pytest
 from tracking_world import NS, World, angle, terms
 
-from orientd.driver.floats import difference, exp, multiply, norm
+from orientd.floats import difference, exp, multiply, norm
 from orientd.servo.tracking import Target
 
 LIMITS = terms(4.0, 20.0, 400.0)

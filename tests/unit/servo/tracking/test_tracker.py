@@ -9,7 +9,7 @@ import ruckig
 from tracking_world import NS, World, angle, terms
 
 from orientd.driver import ZERO
-from orientd.driver.floats import exp, multiply, norm, normalize
+from orientd.floats import exp, multiply, norm, normalize
 from orientd.servo.tracking import Target, Tracker, quickest_stop
 
 LIMITS = [terms(2.5, 17.0, 8500.0), terms(2.0, 10.0, 100.0), terms(1.0, 4.0, 40.0)]

@@ -7,7 +7,7 @@ from math import inf, nan, pi
 import pytest
 from tracking_world import World, terms
 
-from orientd.driver.floats import exp, multiply, normalize
+from orientd.floats import exp, multiply, normalize
 from orientd.servo.tracking import Target
 
 BROKEN = [

@@ -1,7 +1,7 @@
 """A tracker with the guard behind it, in virtual time, and streams of targets for it."""
 
 from orientd.driver import ZERO
-from orientd.driver.floats import difference, norm
+from orientd.floats import difference, norm
 from orientd.servo.guard import Guard
 from orientd.servo.tracking import Target, Tracker
 from orientd.stream import Terms

@@ -1,0 +1,1 @@
+"""The commands of `orientd`, a module for each group of them."""

@@ -1,0 +1,207 @@
+"""Every family of curves on the keyframes of one motion file, as a table or a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from orientd.cli.command import AsJson, command
+from orientd.cli.commands.motion_commands import MotionFile
+from orientd.cli.output import say, say_json, table
+from orientd.errors import RequestError
+
+if TYPE_CHECKING:
+    from orientd.curves.compare.compare import Candidate
+    from orientd.curves.compare.measure import Figures
+    from orientd.planner.request import MotionRequest
+    from orientd.rotation import Floats
+
+
+class KeyframeTimes(StrEnum):
+    """Where the times of the keyframes come from."""
+
+    FILE = "file"
+    UNIFORM = "uniform"
+    CHORD = "chord"
+
+
+class Column(StrEnum):
+    """By what the families are sorted."""
+
+    NAME = "name"
+    EFFORT = "effort"
+    TORQUE = "torque"
+    ACCELERATION = "acceleration"
+    VELOCITY = "velocity"
+    LENGTH = "length"
+    CONTINUITY = "continuity"
+    KEYFRAMES = "keyframes"
+    ENDS = "ends"
+    BUILD = "build"
+    SAMPLE = "sample"
+
+
+Times = Annotated[
+    KeyframeTimes,
+    typer.Option(
+        "--times",
+        help="The file's own (or chord, where it has none), one second each, or by chord length.",
+    ),
+]
+
+
+@command
+def compare(
+    file: MotionFile,
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", help="Draw all families side by side to an image file."),
+    ] = None,
+    inertia: Annotated[
+        str | None,
+        typer.Option(
+            "--inertia",
+            metavar="IX,IY,IZ",
+            help="Principal moments, kg m^2: adds the integral of the squared torque.",
+        ),
+    ] = None,
+    times: Times = KeyframeTimes.FILE,
+    sort: Annotated[
+        Column, typer.Option("--sort", help="Best first by this column.")
+    ] = Column.EFFORT,
+    as_json: AsJson = False,
+) -> None:
+    """Measure what every family of curves makes of FILE.
+
+    Ends whose velocity the file does not give are natural (without acceleration).  Needs no daemon.
+    """
+    moments = _moments(inertia)
+    if sort is Column.TORQUE and moments is None:
+        raise typer.BadParameter("needs --inertia", param_hint="--sort torque")
+
+    from orientd import motion_file, plots
+    from orientd.curves.compare import compare as comparison
+    from orientd.planner.task import task_of
+
+    if plot is not None:
+        plots.check_format(plot)
+    request = motion_file.load(file)
+    need_two(request)
+    task = task_of(request, times.value)
+    candidates = comparison.ranked(
+        comparison.compare(task, inertia=moments, options={request.method: dict(request.options)}),
+        sort.value,
+    )
+    if plot is not None:
+        plots.draw_sheet(
+            plot, task, candidates, limits=request.limits, title=f"{file.name}: every family"
+        )
+    if as_json:
+        rows = [_row(candidate) for candidate in candidates]
+        say_json({"times": task.times, "families": rows, "plot": plot})
+        return
+    say(*_lines(candidates, has_ends=_has_ends(candidates), has_torque=moments is not None))
+    if plot is not None:
+        say("", f"wrote {plot}")
+
+
+def need_two(request: MotionRequest) -> None:
+    """Refuse a motion that is no curve yet.
+
+    Raises:
+        RequestError: it has a single keyframe.
+    """
+    if len(request.keyframes) == 1:
+        raise RequestError("keyframes", "expected at least 2 for a curve, got 1")
+
+
+def _moments(text: str | None) -> Floats | None:
+    """Return the moments of inertia in ``"IX,IY,IZ"``."""
+    if text is None:
+        return None
+    import numpy as np
+
+    try:
+        moments = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        moments = np.zeros(0)
+    if moments.shape != (3,) or not np.all(np.isfinite(moments)) or not np.all(moments > 0.0):
+        raise typer.BadParameter(
+            f"expected three numbers above 0, like 0.2,0.2,0.1, got {text!r}",
+            param_hint="--inertia",
+        )
+    return moments
+
+
+def _row(candidate: Candidate) -> dict[str, Any]:
+    """Return one family for a program."""
+    figures = candidate.figures
+    if figures is None:
+        return {"name": candidate.name, "applies": False, "why_not": candidate.why_not}
+    return {
+        "name": candidate.name,
+        "applies": True,
+        "interpolates": figures.interpolates,
+        **asdict(figures),
+        "build_time": candidate.build_time,
+        "sample_time": candidate.sample_time,
+    }
+
+
+def _has_ends(candidates: Sequence[Candidate]) -> bool:
+    return any(
+        c.figures is not None and c.figures.end_velocity_error is not None for c in candidates
+    )
+
+
+def _lines(candidates: Sequence[Candidate], *, has_ends: bool, has_torque: bool) -> list[str]:
+    """Return the table for people, and below it the families that do not apply."""
+    columns: list[tuple[str, Callable[[Candidate, Figures], str]]] = [
+        ("family", lambda c, _: c.name),
+        ("keyframes", lambda _, f: "met" if f.interpolates else f"off {f.keyframe_error:.3g} rad"),
+        ("smooth", lambda _, f: f"C{f.continuity}"),
+    ]
+    if has_ends:
+        columns.append(("ends off, rad/s", lambda _, f: _error(f.end_velocity_error)))
+    columns += [
+        ("rad/s", lambda _, f: f"{f.peak_velocity:.4g}"),
+        ("rad/s^2", lambda _, f: f"{f.peak_acceleration:.4g}{_mark(f)}"),
+        ("effort", lambda _, f: f"{f.effort:.4g}{_mark(f)}"),
+    ]
+    if has_torque:
+        columns.append(("torque", lambda _, f: f"{f.torque_effort or 0.0:.4g}{_mark(f)}"))
+    columns += [
+        ("length, rad", lambda _, f: f"{f.path_length:.4g}"),
+        ("build", lambda c, _: f"{1e3 * c.build_time:.2f} ms"),
+        ("sample", lambda c, _: f"{1e6 * c.sample_time:.2f} us"),
+    ]
+    rows, absent, marked = [], [], False
+    for candidate in candidates:
+        figures = candidate.figures
+        if figures is None:
+            absent.append([candidate.name, candidate.why_not])
+            continue
+        rows.append([of(candidate, figures) for _, of in columns])
+        marked = marked or figures.has_velocity_jumps
+    lines = table([name for name, _ in columns], rows) if rows else []
+    lines += ["", "rad/s, rad/s^2: peaks; effort: integral of squared acceleration, rad^2/s^3"]
+    if has_torque:
+        lines[-1] += "; torque: of squared torque, N^2 m^2 s"
+    if marked:
+        lines.append("* and at a keyframe infinite: the velocity jumps there")
+    if absent:
+        lines += ["", *table(["does not apply", "why not"], absent)]
+    return lines
+
+
+def _error(error: float | None) -> str:
+    return "" if error is None else f"{error:.1e}" if error < 1e-3 else f"{error:.3f}"
+
+
+def _mark(figures: Figures) -> str:
+    return "*" if figures.has_velocity_jumps else ""

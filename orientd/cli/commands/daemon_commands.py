@@ -1,0 +1,201 @@
+"""The daemon and what it has: run, status, devices, methods."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from orientd.cli.command import AsJson, Socket, command
+from orientd.cli.output import say, say_json, table
+from orientd.daemon.observe.structured_log import LogFormat
+
+if TYPE_CHECKING:
+    from orientd.rpc.reports import DaemonReport
+
+ConfigFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--config",
+        "-c",
+        help="The configuration; default: $ORIENTD_CONFIG, ~/.config/orientd/orientd.toml, or "
+        "one loopback device.",
+    ),
+]
+
+
+class PictureFormat(StrEnum):
+    """Formats of pictures."""
+
+    SVG = "svg"
+    PNG = "png"
+    PDF = "pdf"
+
+
+@command
+def run(
+    config: ConfigFile = None,
+    listen: Socket = None,
+    until_end_of_input: Annotated[
+        bool, typer.Option("--until-end-of-input", help="End when standard input does.")
+    ] = False,
+    log_format: Annotated[
+        LogFormat, typer.Option("--log-format", help="auto: json where journald reads, or text.")
+    ] = LogFormat.AUTO,
+    as_json: AsJson = False,
+) -> None:
+    """Be the daemon, in the foreground, until SIGTERM or Ctrl-C.
+
+    Prints one line beginning "ready" once commands are taken; what happens goes to standard error.
+    """
+    from orientd import config as configuration
+    from orientd.daemon import server
+    from orientd.daemon.observe import structured_log as story
+    from orientd.rpc.address import default_socket
+
+    path = config or configuration.find()
+    settings = configuration.load(path) if path else configuration.default_settings()
+    story.set_up(log_format, settings.daemon.log_level)
+    if until_end_of_input:
+        threading.Thread(target=_end_with_input, name="input", daemon=True).start()
+
+    def ready(report: DaemonReport, problems: list[str]) -> None:
+        if as_json:
+            say_json({"ready": not problems, "problems": problems, "daemon": report})
+        else:
+            devices = ", ".join(
+                f"{device.name} ({device.driver}, {device.rate_hz:g} Hz)"
+                for device in settings.devices.values()
+            )
+            say(f"ready at {report.socket}: {devices}")
+
+    server.run(
+        settings,
+        socket=(listen or settings.daemon.socket or default_socket()).absolute(),
+        configuration=str(path.absolute()) if path else "",
+        reread=(lambda: configuration.load(path)) if path else None,
+        on_ready=ready,
+    )
+
+
+def _end_with_input() -> None:
+    """Ask this process to end once whoever started it is gone."""
+    # Not sys.stdin: an interpreter that ends meanwhile, as of an error, would miss the lock of it.
+    while os.read(sys.stdin.fileno(), 4096):
+        pass
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+@command
+def status(socket: Socket = None, as_json: AsJson = False) -> None:
+    """Show the daemon, the lease, and what each device is doing."""
+    from orientd.cli import texts
+    from orientd.rpc.client import connect
+    from orientd.rpc.wire.state import tracking_error
+
+    with connect(socket) as robot:
+        report = robot.state()
+    if as_json:
+        say_json(report)
+        return
+    daemon = report.daemon
+    say(
+        f"daemon  orientd {daemon.version}, process {daemon.pid}, up {texts.clock(daemon.uptime)}, "
+        f"at {daemon.socket}"
+    )
+    if daemon.lease_holder:
+        whose = f" ({daemon.lease_identity})" if daemon.lease_identity else ""
+        say(f"lease   {daemon.lease_holder}{whose}, for another {daemon.lease_remaining:.1f} s")
+    else:
+        say("lease   free")
+    for device in report.devices.values():
+        say("")
+        say(f"{device.name}  {device.driver} at {device.rate_hz:g} Hz: {texts.state(device)}")
+        memory = "memory locked" if device.is_memory_locked else "memory not locked"
+        servo = f"process {device.servo_pid}, {device.scheduling}, {memory}"
+        say(f"  servo        {servo if device.servo_pid else 'none'}")
+        say(f"  motion       {texts.motion(device)}")
+        cycle = device.cycle
+        if cycle is not None:
+            say(f"  orientation  {texts.orientation(cycle.q)}")
+            late = texts.milliseconds(cycle.lateness_ns * 1e-9)
+            say(
+                f"  cycle        {cycle.index}: late {late}, "
+                f"{texts.count(cycle.overruns, 'overrun')}, {cycle.missed} missed, "
+                f"tracking {texts.small_angle(tracking_error(cycle))}"
+            )
+
+
+@command
+def devices(socket: Socket = None, as_json: AsJson = False) -> None:
+    """List the devices of the daemon's configuration."""
+    from orientd.cli import texts
+    from orientd.planner.limits import ANGULAR
+    from orientd.rpc.client import connect
+
+    with connect(socket) as robot:
+        found = robot.devices()
+    if as_json:
+        say_json({"devices": found})
+        return
+    rows = [
+        [
+            device.name,
+            device.driver,
+            f"{device.rate_hz:g}",
+            *(texts.limit(device.limits.rate(name)) for name in ANGULAR),
+        ]
+        for device in found
+    ]
+    say(*table(["name", "driver", "Hz", "rad/s", "rad/s^2", "rad/s^3"], rows))
+
+
+@command
+def methods(
+    gallery: Annotated[
+        Path | None,
+        typer.Option("--gallery", metavar="DIR", help="Draw every family to a file in DIR."),
+    ] = None,
+    picture_format: Annotated[
+        PictureFormat, typer.Option("--format", help="Of the gallery's files.")
+    ] = PictureFormat.SVG,
+    as_json: AsJson = False,
+) -> None:
+    """List the families of curves that a motion can be made of.  Needs no daemon."""
+    from orientd.daemon.planners import reporting
+
+    found = reporting.known_methods()
+    pictures: list[Path] = []
+    if gallery is not None:
+        from orientd import plots
+
+        for path in plots.draw_gallery(gallery, picture_format.value):
+            pictures.append(path)
+            if not as_json:
+                say(f"wrote {path}")
+    if as_json:
+        say_json({"methods": found, "gallery": pictures})
+        return
+    if gallery is not None:
+        return
+
+    def yes(claim: bool) -> str:
+        return "yes" if claim else "no"
+
+    rows = [
+        [
+            method.name,
+            yes(method.interpolates),
+            yes(method.is_local),
+            yes(method.meets_end_velocities),
+            method.summary,
+        ]
+        for method in found
+    ]
+    say(*table(["name", "interpolates", "local", "end velocities", "what it is"], rows))

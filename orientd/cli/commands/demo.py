@@ -1,0 +1,237 @@
+"""`orientd demo`: a daemon, a device without hardware, and a motion that begins and ends moving."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from orientd.cli.command import AsJson, command
+from orientd.cli.output import say, say_json
+from orientd.errors import DaemonError, OrientdError
+
+if TYPE_CHECKING:
+    from orientd.rpc.client import Robot
+    from orientd.rpc.reports import Plan, Summary
+    from orientd.stream import Cycle
+
+RATE_HZ = 500
+START_VELOCITY = (0.25, -0.1, 0.3)
+END_VELOCITY = (-0.2, 0.15, 0.35)
+"""Body frame, rad/s."""
+
+# Rotation vectors in rad and positions in m, passed as quickly as the limits permit.
+KEYFRAMES = (
+    ((0.0, 0.0, 0.0), (0.40, 0.00, 0.30)),
+    ((0.5, -0.3, 0.4), (0.42, 0.10, 0.32)),
+    ((0.2, 0.6, 1.1), (0.38, 0.20, 0.36)),
+    ((-0.5, 0.4, 1.7), (0.32, 0.24, 0.34)),
+    ((-0.3, -0.5, 2.2), (0.30, 0.16, 0.30)),
+    ((0.3, -0.2, 2.6), (0.36, 0.06, 0.30)),
+)
+
+# Gentler than the device could: so it is there to be watched, for about ten seconds.
+LIMITS = {"velocity": 0.9, "acceleration": 3.0, "jerk": 60.0, "linear_velocity": 0.2}
+
+READY_TIMEOUT = 20.0
+END_TIMEOUT = 15.0
+
+
+@command
+def demo(
+    plot: Annotated[
+        Path, typer.Option("--plot", "-p", help="Where to draw the picture (extra plot).")
+    ] = Path("orientd-demo.png"),
+    as_json: AsJson = False,
+) -> None:
+    """Show a motion with no hardware, and say how well it went.
+
+    A daemon of its own with a device that is not there runs until the motion has ended.
+    Six keyframes are passed with a velocity at both ends, so the device runs up to the first and
+    comes to rest after the last.  All figures are measured from what the driver was sent.
+    """
+    from orientd import plots
+    from orientd.cli import texts
+    from orientd.cli.commands.motion_commands import follow, raise_unless_done
+    from orientd.rpc.client import connect
+    from orientd.rpc.reports import Outcome
+
+    plots.check_format(plot)
+    if not plot.absolute().parent.is_dir():
+        raise OrientdError(f"cannot write {plot}: {os.strerror(errno.ENOENT)}")
+    with _daemon() as socket, connect(socket, holder="orientd demo") as robot:
+        if not as_json:
+            _introduce(robot)
+        with _Recorder(robot) as recorder:
+            handle = robot.move(
+                [{"rotation_vector": turn, "position": place} for turn, place in KEYFRAMES],
+                start_velocity=START_VELOCITY,
+                end_velocity=END_VELOCITY,
+                approach=True,
+                limits=LIMITS,
+            )
+            summary = follow(handle, title="demo", is_silent=as_json)
+        plan = handle.plan
+    picture: dict[str, str | None] = {"path": None, "why_not": "none of a part of the motion"}
+    if summary.outcome is Outcome.DONE:
+        picture = _draw(plot, recorder.cycles, plan)
+    if as_json:
+        say_json(_figures(summary, plan, picture))
+    else:
+        say("", *texts.summary(summary, plan))
+        say(f"  picture              {picture['path'] or picture['why_not']}")
+    raise_unless_done(summary)
+
+
+@contextlib.contextmanager
+def _daemon() -> Iterator[Path]:
+    """Run a daemon of its own, in a directory of its own, for as long as the context lasts."""
+    with tempfile.TemporaryDirectory(prefix="orientd-demo-") as name:
+        directory = Path(name)
+        socket = directory / "control.sock"
+        config = directory / "demo.toml"
+        config.write_text(
+            f'[daemon]\nsocket = "{socket}"\n\n'
+            f'[devices.arm]\ndriver = "loopback"\nrate_hz = {RATE_HZ}\n\n'
+            f"[devices.arm.options]\nposition = {list(KEYFRAMES[0][1])}\n",
+            encoding="utf-8",
+        )
+        log = directory / "daemon.log"
+        arguments = [sys.executable, "-m", "orientd.cli.main", "run", "--until-end-of-input"]
+        environment = {**os.environ, "XDG_STATE_HOME": name}
+        environment.pop("ORIENTD_SOCKET", None)
+        with log.open("wb") as errors:
+            process = subprocess.Popen(
+                [*arguments, "--config", str(config)],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=errors,
+                env=environment,
+                # Ctrl-C is for the demo, which then ends the daemon.
+                start_new_session=True,
+            )
+        try:
+            _wait_ready(process, log)
+            yield socket
+        finally:
+            _end(process)
+
+
+def _wait_ready(process: subprocess.Popen[bytes], log: Path) -> None:
+    timer = threading.Timer(READY_TIMEOUT, process.kill)
+    timer.start()
+    try:
+        line = process.stdout.readline() if process.stdout else b""
+    finally:
+        timer.cancel()
+    if not line.startswith(b"ready"):
+        last = (log.read_text(errors="replace").strip().splitlines() or ["it said nothing"])[-1]
+        raise DaemonError(f"the daemon did not start: {last}")
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    process.terminate()
+    try:
+        process.wait(END_TIMEOUT)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+    for stream in (process.stdin, process.stdout):
+        if stream is not None:
+            stream.close()
+
+
+def _introduce(robot: Robot) -> None:
+    (device,) = robot.state().devices.values()
+    say(
+        f"device {device.name}: {device.driver} at {device.rate_hz:g} Hz, servo process "
+        f"{device.servo_pid}, {device.scheduling}",
+        f"motion: {len(KEYFRAMES)} keyframes, begins with {START_VELOCITY} rad/s, "
+        f"ends with {END_VELOCITY} rad/s",
+    )
+
+
+class _Recorder:
+    """Every cycle of the device, from before the motion to after it."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.cycles: list[Cycle] = []
+        self._robot = robot
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._watch, name="watch", daemon=True)
+
+    def __enter__(self) -> _Recorder:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        self._thread.join()
+
+    def _watch(self) -> None:
+        with contextlib.suppress(OrientdError):
+            for batch in self._robot.watch():
+                self.cycles += batch
+                if self._stop.is_set():
+                    return
+
+
+def _draw(path: Path, cycles: list[Cycle], plan: Plan) -> dict[str, str | None]:
+    """Draw what was sent, where Matplotlib is installed; return where, or why not."""
+    from orientd import plots
+
+    if not plots.is_available():
+        return {"path": None, "why_not": "none: pip install 'orientd[plot]' for one"}
+    import numpy as np
+
+    from orientd.rpc.wire.state import tracking_error
+    from orientd.stream import State
+
+    moving = [cycle for cycle in cycles if cycle.state is State.STREAMING]
+    if not moving:
+        return {"path": None, "why_not": "none: no cycle of the motion was reported"}
+    period = 1.0 / RATE_HZ
+    first = moving[0].path_index
+    times = (
+        np.array([(cycle.path_index - first + cycle.path_fraction) for cycle in moving]) * period
+    )
+    q = np.array([cycle.q for cycle in moving])
+    keyframe_times = np.array(plan.keyframe_times)
+    nearest = np.clip(np.searchsorted(times, keyframe_times), 0, len(times) - 1)
+    certificate = plan.certificate
+    plots.draw_sent(
+        path,
+        plots.Traces(
+            times=times,
+            q=q,
+            omega_body=np.array([cycle.omega_body for cycle in moving]),
+            alpha_body=np.array([cycle.alpha_body for cycle in moving]),
+            keyframe_times=keyframe_times,
+            keyframe_q=q[nearest],
+            velocity_limit=certificate.peak_velocity.limit,
+            acceleration_limit=certificate.peak_acceleration.limit,
+        ),
+        plots.Timing(
+            times=times,
+            lateness=np.array([cycle.lateness_ns for cycle in moving]) * 1e-9,
+            tracking_error=np.array(
+                [np.nan if (error := tracking_error(c)) is None else error for c in moving]
+            ),
+            period=period,
+        ),
+        title=f"orientd demo: {len(keyframe_times)} keyframes at {RATE_HZ} Hz, as sent",
+    )
+    return {"path": str(path.absolute()), "why_not": None}
+
+
+def _figures(summary: Summary, plan: Plan, picture: dict[str, str | None]) -> dict[str, Any]:
+    return {"plan": plan, "summary": summary, "picture": picture["path"]}

@@ -1,0 +1,133 @@
+"""`orientd doctor`: what stands in the way of real time, on this machine and at its devices."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from orientd.cli.command import AsJson, command
+from orientd.cli.output import say, say_json, table
+from orientd.driver import Finding, Verdict
+from orientd.errors import OrientdError
+
+if TYPE_CHECKING:
+    from orientd.config import DeviceSettings, Settings
+
+SLOW_LATENCY = 0.02
+"""Seconds behind its setpoints from which a device is said to be slow."""
+
+
+@command
+def doctor(
+    config: Annotated[
+        Path | None,
+        typer.Option("--config", "-c", help="Look at the devices of this configuration too."),
+    ] = None,
+    latency: Annotated[
+        str,
+        typer.Option(
+            metavar="DEVICE",
+            help="MOVE this device by 0.2 rad and back; find how far it is behind its setpoints.",
+        ),
+    ] = "",
+    as_json: AsJson = False,
+) -> None:
+    """Show what stands in the way of real time, and how to mend it.
+
+    Everything is measured; that takes two seconds for the machine. Nothing moves without --latency.
+    """
+    from orientd.cli.machine import findings
+
+    settings = _settings(config, latency)
+    found = findings()
+    if settings is not None:
+        for device in settings.devices.values():
+            found += [
+                replace(one, name=f"{device.name}: {one.name}") for one in device_findings(device)
+            ]
+        if latency:
+            found.append(latency_finding(settings.devices[latency]))
+    _report(found, as_json=as_json)
+
+
+def _settings(config: Path | None, latency: str) -> Settings | None:
+    if config is None:
+        if latency:
+            raise typer.BadParameter("needs --config", param_hint="--latency")
+        return None
+    from orientd import config as configuration
+
+    settings = configuration.load(config)
+    if latency and latency not in settings.devices:
+        raise typer.BadParameter(
+            f"expected one of {', '.join(settings.devices)}, got {latency!r}",
+            param_hint="--latency",
+        )
+    return settings
+
+
+def device_findings(device: DeviceSettings) -> list[Finding]:
+    """Return what the driver of *device* sees of it.
+
+    Raises:
+        ConfigError: the driver is not installed, or refuses its options.
+    """
+    from orientd.driver.registry import make_driver
+
+    driver = make_driver(device.name, device.driver, device.options, device.period_ns)
+    return list(driver.diagnose())
+
+
+def latency_finding(device: DeviceSettings) -> Finding:
+    """Move *device* a little and say how far it is behind."""
+    from orientd.daemon.calls.latency_identification import measure_latency
+
+    name = f"{device.name}: latency"
+    try:
+        got = measure_latency(device)
+    except OrientdError as error:
+        mend = "see the other rows of the device; no daemon may be running with it"
+        return Finding(name, str(error), Verdict.PROBLEM, mend)
+    found = (
+        f"{1e3 * got.seconds:.1f} ms from setpoint to feedback; error {got.error:.4f} rad, "
+        f"{got.error_led:.4f} rad when led by it"
+    )
+    if got.seconds <= SLOW_LATENCY:
+        return Finding(name, found, Verdict.OK)
+    return Finding(name, found, Verdict.IMPROVE, _latency_advice(device.name, got.seconds))
+
+
+def _latency_advice(name: str, seconds: float) -> str:
+    return f"`latency = {seconds:.3f}` and `compensate_latency = true` in [devices.{name}]"
+
+
+def _report(found: list[Finding], *, as_json: bool) -> None:
+    count = {verdict: sum(one.verdict is verdict for one in found) for verdict in Verdict}
+    if as_json:
+        say_json(
+            {
+                "findings": [
+                    {
+                        "name": one.name,
+                        "found": one.found,
+                        "verdict": one.verdict.value,
+                        "mend": one.mend,
+                    }
+                    for one in found
+                ],
+                "counts": {verdict.value: number for verdict, number in count.items()},
+            }
+        )
+        return
+    rows = [[one.verdict.value, one.name, one.found] for one in found]
+    say(*table(["verdict", "what", "found"], rows), "")
+    for one in found:
+        if one.mend:
+            say(f"{one.name}: {one.mend}")
+    say(
+        f"{count[Verdict.OK]} ok, {count[Verdict.IMPROVE]} to improve, "
+        f"{count[Verdict.PROBLEM]} problems"
+    )

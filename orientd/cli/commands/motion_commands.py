@@ -1,0 +1,246 @@
+"""Motions: plan one without a daemon, move a device."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from orientd.cli.command import AsJson, DeviceName, Socket, command
+from orientd.cli.commands.daemon_commands import ConfigFile
+from orientd.cli.commands.device_commands import holder
+from orientd.cli.output import say, say_json
+from orientd.errors import OrientdError, RequestError
+
+if TYPE_CHECKING:
+    from orientd.config import DeviceSettings
+    from orientd.rpc.move_handle import MoveHandle
+    from orientd.rpc.reports import OnTarget, Summary
+
+MotionFile = Annotated[Path, typer.Argument(metavar="FILE", help="A motion file, YAML or JSON.")]
+
+LATEST_START = 3600.0
+"""Seconds ahead of now up to which the daemon takes a start time."""
+
+CANCEL_TIMEOUT = 15.0
+"""Seconds in which a motion that was cancelled comes to rest."""
+
+
+@command
+def plan(
+    file: MotionFile,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Write samples to a .csv, .npz or .json file."),
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", help="Draw the motion to an image file (extra plot).")
+    ] = None,
+    config: ConfigFile = None,
+    device: DeviceName = "",
+    as_json: AsJson = False,
+) -> None:
+    """Plan the motion of FILE, without a daemon.
+
+    The device is taken to stand at the first keyframe.
+    Rate and limits are those of the device in the configuration; the samples are what its servo
+    would send, along the path that its driver makes of the motion where its axes need another.
+    """
+    from orientd import motion_file, planner
+    from orientd.cli import sample_files, texts
+    from orientd.daemon.planners import reporting
+    from orientd.driver.registry import make_driver
+    from orientd.planner.device_planner import DevicePlanner
+
+    if output is not None and output.suffix not in sample_files.ENDINGS:
+        raise typer.BadParameter(
+            f"expected a name that ends in {', '.join(sample_files.ENDINGS)}, got {output.name!r}",
+            param_hint="--output",
+        )
+    request = motion_file.load(file)
+    if len(request.keyframes) == 1:
+        raise RequestError(
+            "keyframes",
+            "a single one says where to go from wherever the device is, which is not known "
+            "without a daemon; expected at least 2",
+        )
+    if plot is not None:
+        from orientd import plots
+
+        plots.check_format(plot)
+    settings = device_settings(config, device)
+    first = request.keyframes[0]
+    start = planner.State.at_rest(request.keys[0], first.position or (0.0, 0.0, 0.0))
+    # The driver is asked as in the daemon, but not for where its axes are: then it chooses.
+    motion = DevicePlanner(
+        make_driver(settings.name, settings.driver, settings.options, settings.period_ns),
+        limits=settings.limits.to_limits(),
+        period=settings.period_ns * 1e-9,
+    ).plan(request, start=start, joints=())
+    samples = reporting.samples_of(motion, settings.rate_hz)
+    if output is not None:
+        sample_files.write(output, samples, motion.certificate)
+    if plot is not None:
+        plots.draw_motion(plot, motion, title=f"{file.name}: {request.method}")
+    if as_json:
+        say_json({"plan": reporting.plan_of(motion), "output": output, "plot": plot})
+        return
+    say(f"{request.method} through {len(request.keyframes)} keyframes", "")
+    say(*texts.certificate(motion.certificate))
+    for written in (output, plot):
+        if written is not None:
+            say(f"wrote {written}")
+
+
+@command
+def move(
+    file: MotionFile,
+    device: DeviceName = "",
+    queue: Annotated[
+        bool, typer.Option("--queue", help="Follow the motion that runs; do not replace it.")
+    ] = False,
+    blend: Annotated[
+        float,
+        typer.Option(
+            metavar="DEGREES",
+            help="With --queue: how far from the corner to pass, so as not to come to rest there.",
+        ),
+    ] = 0.0,
+    start_in: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", help="When the first setpoint is to be sent, from now."),
+    ] = None,
+    on_target: Annotated[
+        str,
+        typer.Option(
+            metavar="DEG,DEG/S,S[,S]",
+            help="Done only once the device is measured within so many degrees of the target, "
+            "no faster than so many degrees a second, for so long; then how long to wait for it.",
+        ),
+    ] = "",
+    socket: Socket = None,
+    as_json: AsJson = False,
+) -> None:
+    """Move a device as FILE says, and show it until it has ended.
+
+    A motion that runs already is replaced on its way, without a step.  Ctrl-C stops the device on
+    its path.  Meanwhile `orientd pause`, `resume`, `speed` and another `move` work from another
+    terminal.
+    """
+    from orientd import motion_file
+    from orientd.cli import texts
+    from orientd.cli.shared_lease import shared
+    from orientd.rpc.client import connect
+
+    if blend and not queue:
+        raise typer.BadParameter("needs --queue", param_hint="--blend")
+    if not 0.0 <= blend <= 180.0:
+        raise typer.BadParameter(f"expected 0 to 180 degrees, got {blend:g}", param_hint="--blend")
+    if start_in is not None and not 0.0 < start_in <= LATEST_START:
+        raise typer.BadParameter(
+            f"expected above 0 and up to {LATEST_START:g} s from now, got {start_in:g}",
+            param_hint="--start-in",
+        )
+    gate = _gate(on_target) if on_target else None
+    request = motion_file.load(file)
+    with connect(socket, holder=holder("move")) as robot, shared(robot):
+        handle = robot.move(
+            request,
+            device=device,
+            queue=queue,
+            blend_tolerance=math.radians(blend),
+            start_time=None if start_in is None else time.time() + start_in,
+            on_target=gate,
+        )
+        plan = handle.plan
+        summary = follow(
+            handle,
+            title=f"motion {handle.motion_number}",
+            introduction=f"motion {handle.motion_number}: "
+            f"{texts.count(len(request.keyframes), 'keyframe')}, "
+            f"{plan.duration:.3f} s with a lead-in of {plan.certificate.lead_in:.3f} s and a "
+            f"lead-out of {plan.certificate.lead_out:.3f} s",
+            notes=plan.certificate.notes,
+            is_silent=as_json,
+        )
+    if as_json:
+        say_json({"plan": handle.plan, "summary": summary})
+    else:
+        say(*texts.summary(summary, handle.plan))
+    raise_unless_done(summary)
+
+
+def _gate(text: str) -> OnTarget:
+    """Return the gate that ``DEG,DEG/S,S[,S]`` stands for."""
+    from orientd.rpc.reports import OnTarget
+
+    try:
+        tolerance, rate, *seconds = map(float, text.split(","))
+        if not 1 <= len(seconds) <= 2 or not all(
+            part > 0.0 and math.isfinite(part) for part in (tolerance, rate, *seconds)
+        ):
+            raise ValueError
+    except ValueError:
+        raise typer.BadParameter(
+            "expected degrees, degrees/s and seconds, each above 0, like 0.1,0.5,0.2, "
+            f"got {text!r}",
+            param_hint="--on-target",
+        ) from None
+    return OnTarget(math.radians(tolerance), math.radians(rate), *seconds)
+
+
+def follow(
+    handle: MoveHandle,
+    *,
+    title: str,
+    introduction: str = "",
+    notes: Sequence[str] = (),
+    is_silent: bool,
+) -> Summary:
+    """Show a motion until it has ended; Ctrl-C stops it on its path.
+
+    Raises:
+        OrientdError: the daemon was lost, or the motion did not come to rest.
+    """
+    from orientd.cli import progress
+
+    try:
+        if introduction and not is_silent:
+            say(introduction)
+        if not is_silent:
+            say(*notes)
+        with progress.view(title, is_silent=is_silent) as view:
+            for report in handle:
+                view.show(report)
+        return handle.wait()
+    except KeyboardInterrupt:
+        handle.cancel()
+        try:
+            return handle.wait(CANCEL_TIMEOUT)
+        except TimeoutError as error:
+            raise OrientdError(str(error)) from error
+
+
+def raise_unless_done(summary: Summary) -> None:
+    """Raise what makes a command fail after a motion that was not run to its end."""
+    from orientd.cli import texts
+    from orientd.rpc.reports import Outcome
+
+    if summary.outcome is not Outcome.DONE:
+        raise OrientdError(f"motion {summary.motion_number} {texts.ending(summary)}")
+
+
+def device_settings(config: Path | None, device: str) -> DeviceSettings:
+    """Return the settings of the device that a plan without a daemon is made for."""
+    from orientd import config as configuration
+
+    path = config or configuration.find()
+    settings = configuration.load(path) if path else configuration.default_settings()
+    names = list(settings.devices)
+    if device and device not in names:
+        raise RequestError("device", f"expected one of {', '.join(names)}, got {device!r}")
+    return settings.devices[device or names[0]]

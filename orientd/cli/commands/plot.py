@@ -1,0 +1,138 @@
+"""Pictures: of the curve of a motion file, of a family, of a figure of the papers."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from orientd.cli.command import AsJson, DeviceName, command
+from orientd.cli.commands.compare import KeyframeTimes, Times, need_two
+from orientd.cli.output import say, say_json, table
+from orientd.errors import OrientdError, RequestError
+
+
+class Show(StrEnum):
+    """What of a motion file is drawn."""
+
+    MOTION = "motion"
+    TRIADS = "triads"
+    RATES = "rates"
+    BODY = "body"
+
+
+@command
+def plot(
+    what: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="FILE|NAME",
+            help="A motion file, a recording (.mcap), or a family or figure by its name; without "
+            "it, the names.",
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="A .svg, .png or .pdf file; default: NAME.svg here."),
+    ] = None,
+    show: Annotated[
+        Show,
+        typer.Option(
+            "--show",
+            help="Of a file: triad traces with rates, one of them, or a body along its positions.",
+        ),
+    ] = Show.MOTION,
+    times: Times = KeyframeTimes.FILE,
+    device: DeviceName = "",
+    as_json: AsJson = False,
+) -> None:
+    """Draw a motion file, a recording, a family of curves.
+
+    Of a motion file, its curve; of a family, its example; or a figure of the papers.
+    The curve alone, without lead-in and limits of a device: `orientd plan --plot` draws the motion.
+    """
+    from orientd import plots
+    from orientd.curves import METHODS
+
+    if what is None:
+        _list(as_json=as_json)
+        return
+    path = output or Path(f"{Path(what).stem}.svg")
+    plots.check_format(path)
+    if what in METHODS:
+        plots.draw_family(path, what)
+    elif what in plots.FIGURES:
+        plots.draw_figure(path, what)
+    elif Path(what).suffix == ".mcap" and Path(what).exists():
+        _draw_recording(Path(what), path, device)
+    elif Path(what).exists():
+        _draw_file(Path(what), path, show, times)
+    else:
+        raise OrientdError(f"{what!r} is neither a file nor a name; `orientd plot` lists the names")
+    if as_json:
+        say_json({"plot": path})
+    else:
+        say(f"wrote {path}")
+
+
+def _list(*, as_json: bool) -> None:
+    from orientd.curves import METHODS
+    from orientd.plots import FIGURES
+
+    families = {name: family.summary for name, family in METHODS.items()}
+    figures = {name: " ".join(figure.title.split()) for name, figure in FIGURES.items()}
+    if as_json:
+        say_json({"families": families, "figures": figures})
+        return
+    rows = [[name, text] for name, text in (*families.items(), *figures.items())]
+    say(*table(["name", "what is drawn"], rows))
+
+
+def _draw_recording(file: Path, path: Path, device: str) -> None:
+    from orientd import plots
+    from orientd.cli.commands.record import need_record
+
+    need_record()
+    from orientd.recorder import reader
+    from orientd.recorder.planned import strands
+
+    recording = reader.load(file)
+    name = recording.device(device)
+    plots.draw_recording(path, strands(recording, name), title=f"{file.name}: {name}")
+
+
+def _draw_file(file: Path, path: Path, show: Show, times: KeyframeTimes) -> None:
+    import numpy as np
+
+    from orientd import motion_file, plots
+    from orientd.curves import METHODS
+    from orientd.curves.compare.roles import fit
+    from orientd.errors import PlanError
+    from orientd.planner.path.position import position_path
+    from orientd.planner.task import task_of
+
+    request = motion_file.load(file)
+    need_two(request)
+    task = task_of(request, times.value)
+    try:
+        curve = fit(METHODS[request.method], task, request.options)
+    except (ValueError, PlanError) as error:
+        raise PlanError(f"{request.method} cannot join these keyframes: {error}") from error
+    traces = plots.traces_of(curve, task, limits=request.limits)
+    title = f"{file.name}: {request.method}"
+    if show is Show.TRIADS:
+        plots.draw_triads_alone(path, traces, title=title)
+    elif show is Show.RATES:
+        plots.draw_rates_alone(path, traces, title=title)
+    elif show is Show.MOTION:
+        plots.draw_traces(path, traces, title=title)
+    else:
+        path_of_tool = position_path(task.times, request.positions, np.zeros(3))
+        positions = path_of_tool.sample(traces.times)[0]
+        if not np.ptp(positions, axis=0).any():
+            raise RequestError(
+                "keyframes", "a body is drawn along positions, which these keyframes do not have"
+            )
+        plots.draw_bodies_alone(path, traces, positions, title=title)

@@ -1,0 +1,140 @@
+"""Recordings: make one, turn it into a table."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from orientd.cli.command import AsJson, DeviceName, Socket, command
+from orientd.cli.commands.device_commands import holder
+from orientd.cli.output import say, say_json
+from orientd.errors import OrientdError
+
+if TYPE_CHECKING:
+    from orientd.recorder.session import Session
+
+NEEDED = ("mcap", "mcap_protobuf", "foxglove_schemas_protobuf")
+
+
+def need_record() -> None:
+    """Say how to install what recordings need, unless it is there.
+
+    Raises:
+        OrientdError: it is not.
+    """
+    if any(find_spec(name) is None for name in NEEDED):
+        raise OrientdError("recordings need the extra `record`: pip install 'orientd[record]'")
+
+
+@command
+def record(
+    file: Annotated[Path, typer.Argument(metavar="OUT.mcap", help="The file to write.")],
+    device: Annotated[
+        list[str] | None,
+        typer.Option("--device", "-d", metavar="DEVICE", help="Which devices; default: all."),
+    ] = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option(
+            "--seconds", "-s", metavar="SECONDS", help="For how long; default: until Ctrl-C."
+        ),
+    ] = None,
+    socket: Socket = None,
+    as_json: AsJson = False,
+) -> None:
+    """Record every cycle, event and plan to an MCAP file.
+
+    Ctrl-C or SIGTERM ends it.  Foxglove and Lichtblick open it as it is.  What was planned, sent
+    and measured are topics of their own.
+    """
+    if seconds is not None and not 0.0 < seconds < threading.TIMEOUT_MAX:
+        raise typer.BadParameter(f"expected more than 0, got {seconds:g}", param_hint="--seconds")
+    if file.suffix != ".mcap":
+        raise typer.BadParameter(
+            f"expected a name that ends in .mcap, got {file.name!r}", param_hint="OUT.mcap"
+        )
+    if file.is_file():
+        raise OrientdError(f"cannot write {file}: it is there already")
+    need_record()
+    from orientd.recorder.session import Session
+    from orientd.rpc.client import connect
+
+    with connect(socket, holder=holder("record")) as robot:
+        session = Session(robot, file, device or ())
+        before = {
+            number: signal.signal(number, lambda *_: session.end())
+            for number in (signal.SIGINT, signal.SIGTERM)
+            if threading.current_thread() is threading.main_thread()
+        }
+        timer = threading.Timer(seconds or 0.0, session.end)
+        timer.daemon = True
+        if seconds is not None:
+            timer.start()
+        try:
+            if not as_json:
+                say(f"recording to {file}")
+            session.run()
+        finally:
+            timer.cancel()
+            for number, handler in before.items():
+                signal.signal(number, handler)
+    _tell(session, file, as_json=as_json)
+
+
+def _tell(session: Session, file: Path, *, as_json: bool) -> None:
+    size = file.stat().st_size
+    if as_json:
+        say_json(
+            {
+                "recording": file,
+                "bytes": size,
+                "cycles": session.cycles,
+                "lost": session.lost,
+                "events": session.events,
+            }
+        )
+        return
+    for name, cycles in session.cycles.items():
+        lost = f", {session.lost[name]} lost" if session.lost[name] else ""
+        say(f"{name}: {cycles} cycles{lost}")
+    say(f"wrote {file}: {session.events} events, {size / 1e6:.2f} MB")
+
+
+ENDINGS = (".csv", ".npz", ".parquet")
+
+
+@command
+def export(
+    file: Annotated[Path, typer.Argument(metavar="RECORDING", help="A recording of orientd.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="A .csv, .npz or .parquet file to write.")
+    ],
+    device: DeviceName = "",
+    as_json: AsJson = False,
+) -> None:
+    """Write the cycles of a recording as a table.
+
+    Planned, sent and measured stand side by side.  Parquet needs the extra `parquet`.
+    """
+    if output.suffix not in ENDINGS:
+        raise typer.BadParameter(
+            f"expected a name that ends in {', '.join(ENDINGS)}, got {output.name!r}",
+            param_hint="--output",
+        )
+    need_record()
+    from orientd.recorder import reader
+    from orientd.recorder.export import export as write
+
+    recording = reader.load(file)
+    rows = write(recording, recording.device(device), output)
+    if as_json:
+        say_json({"output": output, "rows": rows, "is_complete": recording.is_complete})
+    else:
+        if not recording.is_complete:
+            say(f"{file} has no end: it holds what was written before")
+        say(f"wrote {output}: {rows} cycles")

@@ -1,0 +1,220 @@
+"""Replay: a recorded orientation, fitted, planned and moved."""
+
+from __future__ import annotations
+
+import json
+import math
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from orientd.cli.command import AsJson, DeviceName, Socket, command
+from orientd.cli.commands.daemon_commands import ConfigFile
+from orientd.cli.commands.device_commands import holder
+from orientd.cli.commands.record import need_record
+from orientd.cli.output import say, say_json
+from orientd.errors import OrientdError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from orientd.curves.fit.fit import Fit
+    from orientd.planner import MotionRequest
+
+
+class Pace(StrEnum):
+    """How fast a recording is repeated."""
+
+    RECORDED = "recorded"
+    MINIMUM = "minimum"
+
+
+@command
+def replay(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RECORDING",
+            help="A .mcap (ours or not) or .csv file, or a ROS 2 bag: its folder or .db3 file.",
+        ),
+    ],
+    topic: Annotated[
+        str, typer.Option("--topic", "-t", help="Which orientation, where there are several.")
+    ] = "",
+    error: Annotated[
+        float,
+        typer.Option(
+            "--error", metavar="DEGREES", help="How far from the filtered samples to stay."
+        ),
+    ] = 1.0,
+    pace: Annotated[
+        Pace,
+        typer.Option(
+            "--pace", help="As recorded, slowed down where the limits ask for it, or the quickest."
+        ),
+    ] = Pace.RECORDED,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Write the motion file (.json), for `orientd move`."),
+    ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Plan only, without a daemon, and move nothing.")
+    ] = False,
+    config: ConfigFile = None,
+    device: DeviceName = "",
+    socket: Socket = None,
+    as_json: AsJson = False,
+) -> None:
+    """Repeat a recorded orientation.
+
+    A spline is fitted to it and planned; its certificate is shown before anything moves.  Noise,
+    sign flips, wild samples and gaps are dealt with.  The motion begins with a lead-in from
+    wherever the device is and ends with a stop, both certified with it.
+    """
+    need_record()
+    from orientd.curves.fit.fit import fit_orientations
+    from orientd.recorder.orientations import read_orientations
+
+    if not 0.0 < error < 180.0:
+        raise typer.BadParameter(
+            f"expected more than 0 and less than 180 degrees, got {error:g}", param_hint="--error"
+        )
+    if output is not None and output.suffix != ".json":
+        raise typer.BadParameter(
+            f"expected a name that ends in .json, got {output.name!r}", param_hint="--output"
+        )
+    found = read_orientations(file, topic)
+    fit = fit_orientations(found.times, found.q, tolerance=math.radians(error))
+    told = _told(found.topic, fit)
+    if not as_json:
+        say(
+            f"{told['topic'] or 'orientation'}: {told['samples']} samples in "
+            f"{told['seconds']:.2f} s, noise {told['noise_deg']:.3f} deg, "
+            f"{told['left_out']} left out",
+            f"spline with {told['knots']} knots, at most {told['error_deg']:.3f} deg from the "
+            "filtered samples",
+        )
+    if dry_run:
+        _plan_offline(fit, told, pace, config, device, output, as_json=as_json)
+    else:
+        _move(fit, told, pace, device, socket, output, as_json=as_json)
+
+
+def _told(topic: str, fit: Fit) -> dict[str, Any]:
+    return {
+        "topic": topic,
+        "samples": len(fit.samples.times),
+        "left_out": fit.samples.left_out,
+        "seconds": fit.seconds,
+        "noise_deg": math.degrees(fit.samples.noise),
+        "knots": fit.knot_count,
+        "error_deg": math.degrees(fit.error),
+    }
+
+
+def _paced(
+    fit: Fit, pace: Pace, plan: Callable[[MotionRequest], Any]
+) -> tuple[Any, MotionRequest, float]:
+    from orientd.planner.replay import plan_as_recorded, replay_request
+
+    if pace is Pace.RECORDED:
+        return plan_as_recorded(fit, plan)
+    request = replay_request(fit, duration="minimum")
+    planned = plan(request)
+    return (
+        planned,
+        request,
+        (planned.end_time - planned.start_time) / fit.seconds,
+    )
+
+
+def _plan_offline(
+    fit: Fit,
+    told: dict[str, Any],
+    pace: Pace,
+    config: Path | None,
+    device: str,
+    output: Path | None,
+    *,
+    as_json: bool,
+) -> None:
+    from orientd import planner
+    from orientd.cli.commands.motion_commands import device_settings
+    from orientd.daemon.planners import reporting
+
+    settings = device_settings(config, device)
+    start = planner.State.at_rest(fit.control[0])
+
+    def plan(request: MotionRequest) -> planner.Motion:
+        return planner.plan(
+            request,
+            start=start,
+            limits=settings.limits.to_limits(),
+            period=settings.period_ns * 1e-9,
+        )
+
+    motion, request, slower = _paced(fit, pace, plan)
+    _write(output, request)
+    if as_json:
+        planned = reporting.plan_of(motion)
+        say_json({"fit": told, "slower": slower, "plan": planned, "output": output})
+        return
+    _say_plan(motion, slower, output)
+
+
+def _move(
+    fit: Fit,
+    told: dict[str, Any],
+    pace: Pace,
+    device: str,
+    socket: Path | None,
+    output: Path | None,
+    *,
+    as_json: bool,
+) -> None:
+    from orientd.cli import texts
+    from orientd.cli.commands.motion_commands import follow, raise_unless_done
+    from orientd.cli.shared_lease import shared
+    from orientd.rpc.client import connect
+
+    with connect(socket, holder=holder("replay")) as robot, shared(robot):
+        plan, request, slower = _paced(
+            fit, pace, lambda request: robot.plan(request, device=device)
+        )
+        _write(output, request)
+        if not as_json:
+            _say_plan(plan, slower, output)
+        handle = robot.move(plan, device=device)
+        summary = follow(handle, title=f"motion {handle.motion_number}", is_silent=as_json)
+    if as_json:
+        say_json({"fit": told, "slower": slower, "plan": handle.plan, "summary": summary})
+    else:
+        say(*texts.summary(summary, handle.plan))
+    raise_unless_done(summary)
+
+
+def _say_plan(planned: Any, slower: float, output: Path | None) -> None:  # noqa: ANN401 - two kinds
+    from orientd.cli import texts
+
+    say(f"{slower:.3f} times as long as recorded", "", *texts.certificate(planned.certificate))
+    if output is not None:
+        say(f"wrote {output}")
+
+
+def _write(output: Path | None, request: MotionRequest) -> None:
+    """Write the motion file of *request*.
+
+    Raises:
+        OrientdError: it cannot be written.
+    """
+    if output is None:
+        return
+    from orientd.rpc.wire.motion import from_request, to_mapping
+
+    mapping = to_mapping(from_request(request))
+    try:
+        output.write_text(json.dumps(mapping, indent=1) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise OrientdError(f"cannot write {output}: {error.strerror}") from error

@@ -1,0 +1,75 @@
+"""`orientd track`: follow targets that arrive on standard input."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from typing import Annotated, Any
+
+import typer
+
+from orientd.cli.command import AsJson, DeviceName, Socket, command
+from orientd.cli.commands.device_commands import holder
+from orientd.cli.output import say, say_json
+from orientd.errors import RequestError
+
+_KEYS = ("angular_velocity", "velocity_frame", "time_ns", "time_to_live")
+
+
+@command
+def track(
+    device: DeviceName = "",
+    time_to_live: Annotated[
+        float,
+        typer.Option(metavar="SECONDS", help="How long a target counts that does not say so."),
+    ] = 0.5,
+    socket: Socket = None,
+    as_json: AsJson = False,
+) -> None:
+    """Follow targets that arrive on standard input.
+
+    Each is one JSON object on one line; the device comes to rest when there are no more.
+    A target has an orientation as in a motion file, and may have `angular_velocity` (rad/s) with
+    `velocity_frame`, `time_ns` (monotonic clock) and `time_to_live` (s):
+
+    {"rotation_vector": [0, 0, 0.3], "angular_velocity": [0, 0, 1], "time_to_live": 0.2}
+    """
+    from orientd.cli import texts
+    from orientd.cli.shared_lease import shared
+    from orientd.rpc.client import connect
+
+    with connect(socket, holder=holder("track")) as robot, shared(robot):
+        with robot.track(device=device) as tracking:
+            for target, wishes in _targets():
+                tracking.aim(target, **{"time_to_live": time_to_live, **wishes})
+        report = tracking.report
+    if as_json:
+        say_json(report)
+        return
+    say(
+        f"{report.targets} targets followed, {report.left_out} of them left out as too old, "
+        f"{report.refused} refused",
+        f"at rest at {texts.orientation(report.q)}",
+    )
+    if report.refusal:
+        say(f"last refusal: {report.refusal}")
+
+
+def _targets() -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
+    """Yield the orientation and the wishes of every line.
+
+    Raises:
+        RequestError: a line is not a JSON object.
+    """
+    for number, line in enumerate(sys.stdin, 1):
+        if not line.strip():
+            continue
+        try:
+            mapping = json.loads(line)
+        except ValueError:
+            mapping = None
+        if not isinstance(mapping, dict):
+            raise RequestError(f"line {number}", f"expected a JSON object, got {line.strip()!r}")
+        wishes = {key: mapping.pop(key) for key in _KEYS if key in mapping}
+        yield mapping, wishes

@@ -1,0 +1,67 @@
+"""`orientd view`: what a device was told and what it does, live in a browser."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import threading
+import webbrowser
+from importlib.util import find_spec
+from typing import Annotated
+
+import typer
+
+from orientd.cli.command import AsJson, Socket, command
+from orientd.cli.commands.device_commands import holder
+from orientd.cli.output import say, say_json
+from orientd.errors import OrientdError
+
+
+@command
+def view(
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Where to serve; 0 for any.")] = 8080,
+    host: Annotated[
+        str, typer.Option(help="The address to serve at; by default to this machine only.")
+    ] = "127.0.0.1",
+    control: Annotated[
+        bool | None,
+        typer.Option(
+            "--control/--no-control",
+            help="Whether pages may do more than stop and halt; by default on this machine only.",
+        ),
+    ] = None,
+    no_open: Annotated[bool, typer.Option("--no-open", help="Open no browser.")] = False,
+    dark: Annotated[bool, typer.Option("--dark", help="Begin with dark pages.")] = False,
+    socket: Socket = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show a daemon's devices in the browser, until Ctrl-C or SIGTERM.
+
+    Prints one line beginning "ready" with the address.  Anybody who can open the page can stop
+    what moves; who takes the lease there can move it.
+    """
+    if find_spec("viser") is None:
+        raise OrientdError("the view needs the extra `view`: pip install 'orientd[view]'")
+    from orientd.cli.shared_lease import borrow
+    from orientd.rpc.client import connect
+    from orientd.viewer.page import Page
+    from orientd.viewer.web import is_loopback
+
+    page = Page(
+        lambda: connect(socket, holder=holder("view")),
+        borrow,
+        host=host,
+        port=port,
+        may_command=is_loopback(host) if control is None else control,
+        is_dark=dark,
+    )
+    url = f"http://{f'[{host}]' if ':' in host else host}:{page.port}"
+    with contextlib.suppress(KeyboardInterrupt):
+        if as_json:
+            say_json({"ready": True, "url": url})
+        else:
+            say(f"ready at {url}")
+        # Without a display, a browser of the terminal would take the terminal.
+        if not no_open and {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ):
+            webbrowser.open(url)
+        page.run(threading.Event())

@@ -1,0 +1,1 @@
+"""What constructions of curves share: bases, increments, triangles, jets, ends."""

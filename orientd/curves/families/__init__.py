@@ -1,0 +1,1 @@
+"""The families of curves that the papers describe, a module for each."""

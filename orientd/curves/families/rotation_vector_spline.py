@@ -1,0 +1,247 @@
+"""The C2 cubic in the rotation vector, which SciPy's RotationSpline draws, with end velocities."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from orientd.curves.construct.banded import solve_blocks
+from orientd.curves.construct.jets import Jet, exponential, rates
+from orientd.curves.contract import Curve, Samples
+from orientd.curves.keyframes import (
+    check_aligned,
+    check_choice,
+    check_vector,
+    increments,
+    resolve_times,
+)
+from orientd.errors import PlanError
+from orientd.rotation import Floats, multiply, right_jacobian, right_jacobian_inverse
+
+ENDS = ("natural", "clamped")
+ITERATIONS = 20
+SMALLEST_STEP = 1e-3
+
+
+class RotationVectorSpline(Curve):
+    r"""Interpolate keyframes, each segment a cubic rotation vector from its first keyframe on.
+
+    .. math:: q(t) = q_i \exp(r_i(t)), \quad r_i(t_i) = 0, \quad
+              r_i(t_{i+1}) = R_i = \log(q_i^{-1} q_{i+1})
+
+    With :math:`\Omega_i` the body angular velocity at keyframe *i* and :math:`J` the right
+    Jacobian of the exponential at :math:`R_i`, the end slopes are :math:`\Omega_i` and
+    :math:`J_i^{-1} \Omega_{i+1}`; the acceleration is continuous at keyframe *i* when
+
+    .. math:: \frac{2}{h_{i-1}} J_{i-1} \Omega_{i-1}
+              + 4\Bigl(\frac1{h_{i-1}} + \frac1{h_i}\Bigr) \Omega_i
+              + \frac{2}{h_i} J_i^{-1} \Omega_{i+1} + \dot J_{i-1} J_{i-1}^{-1} \Omega_i
+              = \frac{6 R_{i-1}}{h_{i-1}^2} + \frac{6 R_i}{h_i^2}
+
+    the construction of SciPy's ``RotationSpline`` (Mayorov, 2019).  SciPy prescribes at both ends
+    the mean rate of the end interval, and stops after ten fixed-point iterations without a word.
+    Here ends are free of acceleration or have a velocity given, and Newton's method, with
+    continuation in the size of the steps where it must, either converges or says so.
+
+    Picture: ``orientd plot rotation_vector_spline``.
+
+    Args:
+        keys: unit quaternions ``(w, x, y, z)``, at least two.
+        times: instants in seconds, ``"uniform"`` or ``"chord"``.
+        start: ``"natural"``, no acceleration at the first keyframe, or ``"clamped"``, the
+            velocity *omega_start* there.
+        end: the same for the last keyframe and *omega_end*.
+        omega_start: body angular velocity, rad/s.
+        omega_end: body angular velocity, rad/s.
+        align: whether each keyframe takes the sign nearer to its predecessor.
+
+    Raises:
+        ValueError: a parameter is not as said.
+        PlanError: no velocities are found at which the acceleration is continuous.
+    """
+
+    name = "rotation_vector_spline"
+    summary = "C2 cubic in the rotation vector, end velocities met"
+    source = "Mayorov 2019 (scipy.spatial.transform.RotationSpline)"
+    interpolates = True
+    meets_end_velocities = True
+
+    def __init__(
+        self,
+        *,
+        keys: ArrayLike,
+        times: str | ArrayLike = "uniform",
+        start: str = "natural",
+        end: str = "natural",
+        omega_start: ArrayLike | None = None,
+        omega_end: ArrayLike | None = None,
+        align: bool = True,
+    ) -> None:
+        q = check_aligned(keys, align)
+        instants = resolve_times(times, q)
+        first = check_end(start, omega_start, "start")
+        last = check_end(end, omega_end, "end")
+        steps = 2.0 * increments(q)
+        length = np.sqrt(np.sum(steps * steps, axis=-1))
+        if not np.all(length < 2.0 * np.pi * (1.0 - 1e-9)):
+            place = int(np.argmax(length))
+            raise ValueError(
+                "keys must turn by less than a whole turn from one to the next, got keys"
+                f"[{place}] to keys[{place + 1}] {length[place]:.9g} rad apart with their signs"
+            )
+        super().__init__(knots=instants, continuity=2)
+        h = np.diff(instants)
+        omega_body = key_velocities(steps, h, first, last)
+        slope_end = h[:, None] * _apply(right_jacobian_inverse(steps), omega_body[1:])
+        self._keys, self._slopes = q, 1.0 / h
+        self._linear = h[:, None] * omega_body[:-1]
+        self._square = 3.0 * steps - 2.0 * self._linear - slope_end
+        self._cube = self._linear + slope_end - 2.0 * steps
+
+    def _sample(self, times: Floats) -> Samples:
+        span = self._segments(times)
+        slope = self._slopes[span][:, None]
+        u = (times - self._knots[span])[:, None] * slope
+        a, b, c = self._linear[span], self._square[span], self._cube[span]
+        half_vector = Jet(
+            0.5 * u * (a + u * (b + u * c)),
+            0.5 * slope * (a + u * (2.0 * b + 3.0 * u * c)),
+            slope * slope * (b + 3.0 * u * c),
+        )
+        turn, omega_body, alpha_body = rates(exponential(half_vector))
+        return multiply(self._keys[span], turn), omega_body, alpha_body
+
+
+def check_end(condition: object, omega: ArrayLike | None, side: str) -> Floats | None:
+    """Return the velocity prescribed at one end, or nothing where the end is natural.
+
+    Raises:
+        ValueError: the condition is not one, or the velocity is missing or one too many.
+    """
+    if check_choice(condition, side, ENDS) == "natural":
+        if omega is not None:
+            raise ValueError(
+                f"omega_{side} must be None with {side}='natural', got {omega!r}; "
+                f"use {side}='clamped'"
+            )
+        return None
+    if omega is None:
+        raise ValueError(f"omega_{side} must be given with {side}='clamped', got None")
+    return check_vector(omega, f"omega_{side}")
+
+
+def key_velocities(steps: Floats, h: Floats, first: Floats | None, last: Floats | None) -> Floats:
+    """Return the body angular velocities at the keyframes that make the acceleration continuous.
+
+    Args:
+        steps: rotation vectors from each keyframe to the next, shape ``(n, 3)``.
+        h: intervals, shape ``(n,)``.
+        first: velocity at the first keyframe; without it the acceleration there is zero.
+        last: the same for the last keyframe.
+
+    Returns:
+        Shape ``(n + 1, 3)``.
+
+    Raises:
+        PlanError: the continuation in the size of the steps does not reach their full size.
+    """
+    reached, stride = 0.0, 1.0
+    omega_body = np.zeros((len(h) + 1, 3))
+    while reached < 1.0:
+        target = min(1.0, reached + stride)
+        equations = _Equations(
+            target * steps,
+            h,
+            None if first is None else target * first,
+            None if last is None else target * last,
+        )
+        guess = omega_body * (target / reached) if reached > 0.0 else equations.linear_solution()
+        found = equations.solve(guess)
+        if found is None:
+            stride *= 0.5
+            if stride < SMALLEST_STEP:
+                raise PlanError(
+                    "no cubic rotation-vector spline was found through the keyframes; the search "
+                    f"stopped at {100.0 * reached:.1f} % of the step sizes: add keyframes or "
+                    "lower the end velocities"
+                )
+        else:
+            omega_body, reached, stride = found, target, 2.0 * (target - reached)
+    return omega_body
+
+
+class _Equations:
+    """Continuity of acceleration at each keyframe, in the velocities at the keyframes."""
+
+    def __init__(self, steps: Floats, h: Floats, first: Floats | None, last: Floats | None) -> None:
+        count = len(h) + 1
+        self._steps, self._first, self._last = steps, first, last
+        self._back = right_jacobian_inverse(steps)
+        rate = (1.0 / h)[:, None, None]
+        self._blocks = np.zeros((count, 3, 9))
+        self._blocks[1:, :, 0:3] = 2.0 * rate * right_jacobian(steps)
+        self._blocks[1:, :, 3:6] += 4.0 * rate * np.eye(3)
+        self._blocks[:-1, :, 3:6] += 4.0 * rate * np.eye(3)
+        self._blocks[:-1, :, 6:9] = 2.0 * rate * self._back
+        pull = 6.0 * steps / (h * h)[:, None]
+        self._right = np.zeros((count, 3))
+        self._right[1:] += pull
+        self._right[:-1] += pull
+        for place, given in ((0, first), (-1, last)):
+            if given is not None:
+                self._blocks[place] = np.hstack([np.zeros((3, 3)), np.eye(3), np.zeros((3, 3))])
+                self._right[place] = given
+
+    def linear_solution(self) -> Floats:
+        """Return the velocities without the term quadratic in them."""
+        return self._solve_linear(self._blocks, self._right)
+
+    def solve(self, omega_body: Floats) -> Floats | None:
+        """Return the solution near a guess, or nothing where Newton's method does not settle."""
+        previous = np.inf
+        for _ in range(ITERATIONS):
+            bend, derivative = self._bend(omega_body)
+            blocks = self._blocks.copy()
+            blocks[1:, :, 3:6] += derivative
+            right = self._right.copy()
+            right[1:] += _apply(derivative, omega_body[1:]) - bend
+            found = self._solve_linear(blocks, right)
+            size = float(np.max(np.abs(found - omega_body)))
+            omega_body = found
+            if not size < 2.0 * previous:
+                return None
+            if size <= 1e-9 * float(np.max(np.abs(found))) or size == 0.0:
+                return omega_body
+            previous = size
+        return None
+
+    def _bend(self, omega_body: Floats) -> tuple[Floats, Floats]:
+        r"""Return :math:`\dot J J^{-1} \Omega`, the bend of the exponential, and its derivative.
+
+        It is the acceleration of a rotation vector that moves at a constant rate *v* and quadratic
+        in *v*, so half the difference between ``v + e`` and ``v - e`` is its derivative along *e*.
+        """
+        v = _apply(self._back, omega_body[1:])
+        scale = 1.0 + np.sqrt(np.sum(v * v, axis=-1))
+        axes = scale[:, None] * np.eye(3)[:, None, :]
+        ahead = self._acceleration(v + axes)
+        behind = self._acceleration(v - axes)
+        along_axes = np.moveaxis((ahead - behind) / (2.0 * scale[:, None]), 0, -1)
+        bend, derivative = self._acceleration(v), along_axes @ self._back
+        if self._last is not None:
+            bend[-1], derivative[-1] = 0.0, 0.0
+        return bend, derivative
+
+    def _acceleration(self, v: Floats) -> Floats:
+        half = np.broadcast_to(0.5 * self._steps, v.shape)
+        return rates(exponential(Jet(half, 0.5 * v, np.zeros_like(v))))[2]
+
+    def _solve_linear(self, blocks: Floats, right: Floats) -> Floats:
+        rows = 3 * np.arange(len(blocks))
+        return solve_blocks(blocks, rows, rows - 3, right.ravel()).reshape(-1, 3)
+
+
+def _apply(matrices: Floats, vectors: Floats) -> Floats:
+    """Multiply stacked matrices with stacked vectors."""
+    product: Floats = np.einsum("nij,nj->ni", matrices, vectors)
+    return product

@@ -1,0 +1,1 @@
+"""Fit a curve to orientations that were measured."""

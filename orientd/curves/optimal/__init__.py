@@ -1,0 +1,1 @@
+"""Curves of least effort or acceleration, and the searches for them."""

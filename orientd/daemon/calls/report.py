@@ -1,0 +1,123 @@
+"""What the daemon says about its devices, as values for the wire."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar
+
+from orientd.daemon.device import Device
+from orientd.daemon.motions.active_motions import Run
+from orientd.rpc.reports import DeviceReport, Progress
+from orientd.stream import Cycle
+from orientd.stream.records import record_index
+
+NANOSECONDS = 1e9
+_MOST_CYCLES = 4096
+
+Taken = TypeVar("Taken")
+
+
+def device_report(device: Device) -> DeviceReport:
+    """Return *device* as it is now."""
+    now = device.snapshot()
+    return DeviceReport(
+        name=device.name,
+        driver=device.driver,
+        rate_hz=device.rate_hz,
+        limits=device.limits,
+        state=now.state,
+        fault=now.fault,
+        fault_text=now.fault_text,
+        is_paused=now.is_paused,
+        speed=now.speed,
+        motion_number=now.motion_number,
+        motion_id=now.motion.id if now.motion else "",
+        path_time=now.path_time,
+        duration=now.motion.facts.duration if now.motion else 0.0,
+        servo_pid=now.servo_pid,
+        scheduling=now.scheduling,
+        is_memory_locked=now.memory_locked,
+        cycle=now.cycle,
+        lead=device.lead,
+        phase=device.phase,
+    )
+
+
+class CycleReader:
+    """The cycles of a device in the order in which they happen, none of them twice."""
+
+    def __init__(self, device: Device) -> None:
+        """Begin with the next cycle."""
+        self._device = device
+        newest = device.snapshot().cycle
+        self._next = newest.index + 1 if newest is not None else 0
+
+    def read(self, most: int | None = None) -> tuple[list[Cycle], int]:
+        """Return the cycles since the last call, and how many were gone before they were read.
+
+        Args:
+            most: how many to return at once; the next call goes on from there.
+        """
+        return self._read(self._device.cycles, lambda cycle: cycle.index, most)
+
+    def read_records(self) -> tuple[list[bytes], int]:
+        """Do the same with records, which are the cycles as the servo has packed them."""
+        return self._read(self._device.cycle_records, record_index, None)
+
+    def _read(
+        self,
+        take: Callable[[int, int], list[Taken]],
+        index_of: Callable[[Taken], int],
+        most: int | None,
+    ) -> tuple[list[Taken], int]:
+        newest = self._device.snapshot().cycle
+        if newest is None:
+            return [], 0
+        if newest.index + 1 < self._next:
+            self._next = 0  # another servo process, which counts from the beginning
+        taken: list[Taken] = []
+        lost = 0
+        chunk = _MOST_CYCLES if most is None else most
+        while more := take(self._next, chunk):
+            end = index_of(more[-1]) + 1
+            lost += end - self._next - len(more)
+            self._next = end
+            taken += more
+            if len(more) < chunk or most is not None:
+                break
+        return taken, lost
+
+
+class ProgressReader:
+    """The progress of a run, from report to report."""
+
+    def __init__(self, run: Run) -> None:
+        """Begin now, when *run* has just started."""
+        self._run = run
+        self._cycles = CycleReader(run.device)
+        newest = run.device.snapshot().cycle
+        self._overruns = newest.overruns if newest is not None else 0
+
+    def read(self) -> Progress | None:
+        """Return how far the motion is; ``None`` while there is no servo to tell."""
+        now = self._run.device.snapshot()
+        if now.cycle is None:
+            return None
+        duration = self._run.motion.facts.duration if self._run.motion is not None else 0.0
+        # A motion that waits for its turn has not begun; one that was left has ended.
+        is_present = now.motion_number == self._run.number
+        recent, _ = self._cycles.read()
+        latest = max((cycle.lateness_ns for cycle in recent), default=now.cycle.lateness_ns)
+        return Progress(
+            path_time=min(now.path_time, duration) if is_present else 0.0,
+            duration=duration,
+            state=now.state,
+            is_paused=now.is_paused,
+            speed=now.cycle.speed,
+            q=now.cycle.q,
+            omega_body=now.cycle.omega_body,
+            position=now.cycle.position,
+            lateness=latest / NANOSECONDS,
+            tracking_error=now.tracking_error,
+            overruns=max(0, now.cycle.overruns - self._overruns),
+        )

@@ -1,0 +1,1 @@
+"""The servo processes of devices: started, asked, heard, lost, started again."""

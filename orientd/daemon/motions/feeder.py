@@ -1,0 +1,130 @@
+"""The feeder: copies the records of a motion, block by block, into the path ring.
+
+It keeps the ring filled ahead of the servo, and holds no more of a motion than the ring does.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orientd.planner.recorded import RecordedMotion
+from orientd.servo.path.path_follower import FINAL_WORD, TAIL_WORD
+from orientd.stream import PathFlag, RecordRing
+from orientd.stream.records import PATH_FLOATS
+
+BLOCK = 512
+"""Records copied at a time."""
+
+_MARGIN = 8
+_LAYOUT = np.dtype(
+    [
+        ("index", "u8"),
+        ("path_time_ns", "i8"),
+        ("flags", "u4"),
+        ("motion", "u4"),
+        ("floats", "f8", (PATH_FLOATS,)),
+    ],
+    align=True,
+)
+
+
+class Feeder:
+    """One motion on its way into the path ring.
+
+    Attributes:
+        motion: what is fed.
+        number: of the motion.
+        first_index: the ring's index of the motion's first record.
+    """
+
+    def __init__(
+        self, ring: RecordRing, motion: RecordedMotion, number: int, *, read_ahead: int
+    ) -> None:
+        """Begin behind whatever the ring holds.
+
+        Args:
+            ring: of path records.
+            motion: to feed.
+            number: of the motion.
+            read_ahead: how many records the ring may hold beyond the servo's; the rest of it is
+                kept for a motion that replaces this one.
+        """
+        self.motion = motion
+        self.first_index = ring.head
+        self._ring = ring
+        self.number = number
+        self._fed = 0
+        self._until = motion.facts.record_count
+        self._read_ahead = read_ahead
+        self._is_taken_up = False
+
+    def clear(self) -> None:
+        """Tell a servo that stands still that nothing before this motion counts any more."""
+        self._ring.words[FINAL_WORD] = 0
+        self._ring.words[TAIL_WORD] = self.first_index
+
+    def leave_at(self, record: int) -> None:
+        """Feed nothing beyond *record* of the motion.
+
+        Records beyond it that are in the ring already stay there, unused.
+        """
+        self._until = max(self._fed, record + 1)
+
+    @property
+    def final_index(self) -> int:
+        """The ring's index of the motion's last record."""
+        return self.first_index + self.motion.facts.record_count - 1
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether the motion's last record is in the ring, or has been."""
+        return self._fed == self.motion.facts.record_count
+
+    @property
+    def is_done(self) -> bool:
+        """Whether everything that is to be fed has been."""
+        return self._fed >= self._until
+
+    def feed(self, most: int, *, is_urgent: bool = False) -> int:
+        """Put up to *most* records more into the ring, as far as it has room; return how many.
+
+        Args:
+            most: records.
+            is_urgent: whether to use the room that is kept free otherwise.
+        """
+        ring = self._ring
+        size = ring.capacity - _MARGIN if is_urgent else self._read_ahead
+        room = ring.words[TAIL_WORD] + size - ring.head
+        count = min(most, room, self._until - self._fed)
+        if count <= 0:
+            return 0
+        block = self._records(self._fed, count)
+        ring.put(block.tobytes(), ring.head)
+        self._fed += len(block)
+        if self._is_taken_up:
+            self._declare_end()
+        ring.advance(ring.head + len(block))
+        return len(block)
+
+    def take_up(self) -> None:
+        """Note that the servo has the motion on its path; it is told where it ends from now on."""
+        self._is_taken_up = True
+        self._declare_end()
+
+    def _declare_end(self) -> None:
+        if self.is_whole:
+            self._ring.words[FINAL_WORD] = self.final_index + 1
+
+    def _records(self, first: int, count: int) -> NDArray[np.void]:
+        motion = self.motion
+        floats = motion.records(first, count)
+        count = len(floats)
+        block = np.zeros(count, dtype=_LAYOUT)
+        block["index"] = np.arange(self._ring.head, self._ring.head + count)
+        block["path_time_ns"] = np.rint(np.arange(first, first + count) * motion.facts.period * 1e9)
+        block["motion"] = self.number
+        if count and first + count == motion.facts.record_count:
+            block["flags"][-1] = PathFlag.LAST
+        block["floats"] = floats
+        return block

@@ -1,0 +1,416 @@
+"""The motions of one device: planned from where it is or will be, begun, fed, measured, ended.
+
+One for each servo process.  Not locked: the device calls it with its own lock held, except for
+planning, which takes its time.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import os
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+from orientd.daemon.devices.device_report import EventKind
+from orientd.daemon.devices.servo_link import ServoLink
+from orientd.daemon.motions.arrivals import Arrivals
+from orientd.daemon.motions.horizon import ReplanningHorizon
+from orientd.daemon.motions.meter import MotionStatistics
+from orientd.daemon.motions.motion_queue import Itinerary, Leave, Stage
+from orientd.daemon.motions.options import Kind, Manner, Prepared
+from orientd.daemon.planners import Continuation, Job, Order, PlannedMotion, Planners, Rank
+from orientd.errors import LateError, NotYetError, PlanError, StateError
+from orientd.planner.recorded import HISTORY, Joints, RecordedMotion
+from orientd.planner.request import State as PlannedState
+from orientd.stream import UNKNOWN, Command, Cycle, State
+
+_SHAPED_ATTEMPTS = 3
+"""How often a path that the driver shapes is planned from on the way before it begins at rest."""
+
+_LATER = (0.0, 0.1, 0.25, 0.5)
+"""How much later on the way than as soon as possible axes are tried that cannot go on there, s."""
+
+_TAIL = 16_384
+"""Records from the end of a motion, at the most, on which one that follows it may leave it."""
+
+LONGEST_STOP = 30.0
+"""How long a stop on the path may take, s."""
+
+Tell = Callable[[EventKind, int, str], None]
+
+
+class Motions:
+    """What one servo process runs, and is to run.
+
+    Attributes:
+        is_paused: whether the present motion stands on its path, to be resumed.
+    """
+
+    def __init__(
+        self,
+        link: ServoLink,
+        name: str,
+        planners: Planners,
+        *,
+        period: float,
+        lead: float,
+        read_ahead: int,
+        tell: Tell,
+    ) -> None:
+        """Begin with none.
+
+        Args:
+            link: to the servo.
+            name: of the device.
+            planners: plan for it.
+            period: of the device, s.
+            lead: by how much it is led, s.
+            read_ahead: path records to keep ahead of the servo.
+            tell: is told of everything that happens to a motion.
+        """
+        self.is_paused = False
+        self._link = link
+        self._name, self._planners = name, planners
+        self._period = period
+        self._itinerary = Itinerary(link, lead=lead, read_ahead=read_ahead)
+        self._arrivals = Arrivals(link, tell)
+        self._tell = tell
+        self._tuned: Mapping[str, Any] = {}
+        self._horizon = ReplanningHorizon()
+        self._shown: Stage | None = None
+        self._is_closed = False
+
+    # Planning
+
+    async def plan(self, order: Order) -> PlannedMotion:
+        """Plan a motion that begins where the device will be once it has come to rest.
+
+        Raises:
+            RequestError: the request is not one that its method or the device allows.
+            StateError: the device is neither holding nor moving.
+            PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
+        """
+        cycle = self._link.newest()
+        is_moving = cycle is not None and cycle.state in (State.STREAMING, State.STOPPING)
+        # A motion stopped a moment ago may not have been taken out yet.
+        last = self._itinerary.last if is_moving and self._itinerary.is_active else None
+        if last is None:
+            start, joints = self.held(), self._joints()
+        else:
+            tail = await self._tail(last.motion, last.motion.last_record)
+            start = tail.state_at(last.motion.last_record)
+            joints = last.motion.facts.last_joints or self._joints()
+        return await self._planners.plan(self._job(order, start, joints), order)
+
+    async def prepare(self, order: Order, manner: Manner, *, attempt: int) -> Prepared:
+        """Plan a motion for :meth:`start`: from rest, or from a point of the path a little ahead.
+
+        Args:
+            order: what to do.
+            manner: how to begin and to end.
+            attempt: how often :meth:`start` has said already that it was too late.
+
+        Raises:
+            RequestError: the request is not one that its method or the device allows.
+            LateError: what it was to follow has ended.
+            StateError: the device cannot move.
+            PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
+        """
+        kind = len(order.motion).bit_length(), manner.is_queued
+        leave = await self._leave(manner, kind, attempt)
+        chosen = time.monotonic()
+        motion: PlannedMotion | None = None
+        if leave is not None and manner.is_queued:
+            left = self._left(leave)
+            tail = await self._tail(left, leave.record)
+            job = Job(
+                self._name,
+                order.motion,
+                new_motion_id(),
+                after=Continuation(tail, manner.blend, leave.record),
+            )
+            motion = await self._planners.plan(job, order, rank=Rank.URGENT)
+            leave = replace(leave, record=motion.leave)
+        elif leave is not None:
+            taking_over = await self._taking_over(order, leave, attempt)
+            if taking_over is not None:
+                leave, motion = taking_over
+        if motion is None:
+            if leave is not None:
+                await self._stop_on_path()
+                leave = None
+            job = self._job(order, self.held(), self._joints())
+            motion = await self._planners.plan(job, order)
+        await motion.arrive(self._itinerary.needed(motion.facts))
+        return Prepared(motion, leave, manner, chosen, kind)
+
+    def _job(
+        self,
+        order: Order,
+        start: PlannedState,
+        joints: Joints = (),
+        before: tuple[Joints, ...] = (),
+    ) -> Job:
+        return Job(self._name, order.motion, new_motion_id(), start, joints, before)
+
+    async def _tail(self, motion: PlannedMotion, earliest: int) -> RecordedMotion:
+        """Return the end of a motion, as far as one that follows it may need it."""
+        facts = motion.facts
+        corner = min(
+            math.ceil(facts.last_passed / facts.period), round(facts.end_time / facts.period)
+        )
+        first = max(earliest, min(corner, motion.last_record), facts.record_count - _TAIL)
+        first = max(0, first - HISTORY)
+        begin, end = motion.at_hand
+        if begin <= first and end == facts.record_count:
+            rows = motion.rows(first, end - first)
+        else:
+            rows = await self._planners.records(motion, first)
+        return RecordedMotion(facts, rows, first)
+
+    def held(self) -> PlannedState:
+        """Return where the device holds.
+
+        Raises:
+            StateError: it does not hold.
+        """
+        cycle = self._link.newest()
+        if cycle is None or cycle.state is not State.HOLDING:
+            raise StateError("the device does not hold")
+        return PlannedState.at_rest(cycle.q, cycle.position)
+
+    async def _leave(self, manner: Manner, kind: Kind, attempt: int) -> Leave | None:
+        """Return where what runs is to be left at the earliest; ``None`` where nothing runs."""
+        itinerary, cycle = self._itinerary, self._link.newest()
+        if cycle is None or cycle.state not in (State.STREAMING, State.STOPPING):
+            return None
+        if manner.start_ns != UNKNOWN:
+            raise StateError("the device is moving: a start time needs one at rest")
+        if cycle.state is State.STOPPING:
+            await self._await_rest()
+            return None
+        if not itinerary.is_active:
+            return None
+        since = (time.monotonic_ns() - cycle.deadline_ns) * 1e-9
+        horizon = since + self._horizon.ahead(kind, attempt)
+        # It takes a command up before it moves on from the record of the cycle before.
+        ahead = itinerary.ahead(cycle, max(0, math.ceil(horizon / self._period) - 1))
+        if manner.is_queued and ahead.number != itinerary.last.number:
+            return itinerary.end(record=0)
+        return ahead
+
+    async def _taking_over(
+        self, order: Order, leave: Leave, attempt: int
+    ) -> tuple[Leave, PlannedMotion] | None:
+        """Plan a motion from *leave* on; ``None`` where the axes can begin it at rest only.
+
+        Where the axes could not go on from there, as in the midst of a passage near a singularity,
+        it is tried a little later on the way.
+
+        Raises:
+            LateError: what it was to replace has ended.
+            PlanError: it cannot be planned, at rest neither; nothing has changed.
+        """
+        left = self._left(leave)
+        state, joints = left.state_at(leave.record), left.joints_at(leave.record)
+        if not joints:
+            job = self._job(order, state)
+            return leave, await self._planners.plan(job, order, rank=Rank.URGENT)
+        for later in _LATER if attempt < _SHAPED_ATTEMPTS else ():
+            record = leave.record + round(later / self._period)
+            if record >= min(left.last_record, left.at_hand[1]):
+                break
+            start = left.state_at(record)
+            before = () if start.is_at_rest else left.joints_before(record)
+            job = self._job(order, start, left.joints_at(record), before)
+            try:
+                motion = await self._planners.plan(job, order, rank=Rank.URGENT)
+            except PlanError:
+                continue
+            return replace(leave, record=record), motion
+        # What cannot be planned from rest near there is not worth a stop.
+        rest = PlannedState.at_rest(state.q, state.position)
+        await self._planners.plan(self._job(order, rest, joints), order)
+        return None
+
+    def _left(self, leave: Leave) -> PlannedMotion:
+        stage = self._itinerary.stage(leave.number)
+        if stage is None:
+            raise LateError(f"motion {leave.number} has ended")
+        return stage.motion
+
+    async def _stop_on_path(self) -> None:
+        """Have what runs stop on its path, and wait for that."""
+        cycle = self._link.newest()
+        if cycle is not None and cycle.state is State.STREAMING:
+            await asyncio.to_thread(self._link.ask, Command.STOP)
+        await self._await_rest()
+
+    async def _await_rest(self) -> None:
+        """Wait until a stop has come to its end."""
+        end = time.monotonic() + LONGEST_STOP
+        while time.monotonic() < end:
+            cycle = self._link.newest()
+            if cycle is None or cycle.state not in (State.STREAMING, State.STOPPING):
+                return
+            await asyncio.sleep(self._period)
+        raise StateError("the device does not come to rest")
+
+    def _joints(self) -> tuple[float, ...]:
+        cycle = self._link.newest()
+        return () if cycle is None else cycle.joints
+
+    # Running
+
+    def start(self, prepared: Prepared, number: int, *, speed: float) -> None:
+        """Begin to stream a motion as number *number*, at *speed*.
+
+        A motion that is to follow others is taken up when its turn has come.
+
+        Raises:
+            LateError: the device has passed the point at which it was to begin.
+            StateError: the device is not holding, or not where the motion begins.
+        """
+        motion, leave, manner = prepared.motion, prepared.leave, prepared.manner
+        options = motion.facts.device_options
+        if leave is None:
+            if self._itinerary.is_active:
+                raise LateError("a motion that was to follow has begun")
+            self._check_start_time(manner)
+            if options != self._tuned:
+                self._link.tune(options)
+                self._tuned = options
+            self._arrivals.end("another motion has begun")
+            self._itinerary.begin(motion, number, speed=speed, start_ns=manner.start_ns)
+            self.is_paused = False
+        elif options != self._tuned:
+            raise StateError("device_options change at rest only: wait for the motion's end")
+        elif manner.is_queued:
+            self._itinerary.append(motion, number, leave)
+        else:
+            self._horizon.add(prepared.kind, time.monotonic() - prepared.chosen)
+            for stage in self._itinerary.replace(motion, number, leave):
+                self._tell(EventKind.MOTION_REPLACED, stage.number, "before it began")
+            if self.is_paused:
+                self._link.ask(Command.SPEED, speed=speed)
+                self.is_paused = False
+        if manner.gate is not None:
+            self._arrivals.expect(number, manner.gate)
+        self._tell(EventKind.MOTION_STARTED, number, f"{motion.facts.duration:.3f} s")
+
+    @staticmethod
+    def _check_start_time(manner: Manner) -> None:
+        late = (time.monotonic_ns() - manner.start_ns) * 1e-9
+        if manner.start_ns != UNKNOWN and late > 0.0:
+            raise StateError(f"the motion was ready {late:.3f} s after its start time")
+
+    def tend(self, fault_text: str, *, speed: float) -> None:
+        """Feed what runs, measure it, and note what has ended; to be called every few cycles.
+
+        Args:
+            fault_text: why the device is in a fault, if it is.
+            speed: at which a motion goes on that was to follow one that has come to rest.
+
+        Raises:
+            DaemonError: the servo does not answer.
+        """
+        self._arrivals.look(fault_text)
+        itinerary = self._itinerary
+        if not itinerary.is_active:
+            return
+        try:
+            itinerary.feed()
+        except NotYetError:
+            pass  # tried again with the next look
+        except LateError as error:
+            for stage in itinerary.miss():
+                self._tell(EventKind.MOTION_STOPPED, stage.number, str(error))
+        cycle = self._link.newest()
+        itinerary.measure_some()
+        if cycle is None or (cycle.state is State.FAULT and not fault_text):
+            return  # of a fault of this very moment the reason is heard before the next look
+        for stage in itinerary.passed(cycle):
+            kind = EventKind.MOTION_REPLACED if stage.is_replaced else EventKind.MOTION_DONE
+            self._tell(kind, stage.number, "")
+        is_moving = cycle.state in (State.STREAMING, State.STOPPING)
+        if cycle.motion == itinerary.first.number and not is_moving:
+            self._conclude(cycle, fault_text, speed)
+
+    def _conclude(self, cycle: Cycle, fault_text: str, speed: float) -> None:
+        """Note how the motion ended that has come to rest, and those that were to follow it."""
+        self.is_paused = False
+        ended, *following = self._itinerary.clear()
+        is_fault = cycle.state is State.FAULT
+        is_at_end = ended.feeder is not None and cycle.path_index == ended.feeder.final_index
+        if is_fault or not is_at_end:
+            self._stop((ended, *following), fault_text if is_fault else "stopped on its path")
+            return
+        self._arrivals.arrive(ended.number, cycle)
+        if following:
+            # It came to rest before the servo had heard of the next one.
+            try:
+                self._itinerary.resume(following, speed=speed)
+            except StateError as error:
+                self._stop(tuple(following), str(error))
+
+    def drop(self, text: str, *, kind: EventKind = EventKind.MOTION_STOPPED) -> None:
+        """Say of every motion that it has ended."""
+        self._arrivals.end(text)
+        self._stop(tuple(self._itinerary.clear()), text, kind)
+
+    def _stop(
+        self, stages: tuple[Stage, ...], text: str, kind: EventKind = EventKind.MOTION_STOPPED
+    ) -> None:
+        for stage in stages:
+            self._tell(kind, stage.number, text)
+
+    def close(self) -> None:
+        """Look at the servo's cycles for the last time; its memory is about to go."""
+        self._itinerary.measure()
+        self._is_closed = True
+
+    # What there is to see
+
+    @property
+    def present(self) -> int:
+        """Number of the motion that runs; 0 for none."""
+        return self._itinerary.first.number if self._itinerary.is_active else 0
+
+    def stage_of(self, cycle: Cycle | None) -> Stage | None:
+        """Return the motion that a cycle belongs to, or the one that was there last."""
+        stage = self._itinerary.stage(cycle.motion) if cycle is not None else None
+        if stage is not None:
+            self._shown = stage
+        shown = self._shown
+        # A motion begins before it is entered here: until then there is nothing to say of it.
+        return shown if shown is None or cycle is None or shown.number == cycle.motion else None
+
+    def stage(self, number: int) -> Stage | None:
+        """Return a motion that is under way or waits for its turn."""
+        return self._itinerary.stage(number)
+
+    def statistics(self, number: int) -> MotionStatistics | None:
+        """Return what was measured of motion *number*; ``None`` unless it is one of the newest."""
+        self._measure()
+        return self._itinerary.statistics(number)
+
+    def settled_after(self, number: int) -> float | None:
+        """Return how long after its last setpoint motion *number* was on target, s, if it was."""
+        return self._arrivals.settled_after(number)
+
+    def began_ns(self, number: int) -> int | None:
+        """Return when motion *number* began to move, monotonic clock, where that is known."""
+        self._measure()
+        return self._itinerary.began_ns(number)
+
+    def _measure(self) -> None:
+        if not self._is_closed:
+            self._itinerary.measure()
+
+
+def new_motion_id() -> str:
+    """Return a name that no other motion has."""
+    return os.urandom(6).hex()

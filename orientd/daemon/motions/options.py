@@ -1,0 +1,81 @@
+"""How a motion is to begin and to end, beside what it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from orientd.errors import RequestError
+from orientd.stream import UNKNOWN
+
+if TYPE_CHECKING:
+    from orientd.daemon.motions.motion_queue import Leave
+    from orientd.daemon.planners import PlannedMotion
+
+
+@dataclass(frozen=True, slots=True)
+class Gate:
+    """When a motion counts as having arrived: by what is measured, not by what was sent.
+
+    Attributes:
+        tolerance: largest angle to the target, rad.
+        rate: largest angular velocity, rad/s.
+        settle_time: how long both must hold without a break, s.
+        timeout: how long to wait for that after the last setpoint, s.
+
+    Raises:
+        RequestError: one of them is not a positive number.
+    """
+
+    tolerance: float
+    rate: float
+    settle_time: float
+    timeout: float
+
+    def __post_init__(self) -> None:
+        for name in ("tolerance", "rate", "settle_time", "timeout"):
+            number = getattr(self, name)
+            if not 0.0 < number < float("inf"):
+                raise RequestError(f"on_target.{name}", f"expected more than 0, got {number!r}")
+
+
+@dataclass(frozen=True, slots=True)
+class Manner:
+    """How a motion is to begin and to end.
+
+    Attributes:
+        is_queued: whether it follows what runs; otherwise it replaces that.
+        blend: how far from the corner to what runs before it may pass, rad; 0 joins them there.
+        start_ns: when it is to begin, monotonic clock; :data:`~orientd.stream.UNKNOWN` for at once.
+        gate: when it has arrived; ``None`` for when its last setpoint is sent.
+    """
+
+    is_queued: bool = False
+    blend: float = 0.0
+    start_ns: int = UNKNOWN
+    gate: Gate | None = None
+
+
+AT_ONCE = Manner()
+
+Kind = tuple[int, bool]
+"""How many binary digits the size of a request has, and whether it is blended into another."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prepared:
+    """A motion that is planned and can be started.
+
+    Attributes:
+        motion: the motion.
+        leave: where it leaves what runs before it; ``None`` where it begins at rest.
+        manner: how it is to begin and to end.
+        chosen: when *leave* was chosen, monotonic clock, s.
+        kind: of plan, which tells how long it takes.
+    """
+
+    motion: PlannedMotion
+    leave: Leave | None = None
+    manner: Manner = AT_ONCE
+    chosen: float = 0.0
+    kind: Kind = (0, False)

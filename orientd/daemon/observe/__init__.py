@@ -1,0 +1,1 @@
+"""What happened: the journal, the flight recorder, the log."""

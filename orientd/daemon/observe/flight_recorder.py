@@ -1,0 +1,172 @@
+"""The flight recorder: after a fault, the minute before it is written to a file.
+
+Every device keeps its newest cycles in memory (:mod:`orientd.daemon.devices.cycle_memory`), the
+journal its newest events.  When a device falls into a fault, a thread waits for what comes right
+after, hands all of it to a process of its own as one unlinked file in memory, and waits for how
+that went. Neither the servo nor whoever commands waits for any of it.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import subprocess
+import sys
+import threading
+import time
+from importlib.util import find_spec
+from pathlib import Path
+from queue import SimpleQueue
+from typing import TYPE_CHECKING, Any
+
+from orientd.config import Settings
+from orientd.daemon.devices.cycle_memory import CycleMemory
+from orientd.daemon.devices.device_report import DeviceEvent, EventKind
+from orientd.daemon.devices.servo_link import report_directory
+from orientd.daemon.observe.journal import Journal
+from orientd.stream.records import CYCLE_RECORD
+
+if TYPE_CHECKING:
+    from orientd.daemon.device import Device
+
+_log = logging.getLogger(__name__)
+
+AFTERWARDS = 1.0
+"""What is recorded after a fault, s: how the device came to rest."""
+
+_NOTICE = 0.2  # s from the cycle of a fault until it is told
+_COPYING = 0.3  # s in which cycles have been copied from shared memory
+_MARGIN = 1.0  # s of room, for cycles that come while a file is handed over
+_LONGEST = 60.0  # s that writing a file may take
+
+_FAULTS = (EventKind.FAULT, EventKind.SERVO_DIED)
+
+
+class FlightRecorder:
+    """Writes a recording of each device that falls into a fault."""
+
+    def __init__(self, settings: Settings, journal: Journal) -> None:
+        """Record as *settings* say; events are those of *journal*."""
+        self._settings = settings.recorder
+        self._configuration = settings.model_dump_json(exclude_none=True)
+        self._journal = journal
+        self._faults: SimpleQueue[DeviceEvent | None] = SimpleQueue()
+        self._closing = threading.Event()
+        self._devices: dict[str, Device] = {}
+        self._memories: dict[str, CycleMemory] = {}
+        self._thread: threading.Thread | None = None
+
+    @property
+    def directory(self) -> Path:
+        """Where files are written."""
+        return self._settings.directory or Path(report_directory()) / "recordings"
+
+    def attach(self, device: Device) -> None:
+        """Have *device* keep its newest cycles from now on, unless nothing is to be recorded."""
+        if self._settings.seconds:
+            kept = self._settings.seconds + AFTERWARDS + _COPYING + _MARGIN
+            memory = CycleMemory(round(kept * device.rate_hz))
+            self._devices[device.name], self._memories[device.name] = device, memory
+            device.memory = memory
+
+    def start(self) -> None:
+        """Wait for faults from now on."""
+        if not self._memories:
+            return
+        if find_spec("mcap") is None or find_spec("foxglove_schemas_protobuf") is None:
+            _log.warning("flight recorder: it is off, it needs the extra `record`")
+            for device in self._devices.values():
+                device.memory = None
+            self._memories.clear()
+            return
+        self._thread = threading.Thread(target=self._work, name="flight recorder", daemon=True)
+        self._thread.start()
+
+    def hear(self, event: DeviceEvent) -> None:
+        """Take note of what happened to a device; waits for nothing."""
+        if event.kind in _FAULTS:
+            self._faults.put(event)
+
+    def close(self) -> None:
+        """Write what there is to write and end; the devices have ended."""
+        self._closing.set()
+        self._faults.put(None)
+        if self._thread is not None:
+            self._thread.join()
+
+    def _work(self) -> None:
+        until: dict[str, int] = {}
+        while (event := self._faults.get()) is not None:
+            if event.time_ns <= until.get(event.device, 0):
+                continue  # it is in the file already
+            until[event.device] = event.time_ns + round(AFTERWARDS * 1e9)
+            wait = (until[event.device] - time.monotonic_ns()) * 1e-9 + _COPYING
+            self._closing.wait(max(0.0, wait))
+            kind, text = self._write(event)
+            is_bad = kind is EventKind.RECORDING_FAILED
+            _log.log(
+                logging.ERROR if is_bad else logging.INFO, "%s: %s: %s",
+                event.device, kind.value, text,
+            )  # fmt: skip
+            self._journal.hear(DeviceEvent(event.device, kind, 0, text, time.monotonic_ns()))
+
+    def _write(self, event: DeviceEvent) -> tuple[EventKind, str]:
+        """Write a file and return how that went: its path, or why not."""
+        device = self._devices[event.device]
+        since_ns = event.time_ns - round((self._settings.seconds + _NOTICE) * 1e9)
+        events = self._journal.kept(event.device, since_ns)
+        header = {
+            "device": device.name,
+            "rate_hz": device.rate_hz,
+            "reason": event.text,
+            "fault_ns": event.time_ns,
+            "since_ns": since_ns,
+            "offset_ns": time.time_ns() - time.monotonic_ns(),
+            "layout": CYCLE_RECORD.format,
+            "configuration": self._configuration,
+            "directory": str(self.directory),
+            "keep_files": self._settings.keep_files,
+            "keep_bytes": round(self._settings.keep_megabytes * 1e6),
+            "events": [len(one) for one in events],
+        }
+        try:
+            descriptor = _packed(header, events, self._memories[event.device])
+            try:
+                return _written(descriptor)
+            finally:
+                os.close(descriptor)
+        except (OSError, subprocess.TimeoutExpired) as error:
+            return EventKind.RECORDING_FAILED, str(error)
+
+
+def _packed(header: dict[str, Any], events: list[bytes], memory: CycleMemory) -> int:
+    """Return a file in memory: a line of JSON, the events, the slots."""
+    descriptor = os.memfd_create("orientd-flight", os.MFD_CLOEXEC)
+    try:
+        for piece in [json.dumps(header).encode() + b"\n", *events]:
+            rest = memoryview(piece)
+            while rest:
+                rest = rest[os.write(descriptor, rest) :]
+        memory.copy_to(descriptor)
+        os.lseek(descriptor, 0, os.SEEK_SET)
+    except OSError:
+        os.close(descriptor)
+        raise
+    return descriptor
+
+
+def _written(descriptor: int) -> tuple[EventKind, str]:
+    done = subprocess.run(
+        [sys.executable, "-m", "orientd.recorder.flight"],
+        stdin=descriptor,
+        capture_output=True,
+        text=True,
+        cwd="/",
+        timeout=_LONGEST,
+        check=False,
+    )
+    if done.returncode == 0:
+        return EventKind.RECORDED, done.stdout.strip()
+    said = (done.stderr.strip() or f"it ended with status {done.returncode}").splitlines()
+    return EventKind.RECORDING_FAILED, said[-1]

@@ -1,0 +1,118 @@
+"""A motion on the path that a device's axes can follow, checked anew on what will be sent."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from orientd.driver import ShapedPath
+from orientd.errors import StartError
+from orientd.planner import refusal
+from orientd.planner.certify.differences import Rough
+from orientd.planner.certify.measuring import measure
+from orientd.planner.certify.summary import before, summed_up
+from orientd.planner.limits import GUARD_TOLERANCE
+from orientd.planner.motion import Motion
+from orientd.planner.path.path import Path
+from orientd.planner.path.table_path import SAME_ANGLE, TablePath
+from orientd.rotation import Floats, angle, check_unit
+
+_SAME_TIME = 1e-9
+
+
+def reshaped(
+    motion: Motion, shape: ShapedPath, *, joints_before: Sequence[Sequence[float]] = ()
+) -> Motion:
+    """Return *motion* on the path of *shape*, held against its limits again.
+
+    Args:
+        motion: as it was planned.
+        shape: what the driver made of it, on the same grid.
+        joints_before: axis angles of the three records before it, where it begins in motion.
+
+    Raises:
+        LimitError: the path as shaped breaks a limit.
+        StartError: it begins elsewhere than the motion, which begins in motion.
+        ValueError: *shape* is not a path on the grid of the motion, or *motion* is shaped already.
+    """
+    if not isinstance(motion.path, Path):
+        raise ValueError("motion must be as it was planned")
+    period, request = motion.period, motion.request
+    course = np.asarray(shape.path_times, dtype=np.float64)
+    q = check_unit(shape.orientations)
+    if q.shape != (len(course), 4) or len(course) < 2 or np.any(np.diff(course) < 0.0):
+        raise ValueError(
+            f"path_times must be one for each of the {len(q)} orientations and never decrease"
+        )
+    joints = np.asarray(shape.joints, dtype=np.float64)
+    if joints.ndim != 2 or len(joints) != len(course):
+        raise ValueError(
+            f"joints must be a row for each of the {len(q)} orientations, got shape {joints.shape}"
+        )
+    begun = float(angle(q[0], motion.start_state.q))
+    if begun > SAME_ANGLE and not motion.start_state.is_at_rest:
+        raise StartError(
+            f"the device's axes begin {begun:.3g} rad from where the motion takes over in motion"
+        )
+    earlier = np.asarray(joints_before, dtype=np.float64) if len(joints_before) else None
+    path = TablePath.of(q, course, motion.path, period, joints, earlier)
+
+    def setpoints(first: int, size: int) -> tuple[Floats, Floats]:
+        times = period * np.arange(first, first + size, dtype=np.float64)
+        samples = path.sample(times)
+        return samples.q, samples.position
+
+    def moved(times: Floats) -> Floats:
+        """Return when the path as shaped gets to *times* of the path as planned."""
+        grid = period * np.arange(len(course), dtype=np.float64)
+        if len(course) == motion.record_count and np.allclose(course, grid, rtol=0, atol=1e-9):
+            return times
+        found = np.searchsorted(course, times - _SAME_TIME)
+        return np.minimum(found, len(course) - 1) * period
+
+    begin, end, *keyframes = moved(
+        np.array([motion.start_time, motion.end_time, *motion.keyframe_times])
+    )
+    # Where the path is another one, steps of the acceleration must be expected.
+    given = motion.sample(course).q
+    changed = period * np.flatnonzero(angle(q, given) > SAME_ANGLE)
+    rough = motion.rough
+    if rough is not None:
+        bounds = moved(np.array([rough.begin, rough.end]))
+        continuity = min(rough.continuity, 1) if len(changed) else rough.continuity
+        edges = np.concatenate([bounds, changed])
+        rough = Rough(float(edges.min()), float(edges.max()), continuity)
+    elif len(changed):
+        rough = Rough(float(changed[0]), float(changed[-1]), 1)
+    is_users = request.times is not None
+    peaks = measure(
+        setpoints,
+        len(course),
+        period,
+        motion.limits,
+        before=before(motion.start_state, period),
+        holds_after=True,
+        brake_limits=motion.limits.scaled(GUARD_TOLERANCE) if is_users else motion.limits,
+        rough=rough,
+    )
+    times = np.array(keyframes)
+    place = refusal.Place(request, float(begin), float(end), times)
+    refusal.check_limits(peaks, place)
+    refusal.check_stop(peaks, place)
+    certificate = summed_up(request, path, (float(begin), float(end)), times, peaks, period)
+    return replace(
+        motion,
+        path=path,
+        start_time=float(begin),
+        end_time=float(end),
+        keyframe_times=times,
+        record_count=len(course),
+        certificate=replace(
+            certificate, figures=(*certificate.figures, *shape.figures), notes=shape.notes
+        ),
+        rough=rough,
+        first_joints=path.joints_at(0),
+        last_joints=path.joints_at(len(course) - 1),
+    )

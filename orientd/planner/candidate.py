@@ -1,0 +1,138 @@
+"""Drafts: a core with its leads, from hold to hold, not yet held against the limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from orientd.errors import PlanError
+from orientd.planner import refusal
+from orientd.planner.certify.differences import Rough
+from orientd.planner.connect.curve_connector import join_in
+from orientd.planner.connect.lead_in import Caution, LeadIn, lead_in
+from orientd.planner.connect.leads import lead_out
+from orientd.planner.connect.position_stop import position_lead
+from orientd.planner.limits import Limits, is_still
+from orientd.planner.path.path import Path, Stretch
+from orientd.planner.request import MotionRequest, State
+from orientd.planner.timing.candidate_path import Core
+from orientd.rotation import Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Draft:
+    """A path that has not been checked yet.
+
+    Attributes:
+        path: from hold to hold.
+        begin: path time of the first keyframe, s; a whole number of periods.
+        end: path time of the last keyframe, s.
+        keyframe_times: path times of all keyframes, s.
+        rough: the part whose acceleration has steps; ``None`` if there is none.
+        core: from the first keyframe to the last; ``None`` for a single keyframe.
+    """
+
+    path: Path
+    begin: float
+    end: float
+    keyframe_times: Floats
+    rough: Rough | None
+    core: Core | None = None
+
+
+def with_leads(
+    core: Core,
+    lead: LeadIn | None,
+    start: State,
+    limits: Limits,
+    period: float,
+) -> Draft:
+    """Return the path from hold to hold around a core.
+
+    In front goes the lead-in; behind goes a lead-out if the core does not end at rest.
+
+    Args:
+        core: from the first keyframe to the last.
+        lead: from where the device is to the first keyframe; ``None`` where the core is to begin
+            right there.
+        start: where the device is commanded to be.
+        limits: to keep.
+        period: of the device, s.
+
+    Raises:
+        StartError: there is no lead-in, and the core begins elsewhere.
+        PlanError: no lead keeps the limits.
+    """
+    first, last = core.stretch.ends()
+    stretches: list[Stretch] = []
+    positions, begin, stretch = core.positions, 0.0, core.stretch
+    rough = _rough(core, 0.0)
+    if lead is not None:
+        begin = lead.cycles * period
+        stretches += lead.stretches
+        positions = positions.delayed(begin).after(lead.positions)
+        stretch = stretch.shifted(begin)
+        rough = _rough(core, begin)
+    elif start.is_at_rest or core.has_acceleration_of(start, limits):
+        state = State(first.q, first.omega_body, first.alpha_body, *positions.state(0.0))
+        refusal.check_start(start, state, limits)
+    else:
+        # The core knows nothing of the acceleration the device has.
+        joint = join_in(core, start, limits=limits, period=period)
+        stretches.append(joint)
+        stretch = stretch.without(joint.end)
+    end = begin + core.duration
+    stretches.append(stretch)
+    stretches += _leads_out(last, end, limits, period)
+    path = Path.joined(stretches, positions, start.q)
+    return Draft(path, begin, end, core.times + begin, rough, core)
+
+
+def to_single(
+    request: MotionRequest,
+    start: State,
+    limits: Limits,
+    period: float,
+    caution: Caution = Caution.NONE,
+) -> Draft:
+    """Return the path to a single keyframe, and to rest behind it if it is passed.
+
+    Args:
+        request: of one keyframe.
+        start: where the device is commanded to be.
+        limits: to keep.
+        period: of the device, s.
+        caution: how to lead in.
+
+    Raises:
+        PlanError: the end velocity is one that the limits do not permit.
+    """
+    omega = np.zeros(3) if request.omega_end is None else request.omega_end
+    position = position_lead(start, None, limits=limits, period=period).last
+    if request.positions is not None:
+        position = request.positions[0]
+    target = State(request.keys[0], omega, np.zeros(3), position)
+    lead = lead_in(start, target, limits=limits, period=period, is_direct=True, caution=caution)
+    end = lead.cycles * period
+    stretches = [*lead.stretches, *_leads_out(target, end, limits, period)]
+    return Draft(Path.joined(stretches, lead.positions, start.q), end, end, np.array([end]), None)
+
+
+def _leads_out(last: State, end: float, limits: Limits, period: float) -> list[Stretch]:
+    if is_still(last.omega_body, last.alpha_body, limits):
+        return []
+    try:
+        curve = lead_out(last.q, last.omega_body, last.alpha_body, limits=limits, period=period)
+    except PlanError as error:
+        raise PlanError(f"no lead-out from the last keyframe: {error}") from error
+    return [Stretch(curve, end, end + curve.domain[1])]
+
+
+def _rough(core: Core, begin: float) -> Rough | None:
+    """Return where the derivatives of a core have steps, from its first inner knot to its last."""
+    curve = core.stretch.curve
+    if core.continuity >= 2 or len(curve.knots) < 3:
+        return None
+    inner = (curve.knots[[1, -2]] - curve.domain[0]) / core.stretch.rate
+    return Rough(begin + float(inner[0]), begin + float(inner[1]), core.continuity)

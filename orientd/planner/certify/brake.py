@@ -1,0 +1,89 @@
+r"""How fast a motion may be slowed down on its own path without breaking a limit.
+
+The servo advances path time at a rate :math:`\sigma \in [0, 1]`.  With the path's own rates
+:math:`\omega, \alpha` and jerk :math:`j` at :math:`\sigma = 1`, the device sees
+
+.. math::
+    \alpha_t = \alpha \sigma^2 + \omega \dot\sigma, \qquad
+    j_t = j \sigma^3 + 3 \alpha \sigma \dot\sigma + \omega \ddot\sigma .
+
+For a brake rate *x* the servo keeps :math:`|\dot\sigma| \le 2x` and :math:`|\ddot\sigma| \le 4x^2`:
+a stop from full speed takes :math:`1/x` with a triangular :math:`\dot\sigma`.  Since the rate must
+be able to end at 0 and at 1 without passing them, :math:`|\dot\sigma| \le x\,g(\sigma)` with
+:math:`g = \min(2, \sqrt{8(1-\sigma)}, \sqrt{8\sigma})`, whatever the sequence of stops, resumptions
+and changes of speed.  A point of the path is safe if for every :math:`\sigma`
+
+.. math::
+    |\alpha\sigma^2 \pm \omega x g| \le A, \qquad
+    |j|\sigma^2 + 3|\alpha|\sigma x g + 4|\omega|x^2 \le J .
+
+(:math:`\sigma^2` for the jerk, where :math:`\sigma^3` would do on a smooth path: a step of the
+acceleration, as a C1 curve has at its knots, falls only with the square of the rate.)  Both are
+quadratic in *x*.  Near :math:`\sigma = 1` the first one leaves :math:`x \approx \sqrt r A/\omega`
+where the acceleration keeps a reserve *r* below *A*: no reserve, no brake.
+
+Why this uniform rate, where the servo usually stops two to ten times as quickly
+(:mod:`orientd.servo.path.brake_law`)?  Because it needs no foresight: it is certified for every
+point, for resumptions and changes of speed as for stops, and for a path of which only a little is
+in the ring.  The quick law takes in each cycle the least rate that keeps the limits there, which
+can lead to a place from which none does; it is used only after it has been rehearsed to rest, cycle
+by cycle, over the records at hand.  Considered and left out: a brake rate for each record (one
+number would still have to serve a whole stop), and planning the stop beforehand in the daemon (a
+stop has to work without one).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orientd.kernels import least_rate
+from orientd.rotation import Floats
+
+FASTEST_BRAKE_RATE = 20.0
+"""1/s; a stop never takes less than 50 ms, however slow the motion is."""
+
+SLOWEST_STOP = 4.0
+"""Seconds that a stop on the path may take where the timing is the user's."""
+
+_MARGIN = 0.99  # the nodes lie between the worst rates; this covers what they miss
+
+
+def _nodes() -> Floats:
+    # For a reserve r the worst rate lies at 1 - r/2, so the nodes crowd towards 1.
+    return np.concatenate([1.0 - np.geomspace(1e-5, 0.04, 15), np.linspace(0.93, 0.0, 25)])
+
+
+_SIGMA = _nodes()
+_G = np.minimum(2.0, np.sqrt(8.0 * np.minimum(1.0 - _SIGMA, _SIGMA)))
+_SIGMA_G = 3.0 * float(np.max(_SIGMA * _G)) * 1.01
+
+# The largest y with (1 - r) sigma^2 + y g <= 1 for all sigma, by the root of r, from below.
+_RESERVE_ROOT = np.linspace(0.0, 1.0, 201)
+_WORST = _MARGIN * np.min(
+    (1.0 - (1.0 - _RESERVE_ROOT[:, None] ** 2) * _SIGMA**2) / _G.clip(1e-12), axis=1
+)
+
+LAW = (np.stack([_SIGMA, _G]), _WORST, _SIGMA_G, FASTEST_BRAKE_RATE, _MARGIN)
+"""What the kernels take of this module."""
+
+
+def brake_rate(
+    velocity: Floats, acceleration: Floats, jerk: Floats, most: float, most_jerk: float
+) -> tuple[float, int]:
+    """Return the largest safe brake rate for points of a path.
+
+    The angular part, the linear one, which has no limit of the jerk, and each component in the body
+    frame obey the inequalities above with limits of their own.
+
+    Args:
+        velocity: of the path, rad/s or m/s, shape ``(n, k)``.
+        acceleration: rad/s^2 or m/s^2, shape ``(n, k)``.
+        jerk: its size, rad/s^3 or m/s^3, shape ``(n,)``.
+        most: limit of the acceleration; infinite where there is none.
+        most_jerk: limit of the jerk; infinite where there is none.
+
+    Returns:
+        The rate in 1/s, in ``[0, FASTEST_BRAKE_RATE]``, and the index of the point that sets it.
+    """
+    v, a = np.ascontiguousarray(velocity), np.ascontiguousarray(acceleration)
+    return least_rate(v, a, np.ascontiguousarray(jerk), most, most_jerk, *LAW)

@@ -1,0 +1,85 @@
+"""What a checked path amounts to: its certificate, and what the device had before it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from orientd.driver import Figure
+from orientd.planner.certify.certificate import Certificate, Peak
+from orientd.planner.certify.peaks import Peaks
+from orientd.planner.limits import ANGULAR, AXES, UNITS
+from orientd.planner.path.path import Path
+from orientd.planner.path.table_path import TablePath
+from orientd.planner.recorded import HISTORY
+from orientd.planner.request import MotionRequest, State
+from orientd.rotation import Floats, exp, multiply
+
+
+def summed_up(
+    request: MotionRequest,
+    path: Path | TablePath,
+    ends: tuple[float, float],
+    keyframe_times: Floats,
+    peaks: Peaks,
+    period: float,
+) -> Certificate:
+    """Return the certificate of a path that keeps its limits.
+
+    Args:
+        request: what the path was made for.
+        path: from hold to hold.
+        ends: path times of the first keyframe and of the last, s.
+        keyframe_times: path times of all keyframes, s.
+        peaks: what was measured of the path.
+        period: of the device, s.
+    """
+    begin, end = ends
+    return Certificate(
+        rate_hz=1.0 / period,
+        duration=path.duration,
+        lead_in=begin,
+        lead_out=path.duration - end,
+        peak_velocity=peaks.velocity,
+        peak_acceleration=peaks.acceleration,
+        peak_jerk=peaks.jerk,
+        peak_linear_velocity=peaks.linear_velocity,
+        peak_linear_acceleration=peaks.linear_acceleration,
+        start_velocity_error=_miss(path, begin, request.omega_start),
+        end_velocity_error=_miss(path, end, request.omega_end),
+        keyframe_error=path.farthest_from(request.keys, keyframe_times),
+        brake_rate=peaks.brake_rate,
+        stop_time=1.0 / peaks.brake_rate if peaks.brake_rate > 0.0 else math.inf,
+        figures=tuple(_axis_figures(peaks)),
+    )
+
+
+def _axis_figures(peaks: Peaks) -> Iterator[Figure]:
+    for name in ANGULAR:
+        of_axes: tuple[Peak, ...] = getattr(peaks, f"axis_{name}")
+        for axis, peak in zip(AXES, of_axes, strict=False):
+            if math.isfinite(peak.limit):
+                words = f"angular {name} about {axis}"
+                yield Figure(words, peak.value, UNITS[name], peak.limit, peak.time)
+
+
+def _miss(path: Path | TablePath, time: float, omega: Floats | None) -> float:
+    """Return by how much a path misses a velocity, if one was asked for."""
+    return 0.0 if omega is None else float(np.linalg.norm(path.state(time).omega_body - omega))
+
+
+def before(start: State, period: float) -> tuple[Floats, Floats]:
+    """Return the setpoints the device had before path time 0, the oldest first.
+
+    Where they are not known, the acceleration is taken to have been what it is.
+    """
+    if start.before is not None:
+        return start.before
+    if start.is_at_rest:
+        return np.tile(start.q, (HISTORY, 1)), np.tile(start.position, (HISTORY, 1))
+    back = -period * np.arange(HISTORY, 0, -1.0)[:, None]
+    turn = start.omega_body * back + 0.5 * start.alpha_body * back**2
+    move = start.velocity * back + 0.5 * start.acceleration * back**2
+    return multiply(start.q, exp(turn)), start.position + move

@@ -1,0 +1,1 @@
+"""Connectors from one state of motion to another: lead-ins, lead-outs, retargets and blends."""

@@ -1,0 +1,73 @@
+"""Connectors: the shortest way found from one state of motion to another, inside the limits.
+
+A connector is a quintic join with, where that is quicker or needed, a ramp before it and one
+behind: a ramp changes the acceleration alone, at the limit of the jerk.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from orientd import kernels
+from orientd.errors import PlanError
+from orientd.planner.certify.limit_table import limit_table
+from orientd.planner.connect.leads import check_lead
+from orientd.planner.connect.quintic_connector import FACTORS, STATE, Joins, join, state_row
+from orientd.planner.limits import Limits
+from orientd.planner.path.path import Stretch
+from orientd.planner.request import State
+from orientd.rotation import angle
+
+_RAMPS = 6  # at most, that a stop may begin with
+
+
+def connector(
+    start: State, end: State, *, limits: Limits, period: float, least: float = 0.0
+) -> Stretch:
+    """Return a stretch from path time 0 that leads from one state to another.
+
+    The velocity, and the acceleration, may be as high as they are at the ends, and otherwise keep
+    *limits* with their reserve.
+
+    Args:
+        start: where it begins.
+        end: where it ends.
+        limits: to keep.
+        period: it takes a whole number of periods, s.
+        least: it takes at least this long, s.
+
+    Raises:
+        PlanError: nothing was found, or it takes longer than is planned.
+    """
+    q, w, times = np.empty((3, 4)), np.empty((3, FACTORS, 3)), np.empty(4)
+    table = limit_table(limits.with_reserve())
+    if not kernels.find_connector(
+        state_row(start), state_row(end), table, period, least, q, w, times
+    ):
+        raise PlanError(
+            f"no way found from {np.linalg.norm(start.omega_body):.4g} rad/s to "
+            f"{np.linalg.norm(end.omega_body):.4g} rad/s over {angle(start.q, end.q):.4g} rad"
+        )
+    _, before, after, total = times.tolist()
+    check_lead("a connector", total)
+    # A ramp that takes no time is none.
+    first, last = int(before == 0.0), 3 - int(after == total)
+    return Stretch(Joins(q[first:last], w[first:last], times[first : last + 1]), 0.0, total)
+
+
+def ramped_stops(
+    state: State, limits: Limits, period: float
+) -> Iterator[tuple[Stretch | None, State]]:
+    """Yield ramps that a stop may begin with, of whole periods, and the states they lead to.
+
+    The first one is none at all.
+    """
+    ends, w = np.empty((_RAMPS, STATE)), np.empty((_RAMPS, FACTORS, 3))
+    durations = np.empty(_RAMPS)
+    table = limit_table(limits.with_reserve())
+    count = kernels.ramps_of_stop(state_row(state), table, period, ends, w, durations)
+    for end, increments, duration in zip(ends[:count], w, durations.tolist(), strict=False):
+        ramp = Stretch(join(state.q, increments, duration), 0.0, duration) if duration else None
+        yield ramp, State(end[:4], end[4:7], end[7:], state.position)

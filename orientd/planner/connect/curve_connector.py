@@ -1,0 +1,51 @@
+"""Joining a curve that cannot be told the acceleration it should begin with.
+
+A quintic leaves the state the device is in, which is that of the curve's beginning but for the
+acceleration, and is on the curve, in step with it, a little later.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orientd.errors import PlanError
+from orientd.planner.certify.limit_table import limit_table
+from orientd.planner.connect.quintic_connector import join, try_joins
+from orientd.planner.limits import Limits
+from orientd.planner.path.path import Stretch
+from orientd.planner.request import State
+from orientd.planner.timing.candidate_path import Core
+
+_TRIES = 60
+_FEWEST = 2
+
+
+def join_in(core: Core, start: State, *, limits: Limits, period: float) -> Stretch:
+    """Return the shortest stretch from path time 0 by which a device gets onto a core.
+
+    Args:
+        core: begins where the device is, with its velocity.
+        start: where the device is commanded to be.
+        limits: to keep, with their reserve where the core keeps it.
+        period: the stretch takes a whole number of periods, s.
+
+    Raises:
+        PlanError: none within the first interval keeps the limits.
+    """
+    most = int(core.times[1] / period)
+    cycles = np.unique(np.geomspace(_FEWEST, max(most, _FEWEST), _TRIES).astype(int))
+    durations = period * cycles[cycles <= most]
+    if len(durations):
+        here = (start.q, start.omega_body, start.alpha_body)
+        first = [np.tile(part, (len(durations), 1)) for part in here]
+        last = core.stretch.sample(durations)
+        # The curve may go up to the limits itself.
+        w, kept = try_joins(first, last, durations, start, limit_table(limits))
+        if len(kept):
+            index = int(kept[0])
+            duration = float(durations[index])
+            return Stretch(join(start.q, w[index], duration), 0.0, duration)
+    raise PlanError(
+        "no way found from the acceleration the device has onto the curve; c2_cumulative begins "
+        "with it, `approach: true` would lead in"
+    )

@@ -1,0 +1,169 @@
+"""Leads in: how a device gets from wherever it is, and however it moves, to the first keyframe.
+
+From rest that is an approach, and a run-up where the keyframe is passed with a velocity.  From a
+motion it is a connector; where none is found, a stop and then the way from rest, so that there is
+always an answer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from orientd.errors import PlanError
+from orientd.planner.connect.connector import connector, ramped_stops
+from orientd.planner.connect.leads import approach, approach_cycles, lead_out
+from orientd.planner.connect.position_stop import position_lead
+from orientd.planner.limits import Limits, is_still
+from orientd.planner.path.path import Stretch
+from orientd.planner.path.position import PositionPath
+from orientd.planner.request import State
+
+_SLACK = 1e-9  # of a period
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LeadIn:
+    """What comes before the first keyframe.
+
+    Attributes:
+        stretches: from path time 0 on.
+        cycles: how many periods they take.
+        positions: what the position does meanwhile.
+    """
+
+    stretches: tuple[Stretch, ...]
+    cycles: int
+    positions: PositionPath
+
+
+class Caution(Enum):
+    """How to lead in: a peak between the points that were looked at asks for the next one."""
+
+    NONE = 1.0
+    SOME = 0.98
+    BY_WAY_OF_REST = 0.97
+
+    @property
+    def share(self) -> float:
+        """Share of the limits to use."""
+        return self.value
+
+
+def lead_in(
+    start: State,
+    first: State,
+    *,
+    limits: Limits,
+    period: float,
+    is_direct: bool = False,
+    caution: Caution = Caution.NONE,
+) -> LeadIn:
+    """Return the way from a state to the first keyframe.
+
+    Args:
+        start: where the device is commanded to be.
+        first: at the first keyframe; its position is at rest.
+        limits: to keep.
+        period: it takes a whole number of periods, s.
+        is_direct: whether to look for a connector from rest, too.
+        caution: what to do with less than the limits, and how.
+
+    Raises:
+        PlanError: the first keyframe cannot be passed as fast as *first* says.
+    """
+    if start.is_at_rest and not is_direct:
+        return from_rest(start, first, limits=limits, period=period)
+    limits = limits.scaled(caution.share)
+    positions = position_lead(start, first.position, limits=limits, period=period)
+    if caution is Caution.BY_WAY_OF_REST:
+        return _by_way_of_rest(start, first, positions, limits=limits, period=period)
+    least = 0.0 if positions.is_held else float(positions.breaks[-1])
+    try:
+        stretch = connector(start, first, limits=limits, period=period, least=least)
+    except PlanError:
+        return _by_way_of_rest(start, first, positions, limits=limits, period=period)
+    if not positions.is_held:
+        positions = position_lead(
+            start, first.position, limits=limits, period=period, least=stretch.end
+        )
+    return LeadIn((stretch,), round(stretch.end / period), positions)
+
+
+def from_rest(
+    start: State, first: State, *, limits: Limits, period: float, least: int = 0
+) -> LeadIn:
+    """Return approach and run-up from rest, as far as they are needed.
+
+    Args:
+        start: where the device holds.
+        first: at the first keyframe.
+        limits: to keep.
+        period: it takes a whole number of periods, s.
+        least: periods that it takes at least.
+
+    Raises:
+        PlanError: no run-up keeps the limits.
+    """
+    run_up, rest, run_up_cycles = None, first.q, 0
+    if not is_still(first.omega_body, first.alpha_body, limits):
+        try:
+            run_up = lead_out(
+                first.q, -first.omega_body, first.alpha_body, limits=limits, period=period
+            )
+        except PlanError as error:
+            raise PlanError(f"no run-up to the first keyframe: {error}") from error
+        rest = run_up.evaluate(np.array([run_up.domain[1]]))[0][0]
+        run_up_cycles = round(run_up.domain[1] / period)
+    cycles = approach_cycles(
+        start.q, rest, start.position, first.position, limits=limits, period=period
+    )
+    cycles = max(cycles, least - run_up_cycles)
+    arrival = cycles * period
+    stretches = []
+    if cycles:
+        stretches.append(Stretch(approach(start.q, rest, arrival), 0.0, arrival))
+    cycles += run_up_cycles
+    if run_up is not None:
+        stretches.append(Stretch(run_up, arrival, cycles * period, rate=-1.0))
+    # The position arrives with the approach and waits while the orientation takes its run-up.
+    positions = PositionPath.held(first.position).after_move_from(start.position, 0.0, arrival)
+    return LeadIn(tuple(stretches), cycles, positions)
+
+
+def stop(start: State, *, limits: Limits, period: float) -> list[Stretch]:
+    """Return the way from a state to rest, wherever that is, from path time 0 on.
+
+    Raises:
+        PlanError: nothing was found.
+    """
+    best: list[Stretch] = []
+    error: PlanError | None = None
+    for ramp, end in ramped_stops(start, limits, period):
+        begin = ramp.end if ramp is not None else 0.0
+        try:
+            curve = lead_out(end.q, end.omega_body, end.alpha_body, limits=limits, period=period)
+        except PlanError as problem:
+            error = problem
+            continue
+        total = begin + curve.domain[1]
+        if not best or total < best[-1].end:
+            best = [] if ramp is None else [ramp]
+            best.append(Stretch(curve, begin, total))
+    if not best:
+        raise PlanError(f"no way to rest: {error}")
+    return best
+
+
+def _by_way_of_rest(
+    start: State, first: State, positions: PositionPath, *, limits: Limits, period: float
+) -> LeadIn:
+    stretches = stop(start, limits=limits, period=period)
+    halt = stretches[-1].end
+    rest = State.at_rest(stretches[-1].ends()[1].q, first.position)
+    least = 0 if positions.is_held else round((float(positions.breaks[-1]) - halt) / period)
+    onward = from_rest(rest, first, limits=limits, period=period, least=least)
+    stretches += [stretch.shifted(halt) for stretch in onward.stretches]
+    return LeadIn(tuple(stretches), round(halt / period) + onward.cycles, positions)

@@ -1,0 +1,115 @@
+r"""How a moving position comes to rest: at a point, or wherever it stops.
+
+The pieces are quintics with position, velocity and acceleration given at both ends.  A stop goes to
+:math:`p + vT/2 + aT^2/12`, where its velocity is the cubic of :mod:`orientd.planner.connect.leads`.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from orientd.planner.connect.leads import check_lead
+from orientd.planner.limits import Limits
+from orientd.planner.path.position import DEGREE, Motion3, PositionPath, quintic
+from orientd.planner.request import State
+from orientd.rotation import Floats
+
+_GRID = 200
+_SHARES = np.linspace(0.0, 1.0, 33)
+_INDEX = np.arange(DEGREE + 1.0)
+_MARGIN = 1.0 + 1e-9
+_ZERO = np.zeros(3)
+
+
+def position_lead(
+    start: State, target: Floats | None, *, limits: Limits, period: float, least: float = 0.0
+) -> PositionPath:
+    """Return the path of a position from the state it is in to rest, beginning at time 0.
+
+    The velocity may be as high as it is at the beginning, and otherwise keeps *limits*, as does the
+    acceleration, with its reserve.
+
+    Args:
+        start: where it is and how it moves.
+        target: where to come to rest, m; ``None`` leaves that open.
+        limits: to keep.
+        period: the path takes a whole number of periods, s.
+        least: preferred duration, s; taken if the limits are kept with it.
+
+    Raises:
+        PlanError: the target is days away.
+    """
+    if not start.is_position_moving and (target is None or (target == start.position).all()):
+        return PositionPath.held(start.position)
+    here: Motion3 = (start.position, start.velocity, start.acceleration)
+    bounds = _bounds(here, limits)
+    if least > 0.0 and _keeps(_piece(here, target, least), least, bounds):
+        return _path([(_piece(here, target, least), least)], start.position, target)
+    pieces: list[tuple[Floats, float]] = []
+    duration = _shortest(here, target, bounds, period)
+    if duration is None:
+        # The acceleration goes first; nothing limits how quickly.
+        p, v, a = here
+        after: Motion3 = (p + v * period + a * period**2 / 3.0, v + a * period / 2.0, _ZERO)
+        pieces.append((quintic(here, after, period), period))
+        here, bounds = after, _bounds(after, limits)
+        duration = _shortest(here, target, bounds, period)
+    if duration is None:
+        stop = math.ceil(1.5 * float(np.linalg.norm(here[1])) / bounds[1] / period) * period
+        pieces.append((_piece(here, None, stop), stop))
+        here = (here[0] + here[1] * stop / 2.0, _ZERO, _ZERO)
+        bounds = _bounds(here, limits)
+        duration = _shortest(here, target, bounds, period)
+    if duration is not None:
+        pieces.append((_piece(here, target, duration), duration))
+    return _path(pieces, start.position, target)
+
+
+def _path(pieces: list[tuple[Floats, float]], first: Floats, target: Floats | None) -> PositionPath:
+    breaks = np.cumsum([0.0, *(duration for _, duration in pieces)])
+    coefficients = np.array([piece for piece, _ in pieces])
+    last = coefficients[-1].T @ pieces[-1][1] ** _INDEX if target is None else target
+    return PositionPath(breaks, coefficients, first, last)
+
+
+def _piece(here: Motion3, target: Floats | None, duration: float) -> Floats:
+    p, v, a = here
+    end = p + v * duration / 2.0 + a * duration**2 / 12.0 if target is None else target
+    return quintic(here, (end, _ZERO, _ZERO), duration)
+
+
+def _bounds(here: Motion3, limits: Limits) -> tuple[float, float]:
+    return (
+        max(limits.linear_velocity, _MARGIN * float(np.linalg.norm(here[1]))),
+        max(limits.with_reserve().linear_acceleration, _MARGIN * float(np.linalg.norm(here[2]))),
+    )
+
+
+def _keeps(piece: Floats, duration: float, bounds: tuple[float, float]) -> bool:
+    powers = (_SHARES[:, None] * duration) ** _INDEX
+    velocity = powers[:, :-1] @ (_INDEX[1:, None] * piece[1:])
+    push = powers[:, :-2] @ ((_INDEX[2:] * _INDEX[1:-1])[:, None] * piece[2:])
+    return bool(
+        np.all(np.linalg.norm(velocity, axis=1) <= bounds[0])
+        and np.all(np.linalg.norm(push, axis=1) <= bounds[1])
+    )
+
+
+def _shortest(
+    here: Motion3, target: Floats | None, bounds: tuple[float, float], period: float
+) -> float | None:
+    """Return the shortest duration of a single piece, in whole periods, of those on a grid."""
+    p, v, _ = here
+    speed = float(np.linalg.norm(v))
+    distance = 0.0 if target is None else float(np.linalg.norm(target - p))
+    check_lead("a move of the position", distance / bounds[0])
+    scale = 2.0 * distance / bounds[0] + 3.0 * math.sqrt(distance / bounds[1])
+    longest = max(1.5 * scale + 8.0 * speed / bounds[1] + 8.0 * period, 8.0 * period)
+    grid = np.unique(np.ceil(np.geomspace(period, longest, _GRID) / period - 1e-9))
+    for cycles in grid.tolist():
+        duration = cycles * period
+        if _keeps(_piece(here, target, duration), duration, bounds):
+            return float(duration)
+    return None

@@ -1,0 +1,87 @@
+"""Quintic joins of two states of motion: curves of them, and whether they keep limits.
+
+What a join is stands in ``orientd/kernels/c/connectors.h``.  A state is a row of ten numbers:
+orientation, angular velocity and angular acceleration in body components.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from orientd import kernels
+from orientd.curves.construct.basis import CumulativeBasis, Indices
+from orientd.curves.construct.cumulative import CumulativeCurve
+from orientd.planner.request import State
+from orientd.rotation import Floats
+
+FACTORS = 5
+STATE = 10
+
+
+class Joins(CumulativeCurve):
+    """Joins end to end; where they meet, velocity and acceleration are prescribed to be the same.
+
+    Args:
+        q: orientations that they begin at, signs continuous, shape ``(n, 4)``.
+        w: their half-angle increments, shape ``(n, 5, 3)``.
+        breaks: when they begin, and when the last one ends, s, shape ``(n + 1,)``.
+    """
+
+    def __init__(self, q: Floats, w: Floats, breaks: Floats) -> None:
+        count = len(q)
+        base, axes, lengths = np.empty((4, count)), np.empty((5, 3, count)), np.empty((5, count))
+        values, rates = np.empty((count, 5, 6)), np.empty((count, 5, 5))
+        curvatures, at_ends = np.empty((count, 5, 4)), np.empty((STATE, 2))
+        q = np.ascontiguousarray(q)  # of a sample it is a column
+        kernels.put_joins(q, w, breaks, base, axes, lengths, values, rates, curvatures, at_ends)
+        basis = CumulativeBasis(breaks, 1 + 5 * np.arange(count), values, rates, curvatures)
+        self._set_factors(basis, base, axes, lengths, w.reshape(-1, 3), continuity=2)
+        self._set_ends(at_ends)
+
+
+def join(q: Floats, w: Floats, duration: float) -> Joins:
+    """Return the curve of one join, over ``[0, duration]``.
+
+    Args:
+        q: orientation it begins at, shape ``(4,)``.
+        w: its increments, shape ``(5, 3)``.
+        duration: s.
+    """
+    return Joins(q[None], w[None], np.array([0.0, duration]))
+
+
+def try_joins(
+    first: Sequence[Floats],
+    last: Sequence[Floats],
+    durations: Floats,
+    around: State,
+    limits: Floats,
+) -> tuple[Floats, Indices]:
+    """Return the increments of several joins, the shorter way round, and which keep the limits.
+
+    Args:
+        first: orientations, velocities and accelerations that they begin with, shapes ``(n, 4)``,
+            ``(n, 3)`` and ``(n, 3)``.
+        last: those that they end with.
+        durations: s, shape ``(n,)``.
+        around: velocity and acceleration may be as high as in this state, whatever the limits.
+        limits: of norm and components, from
+        :func:`~orientd.planner.certify.limit_table.limit_table`.
+
+    Returns:
+        Increments, shape ``(n, 5, 3)``, and the places of those that keep the limits, in order.
+    """
+    w: Floats = np.empty((len(durations), FACTORS, 3))
+    kept = np.empty(len(durations), dtype=np.int64)
+    begins, ends = (
+        np.ascontiguousarray(np.concatenate(states[:3], axis=1)) for states in (first, last)
+    )
+    kernels.try_joins(begins, ends, durations, state_row(around), limits, w, kept)
+    return w, np.flatnonzero(kept)
+
+
+def state_row(state: State) -> Floats:
+    """Return a state of motion as a row, shape ``(10,)``."""
+    return np.concatenate([state.q, state.omega_body, state.alpha_body])

@@ -1,0 +1,50 @@
+"""A path of cumulative products alone, as one row of numbers that the kernels sample it from.
+
+The row begins with the number of stretches, the path time from which on the path is held, and the
+orientations before it and after it.  Of each stretch follow when it begins, what is skipped of it,
+its rate and its sign, and then its curve: how many spans and factors that has, and what it is
+sampled from.  These are breaks and table of cubic factors, for which the number of factors is given
+as 0, or breaks, base, axes, lengths and the coefficients of the basis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from orientd.curves import Curve
+from orientd.curves.construct.cumulative import CumulativeCurve
+from orientd.rotation import Floats
+
+if TYPE_CHECKING:
+    from orientd.planner.path.path import Stretch
+
+
+def plain_curve(curve: Curve) -> Floats | None:
+    """Return the part of the row that is a curve, if that is such a product."""
+    if not isinstance(curve, CumulativeCurve):
+        return None
+    return np.concatenate([curve.spans_and_factors, *(part.reshape(-1) for part in curve.parts)])
+
+
+def plain_path(
+    stretches: Sequence[Stretch], first: Floats, last: Floats, end: float
+) -> Floats | None:
+    """Return the row of numbers that a path is sampled from, if its curves are such products.
+
+    Args:
+        stretches: end to end.
+        first: orientation before the path.
+        last: orientation after it.
+        end: path time from which on it is held, s.
+    """
+    parts: list[Floats] = [np.array([len(stretches), end]), first, last]
+    for stretch in stretches:
+        curve = plain_curve(stretch.curve)
+        if curve is None:
+            return None
+        parts.append(np.array([stretch.begin, stretch.skipped, stretch.rate, stretch.sign]))
+        parts.append(curve)
+    return np.concatenate(parts)

@@ -1,0 +1,49 @@
+"""Positions on another clock: the same points, at the pace that the orientation has been given."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orientd.curves.warped import Warp
+from orientd.planner.path.position import PositionPath
+from orientd.rotation import Floats
+
+_NEAR = 1e-6  # of the duration, for differences
+
+
+def motion_of(positions: PositionPath, times: Floats, end: float) -> tuple[Floats, Floats]:
+    """Return velocity and acceleration of a position."""
+    near = _NEAR * end
+    velocity = positions.sample(times)[1]
+    earlier, later = np.maximum(times - near, 0.0), np.minimum(times + near, end)
+    change = positions.sample(later)[1] - positions.sample(earlier)[1]
+    return velocity, change / (later - earlier)[:, None]
+
+
+def repositioned(positions: PositionPath, clock: Warp) -> PositionPath:
+    """Return the positions on another clock, quintic from node to node."""
+    if positions.is_held:
+        return positions
+    times = clock.times
+    s, rate, change = clock(times)
+    p = positions.sample(s)[0]
+    velocity, acceleration = motion_of(positions, s, clock.length)
+    v = velocity * rate[:, None]
+    a = acceleration * rate[:, None] ** 2 + velocity * np.nan_to_num(change)[:, None]
+    v[[0, -1]] = a[[0, -1]] = 0.0
+    h = np.diff(times)[:, None]
+    gap = p[1:] - p[:-1] - h * (v[:-1] + 0.5 * h * a[:-1])
+    turn = h * (v[1:] - v[:-1] - h * a[:-1])
+    bend = h * h * (a[1:] - a[:-1])
+    coefficients = np.stack(
+        [
+            p[:-1],
+            v[:-1],
+            0.5 * a[:-1],
+            (10.0 * gap - 4.0 * turn + 0.5 * bend) / h**3,
+            (-15.0 * gap + 7.0 * turn - bend) / h**4,
+            (6.0 * gap - 3.0 * turn + 0.5 * bend) / h**5,
+        ],
+        axis=1,
+    )
+    return PositionPath(times, coefficients, positions.first, positions.last)

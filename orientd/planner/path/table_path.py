@@ -1,0 +1,194 @@
+r"""A path that is known at its records only, as a driver may have shaped it.
+
+Around the record :math:`q_k` the path is :math:`q_k \exp(r)`.  At :math:`r = 0` the derivatives of
+the rotation vector are angular velocity and acceleration in body components, so both come from
+central differences of the logarithms of the neighbours, of fourth order in the period.  Between two
+records *r* is a cubic with these velocities at both ends.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orientd.planner.path.path import Path, Samples
+from orientd.planner.path.position import PositionPath
+from orientd.planner.recorded import HISTORY
+from orientd.planner.request import State
+from orientd.rotation import (
+    Floats,
+    align,
+    angle,
+    conjugate,
+    exp,
+    log,
+    multiply,
+    right_jacobian,
+    right_jacobian_inverse,
+)
+
+SAME_ANGLE = 1e-9
+"""How far two paths may be apart to be the same one, rad."""
+
+_ON_RECORD = 1e-6
+"""Share of a period within which an instant is that of a record."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TablePath:
+    """Orientations on a uniform grid of path time, held before and after.
+
+    Attributes:
+        period: s.
+        q: orientations, signs continuous, shape ``(n, 4)``.
+        omega: angular velocities in the body frame, rad/s, shape ``(n, 3)``.
+        alpha: their derivatives, rad/s^2, shape ``(n, 3)``.
+        positions: what the position does by *course*.
+        course: how far along the positions each record is, s, shape ``(n,)``.
+        joints: axis angles that make the orientations, rad, unwrapped, shape ``(n, axes)``.
+        earlier: axis angles of the three records before the first, rad, shape ``(3, axes)``.
+    """
+
+    period: float
+    q: Floats
+    omega: Floats
+    alpha: Floats
+    positions: PositionPath
+    course: Floats
+    joints: Floats
+    earlier: Floats
+
+    @classmethod
+    def of(
+        cls,
+        q: Floats,
+        course: Floats,
+        original: Path,
+        period: float,
+        joints: Floats,
+        earlier: Floats | None = None,
+    ) -> TablePath:
+        """Return the path through *q*, with the position of *original* at the times *course*.
+
+        Where it is the original's path, in the original's time, it keeps the derivatives of that,
+        which know what happens between the records.  The axes were at rest before it unless
+        *earlier* says otherwise.
+        """
+        q = align(q)
+        given = original.sample(course)
+        # Before it, what the original goes on from; at rest after, where its motion ends.
+        back = -period * np.array([[2.0], [1.0]])
+        turn = back * given.omega_body[0] + 0.5 * back**2 * given.alpha_body[0]
+        padded = np.concatenate([multiply(q[0], exp(turn)), q, q[-1:], q[-1:]])
+        centre = conjugate(q)
+        count = len(q)
+        near = [log(multiply(centre, padded[k : k + count])) for k in (0, 1, 3, 4)]
+        omega = (8.0 * (near[2] - near[1]) - (near[3] - near[0])) / (12.0 * period)
+        alpha = (16.0 * (near[1] + near[2]) - near[0] - near[3]) / (12.0 * period**2)
+        pace = np.diff(course, prepend=course[0] - period, append=course[-1] + period) / period
+        is_paced = np.abs(pace - 1.0) > _ON_RECORD
+        is_other = (angle(q, given.q) > SAME_ANGLE) | is_paced[:-1] | is_paced[1:]
+        # A difference reaches two records far.
+        is_same = np.convolve(is_other, np.ones(5), mode="same") < 0.5
+        omega[is_same], alpha[is_same] = given.omega_body[is_same], given.alpha_body[is_same]
+        # It takes over from what the device does, and held means held: no velocity where it stands.
+        omega[0], alpha[0] = given.omega_body[0], given.alpha_body[0]
+        omega[-1], alpha[-1] = 0.0, 0.0
+        if earlier is None:
+            earlier = np.repeat(joints[:1], HISTORY, axis=0)
+        return cls(period, q, omega, alpha, original.positions, course, joints, earlier)
+
+    @property
+    def duration(self) -> float:
+        """Path time from the first record to the last, s."""
+        return (len(self.q) - 1) * self.period
+
+    @property
+    def first(self) -> Floats:
+        """Orientation before path time 0."""
+        return np.asarray(self.q[0], dtype=np.float64)
+
+    @property
+    def last(self) -> Floats:
+        """Orientation after the end."""
+        return np.asarray(self.q[-1], dtype=np.float64)
+
+    def joints_at(self, record: int) -> tuple[float, ...]:
+        """Return the axis angles planned at a record, rad, held beyond the first and the last."""
+        return tuple(self.joints[min(max(record, 0), len(self.joints) - 1)].tolist())
+
+    def joints_before(self, record: int) -> tuple[tuple[float, ...], ...]:
+        """Return the axis angles of the records before *record*, the oldest first.
+
+        As many as a third difference reaches back to, which is what :meth:`.Driver.shape` wants of
+        a motion that takes over from this one at that record.
+        """
+        return tuple(
+            self.joints_at(at) if at >= 0 else tuple(self.earlier[at].tolist())
+            for at in range(record - HISTORY, record)
+        )
+
+    def orientations(self, times: Floats) -> Floats:
+        """Return the orientations at *times*, shape ``(n, 4)``."""
+        return self.sample(times).q
+
+    def farthest_from(self, keys: Floats, times: Floats) -> float:
+        """Return the largest angle between *keys* and the path at *times*, rad."""
+        return float(np.max(angle(self.orientations(times), keys)))
+
+    def sample(self, times: Floats) -> Samples:
+        """Return the path at *times*, in any order; beyond its ends it is held."""
+        where = np.clip(times / self.period, 0.0, len(self.q) - 1.0)
+        nearest = np.rint(where)
+        where = np.where(np.abs(where - nearest) < _ON_RECORD, nearest, where)
+        index = where.astype(np.int64)
+        u = where - index
+        q, omega, alpha = self.q[index], self.omega[index], self.alpha[index]
+        between = np.flatnonzero(u > 0.0)
+        if len(between):
+            part = self._between(index[between], u[between][:, None])
+            q[between], omega[between], alpha[between] = part
+        position, velocity = self._position(where)
+        return Samples(q, omega, alpha, position, velocity)
+
+    sample_in_order = sample
+
+    def state(self, time: float) -> State:
+        """Return the state at *time*."""
+        times = np.array([time], dtype=np.float64)
+        sample = self.sample(times)
+        return State(
+            sample.q[0],
+            sample.omega_body[0],
+            sample.alpha_body[0],
+            sample.position[0],
+            sample.velocity[0],
+            self.push(times)[0],
+        )
+
+    def push(self, times: Floats) -> Floats:
+        """Return the accelerations of the position at *times*, from velocities a period apart."""
+        is_inside = (times >= self.period) & (times < self.duration)
+        after, before = self.sample(times + self.period), self.sample(times - self.period)
+        change = (after.velocity - before.velocity) / (2.0 * self.period)
+        return np.where(is_inside[:, None], change, 0.0)
+
+    def _between(self, index: NDArray[np.int64], u: Floats) -> tuple[Floats, Floats, Floats]:
+        h = self.period
+        q = self.q[index]
+        way = log(multiply(conjugate(q), self.q[index + 1]))
+        leave = h * self.omega[index]
+        arrive = h * np.einsum("nij,nj->ni", right_jacobian_inverse(way), self.omega[index + 1])
+        r = u * u * (3 - 2 * u) * way + u * (1 - u) * ((1 - u) * leave - u * arrive)
+        rate = 6 * u * (1 - u) * way + (1 - u) * (1 - 3 * u) * leave + u * (3 * u - 2) * arrive
+        omega = np.einsum("nij,nj->ni", right_jacobian(r), rate) / h
+        alpha = (1 - u) * self.alpha[index] + u * self.alpha[index + 1]
+        return multiply(q, exp(r)), omega, alpha
+
+    def _position(self, where: Floats) -> tuple[Floats, Floats]:
+        grid = np.arange(len(self.q), dtype=np.float64)
+        position, velocity = self.positions.sample(np.interp(where, grid, self.course))
+        pace = np.gradient(self.course) / self.period
+        return position, velocity * np.interp(where, grid, pace)[:, None]

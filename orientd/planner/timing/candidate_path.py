@@ -1,0 +1,195 @@
+"""The course of a motion: its keyframes in the planner's terms, and the core made of them.
+
+The **core** is the part of a motion from the first keyframe to the last; leads come before and
+after it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from orientd.planner.certify.measuring import measure
+from orientd.planner.certify.peaks import Peaks
+from orientd.planner.limits import STILL, Limits, is_still
+from orientd.planner.methods import Ends, Method, build
+from orientd.planner.path.path import Stretch
+from orientd.planner.path.position import Motion3, PositionPath, position_path
+from orientd.planner.recorded import HISTORY
+from orientd.planner.request import MotionRequest, State
+from orientd.planner.timing.timing import Indices
+from orientd.rotation import Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Core:
+    """A curve through the keyframes, its clock starting at 0.
+
+    Attributes:
+        stretch: the curve.
+        positions: what the position does.
+        times: of all keyframes of the request, s.
+    """
+
+    stretch: Stretch
+    positions: PositionPath
+    times: Floats
+
+    @property
+    def duration(self) -> float:
+        """From the first keyframe to the last, s."""
+        return self.stretch.end
+
+    @property
+    def continuity(self) -> int:
+        """How many derivatives of the orientation are continuous."""
+        return self.stretch.curve.continuity
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether it is one curve run forwards from its beginning, at one position."""
+        stretch = self.stretch
+        return self.positions.is_held and stretch.rate > 0.0 and not stretch.skipped
+
+    def has_acceleration_of(self, state: State, limits: Limits) -> bool:
+        """Return whether it begins with the acceleration of *state*."""
+        alpha = self.stretch.ends()[0].alpha_body
+        return is_still(np.zeros(3), alpha - state.alpha_body, limits.scaled(1e3))
+
+    @property
+    def is_from_rest_to_rest(self) -> bool:
+        """Whether neither end turns."""
+        return all(math.hypot(*state.omega_body.tolist()) <= STILL for state in self.stretch.ends())
+
+    def held_ends(self, limits: Limits) -> tuple[bool, bool]:
+        """Return whether the device may hold right before it, and right after it."""
+        start, end = self.stretch.ends()
+        return (
+            is_still(start.omega_body, start.alpha_body, limits),
+            is_still(end.omega_body, end.alpha_body, limits),
+        )
+
+    def is_held_at_both_ends(self, limits: Limits) -> bool:
+        """Return whether neither end needs a lead of its own."""
+        return all(self.held_ends(limits))
+
+    def slowed(self, duration: float) -> Core:
+        """Return the same curve taking *duration* seconds."""
+        factor = duration / self.duration
+        positions = self.positions if self.positions.is_held else self.positions.slowed(factor)
+        return Core(self.stretch.slowed(duration), positions, self.times * factor)
+
+    def record_count(self, period: float) -> int:
+        """Return how many records a period apart it has."""
+        return round(self.duration / period) + 1
+
+    def peaks(
+        self, period: float, limits: Limits, first: int = 0, last: int | None = None
+    ) -> Peaks:
+        """Return the largest backward differences of the core alone, or of a part of it.
+
+        Where it begins or ends at rest the device is held before or after; elsewhere a lead, which
+        has limits of its own, goes on with the same acceleration.
+
+        Args:
+            period: time between the records, s.
+            limits: what the peaks are held against.
+            first: the first record to look at.
+            last: the last one; ``None`` is the end of the core.
+        """
+        final = self.record_count(period) - 1
+        last = final if last is None else last
+
+        def setpoints(begin: int, size: int) -> tuple[Floats, Floats]:
+            indices = np.arange(first + begin, first + begin + size, dtype=np.float64)
+            times = np.minimum(period * indices, self.duration)
+            q, _, _ = self.stretch.sample(times)
+            if self.positions.is_held:
+                return q, self.positions.first[None]
+            return q, self.positions.sample(times)[0]
+
+        before, holds_after = None, False
+        if first == 0 or last == final:
+            is_held, holds_after = self.held_ends(limits)
+            if first == 0 and is_held:
+                q, p = setpoints(0, 1)
+                before = np.repeat(q, HISTORY, axis=0), np.repeat(p, HISTORY, axis=0)
+            holds_after = last == final and holds_after
+        return measure(
+            setpoints,
+            last - first + 1,
+            period,
+            limits,
+            before=before,
+            holds_after=holds_after,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Course:
+    """What a core is made from.
+
+    Attributes:
+        request: what was asked for.
+        method: the row of its method.
+        ends: velocities at the first and last keyframe.
+        times: of all keyframes of the request, from 0 on, in any unit.
+        kept: indices of those that the curve passes; the others repeat one of them.
+        halt: how the position comes to rest; it stays there where nothing asks for another.
+        first: position, velocity and acceleration that the course takes over; ``None`` where the
+            position is at rest at the first keyframe.
+    """
+
+    request: MotionRequest
+    method: Method
+    ends: Ends
+    times: Floats
+    kept: Indices
+    halt: PositionPath
+    first: Motion3 | None = None
+
+    @property
+    def has_one_shape(self) -> bool:
+        """Whether another duration is the same curve at another rate: nothing moves at its ends."""
+        ends = (self.ends.omega_start, self.ends.omega_end, self.ends.alpha_start)
+        if self.first is not None:
+            return False
+        return not any(np.any(vector) for vector in ends if vector is not None)
+
+    def core(self, duration: float) -> Core:
+        """Return the core that takes *duration* seconds.
+
+        Raises:
+            PlanError: the method cannot join these keyframes.
+        """
+        times = self.times * (duration / self.times[-1])
+        times[-1] = duration
+        keys, turns = self.request.keys[self.kept], self.request.turns[self.kept]
+        curve = build(self.request, self.method, keys, times[self.kept], turns, self.ends)
+        first, last = curve.domain
+        return Core(
+            Stretch(curve, 0.0, duration, rate=(last - first) / duration),
+            self._position_path(times[self.kept]),
+            times,
+        )
+
+    def _position_path(self, times: Floats) -> PositionPath:
+        positions = self._positions()
+        few = positions is None or np.count_nonzero(np.isfinite(positions[:, 0])) < 2
+        if self.first is not None and few:
+            return self.halt
+        return position_path(times, positions, self.halt.last, self.first)
+
+    def _positions(self) -> Floats | None:
+        """Return the positions of the kept keyframes, taken from their repetitions if need be."""
+        positions = self.request.positions
+        if positions is None or len(self.kept) == len(positions):
+            return positions
+        kept: Floats = positions[self.kept].copy()
+        owner = np.searchsorted(self.kept, np.arange(len(positions)), side="right") - 1
+        for index in np.flatnonzero(np.isfinite(positions[:, 0])):
+            if not np.isfinite(kept[owner[index], 0]):
+                kept[owner[index]] = positions[index]
+        return kept

@@ -1,0 +1,177 @@
+"""A quick look at a core: how much longer it should be, and where that is decided.
+
+Finding the shortest duration takes several looks at the records of a motion.  A motion of hours has
+millions of them, but only near its largest rates do they matter; these places are found from the
+derivatives at a few instants of every piece of the curve, and the search looks at nothing else.
+The certificate looks at everything in the end.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from orientd.kernels import look_at, put_factors, put_instants, put_spots
+from orientd.planner.certify.differences import OFF_GRID
+from orientd.planner.certify.limit_table import limit_table
+from orientd.planner.certify.measuring import CHUNK
+from orientd.planner.limits import Limits
+from orientd.planner.path.plain_path import plain_curve
+from orientd.planner.timing.candidate_path import Core
+from orientd.planner.timing.timing import excess
+from orientd.rotation import Floats
+
+PIECES = 64
+"""That a curve of fewer pieces is cut into."""
+
+SHARES = np.array([1e-6, 0.25, 0.5, 0.75, 1.0 - 1e-6])
+"""Of a piece, where it is looked at."""
+
+HOT = 0.97
+"""Of the largest factor, where a spot begins."""
+
+GAP = 256
+"""Records that cost less than another call."""
+
+MARGIN = 4
+"""Records on either side of a spot."""
+
+_SHORT = 4 * CHUNK  # records that are looked at as a whole where the shape may change
+_LARGEST_STEP = 0.75 * OFF_GRID[1][1]  # of what a step over a period is taken for
+_EVERYWHERE = np.array([[0.0, 1.0]])
+_NO_ENDS = np.empty((0, 2))
+_END_KEYFRAMES = 10  # to which the ends of a curve reach, whatever the duration
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Survey:
+    """Where a core comes nearest to its limits.
+
+    Attributes:
+        factor: by which it should take longer to just keep them, about.
+        spots: parts of the duration where that is decided, from 0 to 1, in order, shape ``(m, 2)``.
+        has_one_shape: whether the spots are the same at any duration.
+        is_held: whether the device holds before the core and after it, where that is the same at
+            any duration.
+    """
+
+    factor: float
+    spots: Floats
+    has_one_shape: bool = False
+    is_held: tuple[bool, bool] | None = None
+
+    @classmethod
+    def of(
+        cls, core: Core, limits: Limits, period: float, *, has_one_shape: bool = False
+    ) -> Survey:
+        """Return the survey of a core.
+
+        Args:
+            core: to look at.
+            limits: to keep.
+            period: of the device, s.
+            has_one_shape: whether another duration is the same curve at another rate.
+        """
+        is_held = core.held_ends(limits)
+        # Where the acceleration goes on from that of a hold the ends are as smooth as the rest.
+        with_ends = not (has_one_shape and core.continuity >= 2 and all(is_held))
+        instants = _instants(core)
+        factors = _factors(core, instants, limits, period)
+        largest = float(factors.max())
+        ends = _NO_ENDS
+        if with_ends:
+            reach = 0 if has_one_shape else min(_END_KEYFRAMES, len(core.times) - 1)
+            ends = np.array([[0.0, core.times[reach]], [core.times[-1 - reach], core.duration]])
+        spots: Floats = np.empty((len(instants) + 2, 2))
+        count = put_spots(instants, factors, HOT * largest, ends, spots)
+        known = is_held if has_one_shape else None
+        return cls(largest, spots[:count] / core.duration, has_one_shape, known)
+
+    def look(self, core: Core, limits: Limits, period: float, *, everywhere: bool) -> float:
+        """Return by which factor a core should take longer, from its records.
+
+        Args:
+            core: the surveyed one or one like it, of another duration.
+            limits: to keep.
+            period: of the device, s.
+            everywhere: whether to look beyond the spots.
+        """
+        count = core.record_count(period)
+        is_short = count <= _SHORT and not self.has_one_shape
+        spots = _EVERYWHERE if everywhere or is_short else self.spots
+        ranges = _ranges(spots, count - 1)
+        curve = plain_curve(core.stretch.curve) if core.is_plain else None
+        if curve is None:
+            factor = max(_excess(core, limits, period, first, last) for first, last in ranges)
+        else:
+            factor = look_at(
+                np.array(ranges).reshape(-1),
+                curve,
+                core.stretch.rate,
+                core.duration,
+                period,
+                *(self.is_held or core.held_ends(limits)),
+                limit_table(limits),
+                *OFF_GRID[core.continuity],
+                core.continuity >= 2,
+            )
+        if core.continuity >= 2:
+            return factor
+        # What a step of the acceleration shows on the records changes with where it falls between
+        # them; the search needs something that depends on the duration smoothly.
+        return max(factor, float(_factors(core, _instants(core), limits, period).max()))
+
+
+def _excess(core: Core, limits: Limits, period: float, first: int, last: int) -> float:
+    """Return by which factor a core should take longer, from some of its records."""
+    return excess(core.peaks(period, limits, first, last), core.continuity)
+
+
+def _instants(core: Core) -> Floats:
+    """Return instants on either side of every break of the core and between them, s."""
+    curve = core.stretch.curve
+    breaks = (curve.knots - curve.domain[0]) / core.stretch.rate
+    if not core.positions.is_held:
+        breaks = np.union1d(breaks, core.positions.breaks)
+    instants: Floats = np.empty(len(SHARES) * (len(breaks) + PIECES + 1))
+    return instants[: put_instants(breaks, core.duration, PIECES, SHARES, instants)]
+
+
+def _factors(core: Core, instants: Floats, limits: Limits, period: float) -> Floats:
+    """Return, instant by instant, by which factor the core should take longer."""
+    factors: Floats = np.zeros(len(instants))
+    step = 0.0 if core.continuity >= 2 else _LARGEST_STEP
+    for first in range(0, len(instants), CHUNK):
+        # One more on either side, for differences.
+        some = slice(max(first - 1, 0), first + CHUNK)
+        times, found = instants[some], factors[some].copy()
+        _, omega, alpha = core.stretch.sample(times)
+        spins, bends = np.ascontiguousarray(omega.T), np.ascontiguousarray(alpha.T)
+        put_factors(times, spins, bends, period, limit_table(limits), step, found)
+        if not core.positions.is_held:
+            _, velocity = core.positions.sample(times)
+            elapsed = np.maximum(times[1:] - times[:-1], period)
+            push = np.concatenate([[0.0], _norm(np.diff(velocity, axis=0)) / elapsed])
+            found = np.maximum(found, _norm(velocity) / limits.linear_velocity)
+            found = np.maximum(found, np.sqrt(push / limits.linear_acceleration))
+        factors[some] = np.maximum(factors[some], found)
+    return factors
+
+
+def _norm(vectors: Floats) -> Floats:
+    norm: Floats = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+    return norm
+
+
+def _ranges(spots: Floats, final: int) -> list[tuple[int, int]]:
+    """Return first and last record of every spot, neighbours joined."""
+    ranges: list[tuple[int, int]] = []
+    for begin, end in spots.tolist():
+        first = max(math.floor(begin * final) - MARGIN, 0)
+        last = min(math.ceil(end * final) + MARGIN, final)
+        if ranges and first <= ranges[-1][1] + GAP:
+            first, last = ranges[-1][0], max(last, ranges.pop()[1])
+        ranges.append((first, last))
+    return ranges

@@ -1,0 +1,190 @@
+"""The data behind the figures of the papers, made anew: the papers print no numbers.
+
+Every function here returns the same data each time it is called.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from orientd.curves.compare.roles import Task
+from orientd.plots.papers.rigid import (
+    RigidMotion,
+    blended_motion,
+    hermite_motion,
+    interpolated_motion,
+)
+from orientd.plots.papers.sweep import Face, Poses, prism
+from orientd.rotation import Floats, exp, from_euler, multiply
+
+SAMPLED = np.array([0.0, 0.16, 0.31, 0.44, 0.60, 0.64, 0.83, 1.0])
+"""Where the ideal orientation function is sampled; the fifth and sixth are close together."""
+
+
+def ideal_orientation(share: Floats) -> Floats:
+    """Return an orientation function like that of Nielson (1993), Figs. 10 and 11.
+
+    As there, the tip of one axis, here x, begins and ends at the same place.
+
+    Args:
+        share: from 0 to 1, shape ``(n,)``.
+
+    Returns:
+        Unit quaternions, shape ``(n, 4)``.
+    """
+    turn = 2.0 * np.pi * share
+    loop = np.stack(
+        [0.85 * np.sin(turn), 0.45 * np.sin(2.0 * turn) + 0.15 * (np.cos(turn) - 1.0)], axis=-1
+    )
+    roll = np.zeros((len(share), 3))
+    roll[:, 0] = 2.4 * share + 0.5 * np.sin(turn)
+    return multiply(from_euler("ZY", loop), exp(roll))
+
+
+def samples_of_ideal() -> Floats:
+    """Return the eight sample orientations, shape ``(8, 4)``."""
+    return ideal_orientation(SAMPLED)
+
+
+CONTROL_DEGREES = [
+    [40.0, -20.0, 0.0],
+    [10.0, -35.0, 60.0],
+    [-30.0, 20.0, 130.0],
+    [10.0, 25.0, 200.0],
+    [45.0, -25.0, 250.0],
+    [-30.0, -15.0, 320.0],
+]
+CONTROL_POINTS = np.array(
+    [
+        [0.0, 0.0, 0.0],
+        [2.2, 1.2, 1.5],
+        [4.4, -0.6, 2.0],
+        [6.4, 0.2, 0.2],
+        [8.2, 1.8, 0.8],
+        [10.4, 0.8, 2.0],
+    ]
+)
+
+
+def control_orientations() -> Floats:
+    """Return the six control orientations of Figs. 6, 8, 9 and 10, shape ``(6, 4)``."""
+    return from_euler("ZYX", np.radians(CONTROL_DEGREES))
+
+
+def clamped(count: int, order: int) -> Floats:
+    """Return clamped knots a second apart inside, for *count* control points."""
+    inner = np.arange(1.0, count - order + 1.0)
+    end = count - order + 1.0
+    return np.concatenate([np.zeros(order), inner, np.full(order, end)])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """A rigid motion to draw.
+
+    Attributes:
+        motion: position and orientation over time.
+        keyframes: poses drawn dark.
+    """
+
+    motion: RigidMotion
+    keyframes: Poses
+
+    def between(self, count: int) -> Poses:
+        """Return *count* poses evenly spaced in time, the ends left out."""
+        start, end = self.motion.domain
+        evenly = start + (end - start) * (np.arange(count) + 0.5) / count
+        return self._poses(evenly)
+
+    def along(self, count: int) -> Poses:
+        """Return *count* poses evenly spaced in time from end to end."""
+        return self._poses(np.linspace(*self.motion.domain, count))
+
+    def _poses(self, times: Floats) -> Poses:
+        found = self.motion.evaluate(times)
+        return Poses(found.position, found.q)
+
+
+def blended_scene() -> Scene:
+    """Return the motion of Figs. 8 and 9: a cubic B-spline over six control poses."""
+    controls = control_orientations()
+    motion = blended_motion(control=controls, positions=CONTROL_POINTS, knots=clamped(6, 4))
+    return Scene(motion, Poses(CONTROL_POINTS, controls))
+
+
+def interpolated_scene() -> Scene:
+    """Return the motion of Fig. 10: six keyframes interpolated with continuous acceleration."""
+    keys = control_orientations()
+    motion = interpolated_motion(keys=keys, positions=CONTROL_POINTS)
+    return Scene(motion, Poses(CONTROL_POINTS, keys))
+
+
+FLIGHT_TIME = 2.6
+SPIN = 16.0
+
+
+def boomerang_task() -> Task:
+    """Return the two orientations of the boomerang of Fig. 7, with its spin at both ends."""
+    return Task(
+        keys=from_euler("XYZ", np.radians([[-65.0, 10.0, 0.0], [-15.0, -10.0, 40.0]])),
+        times=np.array([0.0, FLIGHT_TIME]),
+        omega_start=np.array([0.0, 0.0, SPIN]),
+        omega_end=np.array([0.0, 0.0, SPIN]),
+    )
+
+
+def boomerang_scene() -> Scene:
+    """Return the flight of Fig. 7: one Hermite segment for each of position and orientation."""
+    keys = boomerang_task().keys
+    places = np.array([[0.0, 0.0, 1.6], [0.9, -1.6, 1.3]])
+    motion = hermite_motion(
+        q0=keys[0],
+        q1=keys[1],
+        omega0=[0.0, 0.0, SPIN],
+        omega1=[0.0, 0.0, SPIN],
+        p0=places[0],
+        p1=places[1],
+        v0=[12.0, 9.0, 3.4],
+        v1=[-12.0, 4.0, -2.6],
+        t1=FLIGHT_TIME,
+    )
+    return Scene(motion, Poses(places, keys))
+
+
+def boomerang_outline() -> Floats:
+    """Return the outline of a boomerang about its centre of mass, m, shape ``(k, 2)``."""
+    spread, length, width = np.radians(112.0), 0.62, 0.1
+    half = 0.5 * spread
+    arms = []
+    for side in (1.0, -1.0):
+        along = np.array([np.cos(half), side * np.sin(half)])
+        across = np.array([-along[1], along[0]]) * side
+        tip = length * along
+        bow = [
+            tip + 0.5 * width * (np.cos(a) * across * -1.0 + np.sin(a) * along)
+            for a in np.linspace(0.0, np.pi, 7)
+        ]
+        arms.append(np.array(bow))
+    inside = np.array([[width / (2.0 * np.sin(half)), 0.0]])
+    outside = np.array([[-width / (2.0 * np.sin(half)), 0.0]])
+    outline = np.concatenate([outside, arms[1][::-1], inside, arms[0]])
+    centred: Floats = outline - np.array([0.45 * length * np.cos(half), 0.0])
+    return centred
+
+
+def plate() -> list[Face]:
+    """Return the faces of the body of Figs. 8 and 10: a plate across the body's x axis."""
+    outline = np.array([[-0.62, -0.36], [0.62, -0.36], [0.62, 0.36], [-0.62, 0.36]])
+    # x, y, z to y, z, x: a turn, so that faces keep facing outwards.
+    return [face[:, [2, 0, 1]] for face in prism(outline, 0.09)]
+
+
+def cross_section() -> Floats:
+    """Return the closed outline that Fig. 9 sweeps, in the body's y-z plane, shape ``(k, 3)``."""
+    around = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
+    radius = 0.34 + 0.09 * np.cos(3.0 * around)
+    return np.stack(
+        [np.zeros_like(around), 1.25 * radius * np.cos(around), radius * np.sin(around)], axis=-1
+    )

@@ -1,0 +1,1 @@
+"""Values on the wire: from messages and to messages, errors included."""

@@ -1,0 +1,119 @@
+"""Tracking on the wire: targets, and how the following goes."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from orientd.driver import ZERO, Quaternion, Vector3
+from orientd.errors import RequestError
+from orientd.floats import rotate_back
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc.reports import TrackReport
+from orientd.rpc.wire.values import (
+    STATES,
+    STATES_BACK,
+    quaternion,
+    to_quaternion,
+    to_vector,
+    vector,
+)
+
+TIME_TO_LIVE = 0.5
+"""How long a target counts that does not say so itself, s."""
+
+LONGEST_LIFE = 60.0
+NORM_TOLERANCE = 1e-6
+
+_FRAMES = (pb.FRAME_BODY, pb.FRAME_WORLD)
+
+
+class AimedAt(NamedTuple):
+    """A target, checked.
+
+    Attributes:
+        q: orientation ``(w, x, y, z)``, tool to world.
+        omega_body: its angular velocity, rad/s.
+        time_ns: when, monotonic clock.
+        expires_ns: until when it counts.
+    """
+
+    q: Quaternion
+    omega_body: Vector3
+    time_ns: int
+    expires_ns: int
+
+
+def target_from_message(message: pb.TrackTarget, now_ns: int) -> AimedAt:
+    """Return the target of a message that arrived at *now_ns*.
+
+    Raises:
+        RequestError: it is none.
+    """
+    q = to_quaternion(message.orientation)
+    size = math.sqrt(sum(x * x for x in q)) if all(map(math.isfinite, q)) else math.nan
+    if not abs(size - 1.0) <= NORM_TOLERANCE:
+        raise RequestError("target.orientation", f"norm must be 1 within 1e-6, got {size:.9g}")
+    omega = ZERO
+    if message.HasField("angular_velocity"):
+        omega = to_vector(message.angular_velocity)
+        if not all(map(math.isfinite, omega)):
+            raise RequestError("target.angular_velocity", f"expected finite numbers, got {omega}")
+        if message.velocity_frame not in _FRAMES:
+            raise RequestError("target.velocity_frame", "expected body or world")
+        if message.velocity_frame == pb.FRAME_WORLD:
+            omega = rotate_back(q, omega)
+    life = message.time_to_live or TIME_TO_LIVE
+    if not 0.0 < life <= LONGEST_LIFE:
+        raise RequestError(
+            "target.time_to_live",
+            f"expected more than 0 and at most {LONGEST_LIFE:g} s, got {life}",
+        )
+    time_ns = message.time_ns or now_ns
+    return AimedAt(q, omega, time_ns, time_ns + round(life * 1e9))
+
+
+def target_to_message(
+    q: Quaternion,
+    angular_velocity: Vector3 | None,
+    *,
+    is_world: bool,
+    time_ns: int,
+    time_to_live: float,
+) -> pb.TrackTarget:
+    """Return a target as a message."""
+    message = pb.TrackTarget(orientation=quaternion(q), time_ns=time_ns, time_to_live=time_to_live)
+    if angular_velocity is not None:
+        message.angular_velocity.CopyFrom(vector(angular_velocity))
+        message.velocity_frame = pb.FRAME_WORLD if is_world else pb.FRAME_BODY
+    return message
+
+
+def report_to_message(report: TrackReport) -> pb.TrackResponse:
+    """Return *report* as a message."""
+    return pb.TrackResponse(
+        state=STATES[report.state],
+        orientation=quaternion(report.q),
+        omega_body=vector(report.omega_body),
+        time_ns=report.time_ns,
+        targets=report.targets,
+        left_out=report.left_out,
+        refused=report.refused,
+        refusal=report.refusal,
+        error=report.error,
+    )
+
+
+def report_from_message(message: pb.TrackResponse) -> TrackReport:
+    """Return the report that *message* was made of."""
+    return TrackReport(
+        state=STATES_BACK[message.state],
+        q=to_quaternion(message.orientation),
+        omega_body=to_vector(message.omega_body),
+        time_ns=message.time_ns,
+        targets=message.targets,
+        left_out=message.left_out,
+        refused=message.refused,
+        refusal=message.refusal,
+        error=message.error if message.HasField("error") else None,
+    )

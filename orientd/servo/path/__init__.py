@@ -1,0 +1,1 @@
+"""Follow the path and stop on it: time scaling, stop rollout, feasible rates."""

@@ -1,0 +1,289 @@
+r"""The quick stop: how the path clock comes to rest in hardly more time than the limits demand.
+
+The certified law of :mod:`orientd.servo.path.time_scaling` has one brake rate for a whole motion,
+set by its worst point.  Here every cycle of a stop takes the least rate that keeps the limits at
+the point where the device is (:mod:`orientd.servo.path.feasible_rates`), down to a release in which
+velocity and acceleration reach zero together.
+
+Such a law looks at one cycle and could run into a place from which no rate keeps the limits.  So
+the whole stop is rehearsed first, cycle by cycle over the records that are in the ring
+(:mod:`orientd.servo.path.stop_rollout`), one plan after the other.  What comes to rest there is
+carried out as it was rehearsed; until then, and wherever nothing does, the certified law brakes,
+which always works.  A long stop is rehearsed in several cycles, from where the certified law will
+be by then.
+
+Where the path slows down by itself, as it does before it turns back, no rate gives the device the
+acceleration that a stop before the turn would need, and whoever brakes for one is too fast there
+and too slow to go on.  Such a place is passed, as slowly as still leads beyond it
+(:mod:`orientd.servo.path.turn_back`), and the stop is behind it.  Where the path does not turn
+back, or not so that this succeeds, the device brakes a little, keeps that rate until the path is
+faster again, and stops then.
+
+The first plan that comes to rest is carried out.  Where that takes much longer than a stop in a
+straight line would, others are rehearsed from along it, and taken where they are over sooner.
+"""
+
+from __future__ import annotations
+
+from math import ceil, sqrt
+
+from orientd.floats import norm
+from orientd.servo.guard import Guard
+from orientd.servo.path.feasible_rates import Past
+from orientd.servo.path.path_follower import PathFollower
+from orientd.servo.path.stop_rollout import Outcome, Plan, Rehearsal
+from orientd.servo.path.time_scaling import PathClock
+from orientd.stream import Terms
+
+PLANS = (
+    Plan(0.998, 0.985),
+    Plan(0.995, 0.985, until=0.3),
+    Plan(0.998, 0.9),
+    Plan(0.995, 0.985, until=1.0, stops_across=True),
+    Plan(0.995, 0.985, until=1.0),
+    *(Plan(0.995, 0.985, rate) for rate in (0.87, 0.93, 0.97, 1.0)),
+    Plan(0.9, 0.9),
+    Plan(0.75, 0.9),
+    Plan(0.5, 0.9),
+)
+"""Ways to stop, tried one after the other."""
+
+TURNING_PLANS = PLANS[1:2]
+"""Ways to stop behind a place where the path turns back soon, tried before the others."""
+
+BETTER_PLANS = (
+    *(plan for plan in PLANS if plan.until is not None),
+    PLANS[0],
+    Plan(0.9, 0.9),
+    Plan(0.998, 0.9),
+    *(Plan(0.995, 0.985, rate) for rate in (0.8, 0.87, 0.93)),
+) * 3
+"""Ways to leave a stop that takes long for another one that is over sooner, tried in turn: what
+fails from one place on the path may do from another."""
+
+BRIEF_PLANS = tuple(Plan(1.0, 1.0, cycles=cycles) for cycles in (0, 1, 2))
+"""Ways to stop within a few cycles, tried before the others where that may be enough."""
+
+STEPS_PER_SECOND = 16_000.0
+"""Cycles of a stop that are rehearsed in one second: few enough to leave most of a cycle free."""
+
+FEWEST_STEPS = 8
+
+_ALLOWANCE = 1.15  # times the cycles expected
+_SPARE = 4.0  # cycles more than that
+_SLOWEST = 2.0  # times as long as a stop is how far off a slowest point is looked for
+_BRIEF = 3.0  # cycles that a stop takes at least, where the brief plans are tried
+_GOOD = 1.15  # times as long as a stop on a straight path is one that is not improved
+_FARTHEST = 4.0  # times as far as where a stop failed is how far off a turn is looked for
+
+
+class BrakeLaw:
+    """A stop of the path clock that uses what the limits leave at each point of the path.
+
+    Args:
+        clock: is handed over while a quick stop lasts.
+        follower: where the path is.
+        guard: what was written.
+    """
+
+    def __init__(self, clock: PathClock, follower: PathFollower, guard: Guard) -> None:
+        self._clock = clock
+        self._follower = follower
+        self._guard = guard
+        self._steps = max(FEWEST_STEPS, round(STEPS_PER_SECOND * clock.period))
+        self._is_coasting = False
+        self._moves = -1
+        self._taken = 0
+        self._tries = 0
+        self._plans = PLANS
+        self._expected = 0.0
+        self._trouble = self._turning = 0.0
+        self._is_straight = False
+        self._choices: list[Plan] = []
+        self._rehearsal: Rehearsal | None = None
+        self._rates: list[float] = []
+
+    def advance(self, terms: Terms, *, may_end: bool) -> float:
+        """Move the clock by one cycle of a stop and return the new rate.
+
+        Args:
+            terms: the limits.
+            may_end: whether the end of the path is as good as a stop before it.
+        """
+        clock = self._clock
+        if clock.moves != self._moves:
+            self._renew(may_end=may_end)
+        if self._rates:
+            self._improve(terms, may_end=may_end)
+        else:
+            self._rehearse(terms, may_end=may_end)
+        if self._rates:
+            rate = self._rates.pop()
+            clock.lead(rate, is_last=rate == 0.0 and not self._rates)
+        elif self._is_coasting:
+            clock.lead(clock.rate)
+        else:
+            clock.advance()
+        self._trouble -= clock.rate
+        self._moves = clock.moves
+        return clock.rate
+
+    def _renew(self, *, may_end: bool) -> None:
+        """Begin with another stop."""
+        clock = self._clock
+        self._tries, self._expected, self._trouble, self._turning = 0, 0.0, 0.0, 0.0
+        self._rehearsal, self._rates, self._is_straight = None, [], False
+        self._choices = []
+        # A path that ends sooner than the certified stop is left as it is.
+        rest = self._follower.records_left() * clock.period / clock.rate
+        is_even = clock.acceleration == 0.0
+        self._is_coasting = may_end and is_even and rest <= 1.0 / clock.brake_rate
+
+    def _rehearse(self, terms: Terms, *, may_end: bool) -> None:
+        """Go on with the rehearsal, or with others, as far as one cycle allows."""
+        left = self._steps
+        while left > 0:
+            rehearsal = self._rehearsal
+            if rehearsal is None:
+                rehearsal = self._rehearsal = self._begin(terms)
+                self._taken = 0
+            left -= rehearsal.go_on(terms, left, may_end=may_end)
+            outcome = rehearsal.outcome
+            if outcome is Outcome.FAILED:
+                if not rehearsal.plan.passes:
+                    trouble = rehearsal.gone - sum(rehearsal.rates[: self._taken])
+                    self._trouble = max(self._trouble, trouble)
+                self._is_straight = self._is_straight or rehearsal.is_without_turn
+                self._rehearsal = None
+                self._tries += 1
+                while self._is_straight and self._plan.until is not None:
+                    self._tries += 1
+                left -= 1
+            elif outcome is not Outcome.UNFINISHED:
+                break
+        rehearsal = self._rehearsal
+        if rehearsal is None:
+            return
+        if rehearsal.outcome is Outcome.UNFINISHED:
+            more = self._steps * (rehearsal.lead - self._taken)
+            remaining = self._remaining(rehearsal.past, terms)
+            if remaining > more or self._taken >= rehearsal.lead:
+                found = len(rehearsal.rates) - rehearsal.lead + remaining
+                self._expected = max(found, _ALLOWANCE * self._expected)
+                self._rehearsal = None
+        if self._taken < rehearsal.lead:
+            self._taken += 1
+        elif rehearsal.outcome is not Outcome.UNFINISHED:
+            self._adopt(rehearsal)
+            self._rehearsal = None
+            past = Past(self._guard.omega, self._guard.alpha, self._guard.velocity)
+            if len(self._rates) > _GOOD * self._remaining(past, terms) + _SPARE:
+                self._choices = list(BETTER_PLANS[::-1])
+
+    def _adopt(self, rehearsal: Rehearsal) -> None:
+        """Carry out a stop that was rehearsed up to the present cycle and beyond."""
+        self._rates = rehearsal.rates[self._taken :][::-1]
+        if rehearsal.outcome is Outcome.REST:
+            # One cycle more at rest: a resumption that began at once would add its own jerk to
+            # that of the last step.
+            self._rates.insert(0, 0.0)
+
+    def _improve(self, terms: Terms, *, may_end: bool) -> None:
+        """Rehearse how to leave the stop that is carried out for a shorter one."""
+        left = self._steps
+        while left > 0:
+            rehearsal = self._rehearsal
+            if rehearsal is None:
+                rehearsal = self._rehearsal = self._begin_better()
+                self._taken = 0
+                if rehearsal is None:
+                    return
+            left -= rehearsal.go_on(terms, left, may_end=may_end)
+            if rehearsal.outcome is Outcome.UNFINISHED and self._taken < rehearsal.lead:
+                break
+            if rehearsal.outcome in (Outcome.REST, Outcome.END):
+                if len(rehearsal.rates) - self._taken + 1 < len(self._rates):
+                    self._adopt(rehearsal)
+            else:
+                left -= 1
+            self._rehearsal = None
+        self._taken += 1
+
+    def _begin_better(self) -> Rehearsal | None:
+        """Rehearse the next way to leave the stop that is carried out, if there is one in time."""
+        lead = ceil(_ALLOWANCE * len(self._rates) / (self._steps - 1))
+        if not self._choices or lead >= len(self._rates):
+            self._choices.clear()
+            return None
+        plan = self._choices.pop()
+        reach = len(self._rates) if plan.until is not None else max(self._trouble, 0.0)
+        return Rehearsal(
+            self._clock,
+            self._follower,
+            self._guard,
+            lead=lead,
+            plan=plan._replace(distance=float(reach)),
+            along=self._rates[: -lead - 1 : -1],
+        )
+
+    @property
+    def _plan(self) -> Plan:
+        return self._plans[self._tries % len(self._plans)]
+
+    def _remaining(self, past: Past, terms: Terms) -> float:
+        """Return the cycles that a stop takes at least, were its path straight."""
+        speed, push = _along(past)
+        time = max(
+            _shortest(speed, push, terms.acceleration, terms.jerk),
+            norm(past.velocity) / terms.linear_acceleration,
+        )
+        return time / self._clock.period
+
+    def _begin(self, terms: Terms) -> Rehearsal:
+        """Rehearse the next plan, from where the device is when that is over."""
+        guard, period = self._guard, self._clock.period
+        past = Past(guard.omega, guard.alpha, guard.velocity)
+        cycles = self._remaining(past, terms)
+        if self._tries == 0:
+            self._plans = (*BRIEF_PLANS, *PLANS) if cycles <= _BRIEF else PLANS
+            speed, push = _along(past)
+            if cycles > _BRIEF and -speed > push * cycles * period:
+                # It will have turned back before it could have stopped: there is no time to lose.
+                self._plans = (*TURNING_PLANS, *PLANS)
+                self._turning = -speed / push / period
+        plan = self._plan
+        if plan.passes:
+            distance = self._trouble
+            if plan.until is not None:
+                distance = _FARTHEST * max(distance, self._turning) + FEWEST_STEPS
+            plan = plan._replace(distance=distance)
+            speed, push = _along(past)
+            slowest = min(-speed / push, _SLOWEST * cycles * period) if push < 0.0 else 0.0
+            # What is left of the acceleration there has to fall, and then the speed it leads to:
+            # in a/j and 2 sqrt(v/j) with v = a^2/2j.
+            cycles = max(cycles, (slowest + 2.4 * norm(guard.alpha) / terms.jerk) / period)
+        cycles = _ALLOWANCE * max(cycles, self._expected) + _SPARE
+        return Rehearsal(
+            self._clock,
+            self._follower,
+            guard,
+            lead=ceil(cycles / (self._steps - 1)) - 1,
+            plan=plan,
+            is_coasting=self._is_coasting,
+        )
+
+
+def _along(past: Past) -> tuple[float, float]:
+    """Return the speed and how fast it changes."""
+    speed = norm(past.omega)
+    (x, y, z), (u, v, w) = past.omega, past.alpha
+    return speed, (x * u + y * v + z * w) / speed if speed > 0.0 else 0.0
+
+
+def _shortest(speed: float, push: float, most: float, jerk: float) -> float:
+    """Return how long it takes to rest from a speed and its first change, in a straight line."""
+    peak = sqrt(jerk * speed + 0.5 * push * push)
+    if peak <= most:
+        return max(push + 2.0 * peak, 0.0) / jerk
+    held = speed + (push * push - 2.0 * most * most) / (2.0 * jerk)
+    return (push + 2.0 * most) / jerk + held / most

@@ -1,0 +1,230 @@
+r"""Which rates of the path clock keep the limits in one cycle, as the guard will see it.
+
+The setpoint that a rate :math:`\sigma` leads to turns the device, in the cycle to come, with the
+velocity :math:`\Omega(\sigma) = C + \omega \sigma`: :math:`\omega` is the path's own velocity and
+*C* what one cycle bends.  With the velocity :math:`\Omega_p` and the acceleration :math:`A_p` of
+the cycle before, the guard's differences are
+
+.. math::
+    A = (\Omega(\sigma) - \Omega_p) / h, \qquad J = (A - A_p) / h ,
+
+each of them straight in :math:`\sigma`: a limit of a norm is a quadratic inequality, a limit of an
+axis a linear one, and what keeps them all is an interval.
+"""
+
+from __future__ import annotations
+
+from math import floor, inf, sqrt
+from typing import NamedTuple
+
+from orientd.driver import Vector3
+from orientd.floats import norm
+from orientd.servo.path.path_point import PathPoint
+from orientd.stream import Terms
+
+FASTEST = 1.02
+"""Largest rate with which a sharp bend of the path is met."""
+
+_LEAST_RELEASE = 0.3
+_STILL = 1e-9  # rad/s: where the path stands still by itself, its clock does not matter
+
+
+class Past(NamedTuple):
+    """What the device did last, by backward differences.
+
+    Attributes:
+        omega: angular velocity, rad/s.
+        alpha: angular acceleration, rad/s^2.
+        velocity: of the position, m/s.
+    """
+
+    omega: Vector3
+    alpha: Vector3
+    velocity: Vector3
+
+
+class Ahead(NamedTuple):
+    """What a rate leads to: ``bend + omega * rate`` and ``shift + velocity * rate``.
+
+    Attributes:
+        omega: angular velocity of the path, rad/s.
+        bend: what is not proportional to the rate, rad/s.
+        velocity: of the path's position, m/s.
+        shift: what is not proportional to the rate, m/s.
+    """
+
+    omega: Vector3
+    bend: Vector3
+    velocity: Vector3
+    shift: Vector3
+
+
+def allowed(
+    past: Past, ahead: Ahead, terms: Terms, period: float, share: float, jerk_share: float
+) -> tuple[float, float]:
+    """Return the least and the largest rate inside the limits; least > largest if there is none.
+
+    Args:
+        past: the cycle before.
+        ahead: what a rate leads to.
+        terms: the limits.
+        period: between the two, s.
+        share: part of the limits of acceleration that may be used.
+        jerk_share: part of the limits of jerk that may be used.
+    """
+    x, y, z = ahead.omega
+    a, b, c = ahead.bend
+    u, v, w = past.omega
+    ax, ay, az = past.alpha
+    # In units of velocity: the differences times the powers of the period.
+    gx, gy, gz = a - u, b - v, c - w
+    kx, ky, kz = gx - ax * period, gy - ay * period, gz - az * period
+    most, most_jerk = share * period, jerk_share * period * period
+    low, high = _ball(gx, gy, gz, x, y, z, most * terms.acceleration)
+    least, largest = _ball(kx, ky, kz, x, y, z, most_jerk * terms.jerk)
+    low, high = max(low, least), min(high, largest)
+    if terms.has_axes:
+        for axes, factor, base in (
+            (terms.axis_acceleration, most, (gx, gy, gz)),
+            (terms.axis_jerk, most_jerk, (kx, ky, kz)),
+        ):
+            for limit, start, slope in zip(axes, base, (x, y, z), strict=True):
+                if limit < inf:
+                    least, largest = _ball(start, 0.0, 0.0, slope, 0.0, 0.0, factor * limit)
+                    low, high = max(low, least), min(high, largest)
+    if ahead.velocity != (0.0, 0.0, 0.0):
+        x, y, z = ahead.velocity
+        a, b, c = ahead.shift
+        u, v, w = past.velocity
+        least, largest = _ball(a - u, b - v, c - w, x, y, z, most * terms.linear_acceleration)
+        low, high = max(low, least), min(high, largest)
+    return low, high
+
+
+def released(past: Past, ahead: Ahead, terms: Terms, period: float, share: float) -> float:
+    """Return the least rate from which speed and acceleration can still reach zero together.
+
+    From the speed *v* the changes *c, c-d, c-2d, ...* of the cycles to come cover
+    ``(f+1)(c - d f/2)``, ``f = floor(c/d)``, where *d* is what the jerk allows along the path.
+
+    Args:
+        past: the cycle before.
+        ahead: what a rate leads to.
+        terms: the limits.
+        period: between the two, s.
+        share: part of the jerk that the release may use.
+    """
+    x, y, z = ahead.omega
+    a, b, c = ahead.bend
+    path_speed = sqrt(x * x + y * y + z * z)
+    u, v, w = past.omega
+    speed = sqrt(u * u + v * v + w * w)
+    if path_speed < _STILL:
+        return 0.0
+    x, y, z = x / path_speed, y / path_speed, z / path_speed
+    jerk = terms.jerk
+    # What bends the path needs its part of the jerk as well.
+    ax, ay, az = past.alpha
+    along = ax * x + ay * y + az * z
+    turn = 3.0 * sqrt(max(ax * ax + ay * ay + az * az - along * along, 0.0)) * along
+    across = min(abs(turn) / speed, jerk) if speed > _STILL else 0.0
+    jerk = max(sqrt(jerk * jerk - across * across), _LEAST_RELEASE * jerk)
+    jerk = min(jerk, jerk_along(terms, (x, y, z)))
+    step = share * jerk * period * period
+    left = speed / step
+    whole = floor(0.5 * (sqrt(1.0 + 8.0 * left) - 1.0))
+    change = (left / (whole + 1) + 0.5 * whole) * step
+    return (speed - change - (a * x + b * y + c * z)) / path_speed
+
+
+def brought_to_rest(past: Past, ahead: Ahead, period: float, cycles: int) -> float:
+    """Return the rate of the next of so many cycles, after which the device rests.
+
+    The changes of the acceleration are as even as they can be: least squares, for one and for two
+    cycles.
+
+    Args:
+        past: the cycle before.
+        ahead: what a rate leads to.
+        period: between the two, s.
+        cycles: in which the device still moves, at most two.
+    """
+    path_speed = norm(ahead.omega)
+    if path_speed < _STILL or cycles <= 0:
+        return 0.0
+    x, y, z = ahead.omega
+    speed, push, bend = (
+        (u * x + v * y + w * z) / path_speed for u, v, w in (past.omega, past.alpha, ahead.bend)
+    )
+    change = push * period
+    wanted = 0.5 * speed + change / 6.0 if cycles == 1 else 0.7 * speed + 0.3 * change
+    return (wanted - bend) / path_speed
+
+
+def jerk_along(terms: Terms, direction: Vector3) -> float:
+    """Return the largest jerk along a direction, a unit vector, that the limits allow."""
+    jerk = terms.jerk
+    if terms.has_axes:
+        for limit, part in zip(terms.axis_jerk, direction, strict=True):
+            if limit < inf and part != 0.0:
+                jerk = min(jerk, limit / abs(part))
+    return jerk
+
+
+def nearest(
+    past: Past, ahead: Ahead, terms: Terms, period: float, share: float, wanted: float
+) -> float | None:
+    """Return the rate in [0, 1] nearest to the one that is wanted, or ``None`` if none is allowed.
+
+    The share of the limits is exceeded, up to all of them, where nothing else is left.
+    """
+    for part, jerk_part in ((share, share), (share, 1.0), (1.0, 1.0)):
+        low, high = allowed(past, ahead, terms, period, part, jerk_part)
+        low, high = max(low, 0.0), min(high, 1.0)
+        if low <= high:
+            return min(max(wanted, low), high)
+    return None
+
+
+def eased(
+    past: Past, omega: Vector3, velocity: Vector3, path: PathPoint, rate: float, terms: Terms,
+    period: float,
+) -> float | None:  # fmt: skip
+    """Return the rate nearest to one that would break a limit, or ``None`` if there is none.
+
+    It may be a little above 1: a device that slows down on its path as much as it may does so less
+    if it goes along it faster.
+
+    Args:
+        past: the cycle before.
+        omega: angular velocity of the step that the rate leads to, rad/s.
+        velocity: of the position in that step, m/s.
+        path: the point that it leads to.
+        rate: that would break a limit.
+        terms: the limits.
+        period: of a cycle, s.
+    """
+    (a, b, c), (x, y, z) = omega, path.omega_body
+    bend = (a - x * rate, b - y * rate, c - z * rate)
+    (a, b, c), (u, v, w) = velocity, path.velocity
+    shift = (a - u * rate, b - v * rate, c - w * rate)
+    ahead = Ahead(path.omega_body, bend, path.velocity, shift)
+    low, high = allowed(past, ahead, terms, period, 1.0, 1.0)
+    low, high = max(low, 0.0), min(high, FASTEST)
+    return min(max(rate, low), high) if low <= high else None
+
+
+def _ball(
+    a: float, b: float, c: float, x: float, y: float, z: float, limit: float
+) -> tuple[float, float]:
+    """Return the interval of t where ``|(a, b, c) + t (x, y, z)| <= limit``."""
+    square = x * x + y * y + z * z
+    constant = a * a + b * b + c * c - limit * limit
+    if square <= _STILL * _STILL:
+        return (-inf, inf) if constant <= 0.0 else (inf, -inf)
+    half = a * x + b * y + c * z
+    root = half * half - square * constant
+    if not root >= 0.0:
+        return inf, -inf
+    root = sqrt(root)
+    return (-half - root) / square, (root - half) / square

@@ -1,0 +1,272 @@
+"""Where on the path the servo is, and how much path there still is.
+
+Path time is counted in records: ``index + fraction``.  A motion as planned moves by exactly one
+record a cycle, so its setpoints *are* the records; between two records a
+:class:`~orientd.servo.path.segment.Segment` is evaluated.
+
+The path is made of legs, one a motion.  A motion that replaces or continues another one is spliced
+onto it: its first record lies further on in the ring, and stands for the same point as the record
+at which the leg before it is left.  What is joined there is the path, in path time; how fast the
+path clock runs does not matter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+from typing import NamedTuple
+
+from orientd.driver import IDENTITY, ZERO, Vector3
+from orientd.errors import OrientdError
+from orientd.floats import difference, norm
+from orientd.servo.path.path_point import PathPoint, point_of
+from orientd.servo.path.segment import Segment
+from orientd.stream import HEAD, UNKNOWN, RecordRing, Terms
+
+FINAL_WORD = 1
+"""Word of the path ring: one more than the index of the newest motion's last record; 0 until it is
+written, or that of a motion before it."""
+
+TAIL_WORD = 2
+"""Word of the path ring: index of the oldest record that the servo still needs."""
+
+MOST_LEGS = 16
+"""Legs ahead of the one that the servo is on."""
+
+_SAME_Q = 1e-9  # rad
+_SAME_RATE = 1e-6  # of 1 + the rate itself; rad/s and rad/s^2
+_SAME_POSITION = 1e-9  # m
+
+
+class StarvedError(OrientdError):
+    """The next record is not in the ring."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Leg:
+    """One motion's part of the path.
+
+    Attributes:
+        number: of the motion.
+        first: index of its first record.
+        terms: what the motion promised to keep.
+        leave: index of the record at which the leg before is left for this one.
+        final: index of its last record, where that is known already.
+    """
+
+    number: int
+    first: int
+    terms: Terms
+    leave: int = UNKNOWN
+    final: int = UNKNOWN
+
+
+class Place(NamedTuple):
+    """A place on the path.
+
+    Attributes:
+        record: at or before it.
+        fraction: how far beyond that, in [0, 1).
+        leg: the motion that it belongs to.
+        is_end: whether it is the last record of all.
+    """
+
+    record: int
+    fraction: float
+    leg: Leg
+    is_end: bool
+
+
+class PathFollower:
+    """A position on the path ring.
+
+    Attributes:
+        index: the record at or before the setpoint.
+        fraction: how far beyond it, in records, in [0, 1).
+        leg: the motion that it belongs to.
+        is_at_end: whether this is the last record of all.
+        revision: how often the path ahead has been changed.
+    """
+
+    def __init__(self, ring: RecordRing, period: float, terms: Terms) -> None:
+        """Follow *ring*, whose records are *period* seconds of path time apart."""
+        self.index = 0
+        self.fraction = 0.0
+        self.leg = Leg(0, 0, terms)
+        self.is_at_end = False
+        self.revision = 0
+        self._reached = UNKNOWN
+        self._ahead: list[Leg] = []
+        self._ring = ring
+        self._period = period
+        self._loaded = UNKNOWN
+        self._point = PathPoint(IDENTITY, ZERO, ZERO, ZERO, ZERO)
+        self._segment: Segment | None = None
+
+    def peek(self, index: int) -> PathPoint | None:
+        """Return record *index*, or ``None`` where it is not in the ring."""
+        ring = self._ring
+        if not 0 <= index < ring.words[HEAD]:
+            return None
+        # A record being published is there a microsecond later.
+        fields = ring.read(index) or ring.read(index) or ring.read(index)
+        return None if fields is None else point_of(fields)
+
+    def begin(self, leg: Leg) -> None:
+        """Stand on the first record of *leg*, which is in the ring."""
+        self.leg = leg
+        self.revision += 1
+        self._ahead.clear()
+        self.index, self.fraction, self.is_at_end = leg.first, 0.0, False
+        self._reached = UNKNOWN
+        self._load(leg.first)
+        self._ring.words[TAIL_WORD] = leg.first
+
+    def splice(self, leg: Leg) -> str:
+        """Go over to *leg* at its record ``leave``; what was to come after that is dropped.
+
+        Returns:
+            An empty string, or why that is not possible; then nothing has changed.
+        """
+        if leg.leave < self.index + bool(self.fraction):
+            return f"the path has passed record {leg.leave}, it is at {self.index}"
+        legs = [self.leg, *self._ahead]
+        place = max(k for k, other in enumerate(legs) if other.first <= leg.leave)
+        if place + 1 < len(legs) and leg.leave > legs[place + 1].leave:
+            return f"record {leg.leave} is not on the path any more"
+        if place >= MOST_LEGS:
+            return f"there are {place} motions ahead already"
+        old, new = self.peek(leg.leave), self.peek(leg.first)
+        if old is None or new is None:
+            missing = leg.leave if old is None else leg.first
+            return f"path record {missing} is not in the ring"
+        problem = _differ(old, new)
+        if problem:
+            return problem
+        self._ahead = [*legs[1 : place + 1], leg]
+        self._reached = UNKNOWN
+        self.revision += 1
+        return ""
+
+    @property
+    def is_spliced(self) -> bool:
+        """Whether another leg follows the present one."""
+        return bool(self._ahead)
+
+    @property
+    def _final(self) -> int:
+        """Index of the last leg's last record, or :data:`UNKNOWN`."""
+        leg = self._ahead[-1] if self._ahead else self.leg
+        final = max(self._ring.words[FINAL_WORD] - 1, leg.final)
+        return final if final >= leg.first else UNKNOWN
+
+    def reaches(self, records: int) -> bool:
+        """Whether the motion's end, or at least so many records beyond here, are in the ring."""
+        if self.index + records <= self._reached:
+            return True
+        last, here, ahead = self._ring.head - 1, self.index, 0
+        for leg in self._ahead:
+            ahead += leg.leave - here
+            here = leg.first
+        self._reached = self.index + ahead + last - here
+        if self.index + records <= self._reached:
+            return True
+        # Behind the end may lie what the servo has not heard of yet.
+        return UNKNOWN != self._final <= last
+
+    def records_left(self) -> float:
+        """Return the records from here to the end of the last leg; infinity if it is not known."""
+        final = self._final
+        if self._ahead or final == UNKNOWN:
+            return inf
+        return final - self.index - self.fraction
+
+    def peek_ahead(self, records: int) -> PathPoint | None:
+        """Return the record so many beyond :attr:`index`, or ``None`` where there is none.
+
+        Nor is there one beyond a splice to a leg of other terms.
+        """
+        index, leg = self.index + records, self.leg
+        for following in self._ahead:
+            if index < following.leave:
+                break
+            if not following.terms.has_limits_of(leg.terms):
+                return None
+            index, leg = following.first + index - following.leave, following
+        is_last = leg is (self._ahead[-1] if self._ahead else self.leg)
+        if is_last and index > self._final != UNKNOWN:
+            return None
+        return self.peek(index)
+
+    def look(self, records: float) -> tuple[PathPoint, Place]:
+        """Return the point so many records from here, at most beyond the next one, and stay here.
+
+        The last record of a motion is never passed, unless another leg begins there.
+
+        Raises:
+            StarvedError: the path ends before that without being at rest.
+        """
+        index, fraction, leg = self.index, self.fraction + records, self.leg
+        if self._ahead and index == self._ahead[0].leave:
+            leg = self._ahead[0]
+            index = leg.first
+        if fraction >= 1.0:
+            index, fraction = index + 1, fraction - 1.0
+            if leg is self.leg and self._ahead and index == self._ahead[0].leave:
+                leg = self._ahead[0]
+                index = leg.first
+        is_end = False
+        if not self._ahead or (leg is not self.leg and len(self._ahead) == 1):
+            final = self._final
+            if index >= final != UNKNOWN:
+                index, fraction, is_end = final, 0.0, True
+        if index != self._loaded:
+            self._load(index)
+        place = tuple.__new__(Place, (index, fraction, leg, is_end))  # a call less than Place()
+        if fraction == 0.0:
+            return self._point, place
+        if self._segment is None:  # else kept from the last time
+            end = self.peek(index + 1)
+            if end is None:
+                raise StarvedError(f"path record {index + 1} is not in the ring")
+            self._segment = Segment(self._point, end, self._period)
+        return self._segment.at(fraction), place
+
+    def move(self, place: Place) -> None:
+        """Go to where :meth:`look` has found a point."""
+        self.index, self.fraction, leg, self.is_at_end = place
+        if leg is not self.leg:
+            self.leg = leg
+            self._reached = UNKNOWN
+            del self._ahead[0]
+        self._ring.words[TAIL_WORD] = self.index
+
+    def _load(self, index: int) -> None:
+        point = self.peek(index)
+        if point is None:
+            raise StarvedError(f"path record {index} is not in the ring")
+        self._loaded = index
+        self._point = point
+        self._segment = None
+
+
+def _differ(old: PathPoint, new: PathPoint) -> str:
+    """Say by how much two points are not the same, if they are not."""
+    for name, gap, tolerance, unit in (
+        ("orientation", norm(difference(old.q, new.q)), _SAME_Q, "rad"),
+        ("angular velocity", *_gap(old.omega_body, new.omega_body), "rad/s"),
+        ("angular acceleration", *_gap(old.alpha_body, new.alpha_body), "rad/s^2"),
+        ("position", norm(_minus(old.position, new.position)), _SAME_POSITION, "m"),
+        ("velocity", *_gap(old.velocity, new.velocity), "m/s"),
+    ):
+        if not gap <= tolerance:
+            return f"the {name} of the two paths differs by {gap:.3g} {unit}"
+    return ""
+
+
+def _gap(a: Vector3, b: Vector3) -> tuple[float, float]:
+    return norm(_minus(a, b)), _SAME_RATE * (1.0 + norm(a))
+
+
+def _minus(a: Vector3, b: Vector3) -> Vector3:
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])

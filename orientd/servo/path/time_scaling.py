@@ -1,0 +1,115 @@
+r"""The path clock: how fast the setpoint runs along its path, and how that may change.
+
+The clock's rate sigma is 1 as planned, 0 at rest.  It changes with bounded acceleration and jerk,
+:math:`|\dot\sigma| \le 2x` and :math:`|\ddot\sigma| \le 4x^2` for the motion's brake rate *x*, so
+that a stop from full speed takes :math:`1/x` seconds with a triangular :math:`\dot\sigma`.  The
+planner has made sure that every change of this kind keeps the motion's limits at every point of the
+path (``planner/brake.py``).
+"""
+
+from __future__ import annotations
+
+from math import ceil, floor, sqrt
+
+
+class PathClock:
+    """The rate sigma and its acceleration, advanced by one cycle at a time.
+
+    Attributes:
+        rate: present rate; 1 is as planned.
+        acceleration: its derivative over the last cycle, 1/s.
+        target: the rate it is moving to.
+        is_led: whether another law moves it; see :mod:`orientd.servo.path.brake_law`.
+        moves: how often it has been moved, begun or halted.
+        braking_cycles: number of path records that a stop from any rate can still use up.
+    """
+
+    def __init__(self, period: float) -> None:
+        """Stand still.  *period* is the cycle in seconds."""
+        self.period = period
+        self.rate = 0.0
+        self.acceleration = 0.0
+        self.target = 0.0
+        self.is_led = False
+        self.moves = 0
+        self.braking_cycles = 0
+        self._largest_acceleration = 0.0
+        self._step = 0.0
+
+    def begin(self, brake_rate: float, target: float) -> None:
+        """Run at *target* at once, which is smooth only where the path itself is at rest.
+
+        Args:
+            brake_rate: 1/s, of the motion that begins.
+            target: rate, in [0, 1].
+        """
+        self.brake_rate = brake_rate
+        self.target = target
+        self.rate = target
+        self.acceleration = 0.0
+        self.is_led = False
+        self.moves += 1
+
+    def halt(self) -> None:
+        """Stand still at once: the path has ended, or nothing runs along it any more."""
+        self.rate = self.acceleration = self.target = 0.0
+        self.is_led = False
+        self.moves += 1
+
+    def lead(self, rate: float, *, is_last: bool = False) -> None:
+        """Take a rate of another law's, which is responsible for the limits until its last one."""
+        self.acceleration = (rate - self.rate) / self.period if rate > 0.0 else 0.0
+        self.rate = rate
+        self.is_led = not is_last
+        self.moves += 1
+
+    def ease(self, rate: float) -> None:
+        """Take another rate for the cycle that :meth:`advance` has moved by, and go on from it."""
+        self.acceleration += (rate - self.rate) / self.period
+        self.rate = rate
+        self.moves += 1
+
+    @property
+    def brake_rate(self) -> float:
+        """A stop from full speed takes ``1 / brake_rate`` seconds; 1/s."""
+        return 0.5 * self._largest_acceleration
+
+    @brake_rate.setter
+    def brake_rate(self, brake_rate: float) -> None:
+        self._largest_acceleration = 2.0 * brake_rate
+        self._step = 4.0 * brake_rate * brake_rate * self.period
+        self.braking_cycles = ceil(1.0 / (brake_rate * self.period)) + 2
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether the rate is what it is to be, and stays so."""
+        return self.acceleration == 0.0 and self.rate == self.target
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether the clock stands still and is to stay so."""
+        return self.rate == 0.0 and self.target == 0.0
+
+    def advance(self) -> float:
+        """Move by one cycle and return the new rate, which is the path records to advance by."""
+        self.moves += 1
+        difference = self.target - self.rate
+        if difference == 0.0 and self.acceleration == 0.0:
+            return self.rate
+        # The fastest change from which the clock can still come down in time: changing the rate by
+        # c, c-d, c-2d, ... in the cycles to come covers (f+1)(c - d f/2), f = floor(c/d).
+        step = self._step * self.period
+        left = abs(difference) / step
+        sign = 1.0 if difference > 0.0 else -1.0
+        whole = floor(0.5 * (sqrt(1.0 + 8.0 * left) - 1.0))
+        wanted = sign * (left / (whole + 1) + 0.5 * whole) * self._step
+        highest = min(self.acceleration + self._step, self._largest_acceleration)
+        lowest = max(self.acceleration - self._step, -self._largest_acceleration)
+        self.acceleration = min(max(wanted, lowest), highest)
+        rate = self.rate + self.acceleration * self.period
+        if abs(self.target - rate) <= 1e-12 and abs(self.acceleration) <= self._step * 1.001:
+            if rate == self.rate:
+                self.acceleration = 0.0
+            rate = self.target
+        self.rate = min(max(rate, 0.0), 1.0)
+        return self.rate
