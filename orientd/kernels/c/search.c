@@ -8,8 +8,8 @@ enum {
     REACH = 12, /* how far around a row that still moves others are corrected, too */
     MOST_STEPS = 30,
     MOST_ATTEMPTS = 2,
-    PART = 1000,  /* rows to be searched at a time, so that all that is wanted of them stays in the cache */
-    AHEAD = 30,   /* rows behind them without which their increments would lack digits */
+    PART = 1000, /* rows to be searched at a time: what is wanted of them stays in the cache */
+    AHEAD = 30,  /* rows behind them without which their increments would lack digits */
 };
 
 /* The first correction must not be longer, in rad of half angle, and each must be a share of the
@@ -30,7 +30,7 @@ static const double LARGEST_LAST = 0.2;
 
 /* What a search needs. */
 typedef struct {
-    const equations_t *equations;
+    double *memory;
     matrix_t tangent; /* the increments of Euclidean space */
     matrix_t here;    /* where the search is */
     bool *moves;      /* the rows that are searched, as for open_window */
@@ -265,28 +265,94 @@ int euclidean_increments(const equations_t *equations, matrix_t unknown) {
     return FOUND;
 }
 
+/* Take memory for a search among so many rows, and return whether there was any. */
+static bool new_search(const equations_t *equations, search_t *search) {
+    size_t count = (size_t)equations->steps.n;
+    search->memory = malloc(count * 3 * sizeof(double) + count + 4);
+    if (!search->memory || !new_window(equations, &search->window)) {
+        free(search->memory);
+        return false;
+    }
+    search->tangent.v = search->memory;
+    search->moves = (bool *)(search->memory + 3 * count) + 2;
+    return true;
+}
+
+static void end_search(search_t *search) {
+    free(search->window.memory);
+    free(search->memory);
+}
+
+/* Search among the rows of other equations, no more than there is memory for. */
+static void turn_to(search_t *search, const equations_t *equations, matrix_t unknown) {
+    search->window.equations = equations, search->here = unknown;
+    search->tangent = (matrix_t){search->tangent.v, unknown.n, 3};
+    memset(search->moves - 2, false, (size_t)unknown.n + 4);
+}
+
+static int search_all(search_t *search, const equations_t *equations, matrix_t unknown) {
+    turn_to(search, equations, unknown);
+    int found = euclidean_increments(equations, search->tangent);
+    if (found != FOUND)
+        return found;
+    memcpy(unknown.v, search->tangent.v, 3 * sizeof(double) * (size_t)unknown.n);
+    return search_increments(search) ? FOUND : NOT_FOUND;
+}
+
+/* The equations of some neighbouring rows, the increments before them being known. */
+static equations_t part_of(const equations_t *equations, matrix_t unknown, index_t begin,
+                           index_t end) {
+    equations_t part = *equations;
+    part.steps = (matrix_t){row_of(equations->steps, begin), end - begin, 3};
+    part.begun = (matrix_t){row_of(equations->begun, begin), end - begin + 1, 2};
+    if (begin > 0)
+        part.heads = (matrix_t){row_of(unknown, begin - 1), 1, 3};
+    if (end < unknown.n)
+        part.tails = (matrix_t){NULL, 0, 3}, part.end_ratio = 0.0;
+    return part;
+}
+
+/* Return whether the increments before a row fit to those from it on. */
+static bool join_parts(search_t *search, const equations_t *equations, matrix_t unknown,
+                       index_t row) {
+    index_t begin = most(0, row - REACH), end = least(unknown.n, row + REACH);
+    equations_t part = part_of(equations, unknown, begin, end);
+    if (end < unknown.n)
+        part.tails = (matrix_t){row_of(unknown, end), 1, 3};
+    turn_to(search, &part, (matrix_t){row_of(unknown, begin), end - begin, 3});
+    move_all(search, true);
+    open_window(&search->window, 1.0, search->here, search->moves);
+    bool is_joined = newton_step(&search->window) <= ROUNDING;
+    close_window(&search->window, search->moves, search->here);
+    return is_joined;
+}
+
+/* Search part by part. */
+static int search_parts(const equations_t *equations, matrix_t unknown, index_t parts) {
+    index_t count = unknown.n;
+    search_t search;
+    equations_t longest = {.steps.n = least(count, count / parts + 1 + AHEAD)};
+    if (!new_search(&longest, &search))
+        return OUT_OF_MEMORY;
+    int found = FOUND;
+    for (index_t k = 0; k < parts && found == FOUND; k++) {
+        index_t begin = k * count / parts, end = (k + 1) * count / parts;
+        end = least(count, end + AHEAD);
+        equations_t part = part_of(equations, unknown, begin, end);
+        found = search_all(&search, &part, (matrix_t){row_of(unknown, begin), end - begin, 3});
+        if (found == FOUND && begin > 0 && !join_parts(&search, equations, unknown, begin))
+            found = NOT_FOUND;
+    }
+    end_search(&search);
+    return found;
+}
+
 int find_increments(const equations_t *equations, matrix_t unknown) {
     if (is_explicit(equations)) {
         put_vec(unknown.v, end_step(equations, 1.0, 0));
         return FOUND;
     }
-    size_t count = (size_t)equations->steps.n;
-    search_t search = {.equations = equations, .here = unknown};
-    double *memory = malloc(count * 3 * sizeof(double) + count + 4);
-    if (!memory || !new_window(equations, &search.window)) {
-        free(memory);
-        return OUT_OF_MEMORY;
-    }
-    search.tangent = (matrix_t){memory, unknown.n, 3};
-    bool *moves = (bool *)(memory + 3 * count);
-    search.moves = moves + 2;
-    moves[0] = moves[1] = moves[count + 2] = moves[count + 3] = false;
-    int found = euclidean_increments(equations, search.tangent);
-    if (found == FOUND) {
-        memcpy(unknown.v, search.tangent.v, 3 * count * sizeof(double));
-        found = search_increments(&search) ? FOUND : NOT_FOUND;
-    }
-    free(search.window.memory);
-    free(memory);
-    return found;
+    index_t parts = (unknown.n + PART - 1) / PART;
+    int found = search_parts(equations, unknown, parts);
+    return found == NOT_FOUND && parts > 1 ? search_parts(equations, unknown, 1) : found;
 }
