@@ -5,7 +5,8 @@
 #include "increments.h"
 
 enum {
-    REACH = 12, /* how far around a row that still moves others are corrected, too */
+    REACH = 12,    /* how far around a row that is far away others are approached, too */
+    LOST_REACH = 6, /* the same of one that is lost on the way */
     MOST_STEPS = 30,
     MOST_ATTEMPTS = 2,
     PART = 1000, /* rows to be searched at a time: what is wanted of them stays in the cache */
@@ -17,16 +18,16 @@ enum {
 static const double LARGEST_FIRST = 1.2, CONTRACTION = 0.6;
 static const double SMALLEST_GROWTH = 0.01;
 /* How small a correction has to be before the full scale is reached. */
-static const double ON_THE_WAY = 1e-2;
+static const double ON_THE_WAY = 5e-2;
 /* After a correction so small the next one, its square, is lost in rounding. */
 static const double SETTLED = 1e-8;
 static const double ROUNDING = 1e-7;
 /* Longer increments of Euclidean space, in rad of half angle, are too far away to begin with. */
 static const double LONGEST_FIRST = 1.8;
 /* By which scales they are approached, and how much a correction there may move one, in rad. */
-static const double APPROACH[] = {0.4, 0.6, 0.75, 0.9, 1.0}, LARGEST_MOVE = 0.5;
+static const double APPROACH[] = {0.5, 0.75, 0.9, 1.0}, LARGEST_MOVE = 0.5;
 /* After a longer last one rows are not where they should be. */
-static const double LARGEST_LAST = 0.2;
+static const double LARGEST_LAST = 0.4;
 
 /* What a search needs. */
 typedef struct {
@@ -51,8 +52,8 @@ static void move_all(search_t *search, bool are_moving) {
 }
 
 /* Have the rows around one move. */
-static void move_around(search_t *search, index_t row) {
-    index_t begin = most(0, row - REACH), end = least(search->here.n, row + REACH + 1);
+static void move_around(search_t *search, index_t row, index_t reach) {
+    index_t begin = most(0, row - reach), end = least(search->here.n, row + reach + 1);
     memset(search->moves + begin, true, (size_t)(end - begin));
 }
 
@@ -64,7 +65,7 @@ static bool move_far(search_t *search, double limit) {
     move_all(search, false);
     for (index_t k = 0; k < window->count; k++)
         if (!(size_of(correction_of(window, k)) <= limit)) {
-            move_around(search, window->which[k]);
+            move_around(search, window->which[k], LOST_REACH);
             any = true;
         }
     return any;
@@ -199,7 +200,7 @@ static bool search_increments(search_t *search) {
     move_all(search, false);
     for (index_t i = 0; i < count; i++)
         if (norm(vec_at(row_of(search->tangent, i))) > LONGEST_FIRST) {
-            move_around(search, i);
+            move_around(search, i, REACH);
             any = true;
         }
     if (any && approach(search))
