@@ -113,7 +113,7 @@ static void linearise(const double *restrict is_given, lanes_t *restrict before,
                      all_turned_back(conjugated(c), jacobian_at(after, AT_BEFORE, i)));
         quat_t step = quat(target[0][i], target[1][i], target[2][i], target[3][i]);
         quat_t product = multiplied(multiplied(a, b), late);
-        vec_t e = lane_logarithm(multiplied(conjugated(step), product));
+        vec_t e = lane_logarithm(multiplied(conjugated(step), product), 1.0);
         vec_t given = lane(error[0], i);
         e = is_given[i] > 0.0 ? given : e;
         load_vec(error, i, e);

@@ -63,6 +63,9 @@ int find_increments(const equations_t *equations, matrix_t unknown);
 
 /* c2.c */
 
+/* Return whether the norms of all quaternions, shape (n, 4), are one within a tolerance. */
+bool are_unit(matrix_t keyframes, double tolerance);
+
 /* Write the half-angle vectors from each keyframe to the next, all digits of small ones.
  *
  * keyframes: unit quaternions with the signs wanted, shape (n, 4).

@@ -79,6 +79,14 @@ KERNEL(find_increments) {
     return outcome(found);
 }
 
+KERNEL(are_unit) {
+    TAKE("md");
+    CHECK(a[0].m.m == 4);
+    bool found;
+    RUN(found = are_unit(a[0].m, a[1].d));
+    return PyBool_FromLong(found);
+}
+
 KERNEL(put_steps) {
     TAKE("mM");
     CHECK(a[0].m.n > 0 && a[0].m.m == 4 && are_vectors(a[1].m, a[0].m.n - 1));
@@ -152,6 +160,7 @@ KERNEL(linearise_effort) {
 }
 
 PyMethodDef interpolation_methods[] = {
+    ENTRY(are_unit),
     ENTRY(euclidean_increments),
     ENTRY(find_increments),
     ENTRY(interpolate_c2),
