@@ -70,10 +70,9 @@ void put_targets(window_t *window, double scale);
  * The corrections stand at the end of what is kept. */
 double newton_step(window_t *window);
 
-/* The correction of an item. */
-INLINE vec_t correction_of(const window_t *window, index_t item) {
-    lanes_t *v = window->kept[item % window->length] + 9;
-    index_t i = item / window->length;
+/* The correction at a place of a lane. */
+INLINE vec_t correction_at(const window_t *window, index_t i, index_t p) {
+    lanes_t *v = window->kept[p] + 9;
     return vec(v[0][i], v[1][i], v[2][i]);
 }
 

@@ -27,7 +27,7 @@ static const double LONGEST_FIRST = 1.8;
 /* By which scales they are approached, and how much a correction there may move one, in rad. */
 static const double APPROACH[] = {0.5, 0.75, 0.9, 1.0}, LARGEST_MOVE = 0.5;
 /* After a longer last one rows are not where they should be. */
-static const double LARGEST_LAST = 0.4;
+static const double LARGEST_LAST = 0.5;
 
 /* What a search needs. */
 typedef struct {
@@ -63,11 +63,12 @@ static bool move_far(search_t *search, double limit) {
     const window_t *window = &search->window;
     bool any = false;
     move_all(search, false);
-    for (index_t k = 0; k < window->count; k++)
-        if (!(size_of(correction_of(window, k)) <= limit)) {
-            move_around(search, window->which[k], LOST_REACH);
-            any = true;
-        }
+    for (index_t i = 0, k = 0; i < LANES; i++)
+        for (index_t p = 0; p < window->length && k < window->count; p++, k++)
+            if (!(size_of(correction_at(window, i, p)) <= limit)) {
+                move_around(search, window->which[k], LOST_REACH);
+                any = true;
+            }
     return any;
 }
 
@@ -142,14 +143,14 @@ static double move(search_t *search, double scale) {
     if (largest <= LARGEST_LAST)
         return largest;
     foresee(search, scale);
-    for (index_t k = 0; k < window->count; k++) {
-        vec_t d = correction_of(window, k);
-        double size = size_of(d), share = size > LARGEST_MOVE ? LARGEST_MOVE / size : 1.0;
-        lanes_t *w = window->w[k % window->length + 1];
-        index_t i = k / window->length;
-        if (size < INFINITY)
-            w[0][i] += share * d.x, w[1][i] += share * d.y, w[2][i] += share * d.z;
-    }
+    for (index_t i = 0; i < LANES; i++)
+        for (index_t p = 0; p < window->length; p++) {
+            vec_t d = correction_at(window, i, p);
+            double size = size_of(d), share = size > LARGEST_MOVE ? LARGEST_MOVE / size : 1.0;
+            lanes_t *w = window->w[p + 1];
+            if (size < INFINITY)
+                w[0][i] += share * d.x, w[1][i] += share * d.y, w[2][i] += share * d.z;
+        }
     return largest;
 }
 
