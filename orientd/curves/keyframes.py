@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.kernels import put_steps
+from orientd.kernels import are_unit, put_steps
 from orientd.rotation import Floats, align
 from orientd.rotation.quaternion import ROUNDING
 
@@ -30,17 +30,16 @@ def _numbers(value: object, name: str, expected: str) -> Floats:
         raise ValueError(f"{name} must be {expected}, got {value!r}") from error
     if array.dtype.kind not in "iuf":
         raise ValueError(f"{name} must be {expected}, got {value!r}")
-    return array.astype(np.float64)
+    return array.astype(np.float64, order="C")
 
 
 def _unit(array: Floats, name: str) -> Floats:
-    norm = np.sqrt(np.einsum("...i,...i->...", array, array))
-    error = np.abs(norm - 1.0)
-    is_unit = error <= ROUNDING
-    if is_unit.all():
+    if are_unit(array.reshape(-1, 4), ROUNDING):
         return array
     if not np.isfinite(array).all():
         raise ValueError(f"{name} must be finite, got {_worst(array, ~np.isfinite(array))}")
+    norm = np.sqrt(np.einsum("...i,...i->...", array, array))
+    error = np.abs(norm - 1.0)
     is_off = error > NORM_TOLERANCE
     if is_off.any():
         place = int(np.argmax(is_off))
@@ -50,7 +49,7 @@ def _unit(array: Floats, name: str) -> Floats:
             f"got {array.reshape(-1, 4)[place].tolist()} of norm {norm.flat[place]:.9g}"
         )
     # Dividing what is a unit quaternion already would only add its rounding to small steps.
-    unit: Floats = np.where(is_unit[..., None], array, array / norm[..., None])
+    unit: Floats = np.where((error <= ROUNDING)[..., None], array, array / norm[..., None])
     return unit
 
 

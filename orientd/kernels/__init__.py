@@ -11,6 +11,7 @@ __path__.insert(0, str(library().parent))
 
 from orientd.kernels.native import (  # noqa: E402
     LEVEL,
+    are_unit,
     euclidean_increments,
     farthest_from_path,
     fill_basis,
@@ -41,6 +42,7 @@ from orientd.kernels.native import (  # noqa: E402
 
 __all__ = [
     "LEVEL",
+    "are_unit",
     "euclidean_increments",
     "farthest_from_path",
     "fill_basis",

@@ -98,7 +98,7 @@ class C2Cumulative(CumulativeCurve):
         spans = len(orientations) - 1 + sum(end.count == 2 for end in ends)
         breaks, table = np.empty(spans + 1), np.empty((TABLE_ROWS, spans))
         solved: Floats = np.empty((spans + 2, 3))
-        given = np.stack([end.given for end in ends])
+        given = np.array([end.given for end in ends])
         start_known, end_known = (end.count for end in ends)
         if turns is not None or not interpolate_c2(
             orientations, not align, instants, given, start_known, end_known, breaks, table, solved

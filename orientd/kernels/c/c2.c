@@ -21,12 +21,26 @@ double put_chords(matrix_t keyframes, row_t chords) {
     return least;
 }
 
+bool are_unit(matrix_t keyframes, double tolerance) {
+    double largest = 0.0, sum = 0.0;
+    for (index_t i = 0; i < keyframes.n; i++) {
+        const double *q = row_of(keyframes, i);
+        double error = fabs(sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]) - 1.0);
+        largest = error > largest ? error : largest;
+        sum += error;
+    }
+    return largest <= tolerance && sum < INFINITY;
+}
+
 void put_steps(matrix_t keyframes, matrix_t steps) {
     const double *q = keyframes.v;
     double *to = steps.v;
     INDEPENDENT
-    for (index_t i = 0; i < steps.n; i++)
-        put_vec(to + 3 * i, lane_logarithm(relative(quat_at(q + 4 * i), quat_at(q + 4 * i + 4))));
+    for (index_t i = 0; i < steps.n; i++) {
+        quat_t turn = relative(quat_at(q + 4 * i), quat_at(q + 4 * i + 4));
+        double size = sqrt(turn.w * turn.w + turn.x * turn.x + turn.y * turn.y + turn.z * turn.z);
+        put_vec(to + 3 * i, lane_logarithm(turn, size));
+    }
 }
 
 /* Give each keyframe the sign nearer to its predecessor, as orientd.rotation.align. */
@@ -212,13 +226,11 @@ int put_table(matrix_t keyframes, bool with_start, row_t breaks, matrix_t solved
     return FOUND;
 }
 
-/* Write the unknown increments among those that the ends settle. */
-static void complete(const equations_t *equations, const double *unknown, matrix_t solved) {
-    index_t count = equations->steps.n, begin = most(1, equations->heads.n), last = solved.n - 1;
-    for (index_t i = 0; i < count; i++)
-        put_vec(row_of(solved, begin + i), vec_at(unknown + 3 * i));
-    put_vec(solved.v, times(equations->start_ratio, vec_at(unknown)));
-    put_vec(row_of(solved, last), times(equations->end_ratio, vec_at(unknown + 3 * (count - 1))));
+/* Write what the ends settle around the unknown increments. */
+static void complete(const equations_t *equations, matrix_t solved) {
+    index_t last = solved.n - 1;
+    put_vec(solved.v, times(equations->start_ratio, vec_at(row_of(solved, 1))));
+    put_vec(row_of(solved, last), times(equations->end_ratio, vec_at(row_of(solved, last - 1))));
     for (index_t i = 0; i < equations->heads.n; i++)
         put_vec(row_of(solved, i), vec_at(row_of(equations->heads, i)));
     for (index_t i = 0; i < equations->tails.n; i++)
@@ -229,11 +241,12 @@ int interpolate_c2(matrix_t keyframes, bool is_aligned, row_t instants, tensor_t
                    index_t start_known, index_t end_known, row_t breaks, matrix_t table,
                    matrix_t solved) {
     index_t count = keyframes.n;
-    double *memory = malloc(sizeof(double) * (size_t)(4 * count + 3 * count + 2 * count + 3 * count));
+    double *memory = malloc(sizeof(double) * (size_t)(4 * count + 3 * count + 2 * count));
     if (!memory)
         return OUT_OF_MEMORY;
     double known[12], ratios[2];
-    matrix_t keys = {memory, count, 4}, unknown = {memory + 9 * count, count - 1, 3};
+    matrix_t keys = {memory, count, 4};
+    matrix_t unknown = {row_of(solved, most(1, start_known)), count - 1, 3};
     equations_t equations = {
         .steps = {memory + 4 * count, count - 1, 3}, .begun = {memory + 7 * count, count, 2},
         .heads = {known, start_known, 3}, .tails = {known + 6, end_known, 3},
@@ -248,7 +261,7 @@ int interpolate_c2(matrix_t keyframes, bool is_aligned, row_t instants, tensor_t
     equations.start_ratio = ratios[0], equations.end_ratio = ratios[1];
     int found = find_increments(&equations, unknown);
     if (found == FOUND) {
-        complete(&equations, unknown.v, solved);
+        complete(&equations, solved);
         found = put_table(keys, start_known == 2, breaks, solved, table);
     }
     free(memory);

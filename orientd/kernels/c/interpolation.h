@@ -35,9 +35,11 @@ typedef struct {
  * scale: of the steps and of what is known at the ends.
  * unknown: the increments, shape (N, 3).
  * rows: increasing numbers of rows, shape (n,).
- * errors: receives the errors, shape (n, 3). */
-void keyframe_errors(const equations_t *equations, double scale, matrix_t unknown, indices_t rows,
-                     matrix_t errors);
+ * errors: receives the errors, shape (n, 3).
+ *
+ * Return FOUND or OUT_OF_MEMORY. */
+int keyframe_errors(const equations_t *equations, double scale, matrix_t unknown, indices_t rows,
+                    matrix_t errors);
 
 /* Write a Newton step of some rows, the other unknowns staying as they are.
  *
@@ -60,6 +62,9 @@ int euclidean_increments(const equations_t *equations, matrix_t unknown);
 int find_increments(const equations_t *equations, matrix_t unknown);
 
 /* c2.c */
+
+/* Return whether the norms of all quaternions, shape (n, 4), are one within a tolerance. */
+bool are_unit(matrix_t keyframes, double tolerance);
 
 /* Write the half-angle vectors from each keyframe to the next, all digits of small ones.
  *

@@ -4,16 +4,16 @@
 
 #include "rotation.h"
 
-/* The half-angle vector of a quaternion with the sign it has, of any norm above zero, as
+/* The half-angle vector of a quaternion with the sign it has, of a norm above zero that is given, as
  * logarithm of rotation.h.
  *
  * The angle x of the point (|w|, |v|) is folded at pi/4 and halved, tan(x/2) = sin x / (1 + cos x),
  * so that the arc tangent is wanted on [0, tan(pi/8)] only: a Chebyshev interpolant of
  * (atan(t)/t - 1)/t^2 in z = t^2, to 6e-18. */
-INLINE vec_t lane_logarithm(quat_t q) {
+INLINE vec_t lane_logarithm(quat_t q, double size) {
     double length = sqrt(q.x * q.x + q.y * q.y + q.z * q.z), w = fabs(q.w);
     double low = length < w ? length : w, high = length < w ? w : length;
-    double t = low / (high + sqrt(low * low + high * high)), z = t * t;
+    double t = low / (high + size), z = t * t;
     double p = -0.0909090457530649 + z * (0.07692183125376892 + z * (-0.06664510525508936
              + z * (0.05858140904866328 + z * (-0.050854078345894844 + z * (0.03923044778479309
              + z * -0.019175404711104935)))));

@@ -40,9 +40,12 @@ static bool are_equations(const argument_t *a) {
 KERNEL(keyframe_errors) {
     TAKE("mmmmdddmxM");
     CHECK(are_equations(a) && are_vectors(a[7].m, a[0].m.n) && are_vectors(a[9].m, a[8].x.n));
-    CHECK(are_between(a[8].x, a[0].m.n));
+    CHECK(are_between(a[8].x, a[0].m.n) && are_increasing(a[8].x));
     equations_t equations = equations_of(a);
-    RUN(keyframe_errors(&equations, a[6].d, a[7].m, a[8].x, a[9].m));
+    int found;
+    RUN(found = keyframe_errors(&equations, a[6].d, a[7].m, a[8].x, a[9].m));
+    if (found == OUT_OF_MEMORY)
+        return PyErr_NoMemory();
     Py_RETURN_NONE;
 }
 
@@ -74,6 +77,14 @@ KERNEL(find_increments) {
     int found;
     RUN(found = find_increments(&equations, a[6].m));
     return outcome(found);
+}
+
+KERNEL(are_unit) {
+    TAKE("md");
+    CHECK(a[0].m.m == 4);
+    bool found;
+    RUN(found = are_unit(a[0].m, a[1].d));
+    return PyBool_FromLong(found);
 }
 
 KERNEL(put_steps) {
@@ -149,6 +160,7 @@ KERNEL(linearise_effort) {
 }
 
 PyMethodDef interpolation_methods[] = {
+    ENTRY(are_unit),
     ENTRY(euclidean_increments),
     ENTRY(find_increments),
     ENTRY(interpolate_c2),
