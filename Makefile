@@ -29,6 +29,7 @@ check: $(VENV)/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
+	$(BIN)/python tests/structure.py
 
 bench: $(VENV)/.dev
 	$(BIN)/python -m pytest tests/bench -m bench -s

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from math import atan2, cos, sin, sqrt
 
-from orientd.driver.contract import Quaternion, Vector3
+from orientd.driver import Quaternion, Vector3
 
 
 def multiply(p: Quaternion, q: Quaternion) -> Quaternion:

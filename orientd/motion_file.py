@@ -23,8 +23,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from orientd.errors import RequestError
 from orientd.limit_field import AngularLimit, LinearLimit
-from orientd.planner import DEFAULT_METHOD, Keyframe, Limits, MotionRequest
-from orientd.planner.methods import check_method
+from orientd.planner import DEFAULT_METHOD, Keyframe, Limits, MotionRequest, check_method
 from orientd.rotation import Floats, from_euler, from_matrix, from_rotation_vector
 from orientd.spelling import unknown_key
 from orientd.structured_text import parse_structured, read_structured

@@ -4,6 +4,13 @@ The driver runs in the servo process and uses no NumPy; :mod:`orientd_dynamixel.
 :mod:`orientd_dynamixel.path` do, and are imported by name.
 """
 
-from orientd_dynamixel.driver import DynamixelDriver
+from __future__ import annotations
 
-__all__ = ["DynamixelDriver"]
+from typing import TYPE_CHECKING
+
+from orientd.lazy import lazily
+
+if TYPE_CHECKING:
+    from orientd_dynamixel.driver import DynamixelDriver
+
+__getattr__ = lazily(__name__)

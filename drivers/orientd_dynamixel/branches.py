@@ -13,7 +13,7 @@ from itertools import product
 
 import numpy as np
 
-from orientd.rotation.quaternion import Floats
+from orientd.rotation import Floats
 from orientd_dynamixel.certificate import AxisLimits
 from orientd_dynamixel.keyhole import Passage
 

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from orientd.rotation import conjugate, log, multiply
-from orientd.rotation.quaternion import Floats
+from orientd.rotation import Floats, conjugate, log, multiply
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orientd.rotation.quaternion import Floats
+from orientd.rotation import Floats
 from orientd_dynamixel.certificate import AxisLimits, rates
 from orientd_dynamixel.kinematics import LOCK, Gimbal
 from orientd_dynamixel.stops import quintic

@@ -20,8 +20,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.rotation import from_axis_angle, multiply, to_matrix
-from orientd.rotation.quaternion import Floats, check_unit, conjugate, normalize
+from orientd.rotation import (
+    Floats,
+    check_unit,
+    conjugate,
+    from_axis_angle,
+    multiply,
+    normalize,
+    to_matrix,
+)
 
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
 LOCK = 1e-6

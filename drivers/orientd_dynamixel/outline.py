@@ -7,8 +7,7 @@ from math import pi
 import numpy as np
 
 from orientd.driver import Vector3
-from orientd.rotation.convert import from_axis_angle, to_matrix
-from orientd.rotation.quaternion import multiply
+from orientd.rotation import from_axis_angle, multiply, to_matrix
 from orientd_dynamixel.kinematics import Gimbal
 
 _OUTERMOST, _GAP = 0.15, 0.03

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.errors import LimitError, PlanError, StartError
-from orientd.rotation.quaternion import Floats, angle, check_unit
+from orientd.rotation import Floats, angle, check_unit
 from orientd_dynamixel.branches import Choice, candidates, choose
 from orientd_dynamixel.certificate import (
     AxisCertificate,

@@ -9,7 +9,7 @@ import numpy as np
 
 from orientd.driver import Figure, Quaternion, ShapedPath, Vector3
 from orientd.errors import LimitError
-from orientd.rotation.quaternion import angle
+from orientd.rotation import angle
 from orientd_dynamixel.certificate import AxisPath, Policy, ToolLimits
 from orientd_dynamixel.options import GimbalOptions
 from orientd_dynamixel.path import plan_axes

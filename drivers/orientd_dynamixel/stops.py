@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from orientd.errors import PlanError
-from orientd.rotation.quaternion import Floats, angle
+from orientd.rotation import Floats, angle
 from orientd_dynamixel.certificate import AxisLimits, Slew, ToolLimits
 
 Excess = Callable[[Floats], float]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.rotation.quaternion import Floats
+from orientd.rotation import Floats
 
 
 def taut_string(low: ArrayLike, high: ArrayLike, start: float, end: float) -> Floats:

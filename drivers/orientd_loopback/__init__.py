@@ -1,6 +1,13 @@
 """The loopback driver: a device that is not there."""
 
-from orientd_loopback.driver import LoopbackDriver
-from orientd_loopback.recording import read_recording
+from __future__ import annotations
 
-__all__ = ["LoopbackDriver", "read_recording"]
+from typing import TYPE_CHECKING
+
+from orientd.lazy import lazily
+
+if TYPE_CHECKING:
+    from orientd_loopback.driver import LoopbackDriver
+    from orientd_loopback.recording import read_recording
+
+__getattr__ = lazily(__name__)

@@ -11,8 +11,8 @@ import sys
 import threading
 from pathlib import Path
 
+from orientd.rpc import Way
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.channel import Way
 from orientd.rpc.control_pb2_grpc import ControlStub
 
 WATCHERS = 4

@@ -9,8 +9,7 @@ from typing import Any
 
 import grpc
 
-from orientd.rpc.channel import Way
-from orientd.rpc.connection import Connection
+from orientd.rpc import Connection, Way
 
 _TIMEOUT = 30.0
 

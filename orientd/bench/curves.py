@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orientd.curves.families.c2_cumulative import C2Cumulative
+from orientd.curves import C2Cumulative
 from orientd.rotation import Floats, exp, multiply, normalize, to_scipy
 
 KEYFRAMES = 100

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from orientd.cli import texts
 from orientd.cli.output import say, say_json
-from orientd.rpc.reports import DeviceReport
+from orientd.rpc import DeviceReport
 
 
 def tell(reports: list[DeviceReport], *, as_json: bool) -> None:

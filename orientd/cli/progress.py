@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from orientd.cli import texts
 from orientd.cli.output import is_terminal, say
-from orientd.rpc.reports import Progress
+from orientd.rpc import Progress
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar

@@ -11,7 +11,7 @@ from orientd.cli.output import plain
 from orientd.errors import OrientdError
 from orientd.planner import Certificate
 from orientd.rotation import Floats
-from orientd.rpc.reports import Samples
+from orientd.rpc import Samples
 
 ENDINGS = (".csv", ".npz", ".json")
 

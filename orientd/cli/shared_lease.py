@@ -12,7 +12,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from orientd.rpc.client import Robot, connect
+from orientd.rpc import Robot, connect
 
 
 @contextlib.contextmanager

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from orientd.planner.limits import ANGULAR, AXES, Rate
-from orientd.rpc.reports import DeviceReport, Outcome, Plan, Statistics, Summary
+from orientd.planner import ANGULAR, AXES, Rate
+from orientd.rpc import DeviceReport, Outcome, Plan, Statistics, Summary
 from orientd.stream import State
 
 if TYPE_CHECKING:

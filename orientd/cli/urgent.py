@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import os
 
-from orientd.rpc import urgent
-from orientd.rpc.address import found_socket
+from orientd.rpc import begin_call, found_socket, read_answer, text_fields
 
 _METHODS = {"stop": "Stop", "halt": "Halt"}
 _OPTIONS = {"--socket": "socket", "--device": "device", "-d": "device"}
@@ -29,20 +28,20 @@ def run(arguments: list[str]) -> bool:
     path = socket or str(found_socket())
     caller = f"orientd {arguments[0]}, process {os.getpid()}"
     try:
-        message = urgent.texts(given.get("device", ""), caller)
+        message = text_fields(given.get("device", ""), caller)
     except ValueError:
         return False
-    connection = urgent.begin(path, f"orientd.v1.Control/{method}", message)
+    connection = begin_call(path, f"orientd.v1.Control/{method}", message)
     if connection is None:
         return False
 
     # It is sent: from here on nothing is in a hurry.
     from orientd.cli import output
     from orientd.cli.at_rest import tell
+    from orientd.rpc import device_from_message
     from orientd.rpc.control_pb2 import StopResponse
-    from orientd.rpc.wire.state import device_from_message
 
-    content = urgent.answer(connection)
+    content = read_answer(connection)
     if content is None:
         return False
     # A HaltResponse is the same on the wire.

@@ -5,7 +5,30 @@ keyword arguments; what it makes is a :class:`Curve`.  Importing this imports ne
 any family: each is imported when it is first asked for.
 """
 
-from orientd.curves.contract import Curve, Samples
-from orientd.curves.methods import METHODS
+from __future__ import annotations
 
-__all__ = ["METHODS", "Curve", "Samples"]
+from typing import TYPE_CHECKING
+
+from orientd.lazy import lazily
+
+if TYPE_CHECKING:
+    from orientd.curves.comparison.candidates import Candidate, compare, ranked
+    from orientd.curves.comparison.measure import MET, Figures, measure
+    from orientd.curves.comparison.roles import EQUAL, Task, averaged_knots, fit, parameters
+    from orientd.curves.construct.basis import CumulativeBasis, Indices, cumulative_basis
+    from orientd.curves.construct.continuation import corrections_at_most
+    from orientd.curves.construct.cumulative import CumulativeCurve
+    from orientd.curves.construct.knots import resolve_knots
+    from orientd.curves.construct.spline_ends import begun_shares, end_rows, interpolation_knots
+    from orientd.curves.construct.telescoped import TelescopedEquations
+    from orientd.curves.contract import Curve, Samples
+    from orientd.curves.families.c2_cumulative import C2Cumulative
+    from orientd.curves.families.kks.bspline import KksBspline
+    from orientd.curves.families.kks.hermite import KksHermite
+    from orientd.curves.families.kks.interpolating import KksInterpolating
+    from orientd.curves.fitting.spline_fit import Fit, fit_orientations
+    from orientd.curves.keyframes import check_integer, check_interval, check_vector
+    from orientd.curves.methods import METHODS
+    from orientd.curves.warped import Warp, Warped, unit_map
+
+__getattr__ = lazily(__name__)

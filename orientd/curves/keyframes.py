@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.kernels import are_unit, put_steps
-from orientd.rotation import Floats, align
-from orientd.rotation.quaternion import ROUNDING
+from orientd.rotation import ROUNDING, Floats, align
 
 NORM_TOLERANCE = 1e-6
 """How far the norm of a quaternion may be from one; a larger error is not rounding."""

@@ -18,20 +18,21 @@ from typing import TYPE_CHECKING, TypeVar
 from orientd.clock import Clock, MonotonicClock
 from orientd.config import DeviceSettings, Settings
 from orientd.daemon.device import Device
-from orientd.daemon.devices.device_report import DeviceEvent
+from orientd.daemon.devices import DeviceEvent
 from orientd.daemon.instants import Instants
-from orientd.daemon.leases.lease import Lease, LeaseDesk
-from orientd.daemon.leases.lease_manager import Tenure
-from orientd.daemon.motions.active_motions import Run, Runs
-from orientd.daemon.motions.options import AT_ONCE, Manner, Prepared
-from orientd.daemon.motions.plan_store import PlanStore
-from orientd.daemon.motions.start_check import check_start
-from orientd.daemon.motions.turns import Turns
-from orientd.daemon.observe.flight_recorder import FlightRecorder
-from orientd.daemon.observe.journal import Journal
-from orientd.daemon.observe.structured_log import about
-from orientd.daemon.planners import Order, PlannedMotion, PlannerDevice, Planners
-from orientd.daemon.planners.pool import default_processes
+from orientd.daemon.leases import Lease, LeaseDesk, Tenure
+from orientd.daemon.motions import (
+    AT_ONCE,
+    Manner,
+    PlanStore,
+    Prepared,
+    Run,
+    Runs,
+    Turns,
+    check_start,
+)
+from orientd.daemon.observe import FlightRecorder, Journal, about
+from orientd.daemon.planners import Order, PlannedMotion, PlannerDevice, Planners, default_processes
 from orientd.errors import (
     GOING_DOWN,
     DaemonError,
@@ -41,7 +42,7 @@ from orientd.errors import (
     StateError,
     UnknownNameError,
 )
-from orientd.rpc.reports import MoveTiming, Outcome
+from orientd.rpc import MoveTiming, Outcome
 from orientd.stream import UNKNOWN
 
 if TYPE_CHECKING:

@@ -9,20 +9,17 @@ from typing import TYPE_CHECKING
 
 from orientd.config import DeviceSettings
 from orientd.daemon.device_snapshot import take_snapshot
-from orientd.daemon.devices.device_report import DeviceEvent, DeviceSnapshot, EventKind
-from orientd.daemon.devices.servo_link import terms_of
-from orientd.daemon.motions.options import AT_ONCE, Manner, Prepared
+from orientd.daemon.devices import DeviceEvent, DeviceSnapshot, EventKind, terms_of
+from orientd.daemon.motions import AT_ONCE, Manner, Prepared
 from orientd.daemon.supervised_device import SupervisedDevice
-from orientd.driver import Driver, Quaternion, Vector3
-from orientd.driver.registry import make_driver
+from orientd.driver import Driver, Quaternion, Vector3, make_driver
 from orientd.errors import StateError
-from orientd.servo.tracking.target_follower import LEFT_OUT_WORD
+from orientd.servo import LEFT_OUT_WORD
 from orientd.stream import Command, Cycle, State, unpack_cycle
 
 if TYPE_CHECKING:
     # Loaded with the first motion: until then the daemon stays small.
-    from orientd.daemon.motions.meter import MotionStatistics
-    from orientd.daemon.motions.motions import Motions
+    from orientd.daemon.motions import Motions, MotionStatistics
     from orientd.daemon.planners import Order, PlannedMotion, Planners
     from orientd.planner import Limits
     from orientd.planner import State as PlannedState
@@ -154,7 +151,7 @@ class Device(SupervisedDevice):
         """Return the motions of the present servo; the first time loads what plans."""
         with self._lock:
             if self._motions is None:
-                from orientd.daemon.motions.motions import Motions
+                from orientd.daemon.motions import Motions
 
                 self._motions = Motions(
                     self._servo.running(),

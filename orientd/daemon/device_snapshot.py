@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from orientd.daemon.devices.device_report import DeviceSnapshot
-from orientd.daemon.devices.servo_supervisor import ServoSupervisor
+from orientd.daemon.devices import DeviceSnapshot, ServoSupervisor
 from orientd.errors import Fault
 from orientd.floats import difference, norm
 from orientd.stream import Cycle, CycleFlag, State, unpack_cycle
 
 if TYPE_CHECKING:
-    from orientd.daemon.motions.motions import Motions
+    from orientd.daemon.motions import Motions
 
 
 def take_snapshot(

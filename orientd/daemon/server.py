@@ -19,23 +19,19 @@ from grpc_reflection.v1alpha import reflection
 import orientd
 from orientd import processor
 from orientd.config import Settings
-from orientd.daemon.access.authentication import Entry, inner_socket
-from orientd.daemon.access.claim import claimed
-from orientd.daemon.access.gate import Gate
-from orientd.daemon.calls.unread import UnreadHandlers
+from orientd.daemon.access import Entry, Gate, claimed, inner_socket
+from orientd.daemon.calls import UnreadHandlers
 from orientd.daemon.notify import notify
 from orientd.daemon.watchdog import Watchdog
 from orientd.errors import ConfigError, DaemonError
-from orientd.rpc import control_pb2
-from orientd.rpc.address import target
-from orientd.rpc.channel_options import server_options
+from orientd.rpc import control_pb2, server_options, target
 from orientd.rpc.control_pb2_grpc import add_ControlServicer_to_server
 
 if TYPE_CHECKING:
-    from orientd.daemon.calls.telemetry import Telemetry
+    from orientd.daemon.calls import Telemetry
     from orientd.daemon.cell import Cell
     from orientd.daemon.service import ControlService
-    from orientd.rpc.reports import DaemonReport
+    from orientd.rpc import DaemonReport
 
 _log = logging.getLogger(__name__)
 
@@ -178,7 +174,7 @@ class _Daemon:
             self._telemetry = None
         if self._settings.metrics is None:
             return
-        from orientd.daemon.calls.telemetry import Telemetry
+        from orientd.daemon.calls import Telemetry
 
         telemetry = Telemetry()
         telemetry.serve(self._settings.metrics)
@@ -190,10 +186,10 @@ class _Daemon:
     def _load(self, entry: Entry) -> tuple[Cell, ControlService]:
         """Import, and start, what takes its time."""
         from orientd.daemon.cell import Cell
-        from orientd.daemon.motions import motions
+        from orientd.daemon.motions import Motions
         from orientd.daemon.service import ControlService
 
-        del motions  # loaded before anything moves
+        del Motions  # loaded before anything moves
         cell = Cell(self._settings)
         kernels = processor.level()
         _log.info("daemon: orientd %s with kernels for %s", orientd.__version__, kernels)
@@ -219,7 +215,7 @@ class _Daemon:
 
     def _describe(self, cell: Cell) -> DaemonReport:
         """Return what there is to say about the daemon itself."""
-        from orientd.rpc.reports import DaemonReport
+        from orientd.rpc import DaemonReport
 
         lease = cell.desk.current()
         return DaemonReport(

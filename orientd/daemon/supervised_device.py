@@ -14,16 +14,14 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from orientd.config import DeviceSettings
-from orientd.daemon.devices.device_report import DeviceEvent, EventKind
-from orientd.daemon.devices.servo_link import ServoLink
-from orientd.daemon.devices.servo_supervisor import ServoSupervisor
+from orientd.daemon.devices import DeviceEvent, EventKind, ServoLink, ServoSupervisor
 from orientd.errors import DaemonError, Fault
 from orientd.stream import State
 
 if TYPE_CHECKING:
     # Loaded with the first motion: until then the daemon stays small.
-    from orientd.daemon.devices.cycle_memory import CycleMemory
-    from orientd.daemon.motions.motions import Motions
+    from orientd.daemon.devices import CycleMemory
+    from orientd.daemon.motions import Motions
 
 _log = logging.getLogger(__name__)
 

@@ -1,28 +1,24 @@
 """The driver contract: what a device must do for the servo, and how it is found."""
 
-from orientd.driver.contract import (
-    IDENTITY,
-    ZERO,
-    Driver,
-    Feedback,
-    Figure,
-    Quaternion,
-    Setpoint,
-    ShapedPath,
-    Vector3,
-)
-from orientd.driver.finding import Finding, Verdict
+from __future__ import annotations
 
-__all__ = [
-    "IDENTITY",
-    "ZERO",
-    "Driver",
-    "Feedback",
-    "Figure",
-    "Finding",
-    "Quaternion",
-    "Setpoint",
-    "ShapedPath",
-    "Vector3",
-    "Verdict",
-]
+from typing import TYPE_CHECKING
+
+from orientd.lazy import lazily
+
+if TYPE_CHECKING:
+    from orientd.driver.contract import (
+        IDENTITY,
+        ZERO,
+        Driver,
+        Feedback,
+        Figure,
+        Quaternion,
+        Setpoint,
+        ShapedPath,
+        Vector3,
+    )
+    from orientd.driver.finding import Finding, Verdict
+    from orientd.driver.registry import driver_target, make_driver
+
+__getattr__ = lazily(__name__)

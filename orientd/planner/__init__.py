@@ -9,69 +9,26 @@ has not planned yet stays small.
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from orientd.lazy import lazily
 
 if TYPE_CHECKING:
     from orientd.planner.axis_path import reshaped
     from orientd.planner.blending import blend
     from orientd.planner.certify.certificate import Certificate, Peak
-    from orientd.planner.limits import DEFAULT_LIMITS, Limits
+    from orientd.planner.device_planner import DevicePlanner
+    from orientd.planner.limits import ANGULAR, AXES, DEFAULT_LIMITS, NO_AXES, Limits, Rate
+    from orientd.planner.methods import check_method
     from orientd.planner.motion import Motion
     from orientd.planner.path.path import Samples
+    from orientd.planner.path.position import position_path
     from orientd.planner.planning import plan
     from orientd.planner.presets import PRESETS
-    from orientd.planner.recorded import RECORD_FLOATS, MotionFacts, RecordedMotion
-    from orientd.planner.request import DEFAULT_METHOD, Keyframe, MotionRequest, State
+    from orientd.planner.recorded import HISTORY, RECORD_FLOATS, Joints, MotionFacts, RecordedMotion
+    from orientd.planner.replay import plan_as_recorded, replay_request
+    from orientd.planner.request import DEFAULT_METHOD, Keyframe, MotionRequest, State, Vector3
     from orientd.planner.retargeting import retarget
+    from orientd.planner.task import task_of
 
-_HOMES = {
-    "DEFAULT_LIMITS": "limits",
-    "DEFAULT_METHOD": "request",
-    "PRESETS": "presets",
-    "RECORD_FLOATS": "recorded",
-    "Certificate": "certificate",
-    "Keyframe": "request",
-    "Limits": "limits",
-    "Motion": "motion",
-    "MotionFacts": "recorded",
-    "MotionRequest": "request",
-    "Peak": "certificate",
-    "RecordedMotion": "recorded",
-    "Samples": "path",
-    "State": "request",
-    "blend": "blending",
-    "plan": "planning",
-    "reshaped": "shaped",
-    "retarget": "retargeting",
-}
-
-__all__ = [
-    "DEFAULT_LIMITS",
-    "DEFAULT_METHOD",
-    "PRESETS",
-    "RECORD_FLOATS",
-    "Certificate",
-    "Keyframe",
-    "Limits",
-    "Motion",
-    "MotionFacts",
-    "MotionRequest",
-    "Peak",
-    "RecordedMotion",
-    "Samples",
-    "State",
-    "blend",
-    "plan",
-    "reshaped",
-    "retarget",
-]
-
-
-def __getattr__(name: str) -> object:
-    home = _HOMES.get(name)
-    if home is None:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found: object = getattr(import_module(f"{__name__}.{home}"), name)
-    globals()[name] = found
-    return found
+__getattr__ = lazily(__name__)

@@ -10,13 +10,10 @@ import numpy as np
 from orientd.driver import ShapedPath
 from orientd.errors import StartError
 from orientd.planner import refusal
-from orientd.planner.certify.differences import Rough
-from orientd.planner.certify.measuring import measure
-from orientd.planner.certify.summary import before, summed_up
+from orientd.planner.certify import Rough, before, measure, summed_up
 from orientd.planner.limits import GUARD_TOLERANCE
 from orientd.planner.motion import Motion
-from orientd.planner.path.path import Path
-from orientd.planner.path.table_path import SAME_ANGLE, TablePath
+from orientd.planner.path import SAME_ANGLE, Path, TablePath
 from orientd.rotation import Floats, angle, check_unit
 
 _SAME_TIME = 1e-9

@@ -14,13 +14,12 @@ import numpy as np
 
 from orientd.errors import PlanError
 from orientd.planner.candidate import Draft
-from orientd.planner.certify.limit_table import limit_table
+from orientd.planner.certify import limit_table
 from orientd.planner.certifying import certified
-from orientd.planner.connect.quintic_connector import join, try_joins
+from orientd.planner.connect import join, try_joins
 from orientd.planner.limits import Limits
 from orientd.planner.motion import Motion
-from orientd.planner.path.path import Path, Stretch
-from orientd.planner.path.position import PositionPath, quintic
+from orientd.planner.path import Path, PositionPath, Stretch, quintic
 from orientd.planner.planning import plan
 from orientd.planner.recorded import HISTORY, RecordedMotion
 from orientd.planner.request import MotionRequest, State

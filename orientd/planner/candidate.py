@@ -8,15 +8,12 @@ import numpy as np
 
 from orientd.errors import PlanError
 from orientd.planner import refusal
-from orientd.planner.certify.differences import Rough
-from orientd.planner.connect.curve_connector import join_in
-from orientd.planner.connect.lead_in import Caution, LeadIn, lead_in
-from orientd.planner.connect.leads import lead_out
-from orientd.planner.connect.position_stop import position_lead
+from orientd.planner.certify import Rough
+from orientd.planner.connect import Caution, LeadIn, join_in, lead_in, lead_out, position_lead
 from orientd.planner.limits import Limits, is_still
-from orientd.planner.path.path import Path, Stretch
+from orientd.planner.path import Path, Stretch
 from orientd.planner.request import MotionRequest, State
-from orientd.planner.timing.candidate_path import Core
+from orientd.planner.timing import Core
 from orientd.rotation import Floats
 
 

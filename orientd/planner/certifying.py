@@ -6,8 +6,7 @@ import math
 
 from orientd.planner import refusal
 from orientd.planner.candidate import Draft
-from orientd.planner.certify.measuring import measure_path
-from orientd.planner.certify.summary import before, summed_up
+from orientd.planner.certify import before, measure_path, summed_up
 from orientd.planner.limits import GUARD_TOLERANCE, Limits
 from orientd.planner.motion import Motion
 from orientd.planner.request import MotionRequest, State

@@ -14,7 +14,7 @@ from orientd.planner.limits import Limits
 from orientd.planner.motion import Motion
 from orientd.planner.recorded import RecordedMotion
 from orientd.planner.request import MotionRequest, State
-from orientd.stream.tuning import tuning_text
+from orientd.stream import tuning_text
 
 _EXAMINED_EVERY = 0.008
 """How far apart in path time the poses are that a driver looks at, s."""

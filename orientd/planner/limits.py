@@ -6,9 +6,12 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 from orientd.errors import RequestError
-from orientd.rotation import Floats
+
+if TYPE_CHECKING:
+    from orientd.rotation import Floats
 
 ACCELERATION_RESERVE = 0.95
 """Share of acceleration and jerk that planned timings use; the rest lets a motion be stopped."""

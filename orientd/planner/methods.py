@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from orientd.curves import METHODS, Curve
-from orientd.curves.compare.roles import EQUAL, averaged_knots
+from orientd.curves import EQUAL, METHODS, Curve, averaged_knots
 from orientd.errors import PlanError, RequestError
 from orientd.planner.request import DEFAULT_METHOD, MotionRequest, Turns
 from orientd.rotation import Floats, angle

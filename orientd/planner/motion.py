@@ -7,12 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.planner.certify.certificate import Certificate
-from orientd.planner.certify.differences import Rough
-from orientd.planner.certify.summary import before
+from orientd.planner.certify import Certificate, Rough, before
 from orientd.planner.limits import Limits
-from orientd.planner.path.path import Path, Samples
-from orientd.planner.path.table_path import TablePath
+from orientd.planner.path import Path, Samples, TablePath
 from orientd.planner.recorded import (
     HISTORY,
     RECORD_FLOATS,

@@ -9,22 +9,27 @@ from functools import partial
 
 import numpy as np
 
-from orientd.curves import METHODS
-from orientd.curves.construct.continuation import corrections_at_most
+from orientd.curves import METHODS, corrections_at_most
 from orientd.errors import LimitError, PlanError, StartError
 from orientd.planner import refusal
 from orientd.planner.candidate import Draft, to_single, with_leads
 from orientd.planner.certifying import certified
-from orientd.planner.connect.lead_in import Caution, LeadIn, lead_in
-from orientd.planner.connect.position_stop import position_lead
+from orientd.planner.connect import Caution, LeadIn, lead_in, position_lead
 from orientd.planner.limits import LONGEST, Limits
 from orientd.planner.methods import Ends, Method, check_method
 from orientd.planner.motion import Motion
 from orientd.planner.request import MotionRequest, State
-from orientd.planner.timing.candidate_path import Core, Course
-from orientd.planner.timing.quickest import SHARE, quickest
-from orientd.planner.timing.survey import Survey
-from orientd.planner.timing.timing import LONGER, Indices, chord_knots, shortest
+from orientd.planner.timing import (
+    LONGER,
+    SHARE,
+    Core,
+    Course,
+    Indices,
+    Survey,
+    chord_knots,
+    quickest,
+    shortest,
+)
 from orientd.rotation import Floats
 
 _CYCLES_A_STEP = 4

@@ -8,9 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orientd.errors import LimitError, PlanError, StartError
-from orientd.planner.certify.brake import SLOWEST_STOP
-from orientd.planner.certify.certificate import Peak
-from orientd.planner.certify.peaks import Peaks
+from orientd.planner.certify import SLOWEST_STOP, Peak, Peaks
 from orientd.planner.limits import ANGULAR, AXES, LONGEST, UNITS, Limits
 from orientd.planner.request import DEFAULT_METHOD, MotionRequest, State
 from orientd.rotation import Floats, angle

@@ -7,7 +7,7 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from orientd.curves.fit.fit import Fit
+from orientd.curves import Fit
 from orientd.errors import LimitError
 from orientd.planner.request import Duration, Keyframe, MotionRequest
 

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from orientd.curves.compare.roles import Task
+from orientd.curves import Task
 from orientd.errors import RequestError
 from orientd.planner.request import MotionRequest
 from orientd.rotation import Floats, angle

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orientd.curves.construct.basis import cumulative_basis
+from orientd.curves import cumulative_basis
 from orientd.plots.paper import GRID, INK, SERIES, tidy
 from orientd.rotation import Floats
 

@@ -8,10 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from orientd.curves import METHODS
-from orientd.curves.compare.compare import compare, ranked
-from orientd.curves.compare.measure import Figures, measure
-from orientd.curves.compare.roles import Task, fit, parameters
+from orientd.curves import METHODS, Figures, Task, compare, fit, measure, parameters, ranked
 from orientd.errors import OrientdError
 from orientd.plots.motion import draw_traces
 from orientd.plots.paper import check_format

@@ -8,8 +8,7 @@ import numpy as np
 
 from orientd.plots.charts import Traces, draw_acceleration, draw_velocity
 from orientd.plots.paper import check_format, new_figure, save
-from orientd.plots.papers.scenes import plate
-from orientd.plots.papers.sweep import Poses, draw_bodies
+from orientd.plots.papers import Poses, draw_bodies, plate
 from orientd.plots.triads import TriadStyle, draw_triads, turned_to_show
 from orientd.plots.view import View
 from orientd.rotation import Floats

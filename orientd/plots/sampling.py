@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from orientd.curves.compare.measure import MET
-from orientd.curves.compare.roles import Task
-from orientd.curves.contract import Curve
-from orientd.planner.limits import Limits
+from orientd.curves import MET, Curve, Task
+from orientd.planner import Limits
 from orientd.plots.charts import Traces
 from orientd.rotation import angle
 

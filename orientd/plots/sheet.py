@@ -10,10 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orientd.curves.compare.compare import Candidate
-from orientd.curves.compare.measure import Figures
-from orientd.curves.compare.roles import Task
-from orientd.planner.limits import Limits
+from orientd.curves import Candidate, Figures, Task
+from orientd.planner import Limits
 from orientd.plots.charts import Traces, interrupted
 from orientd.plots.paper import AXES, GRID, INK, LIMIT, PAPER, QUIET, check_format, new_figure, save
 from orientd.plots.sampling import traces_of

@@ -3,3 +3,19 @@
 Needs the extra ``record``: ``mcap`` and Foxglove's schemas, imported where a file
 is read or written.
 """
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from orientd.lazy import lazily
+
+if TYPE_CHECKING:
+    from orientd.recorder.cycle_table import Table, from_records
+    from orientd.recorder.orientations import read_orientations
+    from orientd.recorder.planned import strands
+    from orientd.recorder.reader import load_recording
+    from orientd.recorder.session import Session
+    from orientd.recorder.tables import export
+
+__getattr__ = lazily(__name__)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orientd.recorder import recording_pb2 as pb
-from orientd.stream.records import CYCLE_RECORD, JOINTS, CycleFlag
+from orientd.stream import CYCLE_RECORD, JOINTS, CycleFlag
 
 CYCLES = np.dtype(
     [

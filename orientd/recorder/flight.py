@@ -20,8 +20,7 @@ import numpy as np
 from orientd.recorder.cycle_table import CYCLES, Table, from_records
 from orientd.recorder.writer import RecordingError, RecordingWriter
 from orientd.rpc import control_pb2 as pb
-from orientd.stream import RecordRing
-from orientd.stream.records import CYCLE_RECORD
+from orientd.stream import CYCLE_RECORD, RecordRing
 
 PREFIX = "flight-"
 _NICENESS = 10

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from orientd.recorder import bags
-from orientd.recorder.reader import load, records
+from orientd.recorder.reader import load_recording, records
 from orientd.recorder.writer import RecordingError
 from orientd.rotation import Floats
 from orientd.stream import CycleFlag
@@ -99,7 +99,7 @@ def _from_mcap(path: Path) -> Tables:
 
 def _from_ours(path: Path) -> Tables:
     try:
-        recording = load(path)
+        recording = load_recording(path)
     except RecordingError:
         return {}
     tables: Tables = {}

@@ -71,7 +71,7 @@ class Recording:
         return 1e9 / float(np.median(np.diff(self.cycles[device]["deadline_ns"])))
 
 
-def load(path: Path) -> Recording:
+def load_recording(path: Path) -> Recording:
     """Read a recording of ours.
 
     Raises:

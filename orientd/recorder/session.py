@@ -14,8 +14,8 @@ import numpy as np
 from orientd.errors import UnknownNameError
 from orientd.recorder.cycle_table import from_records
 from orientd.recorder.writer import BLOCK, RecordingWriter
-from orientd.rpc.client import Robot
-from orientd.stream.records import CYCLE_RECORD
+from orientd.rpc import Robot
+from orientd.stream import CYCLE_RECORD
 
 READ_HZ = 10.0
 """Batches of cycles a second."""

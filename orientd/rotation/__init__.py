@@ -24,6 +24,7 @@ from orientd.rotation.jacobian import (
     right_jacobian_inverse,
 )
 from orientd.rotation.quaternion import (
+    ROUNDING,
     Floats,
     align,
     angle,
@@ -40,35 +41,3 @@ from orientd.rotation.quaternion import (
     rotate,
     slerp,
 )
-
-__all__ = [
-    "Floats",
-    "align",
-    "angle",
-    "between",
-    "check_unit",
-    "conjugate",
-    "exp",
-    "exp_half",
-    "from_axis_angle",
-    "from_euler",
-    "from_matrix",
-    "from_rotation_vector",
-    "from_scipy",
-    "left_jacobian",
-    "left_jacobian_inverse",
-    "log",
-    "log_half",
-    "multiply",
-    "normalize",
-    "power",
-    "right_jacobian",
-    "right_jacobian_inverse",
-    "rotate",
-    "slerp",
-    "to_axis_angle",
-    "to_euler",
-    "to_matrix",
-    "to_rotation_vector",
-    "to_scipy",
-]

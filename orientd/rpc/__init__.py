@@ -1,1 +1,55 @@
 """The control socket: protocol, conversions, errors on the wire, and the Python client."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from orientd.lazy import lazily
+
+if TYPE_CHECKING:
+    from orientd.rpc.address import default_socket, found_socket, target
+    from orientd.rpc.channel import Way
+    from orientd.rpc.channel_options import server_options
+    from orientd.rpc.client import Robot, connect
+    from orientd.rpc.connection import Connection
+    from orientd.rpc.move_handle import MoveHandle
+    from orientd.rpc.observer import Observer
+    from orientd.rpc.reports import (
+        CellReport,
+        DaemonReport,
+        DeviceReport,
+        Durations,
+        Method,
+        MoveTiming,
+        OnTarget,
+        Outcome,
+        Outline,
+        Plan,
+        Progress,
+        Samples,
+        Statistics,
+        Summary,
+        TrackReport,
+    )
+    from orientd.rpc.urgent import begin_call, read_answer, text_fields
+    from orientd.rpc.wire.motion import from_request, limits_to_wish, to_mapping
+    from orientd.rpc.wire.move import (
+        plan_to_message,
+        progress_to_message,
+        summary_to_message,
+        timing_to_message,
+    )
+    from orientd.rpc.wire.state import (
+        cycle_to_message,
+        daemon_to_message,
+        device_from_message,
+        device_to_message,
+        limits_to_message,
+        method_to_message,
+        outline_to_messages,
+        tracking_error,
+    )
+    from orientd.rpc.wire.status import DETAILS_KEY, to_status
+    from orientd.rpc.wire.track import report_to_message, target_from_message
+
+__getattr__ = lazily(__name__)

@@ -24,7 +24,7 @@ from orientd.rpc.connection import Connection
 from orientd.rpc.lease_holder import LeaseHolder
 from orientd.rpc.observer import Observer
 from orientd.rpc.reports import CellReport, Device, DeviceReport, Method, OnTarget, Plan
-from orientd.rpc.wire.state import (
+from orientd.rpc.wire import (
     cycle_from_message,
     daemon_from_message,
     device_from_message,
@@ -205,8 +205,7 @@ class Robot(LeaseHolder):
             PlanError: it cannot be planned, or would break a limit.
         """
         from orientd.rpc.motion_request import motion_request
-        from orientd.rpc.wire.motion import from_request
-        from orientd.rpc.wire.move import plan_from_message, samples_from_messages
+        from orientd.rpc.wire import from_request, plan_from_message, samples_from_messages
 
         request = motion_request(keyframes, **wishes)
         answer = self._connection.call(
@@ -234,7 +233,7 @@ class Robot(LeaseHolder):
         Raises:
             UnknownNameError: there is no such plan, or no longer.
         """
-        from orientd.rpc.wire.move import plan_from_message, samples_from_messages
+        from orientd.rpc.wire import plan_from_message, samples_from_messages
 
         request = pb.GetPlanRequest(
             device=device, motion_id=motion_id, sample_rate_hz=sample_rate_hz
@@ -285,7 +284,7 @@ class Robot(LeaseHolder):
         """
         from orientd.rpc.motion_request import motion_request
         from orientd.rpc.move_handle import MoveHandle
-        from orientd.rpc.wire.motion import from_request
+        from orientd.rpc.wire import from_request
 
         request = pb.MoveRequest(
             device=device,
@@ -347,7 +346,7 @@ class Robot(LeaseHolder):
             StateError: the device cannot follow targets.
         """
         from orientd.rpc.tracking import Tracking
-        from orientd.rpc.wire.motion import limits_message
+        from orientd.rpc.wire import limits_message
 
         begin = pb.TrackStart(
             lease_token=self._token(), device=device, report_rate_hz=report_rate_hz

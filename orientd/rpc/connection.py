@@ -10,7 +10,7 @@ import grpc
 from orientd.errors import DaemonError, OrientdError
 from orientd.rpc.channel import Way
 from orientd.rpc.control_pb2_grpc import ControlStub
-from orientd.rpc.wire.status import from_call
+from orientd.rpc.wire import from_call
 
 Answer = TypeVar("Answer")
 

@@ -11,7 +11,7 @@ import grpc
 from orientd.errors import DaemonError, OrientdError
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.reports import MoveTiming, Plan, Progress, Summary
-from orientd.rpc.wire.move import (
+from orientd.rpc.wire import (
     plan_from_message,
     progress_from_message,
     summary_from_message,

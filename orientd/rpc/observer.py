@@ -13,9 +13,8 @@ from orientd.errors import DaemonError
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.connection import Connection
 from orientd.rpc.reports import Outline
-from orientd.rpc.wire.state import outline_from_messages
-from orientd.stream import Cycle, unpack_cycle
-from orientd.stream.records import CYCLE_RECORD
+from orientd.rpc.wire import outline_from_messages
+from orientd.stream import CYCLE_RECORD, Cycle, unpack_cycle
 
 
 @dataclass(frozen=True, slots=True)

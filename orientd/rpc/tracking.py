@@ -18,7 +18,7 @@ from orientd.rpc import control_pb2 as pb
 from orientd.rpc.connection import Connection
 from orientd.rpc.motion_request import Quaternion, keyframe_mappings
 from orientd.rpc.reports import TrackReport
-from orientd.rpc.wire.track import report_from_message, target_to_message
+from orientd.rpc.wire import report_from_message, target_to_message
 
 Frame = Literal["body", "world"]
 

@@ -34,10 +34,10 @@ _DONE = b"\x0bgrpc-status\x010"
 """How gRPC's server spells the status OK among the trailers: a literal, not in Huffman's code."""
 
 
-def texts(*fields: str) -> bytes:
+def text_fields(*fields: str) -> bytes:
     """Return the message whose fields 1, 2, ... are *fields*, each of at most 126 bytes of UTF-8.
 
-    >>> texts("arm", "").hex()
+    >>> text_fields("arm", "").hex()
     '0a0361726d'
     """
     message = b""
@@ -47,7 +47,7 @@ def texts(*fields: str) -> bytes:
     return message
 
 
-def begin(path: str, method: str, message: bytes) -> socket.socket | None:
+def begin_call(path: str, method: str, message: bytes) -> socket.socket | None:
     """Send *message* and return the connection that the answer comes by, if it was sent.
 
     Args:
@@ -80,7 +80,7 @@ def begin(path: str, method: str, message: bytes) -> socket.socket | None:
     return connection
 
 
-def answer(connection: socket.socket) -> bytes | None:
+def read_answer(connection: socket.socket) -> bytes | None:
     """Return the message that answers the call, or ``None`` where something else came; hang up."""
     with connection:
         try:

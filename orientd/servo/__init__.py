@@ -1,6 +1,16 @@
 """The servo process: one device, one thread, one cycle after another."""
 
-from orientd.servo.servo import Servo
-from orientd.servo.watchdog import Watch
+from __future__ import annotations
 
-__all__ = ["Servo", "Watch"]
+from typing import TYPE_CHECKING
+
+from orientd.lazy import lazily
+
+if TYPE_CHECKING:
+    from orientd.servo.path.path_follower import FINAL_WORD, TAIL_WORD
+    from orientd.servo.process import ProcessSettings
+    from orientd.servo.servo import Servo
+    from orientd.servo.tracking.target_follower import LEFT_OUT_WORD
+    from orientd.servo.watchdog import Watch
+
+__getattr__ = lazily(__name__)

@@ -13,8 +13,7 @@ from math import ceil, sqrt
 
 from orientd.driver import ZERO, Quaternion, Vector3
 from orientd.floats import difference, exp, multiply, norm, normalize
-from orientd.servo.tracking.bounds import bounds, loosened
-from orientd.servo.tracking.law import halt
+from orientd.servo.tracking import bounds, halt, loosened
 from orientd.stream import Terms
 
 TOLERANCE = 1.001

@@ -23,14 +23,20 @@ from orientd.errors import (
 )
 from orientd.floats import difference, norm
 from orientd.servo.guard import Guard
-from orientd.servo.path.brake_law import BrakeLaw
-from orientd.servo.path.feasible_rates import Past, eased
-from orientd.servo.path.path_follower import Leg, PathFollower, Place, StarvedError
-from orientd.servo.path.path_point import PathPoint
-from orientd.servo.path.time_scaling import PathClock
+from orientd.servo.path import (
+    BrakeLaw,
+    Leg,
+    Past,
+    PathClock,
+    PathFollower,
+    PathPoint,
+    Place,
+    StarvedError,
+    eased,
+)
 from orientd.servo.stall import Stalls
 from orientd.servo.state_table import Event, advance
-from orientd.servo.tracking.target_follower import Pursuit
+from orientd.servo.tracking import Pursuit
 from orientd.servo.watchdog import Vigil, Watch
 from orientd.stream import (
     CYCLE_RECORD,

@@ -5,6 +5,7 @@ from orientd.stream.records import (
     CYCLE_RECORD,
     JOINTS,
     NO_JOINTS,
+    PATH_FLOATS,
     UNKNOWN,
     Answer,
     Command,
@@ -16,30 +17,9 @@ from orientd.stream.records import (
     State,
     Terms,
     pack_note,
+    record_index,
     unpack_cycle,
     unpack_note,
 )
 from orientd.stream.ring import HEAD, RecordRing
-
-__all__ = [
-    "CYCLE_RECORD",
-    "GIVEN_UP_WORD",
-    "HEAD",
-    "JOINTS",
-    "NO_JOINTS",
-    "UNKNOWN",
-    "Answer",
-    "Command",
-    "Cycle",
-    "CycleFlag",
-    "Note",
-    "NoteKind",
-    "PathFlag",
-    "RecordRing",
-    "SharedMemory",
-    "State",
-    "Terms",
-    "pack_note",
-    "unpack_cycle",
-    "unpack_note",
-]
+from orientd.stream.tuning import tuning_text

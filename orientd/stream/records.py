@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 
-from orientd.driver.contract import Quaternion, Vector3
+from orientd.driver import Quaternion, Vector3
 
 
 class State(IntEnum):

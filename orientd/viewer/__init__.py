@@ -3,3 +3,15 @@
 A client of the control socket like any other: one stream of cycles for however many pages are
 open, and none while there are none.  Needs the extra ``view``: ``viser``, which draws the pages.
 """
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from orientd.lazy import lazily
+
+if TYPE_CHECKING:
+    from orientd.viewer.page import Page
+    from orientd.viewer.web import is_loopback
+
+__getattr__ = lazily(__name__)

@@ -14,10 +14,9 @@ import numpy as np
 import viser
 from viser import uplot
 
-from orientd.planner import Limits
-from orientd.planner.limits import AXES
+from orientd.planner import AXES, Limits
 from orientd.rotation import Floats
-from orientd.rpc.reports import DeviceReport, Plan
+from orientd.rpc import DeviceReport, Plan
 from orientd.viewer.strips import COUNT, SPAN
 
 HEIGHT = 130

@@ -11,8 +11,7 @@ from typing import Any
 import viser
 
 from orientd.errors import LeaseError, OrientdError
-from orientd.rpc.client import Robot
-from orientd.rpc.reports import DeviceReport
+from orientd.rpc import DeviceReport, Robot
 from orientd.stream import State
 from orientd.viewer import drop
 from orientd.viewer.proposal import Proposal

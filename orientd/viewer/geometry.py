@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orientd.rotation import Floats, align, rotate, slerp
-from orientd.rpc.reports import Plan, Samples
+from orientd.rpc import Plan, Samples
 
 
 class Dashes(NamedTuple):

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import viser
 
-from orientd.rpc.client import Robot
+from orientd.rpc import Robot
 from orientd.viewer import web, words
 from orientd.viewer.charts import Charts
 from orientd.viewer.controls import Borrow, Controls, StopButtons

@@ -6,9 +6,7 @@ import threading
 
 from orientd import motion_file
 from orientd.errors import OrientdError, RequestError
-from orientd.rpc.client import Robot
-from orientd.rpc.move_handle import MoveHandle
-from orientd.rpc.reports import Outcome, Plan
+from orientd.rpc import MoveHandle, Outcome, Plan, Robot
 from orientd.viewer import words
 from orientd.viewer.watcher import sample_rate
 

@@ -12,7 +12,7 @@ import numpy as np
 import viser
 
 from orientd.rotation import Floats
-from orientd.rpc.reports import Outline, Plan, Samples
+from orientd.rpc import Outline, Plan, Samples
 from orientd.stream import Cycle
 from orientd.viewer import geometry
 

@@ -12,9 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from orientd.errors import DaemonError, OrientdError
-from orientd.rpc.client import Robot
-from orientd.rpc.observer import Observer
-from orientd.rpc.reports import CellReport, DeviceReport, Outline, Plan
+from orientd.rpc import CellReport, DeviceReport, Observer, Outline, Plan, Robot
 from orientd.stream import Cycle
 from orientd.viewer.strips import Strips
 

@@ -6,7 +6,7 @@ from html import escape
 
 from orientd.errors import Fault
 from orientd.planner import Certificate, Peak
-from orientd.rpc.reports import DaemonReport, DeviceReport
+from orientd.rpc import DaemonReport, DeviceReport
 from orientd.stream import State
 
 FAULTS = {

@@ -10,8 +10,7 @@ from orientd.cli.command import AsJson, command
 from orientd.cli.output import is_terminal, say, say_json, table
 
 if TYPE_CHECKING:
-    from orientd.bench.curves import CurveSpeed
-    from orientd.bench.servo import Comparison
+    from orientd.bench import Comparison, CurveSpeed
 
 bench = typer.Typer(name="bench", rich_markup_mode=None)
 
@@ -63,7 +62,7 @@ def retarget(
     From the call to the first setpoint that it changes.  A daemon of its own moves a simulated
     device; with the defaults this takes a minute.
     """
-    from orientd.bench.retarget import PARTS, measure_retargets
+    from orientd.bench import PARTS, measure_retargets
 
     found = measure_retargets(
         tuple(keyframes or (1, 20)), count=count, rate_hz=rate, priority=priority
@@ -88,7 +87,7 @@ def retarget(
 
 
 def _curves(*, as_json: bool) -> CurveSpeed:
-    from orientd.bench.curves import measure_curves
+    from orientd.bench import measure_curves
 
     found = measure_curves(steps=(1.0,))
     if as_json:
@@ -115,7 +114,7 @@ def _curves(*, as_json: bool) -> CurveSpeed:
 
 
 def _servo(seconds: float, slots: int, *, as_json: bool) -> list[dict[str, Any]]:
-    from orientd.bench.servo import compare, conditions
+    from orientd.bench import compare, conditions
     from orientd.errors import OrientdError
 
     done: list[dict[str, Any]] = []

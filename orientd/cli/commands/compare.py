@@ -16,9 +16,8 @@ from orientd.cli.output import say, say_json, table
 from orientd.errors import RequestError
 
 if TYPE_CHECKING:
-    from orientd.curves.compare.compare import Candidate
-    from orientd.curves.compare.measure import Figures
-    from orientd.planner.request import MotionRequest
+    from orientd.curves import Candidate, Figures
+    from orientd.planner import MotionRequest
     from orientd.rotation import Floats
 
 
@@ -85,16 +84,17 @@ def compare(
         raise typer.BadParameter("needs --inertia", param_hint="--sort torque")
 
     from orientd import motion_file, plots
-    from orientd.curves.compare import compare as comparison
-    from orientd.planner.task import task_of
+    from orientd.curves import compare as compared
+    from orientd.curves import ranked
+    from orientd.planner import task_of
 
     if plot is not None:
         plots.check_format(plot)
     request = motion_file.load(file)
     need_two(request)
     task = task_of(request, times.value)
-    candidates = comparison.ranked(
-        comparison.compare(task, inertia=moments, options={request.method: dict(request.options)}),
+    candidates = ranked(
+        compared(task, inertia=moments, options={request.method: dict(request.options)}),
         sort.value,
     )
     if plot is not None:

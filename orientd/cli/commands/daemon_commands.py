@@ -14,10 +14,10 @@ import typer
 
 from orientd.cli.command import AsJson, Socket, command
 from orientd.cli.output import say, say_json, table
-from orientd.daemon.observe.structured_log import LogFormat
+from orientd.daemon import LogFormat
 
 if TYPE_CHECKING:
-    from orientd.rpc.reports import DaemonReport
+    from orientd.rpc import DaemonReport
 
 ConfigFile = Annotated[
     Path | None,
@@ -55,13 +55,13 @@ def run(
     Prints one line beginning "ready" once commands are taken; what happens goes to standard error.
     """
     from orientd import config as configuration
-    from orientd.daemon import server
-    from orientd.daemon.observe import structured_log as story
-    from orientd.rpc.address import default_socket
+    from orientd.daemon import run as serve
+    from orientd.daemon import set_up_log
+    from orientd.rpc import default_socket
 
     path = config or configuration.find()
     settings = configuration.load(path) if path else configuration.default_settings()
-    story.set_up(log_format, settings.daemon.log_level)
+    set_up_log(log_format, settings.daemon.log_level)
     if until_end_of_input:
         threading.Thread(target=_end_with_input, name="input", daemon=True).start()
 
@@ -75,7 +75,7 @@ def run(
             )
             say(f"ready at {report.socket}: {devices}")
 
-    server.run(
+    serve(
         settings,
         socket=(listen or settings.daemon.socket or default_socket()).absolute(),
         configuration=str(path.absolute()) if path else "",
@@ -96,8 +96,7 @@ def _end_with_input() -> None:
 def status(socket: Socket = None, as_json: AsJson = False) -> None:
     """Show the daemon, the lease, and what each device is doing."""
     from orientd.cli import texts
-    from orientd.rpc.client import connect
-    from orientd.rpc.wire.state import tracking_error
+    from orientd.rpc import connect, tracking_error
 
     with connect(socket) as robot:
         report = robot.state()
@@ -136,8 +135,8 @@ def status(socket: Socket = None, as_json: AsJson = False) -> None:
 def devices(socket: Socket = None, as_json: AsJson = False) -> None:
     """List the devices of the daemon's configuration."""
     from orientd.cli import texts
-    from orientd.planner.limits import ANGULAR
-    from orientd.rpc.client import connect
+    from orientd.planner import ANGULAR
+    from orientd.rpc import connect
 
     with connect(socket) as robot:
         found = robot.devices()
@@ -168,9 +167,9 @@ def methods(
     as_json: AsJson = False,
 ) -> None:
     """List the families of curves that a motion can be made of.  Needs no daemon."""
-    from orientd.daemon.planners import reporting
+    from orientd.daemon import known_methods
 
-    found = reporting.known_methods()
+    found = known_methods()
     pictures: list[Path] = []
     if gallery is not None:
         from orientd import plots

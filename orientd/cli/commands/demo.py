@@ -20,8 +20,7 @@ from orientd.cli.output import say, say_json
 from orientd.errors import DaemonError, OrientdError
 
 if TYPE_CHECKING:
-    from orientd.rpc.client import Robot
-    from orientd.rpc.reports import Plan, Summary
+    from orientd.rpc import Plan, Robot, Summary
     from orientd.stream import Cycle
 
 RATE_HZ = 500
@@ -62,8 +61,7 @@ def demo(
     from orientd import plots
     from orientd.cli import texts
     from orientd.cli.commands.motion_commands import follow, raise_unless_done
-    from orientd.rpc.client import connect
-    from orientd.rpc.reports import Outcome
+    from orientd.rpc import Outcome, connect
 
     plots.check_format(plot)
     if not plot.absolute().parent.is_dir():
@@ -193,7 +191,7 @@ def _draw(path: Path, cycles: list[Cycle], plan: Plan) -> dict[str, str | None]:
         return {"path": None, "why_not": "none: pip install 'orientd[plot]' for one"}
     import numpy as np
 
-    from orientd.rpc.wire.state import tracking_error
+    from orientd.rpc import tracking_error
     from orientd.stream import State
 
     moving = [cycle for cycle in cycles if cycle.state is State.STREAMING]

@@ -13,8 +13,7 @@ from orientd.cli.command import AsJson, DeviceName, Socket, command
 from orientd.cli.output import say, say_json
 
 if TYPE_CHECKING:
-    from orientd.rpc.client import Robot
-    from orientd.rpc.reports import DeviceReport
+    from orientd.rpc import DeviceReport, Robot
 
 
 def holder(name: str) -> str:
@@ -84,7 +83,7 @@ def _bring_to_rest(
     name: str, socket: Path | None, as_json: bool, act: Callable[[Robot], list[DeviceReport]]
 ) -> None:
     from orientd.cli.at_rest import tell
-    from orientd.rpc.client import connect
+    from orientd.rpc import connect
 
     with connect(socket, holder=holder(name)) as robot:
         reports = act(robot)

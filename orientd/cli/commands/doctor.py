@@ -75,7 +75,7 @@ def device_findings(device: DeviceSettings) -> list[Finding]:
     Raises:
         ConfigError: the driver is not installed, or refuses its options.
     """
-    from orientd.driver.registry import make_driver
+    from orientd.driver import make_driver
 
     driver = make_driver(device.name, device.driver, device.options, device.period_ns)
     return list(driver.diagnose())
@@ -83,7 +83,7 @@ def device_findings(device: DeviceSettings) -> list[Finding]:
 
 def latency_finding(device: DeviceSettings) -> Finding:
     """Move *device* a little and say how far it is behind."""
-    from orientd.daemon.calls.latency_identification import measure_latency
+    from orientd.daemon import measure_latency
 
     name = f"{device.name}: latency"
     try:

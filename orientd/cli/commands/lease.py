@@ -50,7 +50,7 @@ def seize(
 
     What runs under it stops.  For administrators.
     """
-    from orientd.rpc.client import connect
+    from orientd.rpc import connect
 
     with connect(socket, holder=holder("lease seize")) as robot:
         before = robot.state().daemon

@@ -18,8 +18,7 @@ from orientd.errors import OrientdError, RequestError
 
 if TYPE_CHECKING:
     from orientd.config import DeviceSettings
-    from orientd.rpc.move_handle import MoveHandle
-    from orientd.rpc.reports import OnTarget, Summary
+    from orientd.rpc import MoveHandle, OnTarget, Summary
 
 MotionFile = Annotated[Path, typer.Argument(metavar="FILE", help="A motion file, YAML or JSON.")]
 
@@ -52,9 +51,9 @@ def plan(
     """
     from orientd import motion_file, planner
     from orientd.cli import sample_files, texts
-    from orientd.daemon.planners import reporting
-    from orientd.driver.registry import make_driver
-    from orientd.planner.device_planner import DevicePlanner
+    from orientd.daemon import plan_of, samples_of
+    from orientd.driver import make_driver
+    from orientd.planner import DevicePlanner
 
     if output is not None and output.suffix not in sample_files.ENDINGS:
         raise typer.BadParameter(
@@ -81,13 +80,13 @@ def plan(
         limits=settings.limits.to_limits(),
         period=settings.period_ns * 1e-9,
     ).plan(request, start=start, joints=())
-    samples = reporting.samples_of(motion, settings.rate_hz)
+    samples = samples_of(motion, settings.rate_hz)
     if output is not None:
         sample_files.write(output, samples, motion.certificate)
     if plot is not None:
         plots.draw_motion(plot, motion, title=f"{file.name}: {request.method}")
     if as_json:
-        say_json({"plan": reporting.plan_of(motion), "output": output, "plot": plot})
+        say_json({"plan": plan_of(motion), "output": output, "plot": plot})
         return
     say(f"{request.method} through {len(request.keyframes)} keyframes", "")
     say(*texts.certificate(motion.certificate))
@@ -134,7 +133,7 @@ def move(
     from orientd import motion_file
     from orientd.cli import texts
     from orientd.cli.shared_lease import shared
-    from orientd.rpc.client import connect
+    from orientd.rpc import connect
 
     if blend and not queue:
         raise typer.BadParameter("needs --queue", param_hint="--blend")
@@ -176,7 +175,7 @@ def move(
 
 def _gate(text: str) -> OnTarget:
     """Return the gate that ``DEG,DEG/S,S[,S]`` stands for."""
-    from orientd.rpc.reports import OnTarget
+    from orientd.rpc import OnTarget
 
     try:
         tolerance, rate, *seconds = map(float, text.split(","))
@@ -228,7 +227,7 @@ def follow(
 def raise_unless_done(summary: Summary) -> None:
     """Raise what makes a command fail after a motion that was not run to its end."""
     from orientd.cli import texts
-    from orientd.rpc.reports import Outcome
+    from orientd.rpc import Outcome
 
     if summary.outcome is not Outcome.DONE:
         raise OrientdError(f"motion {summary.motion_number} {texts.ending(summary)}")

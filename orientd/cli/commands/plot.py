@@ -95,10 +95,9 @@ def _draw_recording(file: Path, path: Path, device: str) -> None:
     from orientd.cli.commands.record import need_record
 
     need_record()
-    from orientd.recorder import reader
-    from orientd.recorder.planned import strands
+    from orientd.recorder import load_recording, strands
 
-    recording = reader.load(file)
+    recording = load_recording(file)
     name = recording.device(device)
     plots.draw_recording(path, strands(recording, name), title=f"{file.name}: {name}")
 
@@ -107,11 +106,9 @@ def _draw_file(file: Path, path: Path, show: Show, times: KeyframeTimes) -> None
     import numpy as np
 
     from orientd import motion_file, plots
-    from orientd.curves import METHODS
-    from orientd.curves.compare.roles import fit
+    from orientd.curves import METHODS, fit
     from orientd.errors import PlanError
-    from orientd.planner.path.position import position_path
-    from orientd.planner.task import task_of
+    from orientd.planner import position_path, task_of
 
     request = motion_file.load(file)
     need_two(request)

@@ -16,7 +16,7 @@ from orientd.cli.output import say, say_json
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
-    from orientd.recorder.session import Session
+    from orientd.recorder import Session
 
 NEEDED = ("mcap", "mcap_protobuf", "foxglove_schemas_protobuf")
 
@@ -61,8 +61,8 @@ def record(
     if file.is_file():
         raise OrientdError(f"cannot write {file}: it is there already")
     need_record()
-    from orientd.recorder.session import Session
-    from orientd.rpc.client import connect
+    from orientd.recorder import Session
+    from orientd.rpc import connect
 
     with connect(socket, holder=holder("record")) as robot:
         session = Session(robot, file, device or ())
@@ -127,10 +127,10 @@ def export(
             param_hint="--output",
         )
     need_record()
-    from orientd.recorder import reader
-    from orientd.recorder.export import export as write
+    from orientd.recorder import export as write
+    from orientd.recorder import load_recording
 
-    recording = reader.load(file)
+    recording = load_recording(file)
     rows = write(recording, recording.device(device), output)
     if as_json:
         say_json({"output": output, "rows": rows, "is_complete": recording.is_complete})

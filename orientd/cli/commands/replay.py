@@ -20,7 +20,7 @@ from orientd.errors import OrientdError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from orientd.curves.fit.fit import Fit
+    from orientd.curves import Fit
     from orientd.planner import MotionRequest
 
 
@@ -74,8 +74,8 @@ def replay(
     wherever the device is and ends with a stop, both certified with it.
     """
     need_record()
-    from orientd.curves.fit.fit import fit_orientations
-    from orientd.recorder.orientations import read_orientations
+    from orientd.curves import fit_orientations
+    from orientd.recorder import read_orientations
 
     if not 0.0 < error < 180.0:
         raise typer.BadParameter(
@@ -117,7 +117,7 @@ def _told(topic: str, fit: Fit) -> dict[str, Any]:
 def _paced(
     fit: Fit, pace: Pace, plan: Callable[[MotionRequest], Any]
 ) -> tuple[Any, MotionRequest, float]:
-    from orientd.planner.replay import plan_as_recorded, replay_request
+    from orientd.planner import plan_as_recorded, replay_request
 
     if pace is Pace.RECORDED:
         return plan_as_recorded(fit, plan)
@@ -142,7 +142,7 @@ def _plan_offline(
 ) -> None:
     from orientd import planner
     from orientd.cli.commands.motion_commands import device_settings
-    from orientd.daemon.planners import reporting
+    from orientd.daemon import plan_of
 
     settings = device_settings(config, device)
     start = planner.State.at_rest(fit.control[0])
@@ -158,7 +158,7 @@ def _plan_offline(
     motion, request, slower = _paced(fit, pace, plan)
     _write(output, request)
     if as_json:
-        planned = reporting.plan_of(motion)
+        planned = plan_of(motion)
         say_json({"fit": told, "slower": slower, "plan": planned, "output": output})
         return
     _say_plan(motion, slower, output)
@@ -177,7 +177,7 @@ def _move(
     from orientd.cli import texts
     from orientd.cli.commands.motion_commands import follow, raise_unless_done
     from orientd.cli.shared_lease import shared
-    from orientd.rpc.client import connect
+    from orientd.rpc import connect
 
     with connect(socket, holder=holder("replay")) as robot, shared(robot):
         plan, request, slower = _paced(
@@ -211,7 +211,7 @@ def _write(output: Path | None, request: MotionRequest) -> None:
     """
     if output is None:
         return
-    from orientd.rpc.wire.motion import from_request, to_mapping
+    from orientd.rpc import from_request, to_mapping
 
     mapping = to_mapping(from_request(request))
     try:

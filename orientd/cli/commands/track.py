@@ -37,7 +37,7 @@ def track(
     """
     from orientd.cli import texts
     from orientd.cli.shared_lease import shared
-    from orientd.rpc.client import connect
+    from orientd.rpc import connect
 
     with connect(socket, holder=holder("track")) as robot, shared(robot):
         with robot.track(device=device) as tracking:

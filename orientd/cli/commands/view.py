@@ -43,9 +43,8 @@ def view(
     if find_spec("viser") is None:
         raise OrientdError("the view needs the extra `view`: pip install 'orientd[view]'")
     from orientd.cli.shared_lease import borrow
-    from orientd.rpc.client import connect
-    from orientd.viewer.page import Page
-    from orientd.viewer.web import is_loopback
+    from orientd.rpc import connect
+    from orientd.viewer import Page, is_loopback
 
     page = Page(
         lambda: connect(socket, holder=holder("view")),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct.triangle import (
+from orientd.curves.construct import (
     TriangleCurve,
     bezier_continuity,
     bezier_intervals,

@@ -7,9 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct.continuation import solve
-from orientd.curves.construct.cumulative import TABLE_ROWS, CumulativeCurve
-from orientd.curves.construct.interpolation import EndCondition, KeyframeEquations
+from orientd.curves.construct import (
+    TABLE_ROWS,
+    CumulativeCurve,
+    EndCondition,
+    KeyframeEquations,
+    solve,
+)
 from orientd.curves.keyframes import (
     check_bool,
     check_choice,

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct.jets import Jet, constant, rates, slerp
-from orientd.curves.construct.triangle import check_defined
+from orientd.curves.construct import Jet, check_defined, constant, rates, slerp
 from orientd.curves.contract import Curve, Samples
 from orientd.curves.keyframes import check_aligned, check_choice, resolve_times
 from orientd.rotation import Floats

@@ -5,9 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct.banded import solve_blocks
-from orientd.curves.construct.jets import Jet, constant, inverse, logarithm, product, slerp
-from orientd.curves.construct.triangle import TriangleCurve, bezier_intervals, cubic_bezier_points
+from orientd.curves.construct import (
+    Jet,
+    TriangleCurve,
+    bezier_intervals,
+    constant,
+    cubic_bezier_points,
+    inverse,
+    logarithm,
+    product,
+    slerp,
+    solve_blocks,
+)
 from orientd.curves.keyframes import check_aligned, resolve_times
 from orientd.errors import PlanError
 from orientd.rotation import Floats, exp_half, multiply, normalize

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct.jets import Jet, rates, unit
-from orientd.curves.construct.shoulder_search import best_direction, frame_of
+from orientd.curves.construct import Jet, best_direction, frame_of, rates, unit
 from orientd.curves.contract import Curve, Samples
 from orientd.curves.keyframes import (
     check_aligned,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct.tension_spline import NormalizedSpline
+from orientd.curves.construct import NormalizedSpline
 from orientd.curves.keyframes import check_aligned, resolve_times
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct.tension_spline import NormalizedSpline
+from orientd.curves.construct import NormalizedSpline
 from orientd.curves.keyframes import check_aligned, resolve_times
 from orientd.rotation import Floats
 

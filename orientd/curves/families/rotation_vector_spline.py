@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct.banded import solve_blocks
-from orientd.curves.construct.jets import Jet, exponential, rates
+from orientd.curves.construct import Jet, exponential, rates, solve_blocks
 from orientd.curves.contract import Curve, Samples
 from orientd.curves.keyframes import (
     check_aligned,

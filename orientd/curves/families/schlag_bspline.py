@@ -5,8 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct.knots import inner_multiplicity, resolve_knots
-from orientd.curves.construct.triangle import TriangleCurve, bspline_intervals
+from orientd.curves.construct import (
+    TriangleCurve,
+    bspline_intervals,
+    inner_multiplicity,
+    resolve_knots,
+)
 from orientd.curves.keyframes import check_aligned, check_integer
 
 

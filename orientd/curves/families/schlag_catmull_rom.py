@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct.triangle import TriangleCurve, catmull_rom_intervals, reflect
+from orientd.curves.construct import TriangleCurve, catmull_rom_intervals, reflect
 from orientd.curves.keyframes import check_aligned, check_choice, resolve_times
 
 

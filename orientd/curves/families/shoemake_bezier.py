@@ -7,7 +7,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct.triangle import (
+from orientd.curves.construct import (
     TriangleCurve,
     bezier_continuity,
     bezier_intervals,

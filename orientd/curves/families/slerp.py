@@ -7,8 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct.basis import cumulative_basis
-from orientd.curves.construct.cumulative import CumulativeCurve
+from orientd.curves.construct import CumulativeCurve, cumulative_basis
 from orientd.curves.keyframes import (
     check_choice,
     check_integer,

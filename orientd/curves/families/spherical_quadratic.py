@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct.shoulder_chain import ShoulderChain
-from orientd.curves.construct.triangle import TriangleCurve, bezier_intervals
+from orientd.curves.construct import ShoulderChain, TriangleCurve, bezier_intervals
 from orientd.curves.families.nielson_shieh import check_criterion
 from orientd.curves.keyframes import check_aligned, check_quaternion, resolve_times
 from orientd.rotation import Floats, conjugate, log_half, multiply, slerp

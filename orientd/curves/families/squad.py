@@ -5,9 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct.jets import geodesic, linear, rates, slerp
-from orientd.curves.construct.triangle import check_defined
-from orientd.curves.construct.velocities import RULES, half_velocities
+from orientd.curves.construct import (
+    RULES,
+    check_defined,
+    geodesic,
+    half_velocities,
+    linear,
+    rates,
+    slerp,
+)
 from orientd.curves.contract import Curve, Samples
 from orientd.curves.keyframes import check_aligned, check_choice, increments, resolve_times
 from orientd.rotation import Floats, conjugate, exp_half, log_half, multiply

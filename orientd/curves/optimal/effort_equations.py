@@ -19,9 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orientd.curves.construct.banded import solve_banded
-from orientd.curves.construct.basis import CumulativeBasis, Indices
-from orientd.curves.construct.squared_acceleration import Path
+from orientd.curves.construct import CumulativeBasis, Indices, Path, solve_banded
 from orientd.kernels import linearise_effort
 from orientd.rotation import Floats, between
 

@@ -12,9 +12,8 @@ import math
 
 import numpy as np
 
-from orientd.curves.construct.squared_acceleration import Path
-from orientd.curves.families.c2_cumulative import C2Cumulative
-from orientd.curves.families.rotation_vector_spline import RotationVectorSpline
+from orientd.curves.construct import Path
+from orientd.curves.families import C2Cumulative, RotationVectorSpline
 from orientd.curves.optimal.effort_equations import EffortEquations
 from orientd.curves.optimal.effort_search import least_effort
 from orientd.curves.optimal.min_acceleration import winding_path, winding_reach

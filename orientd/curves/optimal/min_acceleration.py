@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct.squared_acceleration import Path, squared_acceleration
+from orientd.curves.construct import Path, squared_acceleration
 from orientd.curves.contract import Curve, Samples
-from orientd.curves.families.c2_cumulative import C2Cumulative
-from orientd.curves.families.rotation_vector_spline import RotationVectorSpline, check_end
+from orientd.curves.families import C2Cumulative, RotationVectorSpline, check_end
 from orientd.curves.keyframes import check_aligned, increments, resolve_times
 from orientd.curves.optimal.relaxation import relaxed, spline_path
 from orientd.curves.optimal.shooting import Nodes, settled

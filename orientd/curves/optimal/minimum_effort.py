@@ -5,10 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct.basis import CumulativeBasis, Indices, cumulative_basis
-from orientd.curves.construct.cumulative import CumulativeCurve
-from orientd.curves.construct.spline_ends import outer_derivatives
-from orientd.curves.families.c2_cumulative import check_given
+from orientd.curves.construct import (
+    CumulativeBasis,
+    CumulativeCurve,
+    Indices,
+    cumulative_basis,
+    outer_derivatives,
+)
+from orientd.curves.families import check_given
 from orientd.curves.keyframes import check_aligned, check_choice, check_integer, resolve_times
 from orientd.curves.optimal.effort_equations import EffortEquations, EndRows
 from orientd.curves.optimal.effort_start import search, start_path

@@ -18,10 +18,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct.banded import solve_blocks
-from orientd.curves.construct.squared_acceleration import Path
-from orientd.curves.families.c2_cumulative import C2Cumulative
-from orientd.curves.families.rotation_vector_spline import RotationVectorSpline
+from orientd.curves.construct import Path, solve_blocks
+from orientd.curves.families import C2Cumulative, RotationVectorSpline
 from orientd.errors import PlanError
 from orientd.rotation import (
     Floats,

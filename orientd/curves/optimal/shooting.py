@@ -14,8 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from orientd.curves.construct.banded import solve_blocks
-from orientd.curves.construct.squared_acceleration import Path, squared_acceleration
+from orientd.curves.construct import Path, solve_blocks, squared_acceleration
 from orientd.curves.contract import Samples
 from orientd.curves.optimal.lie_quadratic import STRIDE, State, horner, series, shoot
 from orientd.rotation import (

@@ -1,1 +1,15 @@
 """Who may do what: identities, roles, the door they come in by, and the record of what they did."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from orientd.lazy import lazily
+
+if TYPE_CHECKING:
+    from orientd.daemon.access.authentication import Entry, inner_socket
+    from orientd.daemon.access.claim import claimed
+    from orientd.daemon.access.gate import Gate, GenericHandler, MethodHandler
+    from orientd.daemon.access.identity import Identity, caller_key
+
+__getattr__ = lazily(__name__)

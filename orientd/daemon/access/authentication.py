@@ -14,7 +14,7 @@ from orientd.daemon.access.authorization import Checkpoint
 from orientd.daemon.access.identity import Identity, Policy
 from orientd.daemon.access.peer_credentials import Door
 from orientd.daemon.access.throttle import Throttle
-from orientd.daemon.devices.servo_link import report_directory
+from orientd.daemon.devices import report_directory
 from orientd.operation_settings import AccessSettings, TcpSettings
 
 if TYPE_CHECKING:

@@ -27,9 +27,9 @@ from orientd.daemon.access.legible import Illegible, legible
 from orientd.daemon.access.peer_credentials import Connection, Door
 from orientd.daemon.access.rules import Rule, rule
 from orientd.daemon.access.throttle import Throttle
-from orientd.daemon.observe.structured_log import about
+from orientd.daemon.observe import about
 from orientd.errors import AccessError, LeaseError, OrientdError, RequestError, TooMuchError
-from orientd.rpc.wire.status import DETAILS_KEY, to_status
+from orientd.rpc import DETAILS_KEY, to_status
 
 _log = logging.getLogger(__name__)
 

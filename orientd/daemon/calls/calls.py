@@ -8,15 +8,13 @@ from typing import Any, NoReturn, TypeVar
 
 import grpc
 
-from orientd.daemon.access.identity import Identity
+from orientd.daemon.access import Identity
 from orientd.daemon.calls import report
 from orientd.daemon.cell import Cell
 from orientd.daemon.device import Device
 from orientd.errors import OrientdError, RequestError
+from orientd.rpc import DETAILS_KEY, DaemonReport, device_to_message, to_status
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.reports import DaemonReport
-from orientd.rpc.wire.state import device_to_message
-from orientd.rpc.wire.status import DETAILS_KEY, to_status
 
 DEFAULT_REPORTS_HZ = 20.0
 SLOWEST_REPORTS_HZ = 0.1

@@ -13,7 +13,7 @@ from orientd.daemon.device import Device
 from orientd.daemon.planners import Order, Planners
 from orientd.errors import DaemonError, OrientdError
 from orientd.planner import Keyframe, MotionRequest
-from orientd.rpc.wire.motion import from_request
+from orientd.rpc import from_request
 from orientd.stream import Cycle, CycleFlag, State
 
 ANGLE = 0.2

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from orientd.daemon.access.identity import caller_key
+from orientd.daemon.access import caller_key
 from orientd.daemon.calls.calls import Calls, Context, refuse
-from orientd.daemon.leases.lease import Lease
+from orientd.daemon.leases import Lease
 from orientd.errors import OrientdError
 from orientd.rpc import control_pb2 as pb
 

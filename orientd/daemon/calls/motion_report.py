@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from orientd.daemon.motions.active_motions import Run, Runs
-from orientd.daemon.motions.meter import Lateness, MotionStatistics
-from orientd.rpc.reports import Durations, Statistics, Summary
+from orientd.daemon.motions import Lateness, MotionStatistics, Run, Runs
+from orientd.rpc import Durations, Statistics, Summary
 
 NANOSECONDS = 1e9
 

@@ -13,12 +13,11 @@ from orientd.daemon.calls import report
 from orientd.daemon.calls.calls import Calls, Context, caller, interval, refuse
 from orientd.daemon.cell import GONE
 from orientd.daemon.device import Device
-from orientd.daemon.motions.active_motions import Run
-from orientd.daemon.motions.options import Gate, Manner
+from orientd.daemon.motions import Gate, Manner, Run
 from orientd.daemon.planners import Order, PlannedMotion
 from orientd.errors import GOING_DOWN, DaemonError, OrientdError, RequestError
+from orientd.rpc import MoveTiming
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.reports import MoveTiming
 from orientd.stream import UNKNOWN
 
 SETTLING_TIMEOUT = 5.0
@@ -167,14 +166,14 @@ class MovingCalls(Calls):
 
     def _summary(self, run: Run) -> pb.MoveResponse:
         from orientd.daemon.calls import motion_report
-        from orientd.rpc.wire.move import summary_to_message
+        from orientd.rpc import summary_to_message
 
         summary = motion_report.summary(run, self._cell.runs)
         return pb.MoveResponse(summary=summary_to_message(summary))
 
 
 def _started(run: Run, timing: MoveTiming) -> pb.MoveResponse:
-    from orientd.rpc.wire.move import timing_to_message
+    from orientd.rpc import timing_to_message
 
     if run.motion is None:
         raise ValueError("the run has no motion")
@@ -200,7 +199,7 @@ def _unsampled(motion: PlannedMotion) -> bytes:
 
 
 def _progress(reader: report.ProgressReader) -> pb.MoveProgress | None:
-    from orientd.rpc.wire.move import progress_to_message
+    from orientd.rpc import progress_to_message
 
     progress = reader.read()
     return None if progress is None else progress_to_message(progress)

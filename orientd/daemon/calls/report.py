@@ -6,10 +6,9 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from orientd.daemon.device import Device
-from orientd.daemon.motions.active_motions import Run
-from orientd.rpc.reports import DeviceReport, Progress
-from orientd.stream import Cycle
-from orientd.stream.records import record_index
+from orientd.daemon.motions import Run
+from orientd.rpc import DeviceReport, Progress
+from orientd.stream import Cycle, record_index
 
 NANOSECONDS = 1e9
 _MOST_CYCLES = 4096

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import orientd
 from orientd.daemon.calls.report import CycleReader
-from orientd.daemon.devices.device_report import DeviceEvent, EventKind
+from orientd.daemon.devices import DeviceEvent, EventKind
 from orientd.errors import ConfigError
 from orientd.operation_settings import MetricsSettings
 from orientd.stream import Cycle, State

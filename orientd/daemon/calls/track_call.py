@@ -8,9 +8,8 @@ from orientd.daemon.device import Device
 from orientd.driver import Quaternion
 from orientd.errors import OrientdError
 from orientd.floats import difference, norm
+from orientd.rpc import TrackReport, target_from_message
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.reports import TrackReport
-from orientd.rpc.wire.track import target_from_message
 
 
 class Following:

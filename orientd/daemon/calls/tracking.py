@@ -10,12 +10,10 @@ from typing import Any
 from orientd.daemon.calls.calls import Calls, Context, interval, refuse
 from orientd.daemon.calls.track_call import Following
 from orientd.daemon.cell import GONE
-from orientd.daemon.motions.active_motions import Run
+from orientd.daemon.motions import Run
 from orientd.errors import OrientdError, RequestError, StateError
+from orientd.rpc import Outcome, limits_to_wish, report_to_message
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.reports import Outcome
-from orientd.rpc.wire.motion import limits_to_wish
-from orientd.rpc.wire.track import report_to_message
 
 
 class TrackingCalls(Calls):

@@ -15,11 +15,11 @@ from google.protobuf.descriptor import FileDescriptor
 from google.protobuf.descriptor_pool import DescriptorPool
 from google.protobuf.message import Message
 
-from orientd.daemon.access.gate import GenericHandler
+from orientd.daemon.access import GenericHandler
 from orientd.rpc import control_pb2 as pb
 
 if TYPE_CHECKING:
-    from orientd.daemon.access.gate import MethodHandler
+    from orientd.daemon.access import MethodHandler
 
 MOTION = "motion"
 """The field that is left unread."""

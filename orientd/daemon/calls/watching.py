@@ -12,13 +12,8 @@ from orientd.daemon.device import Device
 from orientd.daemon.supervised_device import TICK
 from orientd.errors import OrientdError
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.wire.state import (
-    cycle_to_message,
-    daemon_to_message,
-    limits_to_message,
-    outline_to_messages,
-)
-from orientd.stream.records import CYCLE_RECORD
+from orientd.rpc import cycle_to_message, daemon_to_message, limits_to_message, outline_to_messages
+from orientd.stream import CYCLE_RECORD
 
 _HEARINGS = 10
 """How often the reason of a fault is asked for that the device's thread has not heard yet."""

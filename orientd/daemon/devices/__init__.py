@@ -1,1 +1,15 @@
 """The servo processes of devices: started, asked, heard, lost, started again."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from orientd.lazy import lazily
+
+if TYPE_CHECKING:
+    from orientd.daemon.devices.cycle_memory import CycleMemory
+    from orientd.daemon.devices.device_report import DeviceEvent, DeviceSnapshot, EventKind
+    from orientd.daemon.devices.servo_link import ServoLink, report_directory, terms_of
+    from orientd.daemon.devices.servo_supervisor import ServoSupervisor
+
+__getattr__ = lazily(__name__)

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import os
 
-from orientd.stream import RecordRing
-from orientd.stream.records import CYCLE_RECORD
+from orientd.stream import CYCLE_RECORD, RecordRing
 
 _STRIDE = RecordRing.stride(CYCLE_RECORD)
 _BATCH = 64

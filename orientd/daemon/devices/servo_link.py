@@ -17,8 +17,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from orientd.errors import DaemonError, NotYetError, StateError
-from orientd.planner.limits import Limits
-from orientd.servo.process import ProcessSettings
+from orientd.planner import Limits
+from orientd.servo import ProcessSettings
 from orientd.stream import (
     GIVEN_UP_WORD,
     UNKNOWN,
@@ -29,10 +29,10 @@ from orientd.stream import (
     NoteKind,
     SharedMemory,
     Terms,
+    tuning_text,
     unpack_cycle,
     unpack_note,
 )
-from orientd.stream.tuning import tuning_text
 
 ANSWER_TIMEOUT = 0.5
 """How long an ordinary command may take, s."""

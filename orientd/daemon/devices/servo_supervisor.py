@@ -12,9 +12,9 @@ from pathlib import Path
 from orientd.config import DeviceSettings
 from orientd.daemon.devices.device_report import EventKind
 from orientd.daemon.devices.servo_link import ServoLink, report_directory
-from orientd.driver.registry import driver_target
+from orientd.driver import driver_target
 from orientd.errors import GOING_DOWN, DaemonError, Fault, StateError
-from orientd.servo.process import ProcessSettings
+from orientd.servo import ProcessSettings
 from orientd.stream import Command, Cycle, NoteKind, State
 
 _LONGEST_END = 30.0

@@ -1,1 +1,13 @@
 """Who commands which device, for how long, and what becomes of their motions when that changes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from orientd.lazy import lazily
+
+if TYPE_CHECKING:
+    from orientd.daemon.leases.lease import Lease, LeaseDesk
+    from orientd.daemon.leases.lease_manager import Tenure
+
+__getattr__ = lazily(__name__)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import logging
 
 from orientd.daemon.leases.lease import Lease, LeaseDesk
-from orientd.daemon.motions.active_motions import Runs
+from orientd.daemon.motions import Runs
 from orientd.errors import RequestError
 
 _log = logging.getLogger(__name__)

@@ -1,1 +1,18 @@
 """The motions of a device: queued, fed to the servo, measured, and reported until they arrive."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from orientd.lazy import lazily
+
+if TYPE_CHECKING:
+    from orientd.daemon.motions.active_motions import Run, Runs
+    from orientd.daemon.motions.meter import Lateness, MotionStatistics
+    from orientd.daemon.motions.motions import Motions
+    from orientd.daemon.motions.options import AT_ONCE, Gate, Manner, Prepared
+    from orientd.daemon.motions.plan_store import PlanStore
+    from orientd.daemon.motions.start_check import check_start
+    from orientd.daemon.motions.turns import Turns
+
+__getattr__ = lazily(__name__)

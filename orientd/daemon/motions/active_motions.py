@@ -13,10 +13,10 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from orientd.daemon.devices.device_report import DeviceEvent, EventKind
-from orientd.daemon.observe.structured_log import about
+from orientd.daemon.devices import DeviceEvent, EventKind
+from orientd.daemon.observe import about
 from orientd.errors import Fault, OrientdError, StateError
-from orientd.rpc.reports import Outcome
+from orientd.rpc import Outcome
 from orientd.stream import UNKNOWN
 
 if TYPE_CHECKING:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from orientd.daemon.devices.device_report import EventKind
-from orientd.daemon.devices.servo_link import ServoLink
+from orientd.daemon.devices import EventKind, ServoLink
 from orientd.daemon.motions.options import Gate
 from orientd.daemon.motions.settling import Settling
 from orientd.stream import Cycle, State, unpack_cycle

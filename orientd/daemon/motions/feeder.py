@@ -8,10 +8,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from orientd.planner.recorded import RecordedMotion
-from orientd.servo.path.path_follower import FINAL_WORD, TAIL_WORD
-from orientd.stream import PathFlag, RecordRing
-from orientd.stream.records import PATH_FLOATS
+from orientd.planner import RecordedMotion
+from orientd.servo import FINAL_WORD, TAIL_WORD
+from orientd.stream import PATH_FLOATS, PathFlag, RecordRing
 
 BLOCK = 512
 """Records copied at a time."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from orientd import rotation
-from orientd.recorder.cycle_table import Table
+from orientd.recorder import Table
 from orientd.rotation import Floats
 from orientd.stream import CycleFlag
 

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from orientd import rotation
 from orientd.daemon.motions.latency_compensation import LedSetpoints
-from orientd.planner.recorded import RecordedMotion
-from orientd.planner.request import Vector3
-from orientd.recorder.cycle_table import Table, from_records
+from orientd.planner import RecordedMotion, Vector3
+from orientd.recorder import Table, from_records
 from orientd.rotation import Floats
 from orientd.stream import CycleFlag, State
 

@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections import OrderedDict
 from dataclasses import dataclass
 
-from orientd.daemon.devices.servo_link import ServoLink, terms_of
+from orientd.daemon.devices import ServoLink, terms_of
 from orientd.daemon.motions.feeder import BLOCK, Feeder
 from orientd.daemon.motions.meter import MotionMeter, MotionStatistics
 from orientd.daemon.planners import PlannedMotion
 from orientd.errors import LateError, NotYetError, StateError
-from orientd.planner.recorded import MotionFacts
+from orientd.planner import MotionFacts
 from orientd.stream import UNKNOWN, Command, Cycle
 
 MEASURED = 16

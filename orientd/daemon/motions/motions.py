@@ -14,8 +14,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from orientd.daemon.devices.device_report import EventKind
-from orientd.daemon.devices.servo_link import ServoLink
+from orientd.daemon.devices import EventKind, ServoLink
 from orientd.daemon.motions.arrivals import Arrivals
 from orientd.daemon.motions.horizon import ReplanningHorizon
 from orientd.daemon.motions.meter import MotionStatistics
@@ -23,8 +22,8 @@ from orientd.daemon.motions.motion_queue import Itinerary, Leave, Stage
 from orientd.daemon.motions.options import Kind, Manner, Prepared
 from orientd.daemon.planners import Continuation, Job, Order, PlannedMotion, Planners, Rank
 from orientd.errors import LateError, NotYetError, PlanError, StateError
-from orientd.planner.recorded import HISTORY, Joints, RecordedMotion
-from orientd.planner.request import State as PlannedState
+from orientd.planner import HISTORY, Joints, RecordedMotion
+from orientd.planner import State as PlannedState
 from orientd.stream import UNKNOWN, Command, Cycle, State
 
 _SHAPED_ATTEMPTS = 3

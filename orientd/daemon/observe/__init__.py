@@ -1,1 +1,14 @@
 """What happened: the journal, the flight recorder, the log."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from orientd.lazy import lazily
+
+if TYPE_CHECKING:
+    from orientd.daemon.observe.flight_recorder import FlightRecorder
+    from orientd.daemon.observe.journal import Journal
+    from orientd.daemon.observe.structured_log import about
+
+__getattr__ = lazily(__name__)

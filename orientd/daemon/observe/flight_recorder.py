@@ -21,11 +21,9 @@ from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any
 
 from orientd.config import Settings
-from orientd.daemon.devices.cycle_memory import CycleMemory
-from orientd.daemon.devices.device_report import DeviceEvent, EventKind
-from orientd.daemon.devices.servo_link import report_directory
+from orientd.daemon.devices import CycleMemory, DeviceEvent, EventKind, report_directory
 from orientd.daemon.observe.journal import Journal
-from orientd.stream.records import CYCLE_RECORD
+from orientd.stream import CYCLE_RECORD
 
 if TYPE_CHECKING:
     from orientd.daemon.device import Device

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from queue import SimpleQueue
 from typing import TYPE_CHECKING
 
-from orientd.daemon.devices.device_report import DeviceEvent, EventKind
+from orientd.daemon.devices import DeviceEvent, EventKind
 from orientd.rpc import control_pb2 as pb
 
 if TYPE_CHECKING:

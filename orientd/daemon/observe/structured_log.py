@@ -64,7 +64,7 @@ class JsonFormatter(logging.Formatter):
         return f"<{_priority(record.levelno)}>{line}" if self._has_priority else line
 
 
-def set_up(chosen: LogFormat, level: str = "info") -> None:
+def set_up_log(chosen: LogFormat, level: str = "info") -> None:
     """Have the daemon log to standard error.
 
     Args:

@@ -5,17 +5,15 @@ other.  A :class:`Job` says everything that a plan depends on, so whichever proc
 however often, the motion is the same to the last bit; no process keeps anything that matters.
 """
 
-from orientd.daemon.planners.jobs import Continuation, Job, PlannerDevice, Report
-from orientd.daemon.planners.planned_motion import PlannedMotion
-from orientd.daemon.planners.pool import Order, Planners, Rank
+from __future__ import annotations
 
-__all__ = [
-    "Continuation",
-    "Job",
-    "Order",
-    "PlannedMotion",
-    "PlannerDevice",
-    "Planners",
-    "Rank",
-    "Report",
-]
+from typing import TYPE_CHECKING
+
+from orientd.lazy import lazily
+
+if TYPE_CHECKING:
+    from orientd.daemon.planners.jobs import Continuation, Job, PlannerDevice, Report
+    from orientd.daemon.planners.planned_motion import PlannedMotion
+    from orientd.daemon.planners.pool import Order, Planners, Rank, default_processes
+
+__getattr__ = lazily(__name__)

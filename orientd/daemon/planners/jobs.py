@@ -14,9 +14,7 @@ from typing import Any
 
 from orientd import errors
 from orientd.errors import OrientdError, PlanError
-from orientd.planner.limits import Limits
-from orientd.planner.recorded import Joints, MotionFacts, RecordedMotion
-from orientd.planner.request import State
+from orientd.planner import Joints, Limits, MotionFacts, RecordedMotion, State
 
 CHUNK = 65_536
 """Records that are worked out at a time: two minutes at 500 Hz."""

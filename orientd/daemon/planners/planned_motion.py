@@ -14,7 +14,7 @@ import numpy as np
 from orientd.daemon.planners.jobs import CHUNK, Job, Planned, Rest
 from orientd.daemon.planners.record_file import Chunk
 from orientd.errors import OrientdError
-from orientd.planner.recorded import RecordedMotion
+from orientd.planner import RecordedMotion
 from orientd.rotation import Floats
 
 _WAIT = 1.0

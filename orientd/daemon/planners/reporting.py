@@ -10,14 +10,11 @@ import numpy as np
 
 from orientd.curves import METHODS
 from orientd.errors import RequestError
-from orientd.planner.motion import Motion
-from orientd.planner.path.path import Samples as Sampled
+from orientd.planner import Motion
+from orientd.planner import Samples as Sampled
 from orientd.rotation import Floats
+from orientd.rpc import Method, Plan, Samples, from_request, method_to_message, plan_to_message
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.reports import Method, Plan, Samples
-from orientd.rpc.wire.motion import from_request
-from orientd.rpc.wire.move import plan_to_message
-from orientd.rpc.wire.state import method_to_message
 
 MOST_SAMPLES = 300_000
 """In the answer to one Plan; each takes some 170 bytes of a message."""

@@ -41,13 +41,11 @@ from orientd.daemon.planners.jobs import (
     unframed,
 )
 from orientd.daemon.planners.record_file import write
-from orientd.driver.registry import make_driver
+from orientd.driver import make_driver
 from orientd.errors import OrientdError, PlanError, RequestError
-from orientd.planner.device_planner import DevicePlanner
-from orientd.planner.motion import Motion
-from orientd.planner.request import Keyframe, MotionRequest, State
+from orientd.planner import DevicePlanner, Keyframe, Motion, MotionRequest, State
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.wire.motion import to_mapping
+from orientd.rpc import to_mapping
 
 KEPT = 2
 """Motions that are remembered, in case more of one is asked for."""

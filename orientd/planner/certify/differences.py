@@ -13,7 +13,7 @@ import numpy as np
 
 from orientd import kernels
 from orientd.planner.certify.brake import FASTEST_BRAKE_RATE, LAW
-from orientd.planner.certify.limit_table import limit_table
+from orientd.planner.certify.limit_tables import limit_table
 from orientd.planner.limits import Limits
 from orientd.planner.recorded import HISTORY
 from orientd.rotation import Floats

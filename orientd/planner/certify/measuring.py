@@ -9,7 +9,7 @@ import numpy as np
 from orientd.planner.certify.differences import Rough, extremes, path_extremes
 from orientd.planner.certify.peaks import Peaks, Tally
 from orientd.planner.limits import Limits
-from orientd.planner.path.path import Path
+from orientd.planner.path import Path
 from orientd.planner.recorded import HISTORY
 from orientd.rotation import Floats
 

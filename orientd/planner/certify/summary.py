@@ -11,8 +11,7 @@ from orientd.driver import Figure
 from orientd.planner.certify.certificate import Certificate, Peak
 from orientd.planner.certify.peaks import Peaks
 from orientd.planner.limits import ANGULAR, AXES, UNITS
-from orientd.planner.path.path import Path
-from orientd.planner.path.table_path import TablePath
+from orientd.planner.path import Path, TablePath
 from orientd.planner.recorded import HISTORY
 from orientd.planner.request import MotionRequest, State
 from orientd.rotation import Floats, exp, multiply

@@ -12,11 +12,11 @@ import numpy as np
 
 from orientd import kernels
 from orientd.errors import PlanError
-from orientd.planner.certify.limit_table import limit_table
+from orientd.planner.certify import limit_table
 from orientd.planner.connect.leads import check_lead
 from orientd.planner.connect.quintic_connector import FACTORS, STATE, Joins, join, state_row
 from orientd.planner.limits import Limits
-from orientd.planner.path.path import Stretch
+from orientd.planner.path import Stretch
 from orientd.planner.request import State
 from orientd.rotation import angle
 

@@ -9,12 +9,12 @@ from __future__ import annotations
 import numpy as np
 
 from orientd.errors import PlanError
-from orientd.planner.certify.limit_table import limit_table
+from orientd.planner.certify import limit_table
 from orientd.planner.connect.quintic_connector import join, try_joins
 from orientd.planner.limits import Limits
-from orientd.planner.path.path import Stretch
+from orientd.planner.path import Stretch
 from orientd.planner.request import State
-from orientd.planner.timing.candidate_path import Core
+from orientd.planner.timing import Core
 
 _TRIES = 60
 _FEWEST = 2

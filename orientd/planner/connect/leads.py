@@ -26,7 +26,7 @@ from orientd.curves import Curve
 from orientd.errors import PlanError
 from orientd.planner.connect.quintic_connector import join
 from orientd.planner.limits import LONGEST, STILL, Limits
-from orientd.planner.path.position import UNIT_ACCELERATION, UNIT_JERK, UNIT_VELOCITY
+from orientd.planner.path import UNIT_ACCELERATION, UNIT_JERK, UNIT_VELOCITY
 from orientd.rotation import (
     Floats,
     angle,

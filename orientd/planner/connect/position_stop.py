@@ -12,7 +12,7 @@ import numpy as np
 
 from orientd.planner.connect.leads import check_lead
 from orientd.planner.limits import Limits
-from orientd.planner.path.position import DEGREE, Motion3, PositionPath, quintic
+from orientd.planner.path import DEGREE, Motion3, PositionPath, quintic
 from orientd.planner.request import State
 from orientd.rotation import Floats
 

@@ -11,8 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from orientd import kernels
-from orientd.curves.construct.basis import CumulativeBasis, Indices
-from orientd.curves.construct.cumulative import CumulativeCurve
+from orientd.curves import CumulativeBasis, CumulativeCurve, Indices
 from orientd.planner.request import State
 from orientd.rotation import Floats
 
@@ -68,7 +67,7 @@ def try_joins(
         durations: s, shape ``(n,)``.
         around: velocity and acceleration may be as high as in this state, whatever the limits.
         limits: of norm and components, from
-        :func:`~orientd.planner.certify.limit_table.limit_table`.
+        :func:`~orientd.planner.certify.limit_tables.limit_table`.
 
     Returns:
         Increments, shape ``(n, 5, 3)``, and the places of those that keep the limits, in order.

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orientd.curves import Curve
-from orientd.curves.construct.cumulative import CumulativeCurve
+from orientd.curves import CumulativeCurve, Curve
 from orientd.rotation import Floats
 
 if TYPE_CHECKING:

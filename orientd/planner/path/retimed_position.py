@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orientd.curves.warped import Warp
+from orientd.curves import Warp
 from orientd.planner.path.position import PositionPath
 from orientd.rotation import Floats
 

@@ -11,12 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orientd.planner.certify.measuring import measure
-from orientd.planner.certify.peaks import Peaks
+from orientd.planner.certify import Peaks, measure
 from orientd.planner.limits import STILL, Limits, is_still
 from orientd.planner.methods import Ends, Method, build
-from orientd.planner.path.path import Stretch
-from orientd.planner.path.position import Motion3, PositionPath, position_path
+from orientd.planner.path import Motion3, PositionPath, Stretch, position_path
 from orientd.planner.recorded import HISTORY
 from orientd.planner.request import MotionRequest, State
 from orientd.planner.timing.timing import Indices

@@ -14,11 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from orientd.kernels import look_at, put_factors, put_instants, put_spots
-from orientd.planner.certify.differences import OFF_GRID
-from orientd.planner.certify.limit_table import limit_table
-from orientd.planner.certify.measuring import CHUNK
+from orientd.planner.certify import CHUNK, OFF_GRID, limit_table
 from orientd.planner.limits import Limits
-from orientd.planner.path.plain_path import plain_curve
+from orientd.planner.path import plain_curve
 from orientd.planner.timing.candidate_path import Core
 from orientd.planner.timing.timing import excess
 from orientd.rotation import Floats

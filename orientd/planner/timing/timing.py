@@ -18,8 +18,7 @@ from typing import Any
 import numpy as np
 
 from orientd.errors import PlanError, RequestError
-from orientd.planner.certify.differences import OFF_GRID
-from orientd.planner.certify.peaks import Peaks
+from orientd.planner.certify import OFF_GRID, Peaks
 from orientd.planner.limits import LONGEST, Limits
 from orientd.planner.request import MotionRequest
 from orientd.rotation import Floats, angle

@@ -1,1 +1,13 @@
 """The figures of the papers, made anew, and what is only for them: rigid and swept bodies."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from orientd.lazy import lazily
+
+if TYPE_CHECKING:
+    from orientd.plots.papers.scenes import plate
+    from orientd.plots.papers.sweep import Poses, draw_bodies
+
+__getattr__ = lazily(__name__)

@@ -11,11 +11,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct.basis import CumulativeBasis, cumulative_basis
-from orientd.curves.construct.knots import resolve_knots
-from orientd.curves.construct.spline_ends import begun_shares, end_rows, interpolation_knots
-from orientd.curves.construct.telescoped import TelescopedEquations
-from orientd.curves.keyframes import check_integer, check_interval, check_vector
+from orientd.curves import (
+    CumulativeBasis,
+    TelescopedEquations,
+    begun_shares,
+    check_integer,
+    check_interval,
+    check_vector,
+    cumulative_basis,
+    end_rows,
+    interpolation_knots,
+    resolve_knots,
+)
 from orientd.rotation import Floats
 
 

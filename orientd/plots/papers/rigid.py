@@ -8,10 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.contract import Curve
-from orientd.curves.families.kks.bspline import KksBspline
-from orientd.curves.families.kks.hermite import KksHermite
-from orientd.curves.families.kks.interpolating import KksInterpolating
+from orientd.curves import Curve, KksBspline, KksHermite, KksInterpolating
 from orientd.plots.papers.position_spline import (
     blended_positions,
     check_points,

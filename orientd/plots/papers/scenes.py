@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orientd.curves.compare.roles import Task
+from orientd.curves import Task
 from orientd.plots.papers.rigid import (
     RigidMotion,
     blended_motion,

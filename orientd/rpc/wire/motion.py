@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from google.protobuf.struct_pb2 import Struct
 
 from orientd.errors import RequestError
-from orientd.planner.limits import ANGULAR, Limits, Rate
+from orientd.planner import ANGULAR, Limits, Rate
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.wire.values import RATES, quaternion, vector
 

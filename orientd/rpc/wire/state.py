@@ -7,8 +7,7 @@ from collections.abc import Iterable, Sequence
 from orientd.driver import IDENTITY, ZERO, Vector3
 from orientd.errors import Fault
 from orientd.floats import difference, norm
-from orientd.planner import Limits
-from orientd.planner.limits import ANGULAR, NO_AXES
+from orientd.planner import ANGULAR, NO_AXES, Limits
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.reports import DaemonReport, DeviceReport, Method, Outline
 from orientd.rpc.wire.values import (

@@ -10,8 +10,8 @@ other state is ever chosen (:mod:`orientd.servo.tracking.law`), and ruckig is th
 about one axis its duration is the least there is.
 """
 
-from orientd.servo.tracking.law import quickest_stop
+from orientd.servo.tracking.law import halt, quickest_stop
+from orientd.servo.tracking.law_bounds import bounds, loosened
 from orientd.servo.tracking.reference import Target
+from orientd.servo.tracking.target_follower import Pursuit
 from orientd.servo.tracking.tracker import Tracker, TrackPoint
-
-__all__ = ["Target", "TrackPoint", "Tracker", "quickest_stop"]

@@ -4,8 +4,8 @@ The motion is a chain of backward differences, exactly what the guard computes: 
 at most ``jerk * h`` a cycle, ``omega`` by ``alpha * h``, and the orientation turns by ``omega * h``
 in its own frame.  All limits are Euclidean norms, so that nothing depends on a choice of axes;
 where components have limits of their own, the law works in stretched coordinates whose ball lies
-inside all of them (:func:`~orientd.servo.tracking.bounds.bounds_of`): a straight way to the target
-stays straight.
+inside all of them (:func:`~orientd.servo.tracking.law_bounds.bounds_of`): a straight way to the
+target stays straight.
 
 Between samples this chain is the same as an integrator with constant jerk, for the shifted
 quantities ``omega - h alpha / 2`` and ``e + h omega - h^2 alpha / 6`` (e: what is left to turn);
@@ -20,7 +20,7 @@ from math import sqrt
 from orientd.driver import ZERO, Quaternion, Vector3
 from orientd.floats import exp as rotation
 from orientd.floats import multiply, norm, normalize
-from orientd.servo.tracking.bounds import Bounds, bounds_of, divided, loosened, run_out, times
+from orientd.servo.tracking.law_bounds import Bounds, bounds_of, divided, loosened, run_out, times
 from orientd.stream import Terms
 
 _STILL = 1e-12

@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import cbrt, inf, sqrt
 
 from orientd.driver import Vector3
-from orientd.servo.tracking.bounds import Bounds
 from orientd.servo.tracking.law import reach, seek
+from orientd.servo.tracking.law_bounds import Bounds
 
 NEAR = 0.3
 """Angle left up to which what has followed closely is corrected without hurry, rad."""

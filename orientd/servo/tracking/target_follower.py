@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from orientd.driver import Quaternion, Vector3
-from orientd.servo.tracking import Target, Tracker, TrackPoint
+from orientd.servo.tracking.reference import Target
+from orientd.servo.tracking.tracker import Tracker, TrackPoint
 from orientd.stream import RecordRing, Terms
 
 TARGETS_PER_CYCLE = 8

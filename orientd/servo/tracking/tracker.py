@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
 from orientd.floats import difference, exp, multiply, norm, normalize
-from orientd.servo.tracking.bounds import (
+from orientd.servo.tracking.law import advance, halt, moved
+from orientd.servo.tracking.law_bounds import (
     Bounds,
     bounds,
     bounds_of,
@@ -16,7 +17,6 @@ from orientd.servo.tracking.bounds import (
     softened,
     times,
 )
-from orientd.servo.tracking.law import advance, halt, moved
 from orientd.servo.tracking.reference import Motion, Reference, Target
 from orientd.servo.tracking.restraint import Restraint
 from orientd.servo.tracking.steering import steer

@@ -1,26 +1,18 @@
 """An emulated Dynamixel bus: Protocol 2.0, two kinds of servo, faults, virtual time or a pty."""
 
-from orientd_sim.dynamixel.bus import Bus
-from orientd_sim.dynamixel.command import main, run
-from orientd_sim.dynamixel.line import FaultKind, Faults, Line, ReplyFault
-from orientd_sim.dynamixel.port import VirtualPort
-from orientd_sim.dynamixel.pty import PtyServer
-from orientd_sim.dynamixel.servo import Servo
-from orientd_sim.dynamixel.table import MODELS, XL330_M288, XM430_W350, Model
+from __future__ import annotations
 
-__all__ = [
-    "MODELS",
-    "XL330_M288",
-    "XM430_W350",
-    "Bus",
-    "FaultKind",
-    "Faults",
-    "Line",
-    "Model",
-    "PtyServer",
-    "ReplyFault",
-    "Servo",
-    "VirtualPort",
-    "main",
-    "run",
-]
+from typing import TYPE_CHECKING
+
+from orientd.lazy import lazily
+
+if TYPE_CHECKING:
+    from orientd_sim.dynamixel.bus import Bus
+    from orientd_sim.dynamixel.command import main, run
+    from orientd_sim.dynamixel.line import FaultKind, Faults, Line, ReplyFault
+    from orientd_sim.dynamixel.port import VirtualPort
+    from orientd_sim.dynamixel.pty import PtyServer
+    from orientd_sim.dynamixel.servo import Servo
+    from orientd_sim.dynamixel.table import MODELS, XL330_M288, XM430_W350, Model
+
+__getattr__ = lazily(__name__)

@@ -14,8 +14,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from orientd_sim.dynamixel.line import FaultKind, ReplyFault
-from orientd_sim.dynamixel.pty import PtyServer
+
+if TYPE_CHECKING:
+    from orientd_sim.dynamixel.pty import PtyServer
 
 
 def obey(line: str, server: PtyServer, now_ns: int) -> str:

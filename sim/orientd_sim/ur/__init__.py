@@ -1,7 +1,14 @@
 """An emulated UR controller with its arm: RTDE, dashboard and script port on real sockets."""
 
-from orientd_sim.ur.controller import Behaviour, Controller
-from orientd_sim.ur.launch import EmulatedRobot, LaunchError
-from orientd_sim.ur.server import serve
+from __future__ import annotations
 
-__all__ = ["Behaviour", "Controller", "EmulatedRobot", "LaunchError", "serve"]
+from typing import TYPE_CHECKING
+
+from orientd.lazy import lazily
+
+if TYPE_CHECKING:
+    from orientd_sim.ur.controller import Behaviour, Controller
+    from orientd_sim.ur.launch import EmulatedRobot, LaunchError
+    from orientd_sim.ur.server import serve
+
+__getattr__ = lazily(__name__)

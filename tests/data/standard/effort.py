@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from orientd.curves import METHODS
-from orientd.curves.compare.measure import Figures, measure
-from orientd.curves.compare.roles import Task, fit
+from orientd.curves.comparison.measure import Figures, measure
+from orientd.curves.comparison.roles import Task, fit
 from orientd.errors import PlanError
 from orientd.rotation import exp, multiply
 

@@ -16,8 +16,8 @@ import numpy as np
 
 from orientd import motion_file
 from orientd.curves import METHODS
-from orientd.curves.compare.measure import measure
-from orientd.curves.compare.roles import fit
+from orientd.curves.comparison.measure import measure
+from orientd.curves.comparison.roles import fit
 from orientd.errors import PlanError
 from orientd.planner.task import task_of
 

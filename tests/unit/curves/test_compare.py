@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from orientd.curves import METHODS
-from orientd.curves.compare.compare import COLUMNS, compare, ranked
-from orientd.curves.compare.measure import measure
-from orientd.curves.compare.roles import Task, averaged_knots, fit, parameters
+from orientd.curves.comparison.candidates import COLUMNS, compare, ranked
+from orientd.curves.comparison.measure import measure
+from orientd.curves.comparison.roles import Task, averaged_knots, fit, parameters
 from orientd.curves.retimed import Retimed
 from orientd.rotation import angle, exp, multiply
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from orientd.curves import METHODS
-from orientd.curves.compare.measure import measure
-from orientd.curves.compare.roles import Task
+from orientd.curves.comparison.measure import measure
+from orientd.curves.comparison.roles import Task
 from orientd.rotation import angle, exp, normalize
 
 NAMES = ("kks_hermite", "kks_quintic_hermite")

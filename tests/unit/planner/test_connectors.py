@@ -6,7 +6,7 @@ from reference import connectors, joins
 
 from orientd import kernels
 from orientd.planner import DEFAULT_LIMITS, State
-from orientd.planner.certify.limit_table import limit_table
+from orientd.planner.certify.limit_tables import limit_table
 from orientd.planner.connect.connector import connector, ramped_stops
 from orientd.planner.connect.quintic_connector import Joins, state_row, try_joins
 from orientd.rotation import angle, normalize

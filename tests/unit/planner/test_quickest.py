@@ -14,7 +14,7 @@ from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, Sta
 from orientd.planner.path.path import Stretch
 from orientd.planner.path.position import PositionPath
 from orientd.planner.timing.candidate_path import Core
-from orientd.planner.timing.quickest import quickest
+from orientd.planner.timing.quickest_timing import quickest
 
 HERE = (1.0, 0.0, 0.0, 0.0)
 OPTIMA = json.loads((Path(__file__).parents[2] / "data/quickest/optima.json").read_text())

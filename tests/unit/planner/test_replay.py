@@ -5,7 +5,7 @@ import pytest
 from hand_held import recorded, truth
 
 from orientd import planner, rotation
-from orientd.curves.fit.fit import fit_orientations
+from orientd.curves.fitting.spline_fit import fit_orientations
 from orientd.errors import RequestError
 from orientd.planner.replay import plan_as_recorded, replay_request
 

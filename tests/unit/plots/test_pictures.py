@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from orientd.curves import METHODS
-from orientd.curves.compare.compare import compare, ranked
-from orientd.curves.compare.roles import Task, fit
+from orientd.curves.comparison.candidates import compare, ranked
+from orientd.curves.comparison.roles import Task, fit
 from orientd.errors import OrientdError
 from orientd.planner import Limits
 from orientd.rotation import angle, exp, from_rotation_vector, rotate

@@ -59,7 +59,7 @@ def test_the_last_minute_is_there_without_a_gap(tmp_path):
     servo.end()
     since = int(table["deadline_ns"][-900])
     path = flight.write(stream(memory, tmp_path, since_ns=since))
-    cycles = reader.load(path).cycles["arm"]
+    cycles = reader.load_recording(path).cycles["arm"]
     np.testing.assert_array_equal(cycles["index"], np.arange(2100, 3000))
 
 
@@ -71,7 +71,7 @@ def test_a_servo_that_was_started_anew_goes_on_in_the_same_file(tmp_path):
         part = part.copy()
         servo.publish(part)
         servo.end()
-    cycles = reader.load(flight.write(stream(memory, tmp_path))).cycles["arm"]
+    cycles = reader.load_recording(flight.write(stream(memory, tmp_path))).cycles["arm"]
     np.testing.assert_array_equal(cycles["deadline_ns"], table["deadline_ns"])
     np.testing.assert_array_equal(cycles["index"], [*range(300), *range(400)])
 
@@ -82,7 +82,7 @@ def test_a_slot_that_is_being_overwritten_is_left_out(tmp_path):
     servo.publish(moving(100))
     servo.end()
     os.pwrite(memory._file, bytes(20), 40)
-    cycles = reader.load(flight.write(stream(memory, tmp_path))).cycles["arm"]
+    cycles = reader.load_recording(flight.write(stream(memory, tmp_path))).cycles["arm"]
     np.testing.assert_array_equal(cycles["index"], np.arange(1, 100))
 
 
@@ -91,14 +91,16 @@ def test_memory_that_fell_behind_keeps_what_is_left(tmp_path):
     servo = Servo(memory, capacity=256)
     servo.publish(moving(600), every=10_000)
     servo.end()
-    cycles = reader.load(flight.write(stream(memory, tmp_path))).cycles["arm"]
+    cycles = reader.load_recording(flight.write(stream(memory, tmp_path))).cycles["arm"]
     np.testing.assert_array_equal(cycles["index"], np.arange(600 - 240, 600))
 
 
 def test_events_and_reason_are_in_the_file(tmp_path):
     memory = CycleMemory(10)
     event = pb.Event(device="arm", kind=pb.EVENT_KIND_FAULT, text="link lost", time_ns=7)
-    recording = reader.load(flight.write(stream(memory, tmp_path, events=[event], fault_ns=7)))
+    recording = reader.load_recording(
+        flight.write(stream(memory, tmp_path, events=[event], fault_ns=7))
+    )
     assert recording.events == [event]
     assert recording.facts["reason"] == "link lost"
     assert recording.facts["fault_ns"] == "7"

@@ -10,8 +10,8 @@ from recorded import OFFSET_NS, RATE_HZ, moving
 
 from orientd import rotation
 from orientd.recorder import reader
-from orientd.recorder.export import export
 from orientd.recorder.orientations import read_orientations
+from orientd.recorder.tables import export
 from orientd.recorder.writer import RecordingError, RecordingWriter
 
 TIMES = 1000.0 + 0.05 * np.arange(20)
@@ -83,7 +83,7 @@ def test_of_ours_what_was_sent_is_taken_by_name(ours):
 
 def test_an_exported_table_gives_the_same(ours, tmp_path):
     path, table = ours
-    export(reader.load(path), "arm", tmp_path / "a.csv")
+    export(reader.load_recording(path), "arm", tmp_path / "a.csv")
     found = read_orientations(tmp_path / "a.csv")
     assert found.topic == "measured"
     np.testing.assert_allclose(found.q, table["measured_q"], atol=1e-8)

@@ -69,7 +69,7 @@ def test_axis_angles_are_shown_of_the_axes_that_are_there(path, table):
 
 
 def test_a_recording_gives_back_the_cycles(path, table):
-    recording = reader.load(path)
+    recording = reader.load_recording(path)
     assert recording.is_complete
     assert recording.rate_hz("arm") == RATE_HZ
     back = recording.cycles["arm"]
@@ -82,7 +82,7 @@ def test_a_recording_without_its_end_gives_back_what_is_there(tmp_path):
     small = write(tmp_path / "small.mcap", moving(10_000))
     whole = small.read_bytes()
     cut.write_bytes(whole[: len(whole) * 3 // 4])
-    recording = reader.load(cut)
+    recording = reader.load_recording(cut)
     assert not recording.is_complete
     assert 0 < len(recording.cycles["arm"]) < 10_000
 
@@ -92,7 +92,7 @@ def test_events_are_kept_and_said_in_the_log(tmp_path):
         device="arm", kind=pb.EVENT_KIND_FAULT, motion_number=3, text="link lost", time_ns=5
     )
     path = write(tmp_path / "a.mcap", moving(10), events=[event])
-    assert reader.load(path).events == [event]
+    assert reader.load_recording(path).events == [event]
     (log,) = [content for topic, *_, content in decoded(path) if topic == "/log"]
     assert log.message == "fault 3: link lost"
     assert log.level == 4
@@ -101,9 +101,9 @@ def test_events_are_kept_and_said_in_the_log(tmp_path):
 def test_other_files_are_refused_in_one_line(tmp_path):
     (tmp_path / "a.mcap").write_text("no recording at all, but some text")
     with pytest.raises(RecordingError, match="not an MCAP file"):
-        reader.load(tmp_path / "a.mcap")
+        reader.load_recording(tmp_path / "a.mcap")
     with pytest.raises(RecordingError, match="No such file"):
-        reader.load(tmp_path / "b.mcap")
+        reader.load_recording(tmp_path / "b.mcap")
 
 
 _FILL = """
@@ -139,7 +139,7 @@ def test_a_full_disk_ends_the_recording_with_one_line(tmp_path):
     assert line.endswith("File too large")
     assert path.stat().st_size <= most
     with pytest.raises(RecordingError, match="not a recording of orientd"):
-        reader.load(path)  # it holds cycles, but this writer was told nothing of a daemon
+        reader.load_recording(path)  # it holds cycles, but this writer was told nothing of a daemon
 
 
 @pytest.mark.slow
@@ -148,4 +148,6 @@ def test_ten_minutes_validate(tmp_path):
     path = write(tmp_path / "a.mcap", table)
     check_validates(path, 600)
     assert path.stat().st_size < 10 * 2_000_000
-    np.testing.assert_array_equal(reader.load(path).cycles["arm"]["index"], table["index"])
+    np.testing.assert_array_equal(
+        reader.load_recording(path).cycles["arm"]["index"], table["index"]
+    )

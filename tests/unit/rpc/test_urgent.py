@@ -35,8 +35,8 @@ def path(tmp_path):
 
 
 def asked(path, *fields, method=STOP):
-    connection = urgent.begin(path, method, urgent.texts(*fields))
-    return urgent.answer(connection)
+    connection = urgent.begin_call(path, method, urgent.text_fields(*fields))
+    return urgent.read_answer(connection)
 
 
 @pytest.mark.parametrize("count", [0, 1, 200])  # up to more than a window of HTTP/2
@@ -49,16 +49,16 @@ def test_the_answer_is_the_librarys(path, count):
 @pytest.mark.parametrize(("device", "caller"), [("", ""), ("arm", ""), ("", "ö"), ("a" * 32, "b")])
 def test_a_message_of_texts_is_protobufs(device, caller):
     expected = pb.StopRequest(device=device, caller=caller)
-    assert urgent.texts(device, caller) == expected.SerializeToString()
+    assert urgent.text_fields(device, caller) == expected.SerializeToString()
     assert (
-        urgent.texts(device, caller)
+        urgent.text_fields(device, caller)
         == pb.HaltRequest(device=device, caller=caller).SerializeToString()
     )
 
 
 def test_a_text_that_is_too_long_is_refused():
     with pytest.raises(ValueError, match="at most 126 bytes"):
-        urgent.texts("x" * 127)
+        urgent.text_fields("x" * 127)
 
 
 def test_a_call_that_fails_has_no_answer(path):
@@ -67,8 +67,8 @@ def test_a_call_that_fails_has_no_answer(path):
 
 
 def test_without_a_server_nothing_is_sent(tmp_path):
-    assert urgent.begin(str(tmp_path / "none"), STOP, b"") is None
-    assert urgent.begin("x" * 200, STOP, b"") is None
+    assert urgent.begin_call(str(tmp_path / "none"), STOP, b"") is None
+    assert urgent.begin_call("x" * 200, STOP, b"") is None
 
 
 @pytest.mark.parametrize(
@@ -86,5 +86,5 @@ def test_what_is_no_answer_is_none(said):
     near, far = socket.socketpair()
     far.sendall(said)
     far.shutdown(socket.SHUT_WR)
-    assert urgent.answer(near) is None
+    assert urgent.read_answer(near) is None
     far.close()

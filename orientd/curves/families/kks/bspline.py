@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct.basis import cumulative_basis
-from orientd.curves.construct.cumulative import CumulativeCurve
-from orientd.curves.construct.knots import inner_multiplicity, resolve_knots
+from orientd.curves.construct import (
+    CumulativeCurve,
+    cumulative_basis,
+    inner_multiplicity,
+    resolve_knots,
+)
 from orientd.curves.keyframes import check_aligned, check_integer, increments
 
 

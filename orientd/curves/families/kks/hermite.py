@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct.basis import cumulative_basis
-from orientd.curves.construct.cumulative import CumulativeCurve
-from orientd.curves.construct.hermite import (
+from orientd.curves.construct import (
     FRAMES,
+    CumulativeCurve,
     check_ends,
     check_revolutions,
+    cumulative_basis,
     in_body_frame,
     turned,
 )

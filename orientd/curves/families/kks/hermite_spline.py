@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct.basis import cumulative_basis
-from orientd.curves.construct.cumulative import CumulativeCurve
-from orientd.curves.construct.velocities import RULES, half_velocities
+from orientd.curves.construct import RULES, CumulativeCurve, cumulative_basis, half_velocities
 from orientd.curves.keyframes import check_aligned, check_choice, check_vector, resolve_times
 from orientd.rotation import Floats, between, exp_half, log_half, multiply
 

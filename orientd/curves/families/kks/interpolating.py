@@ -7,11 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct.basis import cumulative_basis
-from orientd.curves.construct.cumulative import CumulativeCurve
-from orientd.curves.construct.spline_ends import begun_shares, end_rows, interpolation_knots
-from orientd.curves.construct.squared_acceleration import squared_acceleration
-from orientd.curves.construct.telescoped import TelescopedEquations
+from orientd.curves.construct import (
+    CumulativeCurve,
+    TelescopedEquations,
+    begun_shares,
+    cumulative_basis,
+    end_rows,
+    interpolation_knots,
+    squared_acceleration,
+)
 from orientd.curves.keyframes import (
     check_aligned,
     check_choice,

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct.basis import cumulative_basis
-from orientd.curves.construct.cumulative import CumulativeCurve
+from orientd.curves.construct import CumulativeCurve, cumulative_basis
 from orientd.curves.keyframes import check_aligned, increments
 from orientd.rotation import conjugate, multiply
 

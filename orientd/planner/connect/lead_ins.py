@@ -17,8 +17,7 @@ from orientd.planner.connect.connector import connector, ramped_stops
 from orientd.planner.connect.leads import approach, approach_cycles, lead_out
 from orientd.planner.connect.position_stop import position_lead
 from orientd.planner.limits import Limits, is_still
-from orientd.planner.path.path import Stretch
-from orientd.planner.path.position import PositionPath
+from orientd.planner.path import PositionPath, Stretch
 from orientd.planner.request import State
 
 _SLACK = 1e-9  # of a period

@@ -13,12 +13,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orientd.curves.warped import Warp, Warped, unit_map
+from orientd.curves import Warp, Warped, unit_map
 from orientd.errors import PlanError
 from orientd.planner import refusal
 from orientd.planner.limits import ANGULAR, Limits
-from orientd.planner.path.path import Stretch
-from orientd.planner.path.retimed_position import motion_of, repositioned
+from orientd.planner.path import Stretch, motion_of, repositioned
 from orientd.planner.timing.candidate_path import Core
 from orientd.planner.timing.profile import Bound, End, Profile, ProfileError, fastest_profile
 from orientd.planner.timing.rates import LimitedRate

@@ -18,9 +18,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct.basis import Indices, cumulative_basis
-from orientd.curves.families.kks.bspline import KksBspline
-from orientd.curves.fit.measured import Measured, clean
+from orientd.curves.construct import Indices, cumulative_basis
+from orientd.curves.families import KksBspline
+from orientd.curves.fitting.measured import Measured, clean
 from orientd.errors import PlanError
 from orientd.rotation import (
     Floats,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orientd.curves.compare.roles import Task
+from orientd.curves.comparison.roles import Task
 from orientd.curves.contract import Curve
 from orientd.rotation import Floats, angle
 
