@@ -28,7 +28,12 @@ def motion(*angles, **fields):
 
 
 SMALL = motion(0.1)
-QUICK = Order(SMALL, timeout=60.0)
+
+
+def quick():
+    return Order(SMALL, timeout=60.0)
+
+
 ENDLESS = motion(*np.tile([0.1, 0.2], 50_000))
 
 
@@ -93,7 +98,7 @@ def test_a_killed_planner_fails_one_request_and_is_replaced():
         os.kill(before, signal.SIGKILL)
         with pytest.raises(DaemonError, match=f"planner process {before} ended while "):
             await asked
-        assert (await planners.plan(job(), QUICK)).facts.record_count > 1
+        assert (await planners.plan(job(), quick())).facts.record_count > 1
         assert pids(planners) != [before]
 
     run(test)
@@ -104,7 +109,7 @@ def test_a_plan_ends_at_its_deadline_and_says_what_took_so_long():
         with pytest.raises(DeadlineError, match=r"^planning took longer than 0\.05 s: ") as late:
             await planners.plan(job(ENDLESS), Order(ENDLESS, timeout=0.05))
         assert isinstance(late.value, PlanError)
-        assert (await planners.plan(job(), QUICK)).facts.record_count > 1
+        assert (await planners.plan(job(), quick())).facts.record_count > 1
 
     run(test)
 
@@ -115,7 +120,7 @@ def test_a_planner_that_does_not_end_in_time_is_killed():
         os.kill(before, signal.SIGSTOP)
         with pytest.raises(DeadlineError):
             await planners.plan(job(), Order(SMALL, timeout=0.2))
-        assert (await planners.plan(job(), QUICK)).facts.record_count > 1
+        assert (await planners.plan(job(), quick())).facts.record_count > 1
         assert pids(planners) != [before]
 
     run(test)
@@ -127,7 +132,7 @@ def test_a_caller_that_goes_away_frees_its_planner():
         asked = asyncio.ensure_future(planners.plan(job(ENDLESS), Order(ENDLESS, timeout=60.0)))
         await asyncio.sleep(0.1)
         asked.cancel()
-        assert (await planners.plan(job(), QUICK)).facts.record_count > 1
+        assert (await planners.plan(job(), quick())).facts.record_count > 1
         return before, pids(planners)
 
     before, after = run(test)
@@ -174,8 +179,8 @@ def test_a_moving_device_does_not_wait_for_a_large_plan():
             for caller in range(3)
         ]
         await asyncio.sleep(0.05)
-        await planners.plan(job(), QUICK, rank=Rank.URGENT)
-        await planners.plan(job(), QUICK)
+        await planners.plan(job(), quick(), rank=Rank.URGENT)
+        await planners.plan(job(), quick())
         assert not any(one.done() for one in large)
         for one in large:
             one.cancel()
@@ -186,7 +191,7 @@ def test_a_moving_device_does_not_wait_for_a_large_plan():
 
 def test_whoever_waits_is_told_when_the_daemon_ends():
     async def test(planners):
-        asked = [asyncio.ensure_future(planners.plan(job(), QUICK)) for _ in range(3)]
+        asked = [asyncio.ensure_future(planners.plan(job(), quick())) for _ in range(3)]
         await asyncio.sleep(0)
         await planners.close()
         for one in asked:
