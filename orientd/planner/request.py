@@ -51,6 +51,9 @@ class Keyframe:
     turns: int = 0
 
 
+_ZERO: list[float] = [0.0, 0.0, 0.0]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class State:
     """Where a device is commanded to be, and how it is moving there.
@@ -83,7 +86,7 @@ class State:
     @property
     def is_at_rest(self) -> bool:
         """Whether neither velocity nor acceleration is there."""
-        is_turning = self.omega_body.any() or self.alpha_body.any()
+        is_turning = self.omega_body.tolist() != _ZERO or self.alpha_body.tolist() != _ZERO
         return not (is_turning or self.is_position_moving)
 
     @property
@@ -94,7 +97,7 @@ class State:
     @property
     def is_position_moving(self) -> bool:
         """Whether the position has a velocity or an acceleration."""
-        return bool(self.velocity.any() or self.acceleration.any())
+        return [*self.velocity.tolist(), *self.acceleration.tolist()] != 2 * _ZERO
 
 
 @dataclass(frozen=True, eq=False)

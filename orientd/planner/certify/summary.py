@@ -77,7 +77,7 @@ def before(start: State, period: float) -> tuple[Floats, Floats]:
     if start.before is not None:
         return start.before
     if start.is_at_rest:
-        return np.tile(start.q, (HISTORY, 1)), np.tile(start.position, (HISTORY, 1))
+        return np.array([start.q] * HISTORY), np.array([start.position] * HISTORY)
     back = -period * np.arange(HISTORY, 0, -1.0)[:, None]
     turn = start.omega_body * back + 0.5 * start.alpha_body * back**2
     move = start.velocity * back + 0.5 * start.acceleration * back**2
