@@ -1,0 +1,170 @@
+"""Check the shape of the packages: rooms, fronts, arrows, circles.  Run by ``make check``."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+
+import grimp
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = {"orientd": "", "orientd_dynamixel": "drivers", "orientd_loopback": "drivers",
+            "orientd_sim": "sim", "orientd_ur": "drivers"}  # fmt: skip
+GENERATED = ("_pb2", "_pb2_grpc")
+
+MOST_LINES = 400
+MOST_MODULES = 20
+LONGEST_CHAIN = 8
+
+Graph = Mapping[str, set[str]]
+
+
+def is_generated(module: str) -> bool:
+    return module.endswith(GENERATED)
+
+
+def source(module: str) -> Path:
+    """Return the file of a module, or of a package's front."""
+    base = ROOT / PACKAGES[module.partition(".")[0]] / module.replace(".", "/")
+    return base / "__init__.py" if base.is_dir() else base.with_suffix(".py")
+
+
+def is_room(module: str) -> bool:
+    return source(module).name == "__init__.py"
+
+
+def room(module: str) -> str:
+    return module if is_room(module) else module.rpartition(".")[0]
+
+
+def above(module: str) -> Iterator[str]:
+    """Yield the packages that a module is in, the outermost first."""
+    parts = module.split(".")
+    for end in range(1, len(parts)):
+        yield ".".join(parts[:end])
+
+
+def is_inside(module: str, package: str) -> bool:
+    return module == package or module.startswith(f"{package}.")
+
+
+def imports() -> dict[str, set[str]]:
+    """Return which module imports which when it runs."""
+    graph = grimp.build_graph(*PACKAGES, exclude_type_checking_imports=True, cache_dir=None)
+    return {one: graph.find_modules_directly_imported_by(one) for one in graph.modules}
+
+
+def large(graph: Graph) -> Iterator[str]:
+    """Yield files and folders that have grown too large."""
+    for module in graph:
+        lines = len(source(module).read_text(encoding="utf-8").splitlines())
+        if lines > MOST_LINES and not is_generated(module):
+            yield f"{module} has {lines} lines, at most {MOST_LINES}"
+    modules = Counter(room(module) for module in graph if not is_room(module))
+    for name, count in modules.items():
+        if count > MOST_MODULES:
+            yield f"{name} has {count} modules, at most {MOST_MODULES}"
+
+
+def past_fronts(graph: Graph) -> Iterator[str]:
+    """Yield imports of a room's modules from outside that do not go by its front."""
+    for module, imported in graph.items():
+        for other in imported:
+            outside = (
+                one for one in above(other) if one != "orientd" and not is_inside(module, one)
+            )
+            front = next(outside, None)
+            is_free = (
+                module == "orientd.__main__" or is_generated(other) or is_inside(other, module)
+            )
+            if front is not None and front != other and not is_free:
+                yield f"{module} imports {other}: import from {front}"
+
+
+def circles(graph: Graph) -> Iterator[str]:
+    """Yield modules that import each other by way of others, and rooms that do."""
+    yield from (f"a circle of modules: {found}" for found in _circles(graph))
+    for package in filter(is_room, graph):
+        depth = package.count(".") + 2
+        rooms: dict[str, set[str]] = defaultdict(set)
+        for module, imported in graph.items():
+            for other in imported:
+                if module != package != other and is_inside(module, package):
+                    here, there = (".".join(one.split(".")[:depth]) for one in (module, other))
+                    if here != there and is_inside(other, package):
+                        rooms[here].add(there)
+        yield from (f"a circle of rooms: {found}" for found in _circles(rooms))
+
+
+def chains(graph: Graph) -> Iterator[str]:
+    """Yield the longest chain of imports inside each room in which it is too long."""
+    for package in filter(is_room, graph):
+        inside = {
+            module: {other for other in graph[module] if _is_in(other, package)}
+            for module in graph
+            if _is_in(module, package)
+        }
+        longest: dict[str, tuple[str, ...]] = {}
+
+        def follow(
+            module: str, inside: Graph, longest: dict[str, tuple[str, ...]]
+        ) -> tuple[str, ...]:
+            if module not in longest:
+                longest[module] = (module,)  # should there be a circle
+                tails = (follow(other, inside, longest) for other in inside[module])
+                longest[module] = (module, *max(tails, key=len, default=()))
+            return longest[module]
+
+        chain = max((follow(one, inside, longest) for one in inside), key=len, default=())
+        if len(chain) > LONGEST_CHAIN:
+            names = " > ".join(module.rpartition(".")[2] for module in chain)
+            yield f"{package}: a chain of {len(chain)} imports, at most {LONGEST_CHAIN}: {names}"
+
+
+def _is_in(module: str, package: str) -> bool:
+    return not is_room(module) and room(module) == package
+
+
+def _circles(graph: Graph) -> Iterable[str]:
+    """Return the strongly connected parts of a graph (Tarjan, 1972) as text."""
+    number: dict[str, int] = {}
+    lowest: dict[str, int] = {}
+    stack: list[str] = []
+    found: list[str] = []
+
+    def visit(one: str) -> None:
+        number[one] = lowest[one] = len(number)
+        stack.append(one)
+        for other in graph.get(one, ()):
+            if other not in number:
+                visit(other)
+            if other in stack:
+                lowest[one] = min(lowest[one], lowest[other])
+        if lowest[one] == number[one]:
+            part = stack[stack.index(one) :]
+            del stack[stack.index(one) :]
+            if len(part) > 1:
+                found.append(", ".join(sorted(part)))
+
+    for one in graph:
+        if one not in number:
+            visit(one)
+    return found
+
+
+def main() -> int:
+    sys.setrecursionlimit(10_000)
+    graph = imports()
+    checks = (large, past_fronts, circles, chains)
+    problems = sorted(problem for check in checks for problem in check(graph))
+    for problem in problems:
+        sys.stdout.write(f"{problem}\n")
+    if not problems:
+        sys.stdout.write(f"{len(graph)} modules in their rooms\n")
+    return 1 if problems else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
