@@ -17,6 +17,7 @@ from orientd.daemon.servo_link import ServoLink, terms_of
 from orientd.errors import LateError, NotYetError, StateError
 from orientd.planner.recorded import MotionFacts
 from orientd.stream import UNKNOWN, Command, Cycle
+from orientd.stream.records import record_index
 
 MEASURED = 16
 """Motions that have ended whose measurements are kept."""
@@ -249,7 +250,7 @@ class Itinerary:
                 meter = self._meters.get(stage.number)
                 if meter is not None:
                     meter.add(records)
-            self._metered = int.from_bytes(records[-1][:8], "little") + 1
+            self._metered = record_index(records[-1]) + 1
 
     def passed(self, cycle: Cycle) -> list[Stage]:
         """Take out the stages that the servo has left behind by *cycle*, and return them."""

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from orientd.planner.path import Samples
     from orientd.planner.planning import plan
     from orientd.planner.presets import PRESETS
-    from orientd.planner.recorded import RECORD_FLOATS, MotionFacts, RecordedMotion
+    from orientd.planner.recorded import MotionFacts, RecordedMotion
     from orientd.planner.request import DEFAULT_METHOD, Keyframe, MotionRequest, State
     from orientd.planner.retargeting import retarget
     from orientd.planner.shaped import reshaped
@@ -29,7 +29,6 @@ _HOMES = {
     "DEFAULT_LIMITS": "limits",
     "DEFAULT_METHOD": "request",
     "PRESETS": "presets",
-    "RECORD_FLOATS": "recorded",
     "Certificate": "certificate",
     "Keyframe": "request",
     "Limits": "limits",
@@ -50,7 +49,6 @@ __all__ = [
     "DEFAULT_LIMITS",
     "DEFAULT_METHOD",
     "PRESETS",
-    "RECORD_FLOATS",
     "Certificate",
     "Keyframe",
     "Limits",

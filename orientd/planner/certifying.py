@@ -6,11 +6,12 @@ import math
 
 from orientd.planner import refusal
 from orientd.planner.draft import Draft
-from orientd.planner.limits import GUARD_TOLERANCE, Limits
+from orientd.planner.limits import Limits
 from orientd.planner.measuring import measure_path
 from orientd.planner.motion import Motion
 from orientd.planner.request import MotionRequest, State
 from orientd.planner.summing_up import before, summed_up
+from orientd.tolerances import GUARD_TOLERANCE
 
 _END_SLACK = 1e-9  # of a period
 

@@ -12,9 +12,6 @@ from orientd.errors import RequestError
 ACCELERATION_RESERVE = 0.95
 """Share of acceleration and jerk that planned timings use; the rest lets a motion be stopped."""
 
-GUARD_TOLERANCE = 1.001
-"""How far above a limit the servo's guard lets a setpoint be."""
-
 UNITS = {
     "velocity": "rad/s",
     "acceleration": "rad/s^2",

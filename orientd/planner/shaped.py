@@ -11,13 +11,13 @@ from orientd.driver import ShapedPath
 from orientd.errors import StartError
 from orientd.planner import refusal
 from orientd.planner.differences import Rough
-from orientd.planner.limits import GUARD_TOLERANCE
 from orientd.planner.measuring import measure
 from orientd.planner.motion import Motion
 from orientd.planner.path import Path
 from orientd.planner.summing_up import before, summed_up
 from orientd.planner.table_path import SAME_ANGLE, TablePath
 from orientd.rotation import Floats, angle, check_unit
+from orientd.tolerances import GUARD_TOLERANCE
 
 _SAME_TIME = 1e-9
 

@@ -14,6 +14,7 @@ from orientd.planner import State as PlannedState
 from orientd.planner.measuring import measure
 from orientd.servo.path_follower import Leg
 from orientd.stream import UNKNOWN, Answer, Command
+from orientd.tolerances import GUARD_TOLERANCE
 
 LIMITS = [
     Limits(2.5, 17.0, 8500.0, 1.0, 10.0),
@@ -76,7 +77,7 @@ def up_to_its_limits(random, motion):
         limits,
         before=None,
         holds_after=True,
-        brake_limits=limits.scaled(1.001),
+        brake_limits=limits.scaled(GUARD_TOLERANCE),
         rough=motion.rough,
     )
     # What takes longer to stop is refused.
