@@ -6,8 +6,9 @@ however often, the motion is the same to the last bit; no process keeps anything
 """
 
 from orientd.daemon.planners.jobs import Continuation, Job, PlannerDevice, Report
+from orientd.daemon.planners.lanes import Order, Rank
 from orientd.daemon.planners.planned_motion import PlannedMotion
-from orientd.daemon.planners.pool import Order, Planners, Rank
+from orientd.daemon.planners.pool import Planners
 
 __all__ = [
     "Continuation",
