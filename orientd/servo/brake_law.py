@@ -24,6 +24,7 @@ straight line would, others are rehearsed from along it, and taken where they ar
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import ceil, sqrt
 
 from orientd.driver.floats import norm
@@ -85,7 +86,7 @@ class BrakeLaw:
         self._moves = -1
         self._taken = 0
         self._tries = 0
-        self._plans = PLANS
+        self._plans: Sequence[Plan] = PLANS
         self._expected = 0.0
         self._trouble = self._turning = 0.0
         self._is_straight = False
