@@ -7,9 +7,9 @@ from typing import Protocol
 
 from orientd.daemon.calls.calls import Calls, Context, device_message, refuse
 from orientd.daemon.device import Device
-from orientd.errors import RequestError, StateError
+from orientd.daemon.pausing import pause, resume
+from orientd.errors import RequestError
 from orientd.rpc import control_pb2 as pb
-from orientd.stream import State
 
 
 class _CommandRequest(Protocol):
@@ -45,21 +45,11 @@ class CommandingCalls(Calls):
 
     async def Pause(self, request: pb.PauseRequest, context: Context) -> pb.PauseResponse:
         """Pause a motion."""
-
-        def pause(device: Device) -> None:
-            _check_moving(device, "pause")
-            device.pause()
-
         device = await self._command(context, request, "pause", pause)
         return pb.PauseResponse(device=device)
 
     async def Resume(self, request: pb.ResumeRequest, context: Context) -> pb.ResumeResponse:
         """Go on with a paused motion."""
-
-        def resume(device: Device) -> None:
-            _check_moving(device, "resume")
-            device.resume()
-
         device = await self._command(context, request, "resume", resume)
         return pb.ResumeResponse(device=device)
 
@@ -101,9 +91,3 @@ class CommandingCalls(Calls):
             return device_message(device)
 
         return await self._do(context, work)
-
-
-def _check_moving(device: Device, what: str) -> None:
-    state = device.snapshot().state
-    if state is not State.STREAMING:
-        raise StateError(f"device {device.name} is {state.name.lower()}: no motion to {what}")
