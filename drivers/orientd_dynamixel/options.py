@@ -39,13 +39,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from orientd.driver import check_names, choice, number, numbers, quaternion, switch, whole
+
 BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
 """Those that both the servos and the vendor's SDK know."""
 
 DEFAULT_ACCELERATION = 40.0
 """rad/s^2 of an axis where nothing else is said; an XM430 with a camera on it can do that."""
-
-QUATERNION = (1.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +135,7 @@ def parse(options: Mapping[str, Any]) -> GimbalOptions:
     Raises:
         ValueError: one is unknown, missing or not allowed; the message names it.
     """
-    _known(options, _KEYS, "")
+    check_names(options, _KEYS)
     order = options.get("order", "ZYX")
     if not isinstance(order, str) or not _is_order(order):
         raise ValueError(
@@ -144,7 +144,7 @@ def parse(options: Mapping[str, Any]) -> GimbalOptions:
     rows = options.get("axes")
     if not isinstance(rows, (list, tuple)) or len(rows) != len(order):
         raise ValueError(f"axes must be {len(order)} tables, one for each of {order}, got {rows!r}")
-    axes = tuple(_axis(row, number, order[number]) for number, row in enumerate(rows))
+    axes = tuple(_axis(row, place, order[place]) for place, row in enumerate(rows))
     ids = [axis.id for axis in axes]
     if len(set(ids)) != len(ids):
         raise ValueError(f"axes must have different ids, got {ids}")
@@ -153,37 +153,35 @@ def parse(options: Mapping[str, Any]) -> GimbalOptions:
         raise ValueError(f"port must be the path of a serial port, got {port!r}")
     park = options.get("park_deg")
     if park is not None:
-        if not isinstance(park, (list, tuple)) or len(park) != len(axes):
-            raise ValueError(f"park_deg must be {len(axes)} angles, got {park!r}")
-        park = tuple(math.radians(_number("park_deg", angle)) for angle in park)
+        park = tuple(map(math.radians, numbers("park_deg", park, len(axes))))
         for axis, angle in zip(axes, park, strict=True):
             if not axis.low <= angle <= axis.high:
                 raise ValueError(f"park_deg must be inside the limits of {axis.name}, got {park!r}")
     return GimbalOptions(
         port=port,
-        baud=_choice("baud", options.get("baud", 1_000_000), BAUD_RATES),
+        baud=choice("baud", options.get("baud", 1_000_000), BAUD_RATES),
         order=order,
         axes=axes,
-        mount=_quaternion("mount", options.get("mount")),
-        tool=_quaternion("tool", options.get("tool")),
-        fast_read=_choice("fast_read", options.get("fast_read", "auto"), ("auto", "on", "off")),
-        watchdog_ms=round(_number("watchdog_ms", options.get("watchdog_ms", 500), 0, 2540)),
-        at_end=_choice("at_end", options.get("at_end", "release"), ("release", "hold")),
+        mount=quaternion("mount", options.get("mount")),
+        tool=quaternion("tool", options.get("tool")),
+        fast_read=choice("fast_read", options.get("fast_read", "auto"), ("auto", "on", "off")),
+        watchdog_ms=round(number("watchdog_ms", options.get("watchdog_ms", 500), 0, 2540)),
+        at_end=choice("at_end", options.get("at_end", "release"), ("release", "hold")),
         park=park,
-        pointing=_choice("pointing", options.get("pointing", False), (False, True)),
+        pointing=switch("pointing", options.get("pointing", False)),
         roll_tolerance=math.radians(
-            _number("roll_tolerance_deg", options.get("roll_tolerance_deg", 1.0), 0, 180)
+            number("roll_tolerance_deg", options.get("roll_tolerance_deg", 1.0), 0, 180)
         ),
         follow_tolerance=math.radians(
-            _number("follow_tolerance_deg", options.get("follow_tolerance_deg", 15.0), 0.1, 360)
+            number("follow_tolerance_deg", options.get("follow_tolerance_deg", 15.0), 0.1, 360)
         ),
-        follow_time=_number("follow_time", options.get("follow_time", 0.3), 0.01, 10),
-        max_losses=round(_number("max_losses", options.get("max_losses", 10), 1, 1000)),
-        latency_ms=_number("latency_ms", options.get("latency_ms", 16.0), 0.1, 1000),
+        follow_time=number("follow_time", options.get("follow_time", 0.3), 0.01, 10),
+        max_losses=round(number("max_losses", options.get("max_losses", 10), 1, 1000)),
+        latency_ms=number("latency_ms", options.get("latency_ms", 16.0), 0.1, 1000),
         max_deviation=math.radians(
-            _number("max_deviation_deg", options.get("max_deviation_deg", 0.0), 0, 45)
+            number("max_deviation_deg", options.get("max_deviation_deg", 0.0), 0, 45)
         ),
-        allow_slews=_choice("allow_slews", options.get("allow_slews", False), (False, True)),
+        allow_slews=switch("allow_slews", options.get("allow_slews", False)),
     )
 
 
@@ -195,19 +193,16 @@ def _is_order(order: str) -> bool:
     )
 
 
-def _axis(row: object, number: int, letter: str) -> AxisOptions:
-    where = f"axes[{number}]."
+def _axis(row: object, place: int, letter: str) -> AxisOptions:
+    where = f"axes[{place}]."
     if not isinstance(row, Mapping):
-        raise ValueError(f"axes[{number}] must be a table, got {row!r}")
-    _known(row, _AXIS_KEYS, where)
-    identity = row.get("id")
-    if isinstance(identity, bool) or not isinstance(identity, int) or not 0 <= identity <= 252:
-        raise ValueError(f"{where}id must be a whole number from 0 to 252, got {identity!r}")
-    model = MODELS[_choice(f"{where}model", row.get("model", "xm430"), tuple(MODELS))]
-    gear = _number(f"{where}gear", row.get("gear", 1.0), 1e-3, 1e3)
+        raise ValueError(f"axes[{place}] must be a table, got {row!r}")
+    check_names(row, _AXIS_KEYS, where)
+    model = MODELS[choice(f"{where}model", row.get("model", "xm430"), tuple(MODELS))]
+    gear = number(f"{where}gear", row.get("gear", 1.0), 1e-3, 1e3)
     fastest = model.no_load_speed / gear
     velocity = math.radians(
-        _number(f"{where}velocity_deg", row.get("velocity_deg", math.degrees(0.8 * fastest)))
+        number(f"{where}velocity_deg", row.get("velocity_deg", math.degrees(0.8 * fastest)))
     )
     if not 0.0 < velocity <= fastest:
         raise ValueError(
@@ -215,12 +210,10 @@ def _axis(row: object, number: int, letter: str) -> AxisOptions:
             f"what {model.name} does without load, got {math.degrees(velocity):.1f}"
         )
     limits = row.get("limits_deg", [-180, 180])
-    if not isinstance(limits, (list, tuple)) or len(limits) != 2:
-        raise ValueError(f"{where}limits_deg must be two angles, got {limits!r}")
-    low, high = (math.radians(_number(f"{where}limits_deg", angle)) for angle in limits)
+    low, high = map(math.radians, numbers(f"{where}limits_deg", limits, 2))
     if not low < high:
         raise ValueError(f"{where}limits_deg must be the lower angle first, got {limits!r}")
-    zero = math.radians(_number(f"{where}zero_deg", row.get("zero_deg", 0.0)))
+    zero = math.radians(number(f"{where}zero_deg", row.get("zero_deg", 0.0)))
     farthest = max(abs(low - zero), abs(high - zero)) * gear / (2 * math.pi) * 4096
     if farthest + 2048 > 1_048_575:
         raise ValueError(f"{where}limits_deg must be within 255 turns of the servo, got {limits!r}")
@@ -229,56 +222,22 @@ def _axis(row: object, number: int, letter: str) -> AxisOptions:
     if not isinstance(name, str) or not name:
         raise ValueError(f"{where}name must be a text, got {name!r}")
     return AxisOptions(
-        id=identity,
+        id=whole(f"{where}id", row.get("id"), 0, 252),
         name=name,
         model=model,
         gear=gear,
-        direction=_choice(f"{where}direction", row.get("direction", 1), (1, -1)),
+        direction=choice(f"{where}direction", row.get("direction", 1), (1, -1)),
         zero=zero,
         low=low,
         high=high,
         velocity=velocity,
         acceleration=math.radians(
-            _number(
+            number(
                 f"{where}acceleration_deg",
                 row.get("acceleration_deg", math.degrees(DEFAULT_ACCELERATION)),
                 1.0,
                 1e5,
             )
         ),
-        current_limit=None if current is None else _number(f"{where}current_limit", current, 0, 4),
+        current_limit=None if current is None else number(f"{where}current_limit", current, 0, 4),
     )
-
-
-def _known(table: Mapping[str, Any], keys: set[str], where: str) -> None:
-    for key in table:
-        if key not in keys:
-            raise ValueError(
-                f"unknown option {where + key!r}, allowed are: {', '.join(sorted(keys))}"
-            )
-
-
-def _number(option: str, given: object, least: float = -math.inf, most: float = math.inf) -> float:
-    if isinstance(given, bool) or not isinstance(given, (int, float)) or not math.isfinite(given):
-        raise ValueError(f"{option} must be a number, got {given!r}")
-    if not least <= given <= most:
-        raise ValueError(f"{option} must be from {least:g} to {most:g}, got {given!r}")
-    return float(given)
-
-
-def _choice(option: str, given: Any, allowed: tuple[Any, ...]) -> Any:  # noqa: ANN401 - checked
-    if not any(given == item and type(given) is type(item) for item in allowed):
-        raise ValueError(f"{option} must be one of {', '.join(map(str, allowed))}, got {given!r}")
-    return given
-
-
-def _quaternion(option: str, given: object) -> tuple[float, float, float, float]:
-    if given is None:
-        return QUATERNION
-    if not isinstance(given, Mapping) or set(given) != set("wxyz"):
-        raise ValueError(f"{option} must be {{w, x, y, z}}, got {given!r}")
-    w, x, y, z = (_number(option, given[key]) for key in "wxyz")
-    length = math.sqrt(w * w + x * x + y * y + z * z)
-    if abs(length - 1.0) > 1e-6:
-        raise ValueError(f"{option} must have norm 1, got {length:.9g}")
-    return (w / length, x / length, y / length, z / length)

@@ -24,14 +24,24 @@ Options:
 from __future__ import annotations
 
 import importlib
-import math
 import os
 from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, BinaryIO, ClassVar, Protocol
 
 from orientd.clock import Clock
-from orientd.driver import IDENTITY, ZERO, Driver, Feedback, Quaternion, Setpoint, Vector3
+from orientd.driver import (
+    ZERO,
+    Driver,
+    Feedback,
+    Quaternion,
+    Setpoint,
+    Vector3,
+    check_names,
+    numbers,
+    quaternion,
+    whole,
+)
 from orientd.errors import DeviceFaultError, LinkError
 from orientd_loopback.recording import pack_setpoint
 
@@ -64,12 +74,11 @@ class LoopbackDriver(Driver):
 
     def __init__(self, options: Mapping[str, Any], *, period_ns: int, clock: Clock) -> None:
         super().__init__(options, period_ns=period_ns, clock=clock)
-        for key in options:
-            if key not in _OPTIONS:
-                raise ValueError(f"unknown option {key!r}, allowed are: {', '.join(_OPTIONS)}")
-        self._delay = _whole("delay_cycles", options.get("delay_cycles", 2), 0, 1000)
-        self._q = _orientation(options.get("orientation"))
-        self._position = _vector("position", options.get("position", ZERO))
+        check_names(options, _OPTIONS)
+        self._delay = whole("delay_cycles", options.get("delay_cycles", 2), 0, 1000)
+        self._q = quaternion("orientation", options.get("orientation"))
+        x, y, z = numbers("position", options.get("position", ZERO), 3)
+        self._position = (x, y, z)
         self._record_path = _text("record", options.get("record"))
         self._fault_path = _text("fault_file", options.get("fault_file"))
         self._model = _model(options.get("model"), options.get("model_options", {}))
@@ -143,43 +152,10 @@ class LoopbackDriver(Driver):
         return fault if fault in _FAULTS else ""
 
 
-def _whole(option: str, given: object, lowest: int, highest: int) -> int:
-    if isinstance(given, bool) or not isinstance(given, int) or not lowest <= given <= highest:
-        raise ValueError(
-            f"{option} must be a whole number from {lowest} to {highest}, got {given!r}"
-        )
-    return given
-
-
 def _text(option: str, given: object) -> str:
     if given is not None and not isinstance(given, str):
         raise ValueError(f"{option} must be a path, got {given!r}")
     return given or ""
-
-
-def _vector(option: str, given: Any) -> Vector3:  # noqa: ANN401 - checked here
-    if not isinstance(given, (list, tuple)) or len(given) != 3 or not _finite(given):
-        raise ValueError(f"{option} must be three numbers, got {given!r}")
-    return (float(given[0]), float(given[1]), float(given[2]))
-
-
-def _orientation(given: Any) -> Quaternion:  # noqa: ANN401 - checked here
-    if given is None:
-        return IDENTITY
-    if not isinstance(given, Mapping) or set(given) != set("wxyz") or not _finite(given.values()):
-        raise ValueError(f"orientation must be {{w, x, y, z}}, got {given!r}")
-    q = (float(given["w"]), float(given["x"]), float(given["y"]), float(given["z"]))
-    length = math.sqrt(sum(part * part for part in q))
-    if abs(length - 1.0) > 1e-6:
-        raise ValueError(f"orientation must have norm 1, got {length:.9g}")
-    return (q[0] / length, q[1] / length, q[2] / length, q[3] / length)
-
-
-def _finite(parts: Any) -> bool:  # noqa: ANN401 - checked here
-    return all(
-        isinstance(part, (int, float)) and not isinstance(part, bool) and math.isfinite(part)
-        for part in parts
-    )
 
 
 def _model(target: object, options: object) -> Model | None:

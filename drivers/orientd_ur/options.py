@@ -38,10 +38,11 @@ A motion may have a ``lookahead``, ``gain`` and ``servo_time`` of its own, its `
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
+
+from orientd.driver import check_names, number, numbers, switch
 
 Vector = tuple[float, ...]
 
@@ -58,7 +59,6 @@ _NUMBERS: dict[str, tuple[float, float, float]] = {
 }
 TUNABLE = ("lookahead", "gain", "servo_time")
 """What a motion may have otherwise than the configuration says."""
-_VECTORS = {"tcp_offset": 6, "payload_cog": 3}
 _SWITCHES = ("release_brakes", "keep_phase", "check_remote_control")
 _HEAVIEST = 50.0
 
@@ -94,37 +94,33 @@ def check(given: Mapping[str, Any], *, period: float) -> UrOptions:
     Raises:
         ValueError: an option is unknown, missing or not allowed; the message names it.
     """
-    known = {"host", "payload_mass", *_NUMBERS, *_VECTORS, *_SWITCHES}
-    for name in given:
-        if name not in known:
-            raise ValueError(f"unknown option {name!r}, allowed are: {', '.join(sorted(known))}")
+    known = {"host", "payload_mass", "tcp_offset", "payload_cog", *_NUMBERS, *_SWITCHES}
+    check_names(given, known)
     host = given.get("host")
     if not isinstance(host, str) or not host.strip() or host != host.strip():
         raise ValueError(f"host must be the robot's address, got {host!r}")
-    numbers = {
-        name: _number(name, given.get(name, default), lowest, highest)
+    settings: dict[str, Any] = {
+        name: number(name, given.get(name, default), lowest, highest)
         for name, (lowest, highest, default) in _NUMBERS.items()
     }
     if "servo_time" not in given:
         # Commanding for exactly a period leaves the arm without orders in no tick.
-        numbers["servo_time"] = _number("servo_time", max(period, 0.002), 0.002, 0.1)
-    if numbers["link_timeout"] < numbers["feedback_timeout"]:
+        settings["servo_time"] = number("servo_time", max(period, 0.002), 0.002, 0.1)
+    if settings["link_timeout"] < settings["feedback_timeout"]:
         raise ValueError(
-            f"link_timeout must be at least feedback_timeout, {numbers['feedback_timeout']}, "
-            f"got {numbers['link_timeout']}"
+            f"link_timeout must be at least feedback_timeout, {settings['feedback_timeout']}, "
+            f"got {settings['link_timeout']}"
         )
-    mass = given.get("payload_mass")
+    mass, offset = given.get("payload_mass"), given.get("tcp_offset")
     if mass is None and "payload_cog" in given:
         raise ValueError("payload_cog needs payload_mass")
     return UrOptions(
         host=host,
-        tcp_offset=_vector("tcp_offset", given.get("tcp_offset")),
-        payload_mass=None if mass is None else _number("payload_mass", mass, 0.0, _HEAVIEST),
-        payload_cog=_vector("payload_cog", given.get("payload_cog")) or (0.0, 0.0, 0.0),
-        release_brakes=_switch("release_brakes", given),
-        keep_phase=_switch("keep_phase", given),
-        check_remote_control=_switch("check_remote_control", given),
-        **numbers,
+        tcp_offset=None if offset is None else numbers("tcp_offset", offset, 6),
+        payload_mass=None if mass is None else number("payload_mass", mass, 0.0, _HEAVIEST),
+        payload_cog=numbers("payload_cog", given.get("payload_cog", (0.0, 0.0, 0.0)), 3),
+        **{name: switch(name, given.get(name, True)) for name in _SWITCHES},
+        **settings,
     )
 
 
@@ -134,41 +130,11 @@ def tuned(chosen: UrOptions, given: Mapping[str, Any]) -> UrOptions:
     Raises:
         ValueError: an option in *given* is none of these, or not allowed; the message names it.
     """
-    numbers: dict[str, Any] = {}
-    for name, number in given.items():
+    settings: dict[str, Any] = {}
+    for name, value in given.items():
         if name not in TUNABLE:
             allowed = ", ".join(TUNABLE)
             raise ValueError(f"{name!r} is no option of one motion, those are: {allowed}")
         lowest, highest, _ = _NUMBERS[name]
-        numbers[name] = _number(name, number, lowest, highest)
-    return replace(chosen, **numbers)
-
-
-def _is_number(given: object) -> bool:
-    return isinstance(given, (int, float)) and not isinstance(given, bool) and math.isfinite(given)
-
-
-def _number(name: str, given: Any, lowest: float, highest: float) -> float:  # noqa: ANN401 - checked here
-    if not _is_number(given) or not lowest <= given <= highest:
-        raise ValueError(f"{name} must be a number from {lowest:g} to {highest:g}, got {given!r}")
-    return float(given)
-
-
-def _vector(name: str, given: Any) -> Vector | None:  # noqa: ANN401 - checked here
-    if given is None:
-        return None
-    length = _VECTORS[name]
-    if (
-        not isinstance(given, (list, tuple))
-        or len(given) != length
-        or not all(_is_number(part) for part in given)
-    ):
-        raise ValueError(f"{name} must be {length} numbers, got {given!r}")
-    return tuple(float(part) for part in given)
-
-
-def _switch(name: str, table: Mapping[str, Any]) -> bool:
-    given = table.get(name, True)
-    if not isinstance(given, bool):
-        raise ValueError(f"{name} must be true or false, got {given!r}")
-    return given
+        settings[name] = number(name, value, lowest, highest)
+    return replace(chosen, **settings)

@@ -41,7 +41,6 @@ _HOMES = {
     "sim": "sim",
     "service": "service",
     "lease": "lease",
-    "certs": "certs",
 }
 """The module of each command, or group of commands, in the order of the help."""
 

@@ -15,9 +15,7 @@ from numpy.typing import ArrayLike
 
 from orientd.kernels import are_unit, put_steps
 from orientd.rotation import ROUNDING, Floats, align
-
-NORM_TOLERANCE = 1e-6
-"""How far the norm of a quaternion may be from one; a larger error is not rounding."""
+from orientd.tolerances import NORM_TOLERANCE
 
 
 def _numbers(value: object, name: str, expected: str) -> Floats:

@@ -12,7 +12,7 @@ import logging
 import threading
 import time
 from collections.abc import Awaitable, Callable
-from concurrent.futures import Future, ThreadPoolExecutor, wait
+from concurrent.futures import ThreadPoolExecutor, wait
 from typing import TYPE_CHECKING, TypeVar
 
 from orientd.clock import Clock, MonotonicClock
@@ -21,47 +21,27 @@ from orientd.daemon.device import Device
 from orientd.daemon.devices import DeviceEvent
 from orientd.daemon.instants import Instants
 from orientd.daemon.leases import Lease, LeaseDesk, Tenure
-from orientd.daemon.motions import (
-    AT_ONCE,
-    Manner,
-    PlanStore,
-    Prepared,
-    Run,
-    Runs,
-    Turns,
-    check_start,
-)
-from orientd.daemon.observe import FlightRecorder, Journal, about
+from orientd.daemon.motion_starter import MotionStarter
+from orientd.daemon.motions import PlanStore, Runs
+from orientd.daemon.observe import FlightRecorder, Journal
 from orientd.daemon.planners import Order, PlannedMotion, PlannerDevice, Planners, default_processes
 from orientd.errors import (
     GOING_DOWN,
     DaemonError,
-    LateError,
-    NotYetError,
     RequestError,
-    StateError,
     UnknownNameError,
 )
-from orientd.rpc import MoveTiming, Outcome
-from orientd.stream import UNKNOWN
+from orientd.rpc import Outcome
 
 if TYPE_CHECKING:
-    from orientd.planner import Limits
+    pass
 
 _log = logging.getLogger(__name__)
-
-ATTEMPTS = 6
-"""How often a motion is planned anew because the device has passed where it was to begin."""
-
-_STEADYING = 0.05
-"""Time after which a device whose speed was changing is looked at again, s."""
 
 _READY_STEP = 0.1
 
 COMMANDERS = 8
 """Commands under way at the same time; a device may take its time over one."""
-
-GONE = "its caller has gone away"
 
 MakeDevice = Callable[..., Device]
 Result = TypeVar("Result")
@@ -95,7 +75,6 @@ class Cell:
         self._lock = threading.Lock()
         self.plans = PlanStore()
         self.instants = Instants()
-        self._turns = Turns()
         self.is_closing = False
         self.configuration = settings.model_dump_json(exclude_none=True)
         self.listeners: list[Callable[[DeviceEvent, Device], object]] = []
@@ -111,6 +90,12 @@ class Cell:
             most_keyframes=settings.access.keyframes,
         )
         self._commanders = ThreadPoolExecutor(COMMANDERS, thread_name_prefix="command")
+        self.starter = MotionStarter(
+            self.runs,
+            self._commanders,
+            check=self._check,
+            is_held=lambda token: self.desk.owner(token) is not None,
+        )
         for name, device in settings.devices.items():
             self.devices[name] = make_device(device, planners=self.planners, on_event=self._hear)
             self._flight.attach(self.devices[name])
@@ -206,69 +191,6 @@ class Cell:
         self.plans.keep(device.name, motion)
         return motion
 
-    async def move(
-        self,
-        token: str,
-        device: Device,
-        order: Order,
-        manner: Manner = AT_ONCE,
-        *,
-        stops: int,
-        received_ns: int,
-    ) -> tuple[Run, MoveTiming]:
-        """Plan what *order* asks of *device*, and begin it.
-
-        A motion that runs is replaced from a point a little ahead, or followed.  If whoever asks
-        goes away meanwhile, it is stopped again.
-
-        Args:
-            token: the lease.
-            device: what is to move.
-            order: what it is to do.
-            manner: how to begin and to end.
-            stops: what :meth:`Runs.stops` returned when the motion was asked for.
-            received_ns: when that was, monotonic clock.
-
-        Raises:
-            RequestError: it is not well formed.
-            LeaseError: *token* is not that of the lease.
-            StateError: the device is not ready to move, or was stopped meanwhile.
-            PlanError: it cannot be planned, or would break a limit.
-        """
-        async with self._turns.of(device.name, order):
-            return await self._move(token, device, order, manner, stops, received_ns)
-
-    async def _move(
-        self,
-        token: str,
-        device: Device,
-        order: Order,
-        manner: Manner,
-        stops: int,
-        received_ns: int,
-    ) -> tuple[Run, MoveTiming]:
-        attempt, late = 0, ""
-        while attempt < ATTEMPTS and order.time_left:
-            try:
-                prepared = await device.prepare(order, manner, attempt=attempt)
-                planned_ns = time.monotonic_ns()
-                run = await self._begin(token, device, prepared, stops=stops)
-            except NotYetError as error:
-                late = str(error)
-                await asyncio.sleep(_STEADYING)
-            except LateError as error:
-                _log.info("%s: planned too late: %s", device.name, error)
-                attempt, late = attempt + 1, str(error)
-            else:
-                timing = MoveTiming(
-                    planning=(planned_ns - received_ns) * 1e-9,
-                    splicing=(time.monotonic_ns() - planned_ns) * 1e-9,
-                    received_ns=received_ns,
-                    attempts=attempt + 1,
-                )
-                return run, timing
-        raise StateError(f"device {device.name} was too quick for {attempt} plans: {late}")
-
     def present(self, device: Device, motion_id: str) -> PlannedMotion | None:
         """Return the motion that *device* runs or ran last, or the plan called *motion_id*.
 
@@ -279,114 +201,6 @@ class Cell:
         if not motion_id or (motion is not None and motion.id == motion_id):
             return motion
         return self.plans.find(device.name, motion_id)
-
-    async def start(
-        self,
-        token: str,
-        device: Device,
-        motion: PlannedMotion,
-        manner: Manner = AT_ONCE,
-        *,
-        stops: int,
-    ) -> Run:
-        """Begin to run *motion*, a kept plan, on a device at rest.
-
-        Args:
-            token: the lease.
-            device: what is to move.
-            motion: planned for it.
-            manner: how to begin and to end.
-            stops: what :meth:`Runs.stops` returned when the motion was asked for.
-
-        Raises:
-            LeaseError: *token* is not that of the lease.
-            StateError: the device is not at rest, ready to move, or was stopped meanwhile.
-            StartError: the motion does not begin where the device is commanded to be.
-        """
-        check_start(device, motion)
-        return await self._begin(token, device, Prepared(motion, manner=manner), stops=stops)
-
-    async def _begin(self, token: str, device: Device, prepared: Prepared, *, stops: int) -> Run:
-        """Begin a motion in a thread; if whoever asks goes away meanwhile, stop it again."""
-        beginning = self._commanders.submit(
-            self._run,
-            token,
-            device,
-            lambda: device.start(prepared),
-            motion=prepared.motion,
-            stops=stops,
-            start_ns=prepared.manner.start_ns,
-        )
-        try:
-            return await asyncio.shield(asyncio.wrap_future(beginning))
-        except asyncio.CancelledError:
-            beginning.add_done_callback(self._abandon_begun)
-            raise
-
-    def _abandon_begun(self, beginning: Future[Run]) -> None:
-        if beginning.exception() is None:
-            self._commanders.submit(self.abandon, beginning.result(), GONE)
-
-    def track(self, token: str, device: Device, limits: Limits, *, stops: int) -> Run:
-        """Have *device* follow targets from now on; see :meth:`Device.aim`.
-
-        Args:
-            token: the lease.
-            device: what is to move.
-            limits: narrower than the device's own; infinite ones are left to it.
-            stops: what :meth:`Runs.stops` returned when this was asked for.
-
-        Raises:
-            RequestError: the limits are above the device's.
-            LeaseError: *token* is not that of the lease.
-            StateError: the device is not ready to move, or was stopped meanwhile.
-        """
-        return self._run(token, device, lambda: device.track(limits), motion=None, stops=stops)
-
-    def _run(
-        self,
-        token: str,
-        device: Device,
-        start: Callable[[], int],
-        *,
-        motion: PlannedMotion | None,
-        stops: int,
-        start_ns: int = UNKNOWN,
-    ) -> Run:
-        lease = self._check(token)
-
-        def is_owned() -> bool:
-            held = self.desk.current()
-            return held is not None and held.token == token
-
-        run = self.runs.begin(
-            device,
-            start,
-            motion=motion,
-            token=token,
-            stops=stops,
-            is_owned=is_owned,
-            start_ns=start_ns,
-        )
-        _log.info(
-            "%s: motion %d is commanded by %r",
-            device.name,
-            run.number,
-            lease.holder,
-            extra=about(
-                device=device.name,
-                motion=run.number,
-                motion_id=motion.id if motion is not None else "",
-                identity=lease.owner,
-                planned_duration=motion.facts.duration if motion is not None else None,
-            ),
-        )
-        return run
-
-    def abandon(self, run: Run, reason: str) -> None:
-        """Stop *run* on its path, unless it has ended."""
-        if not run.ended.done():
-            self.runs.halt([run.device], reason)
 
     # Commands
 

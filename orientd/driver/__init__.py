@@ -19,6 +19,15 @@ if TYPE_CHECKING:
         Vector3,
     )
     from orientd.driver.finding import Finding, Verdict
+    from orientd.driver.options import (
+        check_names,
+        choice,
+        number,
+        numbers,
+        quaternion,
+        switch,
+        whole,
+    )
     from orientd.driver.registry import driver_target, make_driver
 
 __getattr__ = lazily(__name__)

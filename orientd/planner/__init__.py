@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from orientd.planner.path.position import position_path
     from orientd.planner.planning import plan
     from orientd.planner.presets import PRESETS
-    from orientd.planner.recorded import HISTORY, RECORD_FLOATS, Joints, MotionFacts, RecordedMotion
+    from orientd.planner.recorded import HISTORY, Joints, MotionFacts, RecordedMotion
     from orientd.planner.replay import plan_as_recorded, replay_request
     from orientd.planner.request import DEFAULT_METHOD, Keyframe, MotionRequest, State, Vector3
     from orientd.planner.retargeting import retarget

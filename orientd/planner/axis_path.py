@@ -11,10 +11,10 @@ from orientd.driver import ShapedPath
 from orientd.errors import StartError
 from orientd.planner import refusal
 from orientd.planner.certify import Rough, before, measure, summed_up
-from orientd.planner.limits import GUARD_TOLERANCE
 from orientd.planner.motion import Motion
 from orientd.planner.path import SAME_ANGLE, Path, TablePath
 from orientd.rotation import Floats, angle, check_unit
+from orientd.tolerances import GUARD_TOLERANCE
 
 _SAME_TIME = 1e-9
 

@@ -7,9 +7,10 @@ import math
 from orientd.planner import refusal
 from orientd.planner.candidate import Draft
 from orientd.planner.certify import before, measure_path, summed_up
-from orientd.planner.limits import GUARD_TOLERANCE, Limits
+from orientd.planner.limits import Limits
 from orientd.planner.motion import Motion
 from orientd.planner.request import MotionRequest, State
+from orientd.tolerances import GUARD_TOLERANCE
 
 _END_SLACK = 1e-9  # of a period
 

@@ -16,9 +16,6 @@ if TYPE_CHECKING:
 ACCELERATION_RESERVE = 0.95
 """Share of acceleration and jerk that planned timings use; the rest lets a motion be stopped."""
 
-GUARD_TOLERANCE = 1.001
-"""How far above a limit the servo's guard lets a setpoint be."""
-
 LONGEST = 86_400.0
 """Seconds that a motion may take, so that a slip of a unit does not plan for ever."""
 

@@ -12,13 +12,13 @@ from orientd.planner.limits import Limits
 from orientd.planner.path import Path, Samples, TablePath
 from orientd.planner.recorded import (
     HISTORY,
-    RECORD_FLOATS,
     STATE_FLOATS,
     MotionFacts,
     RecordedMotion,
 )
 from orientd.planner.request import MotionRequest, State, Vector3
 from orientd.rotation import Floats
+from orientd.stream import PATH_FLOATS
 
 _SAME = 1e-9
 """Seconds by which instants may differ that are the same."""
@@ -173,9 +173,9 @@ class Motion:
         """Return records as the path ring has them; see :meth:`rows`.
 
         Returns:
-            A new C-contiguous array of shape ``(count, RECORD_FLOATS)``.
+            A new C-contiguous array of shape ``(count, PATH_FLOATS)``.
         """
-        return np.ascontiguousarray(self.rows(first, count)[:, :RECORD_FLOATS])
+        return np.ascontiguousarray(self.rows(first, count)[:, :PATH_FLOATS])
 
 
 def _vector(omega: Floats | None) -> Vector3 | None:

@@ -23,15 +23,15 @@ from orientd.rotation import (
     multiply,
     right_jacobian_inverse,
 )
+from orientd.stream import PATH_FLOATS
 
 HISTORY = 3
 """Setpoints that a third difference reaches back to."""
 
-RECORD_FLOATS = 16
-"""q (4), omega_body (3), alpha_body (3), position (3), velocity (3): a record in the path ring."""
+STATE_FLOATS = PATH_FLOATS + 3
+"""A record of the path ring, q (4), omega_body (3), alpha_body (3), position (3) and velocity (3),
+and the acceleration of the position (3)."""
 
-STATE_FLOATS = 19
-"""A record of the ring, and the acceleration of the position (3)."""
 
 _ON_RECORD = 1e-9
 """Share of a period within which an instant is that of a record."""
@@ -139,9 +139,9 @@ class RecordedMotion:
         """Return records for the path ring, as many of *count* as are at hand.
 
         Returns:
-            Shape ``(n, RECORD_FLOATS)``.
+            Shape ``(n, PATH_FLOATS)``.
         """
-        return self.rows(first, min(count, self.at_hand[1] - first))[:, :RECORD_FLOATS]
+        return self.rows(first, min(count, self.at_hand[1] - first))[:, :PATH_FLOATS]
 
     def rows_at(self, records: np.ndarray[Any, np.dtype[np.intp]]) -> Floats:
         """Return state and axis angles of some records, all of them at hand."""

@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike
 from orientd.errors import RequestError
 from orientd.planner.limits import Limits
 from orientd.rotation import Floats, check_unit, conjugate, rotate
+from orientd.tolerances import NORM_TOLERANCE
 
-NORM_TOLERANCE = 1e-6
 MOST_TURNS = 1000
 FARTHEST = 1e12
 """m from the origin, in every direction; squares of what is further away end in overflow."""

@@ -11,6 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from orientd.tolerances import NORM_TOLERANCE
+
 Floats = NDArray[np.float64]
 
 ROUNDING = 1e-15
@@ -81,28 +83,27 @@ def normalize(q: ArrayLike) -> Floats:
     return unit
 
 
-def check_unit(q: ArrayLike, tolerance: float = 1e-6) -> Floats:
+def check_unit(q: ArrayLike) -> Floats:
     """Return quaternions normalised, refusing those that were not unit ones to begin with.
 
     Args:
         q: quaternions, shape ``(..., 4)``.
-        tolerance: how far a norm may be from one.
 
     Returns:
         The quaternions scaled to unit norm to rounding, shape ``(..., 4)``; those that have it
         as they are, to the last digit.
 
     Raises:
-        ValueError: a component is not finite, or a norm is off by more than *tolerance*.
+        ValueError: a component is not finite, or a norm is off by more than 1e-6.
     """
     q = _components(q, 4, "q")
     if not np.all(np.isfinite(q)):
         raise ValueError("quaternion components must be finite")
     norm = np.sqrt(np.sum(q * q, axis=-1))
     error = np.abs(norm - 1.0)
-    if np.any(error > tolerance):
+    if np.any(error > NORM_TOLERANCE):
         worst = float(norm.flat[int(np.argmax(error))])
-        raise ValueError(f"quaternion norm must be 1 within {tolerance:g}, got {worst:.9g}")
+        raise ValueError(f"quaternion norm must be 1 within {NORM_TOLERANCE:g}, got {worst:.9g}")
     is_unit = error <= ROUNDING
     unit: Floats = q.copy() if is_unit.all() else np.where(is_unit[..., None], q, normalize(q))
     return unit

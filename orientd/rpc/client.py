@@ -25,10 +25,10 @@ from orientd.rpc.lease_holder import LeaseHolder
 from orientd.rpc.observer import Observer
 from orientd.rpc.reports import CellReport, Device, DeviceReport, Method, OnTarget, Plan
 from orientd.rpc.wire import (
+    configured_from_message,
     cycle_from_message,
     daemon_from_message,
     device_from_message,
-    limits_from_message,
     method_from_message,
 )
 from orientd.stream import Cycle
@@ -163,17 +163,7 @@ class Robot(LeaseHolder):
     def devices(self) -> list[Device]:
         """Return the devices of the daemon's configuration."""
         answer = self._connection.ask(self._stub.ListDevices, pb.ListDevicesRequest())
-        return [
-            Device(
-                name=device.name,
-                driver=device.driver,
-                rate_hz=device.rate_hz,
-                limits=limits_from_message(device.limits),
-                lead=device.lead,
-                phase=device.phase,
-            )
-            for device in answer.devices
-        ]
+        return [configured_from_message(device) for device in answer.devices]
 
     # Motions
 
@@ -314,18 +304,17 @@ class Robot(LeaseHolder):
 
     def stop(self, device: str = "") -> list[DeviceReport]:
         """Bring a device, or all of them, to rest on the path.  Needs no lease."""
-        request = pb.StopRequest(device=device, caller=self.holder)
-        answer = self._connection.ask(self._stub.Stop, request)
-        return [device_from_message(report) for report in answer.devices]
+        return self._rest(self._stub.Stop, pb.StopRequest(device=device, caller=self.holder))
 
     def halt(self, device: str = "") -> list[DeviceReport]:
         """Bring a device, or all of them, to rest as quickly as the limits allow.
 
         That may leave the path.  Needs no lease.
         """
-        request = pb.HaltRequest(device=device, caller=self.holder)
-        answer = self._connection.ask(self._stub.Halt, request)
-        return [device_from_message(report) for report in answer.devices]
+        return self._rest(self._stub.Halt, pb.HaltRequest(device=device, caller=self.holder))
+
+    def _rest(self, method: Callable[..., Any], request: object) -> list[DeviceReport]:
+        return [device_from_message(one) for one in self._connection.ask(method, request).devices]
 
     def track(
         self,

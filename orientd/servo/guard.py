@@ -15,9 +15,7 @@ from orientd.driver import ZERO, Quaternion, Vector3
 from orientd.floats import difference, exp, multiply, norm, normalize
 from orientd.servo.tracking import bounds, halt, loosened
 from orientd.stream import Terms
-
-TOLERANCE = 1.001
-"""How far above a limit a setpoint may be: rounding and the planner's grid, not a reserve."""
+from orientd.tolerances import GUARD_TOLERANCE
 
 _ROUNDING = 4e-15
 """Rounding of a difference of two orientations, rad; it is divided by the period's powers."""
@@ -92,9 +90,9 @@ class Guard:
         """Keep the squares of what *terms* allow the norms to be."""
         h, rounding = self.period, _ROUNDING / self.period
         self._terms = terms
-        velocity = terms.velocity * TOLERANCE + rounding
-        acceleration = terms.acceleration * TOLERANCE + rounding / h
-        jerk = terms.jerk * TOLERANCE + rounding / h / h
+        velocity = terms.velocity * GUARD_TOLERANCE + rounding
+        acceleration = terms.acceleration * GUARD_TOLERANCE + rounding / h
+        jerk = terms.jerk * GUARD_TOLERANCE + rounding / h / h
         # Products, not powers, which overflow with an exception.
         self._most = (velocity * velocity, acceleration * acceleration, jerk * jerk)
 
@@ -102,10 +100,10 @@ class Guard:
         h, rounding = self.period, _ROUNDING / self.period
         velocity = _plus(_plus(ZERO, position, 1.0 / h), self.position, -1.0 / h)
         speed = norm(velocity)
-        if not speed <= terms.linear_velocity * TOLERANCE + rounding:
+        if not speed <= terms.linear_velocity * GUARD_TOLERANCE + rounding:
             return f"velocity {speed:.6g} m/s, the limit is {terms.linear_velocity:.6g} m/s"
         change = norm(_plus(velocity, self.velocity, -1.0)) / h
-        if not change <= terms.linear_acceleration * TOLERANCE + rounding / h:
+        if not change <= terms.linear_acceleration * GUARD_TOLERANCE + rounding / h:
             limit = terms.linear_acceleration
             return f"acceleration {change:.6g} m/s^2, the limit is {limit:.6g} m/s^2"
         self.position, self.velocity = position, velocity
@@ -199,9 +197,9 @@ def _beyond_axes(
         x, y, z = vector
         a, b, c = axes
         if not (
-            abs(x) <= a * TOLERANCE + slack
-            and abs(y) <= b * TOLERANCE + slack
-            and abs(z) <= c * TOLERANCE + slack
+            abs(x) <= a * GUARD_TOLERANCE + slack
+            and abs(y) <= b * GUARD_TOLERANCE + slack
+            and abs(z) <= c * GUARD_TOLERANCE + slack
         ):
             _, axis, size, limit = max(
                 (abs(size) / limit, axis, abs(size), limit)
@@ -218,6 +216,6 @@ def _explain(reached: tuple[float, float, float], terms: Terms) -> str:
         ("angular acceleration", reached[1], terms.acceleration, "rad/s^2"),
         ("angular jerk", reached[2], terms.jerk, "rad/s^3"),
     ):
-        if not value <= limit * TOLERANCE:
+        if not value <= limit * GUARD_TOLERANCE:
             return f"{name} {value:.6g} {unit}, the limit is {limit:.6g} {unit}"
     return "a limit by the rounding of its differences"

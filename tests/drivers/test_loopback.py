@@ -52,7 +52,7 @@ def make(**options):
         ({"delay_cycles": 1.5}, "delay_cycles must be a whole number"),
         ({"orientation": {"w": 1.1, "x": 0, "y": 0, "z": 0}}, "norm 1, got 1.1"),
         ({"orientation": [1, 0, 0, 0]}, "orientation must be {w, x, y, z}"),
-        ({"position": [0, 0, float("nan")]}, "position must be three numbers"),
+        ({"position": [0, 0, float("nan")]}, "position must be 3 numbers"),
         ({"model": "orientd_sim.joint:Nothing"}, "cannot be loaded"),
         ({"model": "orientd_sim.joint:LaggedBody", "model_options": {"speed": 1}}, "do not fit"),
         ({"record": 3}, "record must be a path"),

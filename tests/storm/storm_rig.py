@@ -22,9 +22,6 @@ NEARLY_NS, STALL_NS = 30_000_000, 75_000_000
 """A servo process that did not run for 50 ms goes on from rest; a setpoint tells only when it was
 due, so that between these two it may go on either way."""
 
-TOLERANCE = 1e-3
-"""How far above a limit what was sent may be, relative: the planner's own grid and rounding."""
-
 SLOW = 0.05
 """Angular velocity below which a step may be the first one from rest, rad/s."""
 

@@ -16,13 +16,14 @@ import grpc
 import numpy as np
 import pytest
 from command_line import orientd
-from storm_rig import DEVICES, TOLERANCE, Rig, memory_mib, sent, shares_of_limits, stretches
+from storm_rig import DEVICES, Rig, memory_mib, sent, shares_of_limits, stretches
 from wild import anywhere, wild_motion
 
 import orientd as api
 from orientd.bench.lateness import busy_cores, processes
 from orientd.errors import DaemonError, Fault, OrientdError, PlanError, RequestError, StateError
 from orientd.rpc import control_pb2 as pb
+from orientd.tolerances import GUARD_TOLERANCE
 
 pytestmark = pytest.mark.storm
 
@@ -258,7 +259,7 @@ def check_sent(rig, limits, calls):
         assert np.isfinite(setpoints["q"]).all()
         shares = shares_of_limits(setpoints, limits[name])
         for quantity, share in shares.items():
-            if not share <= 1.0 + TOLERANCE:
+            if not share <= GUARD_TOLERANCE:
                 calls.fail(f"{name}: {quantity} is {share:.6f} of its limit")
         stalls = sum(1 for _ in stretches(setpoints)) - 1
         told = ", ".join(f"{quantity} {share:.4f}" for quantity, share in shares.items())

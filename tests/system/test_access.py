@@ -14,6 +14,7 @@ from pathlib import Path
 
 import grpc
 import pytest
+from authority import OPENSSL, Authority
 from command_line import assert_refused, begin
 from command_line import orientd as orientd_command
 from every_call import SERVICE, walk
@@ -26,7 +27,7 @@ from orientd.operation_settings import Role
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.control_pb2_grpc import ControlStub
 
-certificates = pytest.importorskip("orientd.certificates")
+pytestmark = pytest.mark.skipif(OPENSSL is None, reason="there is no openssl here")
 
 OBSERVER, OPERATOR, MEMBER, STRANGER = 54301, 54302, 54303, 54304
 GROUP = 54399
@@ -45,16 +46,15 @@ class Cell:
 
     def __init__(self, folder):
         self.folder = folder
-        self.authority = certificates.Authority.make(folder / "ca", "cell")
-        self.other = certificates.Authority.make(folder / "other", "cell")
-        self.authority.issue("server", days=1, hosts=["127.0.0.1", "localhost"])
+        self.authority = Authority(folder / "ca")
+        self.other = Authority(folder / "other")
+        self.authority.issue("server", hosts="IP:127.0.0.1,DNS:localhost")
         for name in ("watcher", "pendant", "chief", "revoked", "listed", "unknown"):
-            self.authority.issue(name, days=1)
-        self.authority.issue("expired", days=-0.1)
+            self.authority.issue(name)
+        self.authority.expired("expired")
         self.authority.revoke("revoked")
         for name in ("pendant", "server"):
-            self.other.issue(name, days=1)
-        (listed,) = (one for one in self.authority.issued() if one.name == "listed")
+            self.other.issue(name)
         self.port = free_port()
         self.daemon = DaemonProcess(folder)
         text = self.daemon.config.read_text()
@@ -67,7 +67,7 @@ class Cell:
             + "".join(f"{name} = 'operator'\n" for name in names)
             + f"[tcp]\nlisten = '127.0.0.1:{self.port}'\ncertificate = '{ca}/server.pem'\n"
             f"key = '{ca}/server.key'\nca = '{ca}/ca.pem'\ncrl = '{ca}/crl.pem'\n"
-            f"revoked = ['{listed.serial}']\n"
+            f"revoked = ['{self.authority.serial('listed')}']\n"
             + text.replace("[daemon]", "[daemon]\nlease_seconds = 30")
         )
 

@@ -311,7 +311,7 @@ def test_a_target_that_is_not_well_formed_is_refused(daemon, field, value):
 
 
 def test_help_is_never_cut_short():
-    for group in ([], ["bench"], ["lease"], ["certs"], ["service"], ["sim"]):
+    for group in ([], ["bench"], ["lease"], ["service"], ["sim"]):
         listed = inside(*group, "--help").stdout.split("Commands:")[1]
         assert "..." not in listed, group
 

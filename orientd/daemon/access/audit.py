@@ -2,6 +2,10 @@
 
 The file is only ever appended to.  When it is large enough it is put aside under the next number,
 ``audit.jsonl.1`` being the newest of those, and another is begun.
+
+The standard library's rotating handler would lose records here: two daemons of one user share the
+file, and each would move it from under the other.  It also follows a symbolic link, and leaves who
+may read to the umask.
 """
 
 from __future__ import annotations

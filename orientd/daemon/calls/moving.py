@@ -11,8 +11,8 @@ from typing import cast
 
 from orientd.daemon.calls import report
 from orientd.daemon.calls.calls import Calls, Context, caller, interval, refuse
-from orientd.daemon.cell import GONE
 from orientd.daemon.device import Device
+from orientd.daemon.motion_starter import GONE
 from orientd.daemon.motions import Gate, Manner, Run
 from orientd.daemon.planners import Order, PlannedMotion
 from orientd.errors import GOING_DOWN, DaemonError, OrientdError, RequestError
@@ -102,7 +102,7 @@ class MovingCalls(Calls):
             await refuse(context, self._in_the_end(error))
         finally:
             if run is not None and not run.ended.done():
-                self._cell.in_worker(functools.partial(self._cell.abandon, run, GONE))
+                self._cell.in_worker(functools.partial(self._cell.starter.abandon, run, GONE))
 
     async def _start(
         self,
@@ -116,7 +116,7 @@ class MovingCalls(Calls):
         """Plan and begin a motion."""
         token, what = request.lease_token, request.WhichOneof("what")
         if what == "motion":
-            return await self._cell.move(
+            return await self._cell.starter.move(
                 token,
                 device,
                 self._order(request, context),
@@ -127,7 +127,7 @@ class MovingCalls(Calls):
         if what == "motion_id":
             motion = self._cell.plans.find(device.name, request.motion_id)
             planned_ns = time.monotonic_ns()
-            run = await self._cell.start(token, device, motion, manner, stops=stops)
+            run = await self._cell.starter.start(token, device, motion, manner, stops=stops)
             return run, _timing(received_ns, planned_ns, attempts=0)
         raise RequestError("motion", "expected a motion or a motion_id, got neither")
 

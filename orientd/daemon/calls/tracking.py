@@ -9,7 +9,7 @@ from typing import Any
 
 from orientd.daemon.calls.calls import Calls, Context, interval, refuse
 from orientd.daemon.calls.track_call import Following
-from orientd.daemon.cell import GONE
+from orientd.daemon.motion_starter import GONE
 from orientd.daemon.motions import Run
 from orientd.errors import OrientdError, RequestError, StateError
 from orientd.rpc import Outcome, limits_to_wish, report_to_message
@@ -23,6 +23,7 @@ class TrackingCalls(Calls):
         self, request_iterator: AsyncIterator[pb.TrackRequest], context: Context
     ) -> AsyncIterator[pb.TrackResponse]:
         """Follow the caller's targets until there are no more."""
+        starter = self._cell.starter
         run: Run | None = None
         reading: asyncio.Task[None] | None = None
         try:
@@ -32,7 +33,7 @@ class TrackingCalls(Calls):
             limits = limits_to_wish(begin.limits)
             stops = self._cell.runs.stops(device)
             run = await self._in_worker(
-                lambda: self._cell.track(begin.lease_token, device, limits, stops=stops)
+                lambda: starter.track(begin.lease_token, device, limits, stops=stops)
             )
             following = Following(device)
             reading = asyncio.ensure_future(_read_targets(request_iterator, following))
@@ -42,7 +43,7 @@ class TrackingCalls(Calls):
                 await asyncio.wait(waiting, timeout=pause)
                 if reading in waiting and reading.done():
                     waiting.discard(reading)
-                    await self._in_worker(lambda: self._cell.abandon(run, "the targets have ended"))
+                    await self._in_worker(lambda: starter.abandon(run, "the targets have ended"))
                 now = following.report()
                 if now is not None:
                     yield report_to_message(now)
@@ -55,7 +56,7 @@ class TrackingCalls(Calls):
             if reading is not None:
                 reading.cancel()
             if run is not None and not run.ended.done():
-                self._cell.in_worker(functools.partial(self._cell.abandon, run, GONE))
+                self._cell.in_worker(functools.partial(starter.abandon, run, GONE))
 
 
 async def _first(requests: AsyncIterator[pb.TrackRequest]) -> pb.TrackStart:

@@ -12,7 +12,5 @@ if TYPE_CHECKING:
     from orientd.daemon.motions.motions import Motions
     from orientd.daemon.motions.options import AT_ONCE, Gate, Manner, Prepared
     from orientd.daemon.motions.plan_store import PlanStore
-    from orientd.daemon.motions.start_check import check_start
-    from orientd.daemon.motions.turns import Turns
 
 __getattr__ = lazily(__name__)

@@ -16,7 +16,7 @@ from orientd.daemon.motions.meter import MotionMeter, MotionStatistics
 from orientd.daemon.planners import PlannedMotion
 from orientd.errors import LateError, NotYetError, StateError
 from orientd.planner import MotionFacts
-from orientd.stream import UNKNOWN, Command, Cycle
+from orientd.stream import UNKNOWN, Command, Cycle, record_index
 
 MEASURED = 16
 """Motions that have ended whose measurements are kept."""
@@ -249,7 +249,7 @@ class Itinerary:
                 meter = self._meters.get(stage.number)
                 if meter is not None:
                     meter.add(records)
-            self._metered = int.from_bytes(records[-1][:8], "little") + 1
+            self._metered = record_index(records[-1]) + 1
 
     def passed(self, cycle: Cycle) -> list[Stage]:
         """Take out the stages that the servo has left behind by *cycle*, and return them."""

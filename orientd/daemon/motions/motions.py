@@ -32,9 +32,6 @@ _SHAPED_ATTEMPTS = 3
 _LATER = (0.0, 0.1, 0.25, 0.5)
 """How much later on the way than as soon as possible axes are tried that cannot go on there, s."""
 
-_TAIL = 16_384
-"""Records from the end of a motion, at the most, on which one that follows it may leave it."""
-
 LONGEST_STOP = 30.0
 """How long a stop on the path may take, s."""
 
@@ -125,12 +122,7 @@ class Motions:
         if leave is not None and manner.is_queued:
             left = self._left(leave)
             tail = await self._tail(left, leave.record)
-            job = Job(
-                self._name,
-                order.motion,
-                new_motion_id(),
-                after=Continuation(tail, manner.blend, leave.record),
-            )
+            job = self._job(order, after=Continuation(tail, manner.blend, leave.record))
             motion = await self._planners.plan(job, order, rank=Rank.URGENT)
             leave = replace(leave, record=motion.leave)
         elif leave is not None:
@@ -149,26 +141,22 @@ class Motions:
     def _job(
         self,
         order: Order,
-        start: PlannedState,
+        start: PlannedState | None = None,
         joints: Joints = (),
         before: tuple[Joints, ...] = (),
+        after: Continuation | None = None,
     ) -> Job:
-        return Job(self._name, order.motion, new_motion_id(), start, joints, before)
+        return Job(self._name, order.motion, new_motion_id(), start, joints, before, after)
 
     async def _tail(self, motion: PlannedMotion, earliest: int) -> RecordedMotion:
         """Return the end of a motion, as far as one that follows it may need it."""
-        facts = motion.facts
-        corner = min(
-            math.ceil(facts.last_passed / facts.period), round(facts.end_time / facts.period)
-        )
-        first = max(earliest, min(corner, motion.last_record), facts.record_count - _TAIL)
-        first = max(0, first - HISTORY)
+        first = max(0, motion.tail_record(earliest) - HISTORY)
         begin, end = motion.at_hand
-        if begin <= first and end == facts.record_count:
+        if begin <= first and end == motion.facts.record_count:
             rows = motion.rows(first, end - first)
         else:
             rows = await self._planners.records(motion, first)
-        return RecordedMotion(facts, rows, first)
+        return RecordedMotion(motion.facts, rows, first)
 
     def held(self) -> PlannedState:
         """Return where the device holds.
@@ -278,7 +266,7 @@ class Motions:
         if leave is None:
             if self._itinerary.is_active:
                 raise LateError("a motion that was to follow has begun")
-            self._check_start_time(manner)
+            manner.check_start_time()
             if options != self._tuned:
                 self._link.tune(options)
                 self._tuned = options
@@ -299,12 +287,6 @@ class Motions:
         if manner.gate is not None:
             self._arrivals.expect(number, manner.gate)
         self._tell(EventKind.MOTION_STARTED, number, f"{motion.facts.duration:.3f} s")
-
-    @staticmethod
-    def _check_start_time(manner: Manner) -> None:
-        late = (time.monotonic_ns() - manner.start_ns) * 1e-9
-        if manner.start_ns != UNKNOWN and late > 0.0:
-            raise StateError(f"the motion was ready {late:.3f} s after its start time")
 
     def tend(self, fault_text: str, *, speed: float) -> None:
         """Feed what runs, measure it, and note what has ended; to be called every few cycles.

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from orientd.errors import RequestError
+from orientd.errors import RequestError, StateError
 from orientd.stream import UNKNOWN
 
 if TYPE_CHECKING:
@@ -54,6 +55,16 @@ class Manner:
     blend: float = 0.0
     start_ns: int = UNKNOWN
     gate: Gate | None = None
+
+    def check_start_time(self) -> None:
+        """Refuse a start time that has passed.
+
+        Raises:
+            StateError: it has.
+        """
+        late = (time.monotonic_ns() - self.start_ns) * 1e-9
+        if self.start_ns != UNKNOWN and late > 0.0:
+            raise StateError(f"the motion was ready {late:.3f} s after its start time")
 
 
 AT_ONCE = Manner()

@@ -1,4 +1,9 @@
-"""The daemon's log lines on their way out: whoever logs never waits for whoever reads."""
+"""The daemon's log lines on their way out: whoever logs never waits for whoever reads.
+
+The standard library's queue handler and listener do the same up to the point where nobody reads: a
+full queue makes the handler write a traceback for every line, to the very stream that is not read,
+and the listener's end waits for its thread for as long as that takes.
+"""
 
 from __future__ import annotations
 

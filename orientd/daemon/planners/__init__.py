@@ -13,7 +13,8 @@ from orientd.lazy import lazily
 
 if TYPE_CHECKING:
     from orientd.daemon.planners.jobs import Continuation, Job, PlannerDevice, Report
+    from orientd.daemon.planners.lanes import Order, Rank
     from orientd.daemon.planners.planned_motion import PlannedMotion
-    from orientd.daemon.planners.pool import Order, Planners, Rank, default_processes
+    from orientd.daemon.planners.pool import Planners, default_processes
 
 __getattr__ = lazily(__name__)

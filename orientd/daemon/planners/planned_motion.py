@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import copy
+import math
 from collections.abc import Callable
 from concurrent.futures import CancelledError, Future
 from dataclasses import replace
@@ -22,6 +23,9 @@ _WAIT = 1.0
 
 _BEHIND = 4096
 """Records kept behind those that were fed last: what is sent is compared with them."""
+
+_TAIL = 16_384
+"""Records from the end of a motion, at the most, on which one that follows it may leave it."""
 
 Fetch = Callable[[int, int], "Future[Chunk]"]
 """Asks for records from the first one on, so many; from any thread."""
@@ -83,6 +87,14 @@ class PlannedMotion(RecordedMotion):
                 self._chunks = (whole, *self._chunks[1:])
         chunks = self._chunks
         return chunks[0].first, chunks[-1].end
+
+    def tail_record(self, earliest: int) -> int:
+        """Return the first record from *earliest* on at which a motion that follows may begin."""
+        facts = self.facts
+        corner = min(
+            math.ceil(facts.last_passed / facts.period), round(facts.end_time / facts.period)
+        )
+        return max(earliest, min(corner, self.last_record), facts.record_count - _TAIL)
 
     def again(self) -> Self:
         """Return the motion with its first records, to be run from its beginning."""

@@ -1,8 +1,7 @@
 """The planners of a daemon: who is served next, for how long, and what becomes of the rest.
 
 Three lanes keep what is short from waiting behind what is long: planner 0 serves moving devices
-alone, planner 1 these and small requests, all others whatever there is.  Within a lane callers
-take turns, so that one with many requests delays another by no more than one of them.
+alone, planner 1 these and small requests, all others whatever there is.
 """
 
 from __future__ import annotations
@@ -11,15 +10,11 @@ import asyncio
 import functools
 import logging
 import os
-import time
-from collections import OrderedDict, deque
 from collections.abc import Coroutine, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass, field
-from enum import IntEnum
+from dataclasses import dataclass
 
 from orientd.daemon.planners.jobs import (
-    Answer,
     Job,
     Methods,
     Planned,
@@ -30,25 +25,14 @@ from orientd.daemon.planners.jobs import (
     Rest,
     SetUp,
 )
+from orientd.daemon.planners.lanes import Lanes, Order, Rank, Waiting
 from orientd.daemon.planners.planned_motion import PlannedMotion
 from orientd.daemon.planners.process import GIVE_UP, ForkServer, PlannerProcess
 from orientd.daemon.planners.record_file import Chunk, RecordFile
-from orientd.errors import GOING_DOWN, DaemonError, DeadlineError, TooMuchError
+from orientd.errors import GOING_DOWN, DaemonError, DeadlineError
 from orientd.rotation import Floats
 
 _log = logging.getLogger(__name__)
-
-MOST_WAITING = 32
-"""Requests of one caller that may wait for their turn."""
-
-MOST_WAITING_BYTES = 24 * 2**20
-"""Of the requests of one caller that wait."""
-
-MOST_BYTES = 64 * 2**20
-"""Of all requests that wait; of each caller one may wait in any case, and small ones."""
-
-SMALL_BYTES = 32_768
-"""Of a request that counts as small: some 500 keyframes."""
 
 RETIRED_BYTES = 128 * 2**20
 """A planner that still uses so much after its work makes room for a new one."""
@@ -62,57 +46,6 @@ _ENDING = 0.5
 
 _NICE = {0: 0, 1: 5}
 _NICEST = 10
-
-
-class Rank(IntEnum):
-    """What may wait for what."""
-
-    URGENT = 0
-    SMALL = 1
-    LARGE = 2
-
-
-@dataclass(frozen=True, slots=True)
-class Order:
-    """A motion that somebody asks for.
-
-    Attributes:
-        motion: a serialised ``orientd.v1.MotionRequest``.
-        caller: who asks; callers take turns.
-        timeout: how long planning may take, waiting for a turn and planning anew included, s.
-        rate_hz: samples a second to report with the plan; 0 for none.
-        began: when that time began, monotonic s.
-    """
-
-    motion: bytes
-    caller: str = ""
-    timeout: float = 10.0
-    rate_hz: float = 0.0
-    began: float = field(default_factory=time.monotonic)
-
-    @property
-    def time_left(self) -> float:
-        """How much of that time is left, s."""
-        return max(0.0, self.began + self.timeout - time.monotonic())
-
-    @property
-    def rank(self) -> Rank:
-        """What it may wait for, on a device at rest."""
-        return Rank.SMALL if len(self.motion) <= SMALL_BYTES else Rank.LARGE
-
-
-@dataclass(eq=False, slots=True)
-class _Waiting:
-    """A question and who waits for the answer."""
-
-    question: Question
-    rank: Rank
-    caller: str
-    size: int
-    answer: asyncio.Future[Answer]
-    file: RecordFile | None
-    rest: Future[Rest] = field(default_factory=Future)
-    process: PlannerProcess | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,31 +64,6 @@ def _chunk(answered: _Answered) -> tuple[Planned, Chunk]:
         raise DaemonError("the planner said something else")
     count, columns = planned.shape
     return planned, Chunk(what.first, count, columns, file)
-
-
-@dataclass(slots=True)
-class _Lane:
-    """What waits in one lane, by caller; the first caller is served next."""
-
-    callers: OrderedDict[str, deque[_Waiting]] = field(default_factory=OrderedDict)
-
-    def put(self, waiting: _Waiting) -> None:
-        self.callers.setdefault(waiting.caller, deque()).append(waiting)
-
-    def take(self) -> _Waiting | None:
-        while self.callers:
-            caller, queue = self.callers.popitem(last=False)
-            while queue:
-                waiting = queue.popleft()
-                if queue:
-                    self.callers[caller] = queue
-                if not waiting.answer.done():
-                    return waiting
-        return None
-
-    def all(self) -> list[_Waiting]:
-        queues = self.callers.values()
-        return [one for queue in queues for one in queue if not one.answer.done()]
 
 
 class Planners:
@@ -186,7 +94,7 @@ class Planners:
         self._set_up = SetUp(tuple(devices))
         self.most_keyframes = most_keyframes
         self._count = processes
-        self._lanes = {rank: _Lane() for rank in Rank}
+        self._lanes = Lanes()
         self._idle: list[PlannerProcess] = []
         self._all: set[PlannerProcess] = set()
         self._tasks: set[asyncio.Task[None]] = set()
@@ -204,9 +112,8 @@ class Planners:
     async def close(self) -> None:
         """End every process; whoever waits is told that the daemon is going down."""
         self._is_closing = True
-        for lane in self._lanes.values():
-            while (waiting := lane.take()) is not None:
-                waiting.answer.set_exception(DaemonError(GOING_DOWN))
+        while (waiting := self._lanes.take()) is not None:
+            waiting.answer.set_exception(DaemonError(GOING_DOWN))
         # Whoever is being served hears of it by the end of their planner.
         for process in self._all:
             process.kill()
@@ -276,7 +183,8 @@ class Planners:
     async def _ask(self, question: Question, rank: Rank, order: Order) -> _Answered:
         if self._is_closing:
             raise DaemonError(GOING_DOWN)
-        waiting = self._enter(question, rank, order)
+        waiting = self._lanes.enter(question, rank, order)
+        self._dispatch()
         try:
             async with asyncio.timeout(order.time_left):
                 answer = await waiting.answer
@@ -293,52 +201,19 @@ class Planners:
             raise answer.error.error()
         return _Answered(question, answer.content, waiting.file, waiting.rest)
 
-    def _enter(self, question: Question, rank: Rank, order: Order) -> _Waiting:
-        size = len(order.motion)
-        if order.caller:
-            waiting = [one for lane in self._lanes.values() for one in lane.all()]
-            others = [one for one in waiting if one.caller == order.caller]
-            is_large = order.rank is Rank.LARGE
-            if len(others) >= MOST_WAITING:
-                raise TooMuchError(
-                    f"at most {MOST_WAITING} requests of one caller may wait to be planned"
-                )
-            if others and sum(one.size for one in others) + size > MOST_WAITING_BYTES:
-                raise TooMuchError(
-                    f"at most {MOST_WAITING_BYTES >> 20} MiB of requests of one caller may wait"
-                )
-            if others and is_large and sum(one.size for one in waiting) + size > MOST_BYTES:
-                raise TooMuchError(
-                    f"at most {MOST_BYTES >> 20} MiB of requests of all callers may wait"
-                )
-        answer = asyncio.get_running_loop().create_future()
-        file = RecordFile() if isinstance(question.what, Records) else None
-        asked = _Waiting(question, rank, order.caller, size, answer, file)
-        self._lanes[rank].put(asked)
-        self._dispatch()
-        return asked
-
     def _dispatch(self) -> None:
         """Give every planner that has nothing to do the first of what it may do."""
         for process in sorted(self._idle, key=lambda idle: -idle.number):
-            waiting = self._next(process)
+            # Until all are there, the last of those that are takes everything.
+            is_last = process.number == max(self._started, default=0)
+            slowest = Rank.LARGE if is_last else Rank(min(process.number, Rank.LARGE))
+            waiting = self._lanes.take(slowest)
             if waiting is not None:
                 self._idle.remove(process)
                 waiting.process = process
                 self._spawn(self._serve(process, waiting))
 
-    def _next(self, process: PlannerProcess) -> _Waiting | None:
-        # Until all are there, the last of those that are takes everything.
-        is_last = process.number == max(self._started, default=0)
-        slowest = Rank.LARGE if is_last else Rank(min(process.number, Rank.LARGE))
-        for rank in Rank:
-            if rank <= slowest:
-                waiting = self._lanes[rank].take()
-                if waiting is not None:
-                    return waiting
-        return None
-
-    async def _serve(self, process: PlannerProcess, waiting: _Waiting) -> None:
+    async def _serve(self, process: PlannerProcess, waiting: Waiting) -> None:
         what = waiting.question.what
         try:
             answer = await process.ask(waiting.question, waiting.file)
@@ -367,7 +242,7 @@ class Planners:
         self._idle.append(process)
         self._dispatch()
 
-    def _give_up(self, waiting: _Waiting) -> None:
+    def _give_up(self, waiting: Waiting) -> None:
         """Have a planner end what nobody waits for any more, or be ended itself."""
         process, waiting.process = waiting.process, None
         if process is not None:
@@ -382,7 +257,7 @@ class Planners:
             _log.warning("planner %s: killed while %s", process.pid, process.stage)
             process.kill()
 
-    def _too_long(self, waiting: _Waiting, timeout: float) -> str:
+    def _too_long(self, waiting: Waiting, timeout: float) -> str:
         if waiting.process is None:
             return f"planning did not begin within {timeout:g} s: the planners are busy"
         return f"planning took longer than {timeout:g} s: {waiting.process.stage}"

@@ -16,10 +16,10 @@ if TYPE_CHECKING:
         timing_from_message,
     )
     from orientd.rpc.wire.state import (
+        configured_from_message,
         cycle_from_message,
         daemon_from_message,
         device_from_message,
-        limits_from_message,
         method_from_message,
         outline_from_messages,
     )

@@ -9,7 +9,7 @@ from orientd.errors import Fault
 from orientd.floats import difference, norm
 from orientd.planner import ANGULAR, NO_AXES, Limits
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.reports import DaemonReport, DeviceReport, Method, Outline
+from orientd.rpc.reports import DaemonReport, Device, DeviceReport, Method, Outline
 from orientd.rpc.wire.values import (
     RATES,
     STATES,
@@ -149,6 +149,18 @@ def device_to_message(report: DeviceReport) -> pb.DeviceReport:
     if report.cycle is not None:
         message.cycle.CopyFrom(cycle_to_message(report.cycle))
     return message
+
+
+def configured_from_message(message: pb.Device) -> Device:
+    """Return the device of the configuration that *message* was made of."""
+    return Device(
+        name=message.name,
+        driver=message.driver,
+        rate_hz=message.rate_hz,
+        limits=limits_from_message(message.limits),
+        lead=message.lead,
+        phase=message.phase,
+    )
 
 
 def device_from_message(message: pb.DeviceReport) -> DeviceReport:

@@ -18,12 +18,12 @@ from orientd.rpc.wire.values import (
     to_vector,
     vector,
 )
+from orientd.tolerances import NORM_TOLERANCE
 
 TIME_TO_LIVE = 0.5
 """How long a target counts that does not say so itself, s."""
 
 LONGEST_LIFE = 60.0
-NORM_TOLERANCE = 1e-6
 
 _FRAMES = (pb.FRAME_BODY, pb.FRAME_WORLD)
 
@@ -53,7 +53,9 @@ def target_from_message(message: pb.TrackTarget, now_ns: int) -> AimedAt:
     q = to_quaternion(message.orientation)
     size = math.sqrt(sum(x * x for x in q)) if all(map(math.isfinite, q)) else math.nan
     if not abs(size - 1.0) <= NORM_TOLERANCE:
-        raise RequestError("target.orientation", f"norm must be 1 within 1e-6, got {size:.9g}")
+        raise RequestError(
+            "target.orientation", f"norm must be 1 within {NORM_TOLERANCE:g}, got {size:.9g}"
+        )
     omega = ZERO
     if message.HasField("angular_velocity"):
         omega = to_vector(message.angular_velocity)

@@ -25,6 +25,7 @@ straight line would, others are rehearsed from along it, and taken where they ar
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import ceil, sqrt
 
 from orientd.floats import norm
@@ -40,24 +41,15 @@ PLANS = (
     Plan(0.995, 0.985, until=0.3),
     Plan(0.998, 0.9),
     Plan(0.995, 0.985, until=1.0, stops_across=True),
-    Plan(0.995, 0.985, until=1.0),
-    *(Plan(0.995, 0.985, rate) for rate in (0.87, 0.93, 0.97, 1.0)),
-    Plan(0.9, 0.9),
-    Plan(0.75, 0.9),
-    Plan(0.5, 0.9),
+    Plan(0.995, 0.985, rate=0.93),
 )
-"""Ways to stop, tried one after the other."""
+"""Ways to stop, tried one after the other; chosen by ``tests/bench/tune_quick_stop.py``, which says
+what each of these, and of those below that leave a stop, is worth."""
 
 TURNING_PLANS = PLANS[1:2]
 """Ways to stop behind a place where the path turns back soon, tried before the others."""
 
-BETTER_PLANS = (
-    *(plan for plan in PLANS if plan.until is not None),
-    PLANS[0],
-    Plan(0.9, 0.9),
-    Plan(0.998, 0.9),
-    *(Plan(0.995, 0.985, rate) for rate in (0.8, 0.87, 0.93)),
-) * 3
+BETTER_PLANS = (Plan(0.9, 0.9), Plan(0.995, 0.985, rate=0.87)) * 6
 """Ways to leave a stop that takes long for another one that is over sooner, tried in turn: what
 fails from one place on the path may do from another."""
 
@@ -95,7 +87,7 @@ class BrakeLaw:
         self._moves = -1
         self._taken = 0
         self._tries = 0
-        self._plans = PLANS
+        self._plans: Sequence[Plan] = PLANS
         self._expected = 0.0
         self._trouble = self._turning = 0.0
         self._is_straight = False

@@ -21,6 +21,7 @@ from typing import NamedTuple
 
 from orientd.driver import ZERO, Quaternion, Vector3
 from orientd.floats import difference, exp, multiply, norm, normalize
+from orientd.tolerances import NORM_TOLERANCE
 
 LOOKAHEAD_NS = 1_000_000_000
 """How far ahead of its time a target may come: a wrong stamp must not lock the later ones out."""
@@ -64,8 +65,6 @@ ones; without any it is :data:`SPARE` times that."""
 
 RECOVERY = 0.01
 """How fast the delay shrinks again, seconds per second."""
-
-_NORM_TOLERANCE = 1e-6
 
 
 class Target(NamedTuple):
@@ -153,7 +152,7 @@ class Reference:
         """
         q, omega, time_ns, expires_ns = target
         size = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
-        if not abs(size - 1.0) <= 2.0 * _NORM_TOLERANCE:
+        if not abs(size - 1.0) <= 2.0 * NORM_TOLERANCE:
             return f"expected a unit quaternion, got {q}"
         if omega is not None and not all(abs(x) <= FASTEST for x in omega):
             return f"expected an angular velocity within {FASTEST:g} rad/s, got {omega}"

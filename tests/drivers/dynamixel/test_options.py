@@ -46,12 +46,12 @@ def test_axis_takes_eighty_percent_of_the_speed_without_load():
         ({"axes": [{"id": 1, "limits_deg": [-1e6, 1]}, {}, {}]}, "within 255 turns"),
         ({"axes": [{"id": 1, "direction": 2}, {}, {}]}, "direction must be one of 1, -1"),
         ({"axes": [{"id": 1, "gear": math.nan}, {}, {}]}, "gear must be a number"),
-        ({"park_deg": [0, 0]}, "park_deg must be 3 angles"),
+        ({"park_deg": [0, 0]}, "park_deg must be 3 numbers"),
         ({"park_deg": [0, 0, 190]}, "park_deg must be inside the limits of x"),
         ({"at_end": "drop"}, "at_end must be one of release, hold"),
         ({"fast_read": True}, "fast_read must be one of auto, on, off"),
         ({"mount": {"w": 2, "x": 0, "y": 0, "z": 0}}, "mount must have norm 1"),
-        ({"watchdog_ms": -1}, "watchdog_ms must be from 0 to 2540"),
+        ({"watchdog_ms": -1}, "watchdog_ms must be a number from 0 to 2540"),
     ],
 )
 def test_what_is_wrong_is_named(change, message):

@@ -64,11 +64,13 @@ def plan(cell, device, request=MOTION):
 
 
 def start(cell, token, device, motion, *, stops=0):
-    return asyncio.run(cell.start(token, device, motion, stops=stops))
+    return asyncio.run(cell.starter.start(token, device, motion, stops=stops))
 
 
 def move(cell, token, device, manner=AT_ONCE):
-    return asyncio.run(cell.move(token, device, order_of(MOTION), manner, stops=0, received_ns=0))
+    return asyncio.run(
+        cell.starter.move(token, device, order_of(MOTION), manner, stops=0, received_ns=0)
+    )
 
 
 def begin(cell, device, token):
@@ -197,9 +199,9 @@ def test_an_abandoned_motion_is_stopped_but_not_the_one_after_it(cell, arm):
     first = begin(cell, arm, token)
     arm.finish()
     second = begin(cell, arm, token)
-    cell.abandon(first, "gone")
+    cell.starter.abandon(first, "gone")
     assert not second.ended.done()
-    cell.abandon(second, "gone")
+    cell.starter.abandon(second, "gone")
     assert second.ended.result(0) == (Outcome.STOPPED, "gone")
 
 

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 from planned import LIMITS, PERIOD, random_motions, times_of
 
-from orientd.planner import RECORD_FLOATS
 from orientd.stream.records import PATH_FLOATS
 
 MOTIONS = random_motions(77, 4, LIMITS["arm"])
@@ -54,14 +53,10 @@ def test_records_are_samples_on_the_grid_in_the_order_of_the_ring():
     first, count = MOTION.record_count // 3, 50
     records = MOTION.records(first, count)
     samples = MOTION.sample(PERIOD * np.arange(first, first + count))
-    assert records.shape == (count, RECORD_FLOATS)
+    assert records.shape == (count, PATH_FLOATS)
     assert records == pytest.approx(np.concatenate(samples, axis=1), abs=0)
     assert records.dtype == np.float64
     assert records.flags.c_contiguous
-
-
-def test_a_record_has_as_many_numbers_as_the_ring_takes():
-    assert RECORD_FLOATS == PATH_FLOATS
 
 
 def test_records_that_are_not_there_are_refused():

@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 from orientd.errors import LimitError
 from orientd.planner import Keyframe, Limits, MotionRequest, State, plan, retarget
 from orientd.rotation import angle, exp, multiply
+from orientd.tolerances import GUARD_TOLERANCE
 
 ARM = LIMITS["arm"]
-GUARD = 1.001
 SLOW = [pytest.mark.slow, pytest.mark.timeout(1200)]
 HERE = np.array([1.0, 0.0, 0.0, 0.0])
 
@@ -30,7 +30,7 @@ def moving(seed=0, limits=ARM, record=100, turn=2.0, **fields):
 def assert_limits_are_kept(q, limits, period=PERIOD):
     rates = differences(q, period)
     for rate, limit in zip(rates, (limits.velocity, limits.acceleration, limits.jerk), strict=True):
-        assert rate.max() <= GUARD * limit
+        assert rate.max() <= GUARD_TOLERANCE * limit
 
 
 def orientations(motion, first=0, last=None):
@@ -206,8 +206,10 @@ def test_the_position_rides_along_with_continuous_acceleration():
         p = np.concatenate([[p[0]] * 3, p, [p[-1]] * 3])
         velocity = np.diff(p, axis=0) / PERIOD
         acceleration = np.diff(velocity, axis=0) / PERIOD
-        assert np.linalg.norm(velocity, axis=1).max() <= GUARD * ARM.linear_velocity
-        assert np.linalg.norm(acceleration, axis=1).max() <= GUARD * ARM.linear_acceleration
+        assert np.linalg.norm(velocity, axis=1).max() <= GUARD_TOLERANCE * ARM.linear_velocity
+        assert (
+            np.linalg.norm(acceleration, axis=1).max() <= GUARD_TOLERANCE * ARM.linear_acceleration
+        )
         # No step between any two of them that a device could notice.
         assert np.linalg.norm(np.diff(acceleration, axis=0), axis=1).max() < 1.0
         if aim:

@@ -14,6 +14,7 @@ from orientd.planner import State as PlannedState
 from orientd.planner.certify.measuring import measure
 from orientd.servo.path.path_follower import Leg
 from orientd.stream import UNKNOWN, Answer, Command
+from orientd.tolerances import GUARD_TOLERANCE
 
 LIMITS = [
     Limits(2.5, 17.0, 8500.0, 1.0, 10.0),
@@ -76,7 +77,7 @@ def up_to_its_limits(random, motion):
         limits,
         before=None,
         holds_after=True,
-        brake_limits=limits.scaled(1.001),
+        brake_limits=limits.scaled(GUARD_TOLERANCE),
         rough=motion.rough,
     )
     # What takes longer to stop is refused.
@@ -139,19 +140,19 @@ class Ride:
         self.rig = rig = track.rig
         q, position = track.q, track.position
         self.first = first = track.first
-        servo, here = rig.servo, first + record
-        servo._last = servo._follower.peek(first)
+        setpoints, here = rig.servo.setpoints, first + record
+        setpoints.last = setpoints.follower.peek(first)
         terms = terms_of(self.motion)
         assert rig.ask(Command.START, path_index=first, terms=terms, start_ns=10**18)[0] is (
             Answer.DONE
         )
         # Going there cycle by cycle would write exactly the records.
-        servo._follower.begin(Leg(1, here, terms))
-        servo._path_clock.begin(terms.brake_rate, 1.0)
-        servo._is_waiting = False
+        setpoints.follower.begin(Leg(1, here, terms))
+        setpoints.path_clock.begin(terms.brake_rate, 1.0)
+        setpoints._is_waiting = False
         last = q[record - 2 : record + 1]
         omega = rotation.log(rotation.multiply(rotation.conjugate(last[:-1]), last[1:]))
-        guard = servo._guard
+        guard = setpoints._guard
         self.omega, self.alpha = omega[1] / PERIOD, (omega[1] - omega[0]) / PERIOD**2
         self.velocity = (position[record] - position[record - 1]) / PERIOD
         guard.q, guard.position = tuple(q[record].tolist()), tuple(position[record].tolist())

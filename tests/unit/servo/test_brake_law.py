@@ -26,7 +26,7 @@ def check_stops(seed, kind, count, stops, methods=SOME_METHODS):
         for _ in range(stops):
             ride = Ride(track, int(random.integers(4, motion.record_count - 4)))
             cycles = ride.stop()
-            assert ride.rig.servo.state is State.HOLDING, ride.rig.servo._fault_text
+            assert ride.rig.servo.state is State.HOLDING, ride.rig.servo.setpoints.fault_text
             assert ride.deviation < DEVIATION
             assert ride.excess() <= 1.001
             least = bound(ride.omega, ride.alpha, ride.velocity, motion.limits)
@@ -148,7 +148,7 @@ def check_sequences(seed, kind, count, sequences):
             ride = Ride(track, int(random.integers(4, max(5, motion.record_count // 2))))
             if wander(ride, random, 8):
                 ride.stop()
-            assert ride.rig.servo.state is State.HOLDING, ride.rig.servo._fault_text
+            assert ride.rig.servo.state is State.HOLDING, ride.rig.servo.setpoints.fault_text
             assert ride.deviation < DEVIATION
             assert ride.excess() <= 1.001
 

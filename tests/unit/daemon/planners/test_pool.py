@@ -12,7 +12,7 @@ from direct_planners import DirectPlanners
 from orientd import config
 from orientd.daemon.cell import planner_device
 from orientd.daemon.planners import Job, Order, Planners, Rank
-from orientd.daemon.planners import pool as pools
+from orientd.daemon.planners.lanes import MOST_WAITING
 from orientd.errors import DaemonError, DeadlineError, PlanError, RequestError, TooMuchError
 from orientd.planner import Keyframe, MotionRequest, State
 from orientd.rotation import exp
@@ -160,7 +160,7 @@ def test_what_one_caller_may_have_waiting_is_bounded():
     async def test(planners):
         asked = [
             asyncio.ensure_future(planners.plan(job(), Order(SMALL, "many", 60.0)))
-            for _ in range(pools.MOST_WAITING + 5)
+            for _ in range(MOST_WAITING + 5)
         ]
         ended = await asyncio.gather(*asked, return_exceptions=True)
         refused = [one for one in ended if isinstance(one, TooMuchError)]

@@ -1,0 +1,284 @@
+"""Begin motions: planned in turn, begun in a thread, stopped again if nobody waits for them.
+
+What a motion is planned from changes when another one begins: two that are planned side by side for
+one device would each make the other come too late.  So one motion of a device at a time is planned
+to be begun, in the order in which they came.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import time
+from collections import defaultdict
+from collections.abc import AsyncIterator, Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import TYPE_CHECKING
+
+from orientd.daemon.device import Device
+from orientd.daemon.leases import Lease
+from orientd.daemon.motions import AT_ONCE, Manner, Prepared, Run, Runs
+from orientd.daemon.observe import about
+from orientd.daemon.planners import Order, PlannedMotion
+from orientd.errors import DeadlineError, LateError, NotYetError, StartError, StateError
+from orientd.floats import difference, norm
+from orientd.rpc import MoveTiming
+from orientd.stream import UNKNOWN
+
+if TYPE_CHECKING:
+    from orientd.planner import Limits
+
+_log = logging.getLogger(__name__)
+
+ATTEMPTS = 6
+"""How often a motion is planned anew because the device has passed where it was to begin."""
+
+_STEADYING = 0.05
+"""Time after which a device whose speed was changing is looked at again, s."""
+
+START_TOLERANCE = 1e-6
+"""How far from where the device is commanded to be a kept plan may begin, rad and m."""
+
+GONE = "its caller has gone away"
+
+
+class MotionStarter:
+    """Begins motions for whoever holds the lease."""
+
+    def __init__(
+        self,
+        runs: Runs,
+        commanders: ThreadPoolExecutor,
+        *,
+        check: Callable[[str], Lease],
+        is_held: Callable[[str], bool],
+    ) -> None:
+        """Begin none yet.
+
+        Args:
+            runs: takes note of them.
+            commanders: threads in which devices are waited for.
+            check: returns the lease of a token, or raises what is wrong with it.
+            is_held: whether a token is still that of the lease.
+        """
+        self._runs = runs
+        self._commanders = commanders
+        self._check = check
+        self._is_held = is_held
+        self._turns: defaultdict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
+
+    async def move(
+        self,
+        token: str,
+        device: Device,
+        order: Order,
+        manner: Manner = AT_ONCE,
+        *,
+        stops: int,
+        received_ns: int,
+    ) -> tuple[Run, MoveTiming]:
+        """Plan what *order* asks of *device*, and begin it.
+
+        A motion that runs is replaced from a point a little ahead, or followed.  If whoever asks
+        goes away meanwhile, it is stopped again.
+
+        Args:
+            token: the lease.
+            device: what is to move.
+            order: what it is to do.
+            manner: how to begin and to end.
+            stops: what :meth:`Runs.stops` returned when the motion was asked for.
+            received_ns: when that was, monotonic clock.
+
+        Raises:
+            RequestError: it is not well formed.
+            LeaseError: *token* is not that of the lease.
+            StateError: the device is not ready to move, or was stopped meanwhile.
+            PlanError: it cannot be planned, or would break a limit.
+        """
+        async with self._turn(device.name, order):
+            return await self._move(token, device, order, manner, stops, received_ns)
+
+    async def _move(
+        self,
+        token: str,
+        device: Device,
+        order: Order,
+        manner: Manner,
+        stops: int,
+        received_ns: int,
+    ) -> tuple[Run, MoveTiming]:
+        attempt, late = 0, ""
+        while attempt < ATTEMPTS and order.time_left:
+            try:
+                prepared = await device.prepare(order, manner, attempt=attempt)
+                planned_ns = time.monotonic_ns()
+                run = await self._begin(token, device, prepared, stops=stops)
+            except NotYetError as error:
+                late = str(error)
+                await asyncio.sleep(_STEADYING)
+            except LateError as error:
+                _log.info("%s: planned too late: %s", device.name, error)
+                attempt, late = attempt + 1, str(error)
+            else:
+                timing = MoveTiming(
+                    planning=(planned_ns - received_ns) * 1e-9,
+                    splicing=(time.monotonic_ns() - planned_ns) * 1e-9,
+                    received_ns=received_ns,
+                    attempts=attempt + 1,
+                )
+                return run, timing
+        raise StateError(f"device {device.name} was too quick for {attempt} plans: {late}")
+
+    @contextlib.asynccontextmanager
+    async def _turn(self, device: str, order: Order) -> AsyncIterator[None]:
+        """Wait until it is the turn of *order*, and keep the turn for as long as the context lasts.
+
+        Raises:
+            DeadlineError: what was asked for before takes too long.
+        """
+        lock = self._turns[device]
+        try:
+            async with asyncio.timeout(order.time_left):
+                await lock.acquire()
+        except TimeoutError:
+            raise DeadlineError(
+                f"planning did not begin within {order.timeout:g} s: device {device} is being "
+                "given motions that were asked for before"
+            ) from None
+        try:
+            yield
+        finally:
+            lock.release()
+
+    async def start(
+        self,
+        token: str,
+        device: Device,
+        motion: PlannedMotion,
+        manner: Manner = AT_ONCE,
+        *,
+        stops: int,
+    ) -> Run:
+        """Begin to run *motion*, a kept plan, on a device at rest.
+
+        Args:
+            token: the lease.
+            device: what is to move.
+            motion: planned for it.
+            manner: how to begin and to end.
+            stops: what :meth:`Runs.stops` returned when the motion was asked for.
+
+        Raises:
+            LeaseError: *token* is not that of the lease.
+            StateError: the device is not at rest, ready to move, or was stopped meanwhile.
+            StartError: the motion does not begin where the device is commanded to be.
+        """
+        check_start(device, motion)
+        return await self._begin(token, device, Prepared(motion, manner=manner), stops=stops)
+
+    async def _begin(self, token: str, device: Device, prepared: Prepared, *, stops: int) -> Run:
+        """Begin a motion in a thread; if whoever asks goes away meanwhile, stop it again."""
+        beginning = self._commanders.submit(
+            self._run,
+            token,
+            device,
+            lambda: device.start(prepared),
+            motion=prepared.motion,
+            stops=stops,
+            start_ns=prepared.manner.start_ns,
+        )
+        try:
+            return await asyncio.shield(asyncio.wrap_future(beginning))
+        except asyncio.CancelledError:
+            beginning.add_done_callback(self._abandon_begun)
+            raise
+
+    def _abandon_begun(self, beginning: Future[Run]) -> None:
+        if beginning.exception() is None:
+            self._commanders.submit(self.abandon, beginning.result(), GONE)
+
+    def track(self, token: str, device: Device, limits: Limits, *, stops: int) -> Run:
+        """Have *device* follow targets from now on; see :meth:`Device.aim`.
+
+        Args:
+            token: the lease.
+            device: what is to move.
+            limits: narrower than the device's own; infinite ones are left to it.
+            stops: what :meth:`Runs.stops` returned when this was asked for.
+
+        Raises:
+            RequestError: the limits are above the device's.
+            LeaseError: *token* is not that of the lease.
+            StateError: the device is not ready to move, or was stopped meanwhile.
+        """
+        return self._run(token, device, lambda: device.track(limits), motion=None, stops=stops)
+
+    def _run(
+        self,
+        token: str,
+        device: Device,
+        start: Callable[[], int],
+        *,
+        motion: PlannedMotion | None,
+        stops: int,
+        start_ns: int = UNKNOWN,
+    ) -> Run:
+        lease = self._check(token)
+
+        run = self._runs.begin(
+            device,
+            start,
+            motion=motion,
+            token=token,
+            stops=stops,
+            is_owned=lambda: self._is_held(token),
+            start_ns=start_ns,
+        )
+        _log.info(
+            "%s: motion %d is commanded by %r",
+            device.name,
+            run.number,
+            lease.holder,
+            extra=about(
+                device=device.name,
+                motion=run.number,
+                motion_id=motion.id if motion is not None else "",
+                identity=lease.owner,
+                planned_duration=motion.facts.duration if motion is not None else None,
+            ),
+        )
+        return run
+
+    def abandon(self, run: Run, reason: str) -> None:
+        """Stop *run* on its path, unless it has ended."""
+        if not run.ended.done():
+            self._runs.halt([run.device], reason)
+
+
+def check_start(device: Device, motion: PlannedMotion) -> None:
+    """Refuse *motion* unless it begins where *device*, at rest, is commanded to be.
+
+    Raises:
+        StateError: the device is not holding.
+        StartError: the motion begins with another orientation, position or axis angles.
+    """
+    here, begin = device.commanded(), motion.state_at(0)
+    turn = norm(difference(here.q.tolist(), begin.q.tolist()))
+    if turn > START_TOLERANCE:
+        raise StartError(
+            f"the motion begins {turn:.6g} rad from where device {device.name!r} is commanded "
+            f"to be; plan it again"
+        )
+    if not device.is_at(motion.facts.first_joints):
+        raise StartError(
+            f"the motion begins with other axis angles than those of device {device.name!r}; "
+            "plan it again"
+        )
+    away = float(abs(here.position - begin.position).max())
+    if away > START_TOLERANCE:
+        raise StartError(
+            f"the motion begins {away:.6g} m from where device {device.name!r} is commanded "
+            f"to be; plan it again"
+        )

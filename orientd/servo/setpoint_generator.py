@@ -1,0 +1,379 @@
+"""The setpoint generator: state, path and limits, and the next setpoint of whatever moves.
+
+It streams a path, follows targets, and comes to rest on the path or, where that cannot be, away
+from it; every setpoint has passed the guard.  Of the device it asks only its speed scaling:
+:mod:`orientd.servo.servo` reads, writes and speaks with the daemon.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+from orientd.driver import IDENTITY, ZERO, Driver, Quaternion, Vector3
+from orientd.errors import Fault, NotYetError
+from orientd.floats import difference, norm
+from orientd.servo.guard import Guard
+from orientd.servo.path import (
+    BrakeLaw,
+    Leg,
+    Past,
+    PathClock,
+    PathFollower,
+    PathPoint,
+    Place,
+    StarvedError,
+    eased,
+)
+from orientd.servo.stall import Stalls
+from orientd.servo.state_table import Event, advance
+from orientd.servo.tracking import Pursuit
+from orientd.stream import UNKNOWN, SharedMemory, State, Terms
+
+# Looking a member up in its enumeration takes longer than comparing it.
+_STREAMING, _STOPPING, _TRACKING = State.STREAMING, State.STOPPING, State.TRACKING
+_NO_FAULT = Fault.NONE
+
+_NO_TERMS = Terms(1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 1.0)
+_START_TOLERANCE = 1e-9
+_EASINGS = 3
+
+
+class SetpointGenerator:
+    """What moves, and why nothing does.
+
+    Attributes:
+        state: of the servo.
+        fault: why it is in the state fault, or comes to rest to be.
+        fault_text: the same in words.
+        motion: number of the motion that the setpoints belong to; 0 before the first.
+        last: the last setpoint.
+        path_clock: how fast the path is run through.
+        follower: where on the path the setpoint is.
+    """
+
+    def __init__(
+        self,
+        driver: Driver,
+        memory: SharedMemory,
+        *,
+        period_ns: int,
+        stall_ns: int,
+        on_fault: Callable[[Fault, str], None],
+    ) -> None:
+        """Hold still.
+
+        Args:
+            driver: says how fast it lets a path be run through.
+            memory: the rings of the path and of targets.
+            period_ns: cycle period.
+            stall_ns: longest time without a cycle after which a motion goes on by itself.
+            on_fault: is told of every fault when the state becomes that.
+        """
+        period = period_ns * 1e-9
+        self.state = State.IDLE
+        self.fault = Fault.NONE
+        self.fault_text = ""
+        self.motion = 0
+        self.last = PathPoint(IDENTITY, ZERO, ZERO, ZERO, ZERO)
+        self.path_clock = PathClock(period)
+        self.follower = PathFollower(memory.path, period, _NO_TERMS)
+        self._guard = Guard(period)
+        self._brake_law = BrakeLaw(self.path_clock, self.follower, self._guard)
+        self._pursuit = Pursuit(memory.targets, period)
+        self._stalls = Stalls(period_ns, stall_ns)
+        self._driver = driver
+        self._on_fault = on_fault
+        self._period_ns = period_ns
+        self._terms = _NO_TERMS
+        self._speed = 0.0
+        self._start_ns = UNKNOWN
+        self._is_waiting = False
+        self._escape: Iterator[tuple[Quaternion, Vector3]] | None = None
+        self._moved_ns = 0
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether setpoints change."""
+        state = self.state
+        return state is _STREAMING or state is _STOPPING or state is _TRACKING
+
+    @property
+    def _held(self) -> PathPoint:
+        """Where the device is held: the last setpoint, at rest."""
+        last = self.last
+        return PathPoint(last.q, ZERO, ZERO, last.position, ZERO)
+
+    def step(self, deadline_ns: int, now_ns: int) -> PathPoint:
+        """Return the setpoint of the cycle that was due at *deadline_ns* and runs at *now_ns*."""
+        gap_ns, self._moved_ns = now_ns - self._moved_ns, now_ns
+        if gap_ns > self._stalls.shortest_ns and self.is_moving:
+            self._go_on_from_rest(gap_ns)
+        state = self.state  # not is_moving: a call
+        if state is _STREAMING or state is _STOPPING or state is _TRACKING:
+            point = self._move(deadline_ns)
+        else:
+            point = self._held
+            self._guard.hold()
+        self.last = point
+        return point
+
+    def anchor(self, q: Quaternion, position: Vector3) -> None:
+        """Begin at rest at *q* and *position*."""
+        self.last = PathPoint(q, ZERO, ZERO, position, ZERO)
+        self._guard.anchor(q, position)
+        self.path_clock.halt()
+
+    # What the daemon asks for
+
+    def set_speed(self, speed: float) -> str:
+        """Run through the path at *speed*, 1 is as planned; return why not, or nothing."""
+        following = advance(self.state, Event.SPEED)
+        if not 0.0 <= speed <= 1.0:
+            return f"speed must be between 0 and 1, got {speed!r}"
+        self._speed = speed
+        self.state = following
+        return ""
+
+    def halt(self) -> None:
+        """Come to rest as fast as the limits allow, wherever that leaves the path."""
+        self.stop(Event.HALT)
+        if self.is_moving and self._escape is None and not self._pursuit.is_on:
+            self._escape = self._guard.soft_stop(self._terms)
+
+    def clear_fault(self) -> None:
+        """Leave the fault behind."""
+        self.state = advance(self.state, Event.RESET)
+        self.fault, self.fault_text = Fault.NONE, ""
+
+    def start(self, leg: Leg, speed: float, start_ns: int) -> str:
+        """Stream the path that *leg* begins, from *start_ns* on; return why not, or nothing."""
+        following = advance(self.state, Event.START)
+        first = self.follower.peek(leg.first)
+        if first is None:
+            return f"path record {leg.first} is not in the ring"
+        gap = norm(difference(self.last.q, first.q))
+        if not gap <= _START_TOLERANCE:
+            return f"the path begins {gap:.3g} rad from the commanded orientation"
+        brake_rate = leg.terms.brake_rate
+        if not (brake_rate > 0.0 and 0.0 <= speed <= 1.0):
+            return f"brake rate and speed must be positive, got {brake_rate!r} and {speed!r}"
+        self._speed = speed
+        self._start_ns, self._is_waiting = start_ns, True
+        self.path_clock.begin(brake_rate, 0.0)
+        self.follower.begin(leg)
+        self._adopt(leg)
+        self.state = following
+        return ""
+
+    def splice(self, leg: Leg) -> str:
+        """Replace the rest of the path, or follow at its end; return why not, or nothing."""
+        following = advance(self.state, Event.SPLICE)
+        clock, brake_rate = self.path_clock, leg.terms.brake_rate
+        if not brake_rate > 0.0:
+            return f"brake rate must be positive, got {brake_rate!r}"
+        if clock.is_led or (not clock.is_steady and brake_rate < clock.brake_rate):
+            raise NotYetError("the speed is changing")
+        problem = self.follower.splice(leg)
+        if not problem:
+            # Until the path of before is behind, a stop keeps the limits of both.
+            clock.brake_rate = min(brake_rate, clock.brake_rate)
+            self.state = following
+        return problem
+
+    def track(self, leg: Leg) -> None:
+        """Follow targets from here on, whatever moves at present."""
+        following = advance(self.state, Event.TRACK)
+        guard = self._guard
+        self.path_clock.halt()
+        # Where a narrower limit is broken already, what there is of it is taken away.
+        speed = max(leg.terms.linear_velocity, norm(guard.velocity))
+        self._terms, self.motion = replace(leg.terms, linear_velocity=speed), leg.number
+        self._pursuit.begin(guard.q, guard.omega, guard.alpha, leg.terms)
+        self.state = following
+
+    def stop(self, event: Event) -> None:
+        """Begin to come to rest, on the path or away from the target."""
+        following = advance(self.state, event)
+        self.path_clock.target = 0.0
+        self._pursuit.cease()
+        self.state = following
+
+    def brake(self, fault: Fault, text: str) -> None:
+        """Stop on the path, then be in *fault*; the first reason is the one that is kept."""
+        if self.fault is not _NO_FAULT:
+            return
+        if self.is_moving:
+            self.fault, self.fault_text = fault, text
+            self.stop(Event.BRAKE)
+        else:
+            self.fail(fault, text)
+
+    def fail(self, fault: Fault, text: str) -> bool:
+        """Be in *fault* now; return whether that is new."""
+        if self.state is State.FAULT and self.fault is fault:
+            return False
+        self.fault, self.fault_text = fault, text
+        self._escape = None
+        self._pursuit.end()
+        self.path_clock.halt()
+        self.state = advance(self.state, Event.FAIL)
+        self._on_fault(fault, text)
+        return True
+
+    # The next setpoint
+
+    def _move(self, deadline_ns: int) -> PathPoint:
+        """Return the next setpoint of a motion or of a stop."""
+        if self._escape is not None:
+            return self._step_off_path()
+        if self._pursuit.is_on:
+            return self._follow(deadline_ns)
+        clock, follower, share = self.path_clock, self.follower, 1.0
+        if self.state is _STREAMING:
+            speed = self._speed * self._driver.speed_scaling
+            if self._is_waiting:
+                share = self._share_run(deadline_ns)
+                if share <= 0.0:
+                    return self._held
+                self._is_waiting = False
+                # The path is at rest there: it needs no run-up in time.
+                clock.begin(clock.brake_rate, speed)
+            clock.target = speed
+            if not follower.reaches(clock.braking_cycles):
+                self.brake(Fault.PATH_STARVED, "the daemon did not deliver the path in time")
+        before, leg = clock.rate, follower.leg
+        if clock.is_led or clock.target == 0.0 < before:
+            rate = self._brake_law.advance(self._terms, may_end=self.state is _STOPPING)
+        else:
+            rate = clock.advance()
+        try:
+            path, place = follower.look(rate * share)
+            terms = self._terms if place.leg is leg else place.leg.terms
+            problem = self._guard.admit(path.q, path.position, terms)
+            if problem and not clock.is_led and (rate != 1.0 or follower.fraction):
+                path, place, rate, problem = self._ease(path, place, rate, problem)
+        except StarvedError as error:
+            return self._leave_path(Fault.PATH_STARVED, str(error))
+        follower.move(place)
+        if follower.leg is not leg:
+            self._adopt(follower.leg)
+        if problem:
+            return self._leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")
+        if follower.is_at_end:
+            clock.halt()
+            self._finish(Event.FINISH if self.state is _STREAMING else Event.REST)
+            return path
+        if self.state is _STOPPING and clock.is_at_rest and before == 0.0:
+            self._finish(Event.REST)
+        if rate == 1.0 == before:
+            return path
+        change = (rate - before) / clock.period
+        return PathPoint(
+            path.q,
+            _combine(path.omega_body, rate, path.omega_body, 0.0),
+            _combine(path.alpha_body, rate * rate, path.omega_body, change),
+            path.position,
+            _combine(path.velocity, rate, path.velocity, 0.0),
+        )
+
+    def _share_run(self, deadline_ns: int) -> float:
+        """Return for which share of the cycle that begins the motion that waits is to run.
+
+        A setpoint is where the device is to be at the end of its cycle, so that devices whose
+        cycles begin at other instants are as far along their paths at every instant.
+        """
+        if self._start_ns == UNKNOWN:
+            return 1.0
+        period_ns = self._period_ns
+        return min((deadline_ns + period_ns - self._start_ns) / period_ns, 1.0)
+
+    def _ease(
+        self, path: PathPoint, place: Place, rate: float, problem: str
+    ) -> tuple[PathPoint, Place, float, str]:
+        """Return point and place on the path that another rate leads to, that, and what is wrong.
+
+        Where the path bends sharply the differences between its records may be somewhat larger than
+        on them, on which the certificate has looked: a little slower or faster keeps the limits.
+        """
+        clock, follower, guard = self.path_clock, self.follower, self._guard
+        leg = place.leg
+        terms = self._terms if leg is follower.leg else leg.terms
+        past, tried, other = Past(guard.omega, guard.alpha, guard.velocity), path, rate
+        for _ in range(_EASINGS):
+            rates = guard.rates(tried.q, tried.position)
+            found = eased(past, *rates, tried, other, terms, clock.period)
+            if found is None or found + follower.fraction >= 2.0:
+                break
+            seen, there = follower.look(found)
+            if there.leg is not leg:
+                break
+            other, tried = found, seen
+            if not guard.admit(tried.q, tried.position, terms):
+                clock.ease(other)
+                return tried, there, other, ""
+        return path, place, rate, problem
+
+    def _go_on_from_rest(self, stall_ns: int) -> None:
+        """Have what moved go on from where the device has come to rest, if it may."""
+        guard = self._guard
+        guard.anchor(guard.q, guard.position)
+        self.path_clock.halt()
+        self._escape = None
+        problem = self._stalls.complain(stall_ns)
+        if self.state is _STOPPING:
+            self._finish(Event.REST)
+        elif problem:
+            self._pursuit.end()
+            self.fail(Fault.SERVO_STALLED, problem)
+        elif self.state is _TRACKING:
+            self._pursuit.rest(guard.q)
+
+    def _follow(self, deadline_ns: int) -> PathPoint:
+        """Return the next setpoint on the way to a target, or to rest."""
+        pursuit, guard = self._pursuit, self._guard
+        if self.state is _TRACKING:
+            pursuit.aim(deadline_ns)
+        point, position = pursuit.step(deadline_ns), guard.braked_position(self._terms)
+        problem = guard.admit(point.q, position, self._terms)
+        if problem:
+            return self._leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")
+        if self.state is _STOPPING and pursuit.is_at_rest and guard.velocity == ZERO:
+            self._finish(Event.REST)
+        return PathPoint(point.q, point.omega_body, point.alpha_body, position, guard.velocity)
+
+    def _leave_path(self, fault: Fault, text: str) -> PathPoint:
+        """Begin to come to rest without the path."""
+        self.brake(fault, text)
+        self._escape = self._guard.soft_stop(self._terms)
+        return self._step_off_path()
+
+    def _step_off_path(self) -> PathPoint:
+        guard = self._guard
+        step = next(self._escape, None) if self._escape is not None else None
+        if step is None:
+            self._escape = None
+            self.path_clock.halt()
+            self._finish(Event.REST)
+            return PathPoint(guard.q, ZERO, ZERO, guard.position, ZERO)
+        return PathPoint(step[0], guard.omega, guard.alpha, step[1], guard.velocity)
+
+    def _finish(self, event: Event) -> None:
+        """Go to rest: into holding, or into the fault that made the stop necessary."""
+        self.path_clock.halt()
+        self._pursuit.end()
+        if self.fault is not _NO_FAULT:
+            self.fail(self.fault, self.fault_text)
+        else:
+            self.state = advance(self.state, event)
+
+    def _adopt(self, leg: Leg) -> None:
+        """Keep what the motion promised that the path has come to."""
+        self._terms = leg.terms
+        self.motion = leg.number
+        if self.path_clock.is_steady and not self.follower.is_spliced:
+            self.path_clock.brake_rate = leg.terms.brake_rate
+
+
+def _combine(a: Vector3, s: float, b: Vector3, t: float) -> Vector3:
+    return (a[0] * s + b[0] * t, a[1] * s + b[1] * t, a[2] * s + b[2] * t)

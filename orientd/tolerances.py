@@ -1,0 +1,8 @@
+"""The tolerances that safety rests on, which planner, servo, drivers and daemon have in common."""
+
+GUARD_TOLERANCE = 1.001
+"""How far above a limit the servo's guard lets a setpoint be, as a factor: rounding and the
+planner's grid, not a reserve."""
+
+NORM_TOLERANCE = 1e-6
+"""How far the norm of a quaternion may be from one; a larger error is not rounding."""
