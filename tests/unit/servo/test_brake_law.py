@@ -21,7 +21,7 @@ def check_stops(seed, kind, count, stops, methods=SOME_METHODS):
     """Stop at random; return the times over a bound, and the rides that exceed it by too much."""
     random = np.random.default_rng(seed)
     ratios, slow = [], []
-    for motion in motions(seed, count, kind, methods):
+    for motion in motions([seed, KINDS.index(kind)], count, kind, methods):
         track = Track(motion)
         for _ in range(stops):
             ride = Ride(track, int(random.integers(4, motion.record_count - 4)))
@@ -56,9 +56,9 @@ def test_a_stop_takes_hardly_longer_than_any_stop_could(kind):
 @pytest.mark.parametrize(
     ("drawn", "record", "fewest"),
     [
-        ((7003, 2, "reserve"), 191, 17),
-        ((7003, 2, "reserve"), 321, 67),
-        ((9000, 7, "no reserve"), 4973, 26),
+        (([7003, 0], 2, "reserve"), 191, 17),
+        (([7003, 0], 2, "reserve"), 321, 67),
+        (([9000, 1], 7, "reserve"), 4973, 26),
     ],
 )
 def test_a_stop_comes_to_rest_before_the_path_turns_back_or_soon_behind(drawn, record, fewest):
@@ -72,7 +72,7 @@ def test_a_stop_comes_to_rest_before_the_path_turns_back_or_soon_behind(drawn, r
 
 def test_a_stop_that_just_fails_with_all_of_the_jerk_is_made_with_less_of_it():
     # Into a sharp bend, behind which a stop would take 20 cycles.
-    *_, motion = motions(1, 8, "reserve")
+    *_, motion = motions([1, 0], 8, "reserve")
     ride = Ride(Track(motion), 241)
     assert ride.stop() <= 8
     assert ride.excess() <= 1.001
@@ -81,7 +81,7 @@ def test_a_stop_that_just_fails_with_all_of_the_jerk_is_made_with_less_of_it():
 
 def test_a_stop_from_hardly_any_speed_is_made_at_once():
     # At 0.07 rad/s, which the jerk takes away in a cycle.
-    *_, motion = motions(2, 8, "no reserve")
+    *_, motion = motions([2, 1], 8, "reserve")
     ride = Ride(Track(motion), 94)
     assert ride.stop() <= 1
     assert ride.excess() <= 1.001
@@ -92,9 +92,9 @@ def test_a_stop_from_hardly_any_speed_is_made_at_once():
     ("drawn", "record", "fewest"),
     [
         # The first plan that succeeds stops a turn later than the place where the path turns back.
-        ((8, 14, "at limits"), 1571, 43),
+        (([8, 2], 14, "at limits"), 1571, 43),
         # What is over sooner uses less of the limits for a while.
-        ((5, 26, "no reserve", SOME_METHODS), 1168, 68),
+        (([5, 1], 26, "reserve", SOME_METHODS), 1168, 68),
     ],
 )
 def test_a_stop_that_is_carried_out_is_left_for_one_that_is_over_sooner(drawn, record, fewest):
@@ -107,7 +107,7 @@ def test_a_stop_that_is_carried_out_is_left_for_one_that_is_over_sooner(drawn, r
 
 
 def test_the_search_finds_the_shortest_stop_of_a_turn_about_one_axis():
-    *_, motion = motions(7003, 2, "reserve", ["kks_hermite"])
+    *_, motion = motions([7003, 0], 2, "reserve", ["kks_hermite"])
     ride = Ride(Track(motion), 191)
     cycles = ride.stop()
     search = ShortestStop(motion, 191, ride.omega, ride.alpha, ride.velocity)
@@ -142,7 +142,7 @@ def wander(ride, random, changes):
 
 def check_sequences(seed, kind, count, sequences):
     random = np.random.default_rng(seed)
-    for motion in motions(seed, count, kind):
+    for motion in motions([seed, KINDS.index(kind)], count, kind):
         track = Track(motion)
         for _ in range(sequences):
             ride = Ride(track, int(random.integers(4, max(5, motion.record_count // 2))))
