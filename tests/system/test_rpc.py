@@ -28,17 +28,13 @@ from orientd.rpc.motion_request import Quaternion
 from orientd.rpc.reports import Outcome
 from orientd.stream import State
 
-LEASE_SECONDS = 1.0
+LEASE_SECONDS = 3.0
 TURNS = [[0, 0, 0], [0.1, 0, 0.3], [0.2, -0.2, 0.4]]
 
 
 @pytest.fixture(scope="module")
 def daemon(tmp_path_factory):
-    process = DaemonProcess(tmp_path_factory.mktemp("daemon"))
-    text = process.config.read_text()
-    process.config.write_text(
-        text.replace("[daemon]", f"[daemon]\nlease_seconds = {LEASE_SECONDS}", 1)
-    )
+    process = DaemonProcess(tmp_path_factory.mktemp("daemon"), lease=LEASE_SECONDS)
     process.start()
     process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))
     yield process
