@@ -191,6 +191,24 @@ def test_rounding_is_divided_by_the_period_as_often_as_the_rate(quantity):
             assert (guard.admit(q, ZERO, terms) == "") is is_admitted
 
 
+@pytest.mark.parametrize("quantity", QUANTITIES)
+def test_rounding_comes_on_top_of_a_limit(quantity):
+    rounding = 4e-15 / PERIOD ** (QUANTITIES.index(quantity) + 1)
+    terms = replace(WIDE, **{quantity: rounding})
+    for share, is_admitted in ((2.0, True), (2.01, False)):
+        guard, q = reaching(quantity, (0.0, share * rounding, 0.0))
+        assert (guard.admit(q, ZERO, terms) == "") is is_admitted
+
+
+def test_what_is_within_its_tolerance_is_not_named():
+    guard, q = reaching("jerk", (0.0, 0.0, 9000.0))
+    guard.admit(q, ZERO, WIDE)
+    most = {"acceleration": guard.alpha[2] / 1.0005, "velocity": guard.omega[2] / -1.0005}
+    guard, q = reaching("jerk", (0.0, 0.0, 9000.0))
+    problem = guard.admit(q, ZERO, replace(WIDE, jerk=8900.0, **most))
+    assert problem == "angular jerk 9000 rad/s^3, the limit is 8900 rad/s^3"
+
+
 def test_what_was_admitted_is_what_is_differentiated_from():
     guard = Guard(PERIOD)
     first, second = (1e-5, -2e-5, 3e-5), (4e-5, -1e-5, 5e-5)
