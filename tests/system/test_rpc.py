@@ -206,7 +206,7 @@ def test_a_taken_lease_is_refused_but_not_a_look(daemon, robot):
     robot.acquire_lease()
     with orientd.connect(daemon.socket, holder="ben") as other:
         assert other.state().daemon.lease_holder == "ana"
-        with pytest.raises(LeaseError, match=r"held by 'ana', for another [01]\.\d s"):
+        with pytest.raises(LeaseError, match=r"held by 'ana', for another [0-3]\.\d s"):
             other.enable()
         robot.release_lease()
         assert other.enable().state is State.HOLDING
@@ -311,7 +311,8 @@ def test_a_hundred_thousand_keyframes_fit_through_the_socket(daemon):
     keyframes[-1] = pb.Keyframe(quaternion=pb.Quaternion(w=1.1))
     request = pb.PlanRequest(motion=pb.MotionRequest(keyframes=keyframes))
     with pytest.raises(grpc.RpcError) as caught:
-        daemon.stub.Plan(request)
+        # Longer than a plan may take by itself: reading them takes a busy machine its time.
+        daemon.stub.Plan(request, timeout=60.0)
     assert caught.value.code() is grpc.StatusCode.INVALID_ARGUMENT
     assert caught.value.details().startswith("keyframes[99999].")
 

@@ -99,6 +99,9 @@ def test_errors_are_how_far_the_path_is_from_what_was_asked():
     assert found.keyframe_error == pytest.approx(missed, rel=1e-9)
     assert found.keyframe_error > 0.01
     assert found.stop_time == math.inf
+    peaks.brake_rate = 0.5
+    slow = summing_up.summed_up(other, path, (begin, end), later, peaks, PERIOD)
+    assert slow.stop_time == 2.0
     assert found.figures == ()
 
 

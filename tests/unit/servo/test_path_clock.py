@@ -87,6 +87,14 @@ def test_a_change_from_a_steady_rate_is_quick_and_goes_one_way(brake_rate, begin
     assert half == pytest.approx(0.5 * (begin + target), abs=3.0 * abs(target - begin) / quickest)
 
 
+def test_before_a_motion_it_stands_still():
+    clock = PathClock(H)
+    assert (clock.target, clock.acceleration, clock.brake_rate) == (0.0, 0.0, 0.0)
+    assert clock.is_at_rest
+    assert clock.is_steady
+    assert clock.advance() == 0.0
+
+
 def test_it_counts_its_moves_and_stands_where_it_is_put():
     clock = PathClock(H)
     assert (clock.moves, clock.is_led) == (0, False)

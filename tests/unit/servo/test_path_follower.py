@@ -283,6 +283,24 @@ def test_the_end_of_a_leg_that_is_left_is_no_end(ring, follower):
     assert follower.is_at_end
 
 
+def test_the_only_record_of_a_last_leg_is_its_end(ring, follower):
+    begun(ring, follower, 10)
+    first = lay(ring, [2])
+    assert follower.splice(Leg(2, first, TERMS, leave=2, final=first)) == ""
+    ahead(follower, 1.5)
+    assert ahead(follower, 1.0) == pytest.approx(2.0)
+    assert (follower.index, follower.fraction, follower.is_at_end) == (first, 0.0, True)
+
+
+def test_what_is_left_out_by_a_splice_is_not_reached_any_more(ring, follower):
+    begun(ring, follower, 30)
+    assert follower.reaches(25)
+    first = lay(ring, range(4, 8))
+    assert follower.splice(Leg(2, first, TERMS, leave=4)) == ""
+    assert follower.reaches(7)
+    assert not follower.reaches(8)
+
+
 def chained(ring, follower):
     """Return the first records of three legs, left at the fourth record of each."""
     firsts = [begun(ring, follower, 6)]
@@ -353,6 +371,15 @@ def test_a_splice_on_a_leg_ahead_keeps_those_before_it(ring, follower):
         ahead(follower, 1.0)
         numbers.append(follower.leg.number)
     assert numbers == [1, 1, 1, 2, 2, 4, 4, 4]
+
+
+def test_a_leg_ahead_may_be_left_at_its_first_record(ring, follower):
+    firsts = chained(ring, follower)
+    first = lay(ring, range(4, 9))
+    assert follower.splice(Leg(4, first, TERMS, leave=firsts[1])) == ""
+    for k in range(1, 7):
+        assert ahead(follower, 1.0) == pytest.approx(k)
+    assert follower.leg.number == 4
 
 
 def test_a_record_beyond_where_its_leg_is_left_is_not_on_the_path(ring, follower):
