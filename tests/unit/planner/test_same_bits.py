@@ -13,7 +13,9 @@ from bits import FAMILIES
 PROGRAM = Path(__file__).with_name("bits.py")
 
 
-@pytest.mark.parametrize("count", [20, pytest.param(300, marks=[pytest.mark.slow, pytest.mark.timeout(3000)])])
+@pytest.mark.parametrize(
+    "count", [20, pytest.param(300, marks=[pytest.mark.slow, pytest.mark.timeout(3000)])]
+)
 def test_two_processes_plan_the_same_bits_in_another_order(count):
     numbers = [str(number) for number in range(count)]
     orders = numbers, random.Random(count).sample(numbers, count)
