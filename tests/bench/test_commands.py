@@ -43,9 +43,7 @@ def until_full_speed(robot):
 @pytest.mark.parametrize("name", ["stop", "halt"])
 def test_a_device_brakes_soon_after_the_command_was_typed(tmp_path, name):
     taken, loading = [], []
-    daemon = DaemonProcess(tmp_path)
-    text = daemon.config.read_text()
-    daemon.config.write_text(text.replace("[daemon]", "[daemon]\nlease_seconds = 600.0", 1))
+    daemon = DaemonProcess(tmp_path, lease=600.0)
     with daemon, orientd.connect(daemon.socket) as robot:
         there = environment(ORIENTD_SOCKET=str(daemon.socket))
         for _ in range(ROUNDS):

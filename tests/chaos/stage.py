@@ -132,10 +132,7 @@ class Stage:
         self.mark = f"{os.getpid()}-{next(_marks)}"
         self.tally = tally
         self.calls = Calls(tally, lambda: self.daemon.process.pid)
-        self.daemon = DaemonProcess(folder)
-        text = self.daemon.config.read_text()
-        lease = f"[daemon]\nlease_seconds = {lease_seconds!r}\n"
-        self.daemon.config.write_text(text.replace("[daemon]\n", lease))
+        self.daemon = DaemonProcess(folder, lease=lease_seconds)
         self.daemon.prefix = tuple(prefix)
         self.daemon.environment = {_MARK: self.mark, **(environment or {})}
         self.streams: list = []

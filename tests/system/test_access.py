@@ -56,7 +56,7 @@ class Cell:
         for name in ("pendant", "server"):
             self.other.issue(name)
         self.port = free_port()
-        self.daemon = DaemonProcess(folder)
+        self.daemon = DaemonProcess(folder, lease=30.0)
         text = self.daemon.config.read_text()
         names = ("pendant", "revoked", "listed", "expired", "server")
         ca = folder / "ca"
@@ -67,8 +67,8 @@ class Cell:
             + "".join(f"{name} = 'operator'\n" for name in names)
             + f"[tcp]\nlisten = '127.0.0.1:{self.port}'\ncertificate = '{ca}/server.pem'\n"
             f"key = '{ca}/server.key'\nca = '{ca}/ca.pem'\ncrl = '{ca}/crl.pem'\n"
-            f"revoked = ['{self.authority.serial('listed')}']\n"
-            + text.replace("[daemon]", "[daemon]\nlease_seconds = 30")
+            f"revoked = ['{self.authority.serial('listed')}']
+" + text
         )
 
     @property

@@ -20,10 +20,7 @@ def five_point(q, k, period):
 @pytest.fixture(scope="module", params=[500.0, 1000.0])
 def streamed(request, tmp_path_factory):
     """A motion with velocity at both ends, as it was planned and as the driver recorded it."""
-    daemon = DaemonProcess(tmp_path_factory.mktemp("daemon"), rate_hz=request.param)
-    text = daemon.config.read_text()
-    daemon.config.write_text(text.replace("[daemon]\n", "[daemon]\nlease_seconds = 100.0\n"))
-    with daemon:
+    with DaemonProcess(tmp_path_factory.mktemp("daemon"), rate_hz=request.param) as daemon:
         motion = spin(2.4, start=(0.1, -0.2, 0.4), end=(0.3, 0.2, -0.5))
         for _ in range(8):
             begun = len(read_recording(daemon.recording))

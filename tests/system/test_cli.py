@@ -34,10 +34,7 @@ approach: true
 
 @pytest.fixture(scope="module")
 def daemon(tmp_path_factory):
-    process = DaemonProcess(tmp_path_factory.mktemp("daemon"))
-    text = process.config.read_text()
-    process.config.write_text(text.replace("[daemon]", "[daemon]\nlease_seconds = 1.0", 1))
-    with process:
+    with DaemonProcess(tmp_path_factory.mktemp("daemon"), lease=3.0) as process:
         process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))
         yield process
 

@@ -56,6 +56,10 @@ def largest_deviation(sent, motion):
     return worst
 
 
+def is_moving(sent):
+    return len(sent) > 1 and not np.array_equal(sent[-1], sent[-2])
+
+
 def moving_part(sent):
     """Return the setpoints from the last one at the start to the first at the final rest."""
     changes = np.flatnonzero(np.any(sent[1:] != sent[:-1], axis=1))
@@ -113,9 +117,9 @@ def _shifted(motion, begin):
 
 def test_a_killed_servo_is_told_and_reset_brings_it_back(tmp_path):
     with DaemonProcess(tmp_path) as daemon:
-        stream = daemon.move(spin(3.0))
+        stream = daemon.move(spin(12.0))
         servo = daemon.device().servo_pid
-        time.sleep(0.5)
+        until(lambda: is_moving(daemon.sent()), "the motion")
         os.kill(servo, signal.SIGKILL)
         report = until(
             lambda: (found := daemon.device()).state == pb.STATE_FAULT and found, "the fault"
@@ -126,7 +130,6 @@ def test_a_killed_servo_is_told_and_reset_brings_it_back(tmp_path):
         assert summary.outcome == pb.OUTCOME_FAULT
         assert "signal 9" in summary.text
 
-        daemon.renew()
         daemon.stub.Reset(pb.ResetRequest(lease_token=daemon.token, device=DEVICE))
         assert daemon.device().state == pb.STATE_HOLDING
         assert daemon.device().servo_pid not in (0, servo)
@@ -136,9 +139,9 @@ def test_a_killed_servo_is_told_and_reset_brings_it_back(tmp_path):
 
 def test_sigterm_stops_on_the_path_before_the_daemon_leaves(tmp_path):
     with DaemonProcess(tmp_path) as daemon:
-        stream = daemon.move(spin(3.0))
+        stream = daemon.move(spin(12.0))
         servo = daemon.device().servo_pid
-        time.sleep(0.7)
+        until(lambda: is_moving(daemon.sent()), "the motion")
         daemon.process.send_signal(signal.SIGTERM)
         answers = []
         try:
@@ -158,12 +161,11 @@ def test_a_stopped_daemon_process_is_a_lost_heartbeat(tmp_path):
     """SIGSTOP: the daemon is there but does nothing; when it goes on, it tells the fault."""
     with DaemonProcess(tmp_path) as daemon:
         daemon.move(spin(12.0))
-        time.sleep(0.5)
+        until(lambda: is_moving(daemon.sent()), "the motion")
         daemon.process.send_signal(signal.SIGSTOP)
-        time.sleep(2.0)
+        until(lambda: not is_moving(daemon.sent()), "the stop")
         stopped = daemon.sent()
         daemon.process.send_signal(signal.SIGCONT)
-        assert np.array_equal(stopped[-1], stopped[-2])
         assert_limits_kept(stopped, daemon.period)
         report = until(
             lambda: (found := daemon.device()).state == pb.STATE_FAULT and found, "the fault"

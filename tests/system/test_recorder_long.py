@@ -35,10 +35,7 @@ def spent(pid):
 
 def patient(folder, **options):
     """Return a daemon whose lease lasts as long as a test."""
-    daemon = DaemonProcess(folder, rate_hz=RATE_HZ, **options)
-    text = daemon.config.read_text()
-    daemon.config.write_text(text.replace("[daemon]\n", "[daemon]\nlease_seconds = 1800.0\n"))
-    return daemon
+    return DaemonProcess(folder, rate_hz=RATE_HZ, lease=1800.0, **options)
 
 
 @pytest.mark.timeout(0)

@@ -44,10 +44,7 @@ def test_a_motion_of_100_000_keyframes_streams_with_flat_memory(tmp_path):
         pb.Keyframe(time=t, rotation_vector=pb.Vector3(x=a, y=b, z=c))
         for t, a, b, c in zip(times, ramp * x, ramp * y, ramp * z, strict=True)
     ]
-    daemon = DaemonProcess(tmp_path, memory=1.0)
-    text = daemon.config.read_text()
-    daemon.config.write_text(text.replace("[daemon]\n", "[daemon]\nlease_seconds = 900.0\n"))
-    with daemon:
+    with DaemonProcess(tmp_path, memory=1.0, lease=900.0) as daemon:
         found, outcome = [], None
         motion = pb.MotionRequest(keyframes=keyframes, approach=True)
         for answer in daemon.move(motion):

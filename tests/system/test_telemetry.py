@@ -16,8 +16,7 @@ pytest.importorskip("prometheus_client")
 @pytest.fixture(scope="module")
 def daemon(tmp_path_factory):
     process = DaemonProcess(tmp_path_factory.mktemp("daemon"), arguments=["--log-format", "json"])
-    text = process.config.read_text().replace("[daemon]", "[daemon]\nlease_seconds = 60.0")
-    process.config.write_text("[metrics]\nport = 0\n" + text)
+    process.config.write_text("[metrics]\nport = 0\n" + process.config.read_text())
     with process:
         yield process
 

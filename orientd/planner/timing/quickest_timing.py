@@ -244,13 +244,18 @@ class _Problem:
         return np.concatenate([values[:1], values, values[-1:]])
 
     def retimed(self, profile: Profile) -> Core:
-        """Return the core at the speed of a profile."""
+        """Return the core at the speed of a profile.
+
+        Raises:
+            PlanError: the profile is not positive between its nodes.
+        """
         y, slope, _ = profile.at(0.0)
         points, weights = _GAUSS
-        inverse = sum(
-            w * profile.at(0.5 * (1.0 + x))[0] ** -0.5
-            for x, w in zip(points.tolist(), weights.tolist(), strict=True)
-        )
+        between = np.stack([profile.at(0.5 * (1.0 + x))[0] for x in points.tolist()])
+        # Positive where the search looks does not mean positive everywhere.
+        if not np.all(between > 0.0):
+            raise PlanError("no quickest timing was found: it would stand still on the way")
+        inverse = sum(w * square**-0.5 for w, square in zip(weights.tolist(), between, strict=True))
         times = np.concatenate([[0.0], np.cumsum(0.5 * profile.step * np.asarray(inverse))])
         places = np.linspace(0.0, 1.0, self.count + 1)
         core = self.core

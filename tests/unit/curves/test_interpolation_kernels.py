@@ -152,6 +152,7 @@ def test_effort_and_derivatives_are_those_of_numpy(
     monkeypatch.setattr("orientd.curves.optimal.effort_equations.linearise_effort", noted)
     given = {"keys": random_keys(6, step), "inertia": inertia, "order": order, "spans": spans}
     METHODS["minimum_effort"](**given)
+    assert seen
     for found, w, window, weights, roots, matrix, index, share, steps, *written in seen:
         window = window.reshape(-1, weights.shape[1])
         expected = effort(w, window, weights, roots, matrix if len(matrix) else None)

@@ -121,3 +121,47 @@ def test_a_lease_is_seized_whoever_holds_it(desk):
     assert desk.check(second.token).owner == "user:9"
     with pytest.raises(LeaseError, match="held by 'other'"):
         desk.check(first.token)
+
+
+def test_a_lease_that_ran_out_waits_to_be_collected(desk, clock):
+    assert desk.seconds == 5.0
+    assert not desk.has_expired
+    lease = desk.acquire("ana")
+    assert not desk.has_expired
+    clock.advance(7 * SECOND)
+    assert desk.has_expired
+    assert desk.remaining(lease) == 0.0
+    desk.collect_expired()
+    assert not desk.has_expired
+
+
+@pytest.mark.parametrize("how", ["handed over", "seized"])
+def test_whose_lease_was_taken_is_told_so_once_nobody_holds_it(desk, clock, how):
+    lease = desk.acquire("ana", "user:1")
+    if how == "seized":
+        desk.seize("chief", "user:0")
+    else:
+        desk.transfer(lease.token, "user:2", "ben")
+    clock.advance(5 * SECOND)
+    with pytest.raises(LeaseError, match="lease of 'ana' has expired or was released"):
+        desk.check(lease.token)
+
+
+def test_who_has_no_token_is_told_to_acquire_one_and_one_of_nobodys_is_called_so(desk):
+    with pytest.raises(LeaseError, match="a command needs the lease"):
+        desk.check("")
+    with pytest.raises(LeaseError, match="not the token of any lease"):
+        desk.check("nonsense")
+
+
+def test_seizing_what_nobody_holds_leaves_the_lease_before_that_worthless(desk):
+    lease = desk.acquire("ana")
+    desk.release(lease.token)
+    second = desk.seize("chief", "user:0")[1]
+    desk.release(second.token)
+    with pytest.raises(LeaseError, match="lease of 'chief' has expired or was released"):
+        desk.check(second.token)
+
+
+def test_a_token_is_of_16_random_bytes(desk):
+    assert len(bytes.fromhex(desk.acquire("ana").token)) == 16

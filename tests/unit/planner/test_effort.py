@@ -1,5 +1,7 @@
 """How much is tried for a plan at most, counted: evaluations, not seconds."""
 
+import contextlib
+
 import numpy as np
 import pytest
 from planned import PERIOD
@@ -7,7 +9,8 @@ from planned import PERIOD
 from orientd.curves.construct.interpolation import KeyframeEquations
 from orientd.errors import PlanError
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan, retarget
-from orientd.planner.timing.timing import LONGER, shortest
+from orientd.planner.timing.candidate_path import Course
+from orientd.planner.timing.timing import LONGER, shortest, survey
 from orientd.planner.timing.timing import candidate_path as course
 from orientd.rotation import exp, multiply, normalize
 
@@ -39,34 +42,56 @@ WORST = {
 
 @pytest.fixture
 def effort(monkeypatch):
-    """Count corrections of curves, and records that are measured."""
-    spent = {"corrections": 0, "records": 0}
-    correction, measure = KeyframeEquations.correction, course.measure
+    """Count curves, corrections of those that are hard to find, and records that are looked at."""
+    spent = {"curves": 0, "corrections": 0, "records": 0}
+    core, correction = Course.core, KeyframeEquations.correction
+    look_at, measure = survey.look_at, course.measure
+
+    def counted_core(*arguments):
+        spent["curves"] += 1
+        return core(*arguments)
 
     def counted_correction(*arguments):
         spent["corrections"] += 1
         return correction(*arguments)
 
+    def counted_look_at(ranges, *arguments):
+        spent["records"] += int((ranges[1::2] - ranges[::2] + 1).sum())
+        return look_at(ranges, *arguments)
+
     def counted_measure(setpoints, count, *arguments, **options):
         spent["records"] += count
         return measure(setpoints, count, *arguments, **options)
 
+    monkeypatch.setattr(Course, "core", counted_core)
     monkeypatch.setattr(KeyframeEquations, "correction", counted_correction)
+    monkeypatch.setattr(survey, "look_at", counted_look_at)
     monkeypatch.setattr(course, "measure", counted_measure)
     return spent
 
 
-@pytest.mark.parametrize("name", WORST)
-def test_what_no_duration_helps_is_refused_soon(effort, name):
+def plan_worst(name):
     method, (velocity, acceleration, jerk), omega, alpha, keys = WORST[name]
     limits = Limits.partial(velocity=velocity, acceleration=acceleration, jerk=jerk)
     keys = normalize(np.array(keys))
     start = State(keys[0], np.array(omega), np.array(alpha), np.zeros(3))
     request = MotionRequest([Keyframe(tuple(q)) for q in keys.tolist()], method=method)
+    plan(request, start=start, limits=limits, period=PERIOD)
+
+
+@pytest.mark.parametrize("name", WORST)
+def test_what_no_duration_helps_is_refused_soon(effort, name):
     with pytest.raises(PlanError, match="approach: true"):
-        plan(request, start=start, limits=limits, period=PERIOD)
+        plan_worst(name)
+    assert 1 < effort["curves"] <= 50
     assert effort["corrections"] <= 1000
-    assert effort["records"] <= 3_000_000
+    assert 10_000 < effort["records"] <= 3_000_000
+
+
+def test_the_corrections_of_a_curve_that_is_hard_to_find_are_counted(effort):
+    with contextlib.suppress(PlanError):
+        plan_worst("hardly any velocity allowed")
+    assert effort["corrections"] > 100
 
 
 def test_what_goes_on_from_a_motion_is_planned_with_few_curves(effort):
@@ -80,14 +105,15 @@ def test_what_goes_on_from_a_motion_is_planned_with_few_curves(effort):
         keys = [start.q, first.end_state.q]
         keys += [multiply(keys[-1], exp(random.uniform(-1.0, 1.0, 3)))]
         request = MotionRequest([Keyframe(tuple(q)) for q in normalize(np.array(keys)).tolist()])
-        effort.update(corrections=0, records=0)
+        effort.update(curves=0, corrections=0, records=0)
         try:
             plan(request, start=start, limits=DEFAULT_LIMITS, period=PERIOD)
             planned += 1
         except PlanError:
             pass
+        assert 1 < effort["curves"] <= 30
         assert effort["corrections"] <= 1000
-        assert effort["records"] <= 100_000
+        assert 100 < effort["records"] <= 100_000
     assert planned >= 6
 
 

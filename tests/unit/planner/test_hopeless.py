@@ -9,7 +9,15 @@ from orientd.curves.construct.interpolation import KeyframeEquations
 from orientd.curves.families.c2_cumulative import C2Cumulative
 from orientd.curves.optimal.min_acceleration import MinAcceleration
 from orientd.errors import OrientdError, PlanError
-from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
+from orientd.planner import (
+    DEFAULT_LIMITS,
+    Keyframe,
+    Limits,
+    MotionRequest,
+    State,
+    plan,
+    planning,
+)
 from orientd.planner.timing.survey import Survey
 from orientd.rotation import exp, multiply
 
@@ -54,7 +62,8 @@ def test_a_quickest_motion_gives_up_some_speed_to_be_stopped():
     ],
 )
 def test_limits_that_would_take_days_are_refused_before_any_attempt(monkeypatch, limits, duration):
-    monkeypatch.setattr(Survey, "look", lambda *_, **__: pytest.fail("an attempt"))
+    for attempt in (Survey, "look"), (planning, "quickest"):
+        monkeypatch.setattr(*attempt, lambda *_, **__: pytest.fail("an attempt"))
     with pytest.raises(PlanError, match="at most 86400 s is planned"):
         planned(duration=duration, limits=Limits.partial(**limits))
 

@@ -222,6 +222,18 @@ def test_a_curve_with_steps_of_the_acceleration_is_refused():
         made([Keyframe(q) for q in keys], LIMITS["arm"], method="squad", approach=True)
 
 
+def test_a_timing_that_would_stand_still_between_its_nodes_is_refused():
+    keys = (
+        (-0.2527743801661137, -0.8973777927437618, 0.13831851207623608, 0.3341948519037767),
+        (-0.49459002641212535, -0.7428372871951204, 0.21681470844827389, 0.3956827677909883),
+    )
+    request = MotionRequest(
+        [Keyframe(q) for q in keys], method="squad", approach=True, duration="minimum"
+    )
+    with pytest.raises(PlanError, match="would stand still on the way"):
+        plan(request, start=State.at_rest(keys[0]), limits=LIMITS["soft"], period=PERIOD)
+
+
 def test_times_and_a_minimum_duration_are_refused_together():
     with pytest.raises(RequestError, match="leaves the times to the planner") as caught:
         MotionRequest([Keyframe(HERE, 0.0), Keyframe(about_z(1.0), 1.0)], duration="minimum")

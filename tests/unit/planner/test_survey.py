@@ -1,3 +1,5 @@
+from unittest.mock import Mock
+
 import numpy as np
 import pytest
 from planned import LIMITS, rotations
@@ -56,11 +58,16 @@ def test_a_peak_that_a_survey_has_missed_is_found_in_the_end(monkeypatch):
     right = plan(asked, start=start, limits=ARM, period=PERIOD)
     assert right.record_count > 4 * 8192
 
+    surveyed = []
+
     def nowhere(core, limits, period, *, has_one_shape):
+        surveyed.append(core)
         return Survey(1.0, np.array([[0.0, 0.01]]))
 
     monkeypatch.setattr(survey.Survey, "of", staticmethod(nowhere))
     motion = plan(asked, start=start, limits=ARM, period=PERIOD)
+    # Missed the first time, when nothing but that spot is looked at.
+    assert len(surveyed) == 2
     assert motion.duration == pytest.approx(right.duration, rel=2e-3)
     assert motion.certificate.peak_acceleration.ratio < 0.96
 
@@ -81,6 +88,8 @@ def test_a_survey_says_what_numpy_says(monkeypatch, limits, count, end_velocity)
     assert found.spots.reshape(-1) == pytest.approx(spots.reshape(-1), rel=1e-12)
     everywhere = found.look(made, limits, PERIOD, everywhere=True)
     here = found.look(made, limits, PERIOD, everywhere=False)
-    monkeypatch.setattr(measuring, "extremes", reference.extremes)
+    plainly = Mock(wraps=reference.extremes)
+    monkeypatch.setattr(measuring, "extremes", plainly)
     assert everywhere == pytest.approx(excess(made.peaks(PERIOD, limits), 2), rel=1e-12)
+    assert plainly.called
     assert here == pytest.approx(everywhere, rel=2e-3)

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 from rig import PERIOD, Rig
 
-import orientd.planner.limits
 from orientd import rotation
 from orientd.daemon.devices import servo_link
 from orientd.errors import OrientdError
@@ -22,15 +21,15 @@ LIMITS = [
     Limits(0.3, 0.4, 5.0, 0.2, 0.5),
     Limits(10.0, 200.0, 3e4, 3.0, 30.0),
 ]
-KINDS = ["reserve", "no reserve", "at limits"]
-"""The planner's reserve of acceleration, hardly any, and limits lowered to what is reached."""
+KINDS = ["reserve", "minimum", "at limits"]
+"""The planner's reserve of acceleration, the little that ``duration: minimum`` leaves, and limits
+lowered to what is reached."""
 # Those that are planned quickly; smooth ones, and ones with steps of the acceleration or jerk.
 SOME_METHODS = ["c2_cumulative", "kks_hermite_spline", "schlag_bspline", "squad"]
-AS_IT_IS = orientd.planner.limits.ACCELERATION_RESERVE
 
 
-def random_motion(random, limits, reserve, methods):
-    """Return a motion of one of *methods* that keeps *reserve* of its limits, or ``None``."""
+def random_motion(random, limits, methods, duration=None):
+    """Return a motion of one of *methods*, or ``None`` where none is planned."""
     vectors = random.normal(size=(int(random.integers(2, 6)), 3)) * random.uniform(0.05, 1.5)
     q = [random.normal(size=4)]
     q[0] /= np.linalg.norm(q[0])
@@ -45,15 +44,13 @@ def random_motion(random, limits, reserve, methods):
         ],
         method=str(random.choice(methods)),
         approach=True,
+        duration=duration,
     )
     start = PlannedState.at_rest(tuple(q[0].tolist()), (0.0, 0.0, 0.0))
-    orientd.planner.limits.ACCELERATION_RESERVE = reserve
     try:
         return plan(request, start=start, limits=limits, period=PERIOD)
     except OrientdError:
         return None
-    finally:
-        orientd.planner.limits.ACCELERATION_RESERVE = AS_IT_IS
 
 
 def up_to_its_limits(random, motion):
@@ -88,8 +85,8 @@ def up_to_its_limits(random, motion):
 
 
 def motions(seed, count, kind, methods=SOME_METHODS):
-    """Yield random motions: with the planner's reserve, with hardly any, up to their limits."""
-    random = np.random.default_rng([seed, KINDS.index(kind)])
+    """Yield *count* random motions of one of :data:`KINDS`; *seed* may be a sequence."""
+    random = np.random.default_rng(seed)
     found = 0
     while found < count:
         limits = LIMITS[found % len(LIMITS)]
@@ -101,7 +98,7 @@ def motions(seed, count, kind, methods=SOME_METHODS):
                 axis_acceleration=tuple(share * limits.acceleration),
                 axis_jerk=tuple(share * limits.jerk),
             )
-        motion = random_motion(random, limits, AS_IT_IS if kind == "reserve" else 0.999, methods)
+        motion = random_motion(random, limits, methods, "minimum" if kind == "minimum" else None)
         if motion is not None and kind == "at limits":
             motion = up_to_its_limits(random, motion)
         if motion is not None and motion.record_count < 16_000:

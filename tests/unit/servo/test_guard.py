@@ -111,6 +111,244 @@ def test_a_soft_stop_keeps_the_limits_of_every_axis(alpha):
     assert np.all(np.abs(jerk).max(axis=0) <= np.array(terms.axis_jerk) * 1.001)
 
 
+QUANTITIES = ["velocity", "acceleration", "jerk"]
+UNITS = {"velocity": "rad/s", "acceleration": "rad/s^2", "jerk": "rad/s^3"}
+WIDE = Terms(1e3, 1e6, 1e9, 1.0, 10.0, 4.0)
+
+
+def reaching(quantity, vector):
+    """Return a guard and an orientation that gives *quantity* that value and others small ones."""
+    guard = Guard(PERIOD)
+    order = QUANTITIES.index(quantity)
+    rates = [np.zeros(3)] * 3
+    rates[order] = np.array(vector)
+    omega, alpha, jerk = rates
+    # What was before differs by just what the derivatives from there on are.
+    alpha = alpha + 0.5 * jerk * PERIOD
+    omega = omega - 0.5 * alpha * PERIOD
+    guard.alpha = tuple((alpha - jerk * PERIOD).tolist())
+    guard.omega = tuple((omega - alpha * PERIOD).tolist())
+    return guard, exp(tuple((omega * PERIOD).tolist()))
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES)
+@pytest.mark.parametrize("direction", [(1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0)])
+def test_a_limit_may_be_exceeded_by_a_thousandth_and_no_more(quantity, direction):
+    limit = {"velocity": 2.0, "acceleration": 16.0, "jerk": 9000.0}[quantity]
+    terms = replace(WIDE, **{quantity: limit})
+    for share, is_admitted in ((1.0009, True), (1.0011, False)):
+        guard, q = reaching(quantity, np.array(direction) * limit * share)
+        problem = guard.admit(q, ZERO, terms)
+        assert (problem == "") is is_admitted
+    unit = UNITS[quantity]
+    said = f"angular {quantity} {limit * 1.0011:.6g} {unit}, the limit is {limit:.6g} {unit}"
+    assert problem == said
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES)
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_component_may_exceed_its_limit_by_a_thousandth_and_no_more(quantity, axis):
+    limit = {"velocity": 2.0, "acceleration": 16.0, "jerk": 9000.0}[quantity]
+    axes = [5.0 * limit] * 3
+    axes[axis] = limit
+    terms = replace(WIDE, **{f"axis_{quantity}": tuple(axes)})
+    for share, is_admitted in ((-1.0009, True), (1.0011, False)):
+        vector = np.full(3, 3.0 * limit)
+        vector[axis] = share * limit
+        guard, q = reaching(quantity, vector)
+        problem = guard.admit(q, ZERO, terms)
+        assert (problem == "") is is_admitted
+    assert f"angular {quantity} " in problem
+    assert problem.endswith(f"about {'xyz'[axis]}, the limit is {limit:.6g} {UNITS[quantity]}")
+
+
+def test_of_components_beyond_their_limits_the_farthest_is_named():
+    guard, q = reaching("velocity", (2.2, 3.0, 1.0))
+    terms = replace(WIDE, axis_velocity=(2.0, 2.0, 2.0), axis_acceleration=(1e-3, 1e-3, 1e-3))
+    assert guard.admit(q, ZERO, terms) == ("angular velocity 3 rad/s about y, the limit is 2 rad/s")
+
+
+@pytest.mark.parametrize("axes", [{}, dict.fromkeys(["axis_velocity", "axis_jerk"], (0.0,) * 3)])
+def test_rounding_is_no_violation_even_of_a_limit_of_zero(axes):
+    axes |= {"axis_acceleration": (0.0,) * 3} if axes else {}
+    nothing = Terms(0.0, 0.0, 0.0, 0.0, 0.0, 4.0, **axes)
+    small, large = (exp((0.0, 0.0, turn)) for turn in (3.9e-15, 4.2e-15))
+    assert Guard(PERIOD).admit(small, ZERO, nothing) == ""
+    assert Guard(PERIOD).admit(large, ZERO, nothing) != ""
+    assert Guard(PERIOD).admit(Q, (3.9e-15, 0.0, 0.0), nothing) == ""
+    assert Guard(PERIOD).admit(Q, (4.2e-15, 0.0, 0.0), nothing) != ""
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES)
+def test_rounding_is_divided_by_the_period_as_often_as_the_rate(quantity):
+    power = QUANTITIES.index(quantity) + 1
+    for terms in (
+        replace(WIDE, **{quantity: 1e-30}),
+        replace(WIDE, **{f"axis_{quantity}": (1e-30, 1e-30, 1e-30)}),
+    ):
+        for rounding, is_admitted in ((3.9e-15, True), (4.2e-15, False)):
+            guard, q = reaching(quantity, (0.0, rounding / PERIOD**power, 0.0))
+            assert (guard.admit(q, ZERO, terms) == "") is is_admitted
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES)
+def test_rounding_comes_on_top_of_a_limit(quantity):
+    rounding = 4e-15 / PERIOD ** (QUANTITIES.index(quantity) + 1)
+    terms = replace(WIDE, **{quantity: rounding})
+    for share, is_admitted in ((2.0, True), (2.01, False)):
+        guard, q = reaching(quantity, (0.0, share * rounding, 0.0))
+        assert (guard.admit(q, ZERO, terms) == "") is is_admitted
+
+
+def test_what_is_within_its_tolerance_is_not_named():
+    guard, q = reaching("jerk", (0.0, 0.0, 9000.0))
+    guard.admit(q, ZERO, WIDE)
+    most = {"acceleration": guard.alpha[2] / 1.0005, "velocity": guard.omega[2] / -1.0005}
+    guard, q = reaching("jerk", (0.0, 0.0, 9000.0))
+    problem = guard.admit(q, ZERO, replace(WIDE, jerk=8900.0, **most))
+    assert problem == "angular jerk 9000 rad/s^3, the limit is 8900 rad/s^3"
+
+
+def test_what_was_admitted_is_what_is_differentiated_from():
+    guard = Guard(PERIOD)
+    first, second = (1e-5, -2e-5, 3e-5), (4e-5, -1e-5, 5e-5)
+    place = (1e-5, 2e-5, -3e-5)
+    assert guard.admit(exp(first), place, WIDE) == ""
+    assert guard.admit(multiply(exp(first), exp(second)), place, WIDE) == ""
+    np.testing.assert_allclose(guard.q, multiply(exp(first), exp(second)))
+    np.testing.assert_allclose(guard.omega, np.array(second) / PERIOD)
+    np.testing.assert_allclose(guard.alpha, (np.array(second) - first) / PERIOD**2)
+    assert (guard.position, guard.velocity) == (place, ZERO)
+
+
+def test_limits_that_change_count_at_once():
+    guard = Guard(PERIOD)
+    assert guard.admit(exp((1e-3, 0.0, 0.0)), ZERO, WIDE) == ""
+    assert guard.admit(exp((2e-3, 0.0, 0.0)), ZERO, TERMS) != ""
+
+
+@pytest.mark.parametrize("part", range(4))
+def test_an_orientation_that_is_not_a_number_is_not_admitted(part):
+    guard = Guard(PERIOD)
+    q = tuple(math.nan if k == part else 0.5 for k in range(4))
+    assert guard.admit(q, ZERO, replace(WIDE, axis_velocity=(1e3,) * 3)) != ""
+    assert guard.q == Q
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_position_is_held_to_its_own_limits(axis):
+    def along(value):
+        return tuple(value if k == axis else 0.0 for k in range(3))
+
+    for share, is_admitted in ((1.0009, True), (1.0011, False)):
+        guard = Guard(PERIOD)
+        guard.velocity = along(0.999)
+        problem = guard.admit(Q, along(share * PERIOD), replace(TERMS, linear_acceleration=100.0))
+        assert (problem == "") is is_admitted
+    assert problem == "velocity 1.0011 m/s, the limit is 1 m/s"
+    assert (guard.position, guard.velocity) == (ZERO, along(0.999))
+    for share, is_admitted in ((1.0009, True), (1.0011, False)):
+        guard = Guard(PERIOD)
+        guard.velocity = along(0.5)
+        # Where it was, as the velocity before has to be taken away.
+        terms = replace(TERMS, linear_acceleration=0.5 / PERIOD / share)
+        problem = guard.admit(Q, ZERO, terms)
+        assert (problem == "") is is_admitted
+    assert problem == f"acceleration 250 m/s^2, the limit is {0.5 / PERIOD / share:.6g} m/s^2"
+    assert guard.admit(Q, (math.nan, 0.0, 0.0), TERMS) != ""
+    guard = Guard(PERIOD)
+    assert guard.admit(Q, along(0.01 * PERIOD), TERMS) == ""
+    assert guard.position == along(0.01 * PERIOD)
+    assert guard.velocity == pytest.approx(along(0.01))
+
+
+def test_a_position_that_is_refused_leaves_the_orientation_too():
+    guard = Guard(PERIOD)
+    assert guard.admit(exp((1e-6, 0.0, 0.0)), (1.0, 0.0, 0.0), TERMS).startswith("velocity")
+    assert (guard.q, guard.omega, guard.alpha) == (Q, ZERO, ZERO)
+
+
+def test_the_rates_of_a_step_are_its_differences():
+    guard = Guard(PERIOD)
+    guard.anchor(exp((0.1, 0.0, 0.0)), (1.0, 2.0, 3.0))
+    q = multiply(guard.q, exp((1e-3, -2e-3, 3e-3)))
+    omega, velocity = guard.rates(q, (1.002, 1.996, 3.006))
+    np.testing.assert_allclose(omega, (0.5, -1.0, 1.5))
+    np.testing.assert_allclose(velocity, (1.0, -2.0, 3.0))
+    assert guard.position == (1.0, 2.0, 3.0)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_holding_takes_the_velocity_away(axis):
+    guard = Guard(PERIOD)
+    guard.omega = tuple(0.5 if k == axis else 0.0 for k in range(3))
+    guard.velocity = (0.1, 0.0, 0.0)
+    guard.hold()
+    assert guard.alpha == tuple(-250.0 if k == axis else 0.0 for k in range(3))
+    assert (guard.omega, guard.velocity) == (ZERO, ZERO)
+    guard.hold()
+    assert guard.alpha == ZERO
+
+
+def test_a_position_stops_along_a_line_as_quickly_as_it_may():
+    guard = Guard(PERIOD)
+    guard.anchor(Q, (1.0, 0.0, 0.0))
+    guard.velocity = (0.3, 0.0, 0.4)  # 0.02 m/s a cycle at 10 m/s^2
+    assert guard.braked_position(TERMS) == pytest.approx(
+        (1.0 + 0.3 * 0.96 * PERIOD, 0.0, 0.4 * 0.96 * PERIOD)
+    )
+    places = [place for _, place in guard.soft_stop(TERMS)]
+    assert len(places) == 25
+    speeds = np.linalg.norm(np.diff([(1.0, 0.0, 0.0), *places], axis=0), axis=1) / PERIOD
+    np.testing.assert_allclose(speeds, np.linspace(0.48, 0.0, 25), atol=1e-9)
+    assert guard.velocity == ZERO
+
+
+AXES = (1e9, 1e9, 1e9)
+
+
+@pytest.mark.parametrize(
+    ("limits", "omega", "alpha", "velocity", "cycles"),
+    [
+        # 20 rad/s^2 away at 401 rad/s^3, or 201 along one axis: 25 and 50 cycles, and 0.48 and
+        # 0.98 rad/s that were added meanwhile.
+        ({"jerk": 401.0}, ZERO, (0.0, 12.0, 16.0), ZERO, 25 + 43),
+        ({"axis_jerk": (201.0, 1e9, 1e9)}, ZERO, (20.0, 0.0, 0.0), ZERO, 50 + 86),
+        # 1.5 times a velocity over an acceleration.
+        ({"acceleration": 5.01}, (0.6, 0.8, 0.0), ZERO, ZERO, 150),
+        ({"axis_acceleration": (1e9, 4.01, 1e9)}, (0.6, -0.8, 0.0), ZERO, ZERO, 150),
+        ({"axis_acceleration": (1e9, 1e9, 5.01)}, (0.0, 0.0, -1.0), ZERO, ZERO, 150),
+        # The root of 6 times a velocity over a jerk.
+        ({"jerk": 150.1}, (0.0, 1.0, 0.0), ZERO, ZERO, 100),
+        # 1.5 times the velocity of the position over its acceleration.
+        ({"linear_acceleration": 2.0}, ZERO, ZERO, (0.0, 0.3, 0.4), 188),
+        # Never less than one.
+        ({}, ZERO, ZERO, ZERO, 1),
+    ],
+)
+def test_a_stop_with_limits_of_components_is_as_long_as_they_ask_for(
+    limits, omega, alpha, velocity, cycles
+):
+    limits = {"axis_velocity": AXES, **limits}
+    terms = replace(Terms(1e9, 1e9, 1e9, 1e9, 1e9, 4.0), **limits)
+    guard = Guard(PERIOD)
+    guard.omega, guard.alpha, guard.velocity = omega, alpha, velocity
+    sent = list(guard.soft_stop(terms))
+    assert len(sent) == cycles
+    assert (guard.omega, guard.alpha, guard.velocity) == (ZERO, ZERO, ZERO)
+    assert (guard.q, guard.position) == sent[-1]
+    places = np.array([ZERO, *(place for _, place in sent)])
+    q = np.array([Q, *(q for q, _ in sent)])
+    turns = Rotation.from_quat(q[:, [1, 2, 3, 0]])
+    for rate, before, most in (
+        (np.diff(places, axis=0) / PERIOD, velocity, terms.linear_acceleration),
+        ((turns[:-1].inv() * turns[1:]).as_rotvec() / PERIOD, omega, terms.acceleration),
+    ):
+        pushes = np.diff(np.vstack([before, rate]), axis=0) / PERIOD
+        assert np.linalg.norm(pushes, axis=1).max() <= most * 1.001 + 20.0 * bool(any(alpha))
+        assert np.linalg.norm(rate[-1]) <= 1e-9
+
+
 def test_terms_cross_the_mailbox_unchanged():
     terms = replace(ABOUT_Z, brake_rate=3.25)
     record = struct.pack(f"{TERMS_FLOATS}d", *terms.floats())

@@ -58,3 +58,110 @@ def test_a_rate_that_is_reached_is_kept_exactly():
     rates(clock, 400)
     assert clock.rate == 1.0
     assert clock.acceleration == 0.0
+
+
+@pytest.mark.parametrize("brake_rate", [0.3, 2.0, 20.0])
+def test_it_tells_its_brake_rate_and_the_records_of_a_stop(brake_rate):
+    clock = PathClock(H)
+    assert (clock.rate, clock.braking_cycles) == (0.0, 0)
+    clock.begin(brake_rate, 1.0)
+    assert clock.brake_rate == brake_rate
+    assert clock.braking_cycles == np.ceil(1.0 / (brake_rate * H)) + 2
+
+
+@pytest.mark.parametrize(("begin", "target"), [(0.0, 1.0), (1.0, 0.0), (0.2, 0.3), (0.9, 0.85)])
+@pytest.mark.parametrize("brake_rate", [0.5, 4.0, 9.7])
+def test_a_change_from_a_steady_rate_is_quick_and_goes_one_way(brake_rate, begin, target):
+    clock = PathClock(H)
+    clock.begin(brake_rate, begin)
+    clock.target = target
+    found = [begin]
+    while not clock.is_steady:
+        found.append(clock.advance())
+    # Up and down at the largest jerk: the square root of the change over the brake rate.
+    quickest = np.sqrt(abs(target - begin)) / brake_rate / H
+    assert quickest - 1 <= len(found) - 1 <= quickest + 3
+    assert found[-1] == target
+    assert (np.diff(found) * np.sign(target - begin) >= 0.0).all()
+    half = found[len(found) // 2]
+    assert half == pytest.approx(0.5 * (begin + target), abs=3.0 * abs(target - begin) / quickest)
+
+
+def test_before_a_motion_it_stands_still():
+    clock = PathClock(H)
+    assert (clock.target, clock.acceleration, clock.brake_rate) == (0.0, 0.0, 0.0)
+    assert clock.is_at_rest
+    assert clock.is_steady
+    assert clock.advance() == 0.0
+
+
+def test_it_counts_its_moves_and_stands_where_it_is_put():
+    clock = PathClock(H)
+    assert (clock.moves, clock.is_led) == (0, False)
+    clock.begin(4.0, 0.5)
+    assert (clock.rate, clock.target, clock.acceleration, clock.moves) == (0.5, 0.5, 0.0, 1)
+    assert clock.is_steady
+    assert not clock.is_at_rest
+    assert clock.advance() == 0.5
+    assert clock.moves == 2
+    clock.target = 0.0
+    assert not clock.is_steady
+    assert not clock.is_at_rest
+    clock.advance()
+    assert clock.acceleration < 0.0
+    clock.halt()
+    assert (clock.rate, clock.target, clock.acceleration, clock.moves) == (0.0, 0.0, 0.0, 4)
+    assert clock.is_at_rest
+    clock.target = 0.1
+    assert not clock.is_at_rest
+
+
+def test_a_beginning_forgets_the_motion_before_it():
+    clock = PathClock(H)
+    clock.begin(4.0, 0.0)
+    clock.target = 1.0
+    rates(clock, 50)
+    clock.lead(0.3)
+    clock.begin(2.0, 0.6)
+    assert (clock.rate, clock.acceleration, clock.is_led) == (0.6, 0.0, False)
+    assert clock.is_steady
+    clock.lead(0.3)
+    clock.halt()
+    assert (clock.rate, clock.acceleration, clock.is_led) == (0.0, 0.0, False)
+
+
+def test_another_law_leads_it_until_its_last_rate():
+    clock = PathClock(H)
+    clock.begin(4.0, 1.0)
+    clock.lead(0.99)
+    assert (clock.rate, clock.is_led, clock.moves) == (0.99, True, 2)
+    assert clock.acceleration == pytest.approx(-0.01 / H)
+    clock.lead(0.0)
+    assert (clock.rate, clock.acceleration, clock.is_led) == (0.0, 0.0, True)
+    clock.lead(0.2, is_last=True)
+    assert (clock.rate, clock.is_led) == (0.2, False)
+
+
+def test_an_eased_rate_is_as_if_it_had_been_moved_there():
+    clock = PathClock(H)
+    clock.begin(4.0, 1.0)
+    clock.target = 0.0
+    rates(clock, 20)
+    before, moves = clock.rate, clock.moves
+    clock.advance()
+    clock.ease(0.5)
+    assert (clock.rate, clock.moves) == (0.5, moves + 2)
+    assert clock.acceleration == pytest.approx((0.5 - before) / H)
+
+
+def test_a_rate_never_leaves_0_to_1():
+    for led, target in ((0.999, 1.0), (0.001, 0.0)):
+        clock = PathClock(H)
+        clock.begin(4.0, 0.5)
+        clock.target = target
+        # Far too quick for the law to come down in time.
+        clock.lead(led - 0.02 * np.sign(target - 0.5))
+        clock.lead(led)
+        assert min(rates(clock, 200)) >= 0.0
+        assert max(rates(clock, 200)) <= 1.0
+        assert clock.rate == target

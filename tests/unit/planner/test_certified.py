@@ -1,0 +1,193 @@
+"""A motion's certificate says of it what its own records, state and request say."""
+
+import dataclasses
+import math
+from dataclasses import replace
+from unittest.mock import Mock
+
+import numpy as np
+import pytest
+from planned import LIMITS, PERIOD, times_of
+
+from orientd.errors import LimitError
+from orientd.planner import Keyframe, Limits, MotionRequest, State, certifying, plan
+from orientd.planner.certify import summary as summing_up
+from orientd.planner.certify.certificate import Peak
+from orientd.rotation import angle, exp
+
+ARM = LIMITS["arm"]
+AXES = ARM.with_rates({"velocity": [0.9, math.inf, 0.8], "jerk": [math.inf, 5000.0, math.inf]})
+WAY = [(0.0, 0.0, 0.0), (0.0, 0.2, 0.1), (0.1, 0.3, 0.4), (0.2, 0.3, 0.5)]
+HERE = State.at_rest((1.0, 0.0, 0.0, 0.0))
+
+
+def asked(times=None, **fields):
+    times = [None] * len(WAY) if times is None else times
+    keys = [tuple(exp(np.array(vector))) for vector in WAY]
+    return MotionRequest([Keyframe(q, t) for q, t in zip(keys, times, strict=True)], **fields)
+
+
+def made(request, *, start=HERE, limits=ARM):
+    return plan(request, start=start, limits=limits, period=PERIOD)
+
+
+@pytest.fixture
+def measured(monkeypatch):
+    """What a path was measured with."""
+    spy = Mock(wraps=certifying.measure_path)
+    monkeypatch.setattr(certifying, "measure_path", spy)
+    return lambda: spy.call_args.kwargs
+
+
+def test_a_certificate_tells_the_motion_it_is_of():
+    request = asked(start_velocity=(0.1, 0.2, 0.3), end_velocity=(0.0, 0.1, 0.2), approach=True)
+    motion = made(request, limits=AXES)
+    certificate = motion.certificate
+    assert certificate.rate_hz == pytest.approx(500.0)
+    assert certificate.duration == motion.duration == pytest.approx(motion.path.duration)
+    assert 0.0 < certificate.lead_in == motion.start_time
+    assert 0.0 < certificate.lead_out == pytest.approx(motion.duration - motion.end_time)
+    assert (certificate.start_velocity_error, certificate.end_velocity_error) == pytest.approx(
+        (0.0, 0.0), abs=1e-9
+    )
+    assert certificate.brake_rate > 0.0
+    assert certificate.stop_time == pytest.approx(1.0 / certificate.brake_rate)
+    assert certificate.notes == ()
+    names = [figure.name for figure in certificate.figures]
+    assert names == [
+        "angular velocity about x",
+        "angular velocity about z",
+        "angular jerk about y",
+    ]
+    assert [figure.limit for figure in certificate.figures] == [0.9, 0.8, 5000.0]
+    assert [figure.unit for figure in certificate.figures] == ["rad/s", "rad/s", "rad/s^3"]
+    q = motion.sample(times_of(motion)).q
+    rates = np.abs(angle_rates(q))
+    for figure, axis in zip(certificate.figures[:2], (0, 2), strict=True):
+        assert figure.value == pytest.approx(rates[:, axis].max(), rel=1e-6)
+        assert figure.time == pytest.approx((np.argmax(rates[:, axis]) + 1) * PERIOD)
+
+
+def angle_rates(q):
+    from orientd.rotation import conjugate, log, multiply
+
+    return log(multiply(conjugate(q[:-1]), q[1:])) / PERIOD
+
+
+def test_errors_are_how_far_the_path_is_from_what_was_asked():
+    motion = made(asked([0.0, 1.0, 2.0, 3.0]))
+    request, path, certificate = motion.request, motion.path, motion.certificate
+    begin, end = motion.start_time, motion.end_time
+    assert (certificate.start_velocity_error, certificate.end_velocity_error) == (0.0, 0.0)
+    other = replace(request, start_velocity=(0.3, 0.0, 0.4), end_velocity=(0.0, 0.6, 0.8))
+    peaks = Mock(brake_rate=0.0, axis_velocity=(), axis_acceleration=(), axis_jerk=())
+    later = motion.keyframe_times + np.array([0.0, 0.0, 0.1, 0.0])
+    found = summing_up.summed_up(other, path, (begin, end), later, peaks, PERIOD)
+    for time, wanted, error in (
+        (begin, (0.3, 0.0, 0.4), found.start_velocity_error),
+        (end, (0.0, 0.6, 0.8), found.end_velocity_error),
+    ):
+        assert error == pytest.approx(np.linalg.norm(path.state(time).omega_body - wanted))
+    missed = angle(motion.sample(later).q, request.keys).max()
+    assert found.keyframe_error == pytest.approx(missed, rel=1e-9)
+    assert found.keyframe_error > 0.01
+    assert found.stop_time == math.inf
+    peaks.brake_rate = 0.5
+    slow = summing_up.summed_up(other, path, (begin, end), later, peaks, PERIOD)
+    assert slow.stop_time == 2.0
+    assert found.figures == ()
+
+
+def test_a_ratio_is_of_what_was_allowed():
+    assert Peak(1.0, 0.2, 4.0).ratio == 0.25
+
+
+def test_certificates_and_peaks_cannot_be_changed():
+    motion = made(asked([0.0, 1.0, 2.0, 3.0]))
+    for thing, name in (
+        (motion.certificate, "brake_rate"),
+        (motion.certificate.peak_velocity, "value"),
+    ):
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            setattr(thing, name, 0.0)
+        assert not hasattr(thing, "__dict__")
+
+
+@pytest.mark.parametrize(
+    ("duration", "records"), [(3.0, 1501), (3.0005, 1502), (3.0 * 1.1, 1651), (3.0019, 1502)]
+)
+def test_the_last_record_is_at_the_end_or_within_a_period_behind_it(duration, records):
+    motion = made(asked([0.0, 1.0, 2.0, duration]))
+    assert motion.record_count == records
+    assert motion.duration == duration
+
+
+@pytest.mark.parametrize(
+    ("request_", "has_tolerance"), [(asked(), False), (asked([0.0, 1.0, 2.0, 3.0]), True)]
+)
+def test_times_of_the_users_may_use_the_tolerance_of_the_guard_to_brake(
+    measured, request_, has_tolerance
+):
+    made(request_)
+    assert measured()["brake_limits"] == (ARM.scaled(1.001) if has_tolerance else ARM)
+    q, p = measured()["before"]
+    np.testing.assert_array_equal(q, np.tile(HERE.q, (3, 1)))
+    np.testing.assert_array_equal(p, np.zeros((3, 3)))
+
+
+def test_what_is_taken_over_may_use_it_too_and_goes_on_from_what_was_sent(measured):
+    first = made(asked())
+    start = first.state_at(first.record_count // 2)
+    assert start.before is not None
+    motion = made(MotionRequest([Keyframe(tuple(exp(np.array([0.0, 0.4, 0.3]))))]), start=start)
+    assert measured()["brake_limits"] == ARM.scaled(1.001)
+    np.testing.assert_array_equal(measured()["before"][0], start.before[0])
+    assert motion.before is start.before
+
+
+def test_what_is_not_known_of_the_past_is_not_held_against_a_motion(measured):
+    first = made(asked())
+    start = replace(first.state_at(first.record_count // 2), before=None)
+    made(MotionRequest([Keyframe(tuple(exp(np.array([0.0, 0.4, 0.3]))))]), start=start)
+    assert measured()["before"] is None
+
+
+def test_the_past_of_a_steady_motion_is_carried_back():
+    omega, alpha = np.array([0.1, -0.2, 0.3]), np.array([1.0, 2.0, -3.0])
+    velocity, push = np.array([0.3, 0.2, 0.1]), np.array([-1.0, 0.0, 4.0])
+    start = State(HERE.q, omega, alpha, np.array([1.0, 2.0, 3.0]), velocity, push)
+    q, p = summing_up.before(start, PERIOD)
+    for k in range(3):
+        t = (k - 3) * PERIOD
+        np.testing.assert_allclose(q[k], exp(omega * t + alpha * t * t / 2), atol=1e-12)
+        np.testing.assert_allclose(p[k], [1, 2, 3] + velocity * t + push * t * t / 2, atol=1e-12)
+    known = replace(start, before=(q[::-1], p))
+    assert summing_up.before(known, PERIOD) is known.before
+
+
+def test_what_breaks_a_limit_gets_no_certificate():
+    with pytest.raises(LimitError, match="angular velocity reaches"):
+        made(asked([0.0, 0.1, 0.2, 0.3]), limits=Limits.partial(velocity=0.5))
+
+
+def test_what_can_hardly_be_stopped_gets_no_certificate():
+    keys = [Keyframe(HERE.q.tolist(), 0.0), Keyframe(tuple(exp(np.array([0.3, 0.0, 0.0]))), 1.0)]
+    request = MotionRequest(keys, method="kks_quintic_hermite")
+    most = made(request).certificate.peak_acceleration.value
+    limits = Limits(10.0, most * 1.000001, 1e5, 1.0, 1.0)
+    with pytest.raises(LimitError, match="the time that a stop on the path takes"):
+        made(request, limits=limits)
+
+
+def test_a_motion_is_what_was_drafted():
+    request = asked(method="kks_hermite_spline", end_velocity=(0.0, 0.1, 0.0), approach=True)
+    motion = plan(request, start=HERE, limits=ARM, period=PERIOD)
+    assert motion.request is request
+    assert motion.limits == ARM
+    assert motion.period == PERIOD
+    assert motion.rough is not None
+    assert angle(motion.sample(motion.keyframe_times).q, request.keys).max() < 1e-9
+    assert (motion.start_time, motion.end_time) == (
+        motion.keyframe_times[0],
+        motion.keyframe_times[-1],
+    )

@@ -1,0 +1,485 @@
+"""Where a follower is on a path of legs, record by record."""
+
+from dataclasses import replace
+from math import atan2, inf
+
+import pytest
+from rig import PERIOD, TERMS
+
+from orientd.driver import IDENTITY, ZERO
+from orientd.floats import exp
+from orientd.servo.path.path_follower import (
+    FINAL_WORD,
+    MOST_LEGS,
+    TAIL_WORD,
+    Leg,
+    PathFollower,
+    StarvedError,
+)
+from orientd.servo.path.path_point import PathPoint
+from orientd.stream import SharedMemory
+
+SPEED = 0.5  # rad/s about z
+STEP = SPEED * PERIOD
+
+
+def point(place, **changes):
+    """Return the point *place* records along a steady turn about z."""
+    steady = {
+        "q": exp((0.0, 0.0, place * STEP)),
+        "omega_body": (0.0, 0.0, SPEED),
+        "alpha_body": ZERO,
+        "position": ZERO,
+        "velocity": ZERO,
+    }
+    return PathPoint(**{**steady, **changes})
+
+
+@pytest.fixture
+def ring():
+    return SharedMemory.create(256, 256).path
+
+
+@pytest.fixture
+def follower(ring):
+    return PathFollower(ring, PERIOD, TERMS)
+
+
+def put(ring, *points):
+    """Put points into the ring; return the index of the first."""
+    first = ring.head
+    for p in points:
+        parts = (*p.q, *p.omega_body, *p.alpha_body, *p.position, *p.velocity)
+        ring.publish(0, 0, 1, *parts)
+    return first
+
+
+def lay(ring, places):
+    """Put a piece of the turn into the ring; return the index of its first record."""
+    return put(ring, *map(point, places))
+
+
+def end(ring, final):
+    """Say that *final* is the index of the last leg's last record."""
+    ring.words[FINAL_WORD] = final + 1
+
+
+def begun(ring, follower, count=20, **fields):
+    first = lay(ring, range(count))
+    follower.begin(Leg(1, first, TERMS, **fields))
+    return first
+
+
+def at(p):
+    """Return how many records along the turn a point is."""
+    return 2.0 * atan2(p.q[3], p.q[0]) / STEP
+
+
+def ahead(follower, records):
+    """Return how far along the turn the follower finds itself after so many records."""
+    p, place = follower.look(records)
+    follower.move(place)
+    return at(p)
+
+
+def test_before_a_motion_there_is_nothing(ring, follower):
+    assert (follower.index, follower.fraction, follower.is_at_end) == (0, 0.0, False)
+    assert (follower.leg, follower.revision) == (follower.leg, 0)
+    assert (follower.leg.number, follower.leg.first, follower.leg.terms) == (0, 0, TERMS)
+    assert not follower.is_spliced
+    assert follower.peek(0) is None
+    with pytest.raises(StarvedError, match="path record 3 is not in the ring"):
+        follower.begin(Leg(1, 3, TERMS))
+
+
+def test_only_what_is_in_the_ring_is_peeked_at(ring, follower):
+    put(ring, point(0), point(1, position=(1.0, 2.0, 3.0)))
+    assert follower.peek(-1) is None
+    assert follower.peek(2) is None
+    assert follower.peek(0) == point(0)
+    assert follower.peek(1) == point(1, position=(1.0, 2.0, 3.0))
+
+
+def test_a_record_that_is_being_published_is_read_again(ring, follower, monkeypatch):
+    lay(ring, range(2))
+    read, misses = ring.read, [2]
+
+    def torn(index):
+        misses[0] -= 1
+        return None if misses[0] >= 0 else read(index)
+
+    monkeypatch.setattr(type(ring), "read", lambda _, index: torn(index))
+    assert follower.peek(1) == point(1)
+    misses[0] = 3
+    assert follower.peek(1) is None
+
+
+def test_a_motion_begins_on_its_first_record(ring, follower):
+    lay(ring, range(3))
+    begun(ring, follower)
+    assert (follower.index, follower.fraction, follower.is_at_end) == (3, 0.0, False)
+    assert follower.revision == 1
+    assert ring.words[TAIL_WORD] == 3
+    assert follower.look(0.0)[0] == point(0)
+
+
+def test_whole_records_are_the_points_themselves_and_looking_stays_where_it_is(ring, follower):
+    begun(ring, follower)
+    for k in range(1, 5):
+        p, place = follower.look(1.0)
+        assert p == point(k)
+        assert (place.record, place.fraction, place.leg, place.is_end) == (
+            k,
+            0.0,
+            follower.leg,
+            False,
+        )
+        assert (follower.index, ring.words[TAIL_WORD]) == (k - 1, k - 1)
+        follower.move(place)
+        assert (follower.index, ring.words[TAIL_WORD]) == (k, k)
+
+
+def test_fractions_add_up_from_record_to_record(ring, follower):
+    begun(ring, follower)
+    along = 0.0
+    for step in (0.25, 0.25, 0.25, 0.25, 0.75, 0.5, 1.0, 0.125, 0.0, 0.875):
+        along += step
+        assert ahead(follower, step) == pytest.approx(along, abs=1e-6)
+        assert follower.index + follower.fraction == along
+        assert 0.0 <= follower.fraction < 1.0
+
+
+def test_a_look_elsewhere_does_not_spoil_the_next(ring, follower):
+    begun(ring, follower)
+    ahead(follower, 0.5)
+    assert at(follower.look(1.0)[0]) == pytest.approx(1.5, abs=1e-6)
+    assert at(follower.look(0.25)[0]) == pytest.approx(0.75, abs=1e-6)
+    assert at(follower.look(0.0)[0]) == pytest.approx(0.5, abs=1e-6)
+    assert at(follower.look(0.5)[0]) == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("step", [1.0, 0.5, 0.3])
+def test_the_last_record_is_never_passed(ring, follower, step):
+    begun(ring, follower, 5)
+    end(ring, 4)
+    for _ in range(30):
+        assert follower.is_at_end == (follower.index == 4)
+        ahead(follower, step)
+    assert (follower.index, follower.fraction, follower.is_at_end) == (4, 0.0, True)
+    assert follower.look(0.7)[0] == point(4)
+
+
+def test_without_an_end_the_path_is_starved_of_what_is_not_there(ring, follower):
+    begun(ring, follower, 3)
+    ahead(follower, 1.0)
+    assert ahead(follower, 1.0) == pytest.approx(2.0)
+    with pytest.raises(StarvedError, match="path record 3 is not"):
+        follower.look(0.5)
+    with pytest.raises(StarvedError, match="path record 3 is not"):
+        follower.look(1.0)
+    assert follower.index == 2
+
+
+def test_an_end_of_a_motion_before_does_not_count(ring, follower):
+    lay(ring, range(3))
+    end(ring, 2)
+    begun(ring, follower, 4)
+    assert follower.records_left() == inf
+    assert ahead(follower, 1.0) == pytest.approx(1.0)
+    assert not follower.is_at_end
+    end(ring, 6)
+    assert follower.records_left() == 2
+
+
+def test_the_end_may_be_told_with_the_leg(ring, follower):
+    begun(ring, follower, 5, final=3)
+    assert follower.records_left() == 3
+    ahead(follower, 0.5)
+    assert follower.records_left() == 2.5
+    for _ in range(4):
+        ahead(follower, 1.0)
+    assert (follower.index, follower.is_at_end) == (3, True)
+
+
+def test_a_motion_of_one_record_is_at_its_end(ring, follower):
+    begun(ring, follower, 1, final=0)
+    assert follower.records_left() == 0
+    ahead(follower, 0.5)
+    assert (follower.index, follower.is_at_end) == (0, True)
+
+
+def test_it_reaches_what_is_in_the_ring(ring, follower):
+    begun(ring, follower, 6)
+    assert follower.reaches(5)
+    assert not follower.reaches(6)
+    ahead(follower, 1.0)
+    assert follower.reaches(4)
+    assert not follower.reaches(5)
+    lay(ring, [6])
+    assert follower.reaches(5)
+    end(ring, 7)
+    assert not follower.reaches(6)
+    lay(ring, [7])
+    assert follower.reaches(100)
+
+
+def test_what_was_reached_before_another_motion_does_not_count(ring, follower):
+    begun(ring, follower, 50)
+    assert follower.reaches(40)
+    first = lay(ring, range(3))
+    follower.begin(Leg(2, first, TERMS))
+    assert follower.reaches(2)
+    assert not follower.reaches(3)
+
+
+@pytest.mark.parametrize("step", [1.0, 0.5, 0.4])
+def test_a_splice_is_gone_over_to_at_its_record(ring, follower, step):
+    begun(ring, follower, 10)
+    first = lay(ring, range(5, 9))
+    leg = Leg(2, first, TERMS, leave=5, final=first + 3)
+    assert follower.splice(leg) == ""
+    assert follower.is_spliced
+    assert follower.revision == 2
+    assert follower.records_left() == inf
+    along = 0.0
+    while not follower.is_at_end:
+        along = min(along + step, 8.0)
+        assert ahead(follower, step) == pytest.approx(along, abs=1e-6)
+        is_over = along >= 6.0 or (along >= 5.0 and follower.leg is leg)
+        assert (follower.leg is leg) == is_over
+        if is_over:
+            assert follower.index + follower.fraction == pytest.approx(first + along - 5)
+            assert not follower.is_spliced
+            assert follower.records_left() == pytest.approx(8.0 - along)
+    assert along == 8.0
+    assert follower.index == first + 3
+
+
+def test_at_the_record_of_a_splice_the_new_leg_has_begun(ring, follower):
+    begun(ring, follower, 10)
+    first = lay(ring, range(2, 6))
+    leg = Leg(2, first, TERMS, leave=2)
+    assert follower.splice(leg) == ""
+    ahead(follower, 1.0)
+    ahead(follower, 1.0)
+    assert (follower.index, follower.leg) == (first, leg)
+    follower.begin(Leg(3, 0, TERMS))
+    ahead(follower, 1.0)
+    ahead(follower, 1.0)
+    # The record that was written last may be left too.
+    assert follower.splice(leg) == ""
+    assert ahead(follower, 0.5) == pytest.approx(2.5, abs=1e-6)
+    assert (follower.index, follower.fraction, follower.leg) == (first, 0.5, leg)
+
+
+def test_the_end_of_a_leg_that_is_left_is_no_end(ring, follower):
+    begun(ring, follower, 5, final=4)
+    first = lay(ring, range(4, 8))
+    assert follower.splice(Leg(2, first, TERMS, leave=4)) == ""
+    end(ring, first + 3)
+    for k in range(1, 8):
+        assert not follower.is_at_end
+        assert ahead(follower, 1.0) == pytest.approx(k)
+    assert follower.is_at_end
+
+
+def test_the_only_record_of_a_last_leg_is_its_end(ring, follower):
+    begun(ring, follower, 10)
+    first = lay(ring, [2])
+    assert follower.splice(Leg(2, first, TERMS, leave=2, final=first)) == ""
+    ahead(follower, 1.5)
+    assert ahead(follower, 1.0) == pytest.approx(2.0)
+    assert (follower.index, follower.fraction, follower.is_at_end) == (first, 0.0, True)
+
+
+def test_what_is_left_out_by_a_splice_is_not_reached_any_more(ring, follower):
+    begun(ring, follower, 30)
+    assert follower.reaches(25)
+    first = lay(ring, range(4, 8))
+    assert follower.splice(Leg(2, first, TERMS, leave=4)) == ""
+    assert follower.reaches(7)
+    assert not follower.reaches(8)
+
+
+def chained(ring, follower):
+    """Return the first records of three legs, left at the fourth record of each."""
+    firsts = [begun(ring, follower, 6)]
+    for number in (2, 3):
+        first = lay(ring, range(4 * (number - 1), 4 * (number - 1) + 6))
+        leg = Leg(number, first, TERMS, leave=firsts[-1] + 4)
+        assert follower.splice(leg) == ""
+        firsts.append(first)
+    return firsts
+
+
+def test_several_legs_follow_one_another(ring, follower):
+    firsts = chained(ring, follower)
+    assert follower.records_left() == inf
+    # 4 of each of two legs and 5 of the third.
+    assert follower.reaches(13)
+    assert not follower.reaches(14)
+    for k in range(14):
+        assert follower.peek_ahead(k) == point(k)
+    assert follower.peek_ahead(14) is None
+    end(ring, firsts[2] + 5)
+    assert follower.reaches(14)
+    for k in range(1, 14):
+        assert ahead(follower, 1.0) == pytest.approx(k)
+        assert follower.leg.number == 1 + (k >= 4) + (k >= 8)
+        assert follower.is_spliced == (k < 8)
+        assert follower.reaches(13 - k)
+    assert follower.is_at_end
+
+
+def test_behind_the_end_nothing_is_peeked_at(ring, follower):
+    begun(ring, follower, 8)
+    end(ring, 5)
+    assert follower.peek_ahead(5) == point(5)
+    assert follower.peek_ahead(6) is None
+    first = lay(ring, range(4, 9))
+    assert follower.splice(Leg(2, first, TERMS, leave=4, final=first + 2)) == ""
+    assert follower.peek_ahead(6) == point(6)
+    assert follower.peek_ahead(7) is None
+
+
+def test_what_has_other_limits_is_not_peeked_at(ring, follower):
+    begun(ring, follower, 8)
+    first = lay(ring, range(4, 9))
+    assert follower.splice(Leg(2, first, replace(TERMS, jerk=1.0), leave=4)) == ""
+    assert follower.peek_ahead(3) == point(3)
+    assert follower.peek_ahead(4) is None
+    assert follower.splice(Leg(3, first, replace(TERMS, brake_rate=9.0), leave=4)) == ""
+    assert follower.peek_ahead(4) == point(4)
+
+
+def test_a_splice_ahead_of_another_drops_it(ring, follower):
+    firsts = chained(ring, follower)
+    first = lay(ring, range(2, 5))
+    assert follower.splice(Leg(4, first, TERMS, leave=2, final=first + 2)) == ""
+    for _ in range(6):
+        ahead(follower, 1.0)
+    assert (follower.leg.number, follower.index, follower.is_at_end) == (4, first + 2, True)
+    assert firsts[2] < first
+
+
+def test_a_splice_on_a_leg_ahead_keeps_those_before_it(ring, follower):
+    firsts = chained(ring, follower)
+    first = lay(ring, range(6, 9))
+    assert follower.splice(Leg(4, first, TERMS, leave=firsts[1] + 2)) == ""
+    numbers = []
+    for _ in range(8):
+        ahead(follower, 1.0)
+        numbers.append(follower.leg.number)
+    assert numbers == [1, 1, 1, 2, 2, 4, 4, 4]
+
+
+def test_a_leg_ahead_may_be_left_at_its_first_record(ring, follower):
+    firsts = chained(ring, follower)
+    first = lay(ring, range(4, 9))
+    assert follower.splice(Leg(4, first, TERMS, leave=firsts[1])) == ""
+    for k in range(1, 7):
+        assert ahead(follower, 1.0) == pytest.approx(k)
+    assert follower.leg.number == 4
+
+
+def test_a_record_beyond_where_its_leg_is_left_is_not_on_the_path(ring, follower):
+    firsts = chained(ring, follower)
+    first = lay(ring, range(5, 9))
+    revision = follower.revision
+    for leave in (5, firsts[1] + 5):
+        problem = follower.splice(Leg(4, first, TERMS, leave=leave))
+        assert problem == f"record {leave} is not on the path any more"
+    assert follower.revision == revision
+    # Where the leg is left by another it may be left for this one, too.
+    first = lay(ring, range(4, 9))
+    assert follower.splice(Leg(4, first, TERMS, leave=4)) == ""
+
+
+def test_a_record_that_is_passed_cannot_be_left(ring, follower):
+    begun(ring, follower, 10)
+    first = lay(ring, range(2, 9))
+    ahead(follower, 1.0)
+    ahead(follower, 1.0)
+    ahead(follower, 0.5)
+    assert follower.splice(Leg(2, first, TERMS, leave=2)) == (
+        "the path has passed record 2, it is at 2"
+    )
+    first = lay(ring, range(3, 9))
+    assert follower.splice(Leg(2, first, TERMS, leave=3)) == ""
+
+
+def test_a_record_that_is_not_there_cannot_be_joined(ring, follower):
+    begun(ring, follower, 4)
+    assert follower.splice(Leg(2, 9, TERMS, leave=2)) == "path record 9 is not in the ring"
+    assert follower.splice(Leg(2, 2, TERMS, leave=7)) == "path record 7 is not in the ring"
+    assert not follower.is_spliced
+    assert follower.revision == 1
+
+
+def test_there_is_room_for_a_number_of_legs(ring, follower):
+    begun(ring, follower, 3)
+    leave = 1
+    for number in range(MOST_LEGS):
+        first = lay(ring, range(number + 1, number + 4))
+        assert follower.splice(Leg(number, first, TERMS, leave=leave)) == ""
+        leave = first + 1
+    first = lay(ring, range(MOST_LEGS + 1, MOST_LEGS + 4))
+    assert follower.splice(Leg(99, first, TERMS, leave=leave)) == (
+        f"there are {MOST_LEGS} motions ahead already"
+    )
+    assert MOST_LEGS == 16
+
+
+def along(axis, value):
+    return tuple(value if k == axis else 0.0 for k in range(3))
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize(
+    ("name", "most", "words", "unit"),
+    [
+        ("omega_body", 1e-6 * (1 + SPEED), "angular velocity", "rad/s"),
+        ("alpha_body", 1e-6, "angular acceleration", "rad/s^2"),
+        ("position", 1e-9, "position", "m"),
+        ("velocity", 1e-6, "velocity", "m/s"),
+    ],
+)
+def test_paths_are_joined_where_they_agree(ring, follower, name, most, words, unit, axis):
+    lay(ring, range(3))
+    follower.begin(Leg(1, 0, TERMS))
+    here = point(2)
+    for share, is_joined in ((0.9, True), (-1.1, False)):
+        gap = along(axis, share * most)
+        value = tuple(a + b for a, b in zip(getattr(here, name), gap, strict=True))
+        first = put(ring, here._replace(**{name: value}))
+        problem = follower.splice(Leg(2, first, TERMS, leave=2))
+        assert (problem == "") is is_joined
+    assert problem == f"the {words} of the two paths differs by {1.1 * most:.3g} {unit}"
+
+
+def test_orientations_are_joined_up_to_a_nanoradian_and_their_sign(ring, follower):
+    lay(ring, range(3))
+    follower.begin(Leg(1, 0, TERMS))
+    q = exp((0.0, 0.0, 2 * STEP + 0.9e-9))
+    first = put(ring, point(2, q=tuple(-part for part in q)))
+    assert follower.splice(Leg(2, first, TERMS, leave=2)) == ""
+    first = put(ring, point(2, q=exp((0.0, 0.0, 2 * STEP + 1.1e-9))))
+    problem = follower.splice(Leg(2, first, TERMS, leave=2))
+    assert problem == "the orientation of the two paths differs by 1.1e-09 rad"
+
+
+def test_what_is_not_a_number_is_not_joined(ring, follower):
+    lay(ring, range(3))
+    follower.begin(Leg(1, 0, TERMS))
+    first = put(ring, point(2, velocity=(float("nan"), 0.0, 0.0)))
+    assert "velocity" in follower.splice(Leg(2, first, TERMS, leave=2))
+
+
+def test_a_motion_forgets_the_legs_of_the_one_before(ring, follower):
+    chained(ring, follower)
+    first = lay(ring, range(3))
+    follower.begin(Leg(9, first, TERMS))
+    assert not follower.is_spliced
+    assert follower.revision == 4
+    assert ahead(follower, 1.0) == pytest.approx(1.0)
+    assert follower.peek(first).q == IDENTITY
