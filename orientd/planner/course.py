@@ -14,7 +14,7 @@ import numpy as np
 from orientd.planner.lead import STILL, is_still
 from orientd.planner.limits import Limits
 from orientd.planner.measuring import measure
-from orientd.planner.methods import Ends, Method, build
+from orientd.planner.methods import Ends, build
 from orientd.planner.path import Stretch
 from orientd.planner.peaks import Peaks
 from orientd.planner.position import Motion3, PositionPath, position_path
@@ -134,7 +134,6 @@ class Course:
 
     Attributes:
         request: what was asked for.
-        method: the row of its method.
         ends: velocities at the first and last keyframe.
         times: of all keyframes of the request, from 0 on, in any unit.
         kept: indices of those that the curve passes; the others repeat one of them.
@@ -144,7 +143,6 @@ class Course:
     """
 
     request: MotionRequest
-    method: Method
     ends: Ends
     times: Floats
     kept: Indices
@@ -168,7 +166,7 @@ class Course:
         times = self.times * (duration / self.times[-1])
         times[-1] = duration
         keys, turns = self.request.keys[self.kept], self.request.turns[self.kept]
-        curve = build(self.request, self.method, keys, times[self.kept], turns, self.ends)
+        curve = build(self.request, keys, times[self.kept], turns, self.ends)
         first, last = curve.domain
         return Core(
             Stretch(curve, 0.0, duration, rate=(last - first) / duration),

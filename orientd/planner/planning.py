@@ -18,7 +18,7 @@ from orientd.planner.course import Core, Course
 from orientd.planner.draft import Draft, to_single, with_leads
 from orientd.planner.lead_in import Caution, LeadIn, lead_in
 from orientd.planner.limits import Limits
-from orientd.planner.methods import Ends, Method, check_method
+from orientd.planner.methods import Ends, check_method
 from orientd.planner.motion import Motion
 from orientd.planner.position_lead import position_lead
 from orientd.planner.quickest import SHARE, quickest
@@ -98,7 +98,6 @@ class _Job:
         start: where the device is commanded to be.
         limits: to keep.
         period: of the device, s.
-        method: the row of the request's method.
         ends: velocities at the first and last keyframe.
         caution: with which to lead in.
         leads: lead-ins already found, by the state they lead to.
@@ -108,7 +107,6 @@ class _Job:
     start: State
     limits: Limits
     period: float
-    method: Method
     ends: Ends
     caution: Caution = Caution.NONE
     leads: dict[bytes, LeadIn] = field(default_factory=dict)
@@ -136,7 +134,7 @@ class _Job:
             first = replace(start, q=request.keys[0], omega_body=omega)
             refusal.check_start(start, first, limits)
         ends = Ends(omega_start, request.omega_end, alpha_start)
-        return cls(request, start, limits, period, method, ends)
+        return cls(request, start, limits, period, ends)
 
     def motion(self, name: str) -> Motion:
         """Return the motion, certified."""
@@ -298,7 +296,6 @@ class _Job:
         is_taken_over = start.is_position_moving and not self.request.approach
         return Course(
             self.request,
-            self.method,
             self.ends,
             times,
             kept,

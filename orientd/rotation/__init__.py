@@ -23,6 +23,7 @@ from orientd.rotation.jacobian import (
     right_jacobian,
     right_jacobian_inverse,
 )
+from orientd.rotation.named import Quaternion
 from orientd.rotation.quaternion import (
     Floats,
     align,
@@ -43,6 +44,7 @@ from orientd.rotation.quaternion import (
 
 __all__ = [
     "Floats",
+    "Quaternion",
     "align",
     "angle",
     "between",

@@ -83,8 +83,8 @@ def _digits(value: float, rounding: float = ROUNDING) -> str:
 
 
 def rows(sequence: str, families=tuple(METHODS)) -> list[dict[str, str]]:
-    """Return the results of a sequence, least effort first as `orientd compare` has it."""
-    task = task_of(motion_file.load(HERE / f"{sequence}.yaml"))
+    """Return the results of a sequence, least effort first as `orientd compare --ends natural`."""
+    task = task_of(motion_file.load(HERE / f"{sequence}.yaml"), ends="natural")
     return sorted((row(name, task) for name in families), key=_rank)
 
 
@@ -125,7 +125,7 @@ def readme() -> str:
         "# Standard test set",
         "",
         "Nielson (1993) closes by asking for standard test cases and standard methods of comparing",
-        "techniques of orientation.  These are ours: motion files (`orientd compare NAME.yaml`",
+        "techniques of orientation.  These are ours: motion files (`orientd compare --ends natural`",
         "measures them, `orientd plot NAME.yaml` draws them), each with what every family makes",
         "of it in `NAME.csv`.  `sequences.py` says how the files came about; `regenerate.py` makes",
         "the tables, and this overview, anew.  `EFFORT.md` is of random keyframes, by `effort.py`.",

@@ -10,7 +10,6 @@ import pytest
 from orientd.curves import METHODS
 from orientd.curves.compare import COLUMNS, compare, ranked
 from orientd.curves.measure import measure
-from orientd.curves.retimed import Retimed
 from orientd.curves.roles import Task, averaged_knots, fit, parameters
 from orientd.rotation import angle, exp, multiply
 
@@ -138,16 +137,6 @@ def test_a_curve_that_has_its_own_clock_is_put_on_the_clock_of_the_task():
     q, omega, alpha = own.evaluate(4.0 * (times - 3.0))
     for ours, theirs in zip(curve.evaluate(times), (q, 4.0 * omega, 16.0 * alpha), strict=True):
         assert np.abs(ours - theirs).max() < 1e-12
-
-
-def test_another_clock_keeps_instants_on_their_side_of_a_knot():
-    slerps = METHODS["piecewise_slerp"](keys=walk(6).keys, times="uniform")
-    curve = Retimed(slerps, 0.1, 0.7)
-    inner = curve.knots[1:-1]
-    left, right = curve.evaluate(np.nextafter(inner, 0.0))[1], curve.evaluate(inner)[1]
-    wanted = slerps.evaluate(np.arange(5.0))[1] * (5.0 / 0.6)
-    assert np.abs(left - wanted[:-1]).max() < 1e-12
-    assert np.abs(right - wanted[1:]).max() < 1e-12
 
 
 def test_unequal_intervals_are_not_for_a_curve_without_times():

@@ -6,7 +6,7 @@ from reference.survey import surveyed
 
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, measuring, plan, survey
 from orientd.planner.course import Course
-from orientd.planner.methods import Ends, method_of
+from orientd.planner.methods import Ends
 from orientd.planner.position import PositionPath
 from orientd.planner.survey import Survey
 from orientd.planner.timing import excess
@@ -24,8 +24,8 @@ def request(count=400, seed=9, **fields):
 def core(asked, duration, end_velocity=None):
     times = np.linspace(0.0, 1.0, len(asked.keys))
     kept = np.arange(len(times))
-    method, ends = method_of(asked.method), Ends(None, end_velocity, None)
-    return Course(asked, method, ends, times, kept, PositionPath.held(np.zeros(3))).core(duration)
+    ends = Ends(None, end_velocity, None)
+    return Course(asked, ends, times, kept, PositionPath.held(np.zeros(3))).core(duration)
 
 
 @pytest.mark.parametrize("method", ["c2_cumulative", "kks_hermite_spline"])

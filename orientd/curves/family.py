@@ -1,0 +1,97 @@
+"""What a curve was made of: parameters by any of their names, kept for equality and pictures."""
+
+from __future__ import annotations
+
+from abc import ABCMeta
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from functools import lru_cache
+from inspect import Signature, signature
+from typing import Any, TypeVar
+
+import numpy as np
+
+from orientd.rotation.named import unnamed
+
+Made = TypeVar("Made")
+
+_AS_THEY_ARE = (float, int, str, bool, type(None))
+
+
+class Family(ABCMeta):
+    """The class of families of curves: it takes their parameters, and has each curve keep its own.
+
+    Every orientation may be a ``scipy.spatial.transform.Rotation``, a
+    :class:`~orientd.rotation.Quaternion` or an array ``(w, x, y, z)``, and every family takes
+    ``keys``, ``times``, ``start_velocity``, ``end_velocity`` and ``turns`` besides the names of its
+    own; :func:`orientd.curves.roles.own_names` says what these are to it.
+    """
+
+    def __call__(cls: type[Made], *args: Any, **given: Any) -> Made:  # noqa: ANN401
+        """Make a curve."""
+        for name, value in given.items():
+            if not isinstance(value, np.ndarray) and type(value) not in _AS_THEY_ARE:
+                given[name] = unnamed(value)
+        if not given.keys() <= parameter_names(cls):
+            # Loads the kernels, which a list of the families has no need of.
+            from orientd.curves.roles import own_names
+
+            given = own_names(cls, given)
+        curve: Made = type.__call__(cls, *args, **given)
+        if args:
+            given.update(zip(_ordered_names(cls), args, strict=False))
+        curve.made_of = {  # type: ignore[attr-defined]  # of every class of this one
+            name: _kept(value) for name, value in given.items()
+        }
+        return curve
+
+    @property
+    def __signature__(cls) -> Signature:
+        """The family's own parameters, which ``__call__`` would hide."""
+        own = signature(cls.__init__)  # type: ignore[misc]  # that of the class at hand
+        return own.replace(parameters=list(own.parameters.values())[1:])
+
+
+@lru_cache(maxsize=256)
+def _ordered_names(family: type) -> tuple[str, ...]:
+    return tuple(signature(family).parameters)
+
+
+@lru_cache(maxsize=256)
+def parameter_names(family: type) -> frozenset[str]:
+    """Return the names of the parameters of a family."""
+    return frozenset(_ordered_names(family))
+
+
+def _kept(value: object) -> object:
+    """Return a parameter that nobody else can change."""
+    if isinstance(value, list | tuple):
+        value = np.array(value)
+    elif isinstance(value, np.ndarray):
+        value = value.copy()
+    else:
+        return value
+    value.setflags(write=False)
+    return value
+
+
+def is_same(one: object, other: object) -> bool:
+    """Return whether two values were made of the same: arrays and lists by their entries."""
+    if one is other:
+        return True
+    if isinstance(one, np.ndarray | list | tuple) or isinstance(other, np.ndarray | list | tuple):
+        return _has_same_entries(one, other)
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        return one.keys() == other.keys() and all(is_same(one[key], other[key]) for key in one)
+    if type(one) is type(other) and is_dataclass(one) and type(one).__eq__ is object.__eq__:
+        names = [entry.name for entry in fields(one) if entry.compare]
+        return all(is_same(getattr(one, name), getattr(other, name)) for name in names)
+    return bool(one == other)
+
+
+def _has_same_entries(one: Any, other: Any) -> bool:  # noqa: ANN401
+    try:
+        return np.array_equal(np.asarray(one), np.asarray(other), equal_nan=True)
+    except (TypeError, ValueError):
+        # Of several kinds, or of several lengths.
+        return len(one) == len(other) and all(map(is_same, one, other))
