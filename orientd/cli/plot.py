@@ -104,9 +104,7 @@ def _draw_recording(file: Path, path: Path, device: str) -> None:
     plots.draw_recording(path, strands(recording, name), title=f"{file.name}: {name}")
 
 
-def _draw_file(
-    file: Path, path: Path, show: Show, times: KeyframeTimes, ends: OpenEnds
-) -> None:
+def _draw_file(file: Path, path: Path, show: Show, times: KeyframeTimes, ends: OpenEnds) -> None:
     import numpy as np
 
     from orientd import motion_file, plots

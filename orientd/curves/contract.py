@@ -14,6 +14,8 @@ from orientd.curves.family import Family, is_same
 from orientd.rotation import Floats, to_scipy
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from scipy.spatial.transform import Rotation
 
 Samples = tuple[Floats, Floats, Floats]
@@ -120,7 +122,7 @@ class Curve(metaclass=Family):
         return in_shape(instants.shape, q, omega_body, alpha_body)
 
     def __call__(self, times: ArrayLike) -> Rotation:
-        """Return the orientations at *times* (s, any shape) as a ``Rotation`` of SciPy.
+        """Return the orientations at *times* (s, one or a row) as a ``Rotation`` of SciPy.
 
         Raises:
             ValueError: an instant is outside the domain or not a number.
@@ -140,6 +142,21 @@ class Curve(metaclass=Family):
         parts = [f"{start:g} s to {end:g} s", f"C{self.continuity}"]
         parts += [f"{name}={_in_short(value)}" for name, value in self.made_of.items()]
         return f"<{type(self).__name__}: {', '.join(parts)}>"
+
+    def plot(self, path: str | Path, *, title: str = "") -> None:
+        """Draw the curve to a .png, .svg or .pdf file; needs Matplotlib.
+
+        Raises:
+            OrientdError: the file cannot be written, or Matplotlib is not installed.
+        """
+        from orientd.plots import draw_alone
+
+        draw_alone(path, self, title=title)
+
+    def _repr_png_(self) -> bytes | None:
+        from orientd.plots import png_of
+
+        return png_of(self)
 
     def ends(self) -> Samples:
         """Return what :meth:`evaluate` does at both ends of the domain."""

@@ -7,11 +7,14 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from inspect import Signature, signature
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
 from orientd.rotation.named import unnamed
+
+if TYPE_CHECKING:
+    from orientd.curves.contract import Curve
 
 Made = TypeVar("Made")
 
@@ -32,14 +35,15 @@ class Family(ABCMeta):
         for name, value in given.items():
             if not isinstance(value, np.ndarray) and type(value) not in _AS_THEY_ARE:
                 given[name] = unnamed(value)
-        if not given.keys() <= parameter_names(cls):
+        family: type = cls
+        if not given.keys() <= parameter_names(family):
             # Loads the kernels, which a list of the families has no need of.
             from orientd.curves.roles import own_names
 
-            given = own_names(cls, given)
+            given = own_names(cast("type[Curve]", family), given)
         curve: Made = type.__call__(cls, *args, **given)
         if args:
-            given.update(zip(_ordered_names(cls), args, strict=False))
+            given.update(zip(_ordered_names(family), args, strict=False))
         curve.made_of = {  # type: ignore[attr-defined]  # of every class of this one
             name: _kept(value) for name, value in given.items()
         }

@@ -75,8 +75,10 @@ class Task:
         omega_end: the same at the last keyframe.
         turns: whole turns between neighbours, shape ``(n - 1,)``; ``None`` for none.
         alpha_start: body angular acceleration that goes with *omega_start*, rad/s^2.
-        holds: whether a device holds before and after: an end without velocity has no acceleration
-            either, where the family can prescribe that.
+        holds: whether a device holds before and after: an end whose velocity is not given is at
+            rest, and one without velocity has no acceleration either, where the family can
+            prescribe both.  One that cannot keeps its natural end: at rest, but with a step of the
+            acceleration, it would need a lead all the same.
         is_timed: whether keyframes have these times; else they are chord lengths, and control
             orientations are spread evenly over the same duration.
     """
@@ -89,6 +91,15 @@ class Task:
     alpha_start: Floats | None = None
     holds: bool = False
     is_timed: bool = True
+
+    @property
+    def wanted(self) -> tuple[Floats | None, Floats | None]:
+        """The velocities wanted at both ends, given or not; ``None`` where any will do."""
+        rest = np.zeros(3) if self.holds else None
+        return (
+            rest if self.omega_start is None else self.omega_start,
+            rest if self.omega_end is None else self.omega_end,
+        )
 
 
 def options_of(family: type[Curve]) -> tuple[str, ...]:
@@ -115,7 +126,7 @@ def parameters(
 
     Velocities that are wanted are given to a family that can meet them and kept from any other.
     Where none is wanted, an end is natural (without acceleration), and a single segment has the
-    velocities of the great arc.
+    velocities of the great arc; where a device holds, see :attr:`Task.holds`.
 
     Args:
         family: a class in ``METHODS``.
@@ -189,17 +200,24 @@ def own_names(family: type[Curve], given: Mapping[str, Any]) -> dict[str, Any]:
         times = np.linspace(*times, len(keys))
     frame = common["velocity_frame"] or rest.pop("frame", "body")
     is_world = check_choice(frame, "velocity_frame", ("body", "world")) == "world"
-    velocities: list[Floats | None] = []
-    for name, key in (("start_velocity", keys[0]), ("end_velocity", keys[-1])):
-        omega = common[name]
-        if omega is not None:
-            if not family.meets_end_velocities:
-                raise ValueError(f"{name} must be None: {family.name} cannot prescribe velocities")
-            omega = check_vector(omega, name)
-            omega = rotate(conjugate(key), omega) if is_world else omega
-        velocities.append(omega)
+
+    def in_body_frame(name: str, key: Floats) -> Floats | None:
+        if common[name] is None:
+            return None
+        if not family.meets_end_velocities:
+            raise ValueError(f"{name} must be None: {family.name} cannot prescribe velocities")
+        omega = check_vector(common[name], name)
+        return rotate(conjugate(key), omega) if is_world else omega
+
     aligned = align(keys) if rest.get("align", True) else keys
-    task = Task(keys, resolve_times(times, aligned, turns), *velocities, turns, is_timed=is_timed)
+    task = Task(
+        keys,
+        resolve_times(times, aligned, turns),
+        in_body_frame("start_velocity", keys[0]),
+        in_body_frame("end_velocity", keys[-1]),
+        turns,
+        is_timed=is_timed,
+    )
     return parameters(family, task, rest)
 
 
@@ -214,16 +232,18 @@ def _keys_of(family: type[Curve], keys: Any, rest: dict[str, Any]) -> Floats:  #
     raise TypeError(f"{family.name} must be given keys, got {', '.join(rest) or 'none'}")
 
 
-def _through_keyframes(
-    family: type[Curve], names: frozenset[str], task: Task
-) -> dict[str, Any]:
+def _through_keyframes(family: type[Curve], names: frozenset[str], task: Task) -> dict[str, Any]:
     made: dict[str, Any] = {"keys": task.keys, "times": task.times}
     conditions = (
         ("start", task.omega_start, task.alpha_start),
         ("end", task.omega_end, None),
     )
     for end, omega, alpha in conditions:
-        if omega is None or f"omega_{end}" not in names:
+        if f"omega_{end}" not in names:
+            continue
+        if omega is None and task.holds and (family.meets_end_accelerations or end not in names):
+            omega = np.zeros(3)
+        if omega is None:
             continue
         made[f"omega_{end}"] = omega
         if end not in names:
@@ -245,8 +265,8 @@ def _between_two(names: frozenset[str], task: Task) -> dict[str, Any]:
     made: dict[str, Any] = {"q0": task.keys[0], "q1": task.keys[1], "t0": start, "t1": end}
     if "omega0" in names:
         even = log(multiply(conjugate(task.keys[0]), task.keys[1])) / (end - start)
-        made["omega0"] = even if task.omega_start is None else task.omega_start
-        made["omega1"] = even if task.omega_end is None else task.omega_end
+        for name, omega in zip(("omega0", "omega1"), task.wanted, strict=True):
+            made[name] = even if omega is None else omega
     if "alpha0" in names and task.alpha_start is not None:
         made["alpha0"] = task.alpha_start
     return made

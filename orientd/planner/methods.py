@@ -131,7 +131,7 @@ def _check_axes(request: MotionRequest) -> None:
 def build(request: MotionRequest, keys: Floats, times: Floats, turns: Turns, ends: Ends) -> Curve:
     """Return the curve of a request.
 
-    Velocities that are not given are zero, where the method can prescribe them.
+    Ends whose velocities are not given are those of a device that holds.
 
     Args:
         request: for the method and its options.
@@ -147,8 +147,8 @@ def build(request: MotionRequest, keys: Floats, times: Floats, turns: Turns, end
     task = roles.Task(
         keys,
         times,
-        _or_zero(ends.omega_start),
-        _or_zero(ends.omega_end),
+        ends.omega_start,
+        ends.omega_end,
         turns[1:] if turns.any() else None,
         alpha_start=ends.alpha_start,
         holds=True,
@@ -182,10 +182,6 @@ def curve_of(request: MotionRequest, task: roles.Task) -> Curve:
                 problem = f"{request.method}: {str(error).removeprefix(role)}"
                 raise RequestError("keyframes", problem) from error
         raise PlanError(f"{request.method} cannot join these keyframes: {error}") from error
-
-
-def _or_zero(omega: Floats | None) -> Floats:
-    return np.zeros(3) if omega is None else omega
 
 
 def _names(is_able: Callable[[Method], bool]) -> str:

@@ -31,19 +31,17 @@ def task_of(request: MotionRequest, times: Times = "file", ends: OpenEnds = "res
             as many seconds as half its angle has radians, or longer where its position has further
             to go, and keyframes that repeat the one before are left out.  ``"uniform"`` puts all
             of them a second apart; ``"chord"`` goes by the angles alone.
-        ends: what an end is whose velocity is not given: at rest, or natural (without
-            acceleration).
+        ends: what an end is whose velocity is not given: at rest, as of a device that holds (see
+            :attr:`.Task.holds`), or natural (without acceleration).
 
     Raises:
         RequestError: two neighbours are the same, so that there is no chord.
     """
-    rest = np.zeros(3) if ends == "rest" else None
-    start, end = request.omega_start, request.omega_end
     task = Task(
         keys=request.keys,
         times=np.arange(float(len(request.keys))),
-        omega_start=rest if start is None else start,
-        omega_end=rest if end is None else end,
+        omega_start=request.omega_start,
+        omega_end=request.omega_end,
         turns=request.turns[1:] if np.any(request.turns) else None,
         holds=ends == "rest",
     )

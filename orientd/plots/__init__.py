@@ -4,6 +4,7 @@ from orientd.plots.charts import Traces
 from orientd.plots.figures import FIGURES, draw_figure
 from orientd.plots.gallery import draw_family, draw_gallery
 from orientd.plots.motion import draw_motion, draw_sent, draw_traces
+from orientd.plots.notebook import draw_alone, png_of
 from orientd.plots.paper import check_format, is_available
 from orientd.plots.parts import draw_bodies_alone, draw_rates_alone, draw_triads_alone
 from orientd.plots.punctuality import Timing
@@ -17,6 +18,7 @@ __all__ = [
     "Timing",
     "Traces",
     "check_format",
+    "draw_alone",
     "draw_bodies_alone",
     "draw_family",
     "draw_figure",
@@ -29,5 +31,6 @@ __all__ = [
     "draw_traces",
     "draw_triads_alone",
     "is_available",
+    "png_of",
     "traces_of",
 ]
