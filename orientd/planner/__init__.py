@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from orientd.planner.presets import PRESETS
     from orientd.planner.recorded import RECORD_FLOATS, MotionFacts, RecordedMotion
     from orientd.planner.request import DEFAULT_METHOD, Keyframe, MotionRequest, State
-    from orientd.planner.retargeting import retarget
     from orientd.planner.shaped import reshaped
 
 _HOMES = {
@@ -43,7 +42,6 @@ _HOMES = {
     "blend": "blending",
     "plan": "planning",
     "reshaped": "shaped",
-    "retarget": "retargeting",
 }
 
 __all__ = [
@@ -64,7 +62,6 @@ __all__ = [
     "blend",
     "plan",
     "reshaped",
-    "retarget",
 ]
 
 

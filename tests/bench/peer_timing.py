@@ -14,11 +14,12 @@ from pathlib import Path
 import grpc
 import numpy as np
 from peer_curves import duration
+from reference.aims import retarget
 
 from orientd import rotation
 from orientd.bench.clients import motion as wave
 from orientd.bench.servo import DEVICE, daemon
-from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan, retarget
+from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.control_pb2_grpc import ControlStub
 

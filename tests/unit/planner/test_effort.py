@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from planned import PERIOD
+from reference.aims import end_state, retarget
 
 from orientd.curves.interpolation import KeyframeEquations
 from orientd.errors import PlanError
@@ -14,7 +15,6 @@ from orientd.planner import (
     State,
     course,
     plan,
-    retarget,
 )
 from orientd.planner.timing import LONGER, shortest
 from orientd.rotation import exp, multiply, normalize
@@ -85,7 +85,7 @@ def test_what_goes_on_from_a_motion_is_planned_with_few_curves(effort):
         target = exp(random.uniform(-2.0, 2.0, 3))
         first = retarget(target, start=here, limits=DEFAULT_LIMITS, period=PERIOD)
         start = first.state_at(int(random.integers(first.record_count)))
-        keys = [start.q, first.end_state.q]
+        keys = [start.q, end_state(first).q]
         keys += [multiply(keys[-1], exp(random.uniform(-1.0, 1.0, 3)))]
         request = MotionRequest([Keyframe(tuple(q)) for q in normalize(np.array(keys)).tolist()])
         effort.update(corrections=0, records=0)

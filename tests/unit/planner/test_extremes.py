@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from reference import brake as reference_brake
 from reference import differences as reference
+from reference.aims import retarget
 
 from orientd import kernels
 from orientd.planner import (
@@ -15,7 +16,6 @@ from orientd.planner import (
     State,
     measuring,
     plan,
-    retarget,
 )
 from orientd.planner.brake import LAW, brake_rate
 from orientd.planner.differences import Rough, extremes
