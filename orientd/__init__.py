@@ -6,23 +6,31 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from orientd import curves
+    from orientd.planner.offline import plan_offline as plan
+    from orientd.planner.saved import load_motion
+    from orientd.rotation.named import Quaternion
     from orientd.rpc.client import connect
-    from orientd.rpc.motion_request import Quaternion
     from orientd.rpc.reports import OnTarget
 
-__all__ = ["OnTarget", "Quaternion", "__version__", "connect"]
+__all__ = ["OnTarget", "Quaternion", "__version__", "connect", "curves", "load_motion", "plan"]
 
 __version__ = "0.1.0"
 
 # The servo process imports this package too and must not pay for gRPC and NumPy.
 _HOMES = {
-    "connect": "orientd.rpc.client",
-    "OnTarget": "orientd.rpc.reports",
-    "Quaternion": "orientd.rpc.motion_request",
+    "connect": ("orientd.rpc.client", "connect"),
+    "OnTarget": ("orientd.rpc.reports", "OnTarget"),
+    "Quaternion": ("orientd.rotation.named", "Quaternion"),
+    "load_motion": ("orientd.planner.saved", "load_motion"),
+    "plan": ("orientd.planner.offline", "plan_offline"),
 }
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - the signature PEP 562 asks for
     if name in _HOMES:
-        return getattr(import_module(_HOMES[name]), name)
+        module, written_as = _HOMES[name]
+        return getattr(import_module(module), written_as)
+    if name == "curves":
+        return import_module("orientd.curves")
     raise AttributeError(f"module 'orientd' has no attribute {name!r}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import tomllib
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -53,7 +54,11 @@ def is_inside(module: str, package: str) -> bool:
 def imports() -> dict[str, set[str]]:
     """Return which module imports which when it runs."""
     graph = grimp.build_graph(*PACKAGES, exclude_type_checking_imports=True, cache_dir=None)
-    return {one: graph.find_modules_directly_imported_by(one) for one in graph.modules}
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    (layers, *_) = settings["tool"]["importlinter"]["contracts"]
+    excused = {tuple(one.split(" -> ")) for one in layers["ignore_imports"]}
+    found = {one: graph.find_modules_directly_imported_by(one) for one in graph.modules}
+    return {one: {other for other in found[one] if (one, other) not in excused} for one in found}
 
 
 def large(graph: Graph) -> Iterator[str]:

@@ -14,7 +14,6 @@ from orientd.lazy import lazily
 if TYPE_CHECKING:
     from orientd.curves.comparison.candidates import Candidate, compare, ranked
     from orientd.curves.comparison.measure import MET, Figures, measure
-    from orientd.curves.comparison.roles import EQUAL, Task, averaged_knots, fit, parameters
     from orientd.curves.construct.basis import CumulativeBasis, Indices, cumulative_basis
     from orientd.curves.construct.continuation import corrections_at_most
     from orientd.curves.construct.cumulative import CumulativeCurve
@@ -26,9 +25,25 @@ if TYPE_CHECKING:
     from orientd.curves.families.kks.bspline import KksBspline
     from orientd.curves.families.kks.hermite import KksHermite
     from orientd.curves.families.kks.interpolating import KksInterpolating
+    from orientd.curves.family import is_same
     from orientd.curves.fitting.spline_fit import Fit, fit_orientations
-    from orientd.curves.keyframes import check_integer, check_interval, check_vector
+    from orientd.curves.keyframes import (
+        check_integer,
+        check_interval,
+        check_keys,
+        check_vector,
+        resolve_times,
+    )
     from orientd.curves.methods import METHODS
+    from orientd.curves.roles import (
+        Task,
+        UnevenError,
+        is_pair,
+        make_curve,
+        options_of,
+        parameters,
+        turns_name,
+    )
     from orientd.curves.warped import Warp, Warped, unit_map
 
 __getattr__ = lazily(__name__)

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from typing import ClassVar
+from abc import abstractmethod
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.rotation import Floats
+from orientd.curves.family import Family, is_same
+from orientd.rotation import Floats, to_scipy
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from scipy.spatial.transform import Rotation
 
 Samples = tuple[Floats, Floats, Floats]
 """Orientation ``(n, 4)``, body angular velocity ``(n, 3)`` in rad/s, its rate ``(n, 3)``."""
@@ -20,11 +28,21 @@ BLOCK = 8192
 """Samples worked out at a time; intermediate results of so many stay in the cache."""
 
 
-class Curve(ABC):
+_FEW = 8
+"""Numbers that a parameter may have to be shown in full."""
+
+
+class Curve(metaclass=Family):
     """A curve of orientations over an interval of time.
 
     A family subclasses this, computes what it needs in its constructor, whose keyword-only
-    arguments are the family's parameters, and samples in :meth:`_sample`.
+    arguments are the family's parameters, and samples in :meth:`_sample`.  Besides these, every
+    family takes ``keys``, ``times`` (``None`` goes by chord length), ``start_velocity``,
+    ``end_velocity`` (rad/s, in the frame the family takes) and ``turns`` (whole turns in each
+    interval); :mod:`orientd.curves.roles` says what they are to it.  Orientations may be
+    ``Rotation``, named quaternions or arrays ``(w, x, y, z)``.
+
+    Curves are equal that are of one family and made of the same parameters.
 
     Attributes:
         name: the key of the family in ``METHODS``.
@@ -33,8 +51,10 @@ class Curve(ABC):
         interpolates: whether the curve passes through every keyframe at its time.
         local: whether moving a keyframe changes the curve near that keyframe only.
         meets_end_velocities: whether angular velocities can be prescribed at both ends.
+        meets_end_accelerations: whether accelerations can be prescribed with them.
         continuity: how many derivatives of the orientation are continuous at the knots for the
             parameters at hand: 0, 1 or 2.  A single segment has no knots inside and says 2.
+        made_of: the parameters by the family's own names; not to be changed.
     """
 
     name: ClassVar[str]
@@ -43,8 +63,10 @@ class Curve(ABC):
     interpolates: ClassVar[bool] = False
     local: ClassVar[bool] = False
     meets_end_velocities: ClassVar[bool] = False
+    meets_end_accelerations: ClassVar[bool] = False
 
     continuity: int
+    made_of: Mapping[str, Any] = MappingProxyType({})
 
     def __init__(self, *, knots: ArrayLike, continuity: int) -> None:
         """Set the break points of the curve, domain ends included, and its continuity there."""
@@ -99,6 +121,43 @@ class Curve(ABC):
             return q, omega_body, alpha_body
         return in_shape(instants.shape, q, omega_body, alpha_body)
 
+    def __call__(self, times: ArrayLike) -> Rotation:
+        """Return the orientations at *times* (s, one or a row) as a ``Rotation`` of SciPy.
+
+        Raises:
+            ValueError: an instant is outside the domain or not a number.
+        """
+        return to_scipy(self.evaluate(times)[0])
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Curve):
+            return NotImplemented
+        return type(self) is type(other) and is_same(self.made_of, other.made_of)
+
+    def __hash__(self) -> int:
+        return hash((type(self), self.domain, len(self._knots)))
+
+    def __repr__(self) -> str:
+        start, end = self.domain
+        parts = [f"{start:g} s to {end:g} s", f"C{self.continuity}"]
+        parts += [f"{name}={_in_short(value)}" for name, value in self.made_of.items()]
+        return f"<{type(self).__name__}: {', '.join(parts)}>"
+
+    def plot(self, path: str | Path, *, title: str = "") -> None:
+        """Draw the curve to a .png, .svg or .pdf file; needs Matplotlib.
+
+        Raises:
+            OrientdError: the file cannot be written, or Matplotlib is not installed.
+        """
+        from orientd.plots import draw_alone
+
+        draw_alone(path, self, title=title)
+
+    def _repr_png_(self) -> bytes | None:
+        from orientd.plots import png_of
+
+        return png_of(self)
+
     def ends(self) -> Samples:
         """Return what :meth:`evaluate` does at both ends of the domain."""
         return self.evaluate(np.array(self.domain))
@@ -133,6 +192,13 @@ class Curve(ABC):
             interior, times, side="right"
         )
         return spans
+
+
+def _in_short(value: object) -> str:
+    """Return a parameter in a few words."""
+    if not isinstance(value, np.ndarray) or value.size <= _FEW:
+        return repr(value.tolist() if isinstance(value, np.ndarray) else value)
+    return f"array of shape {value.shape}"
 
 
 def in_shape(shape: tuple[int, ...], q: Floats, omega_body: Floats, alpha_body: Floats) -> Samples:

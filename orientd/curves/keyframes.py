@@ -167,7 +167,7 @@ def check_interval(t0: object, t1: object) -> tuple[float, float]:
     return start, end
 
 
-def resolve_times(times: object, keys: Floats) -> Floats:
+def resolve_times(times: object, keys: Floats, turns: ArrayLike | None = None) -> Floats:
     """Return the instants of the keyframes, in seconds.
 
     ``"uniform"`` gives 0, 1, 2, ...; ``"chord"`` starts at 0 and gives each interval the length
@@ -175,8 +175,10 @@ def resolve_times(times: object, keys: Floats) -> Floats:
     half the physical angle), of the keyframes with the signs they have.
 
     Args:
-        times: ``"uniform"``, ``"chord"``, or a strictly increasing number for each keyframe.
+        times: ``"uniform"``, ``"chord"`` or a strictly increasing number for each keyframe;
+            ``None`` is ``"chord"``.
         keys: unit quaternions as the curve will use them, shape ``(n, 4)``.
+        turns: whole turns in each interval, each of which adds pi to its arc.
 
     Returns:
         Strictly increasing instants, shape ``(n,)``.
@@ -186,11 +188,15 @@ def resolve_times(times: object, keys: Floats) -> Floats:
             neighbours the same.
     """
     count = len(keys)
+    if times is None:
+        times = "chord"
     if isinstance(times, str):
         check_choice(times, "times", ("uniform", "chord"))
         if times == "uniform":
             return np.arange(count, dtype=np.float64)
         arcs = np.sqrt(np.sum(increments(keys) ** 2, axis=-1))
+        if turns is not None:
+            arcs += np.pi * np.abs(np.asarray(turns, dtype=np.float64))
         if not np.all(arcs > 0.0):
             place = int(np.argmin(arcs))
             raise ValueError(

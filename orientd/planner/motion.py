@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orientd.curves import is_same
 from orientd.planner.certify import Certificate, Rough, before
 from orientd.planner.limits import Limits
-from orientd.planner.path import Path, Samples, TablePath
+from orientd.planner.path import Path, RowPath, Samples, TablePath
 from orientd.planner.recorded import (
     HISTORY,
     STATE_FLOATS,
@@ -17,16 +19,29 @@ from orientd.planner.recorded import (
     RecordedMotion,
 )
 from orientd.planner.request import MotionRequest, State, Vector3
-from orientd.rotation import Floats
+from orientd.rotation import Floats, to_scipy
 from orientd.stream import PATH_FLOATS
+
+if TYPE_CHECKING:
+    from pathlib import Path as FilePath
+
+    from scipy.spatial.transform import Rotation
 
 _SAME = 1e-9
 """Seconds by which instants may differ that are the same."""
+
+_COMPARED = (
+    *("request", "limits", "period", "start_time", "end_time", "keyframe_times", "record_count"),
+    *("certificate", "rough", "first_joints", "last_joints", "before"),
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
     """A motion that keeps its limits, from hold to hold.
+
+    Motions are equal that were made for the same request and have the same records and certificate,
+    whatever their names.
 
     Attributes:
         id: names it.
@@ -50,7 +65,7 @@ class Motion:
     request: MotionRequest
     limits: Limits
     period: float
-    path: Path | TablePath
+    path: Path | TablePath | RowPath
     start_time: float
     end_time: float
     keyframe_times: Floats
@@ -61,6 +76,55 @@ class Motion:
     last_joints: tuple[float, ...] = ()
     before: tuple[Floats, Floats] | None = None
 
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Motion):
+            return NotImplemented
+        return all(
+            is_same(getattr(self, name), getattr(other, name)) for name in _COMPARED
+        ) and np.array_equal(self.rows(0, self.record_count), other.rows(0, other.record_count))
+
+    def __hash__(self) -> int:
+        return hash((self.request, self.period, self.record_count))
+
+    def __repr__(self) -> str:
+        found = self.certificate
+        return (
+            f"<Motion {self.id}: {self.request.method} through {len(self.request.keyframes)} "
+            f"keyframes, {self.duration:.6g} s at {1.0 / self.period:.6g} Hz, peaks "
+            f"{found.peak_velocity.value:.4g} rad/s, {found.peak_acceleration.value:.4g} rad/s^2, "
+            f"{found.peak_jerk.value:.4g} rad/s^3>"
+        )
+
+    def __call__(self, path_times: ArrayLike) -> Rotation:
+        """Return the orientations at *path_times* as a ``Rotation`` of SciPy; held beyond."""
+        times = np.asarray(path_times, dtype=np.float64)
+        return to_scipy(self.sample(np.atleast_1d(times)).q.reshape(*times.shape, 4))
+
+    def save(self, path: str | FilePath) -> None:
+        """Write the motion with its certificate to a file that :func:`orientd.load_motion` reads.
+
+        Raises:
+            OrientdError: the file cannot be written.
+        """
+        from orientd.planner.saving import save_motion
+
+        save_motion(self, path)
+
+    def plot(self, path: str | FilePath, *, title: str = "") -> None:
+        """Draw the motion to a .png, .svg or .pdf file; needs Matplotlib.
+
+        Raises:
+            OrientdError: the file cannot be written, or Matplotlib is not installed.
+        """
+        from orientd.plots import draw_alone
+
+        draw_alone(path, self, title=title)
+
+    def _repr_png_(self) -> bytes | None:
+        from orientd.plots import png_of
+
+        return png_of(self)
+
     @property
     def duration(self) -> float:
         """Path time from hold to hold, s."""
@@ -70,11 +134,6 @@ class Motion:
     def start_state(self) -> State:
         """The state it begins in, at path time 0."""
         return replace(self.path.state(0.0), before=self.before)
-
-    @property
-    def end_state(self) -> State:
-        """The state at the last keyframe, which a successor would continue."""
-        return self.path.state(self.end_time)
 
     @property
     def facts(self) -> MotionFacts:
@@ -154,6 +213,8 @@ class Motion:
                 f"records must be within 0 to {self.record_count}, got {first} to {end}"
             )
         path = self.path
+        if isinstance(path, RowPath):
+            return path.rows(first, count)
         times = self.period * np.arange(first, end, dtype=np.float64)
         joints = path.joints[first:end] if isinstance(path, TablePath) else np.empty((count, 0))
         rows: Floats = np.zeros((count, STATE_FLOATS + joints.shape[1]))

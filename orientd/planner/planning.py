@@ -16,7 +16,7 @@ from orientd.planner.candidate import Draft, to_single, with_leads
 from orientd.planner.certifying import certified
 from orientd.planner.connect import Caution, LeadIn, lead_in, position_lead
 from orientd.planner.limits import LONGEST, Limits
-from orientd.planner.methods import Ends, Method, check_method
+from orientd.planner.methods import Ends, check_method
 from orientd.planner.motion import Motion
 from orientd.planner.request import MotionRequest, State
 from orientd.planner.timing import (
@@ -103,7 +103,6 @@ class _Job:
         start: where the device is commanded to be.
         limits: to keep.
         period: of the device, s.
-        method: the row of the request's method.
         ends: velocities at the first and last keyframe.
         caution: with which to lead in.
         leads: lead-ins already found, by the state they lead to.
@@ -113,7 +112,6 @@ class _Job:
     start: State
     limits: Limits
     period: float
-    method: Method
     ends: Ends
     caution: Caution = Caution.NONE
     leads: dict[bytes, LeadIn] = field(default_factory=dict)
@@ -141,7 +139,7 @@ class _Job:
             first = replace(start, q=request.keys[0], omega_body=omega)
             refusal.check_start(start, first, limits)
         ends = Ends(omega_start, request.omega_end, alpha_start)
-        return cls(request, start, limits, period, method, ends)
+        return cls(request, start, limits, period, ends)
 
     def motion(self, name: str) -> Motion:
         """Return the motion, certified."""
@@ -303,7 +301,6 @@ class _Job:
         is_taken_over = start.is_position_moving and not self.request.approach
         return Course(
             self.request,
-            self.method,
             self.ends,
             times,
             kept,

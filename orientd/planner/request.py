@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orientd.curves import is_same
 from orientd.errors import RequestError
 from orientd.planner.limits import Limits
 from orientd.rotation import Floats, check_unit, conjugate, rotate
@@ -24,6 +25,9 @@ from orientd.tolerances import NORM_TOLERANCE
 MOST_TURNS = 1000
 FARTHEST = 1e12
 """m from the origin, in every direction; squares of what is further away end in overflow."""
+
+_FEW = 3
+"""Keyframes that a request may have to be shown in full."""
 
 DEFAULT_METHOD = "c2_cumulative"
 
@@ -171,6 +175,44 @@ class MotionRequest:
         object.__setattr__(self, "positions", _positions(keyframes))
         object.__setattr__(self, "turns", _turns(keyframes))
 
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, MotionRequest):
+            return NotImplemented
+        return is_same(self.given(), other.given())
+
+    def __hash__(self) -> int:
+        return hash((self.keyframes, self.method, self.start_velocity, self.end_velocity))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _request, (self.given(),)
+
+    def __repr__(self) -> str:
+        few = len(self.keyframes) <= _FEW
+        count = f"{len(self.keyframes)} keyframes"
+        parts = [repr(list(self.keyframes)) if few else count]
+        if self.times is not None and not few:
+            parts[0] += f" from {self.times[0]:g} s to {self.times[-1]:g} s"
+        parts += [
+            f"{entry.name}={getattr(self, entry.name)!r}"
+            for entry in fields(self)
+            if entry.init and entry.name != "keyframes" and self._is_said(entry.name)
+        ]
+        return f"MotionRequest({', '.join(parts)})"
+
+    def given(self) -> dict[str, Any]:
+        """Return what it was made of, by the names of its arguments."""
+        made = {entry.name: getattr(self, entry.name) for entry in fields(self) if entry.init}
+        return {
+            name: dict(value) if isinstance(value, Mapping) else value
+            for name, value in made.items()
+        }
+
+    def _is_said(self, name: str) -> bool:
+        """Return whether an argument is other than its default; the method always counts."""
+        value = getattr(self, name)
+        usual: tuple[object, ...] = (None, False, {}, "body")
+        return name == "method" or value not in usual
+
     @property
     def omega_start(self) -> Floats | None:
         """The start velocity in the body frame of the first keyframe, rad/s."""
@@ -204,6 +246,10 @@ class MotionRequest:
         if self.velocity_frame == "body":
             return omega
         return rotate(conjugate(self.keys[index]), omega)
+
+
+def _request(given: Mapping[str, Any]) -> MotionRequest:
+    return MotionRequest(**given)
 
 
 def _vector(components: ArrayLike, name: str) -> Vector3:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from orientd.curves import METHODS, Figures, Task, compare, fit, measure, parameters, ranked
+from orientd.curves import METHODS, Figures, Task, compare, make_curve, measure, parameters, ranked
 from orientd.errors import OrientdError
 from orientd.plots.motion import draw_traces
 from orientd.plots.paper import check_format
@@ -66,7 +66,7 @@ def draw_family(path: Path, name: str) -> None:
     check_format(path)
     family, task = METHODS[name], task_for(name)
     try:
-        curve = fit(family, task)
+        curve = make_curve(family, task)
     except ValueError as error:
         raise OrientdError(f"{name} has no curve for the example: {error}") from error
     figures = measure(curve, task)

@@ -14,6 +14,7 @@ from orientd.plots.triads import TriadStyle, draw_triads, turned_to_show
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from orientd.planner import Motion
 
@@ -26,10 +27,14 @@ def draw_motion(path: Path, motion: Motion, *, title: str) -> None:
     Raises:
         OrientdError: the file cannot be written, or its ending names no format of a picture.
     """
-    check_format(path)
+    draw_traces(path, traces_of_motion(motion), title=title)
+
+
+def traces_of_motion(motion: Motion) -> Traces:
+    """Return what there is to draw of a planned motion."""
     times = np.linspace(0.0, motion.duration, MOST_POINTS)
     samples = motion.sample(times)
-    traces = Traces(
+    return Traces(
         times=times,
         q=samples.q,
         omega_body=samples.omega_body,
@@ -39,7 +44,6 @@ def draw_motion(path: Path, motion: Motion, *, title: str) -> None:
         velocity_limit=motion.limits.velocity,
         acceleration_limit=motion.limits.acceleration,
     )
-    draw_traces(path, traces, title=title)
 
 
 def draw_traces(path: Path, traces: Traces, *, title: str, note: str = "") -> None:
@@ -55,6 +59,11 @@ def draw_traces(path: Path, traces: Traces, *, title: str, note: str = "") -> No
         OrientdError: the file cannot be written, or its ending names no format of a picture.
     """
     check_format(path)
+    save(figure_of(traces, title=title, note=note), path)
+
+
+def figure_of(traces: Traces, *, title: str, note: str = "") -> Figure:
+    """Return the figure of a curve; see :func:`draw_traces`."""
     figure = new_figure(12.0, 6.3, title)
     charts: Charts = figure.subplot_mosaic(
         [["sphere", "velocity"], ["sphere", "acceleration"]], width_ratios=[1.0, 1.2]
@@ -63,7 +72,7 @@ def draw_traces(path: Path, traces: Traces, *, title: str, note: str = "") -> No
     charts["acceleration"].set_xlabel("time, s", fontsize=9)
     if note:
         figure.supxlabel(note, x=0.012, ha="left", fontsize=8.5, color=QUIET)
-    save(figure, path)
+    return figure
 
 
 def draw_sent(path: Path, traces: Traces, timing: Timing, *, title: str) -> None:

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from orientd.errors import OrientdError
 
@@ -137,6 +137,14 @@ def save(figure: Figure, path: Path, *, dpi: int = 140) -> None:
             )
     except OSError as error:
         raise OrientdError(f"cannot write {path}: {error.strerror}") from error
+
+
+def write_png(figure: Figure, file: BinaryIO, *, dpi: int) -> None:
+    """Write *figure* to an open file, as PNG."""
+    from matplotlib import rc_context
+
+    with rc_context(_SETTINGS):
+        figure.savefig(file, format="png", dpi=dpi)
 
 
 def tidy(axes: Axes, label: str = "", *, size: float = 9.0) -> None:

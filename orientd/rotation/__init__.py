@@ -23,6 +23,7 @@ from orientd.rotation.jacobian import (
     right_jacobian,
     right_jacobian_inverse,
 )
+from orientd.rotation.named import Quaternion, is_rotation, unnamed
 from orientd.rotation.quaternion import (
     ROUNDING,
     Floats,

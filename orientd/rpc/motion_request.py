@@ -7,9 +7,7 @@ because nothing says which of them is the scalar.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Literal, TypedDict, Unpack
 
 import numpy as np
@@ -18,25 +16,12 @@ from numpy.typing import ArrayLike
 from orientd import motion_file
 from orientd.errors import RequestError
 from orientd.planner import MotionRequest
+from orientd.rotation import Quaternion, is_rotation
 
 EXPECTED = (
     "expected a scipy Rotation, Quaternion(w=, x=, y=, z=), or a mapping with quaternion, "
     "rotation_vector, euler or matrix"
 )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Quaternion:
-    """A unit quaternion, tool to world, Hamilton's product, with its components by name.
-
-    >>> Quaternion(w=1, x=0, y=0, z=0)
-    Quaternion(w=1, x=0, y=0, z=0)
-    """
-
-    w: float
-    x: float
-    y: float
-    z: float
 
 
 class Wishes(TypedDict, total=False):
@@ -148,7 +133,7 @@ def _mapping(keyframe: object, place: str) -> dict[str, Any]:
         return {str(key): plain(content) for key, content in keyframe.items()}
     if isinstance(keyframe, Quaternion):
         parts = {part: getattr(keyframe, part) for part in "wxyz"}
-    elif _is_rotation(keyframe):
+    elif is_rotation(keyframe):
         if not keyframe.single:  # type: ignore[attr-defined]
             raise RequestError(place, "expected one rotation, got a Rotation of many")
         # SciPy's own order is scalar last.
@@ -159,12 +144,6 @@ def _mapping(keyframe: object, place: str) -> dict[str, Any]:
     else:
         raise RequestError(place, f"{EXPECTED}; got {type(keyframe).__name__}")
     return {"quaternion": {name: _number(part) for name, part in parts.items()}}
-
-
-def _is_rotation(keyframe: object) -> bool:
-    # Whoever has a Rotation has imported SciPy; nobody else needs it.
-    transform = sys.modules.get("scipy.spatial.transform")
-    return transform is not None and isinstance(keyframe, transform.Rotation)
 
 
 def _number(part: object) -> object:

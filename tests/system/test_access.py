@@ -67,8 +67,7 @@ class Cell:
             + "".join(f"{name} = 'operator'\n" for name in names)
             + f"[tcp]\nlisten = '127.0.0.1:{self.port}'\ncertificate = '{ca}/server.pem'\n"
             f"key = '{ca}/server.key'\nca = '{ca}/ca.pem'\ncrl = '{ca}/crl.pem'\n"
-            f"revoked = ['{self.authority.serial('listed')}']
-" + text
+            f"revoked = ['{self.authority.serial('listed')}']\n" + text
         )
 
     @property

@@ -29,6 +29,13 @@ class KeyframeTimes(StrEnum):
     CHORD = "chord"
 
 
+class OpenEnds(StrEnum):
+    """What an end is whose velocity the file does not give."""
+
+    REST = "rest"
+    NATURAL = "natural"
+
+
 class Column(StrEnum):
     """By what the families are sorted."""
 
@@ -54,6 +61,16 @@ Times = Annotated[
 ]
 
 
+Ends = Annotated[
+    OpenEnds,
+    typer.Option(
+        "--ends",
+        help="Ends whose velocity the file does not give: at rest, as they are planned, or natural "
+        "(without acceleration).",
+    ),
+]
+
+
 @command
 def compare(
     file: MotionFile,
@@ -70,6 +87,7 @@ def compare(
         ),
     ] = None,
     times: Times = KeyframeTimes.FILE,
+    ends: Ends = OpenEnds.REST,
     sort: Annotated[
         Column, typer.Option("--sort", help="Best first by this column.")
     ] = Column.EFFORT,
@@ -77,7 +95,7 @@ def compare(
 ) -> None:
     """Measure what every family of curves makes of FILE.
 
-    Ends whose velocity the file does not give are natural (without acceleration).  Needs no daemon.
+    The curve of the file's own method is the one that `orientd plan` plans.  Needs no daemon.
     """
     moments = _moments(inertia)
     if sort is Column.TORQUE and moments is None:
@@ -92,7 +110,7 @@ def compare(
         plots.check_format(plot)
     request = motion_file.load(file)
     need_two(request)
-    task = task_of(request, times.value)
+    task = task_of(request, times.value, ends.value)
     candidates = ranked(
         compared(task, inertia=moments, options={request.method: dict(request.options)}),
         sort.value,

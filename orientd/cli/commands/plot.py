@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from orientd.cli.command import AsJson, DeviceName, command
-from orientd.cli.commands.compare import KeyframeTimes, Times, need_two
+from orientd.cli.commands.compare import Ends, KeyframeTimes, OpenEnds, Times, need_two
 from orientd.cli.output import say, say_json, table
 from orientd.errors import OrientdError, RequestError
 
@@ -45,6 +45,7 @@ def plot(
         ),
     ] = Show.MOTION,
     times: Times = KeyframeTimes.FILE,
+    ends: Ends = OpenEnds.REST,
     device: DeviceName = "",
     as_json: AsJson = False,
 ) -> None:
@@ -68,7 +69,7 @@ def plot(
     elif Path(what).suffix == ".mcap" and Path(what).exists():
         _draw_recording(Path(what), path, device)
     elif Path(what).exists():
-        _draw_file(Path(what), path, show, times)
+        _draw_file(Path(what), path, show, times, ends)
     else:
         raise OrientdError(f"{what!r} is neither a file nor a name; `orientd plot` lists the names")
     if as_json:
@@ -102,21 +103,16 @@ def _draw_recording(file: Path, path: Path, device: str) -> None:
     plots.draw_recording(path, strands(recording, name), title=f"{file.name}: {name}")
 
 
-def _draw_file(file: Path, path: Path, show: Show, times: KeyframeTimes) -> None:
+def _draw_file(file: Path, path: Path, show: Show, times: KeyframeTimes, ends: OpenEnds) -> None:
     import numpy as np
 
     from orientd import motion_file, plots
-    from orientd.curves import METHODS, fit
-    from orientd.errors import PlanError
-    from orientd.planner import position_path, task_of
+    from orientd.planner import curve_of, distinct, position_path, task_of
 
     request = motion_file.load(file)
     need_two(request)
-    task = task_of(request, times.value)
-    try:
-        curve = fit(METHODS[request.method], task, request.options)
-    except (ValueError, PlanError) as error:
-        raise PlanError(f"{request.method} cannot join these keyframes: {error}") from error
+    task = task_of(request, times.value, ends.value)
+    curve = curve_of(request, task)
     traces = plots.traces_of(curve, task, limits=request.limits)
     title = f"{file.name}: {request.method}"
     if show is Show.TRIADS:
@@ -126,7 +122,10 @@ def _draw_file(file: Path, path: Path, show: Show, times: KeyframeTimes) -> None
     elif show is Show.MOTION:
         plots.draw_traces(path, traces, title=title)
     else:
-        path_of_tool = position_path(task.times, request.positions, np.zeros(3))
+        given = request.positions
+        if given is not None and len(given) > len(task.times):
+            given = given[distinct(request)]
+        path_of_tool = position_path(task.times, given, np.zeros(3))
         positions = path_of_tool.sample(traces.times)[0]
         if not np.ptp(positions, axis=0).any():
             raise RequestError(

@@ -11,8 +11,8 @@ import numpy as np
 
 from orientd.curves import METHODS
 from orientd.curves.comparison.measure import Figures, measure
-from orientd.curves.comparison.roles import Task, fit
 from orientd.curves.contract import Curve
+from orientd.curves.roles import Task, make_curve
 from orientd.errors import PlanError
 from orientd.rotation import Floats
 
@@ -82,7 +82,7 @@ def _tried(
     timer: Timer,
 ) -> Candidate:
     try:
-        curve, build_time = _timed(lambda: fit(family, task, options), timer)
+        curve, build_time = _timed(lambda: make_curve(family, task, options), timer)
     except (ValueError, PlanError) as error:
         return Candidate(name, why_not=str(error))
     figures = measure(curve, task, inertia=inertia)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orientd.curves.comparison.roles import Task
 from orientd.curves.contract import Curve
+from orientd.curves.roles import Task
 from orientd.rotation import Floats, angle
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(10)
@@ -91,7 +91,7 @@ def measure(curve: Curve, task: Task, *, inertia: Floats | None = None) -> Figur
     ends = curve.evaluate(np.array(curve.domain))[1]
     errors = [
         float(np.linalg.norm(found - wanted))
-        for found, wanted in ((ends[0], task.omega_start), (ends[1], task.omega_end))
+        for found, wanted in zip(ends, task.wanted, strict=True)
         if wanted is not None
     ]
     times, integrals = _integrated(curve, inertia)

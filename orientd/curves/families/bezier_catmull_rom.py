@@ -33,7 +33,7 @@ class BezierCatmullRom(TriangleCurve):
 
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two.
-        times: instants in seconds, ``"uniform"`` or ``"chord"``.
+        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
         order: ``"hamilton"`` as above, ``"reversed"`` with the products in the other order
             (:math:`q_i q_{i-1}^{-1} q_{i+1}`), which is another curve.
         align: whether each keyframe takes the sign nearer to its predecessor.
@@ -52,7 +52,7 @@ class BezierCatmullRom(TriangleCurve):
         self,
         *,
         keys: ArrayLike,
-        times: str | ArrayLike = "uniform",
+        times: str | ArrayLike | None = None,
         order: str = "hamilton",
         align: bool = True,
     ) -> None:

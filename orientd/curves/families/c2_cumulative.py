@@ -54,7 +54,7 @@ class C2Cumulative(CumulativeCurve):
 
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two.
-        times: instants in seconds, ``"uniform"`` or ``"chord"``.
+        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
         start: condition at the first keyframe.
         end: condition at the last keyframe.
         omega_start: body angular velocity at the first keyframe, rad/s.
@@ -76,12 +76,13 @@ class C2Cumulative(CumulativeCurve):
     source = "Kim, Kim and Shin 1995, sec. 5.3, made to interpolate"
     interpolates = True
     meets_end_velocities = True
+    meets_end_accelerations = True
 
     def __init__(
         self,
         *,
         keys: ArrayLike,
-        times: str | ArrayLike = "chord",
+        times: str | ArrayLike | None = None,
         start: str = "natural",
         end: str = "natural",
         omega_start: ArrayLike | None = None,
@@ -96,9 +97,9 @@ class C2Cumulative(CumulativeCurve):
             _End.of("start", check_choice(start, "start", ENDS), omega_start, alpha_start),
             _End.of("end", check_choice(end, "end", ENDS), omega_end, alpha_end),
         )
-        if align and (turns is not None or isinstance(times, str)):
+        if align and (turns is not None or times is None or isinstance(times, str)):
             orientations = align_signs(orientations)
-        instants = resolve_times(times, orientations)
+        instants = resolve_times(times, orientations, turns)
         spans = len(orientations) - 1 + sum(end.count == 2 for end in ends)
         breaks, table = np.empty(spans + 1), np.empty((TABLE_ROWS, spans))
         solved: Floats = np.empty((spans + 2, 3))
@@ -115,23 +116,6 @@ class C2Cumulative(CumulativeCurve):
             solved = solve(_equations(steps, instants, ends, breaks))
             put_table(orientations, start_known == 2, breaks, solved, table)
         self._set_table(breaks, table, solved, 2)
-
-    @classmethod
-    def of_table(
-        cls, breaks: Floats, table: Floats, solved: Floats, at_ends: Floats
-    ) -> C2Cumulative:
-        """Return the spline that a kernel has found.
-
-        Args:
-            breaks: where its spans begin and end, s, shape ``(S + 1,)``.
-            table: what it is sampled from, shape ``(25, S)``.
-            solved: its increments, shape ``(S + 2, 3)``.
-            at_ends: samples at both ends, shape ``(10, 2)``.
-        """
-        spline = cls.__new__(cls)
-        spline._set_table(breaks, table, solved, 2)  # noqa: SLF001 - its own class
-        spline._set_ends(at_ends)  # noqa: SLF001 - likewise
-        return spline
 
 
 @dataclass(frozen=True, slots=True)

@@ -39,7 +39,7 @@ class CircularBlending(Curve):
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least three, of which any three consecutive
             ones differ.
-        times: instants in seconds, ``"uniform"`` or ``"chord"``.
+        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
         param: angle along a circle: ``"linear"`` in each interval or ``"quadratic"`` over both.
         weight: blending weight: ``"linear"`` or ``"smooth"``.
         align: whether each keyframe takes the sign nearer to its predecessor.
@@ -59,7 +59,7 @@ class CircularBlending(Curve):
         self,
         *,
         keys: ArrayLike,
-        times: str | ArrayLike = "uniform",
+        times: str | ArrayLike | None = None,
         param: str = "linear",
         weight: str = "linear",
         align: bool = True,

@@ -63,7 +63,7 @@ class NielsonHeiland(TriangleCurve):
 
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two.
-        times: instants in seconds, ``"uniform"`` or ``"chord"``.
+        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
         align: whether each keyframe takes the sign nearer to its predecessor.
 
     Raises:
@@ -77,7 +77,7 @@ class NielsonHeiland(TriangleCurve):
     interpolates = True
 
     def __init__(
-        self, *, keys: ArrayLike, times: str | ArrayLike = "uniform", align: bool = True
+        self, *, keys: ArrayLike, times: str | ArrayLike | None = None, align: bool = True
     ) -> None:
         q = check_aligned(keys, align)
         instants = resolve_times(times, q)

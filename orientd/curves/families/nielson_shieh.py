@@ -52,7 +52,7 @@ class NielsonShieh(Curve):
 
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two, neighbours different.
-        times: instants in seconds, ``"uniform"`` or ``"chord"``.
+        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
         M1: the first shoulder point, a point of four-dimensional space, projected on its plane
             :math:`(M, q_1) = (M, q_2) = 1`; without it the one that *criterion* likes best.
         criterion: 13, least length of the shoulder polygon, or 14, least squared distance of the
@@ -77,7 +77,7 @@ class NielsonShieh(Curve):
         self,
         *,
         keys: ArrayLike,
-        times: str | ArrayLike = "uniform",
+        times: str | ArrayLike | None = None,
         M1: ArrayLike | None = None,  # noqa: N803 - the paper's name, in every motion file
         criterion: int = 13,
         reparam: bool = True,

@@ -22,7 +22,7 @@ class NormalizedCubic(NormalizedSpline):
 
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two.
-        times: instants in seconds, ``"uniform"`` or ``"chord"``.
+        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
         align: whether each keyframe takes the sign nearer to its predecessor.
 
     Raises:
@@ -35,7 +35,7 @@ class NormalizedCubic(NormalizedSpline):
     interpolates = True
 
     def __init__(
-        self, *, keys: ArrayLike, times: str | ArrayLike = "uniform", align: bool = True
+        self, *, keys: ArrayLike, times: str | ArrayLike | None = None, align: bool = True
     ) -> None:
         q = check_aligned(keys, align)
         super().__init__(keys=q, instants=resolve_times(times, q), tension=0.0, continuity=2)

@@ -23,7 +23,7 @@ class NuSpline(NormalizedSpline):
 
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two.
-        times: instants in seconds, ``"uniform"`` or ``"chord"``.
+        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
         nu: tension, not negative, in 1/s: one number, or one for each keyframe, the ends
             included.
         align: whether each keyframe takes the sign nearer to its predecessor.
@@ -41,7 +41,7 @@ class NuSpline(NormalizedSpline):
         self,
         *,
         keys: ArrayLike,
-        times: str | ArrayLike = "uniform",
+        times: str | ArrayLike | None = None,
         nu: float | ArrayLike = 0.0,
         align: bool = True,
     ) -> None:

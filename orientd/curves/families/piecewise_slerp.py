@@ -24,7 +24,7 @@ class PiecewiseSlerp(Curve):
 
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two.
-        times: instants in seconds, ``"uniform"`` or ``"chord"``.
+        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
         align: whether each keyframe takes the sign nearer to its predecessor; if not, steps are
             as given and may be up to a whole turn.
 
@@ -45,7 +45,7 @@ class PiecewiseSlerp(Curve):
     local = True
 
     def __init__(
-        self, *, keys: ArrayLike, times: str | ArrayLike = "uniform", align: bool = True
+        self, *, keys: ArrayLike, times: str | ArrayLike | None = None, align: bool = True
     ) -> None:
         self._keys = check_aligned(keys, align)
         resolved = resolve_times(times, self._keys)

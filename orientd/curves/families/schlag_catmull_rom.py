@@ -27,7 +27,7 @@ class SchlagCatmullRom(TriangleCurve):
 
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two.
-        times: instants in seconds, ``"uniform"`` or ``"chord"``.
+        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
         ends: ``"phantom"``: the keyframes next to the ends reflected in them,
             :math:`q_0 q_1^{-1} q_0`, and the end intervals mirrored.
         align: whether each keyframe takes the sign nearer to its predecessor.
@@ -46,7 +46,7 @@ class SchlagCatmullRom(TriangleCurve):
         self,
         *,
         keys: ArrayLike,
-        times: str | ArrayLike = "uniform",
+        times: str | ArrayLike | None = None,
         ends: str = "phantom",
         align: bool = True,
     ) -> None:

@@ -39,7 +39,7 @@ class ShoemakeBezier(TriangleCurve):
 
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two.
-        times: instants in seconds, ``"uniform"`` or ``"chord"``.
+        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
         s: shortening of the arcs to the inner points, in ``(0, 1]``, a number or a fraction such
             as ``"1/3"``.
         align: whether each keyframe takes the sign nearer to its predecessor.
@@ -59,7 +59,7 @@ class ShoemakeBezier(TriangleCurve):
         self,
         *,
         keys: ArrayLike,
-        times: str | ArrayLike = "uniform",
+        times: str | ArrayLike | None = None,
         s: float | str = "1/3",
         align: bool = True,
     ) -> None:

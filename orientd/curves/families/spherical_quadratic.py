@@ -36,7 +36,7 @@ class SphericalQuadratic(TriangleCurve):
 
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two.
-        times: instants in seconds, ``"uniform"`` or ``"chord"``.
+        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
         M1: the first shoulder point, a unit quaternion; the sign nearer to the first keyframes is
             taken if *align*.
         criterion: 20 or 21, for the search.
@@ -55,7 +55,7 @@ class SphericalQuadratic(TriangleCurve):
         self,
         *,
         keys: ArrayLike,
-        times: str | ArrayLike = "uniform",
+        times: str | ArrayLike | None = None,
         M1: ArrayLike | None = None,  # noqa: N803 - the paper's name, in every motion file
         criterion: int = 21,
         align: bool = True,

@@ -40,7 +40,7 @@ class Squad(Curve):
 
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two.
-        times: instants in seconds, ``"uniform"`` or ``"chord"``.
+        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
         rule: for the velocities at inner keyframes: of the ``"parabola"`` through three
             keyframes, the ``"mean"`` of the two rates (as numpy-quaternion has it), or the
             ``"chord"`` across the keyframe.  At the ends it is the rate of the end interval.
@@ -60,7 +60,7 @@ class Squad(Curve):
         self,
         *,
         keys: ArrayLike,
-        times: str | ArrayLike = "uniform",
+        times: str | ArrayLike | None = None,
         rule: str = "parabola",
         align: bool = True,
     ) -> None:

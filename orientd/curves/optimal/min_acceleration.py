@@ -46,7 +46,7 @@ class MinAcceleration(Curve):
 
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two.
-        times: instants in seconds, ``"uniform"`` or ``"chord"``.
+        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
         start: ``"natural"``, no acceleration at the first keyframe, which is best when the
             velocity there is free, or ``"clamped"``, the velocity *omega_start* there.
         end: the same for the last keyframe and *omega_end*.
@@ -69,7 +69,7 @@ class MinAcceleration(Curve):
         self,
         *,
         keys: ArrayLike,
-        times: str | ArrayLike = "uniform",
+        times: str | ArrayLike | None = None,
         start: str = "natural",
         end: str = "natural",
         omega_start: ArrayLike | None = None,

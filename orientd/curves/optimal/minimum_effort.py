@@ -58,7 +58,7 @@ class MinimumEffort(CumulativeCurve):
 
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two.
-        times: instants in seconds, ``"uniform"`` or ``"chord"``.
+        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
         inertia: about the body's axes, kg m^2, symmetric and positive definite, shape ``(3, 3)``,
             or principal moments, shape ``(3,)``.
         order: degree of the spline plus one, 4 to 6; without it 4 for acceleration, 5 for torque.
@@ -84,12 +84,13 @@ class MinimumEffort(CumulativeCurve):
     source = "Kim, Kim and Shin 1995, sec. 7; Sommer et al. 2020"
     interpolates = True
     meets_end_velocities = True
+    meets_end_accelerations = True
 
     def __init__(
         self,
         *,
         keys: ArrayLike,
-        times: str | ArrayLike = "uniform",
+        times: str | ArrayLike | None = None,
         inertia: ArrayLike | None = None,
         order: int | None = None,
         smoothness: int = 2,

@@ -72,18 +72,35 @@ class Nodes:
         """Return the integral of squared angular acceleration."""
         return squared_acceleration(self.path(), self.times)
 
-    def path(self) -> Path:
+    def path(self) -> NodesPath:
         """Return the curve through the nodes."""
         turns, omegas, _, _ = series(*(part[:-1, :, None] for part in self.parts))
+        return NodesPath(self.times, self.q, turns[..., 0], omegas[..., 0])
 
-        def sample(times: Floats) -> Samples:
-            piece = np.searchsorted(self.times[1:-1], times, side="right")
-            elapsed = times - self.times[piece]
-            turn, _ = horner(turns[piece, ..., 0], elapsed)
-            omega_body, alpha_body = horner(omegas[piece, ..., 0], elapsed)
-            return normalize(multiply(self.q[piece], turn)), omega_body, alpha_body
 
-        return sample
+@dataclass(frozen=True, slots=True, eq=False)
+class NodesPath:
+    """The curve through nodes, as a power series from each.
+
+    Attributes:
+        times: instants of the nodes, shape ``(m + 1,)``.
+        q: orientations there, shape ``(m + 1, 4)``.
+        turns: coefficients of the turns from each node, the piece first.
+        omegas: those of the angular velocities.
+    """
+
+    times: Floats
+    q: Floats
+    turns: Floats
+    omegas: Floats
+
+    def __call__(self, times: Floats) -> Samples:
+        """Return orientation, angular velocity and angular acceleration at *times*."""
+        piece = np.searchsorted(self.times[1:-1], times, side="right")
+        elapsed = times - self.times[piece]
+        turn, _ = horner(self.turns[piece], elapsed)
+        omega_body, alpha_body = horner(self.omegas[piece], elapsed)
+        return normalize(multiply(self.q[piece], turn)), omega_body, alpha_body
 
 
 def settled(

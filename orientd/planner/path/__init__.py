@@ -13,4 +13,5 @@ from orientd.planner.path.position import (
     quintic,
 )
 from orientd.planner.path.retimed_position import motion_of, repositioned
-from orientd.planner.path.table_path import SAME_ANGLE, TablePath
+from orientd.planner.path.row_path import RowPath
+from orientd.planner.path.table_path import SAME_ANGLE, TablePath, between

@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orientd.planner.path.path import Path, Samples
 from orientd.planner.path.position import PositionPath
@@ -146,10 +145,15 @@ class TablePath:
         index = where.astype(np.int64)
         u = where - index
         q, omega, alpha = self.q[index], self.omega[index], self.alpha[index]
-        between = np.flatnonzero(u > 0.0)
-        if len(between):
-            part = self._between(index[between], u[between][:, None])
-            q[between], omega[between], alpha[between] = part
+        inner = np.flatnonzero(u > 0.0)
+        if len(inner):
+            here, there = (
+                np.concatenate([part[at] for part in (self.q, self.omega, self.alpha)], axis=1)
+                for at in (index[inner], index[inner] + 1)
+            )
+            q[inner], omega[inner], alpha[inner] = between(
+                self.period, here, there, u[inner][:, None]
+            )
         position, velocity = self._position(where)
         return Samples(q, omega, alpha, position, velocity)
 
@@ -175,20 +179,26 @@ class TablePath:
         change = (after.velocity - before.velocity) / (2.0 * self.period)
         return np.where(is_inside[:, None], change, 0.0)
 
-    def _between(self, index: NDArray[np.int64], u: Floats) -> tuple[Floats, Floats, Floats]:
-        h = self.period
-        q = self.q[index]
-        way = log(multiply(conjugate(q), self.q[index + 1]))
-        leave = h * self.omega[index]
-        arrive = h * np.einsum("nij,nj->ni", right_jacobian_inverse(way), self.omega[index + 1])
-        r = u * u * (3 - 2 * u) * way + u * (1 - u) * ((1 - u) * leave - u * arrive)
-        rate = 6 * u * (1 - u) * way + (1 - u) * (1 - 3 * u) * leave + u * (3 * u - 2) * arrive
-        omega = np.einsum("nij,nj->ni", right_jacobian(r), rate) / h
-        alpha = (1 - u) * self.alpha[index] + u * self.alpha[index + 1]
-        return multiply(q, exp(r)), omega, alpha
-
     def _position(self, where: Floats) -> tuple[Floats, Floats]:
         grid = np.arange(len(self.q), dtype=np.float64)
         position, velocity = self.positions.sample(np.interp(where, grid, self.course))
         pace = np.gradient(self.course) / self.period
         return position, velocity * np.interp(where, grid, pace)[:, None]
+
+
+def between(h: float, here: Floats, there: Floats, u: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return orientation, velocity and acceleration a share of the way to the next record.
+
+    Args:
+        h: from one record to the next, s.
+        here: orientation, angular velocity and its rate at records, shape ``(n, 10)``.
+        there: those of the records after them.
+        u: the shares, shape ``(n, 1)``.
+    """
+    q, (leave, alpha) = here[:, :4], (h * here[:, 4:7], here[:, 7:10])
+    way = log(multiply(conjugate(q), there[:, :4]))
+    arrive = h * np.einsum("nij,nj->ni", right_jacobian_inverse(way), there[:, 4:7])
+    r = u * u * (3 - 2 * u) * way + u * (1 - u) * ((1 - u) * leave - u * arrive)
+    rate = 6 * u * (1 - u) * way + (1 - u) * (1 - 3 * u) * leave + u * (3 * u - 2) * arrive
+    omega = np.einsum("nij,nj->ni", right_jacobian(r), rate) / h
+    return multiply(q, exp(r)), omega, (1 - u) * alpha + u * there[:, 7:10]

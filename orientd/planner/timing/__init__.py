@@ -3,4 +3,13 @@
 from orientd.planner.timing.candidate_path import Core, Course
 from orientd.planner.timing.quickest_timing import SHARE, quickest
 from orientd.planner.timing.survey import Survey
-from orientd.planner.timing.timing import LONGER, Indices, chord_knots, shortest
+from orientd.planner.timing.timing import (
+    LONGER,
+    SAME,
+    Indices,
+    chord_knots,
+    move_lengths,
+    radians_per_metre,
+    shortest,
+    turn_lengths,
+)

@@ -13,7 +13,7 @@ import numpy as np
 
 from orientd.planner.certify import Peaks, measure
 from orientd.planner.limits import STILL, Limits, is_still
-from orientd.planner.methods import Ends, Method, build
+from orientd.planner.methods import Ends, build
 from orientd.planner.path import Motion3, PositionPath, Stretch, position_path
 from orientd.planner.recorded import HISTORY
 from orientd.planner.request import MotionRequest, State
@@ -131,7 +131,6 @@ class Course:
 
     Attributes:
         request: what was asked for.
-        method: the row of its method.
         ends: velocities at the first and last keyframe.
         times: of all keyframes of the request, from 0 on, in any unit.
         kept: indices of those that the curve passes; the others repeat one of them.
@@ -141,7 +140,6 @@ class Course:
     """
 
     request: MotionRequest
-    method: Method
     ends: Ends
     times: Floats
     kept: Indices
@@ -165,7 +163,7 @@ class Course:
         times = self.times * (duration / self.times[-1])
         times[-1] = duration
         keys, turns = self.request.keys[self.kept], self.request.turns[self.kept]
-        curve = build(self.request, self.method, keys, times[self.kept], turns, self.ends)
+        curve = build(self.request, keys, times[self.kept], turns, self.ends)
         first, last = curve.domain
         return Core(
             Stretch(curve, 0.0, duration, rate=(last - first) / duration),

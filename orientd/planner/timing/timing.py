@@ -91,15 +91,13 @@ def chord_knots(request: MotionRequest, limits: Limits, *, is_uniform: bool) -> 
         RequestError: the keyframes are all the same.
         PlanError: the way is too long for the limits of velocity, whatever the curve.
     """
-    lengths = angle(request.keys[:-1], request.keys[1:])
+    lengths = turn_lengths(request)
     if not is_uniform:
         _check_way(lengths, limits.velocity)
-    if request.turns.any():
-        lengths += 2.0 * np.pi * np.abs(request.turns[1:])
-    if request.positions is not None and math.isfinite(limits.linear_velocity):
-        moves = _moves(request.positions)
+    moves = move_lengths(request, limits)
+    if moves is not None:
         _check_way(moves, limits.linear_velocity)
-        lengths = np.maximum(lengths, moves * _radians_per_metre(limits))
+        lengths = np.maximum(lengths, moves * radians_per_metre(limits))
     is_repeated = lengths <= SAME
     if is_repeated.all():
         raise RequestError("keyframes", "are all the same; give them times to make the device wait")
@@ -116,6 +114,30 @@ def chord_knots(request: MotionRequest, limits: Limits, *, is_uniform: bool) -> 
     return Knots(times / times[-1], kept, length)
 
 
+def turn_lengths(request: MotionRequest) -> Floats:
+    """Return by how much each interval turns, whole turns included, rad, shape ``(n - 1,)``."""
+    lengths = angle(request.keys[:-1], request.keys[1:])
+    if request.turns.any():
+        lengths += 2.0 * np.pi * np.abs(request.turns[1:])
+    return lengths
+
+
+def move_lengths(request: MotionRequest, limits: Limits) -> Floats | None:
+    """Return how far the position has to go in each interval, m; ``None`` where that is no matter.
+
+    Moves are spread over intervals whose ends have no position.
+    """
+    positions = request.positions
+    if positions is None or not math.isfinite(limits.linear_velocity):
+        return None
+    lengths = np.zeros(len(positions) - 1)
+    given = np.flatnonzero(np.isfinite(positions[:, 0]))
+    for first, last in pairwise(given):
+        distance = float(np.linalg.norm(positions[last] - positions[first]))
+        lengths[first:last] = distance / (last - first)
+    return lengths
+
+
 def _check_way(lengths: Floats, velocity: float) -> None:
     least = float(lengths.sum()) / velocity
     if not least <= LONGEST:
@@ -125,21 +147,12 @@ def _check_way(lengths: Floats, velocity: float) -> None:
         )
 
 
-def _radians_per_metre(limits: Limits) -> float:
+def radians_per_metre(limits: Limits) -> float:
+    """Return how far it turns in the time of a metre, both at their limits, rad/m."""
     if not math.isfinite(limits.velocity):
         return 1.0
     # Finite, as it is multiplied by no way at all, too.
     return min(limits.velocity / limits.linear_velocity, sys.float_info.max)
-
-
-def _moves(positions: Floats) -> Floats:
-    """Return how far the position has to go in each interval, spread over those without one."""
-    lengths = np.zeros(len(positions) - 1)
-    given = np.flatnonzero(np.isfinite(positions[:, 0]))
-    for first, last in pairwise(given):
-        distance = float(np.linalg.norm(positions[last] - positions[first]))
-        lengths[first:last] = distance / (last - first)
-    return lengths
 
 
 def excess(peaks: Peaks, continuity: int) -> float:

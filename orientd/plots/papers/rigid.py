@@ -185,7 +185,7 @@ def interpolated_motion(
     *,
     keys: ArrayLike,
     positions: ArrayLike,
-    times: str | ArrayLike = "uniform",
+    times: str | ArrayLike | None = None,
     order: int = 4,
     omega_start: ArrayLike | None = None,
     omega_end: ArrayLike | None = None,
@@ -198,7 +198,7 @@ def interpolated_motion(
     Args:
         keys: orientations of the keyframes.
         positions: of the keyframes, m, shape ``(n, 3)``.
-        times: instants in seconds, ``"uniform"`` or ``"chord"``.
+        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
         order: degree plus one of both curves, 3 to 6.
         omega_start: body angular velocity at the first keyframe, rad/s; natural without it.
         omega_end: body angular velocity at the last keyframe.

@@ -18,7 +18,7 @@ import numpy as np
 
 from orientd.curves import METHODS
 from orientd.curves.comparison.measure import Figures, measure
-from orientd.curves.comparison.roles import Task, fit
+from orientd.curves.roles import Task, make_curve
 from orientd.errors import PlanError
 from orientd.rotation import exp, multiply
 
@@ -79,7 +79,7 @@ def random_task(step_deg: float, seed: int) -> Task:
 def figures_of(variant: Variant, task: Task) -> Figures | None:
     """Return the figures of a variant; ``None`` where it has no curve."""
     try:
-        return measure(fit(METHODS[variant.family], task, variant.options), task)
+        return measure(make_curve(METHODS[variant.family], task, variant.options), task)
     except (ValueError, PlanError):
         return None
 

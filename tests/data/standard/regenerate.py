@@ -17,7 +17,7 @@ import numpy as np
 from orientd import motion_file
 from orientd.curves import METHODS
 from orientd.curves.comparison.measure import measure
-from orientd.curves.comparison.roles import fit
+from orientd.curves.roles import make_curve
 from orientd.errors import PlanError
 from orientd.planner.task import task_of
 
@@ -58,7 +58,7 @@ def names() -> list[str]:
 def row(name: str, task) -> dict[str, str]:
     """Return the published figures of one family."""
     try:
-        curve = fit(METHODS[name], task)
+        curve = make_curve(METHODS[name], task)
     except (ValueError, PlanError) as error:
         return {"family": name, "why_not": str(error)}
     figures = measure(curve, task, inertia=INERTIA)
@@ -83,8 +83,8 @@ def _digits(value: float, rounding: float = ROUNDING) -> str:
 
 
 def rows(sequence: str, families=tuple(METHODS)) -> list[dict[str, str]]:
-    """Return the results of a sequence, least effort first as `orientd compare` has it."""
-    task = task_of(motion_file.load(HERE / f"{sequence}.yaml"))
+    """Return the results of a sequence, least effort first as `orientd compare --ends natural`."""
+    task = task_of(motion_file.load(HERE / f"{sequence}.yaml"), ends="natural")
     return sorted((row(name, task) for name in families), key=_rank)
 
 
@@ -125,10 +125,11 @@ def readme() -> str:
         "# Standard test set",
         "",
         "Nielson (1993) closes by asking for standard test cases and standard methods of comparing",
-        "techniques of orientation.  These are ours: motion files (`orientd compare NAME.yaml`",
-        "measures them, `orientd plot NAME.yaml` draws them), each with what every family makes",
-        "of it in `NAME.csv`.  `sequences.py` says how the files came about; `regenerate.py` makes",
-        "the tables, and this overview, anew.  `EFFORT.md` is of random keyframes, by `effort.py`.",
+        "techniques of orientation.  These are ours: motion files (`orientd compare NAME.yaml",
+        "--ends natural` measures them, `orientd plot NAME.yaml` draws them), each with what every",
+        "family makes of it in `NAME.csv`.  `sequences.py` says how the files came about;",
+        "`regenerate.py` makes the tables, and this overview, anew.  `EFFORT.md` is of random",
+        "keyframes, by `effort.py`.",
         "",
         UNITS,
         "| sequence | what it is | least effort | c2_cumulative | meet keyframes | do not apply |",

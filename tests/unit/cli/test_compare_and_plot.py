@@ -59,7 +59,9 @@ def test_families_are_compared_as_a_table():
 
 
 def test_families_are_compared_for_a_program():
-    report = told("compare", STANDARD / "fly_through.yaml", "--inertia", "1,2,3")
+    report = told(
+        "compare", STANDARD / "fly_through.yaml", "--inertia", "1,2,3", "--ends", "natural"
+    )
     families = {family["name"]: family for family in report["families"]}
     assert set(families) == set(QUICK)
     best = families["c2_cumulative"]
@@ -90,7 +92,8 @@ def test_families_are_compared_for_a_program():
 
 def test_the_table_is_sorted_as_asked():
     def order(column):
-        families = told("compare", STANDARD / "spread.yaml", "--sort", column)["families"]
+        file = STANDARD / "spread.yaml"
+        families = told("compare", file, "--sort", column, "--ends", "natural")["families"]
         return [family["name"] for family in families]
 
     assert order("name") == sorted(QUICK)

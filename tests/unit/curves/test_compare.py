@@ -10,8 +10,7 @@ import pytest
 from orientd.curves import METHODS
 from orientd.curves.comparison.candidates import COLUMNS, compare, ranked
 from orientd.curves.comparison.measure import measure
-from orientd.curves.comparison.roles import Task, averaged_knots, fit, parameters
-from orientd.curves.retimed import Retimed
+from orientd.curves.roles import Task, averaged_knots, make_curve, parameters
 from orientd.rotation import angle, exp, multiply
 
 GOLDEN = sorted((Path(__file__).parents[2] / "data/golden").glob("*.json"))
@@ -56,7 +55,7 @@ def test_effort_is_that_of_the_reference_curves(path):
 
 def test_a_turn_at_constant_rate_has_no_effort_and_the_length_of_its_angle():
     task = Task(np.array([ONE, QUARTER]), np.array([0.0, 2.0]))
-    figures = measure(fit(METHODS["slerp"], task), task)
+    figures = measure(make_curve(METHODS["slerp"], task), task)
     assert figures.effort == pytest.approx(0.0, abs=1e-20)
     assert figures.path_length == pytest.approx(0.5 * np.pi, rel=1e-12)
     assert figures.peak_velocity == pytest.approx(0.25 * np.pi, rel=1e-12)
@@ -69,7 +68,7 @@ def test_torque_about_a_principal_axis_is_its_moment_times_the_acceleration():
         omega_start=np.zeros(3),
         omega_end=np.zeros(3),
     )
-    curve = fit(METHODS["kks_hermite"], task)
+    curve = make_curve(METHODS["kks_hermite"], task)
     figures = measure(curve, task, inertia=np.array([5.0, 7.0, 3.0]))
     assert figures.torque_effort == pytest.approx(9.0 * figures.effort, rel=1e-12)
     # The cubic from rest to rest accelerates by 6 angle / duration^2 at its ends.
@@ -81,7 +80,7 @@ def test_torque_counts_the_gyroscopic_part():
     spin = np.array([1.0, 2.0, 3.0])
     task = Task(np.array([ONE, exp(spin)]), np.array([0.0, 1.0]))
     moments = np.array([1.0, 2.0, 4.0])
-    curve = fit(METHODS["slerp"], task, {"path": "as_is"})
+    curve = make_curve(METHODS["slerp"], task, {"path": "as_is"})
     omega = curve.evaluate(np.array([0.5]))[1][0]
     torque = np.cross(omega, moments * omega)
     figures = measure(curve, task, inertia=moments)
@@ -131,23 +130,13 @@ def test_whole_turns_are_for_those_who_can_make_them():
 def test_a_curve_that_has_its_own_clock_is_put_on_the_clock_of_the_task():
     task = walk(5)
     even = Task(task.keys, 3.0 + 0.25 * np.arange(5.0))
-    curve = fit(METHODS["kks_uniform"], even)
+    curve = make_curve(METHODS["kks_uniform"], even)
     assert curve.domain == (3.0, 4.0)
     own = METHODS["kks_uniform"](control=task.keys)
     times = np.linspace(3.0, 4.0, 41)
     q, omega, alpha = own.evaluate(4.0 * (times - 3.0))
     for ours, theirs in zip(curve.evaluate(times), (q, 4.0 * omega, 16.0 * alpha), strict=True):
         assert np.abs(ours - theirs).max() < 1e-12
-
-
-def test_another_clock_keeps_instants_on_their_side_of_a_knot():
-    slerps = METHODS["piecewise_slerp"](keys=walk(6).keys, times="uniform")
-    curve = Retimed(slerps, 0.1, 0.7)
-    inner = curve.knots[1:-1]
-    left, right = curve.evaluate(np.nextafter(inner, 0.0))[1], curve.evaluate(inner)[1]
-    wanted = slerps.evaluate(np.arange(5.0))[1] * (5.0 / 0.6)
-    assert np.abs(left - wanted[:-1]).max() < 1e-12
-    assert np.abs(right - wanted[1:]).max() < 1e-12
 
 
 def test_unequal_intervals_are_not_for_a_curve_without_times():
@@ -206,7 +195,7 @@ def test_every_family_has_a_task_it_can_do(name):
     family = METHODS[name]
     takes_two = {"q0", "q1"} <= set(signature(family).parameters)
     task = Task(walk(2 if takes_two else 5).keys, np.arange(2.0 if takes_two else 5.0))
-    curve = fit(family, task)
+    curve = make_curve(family, task)
     assert curve.domain == (task.times[0], task.times[-1])
     if family.interpolates:
         assert angle(curve.evaluate(task.times)[0], task.keys).max() < 1e-9
@@ -215,7 +204,7 @@ def test_every_family_has_a_task_it_can_do(name):
 def test_the_length_is_found_where_a_curve_turns_back():
     turns = np.array([[0.0, 0, 0], [0, 0, 1.0], [0, 0.01, 0.2], [0, 0, 1.4], [0, 0.01, 0]])
     task = Task(exp(turns), np.arange(5.0))
-    curve = fit(METHODS["c2_cumulative"], task)
+    curve = make_curve(METHODS["c2_cumulative"], task)
     times = np.linspace(0.0, 4.0, 400_001)
     rates = np.linalg.norm(curve.evaluate(times)[1], axis=1)
     # The trapezoidal rule's error is a hundredth of what is asked for here.

@@ -5,7 +5,7 @@ import pytest
 
 from orientd.curves import METHODS
 from orientd.curves.comparison.measure import measure
-from orientd.curves.comparison.roles import Task
+from orientd.curves.roles import Task
 from orientd.rotation import angle, exp, normalize
 
 NAMES = ("kks_hermite", "kks_quintic_hermite")

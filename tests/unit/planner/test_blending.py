@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from planned import LIMITS, PERIOD, differences, rotations, vector
+from reference.aims import end_state, retarget
 
-from orientd.planner import Keyframe, MotionRequest, State, blend, plan, retarget
+from orientd.planner import Keyframe, MotionRequest, State, blend, plan
 from orientd.rotation import angle, exp, multiply
 
 ARM = LIMITS["arm"]
@@ -116,7 +117,9 @@ def test_an_equal_velocity_at_the_corner_goes_on_without_a_lead():
     record, second = blended(first, request, 0.0)
     assert record * PERIOD == pytest.approx(first.end_time)
     sent = records(first, record, second)
-    assert second.sample([0.0]).alpha_body[0] == pytest.approx(first.end_state.alpha_body, abs=1e-6)
+    assert second.sample([0.0]).alpha_body[0] == pytest.approx(
+        end_state(first).alpha_body, abs=1e-6
+    )
     assert_limits_are_kept(sent[:, :4])
 
 

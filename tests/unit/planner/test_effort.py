@@ -5,13 +5,15 @@ import contextlib
 import numpy as np
 import pytest
 from planned import PERIOD
+from reference.aims import end_state, retarget
 
 from orientd.curves.construct.interpolation import KeyframeEquations
 from orientd.errors import PlanError
-from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan, retarget
+from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
+from orientd.planner.timing import candidate_path as course
+from orientd.planner.timing import survey
 from orientd.planner.timing.candidate_path import Course
-from orientd.planner.timing.timing import LONGER, shortest, survey
-from orientd.planner.timing.timing import candidate_path as course
+from orientd.planner.timing.timing import LONGER, shortest
 from orientd.rotation import exp, multiply, normalize
 
 # Requests that begin in motion, as random search found them: the largest steps, accelerations and
@@ -102,7 +104,7 @@ def test_what_goes_on_from_a_motion_is_planned_with_few_curves(effort):
         target = exp(random.uniform(-2.0, 2.0, 3))
         first = retarget(target, start=here, limits=DEFAULT_LIMITS, period=PERIOD)
         start = first.state_at(int(random.integers(first.record_count)))
-        keys = [start.q, first.end_state.q]
+        keys = [start.q, end_state(first).q]
         keys += [multiply(keys[-1], exp(random.uniform(-1.0, 1.0, 3)))]
         request = MotionRequest([Keyframe(tuple(q)) for q in normalize(np.array(keys)).tolist()])
         effort.update(curves=0, corrections=0, records=0)

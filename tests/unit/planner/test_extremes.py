@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from reference import brake as reference_brake
 from reference import differences as reference
+from reference.aims import retarget
 
 from orientd import kernels
-from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan, retarget
+from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
 from orientd.planner.certify import measuring
 from orientd.planner.certify.brake import LAW, brake_rate
 from orientd.planner.certify.differences import Rough, extremes

@@ -4,6 +4,7 @@ import re
 import numpy as np
 import pytest
 from planned import LIMITS, PERIOD, differences, times_of
+from reference.aims import end_state
 
 from orientd.errors import LimitError, PlanError, RequestError, StartError
 from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
@@ -125,7 +126,7 @@ def test_a_run_up_from_where_it_begins_needs_no_approach():
 
 def test_a_motion_takes_over_from_one_that_is_still_moving():
     first = made(at(ZERO, 0.3 * X, 0.5 * X, times=[0, 0.5, 1.0]), end_velocity=(0.6, 0.1, 0))
-    end = first.end_state
+    end = end_state(first)
     further = multiply(end.q, exp([0.4, 0.2, 0.1]))
     keyframes = [Keyframe(tuple(end.q), 0.0), Keyframe(tuple(further), 1.0)]
     second = made(keyframes, end, start_velocity=tuple(end.omega_body))

@@ -8,11 +8,12 @@ from reference.survey import surveyed
 
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
 from orientd.planner.certify import measuring
-from orientd.planner.methods import Ends, method_of
+from orientd.planner.methods import Ends
 from orientd.planner.path.position import PositionPath
+from orientd.planner.timing import survey
 from orientd.planner.timing.candidate_path import Course
 from orientd.planner.timing.survey import Survey
-from orientd.planner.timing.timing import excess, survey
+from orientd.planner.timing.timing import excess
 from orientd.rotation import normalize
 
 ARM = LIMITS["arm"]
@@ -27,8 +28,8 @@ def request(count=400, seed=9, **fields):
 def core(asked, duration, end_velocity=None):
     times = np.linspace(0.0, 1.0, len(asked.keys))
     kept = np.arange(len(times))
-    method, ends = method_of(asked.method), Ends(None, end_velocity, None)
-    return Course(asked, method, ends, times, kept, PositionPath.held(np.zeros(3))).core(duration)
+    ends = Ends(None, end_velocity, None)
+    return Course(asked, ends, times, kept, PositionPath.held(np.zeros(3))).core(duration)
 
 
 @pytest.mark.parametrize("method", ["c2_cumulative", "kks_hermite_spline"])

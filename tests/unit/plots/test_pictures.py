@@ -10,7 +10,7 @@ import pytest
 
 from orientd.curves import METHODS
 from orientd.curves.comparison.candidates import compare, ranked
-from orientd.curves.comparison.roles import Task, fit
+from orientd.curves.roles import Task, make_curve
 from orientd.errors import OrientdError
 from orientd.planner import Limits
 from orientd.rotation import angle, exp, from_rotation_vector, rotate
@@ -32,7 +32,7 @@ BEGINNINGS = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
 
 
 def traces(name="c2_cumulative", task=TASK, **more):
-    return traces_of(fit(METHODS[name], task), task, **more)
+    return traces_of(make_curve(METHODS[name], task), task, **more)
 
 
 def svg(draw, tmp_path, *arguments, **options):

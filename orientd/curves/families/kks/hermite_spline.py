@@ -26,7 +26,7 @@ class KksHermiteSpline(CumulativeCurve):
 
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two.
-        times: instants in seconds, ``"uniform"`` or ``"chord"``.
+        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
         rule: ``"parabola"``, ``"mean"`` or ``"chord"``.
         omega_start: body angular velocity at the first keyframe, rad/s, instead of the estimate.
         omega_end: body angular velocity at the last keyframe, rad/s, instead of the estimate.
@@ -47,7 +47,7 @@ class KksHermiteSpline(CumulativeCurve):
         self,
         *,
         keys: ArrayLike,
-        times: str | ArrayLike = "uniform",
+        times: str | ArrayLike | None = None,
         rule: str = "parabola",
         omega_start: ArrayLike | None = None,
         omega_end: ArrayLike | None = None,

@@ -57,7 +57,7 @@ class KksInterpolating(CumulativeCurve):
 
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two.
-        times: instants in seconds, ``"uniform"`` or ``"chord"``.
+        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
         order: degree plus one, 3 to 6.
         start: condition at the first keyframe.
         end: condition at the last keyframe.
@@ -86,7 +86,7 @@ class KksInterpolating(CumulativeCurve):
         self,
         *,
         keys: ArrayLike,
-        times: str | ArrayLike = "uniform",
+        times: str | ArrayLike | None = None,
         order: int = 6,
         start: str = "natural",
         end: str = "natural",
@@ -98,7 +98,7 @@ class KksInterpolating(CumulativeCurve):
         turns: ArrayLike | None = None,
     ) -> None:
         q = check_aligned(keys, align)
-        instants = resolve_times(times, q)
+        instants = resolve_times(times, q, turns)
         steps = increments(q)
         if turns is not None:
             steps, q = with_turns(steps, q, turns)

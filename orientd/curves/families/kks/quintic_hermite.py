@@ -61,6 +61,7 @@ class KksQuinticHermite(CumulativeCurve):
     source = "extension of Kim, Kim and Shin 1995, sec. 5.2"
     interpolates = True
     meets_end_velocities = True
+    meets_end_accelerations = True
 
     def __init__(
         self,

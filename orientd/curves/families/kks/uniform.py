@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.construct import CumulativeCurve, cumulative_basis
-from orientd.curves.keyframes import check_aligned, increments
+from orientd.curves.keyframes import check_aligned, check_interval, increments
 from orientd.rotation import conjugate, multiply
 
 
 class KksUniform(CumulativeCurve):
-    r"""Blend control quaternions one second apart, meeting the first and the last.
+    r"""Blend control quaternions at equal intervals, meeting the first and the last.
 
     .. math:: q(t) = q_{-1} \prod_{i=0}^{n+1}
               \exp\bigl(\log(q_{i-1}^{-1} q_i) \, \tilde B_{i,4}(t)\bigr)
@@ -26,6 +26,8 @@ class KksUniform(CumulativeCurve):
 
     Args:
         control: at least two control quaternions.
+        t0: where the domain begins, s.
+        t1: where it ends; ``None`` puts the control quaternions one second apart.
         align: whether each takes the sign nearer to its predecessor.
 
     Raises:
@@ -37,13 +39,24 @@ class KksUniform(CumulativeCurve):
     source = "Kim, Kim and Shin 1995, appendix"
     local = True
 
-    def __init__(self, *, control: ArrayLike, align: bool = True) -> None:
+    def __init__(
+        self,
+        *,
+        control: ArrayLike,
+        t0: float = 0.0,
+        t1: float | None = None,
+        align: bool = True,
+    ) -> None:
         inner = check_aligned(control, align, "control")
         before = multiply(multiply(inner[0], conjugate(inner[1])), inner[0])
         after = multiply(multiply(inner[-1], conjugate(inner[-2])), inner[-1])
         controls = np.concatenate([before[None], inner, after[None]])
+        spans = len(inner) - 1
+        start, end = check_interval(t0, t0 + spans if t1 is None else t1)
+        knots = start + np.arange(-3.0, spans + 4.0) * ((end - start) / spans)
+        knots[3 + spans] = end
         super().__init__(
-            basis=cumulative_basis(np.arange(-3.0, len(controls) + 1.0), 4),
+            basis=cumulative_basis(knots, 4),
             controls=controls,
             increments=increments(controls),
             continuity=2,

@@ -1,0 +1,336 @@
+"""One task, every family: what keyframes, times and conditions at the ends are to each of them.
+
+A family says by the names of its parameters what it takes: ``keys`` with ``times``, the two ends
+``q0`` and ``q1`` of one segment, or ``control`` orientations that draw the curve without meeting
+it.  A new family of one of these kinds needs no line here.  Whatever makes a curve of keyframes
+(a constructor given the common names, a comparison, a picture, the planner) makes it by this.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orientd.curves.family_parameters import parameter_names
+from orientd.curves.keyframes import (
+    check_choice,
+    check_integer,
+    check_interval,
+    check_keys,
+    check_vector,
+    resolve_times,
+)
+from orientd.rotation import Floats, align, conjugate, log, multiply, rotate
+
+if TYPE_CHECKING:
+    from orientd.curves.contract import Curve
+
+EQUAL = 1e-9
+"""Of the duration, by which equal intervals may differ."""
+
+MOST_CONTROLS = 24
+"""Of one segment: its cost grows with their square, and it stays ever further away from them."""
+
+COMMON = ("keys", "times", "start_velocity", "end_velocity", "velocity_frame", "turns")
+"""Parameters that every family takes under these names."""
+
+_FROM_TASK = frozenset(
+    {
+        *("keys", "times", "q0", "q1", "t0", "t1", "control", "frame", "start", "end"),
+        *("omega_start", "omega_end", "omega0", "omega1", "turns", "spins"),
+        *("alpha_start", "alpha_end", "alpha0", "alpha1"),
+    }
+)
+_TURNS = ("turns", "revolutions", "spins")
+
+
+class UnevenError(ValueError):
+    """Keyframes at unequal intervals, for a family that needs equal ones.
+
+    Attributes:
+        keyframe: index of the first at the end of an interval unlike the first one.
+    """
+
+    def __init__(self, steps: Floats) -> None:
+        super().__init__(
+            f"needs equal intervals between keyframes, got {steps.min():.6g} s "
+            f"to {steps.max():.6g} s"
+        )
+        self.keyframe = int(np.argmax(np.abs(steps - steps[0]))) + 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Task:
+    """What a curve is asked to do.
+
+    Attributes:
+        keys: unit quaternions of the keyframes, shape ``(n, 4)``, *n* at least 2.
+        times: increasing, s, shape ``(n,)``.
+        omega_start: body angular velocity wanted at the first keyframe, rad/s; ``None`` leaves it
+            to the family.
+        omega_end: the same at the last keyframe.
+        turns: whole turns between neighbours, shape ``(n - 1,)``; ``None`` for none.
+        alpha_start: body angular acceleration that goes with *omega_start*, rad/s^2.
+        holds: whether a device holds before and after: an end whose velocity is not given is at
+            rest, and one without velocity has no acceleration either, where the family can
+            prescribe both.  One that cannot keeps its natural end: at rest, but with a step of the
+            acceleration, it would need a lead all the same.
+        is_timed: whether keyframes have these times; else they are chord lengths, and control
+            orientations are spread evenly over the same duration.
+    """
+
+    keys: Floats
+    times: Floats
+    omega_start: Floats | None = None
+    omega_end: Floats | None = None
+    turns: NDArray[np.int64] | None = None
+    alpha_start: Floats | None = None
+    holds: bool = False
+    is_timed: bool = True
+
+    @property
+    def wanted(self) -> tuple[Floats | None, Floats | None]:
+        """The velocities wanted at both ends, given or not; ``None`` where any will do."""
+        rest = np.zeros(3) if self.holds else None
+        return (
+            rest if self.omega_start is None else self.omega_start,
+            rest if self.omega_end is None else self.omega_end,
+        )
+
+
+def options_of(family: type[Curve]) -> tuple[str, ...]:
+    """Return the parameters of a family that do not follow from a task."""
+    from inspect import signature
+
+    return tuple(name for name in signature(family).parameters if name not in _FROM_TASK)
+
+
+def is_pair(family: type[Curve]) -> bool:
+    """Return whether a family joins two keyframes, and no more."""
+    return {"q0", "q1"} <= parameter_names(family)
+
+
+def turns_name(family: type[Curve]) -> str | None:
+    """Return the parameter by which a family makes whole turns; ``None`` if it cannot."""
+    return next((name for name in _TURNS if name in parameter_names(family)), None)
+
+
+def parameters(
+    family: type[Curve], task: Task, options: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """Return the keyword arguments with which *family* does *task*, *options* among them.
+
+    Velocities that are wanted are given to a family that can meet them and kept from any other.
+    Where none is wanted, an end is natural (without acceleration), and a single segment has the
+    velocities of the great arc; where a device holds, see :attr:`Task.holds`.
+
+    Args:
+        family: a class in ``METHODS``.
+        task: what to do.
+        options: further keyword arguments of the family, which go before those that follow from
+            the task; knots are made for an ``order`` among them, and put on the clock of the task.
+
+    Raises:
+        UnevenError: the family needs equal intervals.
+        ValueError: the family does not apply, with the reason.
+    """
+    names, given = parameter_names(family), dict(options or {})
+    turned = turns_name(family)
+    made: dict[str, Any] = {}
+    if task.turns is not None and np.any(task.turns):
+        if turned is None:
+            raise ValueError("cannot make whole turns between keyframes")
+        made[turned] = int(task.turns[0]) if is_pair(family) else task.turns
+    if {"keys", "times"} <= names:
+        made |= _through_keyframes(family, names, task)
+    elif {"q0", "q1"} <= names:
+        made |= _between_two(names, task)
+    elif "control" in names:
+        made |= _from_controls(family, names, task, given)
+    else:
+        raise ValueError("takes neither keyframes, nor two ends, nor control orientations")
+    return {**made, **given}
+
+
+def make_curve(family: type[Curve], task: Task, options: Mapping[str, Any] | None = None) -> Curve:
+    """Return the curve of *family* that does *task*, on the clock of the task.
+
+    Args:
+        family: a class in ``METHODS``.
+        task: what to do.
+        options: more keyword arguments of the family, which go before those that follow from the
+            task.
+
+    Raises:
+        ValueError: the family does not apply, or cannot join these keyframes.
+        PlanError: no such curve could be found.
+    """
+    return family(**parameters(family, task, options))
+
+
+def own_names(family: type[Curve], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return parameters by a family's own names, where some have the names common to all.
+
+    Args:
+        family: a class in ``METHODS``.
+        given: ``keys``, ``times`` (as of :func:`resolve_times`), ``start_velocity`` and
+            ``end_velocity`` in ``velocity_frame`` (``"body"`` or ``"world"``), ``turns`` (one count
+            for each interval, or one for a single interval), and whatever else the family takes.
+
+    Raises:
+        ValueError: the family cannot do what is asked, or a parameter is not as said.
+        TypeError: there is no keyframe in it.
+    """
+    rest = dict(given)
+    common = {name: rest.pop(name, None) for name in COMMON}
+    keys = _keys_of(family, common["keys"], rest)
+    turns = None if common["turns"] is None else np.atleast_1d(np.asarray(common["turns"]))
+    if turns is not None and (turns.shape != (len(keys) - 1,) or turns.dtype.kind not in "iu"):
+        raise ValueError(
+            f"turns must be {len(keys) - 1} whole numbers, one for each interval, "
+            f"got {common['turns']!r}"
+        )
+    times, is_timed = common["times"], common["times"] is not None
+    if times is None and {"t0", "t1"} & rest.keys():
+        times, is_timed = check_interval(rest.pop("t0", 0.0), rest.pop("t1", 1.0)), True
+        times = np.linspace(*times, len(keys))
+    frame = common["velocity_frame"] or rest.pop("frame", "body")
+    is_world = check_choice(frame, "velocity_frame", ("body", "world")) == "world"
+
+    def in_body_frame(name: str, key: Floats) -> Floats | None:
+        if common[name] is None:
+            return None
+        if not family.meets_end_velocities:
+            raise ValueError(f"{name} must be None: {family.name} cannot prescribe velocities")
+        omega = check_vector(common[name], name)
+        return rotate(conjugate(key), omega) if is_world else omega
+
+    aligned = align(keys) if rest.get("align", True) else keys
+    task = Task(
+        keys,
+        resolve_times(times, aligned, turns),
+        in_body_frame("start_velocity", keys[0]),
+        in_body_frame("end_velocity", keys[-1]),
+        turns,
+        is_timed=is_timed,
+    )
+    return parameters(family, task, rest)
+
+
+def _keys_of(family: type[Curve], keys: Any, rest: dict[str, Any]) -> Floats:  # noqa: ANN401
+    """Return the keyframes by whichever name they have, and take them from *rest*."""
+    if keys is not None:
+        return check_keys(keys)
+    if "control" in rest:
+        return check_keys(rest.pop("control"), "control")
+    if {"q0", "q1"} <= rest.keys():
+        return check_keys([rest.pop("q0"), rest.pop("q1")], "q0 and q1")
+    raise TypeError(f"{family.name} must be given keys, got {', '.join(rest) or 'none'}")
+
+
+def _through_keyframes(family: type[Curve], names: frozenset[str], task: Task) -> dict[str, Any]:
+    made: dict[str, Any] = {"keys": task.keys, "times": task.times}
+    conditions = (
+        ("start", task.omega_start, task.alpha_start),
+        ("end", task.omega_end, None),
+    )
+    for end, omega, alpha in conditions:
+        if f"omega_{end}" not in names:
+            continue
+        if omega is None and task.holds and (family.meets_end_accelerations or end not in names):
+            omega = np.zeros(3)
+        if omega is None:
+            continue
+        made[f"omega_{end}"] = omega
+        if end not in names:
+            continue
+        if alpha is None and task.holds and not np.any(omega):
+            # From rest a motion begins without a step in torque.  With a velocity whatever comes
+            # before supplies the acceleration.
+            alpha = np.zeros(3)
+        made[end] = "clamped"
+        if alpha is not None and family.meets_end_accelerations:
+            made[end], made[f"alpha_{end}"] = "state", alpha
+    return made
+
+
+def _between_two(names: frozenset[str], task: Task) -> dict[str, Any]:
+    if len(task.keys) != 2:
+        raise ValueError(f"takes exactly 2 keyframes, got {len(task.keys)}")
+    start, end = float(task.times[0]), float(task.times[1])
+    made: dict[str, Any] = {"q0": task.keys[0], "q1": task.keys[1], "t0": start, "t1": end}
+    if "omega0" in names:
+        even = log(multiply(conjugate(task.keys[0]), task.keys[1])) / (end - start)
+        for name, omega in zip(("omega0", "omega1"), task.wanted, strict=True):
+            made[name] = even if omega is None else omega
+    if "alpha0" in names and task.alpha_start is not None:
+        made["alpha0"] = task.alpha_start
+    return made
+
+
+def _from_controls(
+    family: type[Curve], names: frozenset[str], task: Task, options: dict[str, Any]
+) -> dict[str, Any]:
+    made: dict[str, Any] = {"control": task.keys}
+    if "align" in names:
+        # Keyframes come with either sign.
+        made["align"] = True
+    start, end = float(task.times[0]), float(task.times[-1])
+    times = task.times if task.is_timed else np.linspace(start, end, len(task.keys))
+    if "knots" in names:
+        wanted = check_integer(options.get("order", 4), "order", minimum=2)
+        if wanted > len(task.keys) and "order" in options:
+            raise ValueError(f"order must be at most the number of keyframes, got {wanted}")
+        order = min(wanted, len(task.keys))
+        knots = options.pop("knots", None)
+        made["order"] = order
+        made["knots"] = (
+            averaged_knots(times, order) if knots is None else _on_the_clock(knots, times, order)
+        )
+        return made
+    if family.local:
+        steps = np.diff(times)
+        if np.ptp(steps) > EQUAL * (end - start):
+            raise UnevenError(steps)
+    elif len(task.keys) > MOST_CONTROLS:
+        raise ValueError(
+            f"one segment of degree {len(task.keys) - 1} is drawn through at most "
+            f"{MOST_CONTROLS} control orientations"
+        )
+    return {**made, "t0": start, "t1": end}
+
+
+def _on_the_clock(knots: object, times: Floats, order: int) -> Floats:
+    """Return knots in any unit, with the curve they bound as long as *times*."""
+    expected = f"knots must be {len(times) + order} numbers that do not decrease"
+    try:
+        vector = np.asarray(knots, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(expected) from error
+    if vector.shape != (len(times) + order,) or not np.all(np.isfinite(vector)):
+        raise ValueError(f"{expected}, got {np.size(vector)}")
+    begin, end = vector[order - 1], vector[-order]
+    if np.any(np.diff(vector) < 0.0) or not end > begin:
+        raise ValueError(f"{expected}, and span some time")
+    mapped: Floats = times[0] + (vector - begin) * ((times[-1] - times[0]) / (end - begin))
+    mapped[order - 1], mapped[-order] = times[0], times[-1]
+    # Rounding must not put a knot that is repeated at an end on either side of it.
+    return np.maximum.accumulate(np.where(vector >= end, np.maximum(mapped, times[-1]), mapped))
+
+
+def averaged_knots(times: Floats, order: int) -> Floats:
+    """Return clamped knots for control orientations that belong to *times*, each their average.
+
+    Piegl and Tiller (1997), eq. (9.8).
+
+    >>> averaged_knots(np.array([0.0, 1.0, 2.0, 3.0, 4.0]), 4).tolist()
+    [0.0, 0.0, 0.0, 0.0, 2.0, 4.0, 4.0, 4.0, 4.0]
+    """
+    degree = order - 1
+    sums = np.concatenate([[0.0], np.cumsum(times)])
+    inner = (sums[degree + 1 : len(times)] - sums[1 : len(times) - degree]) / degree
+    return np.concatenate([np.full(order, times[0]), inner, np.full(order, times[-1])])

@@ -1,0 +1,97 @@
+"""Plan from Python, with nothing of the daemon: orientations in, a certified motion out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from orientd.errors import RequestError
+from orientd.planner.limits import DEFAULT_LIMITS, Limits, Rate
+from orientd.planner.motion import Motion
+from orientd.planner.planning import plan
+from orientd.planner.request import Keyframe, MotionRequest, State
+from orientd.rotation import Quaternion, is_rotation, unnamed
+
+
+def plan_offline(
+    keys: object,
+    *,
+    times: ArrayLike | None = None,
+    positions: ArrayLike | None = None,
+    turns: ArrayLike | None = None,
+    limits: Limits | Mapping[str, Rate] = DEFAULT_LIMITS,
+    period: float = 0.002,
+    start: State | None = None,
+    **wishes: Any,  # noqa: ANN401 - the arguments of a request
+) -> Motion:
+    """Return the motion through keyframes, certified as for a device.
+
+    Args:
+        keys: a ``Rotation`` of SciPy, or a list of such and of named quaternions; or a whole
+            request, which takes nothing else of *times* to *turns* and of *wishes*.
+        times: when each is passed, s; ``None`` passes them as quickly as the limits permit.
+        positions: of the tool, m, shape ``(n, 3)``.
+        turns: whole turns in each interval, shape ``(n - 1,)``.
+        limits: of the device; a mapping lowers or raises those of :data:`.DEFAULT_LIMITS`.
+        period: of the device, s.
+        start: where it is; by default at rest at the first keyframe.
+        wishes: further arguments of :class:`.MotionRequest`: ``method``, ``start_velocity``,
+            ``end_velocity``, ``velocity_frame``, ``approach``, ``duration``, ``options``.
+
+    Raises:
+        RequestError: something is not well formed, or not possible with the method.
+        PlanError: the motion cannot be planned, or would break a limit.
+    """
+    if isinstance(keys, MotionRequest):
+        request = keys
+    else:
+        request = MotionRequest(_keyframes(keys, times, positions, turns), **wishes)
+    if start is None:
+        start = State.at_rest(request.keys[0], request.keyframes[0].position or (0.0, 0.0, 0.0))
+    if not isinstance(limits, Limits):
+        limits = DEFAULT_LIMITS.with_rates(limits)
+    return plan(request, start=start, limits=limits, period=period)
+
+
+def _keyframes(
+    orientations: object,
+    times: ArrayLike | None,
+    positions: ArrayLike | None,
+    turns: ArrayLike | None,
+) -> list[Keyframe]:
+    keys = _keys(orientations)
+    count = len(keys)
+    before = None if turns is None else [0, *np.asarray(turns).tolist()]
+    columns: dict[str, list[Any]] = {}
+    for name, column in (("times", times), ("positions", positions), ("turns", before)):
+        listed = [0 if name == "turns" else None] * count
+        if column is not None:
+            listed = np.asarray(column).tolist()
+        if len(listed) != count:
+            expected = count - 1 if name == "turns" else count
+            raise RequestError(name, f"expected {expected} of them, got {len(listed)}")
+        columns[name] = listed
+    return [
+        Keyframe(tuple(q), time, position and tuple(position), turn)
+        for q, time, position, turn in zip(keys, *columns.values(), strict=True)
+    ]
+
+
+def _keys(orientations: object) -> list[list[float]]:
+    problem = "expected a scipy Rotation or a list of such and of Quaternion(w=, x=, y=, z=)"
+    if is_rotation(orientations):
+        stacked: list[list[float]] = np.atleast_2d(unnamed(orientations)).tolist()
+        return stacked
+    if not isinstance(orientations, Iterable):
+        raise RequestError("keyframes", f"{problem}, got {type(orientations).__name__}")
+    rows = list(orientations)
+    for index, row in enumerate(rows):
+        if not (isinstance(row, Quaternion) or is_rotation(row)):
+            raise RequestError(
+                f"keyframes[{index}]", f"{problem}; a bare sequence does not say its order"
+            )
+    listed: list[list[float]] = [unnamed(row).tolist() for row in rows]
+    return listed

@@ -1,0 +1,92 @@
+r"""A path that is known by the rows of its records only, as a motion from a file has it.
+
+At a record it is what the row says, to the last bit.  Around the record :math:`q_k` the path is
+:math:`q_k \exp(r)`; between two records *r* and the position are cubics with the velocities of both
+at their ends.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from orientd.planner.path.path import Samples
+from orientd.planner.path.table_path import between
+from orientd.planner.recorded import HISTORY, STATE_FLOATS
+from orientd.planner.request import State
+from orientd.rotation import Floats, angle
+
+_ON_RECORD = 1e-6
+"""Share of a period within which an instant is that of a record."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RowPath:
+    """States on a uniform grid of path time, held before and after.
+
+    Attributes:
+        period: s.
+        duration: path time from hold to hold, s; up to a period less than to the last row.
+        table: state and axis angles of each record, shape ``(n, STATE_FLOATS + axes)``.
+        earlier: axis angles of the three records before the first, rad, shape ``(3, axes)``.
+    """
+
+    period: float
+    duration: float
+    table: Floats
+    earlier: Floats
+
+    def rows(self, first: int, count: int) -> Floats:
+        """Return a copy of rows of the table."""
+        return self.table[first : first + count].copy()
+
+    def joints_before(self, record: int) -> tuple[tuple[float, ...], ...]:
+        """Return the axis angles of the three records before one, the oldest first."""
+        joints = np.concatenate([self.earlier, self.table[:, STATE_FLOATS:]])
+        return tuple(map(tuple, joints[record : record + HISTORY].tolist()))
+
+    def farthest_from(self, keys: Floats, times: Floats) -> float:
+        """Return the largest angle between *keys* and the path at *times*, rad."""
+        return float(np.max(angle(self.sample(times).q, keys)))
+
+    def sample(self, times: Floats) -> Samples:
+        """Return the path at *times*, in any order; beyond its ends it is held.
+
+        Raises:
+            ValueError: an instant is not a number.
+        """
+        return Samples(*np.split(self._states(times), [4, 7, 10, 13, 16], axis=1)[:5])
+
+    sample_in_order = sample
+
+    def state(self, time: float) -> State:
+        """Return the state at *time*."""
+        row = self._states(np.array([time]))[0]
+        return State(row[:4], row[4:7], row[7:10], row[10:13], row[13:16], row[16:])
+
+    def _states(self, times: Floats) -> Floats:
+        if np.isnan(times).any():
+            raise ValueError("times must be numbers, got nan")
+        h, table = self.period, self.table
+        where = np.clip(times / h, 0.0, len(table) - 1.0)
+        nearest = np.rint(where)
+        where = np.where(np.abs(where - nearest) < _ON_RECORD, nearest, where)
+        index = where.astype(np.int64)
+        share = where - index
+        found: Floats = table[index, :STATE_FLOATS]
+        inner = np.flatnonzero(share > 0.0)
+        if len(inner):
+            u = share[inner][:, None]
+            here, there = table[index[inner]], table[index[inner] + 1]
+            found[inner, :10] = np.concatenate(between(h, here[:, :10], there[:, :10], u), axis=1)
+            way = there[:, 10:13] - here[:, 10:13]
+            leave, arrive = h * here[:, 13:16], h * there[:, 13:16]
+            bend = u * (1 - u) * ((1 - u) * leave - u * arrive)
+            found[inner, 10:13] = here[:, 10:13] + u * u * (3 - 2 * u) * way + bend
+            rate = (1 - u) * (1 - 3 * u) * leave + u * (3 * u - 2) * arrive
+            found[inner, 13:16] = (6 * u * (1 - u) * way + rate) / h
+            found[inner, 16:19] = (1 - u) * here[:, 16:19] + u * there[:, 16:19]
+        beyond = (times < 0.0) | (times >= (len(table) - 1) * h)
+        found[beyond, 4:10] = found[beyond, 13:] = 0.0
+        return found

@@ -1,0 +1,112 @@
+"""A motion in one file, with its certificate: numbers in an ``.npz`` archive, nothing that runs.
+
+The archive holds ``header``, a JSON text that begins with the format and its version, ``rows``,
+the state and axis angles of every record, and the other arrays of a motion.  A motion from a file
+has the records that were saved, to the last bit; what it was planned with is not in it, so that
+between two records it is a cubic.
+"""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from orientd.driver import Figure
+from orientd.errors import OrientdError
+from orientd.planner.certify import Certificate, Peak, Rough
+from orientd.planner.limits import Limits
+from orientd.planner.motion import Motion
+from orientd.planner.path import RowPath
+from orientd.planner.recorded import HISTORY, STATE_FLOATS
+from orientd.planner.request import Keyframe, MotionRequest
+from orientd.planner.saving import FORMAT, VERSION
+
+_AXES = ("axis_velocity", "axis_acceleration", "axis_jerk")
+
+
+def load_motion(path: str | Path) -> Motion:
+    """Return the motion in a file, which is equal to the one that was saved.
+
+    Raises:
+        OrientdError: the file cannot be read, is none of a motion, or of a later version.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = archive.namelist()
+        if "header.npy" not in names:
+            raise ValueError("no header")
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = dict(archive)
+        header = json.loads(str(arrays["header"]))
+        if header["format"] != FORMAT:
+            raise ValueError(f"format {header['format']!r}")
+        version = header["version"]
+    except OSError as error:
+        raise OrientdError(f"cannot read {path}: {error.strerror or error}") from error
+    except (zipfile.BadZipFile, EOFError, ValueError, KeyError, TypeError) as error:
+        raise OrientdError(f"{path} is not a motion saved by orientd: {error}") from error
+    if version != VERSION:
+        raise OrientdError(
+            f"{path} has version {version!r} of the format of motions; expected {VERSION}"
+        )
+    try:
+        return _motion(header, arrays)
+    except (ValueError, KeyError, TypeError) as error:
+        raise OrientdError(f"{path} is damaged: {error}") from error
+
+
+def _motion(header: dict[str, Any], arrays: dict[str, Any]) -> Motion:
+    rows, before = arrays["rows"], None
+    if rows.dtype != np.float64 or rows.ndim != 2 or rows.shape[1] < STATE_FLOATS or not len(rows):
+        raise ValueError(f"rows must have {STATE_FLOATS} columns or more, got {rows.shape}")
+    if not np.isfinite(rows).all():
+        raise ValueError("rows must be finite")
+    if "q_before" in arrays:
+        before = arrays["q_before"], arrays["position_before"]
+    rough = header["rough"]
+    return Motion(
+        id=header["id"],
+        request=_request(header["request"]),
+        limits=_limits(header["limits"]),
+        period=header["period"],
+        path=RowPath(
+            header["period"], header["duration"], rows, arrays["earlier"].reshape(HISTORY, -1)
+        ),
+        start_time=header["start_time"],
+        end_time=header["end_time"],
+        keyframe_times=arrays["keyframe_times"],
+        record_count=len(rows),
+        certificate=_certificate(header["certificate"]),
+        rough=None if rough is None else Rough(**rough),
+        first_joints=tuple(header["first_joints"]),
+        last_joints=tuple(header["last_joints"]),
+        before=before,
+    )
+
+
+def _request(given: dict[str, Any]) -> MotionRequest:
+    keyframes = [
+        Keyframe(
+            tuple(one["q"]),
+            one["time"],
+            None if one["position"] is None else tuple(one["position"]),
+            one["turns"],
+        )
+        for one in given["keyframes"]
+    ]
+    limits = None if given["limits"] is None else _limits(given["limits"])
+    return MotionRequest(**{**given, "keyframes": keyframes, "limits": limits})
+
+
+def _limits(given: dict[str, Any]) -> Limits:
+    return Limits(**{**given, **{name: tuple(given[name]) for name in _AXES}})
+
+
+def _certificate(given: dict[str, Any]) -> Certificate:
+    peaks = {name: Peak(**given[name]) for name in given if name.startswith("peak_")}
+    figures = tuple(Figure(*figure) for figure in given["figures"])
+    return Certificate(**{**given, **peaks, "figures": figures, "notes": tuple(given["notes"])})

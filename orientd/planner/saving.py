@@ -1,0 +1,66 @@
+"""Write a motion to one file; see :mod:`orientd.planner.saved` for what is in it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from orientd.errors import OrientdError
+
+if TYPE_CHECKING:
+    from orientd.planner.motion import Motion
+
+FORMAT = "orientd motion"
+VERSION = 1
+
+
+def save_motion(motion: Motion, path: str | Path) -> None:
+    """Write a motion to a file, whatever the ending of its name.
+
+    Raises:
+        OrientdError: the file cannot be written.
+    """
+    request = motion.request.given()
+    header = {
+        "format": FORMAT,
+        "version": VERSION,
+        "id": motion.id,
+        "request": {
+            **request,
+            "keyframes": [asdict(keyframe) for keyframe in motion.request.keyframes],
+            "limits": None if motion.request.limits is None else asdict(motion.request.limits),
+        },
+        "limits": asdict(motion.limits),
+        "period": motion.period,
+        "duration": motion.duration,
+        "start_time": motion.start_time,
+        "end_time": motion.end_time,
+        "certificate": asdict(motion.certificate),
+        "rough": None if motion.rough is None else asdict(motion.rough),
+        "first_joints": motion.first_joints,
+        "last_joints": motion.last_joints,
+    }
+    arrays: dict[str, Any] = {
+        "header": np.array(json.dumps(header, default=_plain)),
+        "rows": motion.rows(0, motion.record_count),
+        "keyframe_times": motion.keyframe_times,
+        "earlier": np.array(motion.path.joints_before(0), dtype=np.float64),
+    }
+    if motion.before is not None:
+        arrays["q_before"], arrays["position_before"] = motion.before
+    try:
+        with Path(path).open("wb") as file:
+            np.savez(file, **arrays)
+    except OSError as error:
+        raise OrientdError(f"cannot write {path}: {error.strerror}") from error
+
+
+def _plain(content: object) -> object:
+    """Return what JSON holds in place of an array or a number of NumPy's."""
+    if isinstance(content, np.ndarray | np.generic):
+        return content.tolist()
+    raise TypeError(f"a {type(content).__name__} among the options cannot be saved")
