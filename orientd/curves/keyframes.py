@@ -196,7 +196,7 @@ def resolve_times(times: object, keys: Floats, turns: ArrayLike | None = None) -
             return np.arange(count, dtype=np.float64)
         arcs = np.sqrt(np.sum(increments(keys) ** 2, axis=-1))
         if turns is not None:
-            arcs += np.pi * np.abs(np.asarray(turns, dtype=np.float64))
+            arcs += np.pi * np.abs(check_turns(turns, len(arcs)))
         if not np.all(arcs > 0.0):
             place = int(np.argmin(arcs))
             raise ValueError(
@@ -236,14 +236,24 @@ def increments(keys: Floats) -> Floats:
     return steps
 
 
-def with_turns(steps: Floats, keys: Floats, turns: ArrayLike) -> tuple[Floats, Floats]:
-    """Return the steps with whole turns added and the keyframes with the signs that go with it."""
+def check_turns(turns: ArrayLike, intervals: int) -> np.ndarray[Any, np.dtype[Any]]:
+    """Return whole turns, one count for each interval.
+
+    Raises:
+        ValueError: they are not.
+    """
     count = np.asarray(turns)
-    if count.shape != (len(steps),) or count.dtype.kind not in "iuf" or np.any(count % 1 != 0):
+    if count.shape != (intervals,) or count.dtype.kind not in "iuf" or np.any(count % 1 != 0):
         raise ValueError(
-            f"turns must be a list of {len(steps)} whole numbers, one for each interval, "
+            f"turns must be a list of {intervals} whole numbers, one for each interval, "
             f"got {turns!r}"
         )
+    return count
+
+
+def with_turns(steps: Floats, keys: Floats, turns: ArrayLike) -> tuple[Floats, Floats]:
+    """Return the steps with whole turns added and the keyframes with the signs that go with it."""
+    count = check_turns(turns, len(steps))
     lengths = np.sqrt(np.sum(steps**2, axis=-1))
     is_open = (lengths == 0.0) & (count != 0)
     if np.any(is_open):

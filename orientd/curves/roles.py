@@ -21,6 +21,7 @@ from orientd.curves.keyframes import (
     check_integer,
     check_interval,
     check_keys,
+    check_turns,
     check_vector,
     resolve_times,
 )
@@ -188,12 +189,9 @@ def own_names(family: type[Curve], given: Mapping[str, Any]) -> dict[str, Any]:
     rest = dict(given)
     common = {name: rest.pop(name, None) for name in COMMON}
     keys = _keys_of(family, common["keys"], rest)
-    turns = None if common["turns"] is None else np.atleast_1d(np.asarray(common["turns"]))
-    if turns is not None and (turns.shape != (len(keys) - 1,) or turns.dtype.kind not in "iu"):
-        raise ValueError(
-            f"turns must be {len(keys) - 1} whole numbers, one for each interval, "
-            f"got {common['turns']!r}"
-        )
+    turns = common["turns"]
+    if turns is not None:
+        turns = check_turns(np.atleast_1d(np.asarray(turns)), len(keys) - 1)
     times, is_timed = common["times"], common["times"] is not None
     if times is None and {"t0", "t1"} & rest.keys():
         times, is_timed = check_interval(rest.pop("t0", 0.0), rest.pop("t1", 1.0)), True

@@ -117,7 +117,7 @@ def blended_scene() -> Scene:
 def interpolated_scene() -> Scene:
     """Return the motion of Fig. 10: six keyframes interpolated with continuous acceleration."""
     keys = control_orientations()
-    motion = interpolated_motion(keys=keys, positions=CONTROL_POINTS)
+    motion = interpolated_motion(keys=keys, positions=CONTROL_POINTS, times="uniform")
     return Scene(motion, Poses(CONTROL_POINTS, keys))
 
 

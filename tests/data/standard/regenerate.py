@@ -84,7 +84,8 @@ def _digits(value: float, rounding: float = ROUNDING) -> str:
 
 def rows(sequence: str, families=tuple(METHODS)) -> list[dict[str, str]]:
     """Return the results of a sequence, least effort first as `orientd compare --ends natural`."""
-    task = task_of(motion_file.load(HERE / f"{sequence}.yaml"), ends="natural")
+    request = motion_file.load(HERE / f"{sequence}.yaml")
+    task = task_of(request, "chord" if request.times is None else "file", "natural")
     return sorted((row(name, task) for name in families), key=_rank)
 
 

@@ -33,13 +33,13 @@ def test_three_keyframes_are_joined_by_one_circle(random_keys):
 @pytest.mark.parametrize("third_rad", [0.3, 0.9, 1.2, 2.0])
 def test_circles_pass_a_third_keyframe_nearer_or_farther_than_the_second(third_rad):
     keys = exp([[0.0, 0.0, 0.0], [0.9, 0.3, 0.0], [0.2, third_rad, 0.4]])
-    curve = BLENDING(keys=keys)
+    curve = BLENDING(keys=keys, times="uniform")
     assert angle(curve.evaluate([0.0, 1.0, 2.0])[0], keys).max() < 1e-13
 
 
 def test_keyframes_on_a_great_circle_are_joined_by_it():
     keys = exp([[0.0, 0.0, 0.0], [0.4, 0.0, 0.0], [1.1, 0.0, 0.0], [1.3, 0.0, 0.0]])
-    q, omega, _ = BLENDING(keys=keys).evaluate(np.linspace(0.0, 3.0, 31))
+    q, omega, _ = BLENDING(keys=keys, times="uniform").evaluate(np.linspace(0.0, 3.0, 31))
     assert np.abs(q[:, 2:]).max() < 1e-14
     assert np.abs(omega[:, 0][:10] - 0.4).max() < 1e-13
 
@@ -47,8 +47,8 @@ def test_keyframes_on_a_great_circle_are_joined_by_it():
 def test_the_angle_of_the_notes_leaves_speed_jumps_of_half_the_speed():
     rng = np.random.default_rng(3)
     keys = exp(np.cumsum(rng.normal(scale=0.6, size=(8, 3)), axis=0))
-    assert speed_jump(BLENDING(keys=keys)) > 0.2
-    assert speed_jump(BLENDING(keys=keys, param="quadratic")) < 1e-12
+    assert speed_jump(BLENDING(keys=keys, times="uniform")) > 0.2
+    assert speed_jump(BLENDING(keys=keys, times="uniform", param="quadratic")) < 1e-12
 
 
 @pytest.mark.parametrize(("first", "second"), [(1, 2), (1, 3), (2, 3)])
@@ -56,7 +56,7 @@ def test_a_circle_through_keyframes_that_are_the_same_is_refused(random_keys, fi
     keys = random_keys(5)
     keys[second] = -keys[first]
     with pytest.raises(ValueError, match=rf"keys\[{first}\] and keys\[{second}\] the same"):
-        BLENDING(keys=keys)
+        BLENDING(keys=keys, times="uniform")
 
 
 def test_the_shoulder_points_of_the_reference_are_found(golden):
@@ -69,7 +69,7 @@ def test_the_shoulder_points_of_the_reference_are_found(golden):
 
 def test_shoulder_points_are_on_both_tangent_planes_and_one_line(random_keys):
     keys = random_keys(6)
-    m = ARCS(keys=keys, require_positive=False).shoulders
+    m = ARCS(keys=keys, times="uniform", require_positive=False).shoulders
     assert np.abs(np.sum(m * keys[:-1], axis=1) - 1.0).max() < 1e-12
     assert np.abs(np.sum(m * keys[1:], axis=1) - 1.0).max() < 1e-12
     for before, key, after in zip(m[:-1], keys[1:-1], m[1:], strict=True):
@@ -77,21 +77,21 @@ def test_shoulder_points_are_on_both_tangent_planes_and_one_line(random_keys):
 
 
 def test_each_segment_is_an_arc_of_a_circle(random_keys):
-    curve = ARCS(keys=random_keys(4), require_positive=False)
+    curve = ARCS(keys=random_keys(4), times="uniform", require_positive=False)
     for i in range(3):
         q = curve.evaluate(np.linspace(i, i + 0.999, 20))[0]
         assert np.linalg.matrix_rank(q - q[0], tol=1e-11) == 2
 
 
 def test_smooth_samples_have_arcs_without_negative_weights():
-    curve = ARCS(keys=smooth_keys(30))
+    curve = ARCS(keys=smooth_keys(30), times="uniform")
     assert curve.weights.min() > 0.9
 
 
 def test_keyframes_that_leave_no_first_tangent_are_said_to(random_keys):
     with pytest.raises(PlanError, match=r"weight .* negative"):
-        ARCS(keys=random_keys(20))
-    assert ARCS(keys=random_keys(20), require_positive=False).weights.min() < 0.0
+        ARCS(keys=random_keys(20), times="uniform")
+    assert ARCS(keys=random_keys(20), times="uniform", require_positive=False).weights.min() < 0.0
 
 
 @pytest.mark.parametrize("criterion", [13, 14])
@@ -106,11 +106,12 @@ def test_no_random_first_shoulder_is_better_than_the_one_found(random_keys, crit
         middles = (keys[:-1] + keys[1:] + 2 * w[:, None] * m) / (2 + 2 * w[:, None])
         return np.sum((middles - m) ** 2)
 
-    best = ARCS(keys=keys, criterion=criterion)
+    best = ARCS(keys=keys, times="uniform", criterion=criterion)
     assert best.weights.min() > 0.0
     rng = np.random.default_rng(1)
     others = [
-        ARCS(keys=keys, M1=best.shoulders[0] + rng.normal(scale=0.3, size=4)) for _ in range(200)
+        ARCS(keys=keys, times="uniform", M1=best.shoulders[0] + rng.normal(scale=0.3, size=4))
+        for _ in range(200)
     ]
     possible = [other for other in others if other.weights.min() > 0.0]
     assert len(possible) > 20
@@ -131,24 +132,24 @@ def test_the_reparametrisation_makes_the_speed_continuous(random_keys):
 @pytest.mark.parametrize("a1", [0.0, -1.0, "even", np.inf])
 def test_a_ratio_that_is_not_positive_is_refused_by_name(random_keys, a1):
     with pytest.raises(ValueError, match=r"^a1 must be"):
-        ARCS(keys=random_keys(3), a1=a1)
+        ARCS(keys=random_keys(3), times="uniform", a1=a1)
 
 
 @pytest.mark.parametrize("criterion", [12, "13", True])
 def test_a_criterion_that_is_none_is_refused_by_name(random_keys, criterion):
     with pytest.raises(ValueError, match=r"^criterion must be 13 or 14"):
-        ARCS(keys=random_keys(3), criterion=criterion)
+        ARCS(keys=random_keys(3), times="uniform", criterion=criterion)
 
 
 def test_neighbours_that_are_the_same_are_refused(random_keys):
     keys = random_keys(4)
     keys[2] = keys[1]
     with pytest.raises(ValueError, match=r"keys\[1\] and keys\[2\] the same"):
-        ARCS(keys=keys)
+        ARCS(keys=keys, times="uniform")
 
 
 def test_a_shoulder_given_for_the_other_signs_is_the_same_shoulder(random_keys):
     keys = random_keys(4)
     m = 1.3 * slerp(keys[0], keys[1], 0.4) + 0.1
-    one, other = ARCS(keys=keys, M1=m), ARCS(keys=-keys, M1=m)
+    one, other = ARCS(keys=keys, times="uniform", M1=m), ARCS(keys=-keys, times="uniform", M1=m)
     assert angle(one.evaluate([1.7])[0], other.evaluate([1.7])[0])[0] < 1e-13

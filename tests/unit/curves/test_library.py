@@ -84,7 +84,7 @@ def test_turns_are_one_name(name):
 def test_turns_are_refused_by_a_family_that_has_none():
     with pytest.raises(ValueError, match="cannot make whole turns"):
         made("squad", turns=[1, 0, 0, 0])
-    with pytest.raises(ValueError, match="turns must be 4 whole numbers"):
+    with pytest.raises(ValueError, match="turns must be a list of 4 whole numbers"):
         made("c2_cumulative", start_velocity=[0, 0, 0], turns=[1, 0])
 
 

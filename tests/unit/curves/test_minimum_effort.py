@@ -94,9 +94,9 @@ def test_more_spans_take_less_effort_and_two_less_than_none(random_keys, step_de
 
 def test_ten_keyframes_of_170_degrees_take_less_than_a_hundredth_more_than_the_optimum(random_keys):
     keys = random_keys(10, np.radians(170.0), seed=3)
-    least = effort(METHODS["min_acceleration"](keys=keys))
-    assert effort(LEAST(keys=keys)) < 1.01 * least
-    assert effort(LEAST(keys=keys, spans=3)) < 1.005 * least
+    least = effort(METHODS["min_acceleration"](keys=keys, times="uniform"))
+    assert effort(LEAST(keys=keys, times="uniform")) < 1.01 * least
+    assert effort(LEAST(keys=keys, times="uniform", spans=3)) < 1.005 * least
 
 
 @pytest.mark.parametrize("inertia", [None, INERTIA], ids=["acceleration", "torque"])
@@ -159,7 +159,10 @@ def test_the_same_moment_about_every_axis_is_like_none(random_keys):
 
 def test_principal_moments_are_a_diagonal_matrix(random_keys):
     keys = random_keys(5)
-    pair = [LEAST(keys=keys, inertia=given) for given in ([1, 2, 3], np.diag([1.0, 2.0, 3.0]))]
+    pair = [
+        LEAST(keys=keys, times="uniform", inertia=given)
+        for given in ([1, 2, 3], np.diag([1.0, 2.0, 3.0]))
+    ]
     assert np.array_equal(pair[0].increments, pair[1].increments)
 
 
@@ -188,7 +191,7 @@ def test_velocity_and_acceleration_at_both_ends_of_one_interval(random_keys):
     given = {"alpha_start": [3.0, 0.0, -1.0], "alpha_end": [0.0, 2.0, 0.0]}
     ends = {**ENDS, **given, "start": "state", "end": "state"}
     keys = random_keys(2)
-    _, omega, alpha = LEAST(keys=keys, **ends, spans=3).evaluate([0.0, 1.0])
+    _, omega, alpha = LEAST(keys=keys, times="uniform", **ends, spans=3).evaluate([0.0, 1.0])
     assert np.abs(omega - [ENDS["omega_start"], ENDS["omega_end"]]).max() < 1e-12
     assert np.abs(alpha - list(given.values())).max() < 1e-11
 
@@ -215,9 +218,9 @@ def test_it_is_as_smooth_at_the_keyframes_as_asked(random_keys, order, smoothnes
 def test_a_fast_end_coasts_instead_of_winding_back(random_keys, seed):
     keys = random_keys(5, seed=seed)
     ends = {**ENDS, "omega_start": [0.0, 0.0, 20.0], "omega_end": [-16.0, 12.0, 0.0]}
-    curve = LEAST(keys=keys, **ends)
+    curve = LEAST(keys=keys, times="uniform", **ends)
     assert angle(curve.evaluate(np.arange(5.0))[0], keys).max() < 1e-9
-    assert effort(curve) < 0.7 * effort(C2(keys=keys, **ends))
+    assert effort(curve) < 0.7 * effort(C2(keys=keys, times="uniform", **ends))
 
 
 @pytest.mark.parametrize("speed", [8.0, 16.0])
@@ -270,4 +273,4 @@ def test_one_short_interval_among_long_ones_is_met(random_keys):
 )
 def test_what_is_not_as_said_is_refused_by_name(random_keys, given, said):
     with pytest.raises(ValueError, match=said):
-        LEAST(keys=random_keys(3), **given)
+        LEAST(keys=random_keys(3), times="uniform", **given)

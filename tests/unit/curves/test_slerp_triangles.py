@@ -78,7 +78,7 @@ def test_catmull_rom_about_one_axis_is_barry_and_goldmans():
 
 def test_catmull_rom_is_schlags_printed_program(random_keys):
     keys = random_keys(4)
-    curve = METHODS["schlag_catmull_rom"](keys=keys)
+    curve = METHODS["schlag_catmull_rom"](keys=keys, times="uniform")
     q = curve.evaluate([1.3])[0][0]
     t = 0.3
     q10 = slerp(keys[0], keys[1], t + 1.0)
@@ -121,8 +121,10 @@ def test_de_casteljau_is_not_the_cumulative_bezier_curve(degree, largest):
 def test_a_third_makes_shoemakes_speed_that_of_the_neighbours(random_keys):
     keys = random_keys(5, 0.02)
     across = 2.0 * log_half(multiply(conjugate(keys[:-2]), keys[2:])) / 2.0
-    third = METHODS["shoemake_bezier"](keys=keys).evaluate([1.0, 2.0, 3.0])[1]
-    whole = METHODS["shoemake_bezier"](keys=keys, s=1.0).evaluate([1.0, 2.0, 3.0])[1]
+    third = METHODS["shoemake_bezier"](keys=keys, times="uniform").evaluate([1.0, 2.0, 3.0])[1]
+    whole = METHODS["shoemake_bezier"](keys=keys, times="uniform", s=1.0).evaluate([1.0, 2.0, 3.0])[
+        1
+    ]
     assert np.abs(third - across).max() < 1e-2 * np.abs(across).max()
     assert np.abs(whole - 3.0 * third).max() < 1e-12
 
@@ -130,7 +132,7 @@ def test_a_third_makes_shoemakes_speed_that_of_the_neighbours(random_keys):
 @pytest.mark.parametrize("s", [0.0, -0.1, 1.5, "1/0", "third", np.nan])
 def test_a_shortening_that_is_none_is_refused_by_name(random_keys, s):
     with pytest.raises(ValueError, match=r"^s must be"):
-        METHODS["shoemake_bezier"](keys=random_keys(3), s=s)
+        METHODS["shoemake_bezier"](keys=random_keys(3), times="uniform", s=s)
 
 
 @pytest.mark.parametrize("name", ["shoemake_bezier", "bezier_catmull_rom"])
@@ -151,7 +153,10 @@ def test_the_two_catmull_rom_curves_are_one_about_one_axis_only(random_keys):
     times = np.linspace(0.0, 4.0, 81)
 
     def largest(keys):
-        pair = [METHODS[name](keys=keys) for name in ("bezier_catmull_rom", "schlag_catmull_rom")]
+        pair = [
+            METHODS[name](keys=keys, times="uniform")
+            for name in ("bezier_catmull_rom", "schlag_catmull_rom")
+        ]
         return angle(*(curve.evaluate(times)[0] for curve in pair)).max()
 
     assert largest(about_one_axis([0.0, 0.3, 0.8, 0.2, 0.5])) < 1e-14
@@ -163,7 +168,7 @@ def test_squad_has_the_usual_inner_points_for_equal_intervals(random_keys):
     inverse = conjugate(keys[1:-1])
     ahead, behind = (log_half(multiply(inverse, side)) for side in (keys[2:], keys[:-2]))
     inner = multiply(keys[1:-1], exp_half(-0.25 * (ahead + behind)))
-    q = METHODS["squad"](keys=keys).evaluate([1.5])[0][0]
+    q = METHODS["squad"](keys=keys, times="uniform").evaluate([1.5])[0][0]
     expected = slerp(slerp(keys[1], keys[2], 0.5), slerp(inner[0], inner[1], 0.5), 0.5)
     assert angle(q, expected) < 1e-14
 

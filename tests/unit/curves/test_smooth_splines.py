@@ -68,7 +68,7 @@ def test_natural_ends_have_no_acceleration(random_keys, family):
 )
 def test_ends_that_do_not_go_with_what_is_given_are_refused(random_keys, family, given, said):
     with pytest.raises(ValueError, match=said):
-        family(keys=random_keys(3), **given)
+        family(keys=random_keys(3), times="uniform", **given)
 
 
 @pytest.mark.parametrize("step_deg", [20.0, 100.0, 175.0])
@@ -100,16 +100,18 @@ def test_two_natural_ends_are_joined_by_the_great_arc(random_keys):
 def test_a_fast_end_coasts_instead_of_winding_back(random_keys, seed):
     keys = random_keys(5, seed=seed)
     ends = {**ENDS, "omega_start": [0.0, 0.0, 20.0], "omega_end": [-16.0, 12.0, 0.0]}
-    curve = LEAST(keys=keys, **ends)
+    curve = LEAST(keys=keys, times="uniform", **ends)
     assert angle(curve.evaluate(np.arange(5.0))[0], keys).max() < 1e-10
-    assert effort(curve) < 0.7 * effort(C2(keys=keys, **ends))
+    assert effort(curve) < 0.7 * effort(C2(keys=keys, times="uniform", **ends))
 
 
 def test_orders_above_four_have_two_conditions_at_each_end(random_keys):
     keys = random_keys(5)
     given = {**ENDS, "alpha_start": [3.0, 0.0, -1.0]}
     for order in (5, 6):
-        _, omega, alpha = HIGHER(keys=keys, order=order, **given).evaluate([0.0, 4.0])
+        _, omega, alpha = HIGHER(keys=keys, times="uniform", order=order, **given).evaluate(
+            [0.0, 4.0]
+        )
         assert np.abs(omega - [ENDS["omega_start"], ENDS["omega_end"]]).max() < 1e-12
         assert np.abs(alpha - [[3.0, 0.0, -1.0], [0.0, 0.0, 0.0]]).max() < 1e-11
 
@@ -153,7 +155,7 @@ def test_order_four_is_the_default_family(random_keys):
 @pytest.mark.parametrize("step_deg", [120.0, 170.0])
 def test_every_order_reaches_large_steps(random_keys, order, step_deg):
     keys = random_keys(10, np.radians(step_deg), seed=3)
-    curve = HIGHER(keys=keys, order=order)
+    curve = HIGHER(keys=keys, times="uniform", order=order)
     assert angle(curve.evaluate(np.arange(10.0))[0], keys).max() < 1e-12
 
 
@@ -173,13 +175,13 @@ def test_fast_ends_of_a_high_order_gather_no_turns_that_lead_nowhere():
 @pytest.mark.parametrize("order", [2, 7, 4.5, "6"])
 def test_an_order_that_is_none_is_refused_by_name(random_keys, order):
     with pytest.raises(ValueError, match=r"^order must be"):
-        HIGHER(keys=random_keys(3), order=order)
+        HIGHER(keys=random_keys(3), times="uniform", order=order)
 
 
 def test_an_acceleration_is_refused_where_there_is_no_condition_for_it(random_keys):
     given = {"start": "clamped", "omega_start": [0, 0, 1], "alpha_start": [0, 0, 1]}
     with pytest.raises(ValueError, match="alpha_start must be None for order 4"):
-        HIGHER(keys=random_keys(3), order=4, **given)
+        HIGHER(keys=random_keys(3), times="uniform", order=4, **given)
 
 
 def test_a_search_that_does_not_end_says_so(random_keys):
@@ -191,4 +193,4 @@ def test_a_search_that_does_not_end_says_so(random_keys):
 def test_a_step_of_a_whole_turn_is_refused(random_keys):
     keys = np.array([exp([0.1, 0.2, 0.3]), -exp([0.1, 0.2, 0.3])])
     with pytest.raises(ValueError, match="less than a whole turn"):
-        VECTOR(keys=keys, align=False)
+        VECTOR(keys=keys, times="uniform", align=False)

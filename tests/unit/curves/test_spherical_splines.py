@@ -14,7 +14,7 @@ QUADRATIC, HEILAND = METHODS["spherical_quadratic"], METHODS["nielson_heiland"]
 
 def test_shoulders_of_equal_intervals_are_reflections_in_the_keyframes(random_keys):
     keys = random_keys(6)
-    m = QUADRATIC(keys=keys).shoulders
+    m = QUADRATIC(keys=keys, times="uniform").shoulders
     reflected = 2.0 * np.sum(m[:-1] * keys[1:-1], axis=1, keepdims=True) * keys[1:-1] - m[:-1]
     assert np.abs(m[1:] - reflected).max() < 1e-13
 
@@ -73,7 +73,7 @@ def test_the_spherical_bspline_has_no_acceleration_at_its_ends(random_keys):
 @pytest.mark.parametrize("seed", range(20))
 def test_the_spherical_bspline_meets_keyframes_up_to_135_degrees_apart(random_keys, seed):
     keys = random_keys(10, np.radians(135.0), seed)
-    curve = HEILAND(keys=keys)
+    curve = HEILAND(keys=keys, times="uniform")
     assert angle(curve.evaluate(curve.knots)[0], keys).max() < 1e-12
 
 
@@ -82,7 +82,7 @@ def test_a_spherical_bspline_that_is_not_found_is_said_not_to_be(random_keys):
     for seed in range(8):
         keys = random_keys(10, np.radians(175.0), seed)
         try:
-            curve = HEILAND(keys=keys)
+            curve = HEILAND(keys=keys, times="uniform")
         except PlanError as error:
             assert "misses one" in str(error)  # noqa: PT017 - either outcome is right
         else:
@@ -109,7 +109,10 @@ def test_tension_makes_the_acceleration_jump_by_itself_times_the_velocity(random
 
 def test_without_tension_the_nu_spline_is_the_normalised_cubic(random_keys):
     keys, times = random_keys(6), np.linspace(0.0, 5.0, 100)
-    one, other = METHODS["nu_spline"](keys=keys), METHODS["normalized_cubic"](keys=keys)
+    one, other = (
+        METHODS["nu_spline"](keys=keys, times="uniform"),
+        METHODS["normalized_cubic"](keys=keys, times="uniform"),
+    )
     assert one.continuity == 2
     for a, b in zip(one.evaluate(times), other.evaluate(times), strict=True):
         assert np.array_equal(a, b)
@@ -118,11 +121,11 @@ def test_without_tension_the_nu_spline_is_the_normalised_cubic(random_keys):
 @pytest.mark.parametrize("nu", [-1.0, [1.0, 2.0], "tight", [1.0, 2.0, -3.0], np.nan])
 def test_a_tension_that_is_none_is_refused_by_name(random_keys, nu):
     with pytest.raises(ValueError, match=r"^nu must be"):
-        METHODS["nu_spline"](keys=random_keys(3), nu=nu)
+        METHODS["nu_spline"](keys=random_keys(3), times="uniform", nu=nu)
 
 
 def test_a_spline_through_zero_is_said_to_have_no_direction():
     keys = [[1, 0, 0, 0], [-1, 0, 0, 0]]
-    curve = METHODS["normalized_cubic"](keys=keys, align=False)
+    curve = METHODS["normalized_cubic"](keys=keys, times="uniform", align=False)
     with pytest.raises(PlanError, match=r"passes through zero at t = 0\.5"):
         curve.evaluate([0.25, 0.5])
