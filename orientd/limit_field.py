@@ -1,4 +1,4 @@
-"""Limits as files write them: one number for a norm, or three for the components in the body frame.
+"""Limits in the tables of the configuration; see :func:`.plain_values.angular_rate`.
 
 >>> from pydantic import TypeAdapter
 >>> TypeAdapter(AngularLimit).validate_python([2, 1, 3])
@@ -7,46 +7,28 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, Any
 
 from pydantic import Field, PlainValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
-_TRIPLE = "three finite numbers greater than 0, for the body's x, y and z axes"
+from orientd.plain_values import angular_rate
 
 
-def check_angular_limit(content: object) -> float | tuple[float, float, float]:
-    """Return a limit or three of them.
-
-    Raises:
-        PydanticCustomError: *content* is neither; the message says what was expected.
-    """
-    if isinstance(content, list | tuple):
-        try:
-            x, y, z = map(_number, content)
-        except (PydanticCustomError, ValueError):
-            raise PydanticCustomError("angular_limit", _TRIPLE) from None
-        return x, y, z
-    return _number(content)
-
-
-def _number(content: object) -> float:
-    # The kinds are pydantic's own for a single number, so that the complaints read alike.
-    if isinstance(content, bool) or not isinstance(content, int | float):
-        raise PydanticCustomError("float_type", "a number")
-    if not math.isfinite(content):
-        raise PydanticCustomError("finite_number", "a finite number")
-    if not content > 0.0:
-        raise PydanticCustomError("greater_than", "greater than 0")
-    return float(content)
+def _angular_limit(content: object) -> float | tuple[float, float, float]:
+    try:
+        return angular_rate(content)
+    except ValueError as error:
+        # As pydantic words it for the other numbers of a table.
+        expected = str(error).replace("a number greater", "greater")
+        raise PydanticCustomError("limit", "{expected}", {"expected": expected}) from None
 
 
 _POSITIVE: dict[str, Any] = {"type": "number", "exclusiveMinimum": 0}
 
 AngularLimit = Annotated[
     float | tuple[float, float, float],
-    PlainValidator(check_angular_limit),
+    PlainValidator(_angular_limit),
     WithJsonSchema(
         {
             "anyOf": [

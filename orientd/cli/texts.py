@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from orientd.planner import ANGULAR, AXES, Rate
-from orientd.rpc import DeviceReport, Outcome, Plan, Statistics, Summary
+from orientd.rpc import DeviceReport, Outcome, Plan, Statistics, Summary, titled
 from orientd.stream import State
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ def certificate(of: Certificate) -> list[str]:
 
 def summary(of: Summary, plan: Plan) -> list[str]:
     """Return how a motion went, line by line."""
-    lines = [f"motion {of.motion_number}: {ending(of)}"]
+    lines = [f"motion {titled(of.motion_number, plan.name)}: {ending(of)}"]
     if of.statistics is not None:
         lines += [f"  {line}" for line in statistics(of.statistics, plan)]
     if of.settled_after is not None:
@@ -184,7 +184,5 @@ def motion(device: DeviceReport) -> str:
     """Return which motion a device runs, or ran last."""
     if device.motion_number == 0:
         return "none yet"
-    return (
-        f"{device.motion_number}: {device.path_time:.3f} of {device.duration:.3f} s, "
-        f"speed {device.speed:g}"
-    )
+    of = titled(device.motion_number, device.motion_name)
+    return f"{of}: {device.path_time:.3f} of {device.duration:.3f} s, speed {device.speed:g}"

@@ -23,7 +23,7 @@ from orientd.daemon.observe import about
 from orientd.daemon.planners import Order, PlannedMotion
 from orientd.errors import DeadlineError, LateError, NotYetError, StartError, StateError
 from orientd.floats import difference, norm
-from orientd.rpc import MoveTiming
+from orientd.rpc import MoveTiming, titled
 from orientd.stream import UNKNOWN
 
 if TYPE_CHECKING:
@@ -236,15 +236,17 @@ class MotionStarter:
             is_owned=lambda: self._is_held(token),
             start_ns=start_ns,
         )
+        name = motion.facts.name if motion is not None else ""
         _log.info(
-            "%s: motion %d is commanded by %r",
+            "%s: motion %s is commanded by %r",
             device.name,
-            run.number,
+            titled(run.number, name),
             lease.holder,
             extra=about(
                 device=device.name,
                 motion=run.number,
                 motion_id=motion.id if motion is not None else "",
+                motion_name=name,
                 identity=lease.owner,
                 planned_duration=motion.facts.duration if motion is not None else None,
             ),

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from orientd.planner.blending import blend
     from orientd.planner.certify.certificate import Certificate, Peak
     from orientd.planner.device_planner import DevicePlanner
-    from orientd.planner.limits import ANGULAR, AXES, DEFAULT_LIMITS, NO_AXES, Limits, Rate
+    from orientd.planner.limits import ANGULAR, AXES, DEFAULT_LIMITS, NO_AXES, UNITS, Limits, Rate
     from orientd.planner.methods import check_method, curve_of
     from orientd.planner.motion import Motion
     from orientd.planner.path.path import Samples
@@ -27,7 +27,14 @@ if TYPE_CHECKING:
     from orientd.planner.presets import PRESETS
     from orientd.planner.recorded import HISTORY, Joints, MotionFacts, RecordedMotion
     from orientd.planner.replay import plan_as_recorded, replay_request
-    from orientd.planner.request import DEFAULT_METHOD, Keyframe, MotionRequest, State, Vector3
+    from orientd.planner.request import (
+        DEFAULT_METHOD,
+        Keyframe,
+        MotionRequest,
+        Quaternion,
+        State,
+        Vector3,
+    )
     from orientd.planner.task import distinct, task_of
 
 __getattr__ = lazily(__name__)

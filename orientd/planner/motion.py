@@ -142,6 +142,7 @@ class Motion:
         passed = self.keyframe_times[self.keyframe_times < self.end_time - _SAME]
         return MotionFacts(
             id=self.id,
+            name=request.name,
             period=self.period,
             record_count=self.record_count,
             duration=self.duration,

@@ -44,7 +44,8 @@ class MotionFacts:
     """What there is to know of a motion besides its records.
 
     Attributes:
-        id: names it.
+        id: identifies it.
+        name: what people call it; empty where they do not.
         period: path time from one record to the next, s.
         record_count: number of records; the last one is at rest.
         duration: path time from hold to hold, s.
@@ -64,6 +65,7 @@ class MotionFacts:
     """
 
     id: str
+    name: str
     period: float
     record_count: int
     duration: float

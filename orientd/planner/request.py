@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from orientd.curves import is_same
 from orientd.errors import RequestError
 from orientd.planner.limits import Limits
-from orientd.rotation import Floats, check_unit, conjugate, rotate
+from orientd.rotation import ROUNDING, Floats, check_unit, conjugate, rotate
 from orientd.tolerances import NORM_TOLERANCE
 
 MOST_TURNS = 1000
@@ -28,6 +28,9 @@ FARTHEST = 1e12
 
 _FEW = 3
 """Keyframes that a request may have to be shown in full."""
+
+LONGEST_NAME = 80
+"""Characters."""
 
 DEFAULT_METHOD = "c2_cumulative"
 
@@ -122,6 +125,7 @@ class MotionRequest:
             device.
         duration: ``"minimum"`` runs along the method's curve as quickly as the limits permit
             at every point of it; ``None`` keeps the method's own timing.
+        name: what people call the motion, in reports and logs; at most 80 printable characters.
         keys: the orientations, unit to rounding, shape ``(n, 4)``.
         times: the keyframes' times in seconds, shape ``(n,)``, or ``None``.
         positions: shape ``(n, 3)``, not a number where a keyframe has none; or ``None``.
@@ -141,6 +145,7 @@ class MotionRequest:
     options: Mapping[str, Any] = field(default_factory=dict)
     device_options: Mapping[str, Any] = field(default_factory=dict)
     duration: Duration | None = None
+    name: str = ""
 
     keys: Floats = field(init=False, repr=False)
     times: Floats | None = field(init=False, repr=False)
@@ -160,6 +165,9 @@ class MotionRequest:
             )
         if self.duration not in (None, "minimum"):
             raise RequestError("duration", f"expected 'minimum', got {self.duration!r}")
+        if len(self.name) > LONGEST_NAME or not self.name.isprintable():
+            expected = f"expected at most {LONGEST_NAME} printable characters"
+            raise RequestError("name", f"{expected}, got {len(self.name)}: {self.name[:20]!r}")
         for name in ("start_velocity", "end_velocity"):
             velocity = getattr(self, name)
             if velocity is not None:
@@ -267,15 +275,17 @@ def _vector(components: ArrayLike, name: str) -> Vector3:
 
 def _orientations(keyframes: Sequence[Keyframe]) -> Floats:
     keys = _table([k.q for k in keyframes], 4, "quaternion", "four numbers w, x, y, z")
-    norm = np.sqrt(np.einsum("ij,ij->i", keys, keys))
-    wrong = np.abs(norm - 1.0) > NORM_TOLERANCE
-    if wrong.any():
-        index = int(np.argmax(wrong))
+    norm = np.sqrt(np.sum(keys * keys, axis=-1))
+    error = np.abs(norm - 1.0)
+    largest = float(error.max())
+    if largest > NORM_TOLERANCE:
+        index = int(np.argmax(error > NORM_TOLERANCE))
         raise RequestError(
             f"keyframes[{index}].quaternion",
             f"norm must be 1 within {NORM_TOLERANCE:g}, got {norm[index]:.9g}",
         )
-    return check_unit(keys)
+    # What is unit to rounding stays as it is; that is the rule of check_unit.
+    return keys if largest <= ROUNDING else check_unit(keys)
 
 
 def _table(rows: Sequence[Any], width: int, name: str, expected: str) -> Floats:

@@ -28,6 +28,7 @@ from numpy.typing import ArrayLike
 
 from orientd.recorder.cycle_table import Table
 from orientd.rpc import control_pb2 as pb
+from orientd.rpc import titled
 
 WORLD = "world"
 _NANOSECONDS = 1_000_000_000
@@ -135,7 +136,8 @@ def event_shown(event: pb.Event, offset_ns: int) -> Iterator[Shown]:
     elif event.kind in _WARNINGS:
         level = Log.WARNING
     kind = pb.EventKind.Name(event.kind).removeprefix("EVENT_KIND_").replace("_", " ").lower()
-    number = f" {event.motion_number}" if event.motion_number else ""
+    motion = titled(event.motion_number, event.motion.name)
+    number = f" {motion}" if event.motion_number else ""
     text = f": {event.text}" if event.text else ""
     yield (
         "/log",

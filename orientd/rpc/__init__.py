@@ -30,9 +30,11 @@ if TYPE_CHECKING:
         Statistics,
         Summary,
         TrackReport,
+        titled,
     )
     from orientd.rpc.urgent import begin_call, read_answer, text_fields
-    from orientd.rpc.wire.motion import from_request, limits_to_wish, to_mapping
+    from orientd.rpc.wire.limits import limits_to_wish
+    from orientd.rpc.wire.motion import from_request, to_request
     from orientd.rpc.wire.move import (
         plan_to_message,
         progress_to_message,

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from orientd import motion_file
 from orientd.errors import RequestError
+from orientd.plain_values import to_plain
 from orientd.planner import MotionRequest
 from orientd.rotation import Quaternion, is_rotation
 
@@ -42,6 +43,7 @@ class Wishes(TypedDict, total=False):
             point of it; without *times*.
         options: of the method.
         device_options: of the device's driver, for this motion.
+        name: what to call the motion in reports and logs.
     """
 
     times: ArrayLike
@@ -55,6 +57,7 @@ class Wishes(TypedDict, total=False):
     duration: Literal["minimum"]
     options: Mapping[str, Any]
     device_options: Mapping[str, Any]
+    name: str
 
 
 def motion_request(
@@ -72,7 +75,7 @@ def motion_request(
     """
     if isinstance(keyframes, MotionRequest):
         return keyframes
-    mapping = {key: plain(wish) for key, wish in wishes.items() if wish is not None}
+    mapping = {key: to_plain(wish) for key, wish in wishes.items() if wish is not None}
     columns = {key: mapping.pop(key, None) for key in ("times", "positions")}
     mapping["keyframes"] = keyframe_mappings(keyframes, **columns)
     return motion_file.parse(mapping)
@@ -111,26 +114,13 @@ def keyframe_mappings(
         for k, (mapping, entry) in enumerate(zip(mappings, column, strict=True)):
             if mapping.get(key) is not None:
                 raise RequestError(f"keyframes[{k}].{key}", f"given twice, in {key}s too")
-            mapping[key] = plain(entry)
+            mapping[key] = to_plain(entry)
     return mappings
-
-
-def plain(content: object) -> Any:  # noqa: ANN401 - whatever a motion file holds
-    """Return *content* with NumPy's arrays and numbers, and tuples, turned into plain ones."""
-    if isinstance(content, np.ndarray | np.generic):
-        return content.tolist()
-    if isinstance(content, Quaternion):
-        return {part: plain(getattr(content, part)) for part in "wxyz"}
-    if isinstance(content, Mapping):
-        return {key: plain(inner) for key, inner in content.items()}
-    if isinstance(content, list | tuple):
-        return [plain(inner) for inner in content]
-    return content
 
 
 def _mapping(keyframe: object, place: str) -> dict[str, Any]:
     if isinstance(keyframe, Mapping):
-        return {str(key): plain(content) for key, content in keyframe.items()}
+        return {str(key): to_plain(content) for key, content in keyframe.items()}
     if isinstance(keyframe, Quaternion):
         parts = {part: getattr(keyframe, part) for part in "wxyz"}
     elif is_rotation(keyframe):
@@ -147,5 +137,5 @@ def _mapping(keyframe: object, place: str) -> dict[str, Any]:
 
 
 def _number(part: object) -> object:
-    part = plain(part)
+    part = to_plain(part)
     return float(part) if isinstance(part, int) and not isinstance(part, bool) else part

@@ -20,6 +20,15 @@ Outline = tuple["Floats", ...]
 """A device's shape: lines from point to point in the world, m, each of shape ``(n, 3)``."""
 
 
+def titled(number: int, name: str) -> str:
+    """Return what to call a motion: its number, and its name where it has one.
+
+    >>> titled(3, ""), titled(3, "pick")
+    ('3', "3 'pick'")
+    """
+    return f"{number} {name!r}" if name else str(number)
+
+
 class Outcome(Enum):
     """How a motion ended."""
 
@@ -63,6 +72,7 @@ class Plan:
         keyframe_times: when each of them is reached.
         certificate: what was computed of it before any of it is sent.
         samples: the motion itself, where it was asked for.
+        name: what its request calls it; empty where it does not.
     """
 
     motion_id: str
@@ -72,6 +82,7 @@ class Plan:
     keyframe_times: tuple[float, ...]
     certificate: Certificate
     samples: Samples | None = None
+    name: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,6 +280,7 @@ class DeviceReport:
         lead: how long before its time each setpoint is sent, s; 0 for a device that is not led.
             What the newest cycle sent is where the device is to be a lead from now.
         phase: where in a period of the monotonic clock its cycles begin, as a share of it.
+        motion_name: what the newest motion's request calls it; empty where it does not.
     """
 
     name: str
@@ -290,6 +302,7 @@ class DeviceReport:
     cycle: Cycle | None
     lead: float = 0.0
     phase: float = 0.0
+    motion_name: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,6 @@ from orientd.stream.records import (
     CycleFlag,
     Note,
     NoteKind,
-    PathFlag,
     State,
     Terms,
     pack_note,

@@ -55,15 +55,9 @@ class Answer(IntEnum):
     """The speed is changing."""
 
 
-class PathFlag(IntEnum):
-    """Bits of a path record's flags."""
-
-    LAST = 1
-
-
-# index, path_time_ns, flags, motion | q(4) omega(3) alpha(3) position(3) velocity(3)
-PATH_RECORD = struct.Struct("@QqII16d")
+# index | q(4) omega(3) alpha(3) position(3) velocity(3)
 PATH_FLOATS = 16
+PATH_RECORD = struct.Struct(f"@Q{PATH_FLOATS}d")
 
 # index, deadline_ns, lateness_ns, work_ns, feedback_time_ns, path_index |
 # state, fault, motion, flags, overruns, missed |

@@ -6,7 +6,7 @@ from html import escape
 
 from orientd.errors import Fault
 from orientd.planner import Certificate, Peak
-from orientd.rpc import DaemonReport, DeviceReport
+from orientd.rpc import DaemonReport, DeviceReport, titled
 from orientd.stream import State
 
 FAULTS = {
@@ -35,7 +35,8 @@ _STATES = {
 def state(device: DeviceReport) -> tuple[str, str, str]:
     """Return what a device is doing: a sign, a word, and what there is to add."""
     if device.state is State.STREAMING:
-        where = f"motion {device.motion_number}, {device.path_time:.1f} of {device.duration:.1f} s"
+        motion = titled(device.motion_number, device.motion_name)
+        where = f"motion {motion}, {device.path_time:.1f} of {device.duration:.1f} s"
         sign, word = ("Ⅱ", "Paused") if device.is_paused else ("▶", "Moving")
         speed = "" if device.speed == 1.0 else f", at {100.0 * device.speed:.0f} % speed"
         return sign, word, where + speed

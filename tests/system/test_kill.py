@@ -18,9 +18,9 @@ from harness import (
     until,
 )
 
-from orientd import motion_file, planner, rotation
+from orientd import planner, rotation
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.wire.motion import to_mapping
+from orientd.rpc.wire.motion import to_request
 
 RANDOM = random.Random(7)
 MOMENTS = [
@@ -32,7 +32,7 @@ MOMENTS = [
 def planned_path(daemon, request):
     """Return the motion as the daemon has planned it, from the loopback's first orientation."""
     return planner.plan(
-        motion_file.parse(to_mapping(request)),
+        to_request(request),
         start=planner.State.at_rest((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
         limits=planner.DEFAULT_LIMITS,
         period=daemon.period,

@@ -64,5 +64,26 @@ def test_the_story_of_a_motion_is_found_by_its_id(daemon):
     assert any(one.get("identity", "").startswith("user:") for one in told)
 
 
+def test_a_motion_is_called_by_its_name_in_reports_in_the_log_and_in_events(daemon):
+    motion = nudge(0.2)
+    motion.name = "fetch"
+    watching = daemon.stub.WatchEvents(pb.WatchEventsRequest())
+    next(watching)
+    daemon.move(motion)
+    assert daemon.started.plan.name == "fetch"
+    (report,) = daemon.stub.GetState(pb.GetStateRequest()).devices
+    assert (report.motion_name, report.motion_id) == ("fetch", daemon.started.plan.motion_id)
+    started = next(event for told in watching for event in told.events if event.HasField("motion"))
+    watching.cancel()
+    assert (started.motion.name, started.plan.name) == ("fetch", "fetch")
+
+    def story():
+        return [one for one in log(daemon) if one.get("motion_name") == "fetch"]
+
+    told = until(lambda: len(story()) >= 3 and story(), "the story")
+    assert [one["event"] for one in told if "event" in one] == ["motion started", "motion done"]
+    assert all(f"{report.motion_number} 'fetch'" in one["message"] for one in told)
+
+
 def test_no_secret_is_in_the_log(daemon):
     assert daemon.token not in (daemon.folder / "log").read_text()

@@ -133,7 +133,7 @@ def move(
     from orientd import motion_file
     from orientd.cli import texts
     from orientd.cli.shared_lease import shared
-    from orientd.rpc import connect
+    from orientd.rpc import connect, titled
 
     if blend and not queue:
         raise typer.BadParameter("needs --queue", param_hint="--blend")
@@ -156,10 +156,11 @@ def move(
             on_target=gate,
         )
         plan = handle.plan
+        motion = f"motion {titled(handle.motion_number, plan.name)}"
         summary = follow(
             handle,
-            title=f"motion {handle.motion_number}",
-            introduction=f"motion {handle.motion_number}: "
+            title=motion,
+            introduction=f"{motion}: "
             f"{texts.count(len(request.keyframes), 'keyframe')}, "
             f"{plan.duration:.3f} s with a lead-in of {plan.certificate.lead_in:.3f} s and a "
             f"lead-out of {plan.certificate.lead_out:.3f} s",

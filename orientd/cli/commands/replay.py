@@ -211,9 +211,9 @@ def _write(output: Path | None, request: MotionRequest) -> None:
     """
     if output is None:
         return
-    from orientd.rpc import from_request, to_mapping
+    from orientd import motion_file
 
-    mapping = to_mapping(from_request(request))
+    mapping = motion_file.written(request)
     try:
         output.write_text(json.dumps(mapping, indent=1) + "\n", encoding="utf-8")
     except OSError as error:

@@ -39,6 +39,7 @@ def device_report(device: Device) -> DeviceReport:
         cycle=now.cycle,
         lead=device.lead,
         phase=device.phase,
+        motion_name=now.motion.facts.name if now.motion else "",
     )
 
 

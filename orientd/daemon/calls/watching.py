@@ -12,7 +12,7 @@ from orientd.daemon.device import Device
 from orientd.daemon.supervised_device import TICK
 from orientd.errors import OrientdError
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc import cycle_to_message, daemon_to_message, limits_to_message, outline_to_messages
+from orientd.rpc import cycle_to_message, daemon_to_message, outline_to_messages
 from orientd.stream import CYCLE_RECORD
 
 _HEARINGS = 10
@@ -115,19 +115,8 @@ class WatchingCalls(Calls):
     ) -> pb.ListDevicesResponse:
         """List the devices."""
         del request, context
-        return pb.ListDevicesResponse(
-            devices=[
-                pb.Device(
-                    name=device.name,
-                    driver=device.driver,
-                    rate_hz=device.rate_hz,
-                    limits=limits_to_message(device.limits),
-                    lead=device.lead,
-                    phase=device.phase,
-                )
-                for device in self._cell.devices.values()
-            ]
-        )
+        reports = map(device_message, self._cell.devices.values())
+        return pb.ListDevicesResponse(devices=[report.device for report in reports])
 
 
 async def _with_reason(device: Device) -> pb.DeviceReport:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from orientd.daemon.devices import DeviceEvent, EventKind
 from orientd.daemon.observe import about
 from orientd.errors import Fault, OrientdError, StateError
-from orientd.rpc import Outcome
+from orientd.rpc import Outcome, titled
 from orientd.stream import UNKNOWN
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ class Runs:
         self._lock = threading.Lock()
         self._runs: dict[tuple[str, int], Run] = {}
         self._ends: dict[str, dict[int, Ended]] = {}
-        self._ids: dict[str, dict[int, str]] = {}
+        self._ids: dict[str, dict[int, tuple[str, str]]] = {}
         self._stops: dict[str, int] = {}
         self._reasons: dict[str, str] = {}
         self._timed: list[Run] = []
@@ -194,7 +194,8 @@ class Runs:
 
     def hear(self, event: DeviceEvent) -> None:
         """Note what a device reports; called from its own thread, or from within its start."""
-        number = f" {event.motion_number}" if event.motion_number else ""
+        motion_id, name = self._identity_of(event)
+        number = f" {titled(event.motion_number, name)}" if event.motion_number else ""
         ended = self._how(event)
         text = event.text if ended is None else ended[1]
         is_bad = event.kind in (EventKind.FAULT, EventKind.SERVO_DIED)
@@ -209,22 +210,23 @@ class Runs:
                 device=event.device,
                 event=event.kind.value,
                 motion=event.motion_number,
-                motion_id=self._id_of(event),
+                motion_id=motion_id,
+                motion_name=name,
                 outcome=ended[0].name.lower() if ended is not None else None,
             ),
         )
         if ended is not None:
             self._end(event, ended)
 
-    def _id_of(self, event: DeviceEvent) -> str:
-        """Return the id of the motion of *event*; empty where it is about none, or of a track."""
+    def _identity_of(self, event: DeviceEvent) -> tuple[str, str]:
+        """Return id and name of the motion of *event*; empty where there is none, or it tracks."""
         with self._lock:
             ids = self._ids.setdefault(event.device, {})
             if event.motion is not None:
-                ids[event.motion_number] = event.motion.id
+                ids[event.motion_number] = event.motion.id, event.motion.facts.name
                 while len(ids) > _KEPT_ENDS:
                     del ids[min(ids)]
-            return ids.get(event.motion_number, "")
+            return ids.get(event.motion_number, ("", ""))
 
     def _how(self, event: DeviceEvent) -> Ended | None:
         """Return how the motion of *event* ended; ``None`` where it did not by that."""

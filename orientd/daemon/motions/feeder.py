@@ -10,22 +10,13 @@ from numpy.typing import NDArray
 
 from orientd.planner import RecordedMotion
 from orientd.servo import FINAL_WORD, TAIL_WORD
-from orientd.stream import PATH_FLOATS, PathFlag, RecordRing
+from orientd.stream import PATH_FLOATS, RecordRing
 
 BLOCK = 512
 """Records copied at a time."""
 
 _MARGIN = 8
-_LAYOUT = np.dtype(
-    [
-        ("index", "u8"),
-        ("path_time_ns", "i8"),
-        ("flags", "u4"),
-        ("motion", "u4"),
-        ("floats", "f8", (PATH_FLOATS,)),
-    ],
-    align=True,
-)
+_LAYOUT = np.dtype([("index", "u8"), ("floats", "f8", (PATH_FLOATS,))], align=True)
 
 
 class Feeder:
@@ -33,26 +24,21 @@ class Feeder:
 
     Attributes:
         motion: what is fed.
-        number: of the motion.
         first_index: the ring's index of the motion's first record.
     """
 
-    def __init__(
-        self, ring: RecordRing, motion: RecordedMotion, number: int, *, read_ahead: int
-    ) -> None:
+    def __init__(self, ring: RecordRing, motion: RecordedMotion, *, read_ahead: int) -> None:
         """Begin behind whatever the ring holds.
 
         Args:
             ring: of path records.
             motion: to feed.
-            number: of the motion.
             read_ahead: how many records the ring may hold beyond the servo's; the rest of it is
                 kept for a motion that replaces this one.
         """
         self.motion = motion
         self.first_index = ring.head
         self._ring = ring
-        self.number = number
         self._fed = 0
         self._until = motion.facts.record_count
         self._read_ahead = read_ahead
@@ -116,14 +102,8 @@ class Feeder:
             self._ring.words[FINAL_WORD] = self.final_index + 1
 
     def _records(self, first: int, count: int) -> NDArray[np.void]:
-        motion = self.motion
-        floats = motion.records(first, count)
-        count = len(floats)
-        block = np.zeros(count, dtype=_LAYOUT)
-        block["index"] = np.arange(self._ring.head, self._ring.head + count)
-        block["path_time_ns"] = np.rint(np.arange(first, first + count) * motion.facts.period * 1e9)
-        block["motion"] = self.number
-        if count and first + count == motion.facts.record_count:
-            block["flags"][-1] = PathFlag.LAST
+        floats = self.motion.records(first, count)
+        block = np.empty(len(floats), dtype=_LAYOUT)
+        block["index"] = np.arange(self._ring.head, self._ring.head + len(floats))
         block["floats"] = floats
         return block

@@ -296,9 +296,7 @@ class Itinerary:
         self._add_meter(stage, after=self._meters.get(left.number))
 
     def _feeder(self, stage: Stage) -> Feeder:
-        feeder = Feeder(
-            self._link.memory.path, stage.motion, stage.number, read_ahead=self._read_ahead
-        )
+        feeder = Feeder(self._link.memory.path, stage.motion, read_ahead=self._read_ahead)
         if stage.leave is not None:
             feeder.leave_at(stage.leave)
         return feeder

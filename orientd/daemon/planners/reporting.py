@@ -36,6 +36,7 @@ def plan_of(motion: Motion) -> Plan:
         end_time=motion.end_time,
         keyframe_times=tuple(motion.keyframe_times.tolist()),
         certificate=motion.certificate,
+        name=motion.request.name,
     )
 
 

@@ -20,7 +20,6 @@ from typing import Any
 
 from google.protobuf.message import DecodeError
 
-from orientd import motion_file
 from orientd.daemon.planners import reporting
 from orientd.daemon.planners.jobs import (
     FIRST,
@@ -45,7 +44,7 @@ from orientd.driver import make_driver
 from orientd.errors import OrientdError, PlanError, RequestError
 from orientd.planner import DevicePlanner, Keyframe, Motion, MotionRequest, State
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc import to_mapping
+from orientd.rpc import to_request
 
 KEPT = 2
 """Motions that are remembered, in case more of one is asked for."""
@@ -135,7 +134,7 @@ class Work:
         if count > most_keyframes:
             problem = f"expected at most {most_keyframes}, got {count}"
             raise RequestError("keyframes", problem)
-        request = motion_file.parse(to_mapping(message))
+        request = to_request(message)
         duration = f", duration {request.duration}" if request.duration else ""
         self._say(f"planning {count} keyframes with {request.method}{duration}")
         planner = self._planners[job.device]

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 from orientd.lazy import lazily
 
 if TYPE_CHECKING:
-    from orientd.rpc.wire.motion import from_request, limits_message
+    from orientd.rpc.wire.limits import limits_message
+    from orientd.rpc.wire.motion import from_request
     from orientd.rpc.wire.move import (
         plan_from_message,
         progress_from_message,

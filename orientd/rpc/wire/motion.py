@@ -1,166 +1,136 @@
-"""Motion requests on the wire: the messages, key by key, as the mapping of a motion file.
+"""Motion requests on the wire: from the fields of a request to those of its message, and back.
 
-There is one schema and one reader of it, that of the motion file.  A message becomes the mapping
-that such a file would hold and nothing more: what is not set is not there, so that defaults,
-checks and the paths in error messages are those of the file.
+What a message does not say has the default of the request; a value that is none is refused in the
+words of the motion file, and by the path that it would have there.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
 
 from google.protobuf.struct_pb2 import Struct
 
+from orientd import plain_values as plain
 from orientd.errors import RequestError
-from orientd.planner import ANGULAR, Limits, Rate
+from orientd.planner import ANGULAR, Keyframe, Limits, MotionRequest, Vector3, check_method
 from orientd.rpc import control_pb2 as pb
+from orientd.rpc.wire.limits import asked_rates, limits_message
 from orientd.rpc.wire.values import RATES, quaternion, vector
+from orientd.schema import (
+    FORMS,
+    KEYFRAME,
+    MOTION,
+    Field,
+    Kind,
+    Written,
+    quaternions,
+    the_only,
+)
 
-if TYPE_CHECKING:
-    from orientd.planner import Keyframe, MotionRequest
+Taker = Callable[[Any], Any]
+"""Returns what a field of a message says."""
 
-_FRAMES = {pb.FRAME_BODY: "body", pb.FRAME_WORLD: "world"}
+Giver = Callable[[Any], Any]
+"""Returns what to say in a field of a message."""
+
+_FRAMES = (pb.FRAME_BODY, pb.FRAME_WORLD)
+_FRAMED = tuple(field.name for field in MOTION if field.kind is Kind.VECTOR)
+"""What is given in one of them."""
 
 
-def to_mapping(message: pb.MotionRequest) -> dict[str, Any]:
-    """Return what a motion file would say instead of *message*.
+def to_request(message: pb.MotionRequest) -> MotionRequest:
+    """Return what *message* asks for.
 
     Raises:
-        RequestError: a velocity is given without the frame it is in, which a message must say.
+        RequestError: it is not well formed; a velocity needs the frame it is in, too.
     """
-    mapping: dict[str, Any] = {}
-    if message.method:
-        mapping["method"] = message.method
-    mapping["keyframes"] = [_keyframe_to_mapping(keyframe) for keyframe in message.keyframes]
-    if message.velocity_frame in _FRAMES:
-        mapping["velocity_frame"] = _FRAMES[message.velocity_frame]
-    for name in ("start_velocity", "end_velocity"):
-        if message.HasField(name):
-            if message.velocity_frame not in _FRAMES:
+    if message.velocity_frame not in _FRAMES:
+        for name in _FRAMED:
+            if message.HasField(name):
                 raise RequestError("velocity_frame", f"expected body or world, for {name}")
-            mapping[name] = _vector(getattr(message, name))
-    if message.HasField("approach"):
-        mapping["approach"] = message.approach
-    if message.HasField("limits"):
-        mapping["limits"] = _limits_to_mapping(message.limits)
-    if message.duration == pb.DURATION_MINIMUM:
-        mapping["duration"] = "minimum"
-    for name in ("options", "device_options"):
-        if message.HasField(name):
-            mapping[name] = _from_struct(getattr(message, name))
-    return mapping
+    request = MotionRequest(**_taken(message, _MOTION))
+    check_method(request)
+    return request
 
 
 def from_request(request: MotionRequest) -> pb.MotionRequest:
     """Return the message that asks for what *request* does; orientations become quaternions."""
-    message = pb.MotionRequest(
-        method=request.method,
-        velocity_frame=pb.FRAME_WORLD if request.velocity_frame == "world" else pb.FRAME_BODY,
-        approach=request.approach,
-        keyframes=[_keyframe_from(keyframe) for keyframe in request.keyframes],
-    )
-    if request.start_velocity is not None:
-        message.start_velocity.CopyFrom(vector(request.start_velocity))
-    if request.end_velocity is not None:
-        message.end_velocity.CopyFrom(vector(request.end_velocity))
-    if request.limits is not None:
-        message.limits.CopyFrom(limits_message({n: request.limits.rate(n) for n in RATES}))
-    if request.duration == "minimum":
-        message.duration = pb.DURATION_MINIMUM
-    for name in ("options", "device_options"):
-        if options := getattr(request, name):
-            getattr(message, name).update(_plain(options))
-    return message
+    return pb.MotionRequest(**_given(request, _MOTION))
 
 
-def limits_message(rates: Mapping[str, Rate]) -> pb.Limits:
-    """Return the message of limits; infinite ones are left out.
-
-    Raises:
-        RequestError: there is no such limit.
-    """
-    message = pb.Limits()
-    for name, limit in rates.items():
-        if name not in RATES:
-            raise RequestError(f"limits.{name}", f"expected one of {', '.join(RATES)}")
-        if not isinstance(limit, int | float):
-            x, y, z = map(float, limit)
-            getattr(message, f"axis_{name}").CopyFrom(vector((x, y, z)))
-        elif math.isfinite(limit):
-            setattr(message, name, limit)
-    return message
+def _limits_message(limits: Limits) -> pb.Limits:
+    return limits_message({name: limits.rate(name) for name in RATES})
 
 
-def limits_to_wish(message: pb.Limits) -> Limits:
-    """Return limits that a caller asks for, infinite where the message says nothing.
+def _limits(message: pb.Limits) -> Limits | None:
+    given = asked_rates(message)
+    for name, rate in given.items():
+        reader = plain.angular_limit if name in ANGULAR else plain.linear_limit
+        try:
+            given[name] = reader(rate)
+        except RequestError as error:
+            raise plain.placed(name, error) from None
+    return Limits.partial(**given) if given else None
 
-    Raises:
-        RequestError: one is not positive, or is given twice.
-    """
+
+def _keyframes(messages: Iterable[pb.Keyframe]) -> list[Keyframe]:
+    written: list[Written] = []
+    others: list[dict[str, Any]] = []
     try:
-        return Limits.partial(**_limits_to_mapping(message))
-    except ValueError as error:
-        raise RequestError("limits", str(error)) from error
+        for message in messages:
+            written.append(_orientation(message))
+            others.append(_taken(message, _BESIDE_ORIENTATION))
+    except RequestError as error:
+        raise plain.placed(f"[{len(others)}]", error) from None
+    found = quaternions(written)
+    return [Keyframe(q, **more) for q, more in zip(found, others, strict=True)]
 
 
-def _limits_to_mapping(message: pb.Limits) -> dict[str, Any]:
-    mapping: dict[str, Any] = {
-        name: getattr(message, name) for name in RATES if message.HasField(name)
-    }
-    for name in ANGULAR:
-        axes = f"axis_{name}"
-        if message.HasField(axes):
-            if name in mapping:
-                raise RequestError(f"limits.{name}", f"expected one of {name} and {axes}, got both")
-            mapping[name] = _vector(getattr(message, axes))
-    return mapping
+def _keyframe_messages(keyframes: Iterable[Keyframe]) -> list[pb.Keyframe]:
+    return [pb.Keyframe(**_given(keyframe, _KEYFRAME)) for keyframe in keyframes]
 
 
-def _keyframe_to_mapping(message: pb.Keyframe) -> dict[str, Any]:
-    mapping: dict[str, Any] = {}
-    if message.HasField("time"):
-        mapping["time"] = message.time
+def _orientation(message: pb.Keyframe) -> Written:
     form = message.WhichOneof("orientation")
-    if form == "quaternion":
-        q = message.quaternion
-        mapping[form] = {"w": q.w, "x": q.x, "y": q.y, "z": q.z}
-    elif form == "rotation_vector":
-        mapping[form] = _vector(message.rotation_vector)
-    elif form == "euler":
-        mapping[form] = {"axes": message.euler.axes, "degrees": list(message.euler.degrees)}
-    elif form == "matrix":
-        elements = list(message.matrix.elements)
-        mapping[form] = [elements[k : k + 3] for k in range(0, len(elements), 3)]
-    if message.HasField("position"):
-        mapping["position"] = _vector(message.position)
-    if message.HasField("turns"):
-        mapping["turns"] = message.turns
-    return mapping
+    if form is None:
+        return the_only({})
+    try:
+        return form, _FORMS[form](getattr(message, form))
+    except RequestError as error:
+        raise plain.placed(form, error) from None
 
 
-def _keyframe_from(keyframe: Keyframe) -> pb.Keyframe:
-    message = pb.Keyframe(
-        time=keyframe.time, quaternion=quaternion(keyframe.q), turns=keyframe.turns or None
-    )
-    if keyframe.position is not None:
-        message.position.CopyFrom(vector(keyframe.position))
-    return message
+# What is not finite is for the reader of the file to find and to name.
 
 
-def _vector(message: pb.Vector3) -> list[float]:
-    return [message.x, message.y, message.z]
+def _vector(message: pb.Vector3) -> Vector3:
+    x, y, z = message.x, message.y, message.z
+    return (x, y, z) if math.isfinite(x + y + z) else plain.vector([x, y, z])
 
 
-def _plain(content: Any) -> Any:  # noqa: ANN401 - whatever a method's options hold
-    if isinstance(content, Mapping):
-        return {key: _plain(inner) for key, inner in content.items()}
-    if hasattr(content, "tolist"):  # an array or a number of NumPy's
-        return content.tolist()
-    if isinstance(content, list | tuple):
-        return [_plain(inner) for inner in content]
-    return content
+def _quaternion(message: pb.Quaternion) -> Any:  # noqa: ANN401 - as its reader returns it
+    q = message.w, message.x, message.y, message.z
+    return q if math.isfinite(sum(q)) else FORMS["quaternion"](dict(zip("wxyz", q, strict=True)))
+
+
+def _euler(message: pb.EulerAngles) -> Any:  # noqa: ANN401 - as its reader returns it
+    return FORMS["euler"]({"axes": message.axes, "degrees": list(message.degrees)})
+
+
+def _matrix(message: pb.Matrix) -> Any:  # noqa: ANN401 - as its reader returns it
+    elements = list(message.elements)
+    return FORMS["matrix"]([elements[k : k + 3] for k in range(0, len(elements), 3)])
+
+
+_FORMS: dict[str, Taker] = {
+    "quaternion": _quaternion,
+    "rotation_vector": _vector,
+    "euler": _euler,
+    "matrix": _matrix,
+}
 
 
 def _from_struct(content: Any) -> Any:  # noqa: ANN401 - whatever a method's options hold
@@ -172,3 +142,93 @@ def _from_struct(content: Any) -> Any:  # noqa: ANN401 - whatever a method's opt
     if content is None or isinstance(content, str | bool):
         return content
     return [_from_struct(inner) for inner in content]
+
+
+def _to_struct(options: Mapping[str, Any]) -> Struct | None:
+    if not options:
+        return None
+    struct = Struct()
+    struct.update(plain.to_plain(options))
+    return struct
+
+
+_KINDS: dict[Kind, tuple[Taker | None, Giver | None]] = {
+    Kind.TEXT: (None, None),
+    Kind.FLAG: (None, None),
+    Kind.WHOLE: (None, None),
+    Kind.NUMBER: (plain.number, None),
+    Kind.VECTOR: (_vector, vector),
+    Kind.OPTIONS: (_from_struct, _to_struct),
+    Kind.LIMITS: (_limits, _limits_message),
+    Kind.ORIENTATION: (_quaternion, quaternion),
+    Kind.KEYFRAMES: (_keyframes, _keyframe_messages),
+}
+"""How a kind is taken from a message and given to one; as it is where nothing is said."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Entry:
+    """A field of a request in its message; *wire* is its name there."""
+
+    name: str
+    wire: str
+    has_presence: bool
+    is_needed: bool = False
+    take: Taker | None = None
+    give: Giver | None = None
+
+
+def _entries(fields: Iterable[Field], of: Any) -> tuple[_Entry, ...]:  # noqa: ANN401 - a descriptor
+    return tuple(_entry(field, of) for field in fields)
+
+
+def _entry(field: Field, of: Any) -> _Entry:  # noqa: ANN401 - as above
+    # What a message gives is a quaternion, whichever form it was asked for in.
+    name = "quaternion" if field.kind is Kind.ORIENTATION else field.name
+    wire = of.fields_by_name[name]
+    if field.kind is Kind.CHOICE:
+        numbers = {
+            choice: number.number
+            for choice in field.choices
+            for number in wire.enum_type.values
+            if number.name.endswith(f"_{choice.upper()}")
+        }
+        choices = {number: choice for choice, number in numbers.items()}
+        return _Entry(field.name, name, has_presence=False, take=choices.get, give=numbers.get)
+    take, give = _KINDS[field.kind]
+    return _Entry(field.name, name, wire.has_presence, field.is_needed, take, give)
+
+
+_MOTION: tuple[_Entry, ...] = _entries(MOTION, pb.MotionRequest.DESCRIPTOR)
+_KEYFRAME: tuple[_Entry, ...] = _entries(KEYFRAME, pb.Keyframe.DESCRIPTOR)
+_BESIDE_ORIENTATION = tuple(entry for entry in _KEYFRAME if entry.name == entry.wire)
+
+
+def _taken(message: Any, entries: Iterable[_Entry]) -> dict[str, Any]:  # noqa: ANN401 - of a kind
+    """Return the values of the fields that *message* sets."""
+    values: dict[str, Any] = {}
+    for entry in entries:
+        wire, take = entry.wire, entry.take
+        if entry.has_presence and not message.HasField(wire):
+            continue
+        value = getattr(message, wire)
+        if not (value or entry.has_presence or entry.is_needed):
+            continue
+        if take is not None:
+            try:
+                value = take(value)
+            except RequestError as error:
+                raise plain.placed(entry.name, error) from None
+        if value is not None:
+            values[entry.name] = value
+    return values
+
+
+def _given(of: object, entries: Iterable[_Entry]) -> dict[str, Any]:
+    """Return what a message is made of that says the same."""
+    fields: dict[str, Any] = {}
+    for entry in entries:
+        value = getattr(of, entry.name)
+        if value is not None:
+            fields[entry.wire] = value if entry.give is None else entry.give(value)
+    return fields

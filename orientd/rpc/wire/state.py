@@ -10,6 +10,7 @@ from orientd.floats import difference, norm
 from orientd.planner import ANGULAR, NO_AXES, Limits
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.reports import DaemonReport, Device, DeviceReport, Method, Outline
+from orientd.rpc.wire.codec import FAULTS, Codec
 from orientd.rpc.wire.values import (
     RATES,
     STATES,
@@ -20,21 +21,6 @@ from orientd.rpc.wire.values import (
     vector,
 )
 from orientd.stream import Cycle, CycleFlag
-
-_FAULTS = {
-    Fault.NONE: pb.FAULT_NONE,
-    Fault.LINK_LOST: pb.FAULT_LINK_LOST,
-    Fault.FEEDBACK_STALE: pb.FAULT_FEEDBACK_STALE,
-    Fault.DEVICE_FAULT: pb.FAULT_DEVICE_FAULT,
-    Fault.LIMIT_GUARD: pb.FAULT_LIMIT_GUARD,
-    Fault.PATH_STARVED: pb.FAULT_PATH_STARVED,
-    Fault.HEARTBEAT_LOST: pb.FAULT_HEARTBEAT_LOST,
-    Fault.SERVO_DIED: pb.FAULT_SERVO_DIED,
-    Fault.INTERNAL: pb.FAULT_INTERNAL,
-    Fault.SERVO_STALLED: pb.FAULT_SERVO_STALLED,
-}
-_DAEMON = ("version", "pid", "uptime", "socket", "configuration")
-_METHOD = tuple(Method.__dataclass_fields__)
 
 
 def tracking_error(cycle: Cycle) -> float | None:
@@ -69,7 +55,7 @@ def cycle_to_message(cycle: Cycle) -> pb.Cycle:
         work_ns=cycle.work_ns,
         feedback_age_ns=cycle.feedback_age_ns,
         state=STATES[cycle.state],
-        fault=_FAULTS[Fault(cycle.fault)],
+        fault=FAULTS[Fault(cycle.fault)],
         motion_number=cycle.motion,
         is_written=bool(cycle.flags & CycleFlag.WRITTEN),
         overruns=cycle.overruns,
@@ -122,70 +108,32 @@ def cycle_from_message(message: pb.Cycle) -> Cycle:
     )
 
 
-def device_to_message(report: DeviceReport) -> pb.DeviceReport:
-    """Return *report* as a message."""
-    message = pb.DeviceReport(
-        device=pb.Device(
-            name=report.name,
-            driver=report.driver,
-            rate_hz=report.rate_hz,
-            limits=limits_to_message(report.limits),
-            lead=report.lead,
-            phase=report.phase,
-        ),
-        state=STATES[report.state],
-        fault=_FAULTS[report.fault],
-        fault_text=report.fault_text,
-        is_paused=report.is_paused,
-        speed=report.speed,
-        motion_number=report.motion_number,
-        motion_id=report.motion_id,
-        path_time=report.path_time,
-        duration=report.duration,
-        servo_pid=report.servo_pid or 0,
-        scheduling=report.scheduling,
-        is_memory_locked=report.is_memory_locked,
-    )
-    if report.cycle is not None:
-        message.cycle.CopyFrom(cycle_to_message(report.cycle))
-    return message
+_OF_DEVICE = tuple(Device.__dataclass_fields__)
+_LIMITS = limits_to_message, limits_from_message
 
+DEVICE = Codec(Device, pb.Device, kinds={"limits": _LIMITS})
+DEVICE_REPORT = Codec(
+    DeviceReport,
+    pb.DeviceReport,
+    names={name: f"device.{name}" for name in _OF_DEVICE},
+    kinds={
+        "limits": _LIMITS,
+        "cycle": (cycle_to_message, cycle_from_message),
+        # The message says 0 where there is no process.
+        "servo_pid": (int, lambda pid: pid or None),
+    },
+)
+DAEMON = Codec(
+    DaemonReport,
+    pb.DaemonReport,
+    names={f"lease_{name}": f"lease.{name}" for name in pb.LeaseReport.DESCRIPTOR.fields_by_name},
+)
+METHOD = Codec(Method, pb.Method)
 
-def configured_from_message(message: pb.Device) -> Device:
-    """Return the device of the configuration that *message* was made of."""
-    return Device(
-        name=message.name,
-        driver=message.driver,
-        rate_hz=message.rate_hz,
-        limits=limits_from_message(message.limits),
-        lead=message.lead,
-        phase=message.phase,
-    )
-
-
-def device_from_message(message: pb.DeviceReport) -> DeviceReport:
-    """Return the report that *message* was made of."""
-    return DeviceReport(
-        name=message.device.name,
-        driver=message.device.driver,
-        rate_hz=message.device.rate_hz,
-        limits=limits_from_message(message.device.limits),
-        state=STATES_BACK[message.state],
-        fault=Fault(message.fault),
-        fault_text=message.fault_text,
-        is_paused=message.is_paused,
-        speed=message.speed,
-        motion_number=message.motion_number,
-        motion_id=message.motion_id,
-        path_time=message.path_time,
-        duration=message.duration,
-        servo_pid=message.servo_pid or None,
-        scheduling=message.scheduling,
-        is_memory_locked=message.is_memory_locked,
-        cycle=cycle_from_message(message.cycle) if message.HasField("cycle") else None,
-        lead=message.device.lead,
-        phase=message.device.phase,
-    )
+device_to_message, device_from_message = DEVICE_REPORT.to_message, DEVICE_REPORT.from_message
+configured_from_message = DEVICE.from_message
+daemon_to_message, daemon_from_message = DAEMON.to_message, DAEMON.from_message
+method_to_message, method_from_message = METHOD.to_message, METHOD.from_message
 
 
 def outline_to_messages(outline: Sequence[Sequence[Vector3]]) -> list[pb.Polyline]:
@@ -201,35 +149,3 @@ def outline_from_messages(messages: Iterable[pb.Polyline]) -> Outline:
     return tuple(
         np.array(message.coordinates, dtype=np.float64).reshape(-1, 3) for message in messages
     )
-
-
-def daemon_to_message(report: DaemonReport) -> pb.DaemonReport:
-    """Return *report* as a message."""
-    return pb.DaemonReport(
-        **{name: getattr(report, name) for name in _DAEMON},
-        lease=pb.LeaseReport(
-            holder=report.lease_holder,
-            remaining=report.lease_remaining,
-            identity=report.lease_identity,
-        ),
-    )
-
-
-def daemon_from_message(message: pb.DaemonReport) -> DaemonReport:
-    """Return the report that *message* was made of."""
-    return DaemonReport(
-        **{name: getattr(message, name) for name in _DAEMON},
-        lease_holder=message.lease.holder,
-        lease_remaining=message.lease.remaining,
-        lease_identity=message.lease.identity,
-    )
-
-
-def method_to_message(method: Method) -> pb.Method:
-    """Return *method* as a message."""
-    return pb.Method(**{name: getattr(method, name) for name in _METHOD})
-
-
-def method_from_message(message: pb.Method) -> Method:
-    """Return the method that *message* was made of."""
-    return Method(**{name: getattr(message, name) for name in _METHOD})

@@ -10,14 +10,8 @@ from orientd.errors import RequestError
 from orientd.floats import rotate_back
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.reports import TrackReport
-from orientd.rpc.wire.values import (
-    STATES,
-    STATES_BACK,
-    quaternion,
-    to_quaternion,
-    to_vector,
-    vector,
-)
+from orientd.rpc.wire.codec import Codec
+from orientd.rpc.wire.values import quaternion, to_quaternion, to_vector, vector
 from orientd.tolerances import NORM_TOLERANCE
 
 TIME_TO_LIVE = 0.5
@@ -91,31 +85,6 @@ def target_to_message(
     return message
 
 
-def report_to_message(report: TrackReport) -> pb.TrackResponse:
-    """Return *report* as a message."""
-    return pb.TrackResponse(
-        state=STATES[report.state],
-        orientation=quaternion(report.q),
-        omega_body=vector(report.omega_body),
-        time_ns=report.time_ns,
-        targets=report.targets,
-        left_out=report.left_out,
-        refused=report.refused,
-        refusal=report.refusal,
-        error=report.error,
-    )
+REPORT = Codec(TrackReport, pb.TrackResponse, names={"q": "orientation"})
 
-
-def report_from_message(message: pb.TrackResponse) -> TrackReport:
-    """Return the report that *message* was made of."""
-    return TrackReport(
-        state=STATES_BACK[message.state],
-        q=to_quaternion(message.orientation),
-        omega_body=to_vector(message.omega_body),
-        time_ns=message.time_ns,
-        targets=message.targets,
-        left_out=message.left_out,
-        refused=message.refused,
-        refusal=message.refusal,
-        error=message.error if message.HasField("error") else None,
-    )
+report_to_message, report_from_message = REPORT.to_message, REPORT.from_message

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from orientd.driver import Quaternion, Vector3
+from orientd.planner import UNITS
 from orientd.rpc import control_pb2 as pb
 from orientd.stream import State
 
@@ -16,7 +17,7 @@ STATES = {
 }
 STATES_BACK = {number: state for state, number in STATES.items()}
 
-RATES = ("velocity", "acceleration", "jerk", "linear_velocity", "linear_acceleration")
+RATES = tuple(UNITS)
 
 
 def vector(vector: Vector3) -> pb.Vector3:

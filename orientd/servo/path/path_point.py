@@ -28,6 +28,6 @@ class PathPoint(NamedTuple):
 def point_of(record: tuple[Any, ...]) -> PathPoint:
     """Return the point that a path record (its fields, in order) describes."""
     # Neither slices nor a call of PathPoint(): this happens every cycle.
-    _, _, _, _, w, x, y, z, a, b, c, d, e, f, p, q, r, s, t, u = record
+    _, w, x, y, z, a, b, c, d, e, f, p, q, r, s, t, u = record
     parts = (w, x, y, z), (a, b, c), (d, e, f), (p, q, r), (s, t, u)
     return tuple.__new__(PathPoint, parts)

@@ -1,10 +1,14 @@
 """What the daemon says about its devices: no cycle twice, none invented."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from fake_device import FakeDevice, cycle
 
 from orientd import config, planner
+from orientd.cli import texts
 from orientd.daemon.calls import motion_report, report
 from orientd.daemon.motions.active_motions import Run, Runs
 from orientd.daemon.planners import reporting
@@ -110,6 +114,14 @@ def test_a_device_without_cycles_or_motion_can_be_told(device):
     told = report.device_report(device)
     assert (told.cycle, told.motion_id, told.duration) == (None, "", 0.0)
     assert told.state is State.HOLDING
+
+
+def test_a_motion_is_told_by_its_name(device, motion):
+    facts = replace(motion.facts, name="fetch")
+    device.number, device.motion = 3, SimpleNamespace(id=facts.id, facts=facts)
+    told = report.device_report(device)
+    assert (told.motion_name, told.motion_id) == ("fetch", facts.id)
+    assert texts.motion(told).startswith("3 'fetch': ")
 
 
 def test_every_method_says_what_it_is():

@@ -78,10 +78,9 @@ def test_the_quickest_replay_is_quicker_and_keeps_the_curve(fit):
 
 def test_knots_come_through_a_motion_file(fit):
     from orientd import motion_file
-    from orientd.rpc.wire.motion import from_request, to_mapping
 
     request = replay_request(fit, slower=1.0)
-    again = motion_file.parse(to_mapping(from_request(request)))
+    again = motion_file.parse(motion_file.written(request))
     assert list(again.options["knots"]) == list(request.options["knots"])
     plan = planned_for(planner.DEFAULT_LIMITS)
     one, other = plan(request), plan(again)

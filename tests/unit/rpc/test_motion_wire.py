@@ -1,15 +1,16 @@
 """A motion request says the same on the wire, in a file and in Python."""
 
 import math
+from dataclasses import fields
 
 import numpy as np
 import pytest
 
 from orientd import motion_file
 from orientd.errors import RequestError
-from orientd.planner import DEFAULT_LIMITS
+from orientd.planner import DEFAULT_LIMITS, MotionRequest
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.wire.motion import from_request, to_mapping
+from orientd.rpc.wire.motion import from_request, to_request
 from orientd.rpc.wire.state import limits_from_message, limits_to_message
 
 FILE = {
@@ -50,7 +51,7 @@ def same(one, other):
 
 def test_a_request_survives_the_wire():
     request = motion_file.parse(FILE)
-    same(motion_file.parse(to_mapping(from_request(request))), request)
+    same(to_request(from_request(request)), request)
 
 
 def test_limits_of_axes_survive_the_wire_in_requests_and_in_reports():
@@ -58,7 +59,7 @@ def test_limits_of_axes_survive_the_wire_in_requests_and_in_reports():
     request = motion_file.parse({**FILE, "limits": table})
     message = from_request(request)
     assert not message.limits.HasField("velocity")
-    same(motion_file.parse(to_mapping(message)), request)
+    same(to_request(message), request)
     limits = DEFAULT_LIMITS.narrowed(request.limits)
     assert limits_from_message(limits_to_message(limits)) == limits
     assert limits_from_message(limits_to_message(DEFAULT_LIMITS)) == DEFAULT_LIMITS
@@ -71,44 +72,49 @@ def test_a_minimum_duration_survives_the_wire():
     ]
     request = motion_file.parse({"keyframes": keyframes, "duration": "minimum"})
     assert request.duration == "minimum"
-    mapping = to_mapping(from_request(request))
-    assert motion_file.parse(mapping).duration == "minimum"
-    assert "duration" not in to_mapping(from_request(motion_file.parse(FILE)))
+    assert to_request(from_request(request)).duration == "minimum"
+    assert to_request(from_request(motion_file.parse(FILE))).duration is None
 
 
 def test_a_quantity_limited_twice_is_refused():
     message = pb.MotionRequest(limits=pb.Limits(jerk=1, axis_jerk=pb.Vector3(x=1, y=1, z=1)))
     with pytest.raises(RequestError, match="expected one of jerk and axis_jerk, got both"):
-        to_mapping(message)
+        to_request(message)
 
 
-def test_what_is_not_set_is_not_there():
-    message = pb.MotionRequest(keyframes=[pb.Keyframe(), pb.Keyframe(quaternion=pb.Quaternion())])
-    assert to_mapping(message) == {
-        "keyframes": [{}, {"quaternion": {"w": 0.0, "x": 0.0, "y": 0.0, "z": 0.0}}]
-    }
+def test_what_is_not_set_has_the_default_of_a_file():
+    one = {"quaternion": {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}}
+    message = pb.MotionRequest(keyframes=[pb.Keyframe(quaternion=pb.Quaternion(w=1.0))] * 2)
+    request, expected = to_request(message), motion_file.parse({"keyframes": [one] * 2})
+    for field in fields(MotionRequest):
+        if field.init:
+            assert getattr(request, field.name) == getattr(expected, field.name), field.name
 
 
-def test_every_form_of_an_orientation_becomes_that_of_a_file():
+def test_every_form_of_an_orientation_is_that_of_a_file():
     vector = pb.Vector3(x=1, y=2, z=3)
+    quarter = [0, -1, 0, 1, 0, 0, 0, 0, 1]
     message = pb.MotionRequest(
         keyframes=[
-            pb.Keyframe(rotation_vector=vector, time=0.5, turns=2, position=vector),
-            pb.Keyframe(euler=pb.EulerAngles(axes="ZYX", degrees=[1, 2, 3])),
-            pb.Keyframe(matrix=pb.Matrix(elements=range(9))),
+            pb.Keyframe(rotation_vector=vector, time=0.5, position=vector),
+            pb.Keyframe(euler=pb.EulerAngles(axes="ZYX", degrees=[1, 2, 3]), time=1, turns=2),
+            pb.Keyframe(matrix=pb.Matrix(elements=quarter), time=2),
         ]
     )
-    assert to_mapping(message)["keyframes"] == [
-        {"rotation_vector": [1, 2, 3], "time": 0.5, "turns": 2, "position": [1, 2, 3]},
-        {"euler": {"axes": "ZYX", "degrees": [1, 2, 3]}},
-        {"matrix": [[0, 1, 2], [3, 4, 5], [6, 7, 8]]},
-    ]
+    mapping = {
+        "keyframes": [
+            {"rotation_vector": [1, 2, 3], "time": 0.5, "position": [1, 2, 3]},
+            {"euler": {"axes": "ZYX", "degrees": [1, 2, 3]}, "time": 1, "turns": 2},
+            {"matrix": [[0, -1, 0], [1, 0, 0], [0, 0, 1]], "time": 2},
+        ]
+    }
+    same(to_request(message), motion_file.parse(mapping))
 
 
 def test_a_velocity_without_its_frame_is_refused():
     message = pb.MotionRequest(end_velocity=pb.Vector3(z=1.0))
     with pytest.raises(RequestError, match=r"^velocity_frame: expected body or world"):
-        to_mapping(message)
+        to_request(message)
 
 
 @pytest.mark.parametrize(
@@ -126,14 +132,14 @@ def test_a_velocity_without_its_frame_is_refused():
 def test_a_bad_keyframe_is_named_as_in_a_file(keyframe, field):
     good = pb.Keyframe(quaternion=pb.Quaternion(w=1.0))
     with pytest.raises(RequestError) as caught:
-        motion_file.parse(to_mapping(pb.MotionRequest(keyframes=[good, keyframe])))
+        to_request(pb.MotionRequest(keyframes=[good, keyframe]))
     assert caught.value.field.startswith(field)
 
 
 def test_options_keep_whole_numbers_and_lists():
-    message = pb.MotionRequest()
     options = {"order": 4, "ratio": 0.5, "name": "a", "on": True, "no": None, "list": [1, [2.5]]}
-    message.options.update(options)
-    read = to_mapping(message)["options"]
+    message = pb.MotionRequest(keyframes=[pb.Keyframe(quaternion=pb.Quaternion(w=1.0))])
+    message.device_options.update(options)
+    read = to_request(message).device_options
     assert read == options
     assert isinstance(read["order"], int)

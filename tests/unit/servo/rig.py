@@ -141,7 +141,7 @@ class Rig:
         for k in range(count):
             index = first + k
             fields = (*q[k], *omega[k], *alpha[k], *position[k], *velocity[k])
-            ring.put(ring.layout.pack(index, k * PERIOD_NS, 0, 1, *fields), index)
+            ring.put(ring.layout.pack(index, *fields), index)
         ring.advance(first + count)
         if is_whole and count == len(q):
             ring.words[FINAL_WORD] = first + count

@@ -53,7 +53,7 @@ def write_for_seconds(descriptor, seconds):
     ring = memory.path
     while time.monotonic() < end:
         k = ring.head
-        ring.publish(k, k % 2, 7, *(float(k + j) for j in range(16)))
+        ring.publish(*(float(k + j) for j in range(16)))
     memory.commands.words[1] = 1
     memory.close()
 
@@ -78,8 +78,7 @@ def test_racing_processes_never_see_a_record_that_was_not_written():
                     refused += 1
                     continue
                 assert record[0] == index
-                assert record[1:4] == (index, index % 2, 7)
-                assert record[4:] == tuple(float(index + j) for j in range(16))
+                assert record[1:] == tuple(float(index + j) for j in range(16))
                 taken += 1
     finally:
         writer.join()
@@ -96,7 +95,7 @@ def consume_in_order(descriptor, count):
         record = path.read(expected)
         if record is None or expected >= path.head:
             continue
-        if record[4:] != tuple(float(expected * j) for j in range(16)):
+        if record[1:] != tuple(float(expected * j) for j in range(16)):
             os._exit(3)
         expected += 1
         path.words[2] = expected
@@ -113,7 +112,7 @@ def test_a_full_ring_between_two_processes_loses_nothing():
     while ring.head < count:
         if ring.head - ring.words[2] < CAPACITY:
             k = ring.head
-            ring.publish(0, 0, 0, *(float(k * j) for j in range(16)))
+            ring.publish(*(float(k * j) for j in range(16)))
         elif not reader.is_alive():
             break
     reader.join()

@@ -1,0 +1,14 @@
+"""What a motion request consists of, for every way to write one."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from orientd.lazy import lazily
+
+if TYPE_CHECKING:
+    from orientd.schema.fields import KEYFRAME, MOTION, Field, Kind, attribute_lines
+    from orientd.schema.json_schema import motion_schema
+    from orientd.schema.orientations import FORMS, Written, quaternions, the_only
+
+__getattr__ = lazily(__name__)

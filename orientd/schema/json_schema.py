@@ -1,0 +1,103 @@
+"""The JSON Schema of a motion file, for editors and other programs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from orientd.planner import ANGULAR, UNITS, Limits
+from orientd.schema.fields import KEYFRAME, MOTION, Field, Kind, attribute_lines
+from orientd.schema.orientations import FORMS
+
+_NUMBER = {"type": "number"}
+_TRIPLE = {"type": "array", "items": _NUMBER, "minItems": 3, "maxItems": 3}
+_POSITIVE = {"type": "number", "exclusiveMinimum": 0}
+_AXES = {"type": "array", "items": _POSITIVE, "minItems": 3, "maxItems": 3}
+_RATES = {False: (_POSITIVE,), True: (_POSITIVE, _AXES)}
+
+_FORMS: dict[str, dict[str, Any]] = {
+    "quaternion": {
+        "$ref": "#/$defs/Quaternion",
+        "description": "a unit quaternion, Hamilton's product, tool to world",
+    },
+    "rotation_vector": {**_TRIPLE, "description": "axis times angle, rad"},
+    "euler": {
+        "$ref": "#/$defs/Euler",
+        "description": "turns about coordinate axes, one after the other",
+    },
+    "matrix": {
+        "type": "array",
+        "items": _TRIPLE,
+        "minItems": 3,
+        "maxItems": 3,
+        "description": "rotation matrix for column vectors, row by row",
+    },
+}
+
+_KINDS: dict[Kind, dict[str, Any]] = {
+    Kind.TEXT: {"type": "string"},
+    Kind.FLAG: {"type": "boolean"},
+    Kind.WHOLE: {"type": "integer"},
+    Kind.NUMBER: _NUMBER,
+    Kind.VECTOR: _TRIPLE,
+    Kind.OPTIONS: {"type": "object"},
+    Kind.LIMITS: {"$ref": "#/$defs/Limits"},
+    Kind.KEYFRAMES: {"type": "array", "items": {"$ref": "#/$defs/Keyframe"}},
+}
+
+
+def motion_schema() -> dict[str, Any]:
+    """Return the JSON Schema of a motion file."""
+    said = attribute_lines(Limits)
+    limits = {
+        name: {**_or_null(*_RATES[name in ANGULAR]), "description": said[name]} for name in UNITS
+    }
+    axes = {
+        "type": "string",
+        "description": "one to three letters: xyz about fixed axes, XYZ about axes that turn along",
+    }
+    degrees = {"type": "array", "items": _NUMBER, "description": "one for each letter, degrees"}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "orientd motion file",
+        **_table(_properties(MOTION), *(field.name for field in MOTION if field.is_needed)),
+        "$defs": {
+            "Keyframe": {
+                **_table(_properties(KEYFRAME)),
+                "oneOf": [{"required": [form]} for form in FORMS],
+            },
+            "Quaternion": _table(dict.fromkeys("wxyz", _NUMBER), *"wxyz"),
+            "Euler": _table({"axes": axes, "degrees": degrees}, "axes", "degrees"),
+            "Limits": _table(limits),
+        },
+    }
+
+
+def _properties(fields: tuple[Field, ...]) -> dict[str, Any]:
+    properties: dict[str, Any] = {}
+    for field in fields:
+        if field.kind is Kind.ORIENTATION:
+            properties |= _FORMS
+        else:
+            properties[field.name] = _property(field)
+    return properties
+
+
+def _property(field: Field) -> dict[str, Any]:
+    kind = {"enum": list(field.choices)} if field.kind is Kind.CHOICE else _KINDS[field.kind]
+    if field.is_nullable:
+        kind = _or_null(kind)
+    described = {**kind, "description": field.says.replace("``", "")}
+    return described if field.is_needed else {**described, "default": field.default}
+
+
+def _or_null(*kinds: dict[str, Any]) -> dict[str, Any]:
+    return {"anyOf": [*kinds, {"type": "null"}]}
+
+
+def _table(properties: dict[str, Any], *needed: str) -> dict[str, Any]:
+    return {
+        "type": "object",
+        "properties": properties,
+        "required": list(needed),
+        "additionalProperties": False,
+    }

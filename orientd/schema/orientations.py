@@ -1,0 +1,104 @@
+"""The forms in which a request gives an orientation, and what quaternions they are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from orientd import plain_values as plain
+from orientd.errors import RequestError
+from orientd.planner import Quaternion
+from orientd.rotation import Floats, from_euler, from_matrix, from_rotation_vector
+
+Written = tuple[str, Any]
+"""An orientation as it is written: its form, and what its reader in :data:`FORMS` returns."""
+
+
+def _quaternion(content: object) -> Quaternion:
+    read = plain.keys(content, dict.fromkeys("wxyz", plain.number), "wxyz")
+    return read["w"], read["x"], read["y"], read["z"]
+
+
+def _euler(content: object) -> tuple[str, list[float]]:
+    read = plain.keys(content, _EULER, tuple(_EULER))
+    return read["axes"], read["degrees"]
+
+
+def _angles(content: object) -> list[float]:
+    return plain.each(content, plain.number)
+
+
+_EULER: dict[str, plain.Reader] = {"axes": plain.text, "degrees": _angles}
+
+FORMS: dict[str, plain.Reader] = {
+    "quaternion": _quaternion,
+    "rotation_vector": plain.vector,
+    "euler": _euler,
+    "matrix": plain.rows,
+}
+"""How each form is read from plain values."""
+
+
+def the_only(given: Mapping[str, Any]) -> Written:
+    """Return the one orientation that is among *given*, by form.
+
+    Raises:
+        RequestError: there is none, or another.
+    """
+    forms = [form for form in FORMS if given.get(form) is not None]
+    if len(forms) != 1:
+        came = f"got {' and '.join(forms)}" if forms else "got none of them"
+        raise RequestError("", f"expected one of {', '.join(FORMS)}; {came}")
+    return forms[0], given[forms[0]]
+
+
+def quaternions(written: Sequence[Written]) -> list[Quaternion]:
+    """Return the orientations of keyframes, those of one form converted together.
+
+    Raises:
+        RequestError: one is none, for example a matrix that is no rotation.
+    """
+    found: list[Any] = [q for _, q in written]
+    _convert(found, written, "rotation_vector", from_rotation_vector)
+    _convert(found, written, "matrix", from_matrix)
+    for index, (form, euler) in enumerate(written):
+        if form == "euler":
+            found[index] = _from_euler(euler[0], euler[1], f"[{index}].euler")
+    return found
+
+
+def _convert(
+    found: list[Any], written: Sequence[Written], name: str, converted: Callable[[Any], Floats]
+) -> None:
+    indices = [index for index, (form, _) in enumerate(written) if form == name]
+    if not indices:
+        return
+    given = np.array([found[index] for index in indices], dtype=np.float64)
+    try:
+        for index, q in zip(indices, converted(given).tolist(), strict=True):
+            found[index] = tuple(q)
+    except ValueError:
+        # Once more, one by one, to find the one that is wrong.
+        for index, one in zip(indices, given, strict=True):
+            try:
+                converted(one)
+            except ValueError as error:
+                problem = str(error).removeprefix(f"{name} ")
+                raise RequestError(f"[{index}].{name}", problem) from None
+
+
+def _from_euler(axes: str, degrees: Sequence[float], place: str) -> Quaternion:
+    try:
+        from_euler(axes, [0.0] * len(axes))
+    except ValueError as error:
+        raise RequestError(f"{place}.axes", str(error).removeprefix("axes ")) from None
+    if len(degrees) != len(axes):
+        raise RequestError(
+            f"{place}.degrees",
+            f"expected {len(axes)} angles for the axes {axes!r}, got {len(degrees)}",
+        )
+    w, x, y, z = from_euler(axes, [math.radians(angle) for angle in degrees]).tolist()
+    return w, x, y, z

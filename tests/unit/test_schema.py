@@ -1,0 +1,198 @@
+"""A field is declared once, and whatever must have it too has it.
+
+Each test here compares whole sets of names, so that it fails when a field is added in one place and
+forgotten in another, and says which.
+"""
+
+import re
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+
+import pytest
+
+from orientd import config, motion_file, operation_settings
+from orientd.daemon.devices.device_report import EventKind
+from orientd.errors import Fault, RequestError
+from orientd.planner import Keyframe, Limits, MotionRequest
+from orientd.planner.limits import ANGULAR, UNITS
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc import motion_request, reports
+from orientd.rpc.wire import move, state, track
+from orientd.rpc.wire.codec import Codec
+from orientd.rpc.wire.motion import from_request, to_request
+from orientd.schema.fields import KEYFRAME, MOTION, Kind, attribute_lines
+from orientd.schema.orientations import FORMS
+from orientd.stream import Cycle, State
+
+ROOT = Path(__file__).parents[2] / "orientd"
+
+REQUEST = {field.name for field in MOTION}
+OF_KEYFRAMES = {field.name for field in KEYFRAME} - {"q"} | FORMS.keys()
+COLUMNS = {"times", "positions"}
+"""What the Python client takes in one piece for all keyframes."""
+
+SAMPLES = {
+    Kind.TEXT: "pick and place",
+    Kind.FLAG: True,
+    Kind.VECTOR: (0.1, 0.2, 0.3),
+    Kind.OPTIONS: {"align": False},
+    Kind.LIMITS: Limits.partial(velocity=(1.0, 2.0, 3.0), linear_velocity=0.5),
+}
+TURNED = (0.8, 0.0, 0.0, 0.6)
+
+CODECS = [
+    codec
+    for module in (move, state, track)
+    for codec in vars(module).values()
+    if isinstance(codec, Codec)
+]
+
+
+def names(message):
+    return set(message.DESCRIPTOR.fields_by_name)
+
+
+def keys(table):
+    return set(motion_file.motion_schema()["$defs"][table]["properties"])
+
+
+# Requests
+
+
+def test_every_field_of_a_request_is_in_the_file_the_message_and_the_client():
+    assert set(motion_file.motion_schema()["properties"]) == REQUEST
+    assert names(pb.MotionRequest) == REQUEST
+    wishes = motion_request.Wishes
+    assert wishes.__optional_keys__ == REQUEST - {"keyframes"} | COLUMNS
+    assert set(attribute_lines(wishes)) == wishes.__optional_keys__
+
+
+def test_every_field_of_a_keyframe_is_in_the_file_and_the_message():
+    assert keys("Keyframe") == OF_KEYFRAMES
+    assert names(pb.Keyframe) == OF_KEYFRAMES
+
+
+def test_every_limit_is_in_the_file_the_configuration_and_the_message():
+    assert keys("Limits") == UNITS.keys()
+    assert config.LimitSettings.model_fields.keys() - {"preset"} == UNITS.keys()
+    axes = {f"axis_{name}" for name in ANGULAR}
+    assert names(pb.Limits) == UNITS.keys() | axes == {entry.name for entry in fields(Limits)}
+
+
+@pytest.mark.parametrize("field", [*MOTION, *KEYFRAME], ids=lambda field: field.name)
+def test_every_field_says_what_it_is(field):
+    assert field.says
+
+
+@pytest.mark.parametrize("field", MOTION[1:], ids=lambda field: field.name)
+def test_every_field_survives_the_file_the_wire_and_the_client(field):
+    sample = {
+        **SAMPLES,
+        Kind.CHOICE: next((one for one in field.choices if one != field.default), None),
+    }[field.kind]
+    value = {"method": "squad", "options": {}}.get(field.name, sample)
+    keyframes = [Keyframe((1.0, 0.0, 0.0, 0.0)), Keyframe(TURNED)]
+    request = MotionRequest(keyframes, **{field.name: value})
+    mapping = motion_file.written(request)
+    wishes = {key: entry for key, entry in mapping.items() if key != "keyframes"}
+    for again in (
+        motion_file.parse(mapping),
+        to_request(from_request(request)),
+        motion_request.motion_request(mapping["keyframes"], **wishes),
+    ):
+        assert getattr(again, field.name) == value
+
+
+def test_every_field_of_a_keyframe_survives_the_file_and_the_wire():
+    whole = Keyframe(TURNED, time=1.5, position=(1.0, 2.0, 3.0), turns=-2)
+    assert all(getattr(whole, field.name) != field.default for field in KEYFRAME)
+    request = MotionRequest([Keyframe((1.0, 0.0, 0.0, 0.0), time=0.0), whole])
+    assert motion_file.parse(motion_file.written(request)).keyframes[1] == whole
+    assert to_request(from_request(request)).keyframes[1] == whole
+
+
+@pytest.mark.parametrize("name", ["x" * 81, "two\nlines", "\x1b[31mred", "turned\u202eround"])
+def test_a_name_is_short_and_can_be_printed(name):
+    keyframe = {"rotation_vector": [0, 0, 1]}
+    with pytest.raises(RequestError, match=r"^name: expected at most 80 printable characters"):
+        motion_file.parse({"keyframes": [keyframe], "name": name})
+
+
+# Reports
+
+
+def covered(codec):
+    """Return the fields of the message that a codec fills, those of inner messages whole."""
+    inner = {path.partition(".")[0] for path in codec.paths.values() if "." in path}
+    for group in inner:
+        parts = {path for path in codec.paths.values() if path.startswith(f"{group}.")}
+        of = codec.message.DESCRIPTOR.fields_by_name[group].message_type
+        assert parts == {f"{group}.{name}" for name in of.fields_by_name}
+    return {path.partition(".")[0] for path in codec.paths.values()}
+
+
+@pytest.mark.parametrize("codec", CODECS, ids=lambda codec: codec.message.__name__)
+def test_every_field_of_a_message_is_in_its_report(codec):
+    assert covered(codec) == names(codec.message)
+
+
+def test_every_report_has_a_message():
+    told = {
+        one
+        for one in vars(reports).values()
+        if is_dataclass(one) and one.__module__ == reports.__name__
+    }
+    # Samples are the columns of many messages; a cell is a daemon and its devices.
+    apart = {reports.Samples, reports.CellReport, reports.OnTarget}
+    assert told - apart <= {codec.report for codec in CODECS}
+    assert {entry.name for entry in fields(reports.OnTarget)} == names(pb.OnTarget)
+
+
+def test_every_field_of_a_cycle_is_in_its_message():
+    called = {
+        "motion": "motion_number",
+        "q": "orientation",
+        "feedback_q": "feedback_orientation",
+        "feedback_time_ns": "feedback_age_ns",
+        "flags": "is_written",
+    }
+    of_report = {called.get(entry.name, entry.name) for entry in fields(Cycle)} - {"joints"}
+    assert of_report == names(pb.Cycle) - {"tracking_error"}
+
+
+@pytest.mark.parametrize(
+    ("ours", "theirs", "prefix"),
+    [
+        (State, pb.State, "STATE_"),
+        (Fault, pb.Fault, "FAULT_"),
+        (reports.Outcome, pb.Outcome, "OUTCOME_"),
+        (EventKind, pb.EventKind, "EVENT_KIND_"),
+    ],
+    ids=["State", "Fault", "Outcome", "EventKind"],
+)
+def test_every_choice_is_on_the_wire(ours, theirs, prefix):
+    sent = {name.removeprefix(prefix) for name in theirs.keys()} - {"UNSPECIFIED"}  # noqa: SIM118
+    assert {one.name for one in ours} == sent
+
+
+# The configuration
+
+
+TABLES = [
+    table
+    for module in (config, operation_settings)
+    for table in vars(module).values()
+    if isinstance(table, type)
+    and issubclass(table, operation_settings.Table)
+    and table.__module__ == module.__name__
+    and table is not operation_settings.Table
+]
+
+
+@pytest.mark.parametrize("table", TABLES, ids=lambda table: table.__name__)
+def test_every_setting_says_what_it_is_and_is_read(table):
+    assert set(attribute_lines(table)) == set(table.model_fields)
+    code = "\n".join(path.read_text() for path in ROOT.rglob("*.py"))
+    # Limits go to the planner whole.
+    for name in table.model_fields if table is not config.LimitSettings else ():
+        assert re.search(rf"\.{name}\b", code), name
