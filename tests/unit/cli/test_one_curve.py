@@ -14,7 +14,7 @@ from orientd.curves.roles import is_pair
 from orientd.planner import DEFAULT_LIMITS, State
 from orientd.planner import plan as planned
 from orientd.rotation import angle
-from orientd.rpc.wire.motion import from_request, to_mapping
+from orientd.rpc.wire.motion import from_request, to_request
 
 KEYFRAMES = """
 keyframes:
@@ -72,7 +72,7 @@ def test_four_commands_make_one_curve(name, velocities, made, tmp_path):
     planned_as = run("plan", file, "-o", samples)["plan"]
     request = motion_file.load(file)
     # What the daemon plans has been over the wire.
-    received = motion_file.parse(to_mapping(from_request(request)))
+    received = to_request(from_request(request))
     start = State.at_rest(request.keys[0])
     moved = planned(received, start=start, limits=DEFAULT_LIMITS, period=PERIOD)
 
