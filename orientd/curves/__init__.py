@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     )
     from orientd.curves.methods import METHODS
     from orientd.curves.roles import (
-        Task,
+        CurveTask,
         UnevenError,
         is_pair,
         make_curve,
@@ -44,6 +44,6 @@ if TYPE_CHECKING:
         parameters,
         turns_name,
     )
-    from orientd.curves.warped import Warp, Warped, unit_map
+    from orientd.curves.warped import Retimed, TimeMap, unit_map
 
 __getattr__ = lazily(__name__)

@@ -65,7 +65,7 @@ class UnevenError(ValueError):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Task:
+class CurveTask:
     """What a curve is asked to do.
 
     Attributes:
@@ -121,13 +121,13 @@ def turns_name(family: type[Curve]) -> str | None:
 
 
 def parameters(
-    family: type[Curve], task: Task, options: Mapping[str, Any] | None = None
+    family: type[Curve], task: CurveTask, options: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
     """Return the keyword arguments with which *family* does *task*, *options* among them.
 
     Velocities that are wanted are given to a family that can meet them and kept from any other.
     Where none is wanted, an end is natural (without acceleration), and a single segment has the
-    velocities of the great arc; where a device holds, see :attr:`Task.holds`.
+    velocities of the great arc; where a device holds, see :attr:`CurveTask.holds`.
 
     Args:
         family: a class in ``METHODS``.
@@ -157,7 +157,9 @@ def parameters(
     return {**made, **given}
 
 
-def make_curve(family: type[Curve], task: Task, options: Mapping[str, Any] | None = None) -> Curve:
+def make_curve(
+    family: type[Curve], task: CurveTask, options: Mapping[str, Any] | None = None
+) -> Curve:
     """Return the curve of *family* that does *task*, on the clock of the task.
 
     Args:
@@ -208,7 +210,7 @@ def own_names(family: type[Curve], given: Mapping[str, Any]) -> dict[str, Any]:
         return rotate(conjugate(key), omega) if is_world else omega
 
     aligned = align(keys) if rest.get("align", True) else keys
-    task = Task(
+    task = CurveTask(
         keys,
         resolve_times(times, aligned, turns),
         in_body_frame("start_velocity", keys[0]),
@@ -230,7 +232,9 @@ def _keys_of(family: type[Curve], keys: Any, rest: dict[str, Any]) -> Floats:  #
     raise TypeError(f"{family.name} must be given keys, got {', '.join(rest) or 'none'}")
 
 
-def _through_keyframes(family: type[Curve], names: frozenset[str], task: Task) -> dict[str, Any]:
+def _through_keyframes(
+    family: type[Curve], names: frozenset[str], task: CurveTask
+) -> dict[str, Any]:
     made: dict[str, Any] = {"keys": task.keys, "times": task.times}
     conditions = (
         ("start", task.omega_start, task.alpha_start),
@@ -256,7 +260,7 @@ def _through_keyframes(family: type[Curve], names: frozenset[str], task: Task) -
     return made
 
 
-def _between_two(names: frozenset[str], task: Task) -> dict[str, Any]:
+def _between_two(names: frozenset[str], task: CurveTask) -> dict[str, Any]:
     if len(task.keys) != 2:
         raise ValueError(f"takes exactly 2 keyframes, got {len(task.keys)}")
     start, end = float(task.times[0]), float(task.times[1])
@@ -271,7 +275,7 @@ def _between_two(names: frozenset[str], task: Task) -> dict[str, Any]:
 
 
 def _from_controls(
-    family: type[Curve], names: frozenset[str], task: Task, options: dict[str, Any]
+    family: type[Curve], names: frozenset[str], task: CurveTask, options: dict[str, Any]
 ) -> dict[str, Any]:
     made: dict[str, Any] = {"control": task.keys}
     if "align" in names:

@@ -54,7 +54,7 @@ def _inverse_root(u: Floats) -> Floats:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Warp:
+class TimeMap:
     """A parameter by time.
 
     Attributes:
@@ -126,7 +126,7 @@ class Warp:
         )
 
 
-class Warped(Curve):
+class Retimed(Curve):
     """Run through *curve* as *warp* says.
 
     Args:
@@ -134,7 +134,7 @@ class Warped(Curve):
         warp: gives its parameter; covers its whole domain.
     """
 
-    def __init__(self, curve: Curve, warp: Warp) -> None:
+    def __init__(self, curve: Curve, warp: TimeMap) -> None:
         self._curve = curve
         self._warp = warp
         knots = warp.times_of(curve.knots)

@@ -20,11 +20,17 @@ from orientd.config import DeviceSettings, Settings
 from orientd.daemon.device import Device
 from orientd.daemon.devices import DeviceEvent
 from orientd.daemon.instants import Instants
-from orientd.daemon.leases import Lease, LeaseDesk, Tenure
+from orientd.daemon.leases import Lease, LeaseManager, LeaseTable
 from orientd.daemon.motion_starter import MotionStarter
-from orientd.daemon.motions import PlanStore, Runs
+from orientd.daemon.motions import ActiveMotions, PlanStore
 from orientd.daemon.observe import FlightRecorder, Journal
-from orientd.daemon.planners import Order, PlannedMotion, PlannerDevice, Planners, default_processes
+from orientd.daemon.planners import (
+    PlanCall,
+    PlannedMotion,
+    PlannerDevice,
+    Planners,
+    default_processes,
+)
 from orientd.errors import (
     GOING_DOWN,
     DaemonError,
@@ -69,7 +75,7 @@ class Cell:
         Raises:
             ConfigError: a device's driver is not there, or refuses its options.
         """
-        self.desk = LeaseDesk(
+        self.leases = LeaseTable(
             seconds=settings.daemon.lease_seconds, clock=clock or MonotonicClock()
         )
         self._lock = threading.Lock()
@@ -79,8 +85,8 @@ class Cell:
         self.configuration = settings.model_dump_json(exclude_none=True)
         self.listeners: list[Callable[[DeviceEvent, Device], object]] = []
         self.devices: dict[str, Device] = {}
-        self.runs = Runs(self.devices)
-        self.tenure = Tenure(self.desk, self.runs)
+        self.runs = ActiveMotions(self.devices)
+        self.lease_manager = LeaseManager(self.leases, self.runs)
         self.journal = Journal(kept=settings.recorder.seconds)
         self._flight = FlightRecorder(settings, self.journal)
         self.planners = planners or Planners(
@@ -94,7 +100,7 @@ class Cell:
             self.runs,
             self._commanders,
             check=self._check,
-            is_held=lambda token: self.desk.owner(token) is not None,
+            is_held=lambda token: self.leases.owner(token) is not None,
         )
         for name, device in settings.devices.items():
             self.devices[name] = make_device(device, planners=self.planners, on_event=self._hear)
@@ -177,7 +183,7 @@ class Cell:
             raise UnknownNameError("device", f"expected one of {names}, got {name!r}")
         return self.devices[name]
 
-    async def plan(self, device: Device, order: Order) -> PlannedMotion:
+    async def plan(self, device: Device, order: PlanCall) -> PlannedMotion:
         """Plan what *order* asks of *device*, and keep the plan.
 
         It begins where the device will be once it has come to rest.
@@ -245,7 +251,7 @@ class Cell:
         return device
 
     def _check(self, token: str) -> Lease:
-        lease = self.desk.check(token)
+        lease = self.leases.check(token)
         with self._lock:
             if self.is_closing:
                 raise DaemonError(GOING_DOWN)

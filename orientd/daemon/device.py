@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from orientd.config import DeviceSettings
 from orientd.daemon.device_snapshot import take_snapshot
-from orientd.daemon.devices import DeviceEvent, DeviceSnapshot, EventKind, terms_of
-from orientd.daemon.motions import AT_ONCE, Manner, Prepared
+from orientd.daemon.devices import DeviceEvent, DeviceSnapshot, EventKind, servo_limits_of
+from orientd.daemon.motions import AT_ONCE, MoveOptions, Prepared
 from orientd.daemon.supervised_device import SupervisedDevice
 from orientd.driver import Driver, Quaternion, Vector3, make_driver
 from orientd.errors import StateError
@@ -20,7 +20,7 @@ from orientd.stream import Command, Cycle, State, unpack_cycle
 if TYPE_CHECKING:
     # Loaded with the first motion: until then the daemon stays small.
     from orientd.daemon.motions import Motions, MotionStatistics
-    from orientd.daemon.planners import Order, PlannedMotion, Planners
+    from orientd.daemon.planners import PlanCall, PlannedMotion, Planners
     from orientd.planner import Limits
     from orientd.planner import State as PlannedState
 
@@ -89,7 +89,7 @@ class Device(SupervisedDevice):
             raise StateError(f"device {self.name} is {state}, not holding{advice}")
         return PlannedState.at_rest(cycle.q, cycle.position)
 
-    async def plan(self, order: Order) -> PlannedMotion:
+    async def plan(self, order: PlanCall) -> PlannedMotion:
         """Plan a motion that begins where the device will be once it has come to rest.
 
         Raises:
@@ -101,7 +101,7 @@ class Device(SupervisedDevice):
         return await self._loaded().plan(order)
 
     async def prepare(
-        self, order: Order, manner: Manner = AT_ONCE, *, attempt: int = 0
+        self, order: PlanCall, move_options: MoveOptions = AT_ONCE, *, attempt: int = 0
     ) -> Prepared:
         """Plan a motion for :meth:`start`: from rest, or from a point of the path a little ahead.
 
@@ -117,7 +117,7 @@ class Device(SupervisedDevice):
             PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
         """
         self._check_able()
-        return await self._loaded().prepare(order, manner, attempt=attempt)
+        return await self._loaded().prepare(order, move_options, attempt=attempt)
 
     def start(self, prepared: Prepared) -> int:
         """Begin to stream a motion and return its number, once the servo has taken it up.
@@ -184,14 +184,14 @@ class Device(SupervisedDevice):
             RequestError: a limit is above the device's.
             StateError: the device is neither holding nor moving, or cannot follow targets.
         """
-        terms = terms_of(self.limits.narrowed(limits), brake_rate=1.0)
+        servo_limits = servo_limits_of(self.limits.narrowed(limits), brake_rate=1.0)
         if type(self._examiner).shape is not Driver.shape:
             raise StateError(
                 f"device {self.name} plans whole paths for its axes: it cannot follow targets"
             )
         with self._lock:
             number = self._number + 1
-            self._servo.running().ask(Command.TRACK, motion=number, terms=terms)
+            self._servo.running().ask(Command.TRACK, motion=number, servo_limits=servo_limits)
             self._number = self._tracked = number
             if self._motions is not None:
                 self._motions.is_paused = False

@@ -39,11 +39,11 @@ def take_snapshot(
     error = None
     if cycle is not None and due is not None and cycle.flags & CycleFlag.FEEDBACK:
         error = norm(difference(due.q, cycle.feedback_q))
-    stage = None if motions is None else motions.stage_of(due)
+    queued = None if motions is None else motions.queued_of(due)
     path_time = 0.0
-    if due is not None and stage is not None and stage.feeder is not None:
-        records = due.path_index - stage.feeder.first_index + due.path_fraction
-        path_time = max(0.0, records * stage.motion.facts.period)
+    if due is not None and queued is not None and queued.feeder is not None:
+        records = due.path_index - queued.feeder.first_index + due.path_fraction
+        path_time = max(0.0, records * queued.motion.facts.period)
     state = State.IDLE if cycle is None else cycle.state
     is_paused = motions is not None and motions.is_paused
     return DeviceSnapshot(
@@ -54,8 +54,8 @@ def take_snapshot(
         fault_text=servo.fault_text,
         is_paused=is_paused and state is State.STREAMING,
         speed=speed,
-        motion=None if stage is None else stage.motion,
-        motion_number=number if stage is None else stage.number,
+        motion=None if queued is None else queued.motion,
+        motion_number=number if queued is None else queued.number,
         path_time=path_time,
         tracking_error=error,
         servo_pid=servo.pid,

@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING
 
 from orientd.daemon.device import Device
 from orientd.daemon.leases import Lease
-from orientd.daemon.motions import AT_ONCE, Manner, Prepared, Run, Runs
+from orientd.daemon.motions import AT_ONCE, ActiveMotion, ActiveMotions, MoveOptions, Prepared
 from orientd.daemon.observe import about
-from orientd.daemon.planners import Order, PlannedMotion
+from orientd.daemon.planners import PlanCall, PlannedMotion
 from orientd.errors import DeadlineError, LateError, NotYetError, StartError, StateError
 from orientd.floats import difference, norm
 from orientd.rpc import MoveTiming, titled
@@ -48,7 +48,7 @@ class MotionStarter:
 
     def __init__(
         self,
-        runs: Runs,
+        runs: ActiveMotions,
         commanders: ThreadPoolExecutor,
         *,
         check: Callable[[str], Lease],
@@ -72,12 +72,12 @@ class MotionStarter:
         self,
         token: str,
         device: Device,
-        order: Order,
-        manner: Manner = AT_ONCE,
+        order: PlanCall,
+        move_options: MoveOptions = AT_ONCE,
         *,
         stops: int,
         received_ns: int,
-    ) -> tuple[Run, MoveTiming]:
+    ) -> tuple[ActiveMotion, MoveTiming]:
         """Plan what *order* asks of *device*, and begin it.
 
         A motion that runs is replaced from a point a little ahead, or followed.  If whoever asks
@@ -88,7 +88,7 @@ class MotionStarter:
             device: what is to move.
             order: what it is to do.
             manner: how to begin and to end.
-            stops: what :meth:`Runs.stops` returned when the motion was asked for.
+            stops: what :meth:`ActiveMotions.stops` returned when the motion was asked for.
             received_ns: when that was, monotonic clock.
 
         Raises:
@@ -98,21 +98,21 @@ class MotionStarter:
             PlanError: it cannot be planned, or would break a limit.
         """
         async with self._turn(device.name, order):
-            return await self._move(token, device, order, manner, stops, received_ns)
+            return await self._move(token, device, order, move_options, stops, received_ns)
 
     async def _move(
         self,
         token: str,
         device: Device,
-        order: Order,
-        manner: Manner,
+        order: PlanCall,
+        move_options: MoveOptions,
         stops: int,
         received_ns: int,
-    ) -> tuple[Run, MoveTiming]:
+    ) -> tuple[ActiveMotion, MoveTiming]:
         attempt, late = 0, ""
         while attempt < ATTEMPTS and order.time_left:
             try:
-                prepared = await device.prepare(order, manner, attempt=attempt)
+                prepared = await device.prepare(order, move_options, attempt=attempt)
                 planned_ns = time.monotonic_ns()
                 run = await self._begin(token, device, prepared, stops=stops)
             except NotYetError as error:
@@ -132,7 +132,7 @@ class MotionStarter:
         raise StateError(f"device {device.name} was too quick for {attempt} plans: {late}")
 
     @contextlib.asynccontextmanager
-    async def _turn(self, device: str, order: Order) -> AsyncIterator[None]:
+    async def _turn(self, device: str, order: PlanCall) -> AsyncIterator[None]:
         """Wait until it is the turn of *order*, and keep the turn for as long as the context lasts.
 
         Raises:
@@ -157,10 +157,10 @@ class MotionStarter:
         token: str,
         device: Device,
         motion: PlannedMotion,
-        manner: Manner = AT_ONCE,
+        move_options: MoveOptions = AT_ONCE,
         *,
         stops: int,
-    ) -> Run:
+    ) -> ActiveMotion:
         """Begin to run *motion*, a kept plan, on a device at rest.
 
         Args:
@@ -168,7 +168,7 @@ class MotionStarter:
             device: what is to move.
             motion: planned for it.
             manner: how to begin and to end.
-            stops: what :meth:`Runs.stops` returned when the motion was asked for.
+            stops: what :meth:`ActiveMotions.stops` returned when the motion was asked for.
 
         Raises:
             LeaseError: *token* is not that of the lease.
@@ -176,9 +176,13 @@ class MotionStarter:
             StartError: the motion does not begin where the device is commanded to be.
         """
         check_start(device, motion)
-        return await self._begin(token, device, Prepared(motion, manner=manner), stops=stops)
+        return await self._begin(
+            token, device, Prepared(motion, move_options=move_options), stops=stops
+        )
 
-    async def _begin(self, token: str, device: Device, prepared: Prepared, *, stops: int) -> Run:
+    async def _begin(
+        self, token: str, device: Device, prepared: Prepared, *, stops: int
+    ) -> ActiveMotion:
         """Begin a motion in a thread; if whoever asks goes away meanwhile, stop it again."""
         beginning = self._commanders.submit(
             self._run,
@@ -187,7 +191,7 @@ class MotionStarter:
             lambda: device.start(prepared),
             motion=prepared.motion,
             stops=stops,
-            start_ns=prepared.manner.start_ns,
+            start_ns=prepared.move_options.start_ns,
         )
         try:
             return await asyncio.shield(asyncio.wrap_future(beginning))
@@ -195,18 +199,18 @@ class MotionStarter:
             beginning.add_done_callback(self._abandon_begun)
             raise
 
-    def _abandon_begun(self, beginning: Future[Run]) -> None:
+    def _abandon_begun(self, beginning: Future[ActiveMotion]) -> None:
         if beginning.exception() is None:
             self._commanders.submit(self.abandon, beginning.result(), GONE)
 
-    def track(self, token: str, device: Device, limits: Limits, *, stops: int) -> Run:
+    def track(self, token: str, device: Device, limits: Limits, *, stops: int) -> ActiveMotion:
         """Have *device* follow targets from now on; see :meth:`Device.aim`.
 
         Args:
             token: the lease.
             device: what is to move.
             limits: narrower than the device's own; infinite ones are left to it.
-            stops: what :meth:`Runs.stops` returned when this was asked for.
+            stops: what :meth:`ActiveMotions.stops` returned when this was asked for.
 
         Raises:
             RequestError: the limits are above the device's.
@@ -224,7 +228,7 @@ class MotionStarter:
         motion: PlannedMotion | None,
         stops: int,
         start_ns: int = UNKNOWN,
-    ) -> Run:
+    ) -> ActiveMotion:
         lease = self._check(token)
 
         run = self._runs.begin(
@@ -253,7 +257,7 @@ class MotionStarter:
         )
         return run
 
-    def abandon(self, run: Run, reason: str) -> None:
+    def abandon(self, run: ActiveMotion, reason: str) -> None:
         """Stop *run* on its path, unless it has ended."""
         if not run.ended.done():
             self._runs.halt([run.device], reason)

@@ -19,7 +19,7 @@ from grpc_reflection.v1alpha import reflection
 import orientd
 from orientd import processor
 from orientd.config import Settings
-from orientd.daemon.access import Entry, Gate, claimed, inner_socket
+from orientd.daemon.access import Admission, StartupGate, claimed, inner_socket
 from orientd.daemon.calls import UnreadHandlers
 from orientd.daemon.notify import notify
 from orientd.daemon.watchdog import Watchdog
@@ -97,8 +97,8 @@ class _Daemon:
         loop = asyncio.get_running_loop()
         for number in (signal.SIGTERM, signal.SIGINT):
             loop.add_signal_handler(number, self._stop, number)
-        gate = Gate(SERVICE, UnreadHandlers)
-        entry = Entry(self._settings.access, self._settings.tcp, inner)
+        gate = StartupGate(SERVICE, UnreadHandlers)
+        entry = Admission(self._settings.access, self._settings.tcp, inner)
         checks = health.aio.HealthServicer()  # type: ignore[attr-defined] # not in the stubs
         server = _server(gate, checks, entry, self._settings.access.message_bytes)
         _bind(server, inner, self._socket)
@@ -109,7 +109,7 @@ class _Daemon:
                 await checks.set(name, health_pb2.HealthCheckResponse.SERVING)
             cell, service = await asyncio.to_thread(self._load, entry)
             cell.planners.start()
-            entry.checkpoint.guard_leases(cell.desk.owner)
+            entry.checkpoint.guard_leases(cell.leases.owner)
             watchdog = Watchdog(cell.devices)
             try:
                 self._measure(cell, entry)
@@ -132,7 +132,7 @@ class _Daemon:
             await server.stop(None)
             await entry.close()
 
-    def _reload(self, cell: Cell, entry: Entry) -> None:
+    def _reload(self, cell: Cell, entry: Admission) -> None:
         """Take up what can change of the settings, and say what cannot."""
         from orientd.daemon.reload import changes
 
@@ -161,7 +161,7 @@ class _Daemon:
         if cannot:
             _log.warning("reload: needs a restart: %s", ", ".join(cannot))
 
-    def _measure(self, cell: Cell, entry: Entry) -> None:
+    def _measure(self, cell: Cell, entry: Admission) -> None:
         """Begin to count, where somebody may ask; what counted before ends.
 
         Raises:
@@ -183,7 +183,7 @@ class _Daemon:
         entry.checkpoint.count_call = telemetry.count_call
         self._telemetry = telemetry
 
-    def _load(self, entry: Entry) -> tuple[Cell, ControlService]:
+    def _load(self, entry: Admission) -> tuple[Cell, ControlService]:
         """Import, and start, what takes its time."""
         from orientd.daemon.cell import Cell
         from orientd.daemon.motions import Motions
@@ -217,7 +217,7 @@ class _Daemon:
         """Return what there is to say about the daemon itself."""
         from orientd.rpc import DaemonReport
 
-        lease = cell.desk.current()
+        lease = cell.leases.current()
         return DaemonReport(
             version=orientd.__version__,
             pid=os.getpid(),
@@ -226,7 +226,7 @@ class _Daemon:
             configuration=self._configuration,
             lease_holder=lease.holder if lease else "",
             lease_identity=lease.owner if lease else "",
-            lease_remaining=cell.desk.remaining(lease) if lease else 0.0,
+            lease_remaining=cell.leases.remaining(lease) if lease else 0.0,
         )
 
     def _stop(self, number: int) -> None:
@@ -241,12 +241,12 @@ class _Daemon:
 async def _expire_leases(cell: Cell) -> None:
     while True:
         await asyncio.sleep(_LEASE_CHECKS)
-        if cell.desk.has_expired:
-            await asyncio.to_thread(cell.tenure.expire)
+        if cell.leases.has_expired:
+            await asyncio.to_thread(cell.lease_manager.expire)
 
 
 def _server(
-    gate: Gate, checks: health_pb2_grpc.HealthServicer, entry: Entry, message_bytes: int
+    gate: StartupGate, checks: health_pb2_grpc.HealthServicer, entry: Admission, message_bytes: int
 ) -> grpc.aio.Server:
     options = server_options(message_bytes)
     server = grpc.aio.server(interceptors=(entry.checkpoint, gate), options=options)

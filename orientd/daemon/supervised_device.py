@@ -239,10 +239,10 @@ class SupervisedDevice:
     def _tell(self, kind: EventKind, number: int, text: str) -> None:
         event = DeviceEvent(self.name, kind, number, text, time.monotonic_ns())
         if kind is EventKind.MOTION_STARTED and self._motions is not None:
-            stage = self._motions.stage(number)
-            if stage is not None:
-                first = None if stage.feeder is None else stage.feeder.first_index
-                event = replace(event, motion=stage.motion, path_index=first)
+            queued = self._motions.queued(number)
+            if queued is not None:
+                first = None if queued.feeder is None else queued.feeder.first_index
+                event = replace(event, motion=queued.motion, path_index=first)
         self._on_event(event)
 
     def _tell_of_servo(self, kind: EventKind, text: str) -> None:

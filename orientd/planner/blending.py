@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from orientd.errors import PlanError
-from orientd.planner.candidate import Draft
+from orientd.planner.candidate import CandidateMotion
 from orientd.planner.certify import limit_table
 from orientd.planner.certifying import certified
 from orientd.planner.connect import join, try_joins
 from orientd.planner.limits import Limits
 from orientd.planner.motion import Motion
-from orientd.planner.path import Path, PositionPath, Stretch, quintic
+from orientd.planner.path import Path, PathSegment, PositionPath, quintic
 from orientd.planner.planning import plan
 from orientd.planner.recorded import HISTORY, RecordedMotion
 from orientd.planner.request import MotionRequest, State
@@ -154,12 +154,12 @@ def _blended(
             continue
         tries += 1
         begin = float(instants[nearest])
-        stretch = Stretch(curve, 0.0, float(durations[one]))
+        segment = PathSegment(curve, 0.0, float(durations[one]))
         start = first.state_at(int(leave[one]))
-        draft = _draft(stretch, start, second, path, period * int(joined[one]), begin)
+        candidate = _draft(segment, start, second, path, period * int(joined[one]), begin)
         try:
             motion = certified(
-                draft, second.request, start, second.limits, period, motion_id=second.id
+                candidate, second.request, start, second.limits, period, motion_id=second.id
             )
         except PlanError:
             continue
@@ -200,8 +200,8 @@ def _cuts(first: RecordedMotion, second: Motion, corner: Floats, earliest: int) 
 
 
 def _draft(
-    stretch: Stretch, start: State, second: Motion, path: Path, time: float, nearest: float
-) -> Draft:
+    segment: PathSegment, start: State, second: Motion, path: Path, time: float, nearest: float
+) -> CandidateMotion:
     """Return the path of a blend and what it leads into.
 
     Args:
@@ -212,14 +212,14 @@ def _draft(
         time: path time of the second motion at which it is joined, s.
         nearest: path time at which the blend is nearest to the corner, s.
     """
-    shift = stretch.end - time
-    stretches = [stretch, *(later.shifted(shift) for later in path.since(time))]
+    shift = segment.end - time
+    segments = [segment, *(later.shifted(shift) for later in path.since(time))]
     there = path.positions.state(time)
     here = start.position, start.velocity, start.acceleration
-    piece = quintic(here, there, stretch.end)
+    piece = quintic(here, there, segment.end)
     positions = path.positions.since(time).delayed(shift)
     if start.is_position_moving or np.any(there[0] != start.position):
-        breaks = np.array([0.0, stretch.end])
+        breaks = np.array([0.0, segment.end])
         positions = positions.after(PositionPath(breaks, piece[None], start.position, there[0]))
     times = second.keyframe_times + shift
     times = np.where(second.keyframe_times < time, nearest, times)
@@ -227,6 +227,6 @@ def _draft(
     rough = second.rough
     if rough is not None:
         rough = replace(rough, begin=rough.begin + shift, end=rough.end + shift)
-    return Draft(
-        Path.joined(stretches, positions, start.q), begin, second.end_time + shift, times, rough
+    return CandidateMotion(
+        Path.joined(segments, positions, start.q), begin, second.end_time + shift, times, rough
     )

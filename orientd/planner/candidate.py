@@ -11,14 +11,14 @@ from orientd.planner import refusal
 from orientd.planner.certify import Rough
 from orientd.planner.connect import Caution, LeadIn, join_in, lead_in, lead_out, position_lead
 from orientd.planner.limits import Limits, is_still
-from orientd.planner.path import Path, Stretch
+from orientd.planner.path import Path, PathSegment
 from orientd.planner.request import MotionRequest, State
-from orientd.planner.timing import Core
+from orientd.planner.timing import KeyframePath
 from orientd.rotation import Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Draft:
+class CandidateMotion:
     """A path that has not been checked yet.
 
     Attributes:
@@ -35,16 +35,16 @@ class Draft:
     end: float
     keyframe_times: Floats
     rough: Rough | None
-    core: Core | None = None
+    keyframe_path: KeyframePath | None = None
 
 
 def with_leads(
-    core: Core,
+    keyframe_path: KeyframePath,
     lead: LeadIn | None,
     start: State,
     limits: Limits,
     period: float,
-) -> Draft:
+) -> CandidateMotion:
     """Return the path from hold to hold around a core.
 
     In front goes the lead-in; behind goes a lead-out if the core does not end at rest.
@@ -61,29 +61,29 @@ def with_leads(
         StartError: there is no lead-in, and the core begins elsewhere.
         PlanError: no lead keeps the limits.
     """
-    first, last = core.stretch.ends()
-    stretches: list[Stretch] = []
-    positions, begin, stretch = core.positions, 0.0, core.stretch
-    rough = _rough(core, 0.0)
+    first, last = keyframe_path.segment.ends()
+    segments: list[PathSegment] = []
+    positions, begin, segment = keyframe_path.positions, 0.0, keyframe_path.segment
+    rough = _rough(keyframe_path, 0.0)
     if lead is not None:
         begin = lead.cycles * period
-        stretches += lead.stretches
+        segments += lead.segments
         positions = positions.delayed(begin).after(lead.positions)
-        stretch = stretch.shifted(begin)
-        rough = _rough(core, begin)
-    elif start.is_at_rest or core.has_acceleration_of(start, limits):
+        segment = segment.shifted(begin)
+        rough = _rough(keyframe_path, begin)
+    elif start.is_at_rest or keyframe_path.has_acceleration_of(start, limits):
         state = State(first.q, first.omega_body, first.alpha_body, *positions.state(0.0))
         refusal.check_start(start, state, limits)
     else:
         # The core knows nothing of the acceleration the device has.
-        joint = join_in(core, start, limits=limits, period=period)
-        stretches.append(joint)
-        stretch = stretch.without(joint.end)
-    end = begin + core.duration
-    stretches.append(stretch)
-    stretches += _leads_out(last, end, limits, period)
-    path = Path.joined(stretches, positions, start.q)
-    return Draft(path, begin, end, core.times + begin, rough, core)
+        joint = join_in(keyframe_path, start, limits=limits, period=period)
+        segments.append(joint)
+        segment = segment.without(joint.end)
+    end = begin + keyframe_path.duration
+    segments.append(segment)
+    segments += _leads_out(last, end, limits, period)
+    path = Path.joined(segments, positions, start.q)
+    return CandidateMotion(path, begin, end, keyframe_path.times + begin, rough, keyframe_path)
 
 
 def to_single(
@@ -92,7 +92,7 @@ def to_single(
     limits: Limits,
     period: float,
     caution: Caution = Caution.NONE,
-) -> Draft:
+) -> CandidateMotion:
     """Return the path to a single keyframe, and to rest behind it if it is passed.
 
     Args:
@@ -112,24 +112,26 @@ def to_single(
     target = State(request.keys[0], omega, np.zeros(3), position)
     lead = lead_in(start, target, limits=limits, period=period, is_direct=True, caution=caution)
     end = lead.cycles * period
-    stretches = [*lead.stretches, *_leads_out(target, end, limits, period)]
-    return Draft(Path.joined(stretches, lead.positions, start.q), end, end, np.array([end]), None)
+    segments = [*lead.segments, *_leads_out(target, end, limits, period)]
+    return CandidateMotion(
+        Path.joined(segments, lead.positions, start.q), end, end, np.array([end]), None
+    )
 
 
-def _leads_out(last: State, end: float, limits: Limits, period: float) -> list[Stretch]:
+def _leads_out(last: State, end: float, limits: Limits, period: float) -> list[PathSegment]:
     if is_still(last.omega_body, last.alpha_body, limits):
         return []
     try:
         curve = lead_out(last.q, last.omega_body, last.alpha_body, limits=limits, period=period)
     except PlanError as error:
         raise PlanError(f"no lead-out from the last keyframe: {error}") from error
-    return [Stretch(curve, end, end + curve.domain[1])]
+    return [PathSegment(curve, end, end + curve.domain[1])]
 
 
-def _rough(core: Core, begin: float) -> Rough | None:
+def _rough(keyframe_path: KeyframePath, begin: float) -> Rough | None:
     """Return where the derivatives of a core have steps, from its first inner knot to its last."""
-    curve = core.stretch.curve
-    if core.continuity >= 2 or len(curve.knots) < 3:
+    curve = keyframe_path.segment.curve
+    if keyframe_path.continuity >= 2 or len(curve.knots) < 3:
         return None
-    inner = (curve.knots[[1, -2]] - curve.domain[0]) / core.stretch.rate
-    return Rough(begin + float(inner[0]), begin + float(inner[1]), core.continuity)
+    inner = (curve.knots[[1, -2]] - curve.domain[0]) / keyframe_path.segment.rate
+    return Rough(begin + float(inner[0]), begin + float(inner[1]), keyframe_path.continuity)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from orientd.planner import refusal
-from orientd.planner.candidate import Draft
+from orientd.planner.candidate import CandidateMotion
 from orientd.planner.certify import before, measure_path, summed_up
 from orientd.planner.limits import Limits
 from orientd.planner.motion import Motion
@@ -16,7 +16,7 @@ _END_SLACK = 1e-9  # of a period
 
 
 def certified(
-    draft: Draft,
+    candidate: CandidateMotion,
     request: MotionRequest,
     start: State,
     limits: Limits,
@@ -37,7 +37,7 @@ def certified(
     Raises:
         LimitError: it breaks one.
     """
-    path = draft.path
+    path = candidate.path
     count = math.ceil(path.duration / period - _END_SLACK) + 1
 
     # A timing of the user's may go up to the limits, where the guard's tolerance is all that
@@ -51,9 +51,9 @@ def certified(
         limits,
         before=before(start, period) if start.is_known else None,
         brake_limits=limits.scaled(GUARD_TOLERANCE) if may_be_at_limits else limits,
-        rough=draft.rough,
+        rough=candidate.rough,
     )
-    place = refusal.Place(request, draft.begin, draft.end, draft.keyframe_times)
+    place = refusal.Place(request, candidate.begin, candidate.end, candidate.keyframe_times)
     refusal.check_limits(peaks, place)
     refusal.check_stop(peaks, place)
     return Motion(
@@ -62,13 +62,13 @@ def certified(
         limits=limits,
         period=period,
         path=path,
-        start_time=draft.begin,
-        end_time=draft.end,
-        keyframe_times=draft.keyframe_times,
+        start_time=candidate.begin,
+        end_time=candidate.end,
+        keyframe_times=candidate.keyframe_times,
         record_count=count,
         certificate=summed_up(
-            request, path, (draft.begin, draft.end), draft.keyframe_times, peaks, period
+            request, path, (candidate.begin, candidate.end), candidate.keyframe_times, peaks, period
         ),
-        rough=draft.rough,
+        rough=candidate.rough,
         before=start.before,
     )

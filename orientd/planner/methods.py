@@ -16,7 +16,7 @@ import numpy as np
 from orientd.curves import (
     METHODS,
     Curve,
-    Task,
+    CurveTask,
     UnevenError,
     is_pair,
     make_curve,
@@ -153,7 +153,7 @@ def build(request: MotionRequest, keys: Floats, times: Floats, turns: Turns, end
         RequestError: an option or the keyframes are not what the method takes.
         PlanError: the method cannot join these keyframes.
     """
-    task = Task(
+    task = CurveTask(
         keys,
         times,
         ends.omega_start,
@@ -166,7 +166,7 @@ def build(request: MotionRequest, keys: Floats, times: Floats, turns: Turns, end
     return curve_of(request, task)
 
 
-def curve_of(request: MotionRequest, task: Task) -> Curve:
+def curve_of(request: MotionRequest, task: CurveTask) -> Curve:
     """Return the curve of a request's method that does a task of it.
 
     Raises:

@@ -12,7 +12,7 @@ import numpy as np
 from orientd.curves import METHODS, corrections_at_most
 from orientd.errors import LimitError, PlanError, StartError
 from orientd.planner import refusal
-from orientd.planner.candidate import Draft, to_single, with_leads
+from orientd.planner.candidate import CandidateMotion, to_single, with_leads
 from orientd.planner.certifying import certified
 from orientd.planner.connect import Caution, LeadIn, lead_in, position_lead
 from orientd.planner.limits import LONGEST, Limits
@@ -22,9 +22,9 @@ from orientd.planner.request import MotionRequest, State
 from orientd.planner.timing import (
     LONGER,
     SHARE,
-    Core,
-    Course,
     Indices,
+    KeyframePath,
+    PathRequest,
     Survey,
     chord_knots,
     quickest,
@@ -155,11 +155,11 @@ class _Job:
             # A peak where none was expected: look at every record then.
             return self.certified(self.as_quick_as_possible(everywhere=True), name)
 
-    def as_single(self) -> Draft:
+    def as_single(self) -> CandidateMotion:
         """Return the path to the only keyframe."""
         return to_single(self.request, self.start, self.limits, self.period, self.caution)
 
-    def as_timed(self) -> Draft:
+    def as_timed(self) -> CandidateMotion:
         """Return the path with the times of the request."""
         if self.request.times is None:
             raise ValueError("request must have times")
@@ -167,50 +167,52 @@ class _Job:
         duration = float(times[-1])
         refusal.check_duration(duration)
         refusal.check_intervals(times)
-        core = self._course(times, np.arange(len(times))).core(duration)
+        keyframe_path = self._course(times, np.arange(len(times))).keyframe_path(duration)
         try:
-            return self._with_leads(core)
+            return self._with_leads(keyframe_path)
         except StartError:
             raise
         except PlanError:
             # No lead can mend a core that breaks a limit by itself: then that is what is wrong.
-            place = refusal.Place(self.request, 0.0, duration, core.times)
-            refusal.check_limits(core.peaks(self.period, self.limits), place)
+            place = refusal.Place(self.request, 0.0, duration, keyframe_path.times)
+            refusal.check_limits(keyframe_path.peaks(self.period, self.limits), place)
             raise
 
-    def as_quick_as_possible(self, *, everywhere: bool) -> Draft:
+    def as_quick_as_possible(self, *, everywhere: bool) -> CandidateMotion:
         """Return the path with the shortest times that keep the limits, in whole periods.
 
         Args:
             everywhere: whether to look at every record at every attempt.
         """
         period, reserved = self.period, self.limits.with_reserve()
-        course, shape = self._shape()
-        is_same = course.has_one_shape
+        path_request, shape = self._shape()
+        is_same = path_request.has_one_shape
         is_held = is_same and shape.is_held_at_both_ends(self.limits)
         survey = Survey.of(shape, reserved, period, has_one_shape=is_same)
         guess = shape.duration * survey.factor
         if is_same:
             refusal.check_duration(guess)
         # Two steps of the acceleration within a difference of the setpoints would add up.
-        fewest = 1 if shape.continuity >= 2 else _CYCLES_A_STEP * (len(course.kept) - 1)
-        drafts: dict[int, Draft] = {}
-        cores: dict[int, Core] = {}
+        fewest = 1 if shape.continuity >= 2 else _CYCLES_A_STEP * (len(path_request.kept) - 1)
+        drafts: dict[int, CandidateMotion] = {}
+        cores: dict[int, KeyframePath] = {}
         refusals: list[PlanError] = []
 
         def attempt(cycles: int, *, are_led: bool) -> float:
             duration = cycles * period
             try:
                 # The same curve at another rate need not be made again.
-                core = shape.slowed(duration) if is_same else self._moving(course, duration)
+                keyframe_path = (
+                    shape.slowed(duration) if is_same else self._moving(path_request, duration)
+                )
             except PlanError:
                 return math.inf
             try:
-                factor = survey.look(core, reserved, period, everywhere=everywhere)
+                factor = survey.look(keyframe_path, reserved, period, everywhere=everywhere)
                 if factor <= 1.0:
-                    cores[cycles] = core
+                    cores[cycles] = keyframe_path
                     if are_led:
-                        drafts[cycles] = self._with_leads(core)
+                        drafts[cycles] = self._with_leads(keyframe_path)
             except StartError:
                 raise
             except PlanError as error:
@@ -245,33 +247,37 @@ class _Job:
                 first = cycles
         raise refusals[-1] if refusals else refusal.of_any_duration(self.start, self.limits)
 
-    def _shape(self) -> tuple[Course, Core]:
+    def _shape(self) -> tuple[PathRequest, KeyframePath]:
         """Return the course of keyframes without times, and a core on it of about its duration."""
         refusal.check_continuity(self.request)
         is_uniform = not METHODS[self.request.method].interpolates
         knots = chord_knots(self.request, self.limits, is_uniform=is_uniform)
-        course = self._course(knots.times, knots.kept)
+        path_request = self._course(knots.times, knots.kept)
         guess = knots.first_guess(self.limits.with_reserve())
-        if course.has_one_shape and guess > _HOPELESS * len(knots.times) * LONGEST:
+        if path_request.has_one_shape and guess > _HOPELESS * len(knots.times) * LONGEST:
             refusal.check_duration(guess)
         guess = min(max(guess, 2.0 * self.period), LONGEST)
-        return course, course.core(guess) if course.has_one_shape else self._moving(course, guess)
+        return path_request, path_request.keyframe_path(
+            guess
+        ) if path_request.has_one_shape else self._moving(path_request, guess)
 
-    def _moving(self, course: Course, duration: float) -> Core:
+    def _moving(self, path_request: PathRequest, duration: float) -> KeyframePath:
         """Return one of many cores to try, each of which may be hard to find."""
         with corrections_at_most(_MOST_CORRECTIONS):
-            return course.core(duration)
+            return path_request.keyframe_path(duration)
 
     def in_minimum_time(self, motion_id: str) -> Motion:
         """Return the motion on which the core is run through as quickly as the limits permit."""
-        course, core = self._shape()
-        refusal.check_smooth(self.request, core.continuity)
-        if not (course.has_one_shape and core.is_from_rest_to_rest):
+        path_request, keyframe_path = self._shape()
+        refusal.check_smooth(self.request, keyframe_path.continuity)
+        if not (path_request.has_one_shape and keyframe_path.is_from_rest_to_rest):
             # A velocity at an end is one at some duration: take the curve of the usual one.
-            core = self.as_quick_as_possible(everywhere=False).core or core
+            keyframe_path = (
+                self.as_quick_as_possible(everywhere=False).keyframe_path or keyframe_path
+            )
         share = SHARE
         for count in range(_MOST_TIMINGS):
-            quick = quickest(core, self.limits, self.period, share=share)
+            quick = quickest(keyframe_path, self.limits, self.period, share=share)
             motion = self.certified(self._with_leads(quick), motion_id)
             stop_time = motion.certificate.stop_time
             if stop_time <= _LONGEST_STOP or motion.duration <= _LONGEST_STOP:
@@ -285,13 +291,13 @@ class _Job:
             share = max(1.0 - more * (1.0 - share), _LEAST_SHARE)
         raise refusal.of_slow_stop(stop_time, _LONGEST_STOP, share)
 
-    def certified(self, draft: Draft, motion_id: str) -> Motion:
+    def certified(self, candidate: CandidateMotion, motion_id: str) -> Motion:
         """Return the motion, held against its limits on the records that will be sent."""
         return certified(
-            draft, self.request, self.start, self.limits, self.period, motion_id=motion_id
+            candidate, self.request, self.start, self.limits, self.period, motion_id=motion_id
         )
 
-    def _course(self, times: Floats, kept: Indices) -> Course:
+    def _course(self, times: Floats, kept: Indices) -> PathRequest:
         start, given = self.start, self.request.positions
         only = None
         if given is not None and not self.request.approach:
@@ -299,7 +305,7 @@ class _Job:
         halt = position_lead(start, only, limits=self.limits, period=self.period)
         first = (start.position, start.velocity, start.acceleration)
         is_taken_over = start.is_position_moving and not self.request.approach
-        return Course(
+        return PathRequest(
             self.request,
             self.ends,
             times,
@@ -308,16 +314,16 @@ class _Job:
             first if is_taken_over else None,
         )
 
-    def _with_leads(self, core: Core) -> Draft:
-        lead = self._lead_in(core) if self.request.approach else None
-        return with_leads(core, lead, self.start, self.limits, self.period)
+    def _with_leads(self, keyframe_path: KeyframePath) -> CandidateMotion:
+        lead = self._lead_in(keyframe_path) if self.request.approach else None
+        return with_leads(keyframe_path, lead, self.start, self.limits, self.period)
 
-    def _lead_in(self, core: Core) -> LeadIn:
-        first, _ = core.stretch.ends()
+    def _lead_in(self, keyframe_path: KeyframePath) -> LeadIn:
+        first, _ = keyframe_path.segment.ends()
         key = first.q.tobytes() + first.omega_body.tobytes() + first.alpha_body.tobytes()
         lead = self.leads.get(key)
         if lead is None:
-            at = core.positions.first
+            at = keyframe_path.positions.first
             first = State(first.q, first.omega_body, first.alpha_body, at)
             lead = self.leads[key] = lead_in(
                 self.start, first, limits=self.limits, period=self.period, caution=self.caution

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from orientd.curves import Task
+from orientd.curves import CurveTask
 from orientd.errors import RequestError
 from orientd.planner.limits import DEFAULT_LIMITS, Limits
 from orientd.planner.request import MotionRequest
@@ -18,7 +18,7 @@ Times = Literal["file", "uniform", "chord"]
 OpenEnds = Literal["rest", "natural"]
 
 
-def task_of(request: MotionRequest, times: Times = "file", ends: OpenEnds = "rest") -> Task:
+def task_of(request: MotionRequest, times: Times = "file", ends: OpenEnds = "rest") -> CurveTask:
     """Return the task of a request, without limits, leads or a device.
 
     With the defaults the curve of a task is the one that is planned.  Where the request has no
@@ -32,12 +32,12 @@ def task_of(request: MotionRequest, times: Times = "file", ends: OpenEnds = "res
             to go, and keyframes that repeat the one before are left out.  ``"uniform"`` puts all
             of them a second apart; ``"chord"`` goes by the angles alone.
         ends: what an end is whose velocity is not given: at rest, as of a device that holds (see
-            :attr:`.Task.holds`), or natural (without acceleration).
+            :attr:`.CurveTask.holds`), or natural (without acceleration).
 
     Raises:
         RequestError: two neighbours are the same, so that there is no chord.
     """
-    task = Task(
+    task = CurveTask(
         keys=request.keys,
         times=np.arange(float(len(request.keys))),
         omega_start=request.omega_start,

@@ -8,7 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
-from orientd.curves import METHODS, Figures, Task, compare, make_curve, measure, parameters, ranked
+from orientd.curves import (
+    METHODS,
+    CurveTask,
+    Figures,
+    compare,
+    make_curve,
+    measure,
+    parameters,
+    ranked,
+)
 from orientd.errors import OrientdError
 from orientd.plots.motion import draw_traces
 from orientd.plots.paper import check_format
@@ -26,14 +35,14 @@ _DEGREES = [
 ]
 
 
-def example() -> Task:
+def example() -> CurveTask:
     """Return six orientations a second apart, as a camera would pass them."""
-    return Task(from_euler("ZYX", np.radians(_DEGREES)), np.arange(6.0))
+    return CurveTask(from_euler("ZYX", np.radians(_DEGREES)), np.arange(6.0))
 
 
-def example_of_two() -> Task:
+def example_of_two() -> CurveTask:
     """Return two orientations, turning at both, for the families of one segment."""
-    return Task(
+    return CurveTask(
         from_euler("ZYX", np.radians([_DEGREES[0], _DEGREES[3]])),
         np.array([0.0, 2.0]),
         omega_start=np.array([0.5, 1.0, 2.5]),
@@ -41,7 +50,7 @@ def example_of_two() -> Task:
     )
 
 
-def task_for(name: str) -> Task:
+def task_for(name: str) -> CurveTask:
     """Return the example that a family can do.
 
     Raises:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orientd.curves import Curve, Task, check_keys, resolve_times
+from orientd.curves import Curve, CurveTask, check_keys, resolve_times
 from orientd.errors import OrientdError
 from orientd.plots.charts import Traces
 from orientd.plots.motion import draw_traces, figure_of, traces_of_motion
@@ -55,16 +55,16 @@ def _title(shown: Curve | Motion) -> str:
     return f"{shown.request.method}: motion {shown.id}"
 
 
-def _task(curve: Curve) -> Task:
+def _task(curve: Curve) -> CurveTask:
     """Return the keyframes that a curve was made of, or its ends where it knows none."""
     made = curve.made_of
     if "keys" in made:
         keys = check_keys(made["keys"])
         if made.get("align", True):
             keys = align(keys)
-        return Task(keys, resolve_times(made.get("times"), keys, made.get("turns")))
+        return CurveTask(keys, resolve_times(made.get("times"), keys, made.get("turns")))
     if "control" in made:
         keys = check_keys(made["control"])
-        return Task(keys, np.linspace(*curve.domain, len(keys)))
+        return CurveTask(keys, np.linspace(*curve.domain, len(keys)))
     ends = np.array(curve.domain)
-    return Task(curve.evaluate(ends)[0], ends)
+    return CurveTask(curve.evaluate(ends)[0], ends)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orientd.curves import MET, Curve, Task
+from orientd.curves import MET, Curve, CurveTask
 from orientd.planner import Limits
 from orientd.plots.charts import Traces
 from orientd.rotation import angle
@@ -13,7 +13,7 @@ INSTANTS = 2000
 
 
 def traces_of(
-    curve: Curve, task: Task, *, limits: Limits | None = None, instants: int = INSTANTS
+    curve: Curve, task: CurveTask, *, limits: Limits | None = None, instants: int = INSTANTS
 ) -> Traces:
     """Return what there is to draw of a curve that does a task.
 

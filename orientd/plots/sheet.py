@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orientd.curves import Candidate, Figures, Task
+from orientd.curves import Candidate, CurveTask, Figures
 from orientd.planner import Limits
 from orientd.plots.charts import Traces, interrupted
 from orientd.plots.paper import AXES, GRID, INK, LIMIT, PAPER, QUIET, check_format, new_figure, save
@@ -35,7 +35,7 @@ INSTANTS = 400
 
 def draw_sheet(
     path: Path,
-    task: Task,
+    task: CurveTask,
     candidates: Sequence[Candidate],
     *,
     title: str,

@@ -11,6 +11,6 @@ if TYPE_CHECKING:
     from orientd.servo.process import ProcessSettings
     from orientd.servo.servo import Servo
     from orientd.servo.tracking.target_follower import LEFT_OUT_WORD
-    from orientd.servo.watchdog import Watch
+    from orientd.servo.watchdog import WatchdogTimeouts
 
 __getattr__ = lazily(__name__)

@@ -14,7 +14,7 @@ from math import ceil, sqrt
 from orientd.driver import ZERO, Quaternion, Vector3
 from orientd.floats import difference, exp, multiply, norm, normalize
 from orientd.servo.tracking import bounds, halt, loosened
-from orientd.stream import Terms
+from orientd.stream import ServoLimits
 from orientd.tolerances import GUARD_TOLERANCE
 
 _ROUNDING = 4e-15
@@ -35,7 +35,7 @@ class Guard:
     def __init__(self, period: float) -> None:
         """Expect setpoints *period* seconds apart."""
         self.period = period
-        self._terms: Terms | None = None
+        self._servo_limits: ServoLimits | None = None
         self._most = (0.0, 0.0, 0.0)
         self.anchor((1.0, 0.0, 0.0, 0.0), ZERO)
 
@@ -52,15 +52,15 @@ class Guard:
             self.alpha, self.omega = (-x / h, -y / h, -z / h), ZERO
         self.velocity = ZERO
 
-    def admit(self, q: Quaternion, position: Vector3, terms: Terms) -> str:
+    def admit(self, q: Quaternion, position: Vector3, servo_limits: ServoLimits) -> str:
         """Take a setpoint if it keeps *terms*.
 
         Returns:
             An empty string, or what it would have broken, by how much; then nothing was taken.
         """
         h = self.period
-        if terms is not self._terms:
-            self._expect(terms)
+        if servo_limits is not self._servo_limits:
+            self._expect(servo_limits)
         x, y, z = difference(self.q, q)
         omega = a, b, c = x / h, y / h, z / h
         x, y, z = self.omega
@@ -74,37 +74,37 @@ class Guard:
             and u * u + v * v + w * w <= acceleration
             and x * x + y * y + z * z <= jerk
         ):
-            return _explain((norm(omega), norm(alpha), norm((x, y, z))), terms)
-        if terms.has_axes:
-            problem = _beyond_axes(omega, alpha, (x, y, z), terms, _ROUNDING / h, h)
+            return _explain((norm(omega), norm(alpha), norm((x, y, z))), servo_limits)
+        if servo_limits.has_axes:
+            problem = _beyond_axes(omega, alpha, (x, y, z), servo_limits, _ROUNDING / h, h)
             if problem:
                 return problem
         if position != self.position or self.velocity != ZERO:
-            problem = self._admit_position(position, terms)
+            problem = self._admit_position(position, servo_limits)
             if problem:
                 return problem
         self.q, self.omega, self.alpha = q, omega, alpha
         return ""
 
-    def _expect(self, terms: Terms) -> None:
+    def _expect(self, servo_limits: ServoLimits) -> None:
         """Keep the squares of what *terms* allow the norms to be."""
         h, rounding = self.period, _ROUNDING / self.period
-        self._terms = terms
-        velocity = terms.velocity * GUARD_TOLERANCE + rounding
-        acceleration = terms.acceleration * GUARD_TOLERANCE + rounding / h
-        jerk = terms.jerk * GUARD_TOLERANCE + rounding / h / h
+        self._servo_limits = servo_limits
+        velocity = servo_limits.velocity * GUARD_TOLERANCE + rounding
+        acceleration = servo_limits.acceleration * GUARD_TOLERANCE + rounding / h
+        jerk = servo_limits.jerk * GUARD_TOLERANCE + rounding / h / h
         # Products, not powers, which overflow with an exception.
         self._most = (velocity * velocity, acceleration * acceleration, jerk * jerk)
 
-    def _admit_position(self, position: Vector3, terms: Terms) -> str:
+    def _admit_position(self, position: Vector3, servo_limits: ServoLimits) -> str:
         h, rounding = self.period, _ROUNDING / self.period
         velocity = _plus(_plus(ZERO, position, 1.0 / h), self.position, -1.0 / h)
         speed = norm(velocity)
-        if not speed <= terms.linear_velocity * GUARD_TOLERANCE + rounding:
-            return f"velocity {speed:.6g} m/s, the limit is {terms.linear_velocity:.6g} m/s"
+        if not speed <= servo_limits.linear_velocity * GUARD_TOLERANCE + rounding:
+            return f"velocity {speed:.6g} m/s, the limit is {servo_limits.linear_velocity:.6g} m/s"
         change = norm(_plus(velocity, self.velocity, -1.0)) / h
-        if not change <= terms.linear_acceleration * GUARD_TOLERANCE + rounding / h:
-            limit = terms.linear_acceleration
+        if not change <= servo_limits.linear_acceleration * GUARD_TOLERANCE + rounding / h:
+            limit = servo_limits.linear_acceleration
             return f"acceleration {change:.6g} m/s^2, the limit is {limit:.6g} m/s^2"
         self.position, self.velocity = position, velocity
         return ""
@@ -115,37 +115,39 @@ class Guard:
         velocity = _plus(_plus(ZERO, position, 1.0 / h), self.position, -1.0 / h)
         return (x / h, y / h, z / h), velocity
 
-    def soft_stop(self, terms: Terms) -> Iterator[tuple[Quaternion, Vector3]]:
+    def soft_stop(self, servo_limits: ServoLimits) -> Iterator[tuple[Quaternion, Vector3]]:
         """Yield setpoints that come to rest from what was last written, off the path if need be.
 
         As quickly as the norms allow; where components are limited by themselves, along a profile
         that is longer and keeps both.  The guard's own state follows.
         """
-        if terms.has_axes:
-            yield from self._profiled_stop(terms)
+        if servo_limits.has_axes:
+            yield from self._profiled_stop(servo_limits)
             return
-        limits = bounds(self.period, terms.velocity, terms.acceleration, terms.jerk)
+        limits = bounds(
+            self.period, servo_limits.velocity, servo_limits.acceleration, servo_limits.jerk
+        )
         while not self.omega == self.alpha == self.velocity == ZERO:
             omega, _ = halt(self.omega, self.alpha, loosened(limits, self.omega, self.alpha))
-            yield self._step(omega, self._braked(terms))
+            yield self._step(omega, self._braked(servo_limits))
 
-    def braked_position(self, terms: Terms) -> Vector3:
+    def braked_position(self, servo_limits: ServoLimits) -> Vector3:
         """Return the next position on the quickest way to rest along a straight line."""
-        return _plus(self.position, self._braked(terms), self.period)
+        return _plus(self.position, self._braked(servo_limits), self.period)
 
-    def _braked(self, terms: Terms) -> Vector3:
+    def _braked(self, servo_limits: ServoLimits) -> Vector3:
         """Return the velocity of the next step of that."""
-        speed, brake = norm(self.velocity), terms.linear_acceleration * self.period
+        speed, brake = norm(self.velocity), servo_limits.linear_acceleration * self.period
         return _plus(ZERO, self.velocity, 1.0 - brake / speed) if speed > brake else ZERO
 
-    def _profiled_stop(self, terms: Terms) -> Iterator[tuple[Quaternion, Vector3]]:
+    def _profiled_stop(self, servo_limits: ServoLimits) -> Iterator[tuple[Quaternion, Vector3]]:
         """Yield setpoints that first take the acceleration away, then the velocity.
 
         The acceleration falls as fast as the jerk limit allows, the velocity along
         ``1 - 3t^2 + 2t^3`` in the shortest whole number of cycles inside the limits.
         """
         h = self.period
-        ramp = ceil(_share(self.alpha, terms.jerk, terms.axis_jerk) / h)
+        ramp = ceil(_share(self.alpha, servo_limits.jerk, servo_limits.axis_jerk) / h)
         alpha, omega = self.alpha, self.omega
         for k in range(1, ramp + 1):
             share = 1.0 - k / ramp
@@ -154,9 +156,9 @@ class Guard:
         velocity = self.velocity
         cycles = ceil(
             max(
-                1.5 * _share(omega, terms.acceleration, terms.axis_acceleration) / h,
-                sqrt(6.0 * _share(omega, terms.jerk, terms.axis_jerk)) / h,
-                1.5 * norm(velocity) / (terms.linear_acceleration * h),
+                1.5 * _share(omega, servo_limits.acceleration, servo_limits.axis_acceleration) / h,
+                sqrt(6.0 * _share(omega, servo_limits.jerk, servo_limits.axis_jerk)) / h,
+                1.5 * norm(velocity) / (servo_limits.linear_acceleration * h),
                 1.0,
             )
         )
@@ -186,13 +188,18 @@ def _share(vector: Vector3, limit: float, axes: Vector3) -> float:
 
 
 def _beyond_axes(
-    omega: Vector3, alpha: Vector3, jerk: Vector3, terms: Terms, rounding: float, h: float
+    omega: Vector3,
+    alpha: Vector3,
+    jerk: Vector3,
+    servo_limits: ServoLimits,
+    rounding: float,
+    h: float,
 ) -> str:
     """Return which component is too large, the lowest derivative first, or an empty string."""
     for name, vector, axes, slack, unit in (
-        ("velocity", omega, terms.axis_velocity, rounding, "rad/s"),
-        ("acceleration", alpha, terms.axis_acceleration, rounding / h, "rad/s^2"),
-        ("jerk", jerk, terms.axis_jerk, rounding / h / h, "rad/s^3"),
+        ("velocity", omega, servo_limits.axis_velocity, rounding, "rad/s"),
+        ("acceleration", alpha, servo_limits.axis_acceleration, rounding / h, "rad/s^2"),
+        ("jerk", jerk, servo_limits.axis_jerk, rounding / h / h, "rad/s^3"),
     ):
         x, y, z = vector
         a, b, c = axes
@@ -209,12 +216,12 @@ def _beyond_axes(
     return ""
 
 
-def _explain(reached: tuple[float, float, float], terms: Terms) -> str:
+def _explain(reached: tuple[float, float, float], servo_limits: ServoLimits) -> str:
     """Say which quantity is too large: the lowest derivative, whose excess causes the others."""
     for name, value, limit, unit in (
-        ("angular velocity", reached[0], terms.velocity, "rad/s"),
-        ("angular acceleration", reached[1], terms.acceleration, "rad/s^2"),
-        ("angular jerk", reached[2], terms.jerk, "rad/s^3"),
+        ("angular velocity", reached[0], servo_limits.velocity, "rad/s"),
+        ("angular acceleration", reached[1], servo_limits.acceleration, "rad/s^2"),
+        ("angular jerk", reached[2], servo_limits.jerk, "rad/s^3"),
     ):
         if not value <= limit * GUARD_TOLERANCE:
             return f"{name} {value:.6g} {unit}, the limit is {limit:.6g} {unit}"

@@ -22,7 +22,7 @@ from orientd.driver import Driver
 from orientd.servo.realtime import DeadlineTimer, freeze_garbage, lock_memory, set_scheduling
 from orientd.servo.servo import Servo
 from orientd.servo.stall import SHORTEST_NS
-from orientd.servo.watchdog import Watch
+from orientd.servo.watchdog import WatchdogTimeouts
 from orientd.stream import NoteKind, SharedMemory, pack_note
 
 LARGEST_SHIFT = 400
@@ -99,7 +99,7 @@ def run(descriptor: int, settings: ProcessSettings) -> int:
         driver,
         memory,
         period_ns=settings.period_ns,
-        watch=Watch(
+        watch=WatchdogTimeouts(
             settings.heartbeat_timeout_ns, settings.feedback_timeout_ns, settings.stall_timeout_ns
         ),
         clock=clock,

@@ -21,10 +21,10 @@ from orientd.errors import (
     NotYetError,
     StateError,
 )
-from orientd.servo.path import Leg, PathPoint
+from orientd.servo.path import PathPart, PathPoint
 from orientd.servo.setpoint_generator import SetpointGenerator
 from orientd.servo.state_table import Event, advance
-from orientd.servo.watchdog import Vigil, Watch
+from orientd.servo.watchdog import ServoWatchdog, WatchdogTimeouts
 from orientd.stream import (
     CYCLE_RECORD,
     GIVEN_UP_WORD,
@@ -35,9 +35,9 @@ from orientd.stream import (
     Command,
     CycleFlag,
     NoteKind,
+    ServoLimits,
     SharedMemory,
     State,
-    Terms,
     pack_note,
 )
 
@@ -78,7 +78,7 @@ class Servo:
         memory: SharedMemory,
         *,
         period_ns: int,
-        watch: Watch,
+        watch: WatchdogTimeouts,
         clock: Clock,
         parent_is_alive: Callable[[], bool],
     ) -> None:
@@ -88,7 +88,7 @@ class Servo:
         self.work_ns = 0
         self._driver = driver
         self._memory = memory
-        self._vigil = Vigil(watch, period_ns)
+        self._watchdog = ServoWatchdog(watch, period_ns)
         self._clock = clock
         self._parent_is_alive = parent_is_alive
         self.setpoints = SetpointGenerator(
@@ -209,10 +209,10 @@ class Servo:
         if fields is None:
             return  # still being written; it is there in the next cycle
         self._taken += 1
-        index, code, motion, path_index, leave, final, start_ns, speed, *terms = fields
+        index, code, motion, path_index, leave, final, start_ns, speed, *servo_limits = fields
         if index < ring.words[GIVEN_UP_WORD] and code not in _NEVER_TOO_LATE:
             return
-        leg = Leg(motion, path_index, Terms.from_floats(terms), leave, final)
+        leg = PathPart(motion, path_index, ServoLimits.from_floats(servo_limits), leave, final)
         try:
             text = self._obey(Command(code), leg, speed, start_ns)
             answer = Answer.REFUSED if text else Answer.DONE
@@ -223,7 +223,7 @@ class Servo:
             answer, text = Answer.FAILED, str(error) or type(error).__name__
         self._memory.notes.publish(*pack_note(index, NoteKind.ANSWER, answer, text))
 
-    def _obey(self, command: Command, leg: Leg, speed: float, start_ns: int) -> str:
+    def _obey(self, command: Command, leg: PathPart, speed: float, start_ns: int) -> str:
         """Carry out one command; return why it was refused, or nothing."""
         setpoints = self.setpoints
         if command is Command.STOP:
@@ -289,17 +289,17 @@ class Servo:
     def _look_for_life(self, now_ns: int) -> None:
         if self._cycle_count % PARENT_CHECK == 0 and not self._parent_is_alive():
             self.request_end("the daemon is gone")
-        vigil, heartbeat_ns = self._vigil, self._memory.pulse[0]
+        watchdog, heartbeat_ns = self._watchdog, self._memory.pulse[0]
         measured_ns = self._feedback.time_ns if self._feedback else 0
-        if not vigil.notice(now_ns, heartbeat_ns, measured_ns):
+        if not watchdog.notice(now_ns, heartbeat_ns, measured_ns):
             return
         setpoints = self.setpoints
         if setpoints.state in _DRIVEN:
-            problem = vigil.complain_of_daemon(heartbeat_ns, now_ns)
+            problem = watchdog.complain_of_daemon(heartbeat_ns, now_ns)
             if problem:
                 setpoints.brake(Fault.HEARTBEAT_LOST, problem)
         if self._is_enabled and setpoints.fault is Fault.NONE:
-            problem = vigil.complain_of_device(max(measured_ns, self._enabled_ns), now_ns)
+            problem = watchdog.complain_of_device(max(measured_ns, self._enabled_ns), now_ns)
             if problem:
                 setpoints.brake(Fault.FEEDBACK_STALE, problem)
 

@@ -16,25 +16,25 @@ from orientd.floats import difference, norm
 from orientd.servo.guard import Guard
 from orientd.servo.path import (
     BrakeLaw,
-    Leg,
     Past,
-    PathClock,
     PathFollower,
+    PathPart,
     PathPoint,
     Place,
     StarvedError,
+    TimeScaling,
     eased,
 )
 from orientd.servo.stall import Stalls
 from orientd.servo.state_table import Event, advance
-from orientd.servo.tracking import Pursuit
-from orientd.stream import UNKNOWN, SharedMemory, State, Terms
+from orientd.servo.tracking import TargetFollower
+from orientd.stream import UNKNOWN, ServoLimits, SharedMemory, State
 
 # Looking a member up in its enumeration takes longer than comparing it.
 _STREAMING, _STOPPING, _TRACKING = State.STREAMING, State.STOPPING, State.TRACKING
 _NO_FAULT = Fault.NONE
 
-_NO_TERMS = Terms(1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 1.0)
+_NO_TERMS = ServoLimits(1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 1.0)
 _START_TOLERANCE = 1e-9
 _EASINGS = 3
 
@@ -76,16 +76,16 @@ class SetpointGenerator:
         self.fault_text = ""
         self.motion = 0
         self.last = PathPoint(IDENTITY, ZERO, ZERO, ZERO, ZERO)
-        self.path_clock = PathClock(period)
+        self.path_clock = TimeScaling(period)
         self.follower = PathFollower(memory.path, period, _NO_TERMS)
         self._guard = Guard(period)
         self._brake_law = BrakeLaw(self.path_clock, self.follower, self._guard)
-        self._pursuit = Pursuit(memory.targets, period)
+        self._pursuit = TargetFollower(memory.targets, period)
         self._stalls = Stalls(period_ns, stall_ns)
         self._driver = driver
         self._on_fault = on_fault
         self._period_ns = period_ns
-        self._terms = _NO_TERMS
+        self._servo_limits = _NO_TERMS
         self._speed = 0.0
         self._start_ns = UNKNOWN
         self._is_waiting = False
@@ -139,14 +139,14 @@ class SetpointGenerator:
         """Come to rest as fast as the limits allow, wherever that leaves the path."""
         self.stop(Event.HALT)
         if self.is_moving and self._escape is None and not self._pursuit.is_on:
-            self._escape = self._guard.soft_stop(self._terms)
+            self._escape = self._guard.soft_stop(self._servo_limits)
 
     def clear_fault(self) -> None:
         """Leave the fault behind."""
         self.state = advance(self.state, Event.RESET)
         self.fault, self.fault_text = Fault.NONE, ""
 
-    def start(self, leg: Leg, speed: float, start_ns: int) -> str:
+    def start(self, leg: PathPart, speed: float, start_ns: int) -> str:
         """Stream the path that *leg* begins, from *start_ns* on; return why not, or nothing."""
         following = advance(self.state, Event.START)
         first = self.follower.peek(leg.first)
@@ -155,7 +155,7 @@ class SetpointGenerator:
         gap = norm(difference(self.last.q, first.q))
         if not gap <= _START_TOLERANCE:
             return f"the path begins {gap:.3g} rad from the commanded orientation"
-        brake_rate = leg.terms.brake_rate
+        brake_rate = leg.servo_limits.brake_rate
         if not (brake_rate > 0.0 and 0.0 <= speed <= 1.0):
             return f"brake rate and speed must be positive, got {brake_rate!r} and {speed!r}"
         self._speed = speed
@@ -166,10 +166,10 @@ class SetpointGenerator:
         self.state = following
         return ""
 
-    def splice(self, leg: Leg) -> str:
+    def splice(self, leg: PathPart) -> str:
         """Replace the rest of the path, or follow at its end; return why not, or nothing."""
         following = advance(self.state, Event.SPLICE)
-        clock, brake_rate = self.path_clock, leg.terms.brake_rate
+        clock, brake_rate = self.path_clock, leg.servo_limits.brake_rate
         if not brake_rate > 0.0:
             return f"brake rate must be positive, got {brake_rate!r}"
         if clock.is_led or (not clock.is_steady and brake_rate < clock.brake_rate):
@@ -181,15 +181,18 @@ class SetpointGenerator:
             self.state = following
         return problem
 
-    def track(self, leg: Leg) -> None:
+    def track(self, leg: PathPart) -> None:
         """Follow targets from here on, whatever moves at present."""
         following = advance(self.state, Event.TRACK)
         guard = self._guard
         self.path_clock.halt()
         # Where a narrower limit is broken already, what there is of it is taken away.
-        speed = max(leg.terms.linear_velocity, norm(guard.velocity))
-        self._terms, self.motion = replace(leg.terms, linear_velocity=speed), leg.number
-        self._pursuit.begin(guard.q, guard.omega, guard.alpha, leg.terms)
+        speed = max(leg.servo_limits.linear_velocity, norm(guard.velocity))
+        self._servo_limits, self.motion = (
+            replace(leg.servo_limits, linear_velocity=speed),
+            leg.number,
+        )
+        self._pursuit.begin(guard.q, guard.omega, guard.alpha, leg.servo_limits)
         self.state = following
 
     def stop(self, event: Event) -> None:
@@ -244,13 +247,13 @@ class SetpointGenerator:
                 self.brake(Fault.PATH_STARVED, "the daemon did not deliver the path in time")
         before, leg = clock.rate, follower.leg
         if clock.is_led or clock.target == 0.0 < before:
-            rate = self._brake_law.advance(self._terms, may_end=self.state is _STOPPING)
+            rate = self._brake_law.advance(self._servo_limits, may_end=self.state is _STOPPING)
         else:
             rate = clock.advance()
         try:
             path, place = follower.look(rate * share)
-            terms = self._terms if place.leg is leg else place.leg.terms
-            problem = self._guard.admit(path.q, path.position, terms)
+            servo_limits = self._servo_limits if place.leg is leg else place.leg.servo_limits
+            problem = self._guard.admit(path.q, path.position, servo_limits)
             if problem and not clock.is_led and (rate != 1.0 or follower.fraction):
                 path, place, rate, problem = self._ease(path, place, rate, problem)
         except StarvedError as error:
@@ -298,18 +301,18 @@ class SetpointGenerator:
         """
         clock, follower, guard = self.path_clock, self.follower, self._guard
         leg = place.leg
-        terms = self._terms if leg is follower.leg else leg.terms
+        servo_limits = self._servo_limits if leg is follower.leg else leg.servo_limits
         past, tried, other = Past(guard.omega, guard.alpha, guard.velocity), path, rate
         for _ in range(_EASINGS):
             rates = guard.rates(tried.q, tried.position)
-            found = eased(past, *rates, tried, other, terms, clock.period)
+            found = eased(past, *rates, tried, other, servo_limits, clock.period)
             if found is None or found + follower.fraction >= 2.0:
                 break
             seen, there = follower.look(found)
             if there.leg is not leg:
                 break
             other, tried = found, seen
-            if not guard.admit(tried.q, tried.position, terms):
+            if not guard.admit(tried.q, tried.position, servo_limits):
                 clock.ease(other)
                 return tried, there, other, ""
         return path, place, rate, problem
@@ -334,8 +337,8 @@ class SetpointGenerator:
         pursuit, guard = self._pursuit, self._guard
         if self.state is _TRACKING:
             pursuit.aim(deadline_ns)
-        point, position = pursuit.step(deadline_ns), guard.braked_position(self._terms)
-        problem = guard.admit(point.q, position, self._terms)
+        point, position = pursuit.step(deadline_ns), guard.braked_position(self._servo_limits)
+        problem = guard.admit(point.q, position, self._servo_limits)
         if problem:
             return self._leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")
         if self.state is _STOPPING and pursuit.is_at_rest and guard.velocity == ZERO:
@@ -345,7 +348,7 @@ class SetpointGenerator:
     def _leave_path(self, fault: Fault, text: str) -> PathPoint:
         """Begin to come to rest without the path."""
         self.brake(fault, text)
-        self._escape = self._guard.soft_stop(self._terms)
+        self._escape = self._guard.soft_stop(self._servo_limits)
         return self._step_off_path()
 
     def _step_off_path(self) -> PathPoint:
@@ -367,12 +370,12 @@ class SetpointGenerator:
         else:
             self.state = advance(self.state, event)
 
-    def _adopt(self, leg: Leg) -> None:
+    def _adopt(self, leg: PathPart) -> None:
         """Keep what the motion promised that the path has come to."""
-        self._terms = leg.terms
+        self._servo_limits = leg.servo_limits
         self.motion = leg.number
         if self.path_clock.is_steady and not self.follower.is_spliced:
-            self.path_clock.brake_rate = leg.terms.brake_rate
+            self.path_clock.brake_rate = leg.servo_limits.brake_rate
 
 
 def _combine(a: Vector3, s: float, b: Vector3, t: float) -> Vector3:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class Watch:
+class WatchdogTimeouts:
     """How long the servo waits for signs of life.
 
     Attributes:
@@ -24,10 +24,10 @@ class Watch:
     stall_ns: int = 500_000_000
 
 
-class Vigil:
+class ServoWatchdog:
     """Silences, less the time in which this process itself stood still."""
 
-    def __init__(self, watch: Watch, period_ns: int) -> None:
+    def __init__(self, watch: WatchdogTimeouts, period_ns: int) -> None:
         """Allow what *watch* says; expect a cycle every *period_ns*."""
         self._heartbeat_ns, self._feedback_ns = watch.heartbeat_ns, watch.feedback_ns
         self._period_ns = period_ns

@@ -115,7 +115,7 @@ NO_AXES: Vector3 = (math.inf, math.inf, math.inf)
 
 
 @dataclass(frozen=True, slots=True)
-class Terms:
+class ServoLimits:
     """What a motion promised to keep, and how fast it may be stopped on its path.
 
     Attributes:
@@ -147,7 +147,7 @@ class Terms:
         # The class is frozen for everybody but its own constructor.
         object.__setattr__(self, "has_axes", min(axes) < math.inf)
 
-    def has_limits_of(self, other: Terms) -> bool:
+    def has_limits_of(self, other: ServoLimits) -> bool:
         """Whether the limits, all but the brake rate, are the same."""
         return replace(self, brake_rate=other.brake_rate) == other
 
@@ -166,7 +166,7 @@ class Terms:
         )
 
     @classmethod
-    def from_floats(cls, floats: Sequence[float]) -> Terms:
+    def from_floats(cls, floats: Sequence[float]) -> ServoLimits:
         """Return the terms that :meth:`floats` was of."""
         v, a, j, linear_v, linear_a, brake_rate, vx, vy, vz, ax, ay, az, jx, jy, jz = floats
         return cls(

@@ -26,7 +26,7 @@ from rides import KINDS, SOME_METHODS, Ride, Track, motions  # noqa: E402 - besi
 from shortest_stop import bound  # noqa: E402 - as above
 
 from orientd.servo.path import brake_law  # noqa: E402 - as above
-from orientd.servo.path.stop_rollout import Plan, Rehearsal  # noqa: E402 - as above
+from orientd.servo.path.stop_rollout import Plan, StopRollout  # noqa: E402 - as above
 
 MOST = 1.1
 """Times the shortest of all tables that a stop may take for an entry to be left out."""
@@ -60,7 +60,7 @@ class Stop:
         """Return the cycles of this stop with other tables, and the plans it tried."""
         tried = set()
 
-        class Noted(Rehearsal):
+        class Noted(StopRollout):
             def __init__(self, *place: Any, plan: Plan, **options: Any) -> None:
                 tried.add(plan._replace(distance=0.0))
                 super().__init__(*place, plan=plan, **options)
@@ -69,7 +69,7 @@ class Stop:
         try:
             for name, plans in tables.items():
                 setattr(brake_law, name, plans)
-            brake_law.Rehearsal = Noted
+            brake_law.StopRollout = Noted
             ride = Ride(self.track, self.record)
             least = bound(ride.omega, ride.alpha, ride.velocity, ride.motion.limits)
             self.least = min(least, ride.remaining) / ride.motion.period

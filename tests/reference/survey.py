@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from orientd.planner.limits import Limits
-from orientd.planner.timing.candidate_path import Core
+from orientd.planner.timing.candidate_path import KeyframePath
 from orientd.planner.timing.survey import HOT, PIECES, SHARES
 from orientd.rotation import Floats
 
 
-def surveyed(core: Core, limits: Limits, period: float) -> tuple[float, Floats]:
+def surveyed(core: KeyframePath, limits: Limits, period: float) -> tuple[float, Floats]:
     """Return by which factor a core should take longer, and where that is decided.
 
     The core has one shape and keeps its position, and its acceleration is continuous.
@@ -39,7 +39,7 @@ def surveyed(core: Core, limits: Limits, period: float) -> tuple[float, Floats]:
     return float(factors.max()), _merged(begins, ends) / core.duration
 
 
-def _instants(core: Core) -> Floats:
+def _instants(core: KeyframePath) -> Floats:
     curve = core.stretch.curve
     breaks = (curve.knots - curve.domain[0]) / core.stretch.rate
     breaks = breaks[(breaks >= 0.0) & (breaks <= core.duration)]

@@ -12,7 +12,7 @@ import numpy as np
 from orientd.curves import METHODS
 from orientd.curves.comparison.measure import Figures, measure
 from orientd.curves.contract import Curve
-from orientd.curves.roles import Task, make_curve
+from orientd.curves.roles import CurveTask, make_curve
 from orientd.errors import PlanError
 from orientd.rotation import Floats
 
@@ -51,7 +51,7 @@ class Candidate:
 
 
 def compare(
-    task: Task,
+    task: CurveTask,
     *,
     inertia: Floats | None = None,
     options: Mapping[str, Mapping[str, Any]] | None = None,
@@ -76,7 +76,7 @@ def compare(
 def _tried(
     name: str,
     family: type[Curve],
-    task: Task,
+    task: CurveTask,
     inertia: Floats | None,
     options: Mapping[str, Any],
     timer: Timer,

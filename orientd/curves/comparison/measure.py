@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orientd.curves.contract import Curve
-from orientd.curves.roles import Task
+from orientd.curves.roles import CurveTask
 from orientd.rotation import Floats, angle
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(10)
@@ -72,7 +72,7 @@ class Figures:
         return error is None or error <= MET * max(1.0, self.peak_velocity)
 
 
-def measure(curve: Curve, task: Task, *, inertia: Floats | None = None) -> Figures:
+def measure(curve: Curve, task: CurveTask, *, inertia: Floats | None = None) -> Figures:
     """Return the figures of a curve that does a task.
 
     Integrals are by Gauss's rule with ten nodes on each span between knots, which is halved until

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 from orientd.lazy import lazily
 
 if TYPE_CHECKING:
-    from orientd.daemon.access.authentication import Entry, inner_socket
+    from orientd.daemon.access.authentication import Admission, inner_socket
     from orientd.daemon.access.claim import claimed
-    from orientd.daemon.access.gate import Gate, GenericHandler, MethodHandler
+    from orientd.daemon.access.gate import GenericHandler, MethodHandler, StartupGate
     from orientd.daemon.access.identity import Identity, caller_key
 
 __getattr__ = lazily(__name__)

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from orientd.daemon.access.audit import AuditLog
-from orientd.daemon.access.authorization import Checkpoint
+from orientd.daemon.access.authorization import Authorization
 from orientd.daemon.access.identity import Identity, Policy
-from orientd.daemon.access.peer_credentials import Door
+from orientd.daemon.access.peer_credentials import PeerListener
 from orientd.daemon.access.throttle import Throttle
 from orientd.daemon.devices import report_directory
 from orientd.operation_settings import AccessSettings, TcpSettings
@@ -39,7 +39,7 @@ def inner_socket(socket: Path) -> Iterator[str]:
         os.close(directory)
 
 
-class Entry:
+class Admission:
     """Everything that stands between a caller and the service."""
 
     def __init__(self, access: AccessSettings, tcp: TcpSettings | None, inner: str) -> None:
@@ -59,10 +59,10 @@ class Entry:
         path = access.audit or Path(report_directory()) / "audit.jsonl"
         self._audit = AuditLog(path, most_bytes=access.audit_bytes, most_files=access.audit_files)
         self._throttle = Throttle(per_second=access.requests_per_second, at_once=access.streams)
-        self._door = Door(
+        self._door = PeerListener(
             self._policy, inner, most_connections=access.connections, refused=self._refused
         )
-        self.checkpoint = Checkpoint(
+        self.checkpoint = Authorization(
             self._door, self._audit, self._throttle, keyframes=access.keyframes
         )
 

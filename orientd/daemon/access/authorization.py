@@ -24,7 +24,7 @@ from orientd.daemon.access.audit import AuditLog
 from orientd.daemon.access.gate import Interceptor
 from orientd.daemon.access.identity import CALLER
 from orientd.daemon.access.legible import Illegible, legible
-from orientd.daemon.access.peer_credentials import Connection, Door
+from orientd.daemon.access.peer_credentials import Connection, PeerListener
 from orientd.daemon.access.rules import Rule, rule
 from orientd.daemon.access.throttle import Throttle
 from orientd.daemon.observe import about
@@ -43,10 +43,12 @@ OwnerOf = Callable[[str], str | None]
 """Returns whose a lease is by its token; ``None`` if it is nobody's."""
 
 
-class Checkpoint(Interceptor):
+class Authorization(Interceptor):
     """Let calls through that their callers may make."""
 
-    def __init__(self, door: Door, audit: AuditLog, throttle: Throttle, *, keyframes: int) -> None:
+    def __init__(
+        self, door: PeerListener, audit: AuditLog, throttle: Throttle, *, keyframes: int
+    ) -> None:
         """Check calls of whoever came in by *door*.
 
         Args:

@@ -21,7 +21,7 @@ else:
     Interceptor, GenericHandler = grpc.aio.ServerInterceptor, grpc.GenericRpcHandler
 
 
-class Gate(Interceptor, GenericHandler):
+class StartupGate(Interceptor, GenericHandler):
     """Stand for one service: first closed, then for good open."""
 
     def __init__(
@@ -33,7 +33,7 @@ class Gate(Interceptor, GenericHandler):
         self._handlers: tuple[GenericHandler, ...] = ()
         self._is_open = asyncio.Event()
 
-    def open(self, register: Callable[[Gate], None]) -> None:
+    def open(self, register: Callable[[StartupGate], None]) -> None:
         """Let calls through from now on.
 
         Args:

@@ -65,7 +65,7 @@ class Connection:
     hang_up: Callable[[], object]
 
 
-class Door:
+class PeerListener:
     """Let in whom the policy admits, and know who they are."""
 
     def __init__(

@@ -10,7 +10,7 @@ from orientd.config import DeviceSettings
 from orientd.daemon.calls.latency import Latency, identify
 from orientd.daemon.cell import planner_device
 from orientd.daemon.device import Device
-from orientd.daemon.planners import Order, Planners
+from orientd.daemon.planners import PlanCall, Planners
 from orientd.errors import DaemonError, OrientdError
 from orientd.planner import Keyframe, MotionRequest
 from orientd.rpc import from_request
@@ -76,7 +76,7 @@ async def _move(device: Device) -> list[Cycle]:
         w, x, y, z = rotation.multiply(start.q, rotation.exp([0.0, 0.0, angle])).tolist()
         keyframes.append(Keyframe((w, x, y, z), seconds))
     request = MotionRequest(keyframes=keyframes)
-    order = Order(from_request(request).SerializeToString(), timeout=_READY)
+    order = PlanCall(from_request(request).SerializeToString(), timeout=_READY)
     prepared = await device.prepare(order)
     before = device.snapshot().cycle
     device.start(prepared)

@@ -17,7 +17,9 @@ class LeasingCalls(Calls):
     ) -> pb.AcquireLeaseResponse:
         """Take the lease if it is free."""
         owner = caller_key()
-        lease = await self._do(context, lambda: self._cell.tenure.acquire(request.holder, owner))
+        lease = await self._do(
+            context, lambda: self._cell.lease_manager.acquire(request.holder, owner)
+        )
         return pb.AcquireLeaseResponse(lease=self._lease_message(lease))
 
     async def RenewLease(
@@ -26,7 +28,7 @@ class LeasingCalls(Calls):
         """Hold the lease for its full time again."""
         try:
             # At once and not in a worker, which might be busy until the lease has run out.
-            lease = self._cell.desk.renew(request.token)
+            lease = self._cell.leases.renew(request.token)
         except OrientdError as error:
             await refuse(context, error)
         return pb.RenewLeaseResponse(lease=self._lease_message(lease))
@@ -35,7 +37,7 @@ class LeasingCalls(Calls):
         self, request: pb.ReleaseLeaseRequest, context: Context
     ) -> pb.ReleaseLeaseResponse:
         """Give the lease back."""
-        await self._do(context, lambda: self._cell.tenure.release(request.token))
+        await self._do(context, lambda: self._cell.lease_manager.release(request.token))
         return pb.ReleaseLeaseResponse()
 
     async def TransferLease(
@@ -45,10 +47,10 @@ class LeasingCalls(Calls):
 
         def work() -> Lease:
             to = self._who(request.to)
-            return self._cell.tenure.transfer(request.token, to.key, to.name)
+            return self._cell.lease_manager.transfer(request.token, to.key, to.name)
 
         lease = await self._do(context, work)
-        return pb.TransferLeaseResponse(seconds=self._cell.desk.remaining(lease))
+        return pb.TransferLeaseResponse(seconds=self._cell.leases.remaining(lease))
 
     async def SeizeLease(
         self, request: pb.SeizeLeaseRequest, context: Context
@@ -56,11 +58,11 @@ class LeasingCalls(Calls):
         """Take the lease whoever holds it."""
         owner = caller_key()
         lease = await self._do(
-            context, lambda: self._cell.tenure.seize(request.holder, owner, request.reason)
+            context, lambda: self._cell.lease_manager.seize(request.holder, owner, request.reason)
         )
         return pb.SeizeLeaseResponse(lease=self._lease_message(lease))
 
     def _lease_message(self, lease: Lease) -> pb.Lease:
         return pb.Lease(
-            token=lease.token, holder=lease.holder, seconds=self._cell.desk.remaining(lease)
+            token=lease.token, holder=lease.holder, seconds=self._cell.leases.remaining(lease)
         )

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from orientd.daemon.motions import Lateness, MotionStatistics, Run, Runs
+from orientd.daemon.motions import ActiveMotion, ActiveMotions, Lateness, MotionStatistics
 from orientd.rpc import Durations, Statistics, Summary
 
 NANOSECONDS = 1e9
 
 
-def summary(run: Run, runs: Runs) -> Summary:
+def summary(run: ActiveMotion, runs: ActiveMotions) -> Summary:
     """Return how *run*, which has ended, went beside the others of *runs*."""
     outcome, text = run.ended.result(timeout=0)
     measured = run.device.statistics(run.number)

@@ -13,8 +13,8 @@ from orientd.daemon.calls import report
 from orientd.daemon.calls.calls import Calls, Context, caller, interval, refuse
 from orientd.daemon.device import Device
 from orientd.daemon.motion_starter import GONE
-from orientd.daemon.motions import Gate, Manner, Run
-from orientd.daemon.planners import Order, PlannedMotion
+from orientd.daemon.motions import ActiveMotion, ArrivalCondition, MoveOptions
+from orientd.daemon.planners import PlanCall, PlannedMotion
 from orientd.errors import GOING_DOWN, DaemonError, OrientdError, RequestError
 from orientd.rpc import MoveTiming
 from orientd.rpc import control_pb2 as pb
@@ -50,7 +50,7 @@ class MovingCalls(Calls):
             motion = self._cell.present(device, request.motion_id)
             if motion is None:
                 return pb.GetPlanResponse()
-            order = Order(motion.job.motion, caller(context), self._cell.planners.timeout)
+            order = PlanCall(motion.job.motion, caller(context), self._cell.planners.timeout)
             if not rate_hz:
                 return _unsampled(motion)
             return await self._cell.planners.report(motion.job, order, rate_hz)
@@ -59,7 +59,7 @@ class MovingCalls(Calls):
 
     def _order(
         self, request: pb.PlanRequest | pb.MoveRequest, context: Context, rate_hz: float = 0.0
-    ) -> Order:
+    ) -> PlanCall:
         """Return what is to be planned, for whom, and for how long at the most.
 
         Raises:
@@ -71,7 +71,7 @@ class MovingCalls(Calls):
             raise RequestError("plan_timeout", f"expected more than 0 s, got {wanted:g}")
         # Whoever serves sees the motion as the bytes that it came in.
         motion = cast("bytes", request.motion)
-        return Order(motion, caller(context), min(wanted, longest), rate_hz)
+        return PlanCall(motion, caller(context), min(wanted, longest), rate_hz)
 
     def _in_the_end(self, error: OrientdError) -> OrientdError:
         """Return why a call failed: once the daemon ends, because of that."""
@@ -81,15 +81,17 @@ class MovingCalls(Calls):
         self, request: pb.MoveRequest, context: Context
     ) -> AsyncIterator[pb.MoveResponse]:
         """Run a motion and report until it ends; a caller that goes away stops it."""
-        run: Run | None = None
+        run: ActiveMotion | None = None
         received_ns = time.monotonic_ns()
         try:
             pause = interval("progress_rate_hz", request.progress_rate_hz)
             device = self._cell.device(request.device)
-            self._cell.desk.check(request.lease_token)
-            manner = self._manner(request)
+            self._cell.leases.check(request.lease_token)
+            move_options = self._move_options(request)
             stops = self._cell.runs.stops(device)
-            run, timing = await self._start(device, request, manner, stops, received_ns, context)
+            run, timing = await self._start(
+                device, request, move_options, stops, received_ns, context
+            )
             yield _started(run, timing)
             reader = report.ProgressReader(run)
             ended = asyncio.wrap_future(run.ended)
@@ -108,11 +110,11 @@ class MovingCalls(Calls):
         self,
         device: Device,
         request: pb.MoveRequest,
-        manner: Manner,
+        move_options: MoveOptions,
         stops: int,
         received_ns: int,
         context: Context,
-    ) -> tuple[Run, MoveTiming]:
+    ) -> tuple[ActiveMotion, MoveTiming]:
         """Plan and begin a motion."""
         token, what = request.lease_token, request.WhichOneof("what")
         if what == "motion":
@@ -120,18 +122,18 @@ class MovingCalls(Calls):
                 token,
                 device,
                 self._order(request, context),
-                manner,
+                move_options,
                 stops=stops,
                 received_ns=received_ns,
             )
         if what == "motion_id":
             motion = self._cell.plans.find(device.name, request.motion_id)
             planned_ns = time.monotonic_ns()
-            run = await self._cell.starter.start(token, device, motion, manner, stops=stops)
+            run = await self._cell.starter.start(token, device, motion, move_options, stops=stops)
             return run, _timing(received_ns, planned_ns, attempts=0)
         raise RequestError("motion", "expected a motion or a motion_id, got neither")
 
-    def _manner(self, request: pb.MoveRequest) -> Manner:
+    def _move_options(self, request: pb.MoveRequest) -> MoveOptions:
         """Return how the motion of *request* is to begin and to end.
 
         Raises:
@@ -141,7 +143,7 @@ class MovingCalls(Calls):
         if request.HasField("on_target"):
             wish = request.on_target
             timeout = wish.timeout or SETTLING_TIMEOUT
-            gate = Gate(wish.tolerance, wish.rate, wish.settle_time, timeout)
+            gate = ArrivalCondition(wish.tolerance, wish.rate, wish.settle_time, timeout)
         blend = request.blend_tolerance
         if not 0.0 <= blend < math.pi:
             raise RequestError("blend_tolerance", f"expected 0 to pi rad, got {blend!r}")
@@ -162,9 +164,9 @@ class MovingCalls(Calls):
                     f"expected up to {LONGEST_WAIT:g} s ahead of now, got {ahead * 1e-9:.6g} s",
                 )
             start_ns = self._cell.instants.of(wanted_ns)
-        return Manner(is_queued=request.queue, blend=blend, start_ns=start_ns, gate=gate)
+        return MoveOptions(is_queued=request.queue, blend=blend, start_ns=start_ns, gate=gate)
 
-    def _summary(self, run: Run) -> pb.MoveResponse:
+    def _summary(self, run: ActiveMotion) -> pb.MoveResponse:
         from orientd.daemon.calls import motion_report
         from orientd.rpc import summary_to_message
 
@@ -172,7 +174,7 @@ class MovingCalls(Calls):
         return pb.MoveResponse(summary=summary_to_message(summary))
 
 
-def _started(run: Run, timing: MoveTiming) -> pb.MoveResponse:
+def _started(run: ActiveMotion, timing: MoveTiming) -> pb.MoveResponse:
     from orientd.rpc import timing_to_message
 
     if run.motion is None:

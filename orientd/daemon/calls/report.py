@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from orientd.daemon.device import Device
-from orientd.daemon.motions import Run
+from orientd.daemon.motions import ActiveMotion
 from orientd.rpc import DeviceReport, Progress
 from orientd.stream import Cycle, record_index
 
@@ -91,7 +91,7 @@ class CycleReader:
 class ProgressReader:
     """The progress of a run, from report to report."""
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: ActiveMotion) -> None:
         """Begin now, when *run* has just started."""
         self._run = run
         self._cycles = CycleReader(run.device)

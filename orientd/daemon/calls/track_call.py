@@ -12,7 +12,7 @@ from orientd.rpc import TrackReport, target_from_message
 from orientd.rpc import control_pb2 as pb
 
 
-class Following:
+class TrackCall:
     """The targets of one caller for one device."""
 
     def __init__(self, device: Device) -> None:

@@ -8,9 +8,9 @@ from collections.abc import AsyncIterator
 from typing import Any
 
 from orientd.daemon.calls.calls import Calls, Context, interval, refuse
-from orientd.daemon.calls.track_call import Following
+from orientd.daemon.calls.track_call import TrackCall
 from orientd.daemon.motion_starter import GONE
-from orientd.daemon.motions import Run
+from orientd.daemon.motions import ActiveMotion
 from orientd.errors import OrientdError, RequestError, StateError
 from orientd.rpc import Outcome, limits_to_wish, report_to_message
 from orientd.rpc import control_pb2 as pb
@@ -24,7 +24,7 @@ class TrackingCalls(Calls):
     ) -> AsyncIterator[pb.TrackResponse]:
         """Follow the caller's targets until there are no more."""
         starter = self._cell.starter
-        run: Run | None = None
+        run: ActiveMotion | None = None
         reading: asyncio.Task[None] | None = None
         try:
             begin = await _first(request_iterator)
@@ -35,7 +35,7 @@ class TrackingCalls(Calls):
             run = await self._in_worker(
                 lambda: starter.track(begin.lease_token, device, limits, stops=stops)
             )
-            following = Following(device)
+            following = TrackCall(device)
             reading = asyncio.ensure_future(_read_targets(request_iterator, following))
             ended = asyncio.wrap_future(run.ended)
             waiting: set[asyncio.Future[Any]] = {ended, reading}
@@ -67,7 +67,7 @@ async def _first(requests: AsyncIterator[pb.TrackRequest]) -> pb.TrackStart:
     raise RequestError("start", "expected as the first message")
 
 
-async def _read_targets(requests: AsyncIterator[pb.TrackRequest], following: Following) -> None:
+async def _read_targets(requests: AsyncIterator[pb.TrackRequest], following: TrackCall) -> None:
     async for request in requests:
         if request.WhichOneof("what") == "target":
             following.take(request.target)

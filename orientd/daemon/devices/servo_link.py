@@ -27,8 +27,8 @@ from orientd.stream import (
     Cycle,
     Note,
     NoteKind,
+    ServoLimits,
     SharedMemory,
-    Terms,
     tuning_text,
     unpack_cycle,
     unpack_note,
@@ -44,7 +44,7 @@ _SLOW = (Command.ENABLE, Command.DISABLE, Command.RESET)
 _POLL = 0.0005
 _LOOK = 0.05
 _LOOK_FOR_END = 0.005
-_NO_TERMS = Terms(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+_NO_TERMS = ServoLimits(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class ServoLink:
@@ -116,7 +116,7 @@ class ServoLink:
         final_index: int = UNKNOWN,
         start_ns: int = 0,
         speed: float = 0.0,
-        terms: Terms = _NO_TERMS,
+        servo_limits: ServoLimits = _NO_TERMS,
     ) -> None:
         """Send a command and wait until the servo has taken it.
 
@@ -128,7 +128,14 @@ class ServoLink:
             DaemonError: the servo does not answer, or is not there.
         """
         index = self._post(
-            command, motion, path_index, leave_index, final_index, start_ns, speed, *terms.floats()
+            command,
+            motion,
+            path_index,
+            leave_index,
+            final_index,
+            start_ns,
+            speed,
+            *servo_limits.floats(),
         )
         timeout = SLOW_ANSWER_TIMEOUT if command in _SLOW else ANSWER_TIMEOUT
         begun = time.monotonic()
@@ -271,9 +278,9 @@ def report_directory() -> str:
     return directory
 
 
-def terms_of(limits: Limits, brake_rate: float) -> Terms:
+def servo_limits_of(limits: Limits, brake_rate: float) -> ServoLimits:
     """Return what the servo's guard is to keep."""
-    return Terms(
+    return ServoLimits(
         limits.velocity,
         limits.acceleration,
         limits.jerk,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from orientd.lazy import lazily
 
 if TYPE_CHECKING:
-    from orientd.daemon.leases.lease import Lease, LeaseDesk
-    from orientd.daemon.leases.lease_manager import Tenure
+    from orientd.daemon.leases.lease import Lease, LeaseTable
+    from orientd.daemon.leases.lease_manager import LeaseManager
 
 __getattr__ = lazily(__name__)

@@ -35,7 +35,7 @@ class Lease:
     is_offered: bool = False
 
 
-class LeaseDesk:
+class LeaseTable:
     """Hand out the lease to one holder at a time.  Safe to call from any thread."""
 
     def __init__(self, *, seconds: float, clock: Clock) -> None:

@@ -7,19 +7,19 @@ from __future__ import annotations
 
 import logging
 
-from orientd.daemon.leases.lease import Lease, LeaseDesk
-from orientd.daemon.motions import Runs
+from orientd.daemon.leases.lease import Lease, LeaseTable
+from orientd.daemon.motions import ActiveMotions
 from orientd.errors import RequestError
 
 _log = logging.getLogger(__name__)
 
 
-class Tenure:
+class LeaseManager:
     """The lease of a cell, with the motions that belong to it."""
 
-    def __init__(self, desk: LeaseDesk, runs: Runs) -> None:
+    def __init__(self, leases: LeaseTable, runs: ActiveMotions) -> None:
         """Let *desk* say who holds the lease, and stop *runs* that have lost theirs."""
-        self._desk = desk
+        self._leases = leases
         self._runs = runs
 
     def acquire(self, holder: str, owner: str = "") -> Lease:
@@ -31,7 +31,7 @@ class Tenure:
         """
         holder = _holder(holder)
         self.expire()
-        lease = self._desk.acquire(holder, owner)
+        lease = self._leases.acquire(holder, owner)
         _log.info("lease: acquired by %r", holder)
         return lease
 
@@ -41,7 +41,7 @@ class Tenure:
         Raises:
             LeaseError: it is not held with *token*.
         """
-        before, lease = self._desk.transfer(token, owner, name)
+        before, lease = self._leases.transfer(token, owner, name)
         self._runs.reassign(before.token, lease.token)
         _log.info("lease: %r hands it over to %r", before.holder, name)
         return lease
@@ -55,7 +55,7 @@ class Tenure:
         holder, reason = _holder(holder), " ".join(reason.split())[:200]
         if not reason:
             raise RequestError("reason", "expected why the lease is seized, got nothing")
-        before, lease = self._desk.seize(holder, owner)
+        before, lease = self._leases.seize(holder, owner)
         whose = "nobody" if before is None else repr(before.holder)
         _log.warning("lease: %r seizes it from %s: %s", holder, whose, reason)
         if before is not None:
@@ -68,13 +68,13 @@ class Tenure:
         Raises:
             LeaseError: it is not held with *token*.
         """
-        lease = self._desk.release(token)
+        lease = self._leases.release(token)
         _log.info("lease: released by %r", lease.holder)
         self._disown(lease, "was released")
 
     def expire(self) -> None:
         """Take the lease back if it has run out; a motion that was started with it stops."""
-        lease = self._desk.collect_expired()
+        lease = self._leases.collect_expired()
         if lease is not None:
             _log.warning("lease: that of %r has expired", lease.holder)
             self._disown(lease, "has expired")

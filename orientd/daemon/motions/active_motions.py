@@ -43,7 +43,7 @@ _KEPT_ENDS = 8
 
 
 @dataclass(eq=False)
-class Run:
+class ActiveMotion:
     """One motion of one device, from its start to its end.
 
     Attributes:
@@ -63,7 +63,7 @@ class Run:
     ended: Future[Ended] = field(default_factory=Future)
 
 
-class Runs:
+class ActiveMotions:
     """The motions of every device that have not ended."""
 
     def __init__(self, devices: Mapping[str, Device]) -> None:
@@ -74,19 +74,19 @@ class Runs:
         """
         self._devices = devices
         self._lock = threading.Lock()
-        self._runs: dict[tuple[str, int], Run] = {}
+        self._runs: dict[tuple[str, int], ActiveMotion] = {}
         self._ends: dict[str, dict[int, Ended]] = {}
         self._ids: dict[str, dict[int, tuple[str, str]]] = {}
         self._stops: dict[str, int] = {}
         self._reasons: dict[str, str] = {}
-        self._timed: list[Run] = []
+        self._timed: list[ActiveMotion] = []
 
     def stops(self, device: Device) -> int:
         """Return how often *device* was told to stop, to give to :meth:`begin` later on."""
         with self._lock:
             return self._stops.get(device.name, 0)
 
-    def unfinished(self, token: str | None = None) -> list[Run]:
+    def unfinished(self, token: str | None = None) -> list[ActiveMotion]:
         """Return the motions under way: all of them, or those that were started with *token*."""
         with self._lock:
             return [
@@ -112,7 +112,7 @@ class Runs:
         stops: int,
         is_owned: Callable[[], bool],
         start_ns: int = UNKNOWN,
-    ) -> Run:
+    ) -> ActiveMotion:
         """Have *device* begin to move.
 
         Args:
@@ -135,7 +135,7 @@ class Runs:
                 raise StateError(f"device {device.name} was stopped before it began: {reason}")
             self._reasons.pop(device.name, None)
         number = start()
-        run = Run(device, number, motion, token, start_ns)
+        run = ActiveMotion(device, number, motion, token, start_ns)
         with self._lock:
             is_stopped = self._stops.get(device.name, 0) != stops
             ended = self._ends.get(device.name, {}).get(number)
@@ -150,7 +150,7 @@ class Runs:
             device.stop()
         return run
 
-    def starts(self, run: Run) -> tuple[float | None, float | None]:
+    def starts(self, run: ActiveMotion) -> tuple[float | None, float | None]:
         """Return how late *run* began and how far apart all of its start time did, s."""
         if run.start_ns == UNKNOWN:
             return None, None
@@ -185,7 +185,7 @@ class Runs:
                 failures.append(error)
         return failures
 
-    def conclude(self, run: Run, ended: Ended) -> None:
+    def conclude(self, run: ActiveMotion, ended: Ended) -> None:
         """Note how *run* ended, unless that is known."""
         with self._lock:
             self._runs.pop((run.device.name, run.number), None)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from orientd.daemon.devices import EventKind, ServoLink
-from orientd.daemon.motions.options import Gate
+from orientd.daemon.motions.options import ArrivalCondition
 from orientd.daemon.motions.settling import Settling
 from orientd.stream import Cycle, State, unpack_cycle
 
@@ -20,13 +20,13 @@ class Arrivals:
         """Watch the cycles of *link*, and *tell* what becomes of motions."""
         self._link = link
         self._tell = tell
-        self._gates: dict[int, Gate] = {}
+        self._gates: dict[int, ArrivalCondition] = {}
         self._settling: Settling | None = None
         self._number = 0
         self._next = 0
         self._settled: dict[int, float] = {}
 
-    def expect(self, number: int, gate: Gate) -> None:
+    def expect(self, number: int, gate: ArrivalCondition) -> None:
         """Let motion *number* count as done by *gate*."""
         self._gates[number] = gate
         while len(self._gates) > _KEPT:

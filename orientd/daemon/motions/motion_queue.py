@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from dataclasses import dataclass
 
-from orientd.daemon.devices import ServoLink, terms_of
+from orientd.daemon.devices import ServoLink, servo_limits_of
 from orientd.daemon.motions.feeder import BLOCK, Feeder
 from orientd.daemon.motions.meter import MotionMeter, MotionStatistics
 from orientd.daemon.planners import PlannedMotion
@@ -29,7 +29,7 @@ _FEED_TIME = 0.25
 
 
 @dataclass(eq=False)
-class Stage:
+class QueuedMotion:
     """One motion of an itinerary.
 
     Attributes:
@@ -55,7 +55,7 @@ class Stage:
 
 
 @dataclass(frozen=True, slots=True)
-class Leave:
+class SplicePoint:
     """Where a motion leaves the one before it.
 
     Attributes:
@@ -67,7 +67,7 @@ class Leave:
     record: int
 
 
-class Itinerary:
+class MotionQueue:
     """The stages of a device, in order; the servo is on one of them or on its way to the first."""
 
     def __init__(self, link: ServoLink, *, lead: float, read_ahead: int) -> None:
@@ -81,7 +81,7 @@ class Itinerary:
         self._link = link
         self._lead = lead
         self._read_ahead = read_ahead
-        self._stages: list[Stage] = []
+        self._queued_motions: list[QueuedMotion] = []
         self._meters: dict[int, MotionMeter] = {}
         self._measured: OrderedDict[int, tuple[MotionStatistics, int | None]] = OrderedDict()
         self._metered = 0
@@ -91,41 +91,41 @@ class Itinerary:
     @property
     def is_active(self) -> bool:
         """Whether there is a motion that has not ended."""
-        return bool(self._stages)
+        return bool(self._queued_motions)
 
     @property
-    def first(self) -> Stage:
+    def first(self) -> QueuedMotion:
         """The stage that the servo is on."""
-        return self._stages[0]
+        return self._queued_motions[0]
 
     @property
-    def last(self) -> Stage:
+    def last(self) -> QueuedMotion:
         """The stage after which nothing is planned yet."""
-        return self._stages[-1]
+        return self._queued_motions[-1]
 
-    def stage(self, number: int) -> Stage | None:
+    def queued(self, number: int) -> QueuedMotion | None:
         """Return the stage of motion *number*, if it has not ended."""
-        return next((stage for stage in self._stages if stage.number == number), None)
+        return next((queued for queued in self._queued_motions if queued.number == number), None)
 
-    def ahead(self, cycle: Cycle, records: int) -> Leave:
+    def ahead(self, cycle: Cycle, records: int) -> SplicePoint:
         """Return where the servo will be *records* after *cycle*."""
-        place = next((k for k, s in enumerate(self._stages) if s.number == cycle.motion), 0)
-        stage = self._stages[place]
+        place = next((k for k, s in enumerate(self._queued_motions) if s.number == cycle.motion), 0)
+        queued = self._queued_motions[place]
         here = 0
-        if stage.number == cycle.motion and stage.feeder is not None:
-            here = max(0, cycle.path_index - stage.feeder.first_index)
-        while here + records > stage.last_record and place + 1 < len(self._stages):
-            if not self._stages[place + 1].is_running:
+        if queued.number == cycle.motion and queued.feeder is not None:
+            here = max(0, cycle.path_index - queued.feeder.first_index)
+        while here + records > queued.last_record and place + 1 < len(self._queued_motions):
+            if not self._queued_motions[place + 1].is_running:
                 break  # not in the ring: the servo cannot leave it yet
-            records -= max(0, stage.last_record - here)
+            records -= max(0, queued.last_record - here)
             place, here = place + 1, 0
-            stage = self._stages[place]
-        record = min(here + records, stage.last_record)
-        return Leave(stage.number, record)
+            queued = self._queued_motions[place]
+        record = min(here + records, queued.last_record)
+        return SplicePoint(queued.number, record)
 
-    def end(self, record: int) -> Leave:
+    def end(self, record: int) -> SplicePoint:
         """Return the last stage at *record*."""
-        return Leave(self.last.number, record)
+        return SplicePoint(self.last.number, record)
 
     def statistics(self, number: int) -> MotionStatistics | None:
         """Return what was measured of motion *number*; ``None`` where that is not known."""
@@ -150,47 +150,51 @@ class Itinerary:
             StateError: the servo does not take it.
             DaemonError: the servo does not answer.
         """
-        link, stage = self._link, Stage(motion, number)
-        feeder = stage.feeder = self._feeder(stage)
+        link, queued = self._link, QueuedMotion(motion, number)
+        feeder = queued.feeder = self._feeder(queued)
         feeder.clear()
         self._feed_first(feeder)
         self._metered = link.memory.cycles.head
-        self._command(Command.START, stage, speed=speed, start_ns=start_ns)
-        self._stages = [stage]
-        self._add_meter(stage, after=None)
+        self._command(Command.START, queued, speed=speed, start_ns=start_ns)
+        self._queued_motions = [queued]
+        self._add_meter(queued, after=None)
 
-    def replace(self, motion: PlannedMotion, number: int, leave: Leave) -> list[Stage]:
+    def replace(self, motion: PlannedMotion, number: int, leave: SplicePoint) -> list[QueuedMotion]:
         """Have *motion* replace everything after *leave*; return the stages that are dropped.
 
         Raises:
             LateError: the servo has passed that record, or moves no more.
             DaemonError: the servo does not answer.
         """
-        left = self.stage(leave.number)
+        left = self.queued(leave.number)
         if left is None or left.feeder is None:
             raise LateError(f"motion {leave.number} has ended")
-        stage = Stage(motion, number)
-        self._splice(stage, left, leave.record)
-        place = self._stages.index(left)
-        dropped = self._stages[place + 1 :]
+        queued = QueuedMotion(motion, number)
+        self._splice(queued, left, leave.record)
+        place = self._queued_motions.index(left)
+        dropped = self._queued_motions[place + 1 :]
         left.leave, left.is_replaced = leave.record, True
         left.feeder.leave_at(leave.record)
-        self._stages[place + 1 :] = [stage]
+        self._queued_motions[place + 1 :] = [queued]
         self._let_go(dropped)
         return dropped
 
-    def append(self, motion: PlannedMotion, number: int, leave: Leave) -> None:
+    def append(self, motion: PlannedMotion, number: int, leave: SplicePoint) -> None:
         """Have *motion* follow the last stage, from *leave* on.
 
         Raises:
             LateError: the last stage is another one by now.
         """
-        if not self._stages or self.last.number != leave.number or self.last.leave is not None:
+        if (
+            not self._queued_motions
+            or self.last.number != leave.number
+            or self.last.leave is not None
+        ):
             raise LateError(f"motion {leave.number} is not the last one any more")
         self.last.leave = leave.record
         if self.last.feeder is not None:
             self.last.feeder.leave_at(leave.record)
-        self._stages.append(Stage(motion, number))
+        self._queued_motions.append(QueuedMotion(motion, number))
 
     def feed(self) -> None:
         """Fill the ring, and tell the servo of the next motion once it is in there.
@@ -200,41 +204,41 @@ class Itinerary:
                 more.
             DaemonError: the servo does not answer.
         """
-        for place, stage in enumerate(self._stages):
-            if stage.feeder is None:
-                left = self._stages[place - 1]
-                self._splice(stage, left, left.last_record)
-            feeder = stage.feeder
+        for place, queued in enumerate(self._queued_motions):
+            if queued.feeder is None:
+                left = self._queued_motions[place - 1]
+                self._splice(queued, left, left.last_record)
+            feeder = queued.feeder
             while feeder is not None and not feeder.is_done and feeder.feed(BLOCK) == BLOCK:
                 self._link.beat()
             if feeder is None or not feeder.is_done:
                 return
 
-    def miss(self) -> list[Stage]:
+    def miss(self) -> list[QueuedMotion]:
         """Take out what the servo could not be told of in time, unless it follows at rest."""
-        place = next(k for k, stage in enumerate(self._stages) if not stage.is_running)
-        left = self._stages[place - 1]
+        place = next(k for k, queued in enumerate(self._queued_motions) if not queued.is_running)
+        left = self._queued_motions[place - 1]
         if left.leave == left.motion.last_record:
             return []  # it begins when the one before has come to rest
-        missed, self._stages = self._stages[place:], self._stages[:place]
+        missed, self._queued_motions = self._queued_motions[place:], self._queued_motions[:place]
         self._let_go(missed)
         left.leave = None
         if left.feeder is not None:
             left.feeder.leave_at(left.motion.last_record)
         return missed
 
-    def resume(self, stages: list[Stage], *, speed: float) -> None:
+    def resume(self, queued_motions: list[QueuedMotion], *, speed: float) -> None:
         """Begin with the first of *stages* on a device that has come to rest; others follow it.
 
         Raises:
             StateError: the servo does not take it.
         """
-        first, *following = stages
+        first, *following = queued_motions
         leave = first.leave
         self.begin(first.motion, first.number, speed=speed, start_ns=UNKNOWN)
         if following:
-            self._stages[0].leave = leave
-            self._stages += following
+            self._queued_motions[0].leave = leave
+            self._queued_motions += following
 
     def measure_some(self) -> None:
         """Add the cycles since the last look to the measurements, if they have become many."""
@@ -245,65 +249,67 @@ class Itinerary:
     def measure(self) -> None:
         """Add the cycles since the last look to the measurements."""
         while records := self._link.cycle_records(self._metered, _METER_BLOCK):
-            for stage in self._stages:
-                meter = self._meters.get(stage.number)
+            for queued in self._queued_motions:
+                meter = self._meters.get(queued.number)
                 if meter is not None:
                     meter.add(records)
             self._metered = record_index(records[-1]) + 1
 
-    def passed(self, cycle: Cycle) -> list[Stage]:
+    def passed(self, cycle: Cycle) -> list[QueuedMotion]:
         """Take out the stages that the servo has left behind by *cycle*, and return them."""
-        place = next((k for k, s in enumerate(self._stages) if s.number == cycle.motion), 0)
+        place = next((k for k, s in enumerate(self._queued_motions) if s.number == cycle.motion), 0)
         if place:
             self.measure()
-        passed, self._stages = self._stages[:place], self._stages[place:]
+        passed, self._queued_motions = self._queued_motions[:place], self._queued_motions[place:]
         self._let_go(passed)
         return passed
 
-    def clear(self) -> list[Stage]:
+    def clear(self) -> list[QueuedMotion]:
         """Take out all stages, and return them."""
-        if self._stages:
+        if self._queued_motions:
             self.measure()
-        stages, self._stages = self._stages, []
-        self._let_go(stages)
-        return stages
+        queued_motions, self._queued_motions = self._queued_motions, []
+        self._let_go(queued_motions)
+        return queued_motions
 
     # How
 
-    def _let_go(self, stages: list[Stage]) -> None:
+    def _let_go(self, queued_motions: list[QueuedMotion]) -> None:
         """Keep of motions that have ended what was measured of them, and nothing else."""
-        for stage in stages:
-            meter = self._meters.pop(stage.number, None)
+        for queued in queued_motions:
+            meter = self._meters.pop(queued.number, None)
             if meter is not None:
-                self._measured[stage.number] = meter.statistics(), meter.began_ns
+                self._measured[queued.number] = meter.statistics(), meter.began_ns
         while len(self._measured) > MEASURED:
             self._measured.popitem(last=False)
 
-    def _splice(self, stage: Stage, left: Stage, record: int) -> None:
+    def _splice(self, queued: QueuedMotion, left: QueuedMotion, record: int) -> None:
         """Put the beginning of *stage* into the ring and have the servo go over to it."""
         ring = self._link.memory.path
         head = ring.head
-        stage.feeder = self._feeder(stage)
+        queued.feeder = self._feeder(queued)
         first = left.feeder.first_index if left.feeder is not None else 0
         try:
-            self._feed_first(stage.feeder)
-            self._command(Command.SPLICE, stage, leave_index=first + record)
+            self._feed_first(queued.feeder)
+            self._command(Command.SPLICE, queued, leave_index=first + record)
         except StateError as error:
             # Nobody has heard of these records; what is fed next goes where they are.
             ring.advance(head)
-            stage.feeder = None
+            queued.feeder = None
             raise error if isinstance(error, LateError) else LateError(str(error)) from error
-        self._add_meter(stage, after=self._meters.get(left.number))
+        self._add_meter(queued, after=self._meters.get(left.number))
 
-    def _feeder(self, stage: Stage) -> Feeder:
-        feeder = Feeder(self._link.memory.path, stage.motion, read_ahead=self._read_ahead)
-        if stage.leave is not None:
-            feeder.leave_at(stage.leave)
+    def _feeder(self, queued: QueuedMotion) -> Feeder:
+        feeder = Feeder(self._link.memory.path, queued.motion, read_ahead=self._read_ahead)
+        if queued.leave is not None:
+            feeder.leave_at(queued.leave)
         return feeder
 
     def needed(self, facts: MotionFacts) -> int:
         """Return how many records of a motion the servo wants to see before it begins."""
-        rates = [stage.motion.facts.brake_rate for stage in self._stages if stage.is_running]
+        rates = [
+            queued.motion.facts.brake_rate for queued in self._queued_motions if queued.is_running
+        ]
         slowest = min([*rates, facts.brake_rate])
         return int((1.0 / slowest + _FEED_TIME) / facts.period) + 1
 
@@ -324,32 +330,34 @@ class Itinerary:
     def _command(
         self,
         command: Command,
-        stage: Stage,
+        queued: QueuedMotion,
         *,
         speed: float = 0.0,
         start_ns: int = UNKNOWN,
         leave_index: int = UNKNOWN,
     ) -> None:
-        feeder = stage.feeder
+        feeder = queued.feeder
         if feeder is None:
             raise ValueError("the stage has no feeder")
         self._link.beat()
         self._link.ask(
             command,
-            motion=stage.number,
+            motion=queued.number,
             path_index=feeder.first_index,
             leave_index=leave_index,
             final_index=feeder.final_index if feeder.is_whole else UNKNOWN,
             start_ns=start_ns,
             speed=speed,
-            terms=terms_of(stage.motion.facts.limits, stage.motion.facts.brake_rate),
+            servo_limits=servo_limits_of(
+                queued.motion.facts.limits, queued.motion.facts.brake_rate
+            ),
         )
-        stage.is_running = True
+        queued.is_running = True
         feeder.take_up()
 
-    def _add_meter(self, stage: Stage, *, after: MotionMeter | None) -> None:
-        feeder = stage.feeder
+    def _add_meter(self, queued: QueuedMotion, *, after: MotionMeter | None) -> None:
+        feeder = queued.feeder
         first = 0 if feeder is None else feeder.first_index
-        self._meters[stage.number] = MotionMeter(
-            stage.motion, stage.number, first, lead=self._lead, after=after
+        self._meters[queued.number] = MotionMeter(
+            queued.motion, queued.number, first, lead=self._lead, after=after
         )

@@ -18,9 +18,9 @@ from orientd.daemon.devices import EventKind, ServoLink
 from orientd.daemon.motions.arrivals import Arrivals
 from orientd.daemon.motions.horizon import ReplanningHorizon
 from orientd.daemon.motions.meter import MotionStatistics
-from orientd.daemon.motions.motion_queue import Itinerary, Leave, Stage
-from orientd.daemon.motions.options import Kind, Manner, Prepared
-from orientd.daemon.planners import Continuation, Job, Order, PlannedMotion, Planners, Rank
+from orientd.daemon.motions.motion_queue import MotionQueue, QueuedMotion, SplicePoint
+from orientd.daemon.motions.options import Kind, MoveOptions, Prepared
+from orientd.daemon.planners import Continuation, PlanCall, PlanInput, PlannedMotion, Planners, Rank
 from orientd.errors import LateError, NotYetError, PlanError, StateError
 from orientd.planner import HISTORY, Joints, RecordedMotion
 from orientd.planner import State as PlannedState
@@ -71,17 +71,17 @@ class Motions:
         self._link = link
         self._name, self._planners = name, planners
         self._period = period
-        self._itinerary = Itinerary(link, lead=lead, read_ahead=read_ahead)
+        self._queue = MotionQueue(link, lead=lead, read_ahead=read_ahead)
         self._arrivals = Arrivals(link, tell)
         self._tell = tell
         self._tuned: Mapping[str, Any] = {}
         self._horizon = ReplanningHorizon()
-        self._shown: Stage | None = None
+        self._shown: QueuedMotion | None = None
         self._is_closed = False
 
     # Planning
 
-    async def plan(self, order: Order) -> PlannedMotion:
+    async def plan(self, order: PlanCall) -> PlannedMotion:
         """Plan a motion that begins where the device will be once it has come to rest.
 
         Raises:
@@ -92,7 +92,7 @@ class Motions:
         cycle = self._link.newest()
         is_moving = cycle is not None and cycle.state in (State.STREAMING, State.STOPPING)
         # A motion stopped a moment ago may not have been taken out yet.
-        last = self._itinerary.last if is_moving and self._itinerary.is_active else None
+        last = self._queue.last if is_moving and self._queue.is_active else None
         if last is None:
             start, joints = self.held(), self._joints()
         else:
@@ -101,7 +101,9 @@ class Motions:
             joints = last.motion.facts.last_joints or self._joints()
         return await self._planners.plan(self._job(order, start, joints), order)
 
-    async def prepare(self, order: Order, manner: Manner, *, attempt: int) -> Prepared:
+    async def prepare(
+        self, order: PlanCall, move_options: MoveOptions, *, attempt: int
+    ) -> Prepared:
         """Plan a motion for :meth:`start`: from rest, or from a point of the path a little ahead.
 
         Args:
@@ -115,14 +117,14 @@ class Motions:
             StateError: the device cannot move.
             PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
         """
-        kind = len(order.motion).bit_length(), manner.is_queued
-        leave = await self._leave(manner, kind, attempt)
+        kind = len(order.motion).bit_length(), move_options.is_queued
+        leave = await self._leave(move_options, kind, attempt)
         chosen = time.monotonic()
         motion: PlannedMotion | None = None
-        if leave is not None and manner.is_queued:
+        if leave is not None and move_options.is_queued:
             left = self._left(leave)
             tail = await self._tail(left, leave.record)
-            job = self._job(order, after=Continuation(tail, manner.blend, leave.record))
+            job = self._job(order, after=Continuation(tail, move_options.blend, leave.record))
             motion = await self._planners.plan(job, order, rank=Rank.URGENT)
             leave = replace(leave, record=motion.leave)
         elif leave is not None:
@@ -135,18 +137,18 @@ class Motions:
                 leave = None
             job = self._job(order, self.held(), self._joints())
             motion = await self._planners.plan(job, order)
-        await motion.arrive(self._itinerary.needed(motion.facts))
-        return Prepared(motion, leave, manner, chosen, kind)
+        await motion.arrive(self._queue.needed(motion.facts))
+        return Prepared(motion, leave, move_options, chosen, kind)
 
     def _job(
         self,
-        order: Order,
+        order: PlanCall,
         start: PlannedState | None = None,
         joints: Joints = (),
         before: tuple[Joints, ...] = (),
         after: Continuation | None = None,
-    ) -> Job:
-        return Job(self._name, order.motion, new_motion_id(), start, joints, before, after)
+    ) -> PlanInput:
+        return PlanInput(self._name, order.motion, new_motion_id(), start, joints, before, after)
 
     async def _tail(self, motion: PlannedMotion, earliest: int) -> RecordedMotion:
         """Return the end of a motion, as far as one that follows it may need it."""
@@ -169,29 +171,31 @@ class Motions:
             raise StateError("the device does not hold")
         return PlannedState.at_rest(cycle.q, cycle.position)
 
-    async def _leave(self, manner: Manner, kind: Kind, attempt: int) -> Leave | None:
+    async def _leave(
+        self, move_options: MoveOptions, kind: Kind, attempt: int
+    ) -> SplicePoint | None:
         """Return where what runs is to be left at the earliest; ``None`` where nothing runs."""
-        itinerary, cycle = self._itinerary, self._link.newest()
+        motion_queue, cycle = self._queue, self._link.newest()
         if cycle is None or cycle.state not in (State.STREAMING, State.STOPPING):
             return None
-        if manner.start_ns != UNKNOWN:
+        if move_options.start_ns != UNKNOWN:
             raise StateError("the device is moving: a start time needs one at rest")
         if cycle.state is State.STOPPING:
             await self._await_rest()
             return None
-        if not itinerary.is_active:
+        if not motion_queue.is_active:
             return None
         since = (time.monotonic_ns() - cycle.deadline_ns) * 1e-9
         horizon = since + self._horizon.ahead(kind, attempt)
         # It takes a command up before it moves on from the record of the cycle before.
-        ahead = itinerary.ahead(cycle, max(0, math.ceil(horizon / self._period) - 1))
-        if manner.is_queued and ahead.number != itinerary.last.number:
-            return itinerary.end(record=0)
+        ahead = motion_queue.ahead(cycle, max(0, math.ceil(horizon / self._period) - 1))
+        if move_options.is_queued and ahead.number != motion_queue.last.number:
+            return motion_queue.end(record=0)
         return ahead
 
     async def _taking_over(
-        self, order: Order, leave: Leave, attempt: int
-    ) -> tuple[Leave, PlannedMotion] | None:
+        self, order: PlanCall, leave: SplicePoint, attempt: int
+    ) -> tuple[SplicePoint, PlannedMotion] | None:
         """Plan a motion from *leave* on; ``None`` where the axes can begin it at rest only.
 
         Where the axes could not go on from there, as in the midst of a passage near a singularity,
@@ -223,11 +227,11 @@ class Motions:
         await self._planners.plan(self._job(order, rest, joints), order)
         return None
 
-    def _left(self, leave: Leave) -> PlannedMotion:
-        stage = self._itinerary.stage(leave.number)
-        if stage is None:
+    def _left(self, leave: SplicePoint) -> PlannedMotion:
+        queued = self._queue.queued(leave.number)
+        if queued is None:
             raise LateError(f"motion {leave.number} has ended")
-        return stage.motion
+        return queued.motion
 
     async def _stop_on_path(self) -> None:
         """Have what runs stop on its path, and wait for that."""
@@ -261,31 +265,31 @@ class Motions:
             LateError: the device has passed the point at which it was to begin.
             StateError: the device is not holding, or not where the motion begins.
         """
-        motion, leave, manner = prepared.motion, prepared.leave, prepared.manner
+        motion, leave, move_options = prepared.motion, prepared.leave, prepared.move_options
         options = motion.facts.device_options
         if leave is None:
-            if self._itinerary.is_active:
+            if self._queue.is_active:
                 raise LateError("a motion that was to follow has begun")
-            manner.check_start_time()
+            move_options.check_start_time()
             if options != self._tuned:
                 self._link.tune(options)
                 self._tuned = options
             self._arrivals.end("another motion has begun")
-            self._itinerary.begin(motion, number, speed=speed, start_ns=manner.start_ns)
+            self._queue.begin(motion, number, speed=speed, start_ns=move_options.start_ns)
             self.is_paused = False
         elif options != self._tuned:
             raise StateError("device_options change at rest only: wait for the motion's end")
-        elif manner.is_queued:
-            self._itinerary.append(motion, number, leave)
+        elif move_options.is_queued:
+            self._queue.append(motion, number, leave)
         else:
             self._horizon.add(prepared.kind, time.monotonic() - prepared.chosen)
-            for stage in self._itinerary.replace(motion, number, leave):
-                self._tell(EventKind.MOTION_REPLACED, stage.number, "before it began")
+            for queued in self._queue.replace(motion, number, leave):
+                self._tell(EventKind.MOTION_REPLACED, queued.number, "before it began")
             if self.is_paused:
                 self._link.ask(Command.SPEED, speed=speed)
                 self.is_paused = False
-        if manner.gate is not None:
-            self._arrivals.expect(number, manner.gate)
+        if move_options.gate is not None:
+            self._arrivals.expect(number, move_options.gate)
         self._tell(EventKind.MOTION_STARTED, number, f"{motion.facts.duration:.3f} s")
 
     def tend(self, fault_text: str, *, speed: float) -> None:
@@ -299,31 +303,31 @@ class Motions:
             DaemonError: the servo does not answer.
         """
         self._arrivals.look(fault_text)
-        itinerary = self._itinerary
-        if not itinerary.is_active:
+        motion_queue = self._queue
+        if not motion_queue.is_active:
             return
         try:
-            itinerary.feed()
+            motion_queue.feed()
         except NotYetError:
             pass  # tried again with the next look
         except LateError as error:
-            for stage in itinerary.miss():
-                self._tell(EventKind.MOTION_STOPPED, stage.number, str(error))
+            for queued in motion_queue.miss():
+                self._tell(EventKind.MOTION_STOPPED, queued.number, str(error))
         cycle = self._link.newest()
-        itinerary.measure_some()
+        motion_queue.measure_some()
         if cycle is None or (cycle.state is State.FAULT and not fault_text):
             return  # of a fault of this very moment the reason is heard before the next look
-        for stage in itinerary.passed(cycle):
-            kind = EventKind.MOTION_REPLACED if stage.is_replaced else EventKind.MOTION_DONE
-            self._tell(kind, stage.number, "")
+        for queued in motion_queue.passed(cycle):
+            kind = EventKind.MOTION_REPLACED if queued.is_replaced else EventKind.MOTION_DONE
+            self._tell(kind, queued.number, "")
         is_moving = cycle.state in (State.STREAMING, State.STOPPING)
-        if cycle.motion == itinerary.first.number and not is_moving:
+        if cycle.motion == motion_queue.first.number and not is_moving:
             self._conclude(cycle, fault_text, speed)
 
     def _conclude(self, cycle: Cycle, fault_text: str, speed: float) -> None:
         """Note how the motion ended that has come to rest, and those that were to follow it."""
         self.is_paused = False
-        ended, *following = self._itinerary.clear()
+        ended, *following = self._queue.clear()
         is_fault = cycle.state is State.FAULT
         is_at_end = ended.feeder is not None and cycle.path_index == ended.feeder.final_index
         if is_fault or not is_at_end:
@@ -333,24 +337,27 @@ class Motions:
         if following:
             # It came to rest before the servo had heard of the next one.
             try:
-                self._itinerary.resume(following, speed=speed)
+                self._queue.resume(following, speed=speed)
             except StateError as error:
                 self._stop(tuple(following), str(error))
 
     def drop(self, text: str, *, kind: EventKind = EventKind.MOTION_STOPPED) -> None:
         """Say of every motion that it has ended."""
         self._arrivals.end(text)
-        self._stop(tuple(self._itinerary.clear()), text, kind)
+        self._stop(tuple(self._queue.clear()), text, kind)
 
     def _stop(
-        self, stages: tuple[Stage, ...], text: str, kind: EventKind = EventKind.MOTION_STOPPED
+        self,
+        queued_motions: tuple[QueuedMotion, ...],
+        text: str,
+        kind: EventKind = EventKind.MOTION_STOPPED,
     ) -> None:
-        for stage in stages:
-            self._tell(kind, stage.number, text)
+        for queued in queued_motions:
+            self._tell(kind, queued.number, text)
 
     def close(self) -> None:
         """Look at the servo's cycles for the last time; its memory is about to go."""
-        self._itinerary.measure()
+        self._queue.measure()
         self._is_closed = True
 
     # What there is to see
@@ -358,25 +365,25 @@ class Motions:
     @property
     def present(self) -> int:
         """Number of the motion that runs; 0 for none."""
-        return self._itinerary.first.number if self._itinerary.is_active else 0
+        return self._queue.first.number if self._queue.is_active else 0
 
-    def stage_of(self, cycle: Cycle | None) -> Stage | None:
+    def queued_of(self, cycle: Cycle | None) -> QueuedMotion | None:
         """Return the motion that a cycle belongs to, or the one that was there last."""
-        stage = self._itinerary.stage(cycle.motion) if cycle is not None else None
-        if stage is not None:
-            self._shown = stage
+        queued = self._queue.queued(cycle.motion) if cycle is not None else None
+        if queued is not None:
+            self._shown = queued
         shown = self._shown
         # A motion begins before it is entered here: until then there is nothing to say of it.
         return shown if shown is None or cycle is None or shown.number == cycle.motion else None
 
-    def stage(self, number: int) -> Stage | None:
+    def queued(self, number: int) -> QueuedMotion | None:
         """Return a motion that is under way or waits for its turn."""
-        return self._itinerary.stage(number)
+        return self._queue.queued(number)
 
     def statistics(self, number: int) -> MotionStatistics | None:
         """Return what was measured of motion *number*; ``None`` unless it is one of the newest."""
         self._measure()
-        return self._itinerary.statistics(number)
+        return self._queue.statistics(number)
 
     def settled_after(self, number: int) -> float | None:
         """Return how long after its last setpoint motion *number* was on target, s, if it was."""
@@ -385,11 +392,11 @@ class Motions:
     def began_ns(self, number: int) -> int | None:
         """Return when motion *number* began to move, monotonic clock, where that is known."""
         self._measure()
-        return self._itinerary.began_ns(number)
+        return self._queue.began_ns(number)
 
     def _measure(self) -> None:
         if not self._is_closed:
-            self._itinerary.measure()
+            self._queue.measure()
 
 
 def new_motion_id() -> str:

@@ -10,12 +10,12 @@ from orientd.errors import RequestError, StateError
 from orientd.stream import UNKNOWN
 
 if TYPE_CHECKING:
-    from orientd.daemon.motions.motion_queue import Leave
+    from orientd.daemon.motions.motion_queue import SplicePoint
     from orientd.daemon.planners import PlannedMotion
 
 
 @dataclass(frozen=True, slots=True)
-class Gate:
+class ArrivalCondition:
     """When a motion counts as having arrived: by what is measured, not by what was sent.
 
     Attributes:
@@ -41,7 +41,7 @@ class Gate:
 
 
 @dataclass(frozen=True, slots=True)
-class Manner:
+class MoveOptions:
     """How a motion is to begin and to end.
 
     Attributes:
@@ -54,7 +54,7 @@ class Manner:
     is_queued: bool = False
     blend: float = 0.0
     start_ns: int = UNKNOWN
-    gate: Gate | None = None
+    gate: ArrivalCondition | None = None
 
     def check_start_time(self) -> None:
         """Refuse a start time that has passed.
@@ -67,7 +67,7 @@ class Manner:
             raise StateError(f"the motion was ready {late:.3f} s after its start time")
 
 
-AT_ONCE = Manner()
+AT_ONCE = MoveOptions()
 
 Kind = tuple[int, bool]
 """How many binary digits the size of a request has, and whether it is blended into another."""
@@ -86,7 +86,7 @@ class Prepared:
     """
 
     motion: PlannedMotion
-    leave: Leave | None = None
-    manner: Manner = AT_ONCE
+    leave: SplicePoint | None = None
+    move_options: MoveOptions = AT_ONCE
     chosen: float = 0.0
     kind: Kind = (0, False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from orientd.daemon.motions.options import Gate
+from orientd.daemon.motions.options import ArrivalCondition
 from orientd.driver import Quaternion
 from orientd.floats import difference, norm
 from orientd.stream import Cycle
@@ -20,7 +20,7 @@ class Settling:
             enough; ``None`` before that.
     """
 
-    def __init__(self, gate: Gate, target: Quaternion, since_ns: int) -> None:
+    def __init__(self, gate: ArrivalCondition, target: Quaternion, since_ns: int) -> None:
         """Wait to be at *target* according to *gate*; the last setpoint was sent at *since_ns*."""
         self.gate = gate
         self.error: float | None = None

@@ -75,7 +75,7 @@ class Continuation:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Job:
+class PlanInput:
     """A motion to plan, with everything that it depends on.
 
     Attributes:
@@ -144,7 +144,7 @@ class Question:
     """
 
     what: Records | Report | Methods
-    job: Job | None = None
+    job: PlanInput | None = None
     most_keyframes: int = 100_000
 
 

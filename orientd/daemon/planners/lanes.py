@@ -41,7 +41,7 @@ class Rank(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class PlanCall:
     """A motion that somebody asks for.
 
     Attributes:
@@ -114,7 +114,7 @@ class Lanes:
     def __init__(self) -> None:
         self._lanes = {rank: _Lane() for rank in Rank}
 
-    def enter(self, question: Question, rank: Rank, order: Order) -> Waiting:
+    def enter(self, question: Question, rank: Rank, order: PlanCall) -> Waiting:
         """Have a question wait for its turn; to be called in the event loop.
 
         Raises:
@@ -129,7 +129,7 @@ class Lanes:
         self._lanes[rank].put(asked)
         return asked
 
-    def _check(self, order: Order, size: int) -> None:
+    def _check(self, order: PlanCall, size: int) -> None:
         waiting = [one for lane in self._lanes.values() for one in lane.all()]
         others = [one for one in waiting if one.caller == order.caller]
         is_large = order.rank is Rank.LARGE

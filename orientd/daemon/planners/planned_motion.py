@@ -12,7 +12,7 @@ from typing import Self
 
 import numpy as np
 
-from orientd.daemon.planners.jobs import CHUNK, Job, Planned, Rest
+from orientd.daemon.planners.jobs import CHUNK, PlanInput, Planned, Rest
 from orientd.daemon.planners.record_file import Chunk
 from orientd.errors import OrientdError
 from orientd.planner import RecordedMotion
@@ -45,7 +45,7 @@ class PlannedMotion(RecordedMotion):
     """
 
     def __init__(
-        self, planned: Planned, job: Job, chunk: Chunk, *, fetch: Fetch, rest: Future[Rest]
+        self, planned: Planned, job: PlanInput, chunk: Chunk, *, fetch: Fetch, rest: Future[Rest]
     ) -> None:
         """Take what a planner has answered.
 

@@ -15,8 +15,8 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 
 from orientd.daemon.planners.jobs import (
-    Job,
     Methods,
+    PlanInput,
     Planned,
     PlannerDevice,
     Question,
@@ -25,7 +25,7 @@ from orientd.daemon.planners.jobs import (
     Rest,
     SetUp,
 )
-from orientd.daemon.planners.lanes import Lanes, Order, Rank, Waiting
+from orientd.daemon.planners.lanes import Lanes, PlanCall, Rank, Waiting
 from orientd.daemon.planners.planned_motion import PlannedMotion
 from orientd.daemon.planners.process import GIVE_UP, ForkServer, PlannerProcess
 from orientd.daemon.planners.record_file import Chunk, RecordFile
@@ -128,7 +128,9 @@ class Planners:
 
     # What can be asked
 
-    async def plan(self, job: Job, order: Order, *, rank: Rank | None = None) -> PlannedMotion:
+    async def plan(
+        self, job: PlanInput, order: PlanCall, *, rank: Rank | None = None
+    ) -> PlannedMotion:
         """Plan a motion.
 
         Args:
@@ -150,25 +152,25 @@ class Planners:
         fetch = functools.partial(self._more, job)
         return PlannedMotion(planned, job, chunk, fetch=fetch, rest=answered.rest)
 
-    async def report(self, job: Job, order: Order, rate_hz: float) -> bytes:
+    async def report(self, job: PlanInput, order: PlanCall, rate_hz: float) -> bytes:
         """Return a serialised ``PlanResponse`` of a motion; arguments and errors as of a plan."""
         content = (await self._ask(Question(Report(rate_hz), job), order.rank, order)).content
         return content if isinstance(content, bytes) else b""
 
     async def methods(self, caller: str) -> bytes:
         """Return a serialised ``ListMethodsResponse``."""
-        order = Order(b"", caller, self.timeout)
+        order = PlanCall(b"", caller, self.timeout)
         content = (await self._ask(Question(Methods()), Rank.SMALL, order)).content
         return content if isinstance(content, bytes) else b""
 
-    def _more(self, job: Job, first: int, count: int) -> Future[Chunk]:
+    def _more(self, job: PlanInput, first: int, count: int) -> Future[Chunk]:
         """Ask for more records of a motion, from any thread."""
         if self._loop is None:
             raise DaemonError(GOING_DOWN)
         return asyncio.run_coroutine_threadsafe(self._records(job, first, count), self._loop)
 
-    async def _records(self, job: Job, first: int, count: int) -> Chunk:
-        order = Order(job.motion, "", self.timeout)
+    async def _records(self, job: PlanInput, first: int, count: int) -> Chunk:
+        order = PlanCall(job.motion, "", self.timeout)
         answered = await self._ask(Question(Records(first, count), job), Rank.URGENT, order)
         return _chunk(answered)[1]
 
@@ -180,7 +182,7 @@ class Planners:
 
     # How
 
-    async def _ask(self, question: Question, rank: Rank, order: Order) -> _Answered:
+    async def _ask(self, question: Question, rank: Rank, order: PlanCall) -> _Answered:
         if self._is_closing:
             raise DaemonError(GOING_DOWN)
         waiting = self._lanes.enter(question, rank, order)

@@ -28,8 +28,8 @@ from orientd.daemon.planners.jobs import (
     STAGE_BYTES,
     Answer,
     Failure,
-    Job,
     Methods,
+    PlanInput,
     Planned,
     PlannerDevice,
     Question,
@@ -120,7 +120,7 @@ class Work:
             write(file, first, motion.rows(first, min(_BLOCK, count - first)))
         return Rest(count, reporting.event(motion))
 
-    def _motion(self, job: Job, most_keyframes: int) -> tuple[Motion, int]:
+    def _motion(self, job: PlanInput, most_keyframes: int) -> tuple[Motion, int]:
         """Return the motion of a job, and where it leaves the one before."""
         known = self._known.get(job.motion_id)
         if known is not None:

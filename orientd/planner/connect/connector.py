@@ -14,9 +14,15 @@ from orientd import kernels
 from orientd.errors import PlanError
 from orientd.planner.certify import limit_table
 from orientd.planner.connect.leads import check_lead
-from orientd.planner.connect.quintic_connector import FACTORS, STATE, Joins, join, state_row
+from orientd.planner.connect.quintic_connector import (
+    FACTORS,
+    STATE,
+    QuinticConnectors,
+    join,
+    state_row,
+)
 from orientd.planner.limits import Limits
-from orientd.planner.path import Stretch
+from orientd.planner.path import PathSegment
 from orientd.planner.request import State
 from orientd.rotation import angle
 
@@ -25,7 +31,7 @@ _RAMPS = 6  # at most, that a stop may begin with
 
 def connector(
     start: State, end: State, *, limits: Limits, period: float, least: float = 0.0
-) -> Stretch:
+) -> PathSegment:
     """Return a stretch from path time 0 that leads from one state to another.
 
     The velocity, and the acceleration, may be as high as they are at the ends, and otherwise keep
@@ -54,12 +60,14 @@ def connector(
     check_lead("a connector", total)
     # A ramp that takes no time is none.
     first, last = int(before == 0.0), 3 - int(after == total)
-    return Stretch(Joins(q[first:last], w[first:last], times[first : last + 1]), 0.0, total)
+    return PathSegment(
+        QuinticConnectors(q[first:last], w[first:last], times[first : last + 1]), 0.0, total
+    )
 
 
 def ramped_stops(
     state: State, limits: Limits, period: float
-) -> Iterator[tuple[Stretch | None, State]]:
+) -> Iterator[tuple[PathSegment | None, State]]:
     """Yield ramps that a stop may begin with, of whole periods, and the states they lead to.
 
     The first one is none at all.
@@ -69,5 +77,5 @@ def ramped_stops(
     table = limit_table(limits.with_reserve())
     count = kernels.ramps_of_stop(state_row(state), table, period, ends, w, durations)
     for end, increments, duration in zip(ends[:count], w, durations.tolist(), strict=False):
-        ramp = Stretch(join(state.q, increments, duration), 0.0, duration) if duration else None
+        ramp = PathSegment(join(state.q, increments, duration), 0.0, duration) if duration else None
         yield ramp, State(end[:4], end[4:7], end[7:], state.position)

@@ -12,15 +12,17 @@ from orientd.errors import PlanError
 from orientd.planner.certify import limit_table
 from orientd.planner.connect.quintic_connector import join, try_joins
 from orientd.planner.limits import Limits
-from orientd.planner.path import Stretch
+from orientd.planner.path import PathSegment
 from orientd.planner.request import State
-from orientd.planner.timing import Core
+from orientd.planner.timing import KeyframePath
 
 _TRIES = 60
 _FEWEST = 2
 
 
-def join_in(core: Core, start: State, *, limits: Limits, period: float) -> Stretch:
+def join_in(
+    keyframe_path: KeyframePath, start: State, *, limits: Limits, period: float
+) -> PathSegment:
     """Return the shortest stretch from path time 0 by which a device gets onto a core.
 
     Args:
@@ -32,19 +34,19 @@ def join_in(core: Core, start: State, *, limits: Limits, period: float) -> Stret
     Raises:
         PlanError: none within the first interval keeps the limits.
     """
-    most = int(core.times[1] / period)
+    most = int(keyframe_path.times[1] / period)
     cycles = np.unique(np.geomspace(_FEWEST, max(most, _FEWEST), _TRIES).astype(int))
     durations = period * cycles[cycles <= most]
     if len(durations):
         here = (start.q, start.omega_body, start.alpha_body)
         first = [np.tile(part, (len(durations), 1)) for part in here]
-        last = core.stretch.sample(durations)
+        last = keyframe_path.segment.sample(durations)
         # The curve may go up to the limits itself.
         w, kept = try_joins(first, last, durations, start, limit_table(limits))
         if len(kept):
             index = int(kept[0])
             duration = float(durations[index])
-            return Stretch(join(start.q, w[index], duration), 0.0, duration)
+            return PathSegment(join(start.q, w[index], duration), 0.0, duration)
     raise PlanError(
         "no way found from the acceleration the device has onto the curve; c2_cumulative begins "
         "with it, `approach: true` would lead in"

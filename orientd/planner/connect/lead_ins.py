@@ -17,7 +17,7 @@ from orientd.planner.connect.connector import connector, ramped_stops
 from orientd.planner.connect.leads import approach, approach_cycles, lead_out
 from orientd.planner.connect.position_stop import position_lead
 from orientd.planner.limits import Limits, is_still
-from orientd.planner.path import PositionPath, Stretch
+from orientd.planner.path import PathSegment, PositionPath
 from orientd.planner.request import State
 
 _SLACK = 1e-9  # of a period
@@ -33,7 +33,7 @@ class LeadIn:
         positions: what the position does meanwhile.
     """
 
-    stretches: tuple[Stretch, ...]
+    segments: tuple[PathSegment, ...]
     cycles: int
     positions: PositionPath
 
@@ -81,14 +81,14 @@ def lead_in(
         return _by_way_of_rest(start, first, positions, limits=limits, period=period)
     least = 0.0 if positions.is_held else float(positions.breaks[-1])
     try:
-        stretch = connector(start, first, limits=limits, period=period, least=least)
+        segment = connector(start, first, limits=limits, period=period, least=least)
     except PlanError:
         return _by_way_of_rest(start, first, positions, limits=limits, period=period)
     if not positions.is_held:
         positions = position_lead(
-            start, first.position, limits=limits, period=period, least=stretch.end
+            start, first.position, limits=limits, period=period, least=segment.end
         )
-    return LeadIn((stretch,), round(stretch.end / period), positions)
+    return LeadIn((segment,), round(segment.end / period), positions)
 
 
 def from_rest(
@@ -121,24 +121,24 @@ def from_rest(
     )
     cycles = max(cycles, least - run_up_cycles)
     arrival = cycles * period
-    stretches = []
+    segments = []
     if cycles:
-        stretches.append(Stretch(approach(start.q, rest, arrival), 0.0, arrival))
+        segments.append(PathSegment(approach(start.q, rest, arrival), 0.0, arrival))
     cycles += run_up_cycles
     if run_up is not None:
-        stretches.append(Stretch(run_up, arrival, cycles * period, rate=-1.0))
+        segments.append(PathSegment(run_up, arrival, cycles * period, rate=-1.0))
     # The position arrives with the approach and waits while the orientation takes its run-up.
     positions = PositionPath.held(first.position).after_move_from(start.position, 0.0, arrival)
-    return LeadIn(tuple(stretches), cycles, positions)
+    return LeadIn(tuple(segments), cycles, positions)
 
 
-def stop(start: State, *, limits: Limits, period: float) -> list[Stretch]:
+def stop(start: State, *, limits: Limits, period: float) -> list[PathSegment]:
     """Return the way from a state to rest, wherever that is, from path time 0 on.
 
     Raises:
         PlanError: nothing was found.
     """
-    best: list[Stretch] = []
+    best: list[PathSegment] = []
     error: PlanError | None = None
     for ramp, end in ramped_stops(start, limits, period):
         begin = ramp.end if ramp is not None else 0.0
@@ -150,7 +150,7 @@ def stop(start: State, *, limits: Limits, period: float) -> list[Stretch]:
         total = begin + curve.domain[1]
         if not best or total < best[-1].end:
             best = [] if ramp is None else [ramp]
-            best.append(Stretch(curve, begin, total))
+            best.append(PathSegment(curve, begin, total))
     if not best:
         raise PlanError(f"no way to rest: {error}")
     return best
@@ -159,10 +159,10 @@ def stop(start: State, *, limits: Limits, period: float) -> list[Stretch]:
 def _by_way_of_rest(
     start: State, first: State, positions: PositionPath, *, limits: Limits, period: float
 ) -> LeadIn:
-    stretches = stop(start, limits=limits, period=period)
-    halt = stretches[-1].end
-    rest = State.at_rest(stretches[-1].ends()[1].q, first.position)
+    segments = stop(start, limits=limits, period=period)
+    halt = segments[-1].end
+    rest = State.at_rest(segments[-1].ends()[1].q, first.position)
     least = 0 if positions.is_held else round((float(positions.breaks[-1]) - halt) / period)
     onward = from_rest(rest, first, limits=limits, period=period, least=least)
-    stretches += [stretch.shifted(halt) for stretch in onward.stretches]
-    return LeadIn(tuple(stretches), round(halt / period) + onward.cycles, positions)
+    segments += [segment.shifted(halt) for segment in onward.segments]
+    return LeadIn(tuple(segments), round(halt / period) + onward.cycles, positions)

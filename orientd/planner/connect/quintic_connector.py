@@ -19,7 +19,7 @@ FACTORS = 5
 STATE = 10
 
 
-class Joins(CumulativeCurve):
+class QuinticConnectors(CumulativeCurve):
     """Joins end to end; where they meet, velocity and acceleration are prescribed to be the same.
 
     Args:
@@ -40,7 +40,7 @@ class Joins(CumulativeCurve):
         self._set_ends(at_ends)
 
 
-def join(q: Floats, w: Floats, duration: float) -> Joins:
+def join(q: Floats, w: Floats, duration: float) -> QuinticConnectors:
     """Return the curve of one join, over ``[0, duration]``.
 
     Args:
@@ -48,7 +48,7 @@ def join(q: Floats, w: Floats, duration: float) -> Joins:
         w: its increments, shape ``(5, 3)``.
         duration: s.
     """
-    return Joins(q[None], w[None], np.array([0.0, duration]))
+    return QuinticConnectors(q[None], w[None], np.array([0.0, duration]))
 
 
 def try_joins(

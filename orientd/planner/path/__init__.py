@@ -1,6 +1,6 @@
 """The geometry of a motion: curves laid end to end in time, with the position that goes along."""
 
-from orientd.planner.path.path import Path, Samples, Stretch
+from orientd.planner.path.path import Path, PathSegment, Samples
 from orientd.planner.path.plain_path import plain_curve
 from orientd.planner.path.position import (
     DEGREE,

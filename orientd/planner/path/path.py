@@ -48,7 +48,7 @@ class Samples(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stretch:
+class PathSegment:
     """A curve over an interval of path time.
 
     Attributes:
@@ -115,23 +115,23 @@ class Stretch:
         instants = [min(max(origin + self.rate * t, first), last) for t in elapsed]
         return self.curve.evaluate(np.array(instants))
 
-    def without(self, duration: float) -> Stretch:
+    def without(self, duration: float) -> PathSegment:
         """Return the stretch with its first seconds left out, the rest where it was."""
         return replace(
             self, begin=self.begin + duration, skipped=self.skipped + duration, _found=[]
         )
 
-    def slowed(self, duration: float) -> Stretch:
+    def slowed(self, duration: float) -> PathSegment:
         """Return the same stretch of a curve from path time 0 on, taking *duration* seconds."""
         rate = self.rate * (self.end - self.begin) / duration
-        return Stretch(self.curve, 0.0, duration, rate, self.sign, self.skipped, self._found)
+        return PathSegment(self.curve, 0.0, duration, rate, self.sign, self.skipped, self._found)
 
-    def shifted(self, delay: float) -> Stretch:
+    def shifted(self, delay: float) -> PathSegment:
         """Return the same stretch *delay* seconds later."""
         begin, end = self.begin + delay, self.end + delay
-        return Stretch(self.curve, begin, end, self.rate, self.sign, self.skipped, self._found)
+        return PathSegment(self.curve, begin, end, self.rate, self.sign, self.skipped, self._found)
 
-    def turned_over(self) -> Stretch:
+    def turned_over(self) -> PathSegment:
         """Return the same stretch with the other quaternions of its orientations."""
         return replace(self, sign=-self.sign)
 
@@ -147,7 +147,7 @@ class Path:
         last: orientation after the end.
     """
 
-    stretches: tuple[Stretch, ...]
+    segments: tuple[PathSegment, ...]
     positions: PositionPath
     first: Floats
     last: Floats
@@ -155,7 +155,7 @@ class Path:
 
     @classmethod
     def joined(
-        cls, stretches: Sequence[Stretch], positions: PositionPath, before: Floats | None = None
+        cls, segments: Sequence[PathSegment], positions: PositionPath, before: Floats | None = None
     ) -> Path:
         """Return the path of *stretches*, with the signs of the quaternions made continuous.
 
@@ -164,25 +164,25 @@ class Path:
             positions: what the position does.
             before: the orientation the device comes from, whose sign goes on.
         """
-        lined_up: list[Stretch] = []
-        for stretch in stretches:
-            start, end = stretch.end_orientations()
+        lined_up: list[PathSegment] = []
+        for segment in segments:
+            start, end = segment.end_orientations()
             if before is not None and sum((start * before).tolist()) < 0.0:
-                start, end, stretch = -start, -end, stretch.turned_over()
+                start, end, segment = -start, -end, segment.turned_over()
             if not lined_up:
                 first = start
-            lined_up.append(stretch)
+            lined_up.append(segment)
             before = end
         if before is None or not lined_up:
             raise ValueError("stretches must not be empty")
         return cls(tuple(lined_up), positions, first, before)
 
-    def since(self, time: float) -> list[Stretch]:
+    def since(self, time: float) -> list[PathSegment]:
         """Return the stretches after *time*, where they were."""
         return [
-            stretch.without(time - stretch.begin) if stretch.begin < time else stretch
-            for stretch in self.stretches
-            if stretch.end > time
+            segment.without(time - segment.begin) if segment.begin < time else segment
+            for segment in self.segments
+            if segment.end > time
         ]
 
     @property
@@ -190,13 +190,13 @@ class Path:
         """The row of numbers that the kernels sample it from, if they do."""
         if not self._plain:
             end = self.duration - _AT_REST
-            self._plain.append(plain_path(self.stretches, self.first, self.last, end))
+            self._plain.append(plain_path(self.segments, self.first, self.last, end))
         return self._plain[0]
 
     @property
     def duration(self) -> float:
         """Path time from the first instant to the last, s."""
-        return self.stretches[-1].end
+        return self.segments[-1].end
 
     def joints_at(self, record: int) -> tuple[float, ...]:  # noqa: ARG002
         """Return nothing: a path that was not made for a device's axes knows none."""
@@ -279,20 +279,18 @@ class Path:
         first, last = self._ends(times)
         rows = np.zeros((count, len(times)))
         rows[:4, :first], rows[:4, last:] = self.first[:, None], self.last[:, None]
-        begins = [stretch.begin for stretch in self.stretches[1:]]
+        begins = [segment.begin for segment in self.segments[1:]]
         edges = np.minimum(np.searchsorted(times, begins), last).tolist()
-        for stretch, begin, end in zip(
-            self.stretches, [first, *edges], [*edges, last], strict=True
-        ):
+        for segment, begin, end in zip(self.segments, [first, *edges], [*edges, last], strict=True):
             if begin < end:
-                parts = stretch.sample(times[begin:end])
+                parts = segment.sample(times[begin:end])
                 rows[:, begin:end] = np.concatenate([part.T for part in parts])[:count]
         return rows
 
     def state(self, time: float) -> State:
         """Return the state at *time*, with the derivatives of the stretch that begins there."""
-        for stretch in self.stretches:
-            if time < stretch.end or stretch is self.stretches[-1]:
+        for segment in self.segments:
+            if time < segment.end or segment is self.segments[-1]:
                 break
-        q, omega, alpha = stretch.sample(np.array([time]))
+        q, omega, alpha = segment.sample(np.array([time]))
         return State(q[0], omega[0], alpha[0], *self.positions.state(time))

@@ -18,7 +18,7 @@ from orientd.curves import CumulativeCurve, Curve
 from orientd.rotation import Floats
 
 if TYPE_CHECKING:
-    from orientd.planner.path.path import Stretch
+    from orientd.planner.path.path import PathSegment
 
 
 def plain_curve(curve: Curve) -> Floats | None:
@@ -29,7 +29,7 @@ def plain_curve(curve: Curve) -> Floats | None:
 
 
 def plain_path(
-    stretches: Sequence[Stretch], first: Floats, last: Floats, end: float
+    segments: Sequence[PathSegment], first: Floats, last: Floats, end: float
 ) -> Floats | None:
     """Return the row of numbers that a path is sampled from, if its curves are such products.
 
@@ -39,11 +39,11 @@ def plain_path(
         last: orientation after it.
         end: path time from which on it is held, s.
     """
-    parts: list[Floats] = [np.array([len(stretches), end]), first, last]
-    for stretch in stretches:
-        curve = plain_curve(stretch.curve)
+    parts: list[Floats] = [np.array([len(segments), end]), first, last]
+    for segment in segments:
+        curve = plain_curve(segment.curve)
         if curve is None:
             return None
-        parts.append(np.array([stretch.begin, stretch.skipped, stretch.rate, stretch.sign]))
+        parts.append(np.array([segment.begin, segment.skipped, segment.rate, segment.sign]))
         parts.append(curve)
     return np.concatenate(parts)

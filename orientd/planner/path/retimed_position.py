@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orientd.curves import Warp
+from orientd.curves import TimeMap
 from orientd.planner.path.position import PositionPath
 from orientd.rotation import Floats
 
@@ -20,7 +20,7 @@ def motion_of(positions: PositionPath, times: Floats, end: float) -> tuple[Float
     return velocity, change / (later - earlier)[:, None]
 
 
-def repositioned(positions: PositionPath, clock: Warp) -> PositionPath:
+def repositioned(positions: PositionPath, clock: TimeMap) -> PositionPath:
     """Return the positions on another clock, quintic from node to node."""
     if positions.is_held:
         return positions

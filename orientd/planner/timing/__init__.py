@@ -1,6 +1,6 @@
 """How quickly to run along a path: times for keyframes, the fastest profile inside the limits."""
 
-from orientd.planner.timing.candidate_path import Core, Course
+from orientd.planner.timing.candidate_path import KeyframePath, PathRequest
 from orientd.planner.timing.quickest_timing import SHARE, quickest
 from orientd.planner.timing.survey import Survey
 from orientd.planner.timing.timing import (

@@ -14,7 +14,7 @@ import numpy as np
 from orientd.planner.certify import Peaks, measure
 from orientd.planner.limits import STILL, Limits, is_still
 from orientd.planner.methods import Ends, build
-from orientd.planner.path import Motion3, PositionPath, Stretch, position_path
+from orientd.planner.path import Motion3, PathSegment, PositionPath, position_path
 from orientd.planner.recorded import HISTORY
 from orientd.planner.request import MotionRequest, State
 from orientd.planner.timing.timing import Indices
@@ -22,7 +22,7 @@ from orientd.rotation import Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Core:
+class KeyframePath:
     """A curve through the keyframes, its clock starting at 0.
 
     Attributes:
@@ -31,39 +31,39 @@ class Core:
         times: of all keyframes of the request, s.
     """
 
-    stretch: Stretch
+    segment: PathSegment
     positions: PositionPath
     times: Floats
 
     @property
     def duration(self) -> float:
         """From the first keyframe to the last, s."""
-        return self.stretch.end
+        return self.segment.end
 
     @property
     def continuity(self) -> int:
         """How many derivatives of the orientation are continuous."""
-        return self.stretch.curve.continuity
+        return self.segment.curve.continuity
 
     @property
     def is_plain(self) -> bool:
         """Whether it is one curve run forwards from its beginning, at one position."""
-        stretch = self.stretch
-        return self.positions.is_held and stretch.rate > 0.0 and not stretch.skipped
+        segment = self.segment
+        return self.positions.is_held and segment.rate > 0.0 and not segment.skipped
 
     def has_acceleration_of(self, state: State, limits: Limits) -> bool:
         """Return whether it begins with the acceleration of *state*."""
-        alpha = self.stretch.ends()[0].alpha_body
+        alpha = self.segment.ends()[0].alpha_body
         return is_still(np.zeros(3), alpha - state.alpha_body, limits.scaled(1e3))
 
     @property
     def is_from_rest_to_rest(self) -> bool:
         """Whether neither end turns."""
-        return all(math.hypot(*state.omega_body.tolist()) <= STILL for state in self.stretch.ends())
+        return all(math.hypot(*state.omega_body.tolist()) <= STILL for state in self.segment.ends())
 
     def held_ends(self, limits: Limits) -> tuple[bool, bool]:
         """Return whether the device may hold right before it, and right after it."""
-        start, end = self.stretch.ends()
+        start, end = self.segment.ends()
         return (
             is_still(start.omega_body, start.alpha_body, limits),
             is_still(end.omega_body, end.alpha_body, limits),
@@ -73,11 +73,11 @@ class Core:
         """Return whether neither end needs a lead of its own."""
         return all(self.held_ends(limits))
 
-    def slowed(self, duration: float) -> Core:
+    def slowed(self, duration: float) -> KeyframePath:
         """Return the same curve taking *duration* seconds."""
         factor = duration / self.duration
         positions = self.positions if self.positions.is_held else self.positions.slowed(factor)
-        return Core(self.stretch.slowed(duration), positions, self.times * factor)
+        return KeyframePath(self.segment.slowed(duration), positions, self.times * factor)
 
     def record_count(self, period: float) -> int:
         """Return how many records a period apart it has."""
@@ -103,7 +103,7 @@ class Core:
         def setpoints(begin: int, size: int) -> tuple[Floats, Floats]:
             indices = np.arange(first + begin, first + begin + size, dtype=np.float64)
             times = np.minimum(period * indices, self.duration)
-            q, _, _ = self.stretch.sample(times)
+            q, _, _ = self.segment.sample(times)
             if self.positions.is_held:
                 return q, self.positions.first[None]
             return q, self.positions.sample(times)[0]
@@ -126,7 +126,7 @@ class Core:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Course:
+class PathRequest:
     """What a core is made from.
 
     Attributes:
@@ -154,7 +154,7 @@ class Course:
             return False
         return not any(np.any(vector) for vector in ends if vector is not None)
 
-    def core(self, duration: float) -> Core:
+    def keyframe_path(self, duration: float) -> KeyframePath:
         """Return the core that takes *duration* seconds.
 
         Raises:
@@ -165,8 +165,8 @@ class Course:
         keys, turns = self.request.keys[self.kept], self.request.turns[self.kept]
         curve = build(self.request, keys, times[self.kept], turns, self.ends)
         first, last = curve.domain
-        return Core(
-            Stretch(curve, 0.0, duration, rate=(last - first) / duration),
+        return KeyframePath(
+            PathSegment(curve, 0.0, duration, rate=(last - first) / duration),
             self._position_path(times[self.kept]),
             times,
         )

@@ -163,20 +163,20 @@ class _Search:
         z = self._at_points(c)
         if not np.all(z[0] > 0.0):
             raise ProfileError("the guess is not positive")
-        stretch = self._stretch(z)
+        segment = self._stretch(z)
         degree = len(z[0]) + 2 * sum(gram.shape[2] for gram in self._grams)
         weight = self._duration(z) / degree
         while True:
-            c, z = self._centre(c, z, weight, stretch)
-            if stretch > 1.0:
+            c, z = self._centre(c, z, weight, segment)
+            if segment > 1.0:
                 # Limits that were moved out for the guess are moved in again as it improves.
-                stretch = min(self._stretch(z), max(1.0, 0.999 * stretch))
+                segment = min(self._stretch(z), max(1.0, 0.999 * segment))
             elif weight * degree <= _GAP * self._duration(z):
                 return Profile(self._step, c)
             else:
                 weight *= _REDUCTION
             if self.steps > _MOST_STEPS:
-                if stretch > 1.0:
+                if segment > 1.0:
                     raise ProfileError("the limits leave no way along the path")
                 return Profile(self._step, c)
 
@@ -185,19 +185,19 @@ class _Search:
         share = self._largest_share(z)
         return 1.0 if share < _INSIDE else _STRETCH * share
 
-    def _centre(self, c: Floats, z: Floats, weight: float, stretch: float) -> tuple[Floats, Floats]:
+    def _centre(self, c: Floats, z: Floats, weight: float, segment: float) -> tuple[Floats, Floats]:
         """Take Newton steps on duration and barrier."""
-        cost = self._cost(z, weight, stretch)
+        cost = self._cost(z, weight, segment)
         for _ in range(_ROUND_STEPS):
             self.steps += 1
-            direction, decrement = self._newton(z, weight, stretch)
+            direction, decrement = self._newton(z, weight, segment)
             if decrement <= _DECREMENT * weight:
                 break
             dz = self._at_points(direction)
             length = 1.0
             for _ in range(40):
                 ahead = z + length * dz
-                new = self._cost(ahead, weight, stretch)
+                new = self._cost(ahead, weight, segment)
                 if new <= cost - 0.1 * length * decrement:
                     break
                 length *= 0.5
@@ -206,21 +206,21 @@ class _Search:
             c, z, cost = c + length * direction, ahead, new
         return c, z
 
-    def _newton(self, z: Floats, weight: float, stretch: float) -> tuple[Floats, float]:
+    def _newton(self, z: Floats, weight: float, segment: float) -> tuple[Floats, float]:
         """Return the step of Newton's method and its decrement, squared."""
         y = z[0]
         gradient = np.zeros((3, len(y)))
         hessian = np.zeros((3, 3, len(y)))
         gradient[0] = -0.5 * self._weights * y**-1.5
         hessian[0, 0] = 0.75 * self._weights * y**-2.5
-        room = self._highest * stretch - y
+        room = self._highest * segment - y
         gradient[0] += weight / room
         hessian[0, 0] += weight / room**2
         for bound, gram in zip(self._bounds, self._grams, strict=True):
             at = slice(None) if bound.places is None else bound.places
             here = z[:, at]
             pull = np.einsum("abn,bn->an", gram, here)
-            slack, change, square = self._slack(bound, here, pull, stretch)
+            slack, change, square = self._slack(bound, here, pull, segment)
             # Of L(y)^2 - |v|^2, with the tangent of L in the Hessian.
             g = -2.0 * pull
             g[0] += change
@@ -230,27 +230,27 @@ class _Search:
         return self._solve(gradient, hessian)
 
     def _slack(
-        self, bound: Bound, z: Floats, pull: Floats, stretch: float
+        self, bound: Bound, z: Floats, pull: Floats, segment: float
     ) -> tuple[Floats, Floats | float, Floats | float]:
         """Return ``L^2 - |v|^2``, the slope of ``L^2`` and the square of the slope of ``L``."""
         length = np.einsum("an,an->n", z, pull)
         if not bound.is_jerk:
-            return stretch**2 - length, 0.0, 0.0
+            return segment**2 - length, 0.0, 0.0
         y = z[0]
-        squared = stretch**2 / y
+        squared = segment**2 / y
         return squared - length, -squared / y, 0.25 * squared / y**2
 
-    def _cost(self, z: Floats, weight: float, stretch: float) -> float:
+    def _cost(self, z: Floats, weight: float, segment: float) -> float:
         """Return duration and barrier, infinite outside."""
         y = z[0]
-        room = self._highest * stretch - y
+        room = self._highest * segment - y
         if not (np.all(y > 0.0) and np.all(room > 0.0)):
             return np.inf
         barrier = np.log(room).sum()
         for bound, gram in zip(self._bounds, self._grams, strict=True):
             here = z if bound.places is None else z[:, bound.places]
             pull = np.einsum("abn,bn->an", gram, here)
-            slack, _, _ = self._slack(bound, here, pull, stretch)
+            slack, _, _ = self._slack(bound, here, pull, segment)
             if not np.all(slack > 0.0):
                 return np.inf
             barrier += np.log(slack).sum()

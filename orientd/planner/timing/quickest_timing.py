@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orientd.curves import Warp, Warped, unit_map
+from orientd.curves import Retimed, TimeMap, unit_map
 from orientd.errors import PlanError
 from orientd.planner import refusal
 from orientd.planner.limits import ANGULAR, Limits
-from orientd.planner.path import Stretch, motion_of, repositioned
-from orientd.planner.timing.candidate_path import Core
+from orientd.planner.path import PathSegment, motion_of, repositioned
+from orientd.planner.timing.candidate_path import KeyframePath
 from orientd.planner.timing.profile import Bound, End, Profile, ProfileError, fastest_profile
 from orientd.planner.timing.rates import LimitedRate
 from orientd.planner.timing.timing import Indices
@@ -41,7 +41,9 @@ _WHOLE = 1e-9  # of a period
 _GAUSS = np.polynomial.legendre.leggauss(4)
 
 
-def quickest(core: Core, limits: Limits, period: float, *, share: float = SHARE) -> Core:
+def quickest(
+    keyframe_path: KeyframePath, limits: Limits, period: float, *, share: float = SHARE
+) -> KeyframePath:
     """Return the same path in the shortest time that keeps the limits.
 
     An end at rest stays at rest and gets no acceleration; at an end that moves, velocity and
@@ -56,7 +58,7 @@ def quickest(core: Core, limits: Limits, period: float, *, share: float = SHARE)
     Raises:
         PlanError: none was found.
     """
-    problem = _Problem.of(core, limits.with_reserve(share), period)
+    problem = _Problem.of(keyframe_path, limits.with_reserve(share), period)
     rates = problem.rates()
     for attempt in range(_ATTEMPTS):
         profile = problem.solved(rates)
@@ -94,16 +96,16 @@ class _Problem:
         count: of steps between nodes.
     """
 
-    core: Core
+    keyframe_path: KeyframePath
     limits: Limits
     powers: tuple[float, float]
     is_moving: tuple[bool, bool]
     count: int
 
     @classmethod
-    def of(cls, core: Core, limits: Limits, period: float) -> _Problem:
-        first, last = core.stretch.ends()
-        _, omega, _ = core.stretch.sample(np.linspace(0.0, core.duration, 65))
+    def of(cls, keyframe_path: KeyframePath, limits: Limits, period: float) -> _Problem:
+        first, last = keyframe_path.segment.ends()
+        _, omega, _ = keyframe_path.segment.sample(np.linspace(0.0, keyframe_path.duration, 65))
         rest = _REST * float(np.linalg.norm(omega, axis=1).max())
         is_moving = tuple(bool(np.linalg.norm(end.omega_body) > rest) for end in (first, last))
         # Where the core sets out with an acceleration, its angle grows like the square of its
@@ -114,11 +116,11 @@ class _Problem:
             for end, moves in zip((first, last), is_moving, strict=True)
         )
         ramp = max(limits.acceleration / limits.jerk, period) if jerks else math.inf
-        segments = len(core.stretch.curve.knots) - 1
+        segments = len(keyframe_path.segment.curve.knots) - 1
         least, most = (segments * steps for steps in _STEPS_A_SEGMENT)
-        wanted = _RAMP_STEPS * core.duration / ramp
+        wanted = _RAMP_STEPS * keyframe_path.duration / ramp
         count = max(_FEWEST_STEPS, least, math.ceil(min(wanted, max(_MOST_STEPS, most))))
-        return cls(core, limits, powers, is_moving, count)  # type: ignore[arg-type]  # pairs
+        return cls(keyframe_path, limits, powers, is_moving, count)  # type: ignore[arg-type]  # pairs
 
     def rates(self) -> list[LimitedRate]:
         """Return everything that is limited along the path."""
@@ -152,7 +154,7 @@ class _Problem:
 
     def _near_knots(self) -> Indices:
         """Return at which of the places that are looked at a knot of the curve is near."""
-        curve = self.core.stretch.curve
+        curve = self.keyframe_path.segment.curve
         parts = (curve.knots[1:-1] - curve.domain[0]) / (curve.domain[1] - curve.domain[0])
         places = np.linspace(0.0, 1.0, 4 * self.count + 1)
         before = np.searchsorted(unit_map(places, self.powers)[0], parts, side="right") - 1
@@ -166,7 +168,7 @@ class _Problem:
             PlanError: there is none.
         """
         start, end = self._ends()
-        highest = np.full(2 * self.count + 1, _FASTEST / self.core.duration**2)
+        highest = np.full(2 * self.count + 1, _FASTEST / self.keyframe_path.duration**2)
         bounds = []
         for rate in rates:
             columns = rate.aimed
@@ -197,17 +199,17 @@ class _Problem:
         nodes and at three places between each and the next.
         """
         places = np.linspace(0.0, 1.0, 4 * self.count + 1)
-        duration = self.core.duration
+        duration = self.keyframe_path.duration
         s, slope, bend = unit_map(places, self.powers)
         slope, bend = duration * slope[:, None], duration * bend[:, None]
         times = duration * s
-        _, omega, alpha = self.core.stretch.sample(times)
+        _, omega, alpha = self.keyframe_path.segment.sample(times)
 
         def arranged(first: Floats, second: Floats) -> Floats:
             p, pp = first * slope, second * slope**2 + first * bend
             return np.stack([p, pp, np.gradient(pp, places, axis=0, edge_order=1)])
 
-        positions = self.core.positions
+        positions = self.keyframe_path.positions
         if positions.is_held:
             return arranged(omega, alpha), None
         return arranged(omega, alpha), arranged(*motion_of(positions, times, duration))
@@ -217,7 +219,7 @@ class _Problem:
         ends: list[End | None] = []
         for place, moves in zip((0.0, 1.0), self.is_moving, strict=True):
             _, slope, bend = (
-                self.core.duration * float(part[0])
+                self.keyframe_path.duration * float(part[0])
                 for part in unit_map(np.array([place]), self.powers)
             )
             ends.append(End(slope**-2, -2.0 * bend / slope**3) if moves else None)
@@ -239,11 +241,11 @@ class _Problem:
         # About the timing that the core has, where that is not too quick for an end at rest.
         level = 0.5 * float(y.min())
         places = np.linspace(0.0, 1.0, self.count + 1)
-        slope = self.core.duration * unit_map(places, self.powers)[1]
+        slope = self.keyframe_path.duration * unit_map(places, self.powers)[1]
         values = 1.0 / (slope**2 + (1.0 / level if 1.5 in self.powers else 0.0))
         return np.concatenate([values[:1], values, values[-1:]])
 
-    def retimed(self, profile: Profile) -> Core:
+    def retimed(self, profile: Profile) -> KeyframePath:
         """Return the core at the speed of a profile.
 
         Raises:
@@ -258,17 +260,17 @@ class _Problem:
         inverse = sum(w * square**-0.5 for w, square in zip(weights.tolist(), between, strict=True))
         times = np.concatenate([[0.0], np.cumsum(0.5 * profile.step * np.asarray(inverse))])
         places = np.linspace(0.0, 1.0, self.count + 1)
-        core = self.core
-        curve, duration = core.stretch.curve, float(times[-1])
+        keyframe_path = self.keyframe_path
+        curve, duration = keyframe_path.segment.curve, float(times[-1])
         nodes = np.stack([places, np.sqrt(y), 0.5 * slope])
         first, last = curve.domain
-        warp = Warp(times, nodes, first, last - first, self.powers)
+        warp = TimeMap(times, nodes, first, last - first, self.powers)
         # The same on the clock of the core, which positions and keyframes are on.
-        clock = Warp(times, nodes, 0.0, core.duration, self.powers)
-        return Core(
-            Stretch(Warped(curve, warp), 0.0, duration),
-            repositioned(core.positions, clock),
-            clock.times_of(core.times),
+        clock = TimeMap(times, nodes, 0.0, keyframe_path.duration, self.powers)
+        return KeyframePath(
+            PathSegment(Retimed(curve, warp), 0.0, duration),
+            repositioned(keyframe_path.positions, clock),
+            clock.times_of(keyframe_path.times),
         )
 
 

@@ -17,7 +17,7 @@ from orientd.kernels import look_at, put_factors, put_instants, put_spots
 from orientd.planner.certify import CHUNK, OFF_GRID, limit_table
 from orientd.planner.limits import Limits
 from orientd.planner.path import plain_curve
-from orientd.planner.timing.candidate_path import Core
+from orientd.planner.timing.candidate_path import KeyframePath
 from orientd.planner.timing.timing import excess
 from orientd.rotation import Floats
 
@@ -62,7 +62,12 @@ class Survey:
 
     @classmethod
     def of(
-        cls, core: Core, limits: Limits, period: float, *, has_one_shape: bool = False
+        cls,
+        keyframe_path: KeyframePath,
+        limits: Limits,
+        period: float,
+        *,
+        has_one_shape: bool = False,
     ) -> Survey:
         """Return the survey of a core.
 
@@ -72,22 +77,29 @@ class Survey:
             period: of the device, s.
             has_one_shape: whether another duration is the same curve at another rate.
         """
-        is_held = core.held_ends(limits)
+        is_held = keyframe_path.held_ends(limits)
         # Where the acceleration goes on from that of a hold the ends are as smooth as the rest.
-        with_ends = not (has_one_shape and core.continuity >= 2 and all(is_held))
-        instants = _instants(core)
-        factors = _factors(core, instants, limits, period)
+        with_ends = not (has_one_shape and keyframe_path.continuity >= 2 and all(is_held))
+        instants = _instants(keyframe_path)
+        factors = _factors(keyframe_path, instants, limits, period)
         largest = float(factors.max())
         ends = _NO_ENDS
         if with_ends:
-            reach = 0 if has_one_shape else min(_END_KEYFRAMES, len(core.times) - 1)
-            ends = np.array([[0.0, core.times[reach]], [core.times[-1 - reach], core.duration]])
+            reach = 0 if has_one_shape else min(_END_KEYFRAMES, len(keyframe_path.times) - 1)
+            ends = np.array(
+                [
+                    [0.0, keyframe_path.times[reach]],
+                    [keyframe_path.times[-1 - reach], keyframe_path.duration],
+                ]
+            )
         spots: Floats = np.empty((len(instants) + 2, 2))
         count = put_spots(instants, factors, HOT * largest, ends, spots)
         known = is_held if has_one_shape else None
-        return cls(largest, spots[:count] / core.duration, has_one_shape, known)
+        return cls(largest, spots[:count] / keyframe_path.duration, has_one_shape, known)
 
-    def look(self, core: Core, limits: Limits, period: float, *, everywhere: bool) -> float:
+    def look(
+        self, keyframe_path: KeyframePath, limits: Limits, period: float, *, everywhere: bool
+    ) -> float:
         """Return by which factor a core should take longer, from its records.
 
         Args:
@@ -96,60 +108,68 @@ class Survey:
             period: of the device, s.
             everywhere: whether to look beyond the spots.
         """
-        count = core.record_count(period)
+        count = keyframe_path.record_count(period)
         is_short = count <= _SHORT and not self.has_one_shape
         spots = _EVERYWHERE if everywhere or is_short else self.spots
         ranges = _ranges(spots, count - 1)
-        curve = plain_curve(core.stretch.curve) if core.is_plain else None
+        curve = plain_curve(keyframe_path.segment.curve) if keyframe_path.is_plain else None
         if curve is None:
-            factor = max(_excess(core, limits, period, first, last) for first, last in ranges)
+            factor = max(
+                _excess(keyframe_path, limits, period, first, last) for first, last in ranges
+            )
         else:
             factor = look_at(
                 np.array(ranges).reshape(-1),
                 curve,
-                core.stretch.rate,
-                core.duration,
+                keyframe_path.segment.rate,
+                keyframe_path.duration,
                 period,
-                *(self.is_held or core.held_ends(limits)),
+                *(self.is_held or keyframe_path.held_ends(limits)),
                 limit_table(limits),
-                *OFF_GRID[core.continuity],
-                core.continuity >= 2,
+                *OFF_GRID[keyframe_path.continuity],
+                keyframe_path.continuity >= 2,
             )
-        if core.continuity >= 2:
+        if keyframe_path.continuity >= 2:
             return factor
         # What a step of the acceleration shows on the records changes with where it falls between
         # them; the search needs something that depends on the duration smoothly.
-        return max(factor, float(_factors(core, _instants(core), limits, period).max()))
+        return max(
+            factor, float(_factors(keyframe_path, _instants(keyframe_path), limits, period).max())
+        )
 
 
-def _excess(core: Core, limits: Limits, period: float, first: int, last: int) -> float:
+def _excess(
+    keyframe_path: KeyframePath, limits: Limits, period: float, first: int, last: int
+) -> float:
     """Return by which factor a core should take longer, from some of its records."""
-    return excess(core.peaks(period, limits, first, last), core.continuity)
+    return excess(keyframe_path.peaks(period, limits, first, last), keyframe_path.continuity)
 
 
-def _instants(core: Core) -> Floats:
+def _instants(keyframe_path: KeyframePath) -> Floats:
     """Return instants on either side of every break of the core and between them, s."""
-    curve = core.stretch.curve
-    breaks = (curve.knots - curve.domain[0]) / core.stretch.rate
-    if not core.positions.is_held:
-        breaks = np.union1d(breaks, core.positions.breaks)
+    curve = keyframe_path.segment.curve
+    breaks = (curve.knots - curve.domain[0]) / keyframe_path.segment.rate
+    if not keyframe_path.positions.is_held:
+        breaks = np.union1d(breaks, keyframe_path.positions.breaks)
     instants: Floats = np.empty(len(SHARES) * (len(breaks) + PIECES + 1))
-    return instants[: put_instants(breaks, core.duration, PIECES, SHARES, instants)]
+    return instants[: put_instants(breaks, keyframe_path.duration, PIECES, SHARES, instants)]
 
 
-def _factors(core: Core, instants: Floats, limits: Limits, period: float) -> Floats:
+def _factors(
+    keyframe_path: KeyframePath, instants: Floats, limits: Limits, period: float
+) -> Floats:
     """Return, instant by instant, by which factor the core should take longer."""
     factors: Floats = np.zeros(len(instants))
-    step = 0.0 if core.continuity >= 2 else _LARGEST_STEP
+    step = 0.0 if keyframe_path.continuity >= 2 else _LARGEST_STEP
     for first in range(0, len(instants), CHUNK):
         # One more on either side, for differences.
         some = slice(max(first - 1, 0), first + CHUNK)
         times, found = instants[some], factors[some].copy()
-        _, omega, alpha = core.stretch.sample(times)
+        _, omega, alpha = keyframe_path.segment.sample(times)
         spins, bends = np.ascontiguousarray(omega.T), np.ascontiguousarray(alpha.T)
         put_factors(times, spins, bends, period, limit_table(limits), step, found)
-        if not core.positions.is_held:
-            _, velocity = core.positions.sample(times)
+        if not keyframe_path.positions.is_held:
+            _, velocity = keyframe_path.positions.sample(times)
             elapsed = np.maximum(times[1:] - times[:-1], period)
             push = np.concatenate([[0.0], _norm(np.diff(velocity, axis=0)) / elapsed])
             found = np.maximum(found, _norm(velocity) / limits.linear_velocity)

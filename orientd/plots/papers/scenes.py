@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orientd.curves import Task
+from orientd.curves import CurveTask
 from orientd.plots.papers.rigid import (
     RigidMotion,
     blended_motion,
@@ -125,9 +125,9 @@ FLIGHT_TIME = 2.6
 SPIN = 16.0
 
 
-def boomerang_task() -> Task:
+def boomerang_task() -> CurveTask:
     """Return the two orientations of the boomerang of Fig. 7, with its spin at both ends."""
-    return Task(
+    return CurveTask(
         keys=from_euler("XYZ", np.radians([[-65.0, 10.0, 0.0], [-15.0, -10.0, 40.0]])),
         times=np.array([0.0, FLIGHT_TIME]),
         omega_start=np.array([0.0, 0.0, SPIN]),

@@ -28,7 +28,7 @@ LEAST = 2e-7
 """What a step does to an angle within the period from which on it is looked for, rad."""
 
 
-class Kink(NamedTuple):
+class AccelerationStep(NamedTuple):
     """A step of the acceleration.
 
     Attributes:
@@ -47,7 +47,7 @@ class Kink(NamedTuple):
         return value, over - u * w * (3.0 * v * w - 2.0 + 3.0 * u)
 
 
-def find_kink(start: PathPoint, end: PathPoint, period: float) -> Kink | None:
+def find_kink(start: PathPoint, end: PathPoint, period: float) -> AccelerationStep | None:
     """Return the step between two records *period* seconds apart, or ``None`` if there is none."""
     a, b, p, q = start.alpha_body, end.alpha_body, start.omega_body, end.omega_body
     turn, least = difference(start.q, end.q), LEAST / (period * period)
@@ -70,7 +70,7 @@ def find_kink(start: PathPoint, end: PathPoint, period: float) -> Kink | None:
         return None
     # Two places explain the same records; the change between the steps tells which is meant.
     kinks = [_kink(w, s, t) for w in _places(ss, sx * tx + sy * ty + sz * tz, tt)]
-    return min(kinks, key=lambda kink: _squared_gap(rise, kink.step), default=None)
+    return min(kinks, key=lambda step: _squared_gap(rise, step.step), default=None)
 
 
 def _places(ss: float, st: float, tt: float) -> list[float]:
@@ -84,10 +84,12 @@ def _places(ss: float, st: float, tt: float) -> list[float]:
     return [w for w in (half / (2.0 * under) for half in halves) if 0.0 <= w <= 1.0]
 
 
-def _kink(w: float, s: Vector3, t: Vector3) -> Kink:
+def _kink(w: float, s: Vector3, t: Vector3) -> AccelerationStep:
     m, n = w - 0.5, w * w - 1.0 / 3.0
     m, n = m / (m * m + n * n), n / (m * m + n * n)
-    return Kink(1.0 - w, (m * s[0] + n * t[0], m * s[1] + n * t[1], m * s[2] + n * t[2]))
+    return AccelerationStep(
+        1.0 - w, (m * s[0] + n * t[0], m * s[1] + n * t[1], m * s[2] + n * t[2])
+    )
 
 
 def _squared_gap(a: Vector3, b: Vector3) -> float:

@@ -32,9 +32,9 @@ from orientd.floats import norm
 from orientd.servo.guard import Guard
 from orientd.servo.path.feasible_rates import Past
 from orientd.servo.path.path_follower import PathFollower
-from orientd.servo.path.stop_rollout import Outcome, Plan, Rehearsal
-from orientd.servo.path.time_scaling import PathClock
-from orientd.stream import Terms
+from orientd.servo.path.stop_rollout import Outcome, Plan, StopRollout
+from orientd.servo.path.time_scaling import TimeScaling
+from orientd.stream import ServoLimits
 
 PLANS = (
     Plan(0.998, 0.985),
@@ -78,7 +78,7 @@ class BrakeLaw:
         guard: what was written.
     """
 
-    def __init__(self, clock: PathClock, follower: PathFollower, guard: Guard) -> None:
+    def __init__(self, clock: TimeScaling, follower: PathFollower, guard: Guard) -> None:
         self._clock = clock
         self._follower = follower
         self._guard = guard
@@ -92,10 +92,10 @@ class BrakeLaw:
         self._trouble = self._turning = 0.0
         self._is_straight = False
         self._choices: list[Plan] = []
-        self._rehearsal: Rehearsal | None = None
+        self._rollout: StopRollout | None = None
         self._rates: list[float] = []
 
-    def advance(self, terms: Terms, *, may_end: bool) -> float:
+    def advance(self, servo_limits: ServoLimits, *, may_end: bool) -> float:
         """Move the clock by one cycle of a stop and return the new rate.
 
         Args:
@@ -106,9 +106,9 @@ class BrakeLaw:
         if clock.moves != self._moves:
             self._renew(may_end=may_end)
         if self._rates:
-            self._improve(terms, may_end=may_end)
+            self._improve(servo_limits, may_end=may_end)
         else:
-            self._rehearse(terms, may_end=may_end)
+            self._rehearse(servo_limits, may_end=may_end)
         if self._rates:
             rate = self._rates.pop()
             clock.lead(rate, is_last=rate == 0.0 and not self._rates)
@@ -124,84 +124,84 @@ class BrakeLaw:
         """Begin with another stop."""
         clock = self._clock
         self._tries, self._expected, self._trouble, self._turning = 0, 0.0, 0.0, 0.0
-        self._rehearsal, self._rates, self._is_straight = None, [], False
+        self._rollout, self._rates, self._is_straight = None, [], False
         self._choices = []
         # A path that ends sooner than the certified stop is left as it is.
         rest = self._follower.records_left() * clock.period / clock.rate
         is_even = clock.acceleration == 0.0
         self._is_coasting = may_end and is_even and rest <= 1.0 / clock.brake_rate
 
-    def _rehearse(self, terms: Terms, *, may_end: bool) -> None:
+    def _rehearse(self, servo_limits: ServoLimits, *, may_end: bool) -> None:
         """Go on with the rehearsal, or with others, as far as one cycle allows."""
         left = self._steps
         while left > 0:
-            rehearsal = self._rehearsal
-            if rehearsal is None:
-                rehearsal = self._rehearsal = self._begin(terms)
+            rollout = self._rollout
+            if rollout is None:
+                rollout = self._rollout = self._begin(servo_limits)
                 self._taken = 0
-            left -= rehearsal.go_on(terms, left, may_end=may_end)
-            outcome = rehearsal.outcome
+            left -= rollout.go_on(servo_limits, left, may_end=may_end)
+            outcome = rollout.outcome
             if outcome is Outcome.FAILED:
-                if not rehearsal.plan.passes:
-                    trouble = rehearsal.gone - sum(rehearsal.rates[: self._taken])
+                if not rollout.plan.passes:
+                    trouble = rollout.gone - sum(rollout.rates[: self._taken])
                     self._trouble = max(self._trouble, trouble)
-                self._is_straight = self._is_straight or rehearsal.is_without_turn
-                self._rehearsal = None
+                self._is_straight = self._is_straight or rollout.is_without_turn
+                self._rollout = None
                 self._tries += 1
                 while self._is_straight and self._plan.until is not None:
                     self._tries += 1
                 left -= 1
             elif outcome is not Outcome.UNFINISHED:
                 break
-        rehearsal = self._rehearsal
-        if rehearsal is None:
+        rollout = self._rollout
+        if rollout is None:
             return
-        if rehearsal.outcome is Outcome.UNFINISHED:
-            more = self._steps * (rehearsal.lead - self._taken)
-            remaining = self._remaining(rehearsal.past, terms)
-            if remaining > more or self._taken >= rehearsal.lead:
-                found = len(rehearsal.rates) - rehearsal.lead + remaining
+        if rollout.outcome is Outcome.UNFINISHED:
+            more = self._steps * (rollout.lead - self._taken)
+            remaining = self._remaining(rollout.past, servo_limits)
+            if remaining > more or self._taken >= rollout.lead:
+                found = len(rollout.rates) - rollout.lead + remaining
                 self._expected = max(found, _ALLOWANCE * self._expected)
-                self._rehearsal = None
-        if self._taken < rehearsal.lead:
+                self._rollout = None
+        if self._taken < rollout.lead:
             self._taken += 1
-        elif rehearsal.outcome is not Outcome.UNFINISHED:
-            self._adopt(rehearsal)
-            self._rehearsal = None
+        elif rollout.outcome is not Outcome.UNFINISHED:
+            self._adopt(rollout)
+            self._rollout = None
             past = Past(self._guard.omega, self._guard.alpha, self._guard.velocity)
-            if len(self._rates) > _GOOD * self._remaining(past, terms) + _SPARE:
+            if len(self._rates) > _GOOD * self._remaining(past, servo_limits) + _SPARE:
                 self._choices = list(BETTER_PLANS[::-1])
 
-    def _adopt(self, rehearsal: Rehearsal) -> None:
+    def _adopt(self, rollout: StopRollout) -> None:
         """Carry out a stop that was rehearsed up to the present cycle and beyond."""
-        self._rates = rehearsal.rates[self._taken :][::-1]
-        if rehearsal.outcome is Outcome.REST:
+        self._rates = rollout.rates[self._taken :][::-1]
+        if rollout.outcome is Outcome.REST:
             # One cycle more at rest: a resumption that began at once would add its own jerk to
             # that of the last step.
             self._rates.insert(0, 0.0)
 
-    def _improve(self, terms: Terms, *, may_end: bool) -> None:
+    def _improve(self, servo_limits: ServoLimits, *, may_end: bool) -> None:
         """Rehearse how to leave the stop that is carried out for a shorter one."""
         left = self._steps
         while left > 0:
-            rehearsal = self._rehearsal
-            if rehearsal is None:
-                rehearsal = self._rehearsal = self._begin_better()
+            rollout = self._rollout
+            if rollout is None:
+                rollout = self._rollout = self._begin_better()
                 self._taken = 0
-                if rehearsal is None:
+                if rollout is None:
                     return
-            left -= rehearsal.go_on(terms, left, may_end=may_end)
-            if rehearsal.outcome is Outcome.UNFINISHED and self._taken < rehearsal.lead:
+            left -= rollout.go_on(servo_limits, left, may_end=may_end)
+            if rollout.outcome is Outcome.UNFINISHED and self._taken < rollout.lead:
                 break
-            if rehearsal.outcome in (Outcome.REST, Outcome.END):
-                if len(rehearsal.rates) - self._taken + 1 < len(self._rates):
-                    self._adopt(rehearsal)
+            if rollout.outcome in (Outcome.REST, Outcome.END):
+                if len(rollout.rates) - self._taken + 1 < len(self._rates):
+                    self._adopt(rollout)
             else:
                 left -= 1
-            self._rehearsal = None
+            self._rollout = None
         self._taken += 1
 
-    def _begin_better(self) -> Rehearsal | None:
+    def _begin_better(self) -> StopRollout | None:
         """Rehearse the next way to leave the stop that is carried out, if there is one in time."""
         lead = ceil(_ALLOWANCE * len(self._rates) / (self._steps - 1))
         if not self._choices or lead >= len(self._rates):
@@ -209,7 +209,7 @@ class BrakeLaw:
             return None
         plan = self._choices.pop()
         reach = len(self._rates) if plan.until is not None else max(self._trouble, 0.0)
-        return Rehearsal(
+        return StopRollout(
             self._clock,
             self._follower,
             self._guard,
@@ -222,20 +222,20 @@ class BrakeLaw:
     def _plan(self) -> Plan:
         return self._plans[self._tries % len(self._plans)]
 
-    def _remaining(self, past: Past, terms: Terms) -> float:
+    def _remaining(self, past: Past, servo_limits: ServoLimits) -> float:
         """Return the cycles that a stop takes at least, were its path straight."""
         speed, push = _along(past)
         time = max(
-            _shortest(speed, push, terms.acceleration, terms.jerk),
-            norm(past.velocity) / terms.linear_acceleration,
+            _shortest(speed, push, servo_limits.acceleration, servo_limits.jerk),
+            norm(past.velocity) / servo_limits.linear_acceleration,
         )
         return time / self._clock.period
 
-    def _begin(self, terms: Terms) -> Rehearsal:
+    def _begin(self, servo_limits: ServoLimits) -> StopRollout:
         """Rehearse the next plan, from where the device is when that is over."""
         guard, period = self._guard, self._clock.period
         past = Past(guard.omega, guard.alpha, guard.velocity)
-        cycles = self._remaining(past, terms)
+        cycles = self._remaining(past, servo_limits)
         if self._tries == 0:
             self._plans = (*BRIEF_PLANS, *PLANS) if cycles <= _BRIEF else PLANS
             speed, push = _along(past)
@@ -253,9 +253,9 @@ class BrakeLaw:
             slowest = min(-speed / push, _SLOWEST * cycles * period) if push < 0.0 else 0.0
             # What is left of the acceleration there has to fall, and then the speed it leads to:
             # in a/j and 2 sqrt(v/j) with v = a^2/2j.
-            cycles = max(cycles, (slowest + 2.4 * norm(guard.alpha) / terms.jerk) / period)
+            cycles = max(cycles, (slowest + 2.4 * norm(guard.alpha) / servo_limits.jerk) / period)
         cycles = _ALLOWANCE * max(cycles, self._expected) + _SPARE
-        return Rehearsal(
+        return StopRollout(
             self._clock,
             self._follower,
             guard,

@@ -20,7 +20,7 @@ from typing import NamedTuple
 from orientd.driver import Vector3
 from orientd.floats import norm
 from orientd.servo.path.path_point import PathPoint
-from orientd.stream import Terms
+from orientd.stream import ServoLimits
 
 FASTEST = 1.02
 """Largest rate with which a sharp bend of the path is met."""
@@ -60,7 +60,12 @@ class Ahead(NamedTuple):
 
 
 def allowed(
-    past: Past, ahead: Ahead, terms: Terms, period: float, share: float, jerk_share: float
+    past: Past,
+    ahead: Ahead,
+    servo_limits: ServoLimits,
+    period: float,
+    share: float,
+    jerk_share: float,
 ) -> tuple[float, float]:
     """Return the least and the largest rate inside the limits; least > largest if there is none.
 
@@ -80,13 +85,13 @@ def allowed(
     gx, gy, gz = a - u, b - v, c - w
     kx, ky, kz = gx - ax * period, gy - ay * period, gz - az * period
     most, most_jerk = share * period, jerk_share * period * period
-    low, high = _ball(gx, gy, gz, x, y, z, most * terms.acceleration)
-    least, largest = _ball(kx, ky, kz, x, y, z, most_jerk * terms.jerk)
+    low, high = _ball(gx, gy, gz, x, y, z, most * servo_limits.acceleration)
+    least, largest = _ball(kx, ky, kz, x, y, z, most_jerk * servo_limits.jerk)
     low, high = max(low, least), min(high, largest)
-    if terms.has_axes:
+    if servo_limits.has_axes:
         for axes, factor, base in (
-            (terms.axis_acceleration, most, (gx, gy, gz)),
-            (terms.axis_jerk, most_jerk, (kx, ky, kz)),
+            (servo_limits.axis_acceleration, most, (gx, gy, gz)),
+            (servo_limits.axis_jerk, most_jerk, (kx, ky, kz)),
         ):
             for limit, start, slope in zip(axes, base, (x, y, z), strict=True):
                 if limit < inf:
@@ -96,12 +101,16 @@ def allowed(
         x, y, z = ahead.velocity
         a, b, c = ahead.shift
         u, v, w = past.velocity
-        least, largest = _ball(a - u, b - v, c - w, x, y, z, most * terms.linear_acceleration)
+        least, largest = _ball(
+            a - u, b - v, c - w, x, y, z, most * servo_limits.linear_acceleration
+        )
         low, high = max(low, least), min(high, largest)
     return low, high
 
 
-def released(past: Past, ahead: Ahead, terms: Terms, period: float, share: float) -> float:
+def released(
+    past: Past, ahead: Ahead, servo_limits: ServoLimits, period: float, share: float
+) -> float:
     """Return the least rate from which speed and acceleration can still reach zero together.
 
     From the speed *v* the changes *c, c-d, c-2d, ...* of the cycles to come cover
@@ -122,14 +131,14 @@ def released(past: Past, ahead: Ahead, terms: Terms, period: float, share: float
     if path_speed < _STILL:
         return 0.0
     x, y, z = x / path_speed, y / path_speed, z / path_speed
-    jerk = terms.jerk
+    jerk = servo_limits.jerk
     # What bends the path needs its part of the jerk as well.
     ax, ay, az = past.alpha
     along = ax * x + ay * y + az * z
     turn = 3.0 * sqrt(max(ax * ax + ay * ay + az * az - along * along, 0.0)) * along
     across = min(abs(turn) / speed, jerk) if speed > _STILL else 0.0
     jerk = max(sqrt(jerk * jerk - across * across), _LEAST_RELEASE * jerk)
-    jerk = min(jerk, jerk_along(terms, (x, y, z)))
+    jerk = min(jerk, jerk_along(servo_limits, (x, y, z)))
     step = share * jerk * period * period
     left = speed / step
     whole = floor(0.5 * (sqrt(1.0 + 8.0 * left) - 1.0))
@@ -161,25 +170,25 @@ def brought_to_rest(past: Past, ahead: Ahead, period: float, cycles: int) -> flo
     return (wanted - bend) / path_speed
 
 
-def jerk_along(terms: Terms, direction: Vector3) -> float:
+def jerk_along(servo_limits: ServoLimits, direction: Vector3) -> float:
     """Return the largest jerk along a direction, a unit vector, that the limits allow."""
-    jerk = terms.jerk
-    if terms.has_axes:
-        for limit, part in zip(terms.axis_jerk, direction, strict=True):
+    jerk = servo_limits.jerk
+    if servo_limits.has_axes:
+        for limit, part in zip(servo_limits.axis_jerk, direction, strict=True):
             if limit < inf and part != 0.0:
                 jerk = min(jerk, limit / abs(part))
     return jerk
 
 
 def nearest(
-    past: Past, ahead: Ahead, terms: Terms, period: float, share: float, wanted: float
+    past: Past, ahead: Ahead, servo_limits: ServoLimits, period: float, share: float, wanted: float
 ) -> float | None:
     """Return the rate in [0, 1] nearest to the one that is wanted, or ``None`` if none is allowed.
 
     The share of the limits is exceeded, up to all of them, where nothing else is left.
     """
     for part, jerk_part in ((share, share), (share, 1.0), (1.0, 1.0)):
-        low, high = allowed(past, ahead, terms, period, part, jerk_part)
+        low, high = allowed(past, ahead, servo_limits, period, part, jerk_part)
         low, high = max(low, 0.0), min(high, 1.0)
         if low <= high:
             return min(max(wanted, low), high)
@@ -187,7 +196,7 @@ def nearest(
 
 
 def eased(
-    past: Past, omega: Vector3, velocity: Vector3, path: PathPoint, rate: float, terms: Terms,
+    past: Past, omega: Vector3, velocity: Vector3, path: PathPoint, rate: float, servo_limits: ServoLimits,
     period: float,
 ) -> float | None:  # fmt: skip
     """Return the rate nearest to one that would break a limit, or ``None`` if there is none.
@@ -209,7 +218,7 @@ def eased(
     (a, b, c), (u, v, w) = velocity, path.velocity
     shift = (a - u * rate, b - v * rate, c - w * rate)
     ahead = Ahead(path.omega_body, bend, path.velocity, shift)
-    low, high = allowed(past, ahead, terms, period, 1.0, 1.0)
+    low, high = allowed(past, ahead, servo_limits, period, 1.0, 1.0)
     low, high = max(low, 0.0), min(high, FASTEST)
     return min(max(rate, low), high) if low <= high else None
 

@@ -21,7 +21,7 @@ from orientd.errors import OrientdError
 from orientd.floats import difference, norm
 from orientd.servo.path.path_point import PathPoint, point_of
 from orientd.servo.path.segment import Segment
-from orientd.stream import HEAD, UNKNOWN, RecordRing, Terms
+from orientd.stream import HEAD, UNKNOWN, RecordRing, ServoLimits
 
 FINAL_WORD = 1
 """Word of the path ring: one more than the index of the newest motion's last record; 0 until it is
@@ -43,7 +43,7 @@ class StarvedError(OrientdError):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Leg:
+class PathPart:
     """One motion's part of the path.
 
     Attributes:
@@ -56,7 +56,7 @@ class Leg:
 
     number: int
     first: int
-    terms: Terms
+    servo_limits: ServoLimits
     leave: int = UNKNOWN
     final: int = UNKNOWN
 
@@ -73,7 +73,7 @@ class Place(NamedTuple):
 
     record: int
     fraction: float
-    leg: Leg
+    leg: PathPart
     is_end: bool
 
 
@@ -88,15 +88,15 @@ class PathFollower:
         revision: how often the path ahead has been changed.
     """
 
-    def __init__(self, ring: RecordRing, period: float, terms: Terms) -> None:
+    def __init__(self, ring: RecordRing, period: float, servo_limits: ServoLimits) -> None:
         """Follow *ring*, whose records are *period* seconds of path time apart."""
         self.index = 0
         self.fraction = 0.0
-        self.leg = Leg(0, 0, terms)
+        self.leg = PathPart(0, 0, servo_limits)
         self.is_at_end = False
         self.revision = 0
         self._reached = UNKNOWN
-        self._ahead: list[Leg] = []
+        self._ahead: list[PathPart] = []
         self._ring = ring
         self._period = period
         self._loaded = UNKNOWN
@@ -112,7 +112,7 @@ class PathFollower:
         fields = ring.read(index) or ring.read(index) or ring.read(index)
         return None if fields is None else point_of(fields)
 
-    def begin(self, leg: Leg) -> None:
+    def begin(self, leg: PathPart) -> None:
         """Stand on the first record of *leg*, which is in the ring."""
         self.leg = leg
         self.revision += 1
@@ -122,7 +122,7 @@ class PathFollower:
         self._load(leg.first)
         self._ring.words[TAIL_WORD] = leg.first
 
-    def splice(self, leg: Leg) -> str:
+    def splice(self, leg: PathPart) -> str:
         """Go over to *leg* at its record ``leave``; what was to come after that is dropped.
 
         Returns:
@@ -190,7 +190,7 @@ class PathFollower:
         for following in self._ahead:
             if index < following.leave:
                 break
-            if not following.terms.has_limits_of(leg.terms):
+            if not following.servo_limits.has_limits_of(leg.servo_limits):
                 return None
             index, leg = following.first + index - following.leave, following
         is_last = leg is (self._ahead[-1] if self._ahead else self.leg)

@@ -22,7 +22,7 @@ from typing import NamedTuple
 from orientd.driver import Vector3
 from orientd.floats import difference, norm
 from orientd.servo.guard import Guard
-from orientd.servo.path.acceleration_step import Kink, find_kink
+from orientd.servo.path.acceleration_step import AccelerationStep, find_kink
 from orientd.servo.path.cubic import Cubic, between, cubic
 from orientd.servo.path.feasible_rates import (
     Ahead,
@@ -33,11 +33,11 @@ from orientd.servo.path.feasible_rates import (
     released,
 )
 from orientd.servo.path.path_follower import PathFollower
-from orientd.servo.path.time_scaling import PathClock
-from orientd.servo.path.turn_back import Turn, dot
-from orientd.stream import Terms
+from orientd.servo.path.time_scaling import TimeScaling
+from orientd.servo.path.turn_back import TurnBackPoint, dot
+from orientd.stream import ServoLimits
 
-Piece = tuple[Cubic, Cubic | None, Kink | None]
+Piece = tuple[Cubic, Cubic | None, AccelerationStep | None]
 """How the path turns between two records, how it travels, if it does, and where it has a kink."""
 
 _ZERO = (0.0, 0.0, 0.0)
@@ -90,7 +90,7 @@ class Plan(NamedTuple):
         return self.rate is not None or self.until is not None
 
 
-class Rehearsal:
+class StopRollout:
     """A stop from where the device is, some cycles of the certified law first.
 
     Attributes:
@@ -104,7 +104,7 @@ class Rehearsal:
 
     def __init__(
         self,
-        clock: PathClock,
+        clock: TimeScaling,
         follower: PathFollower,
         guard: Guard,
         *,
@@ -141,9 +141,9 @@ class Rehearsal:
         self.gone = 0.0
         self._is_past = not plan.passes
         self._path_speed = inf
-        self._turn: Turn | None = None
+        self._turn: TurnBackPoint | None = None
 
-    def go_on(self, terms: Terms, steps: int, *, may_end: bool) -> int:
+    def go_on(self, servo_limits: ServoLimits, steps: int, *, may_end: bool) -> int:
         """Rehearse at most so many cycles more and return how many.
 
         It is called in the cycle that the rehearsal begins in and in each one after that.
@@ -165,7 +165,7 @@ class Rehearsal:
             if self._is_looking:
                 self._look()
             else:
-                self._step(terms, end, may_end=may_end)
+                self._step(servo_limits, end, may_end=may_end)
         return steps
 
     @property
@@ -192,14 +192,14 @@ class Rehearsal:
             if turn is None:
                 speed = max(norm(self.past.omega), _STILL)
                 x, y, z = self.past.omega
-                self._turn = turn = Turn((x / speed, y / speed, z / speed), place)
+                self._turn = turn = TurnBackPoint((x / speed, y / speed, z / speed), place)
                 turn.come(between(piece[0], 0.0, piece[0], self._fraction, _ZERO)[0])
             turn.look(piece[0])
             if turn.is_found:
                 self._is_past = self._index + self._fraction >= turn.place - _THERE
                 return
 
-    def _step(self, terms: Terms, end: float, *, may_end: bool) -> None:
+    def _step(self, servo_limits: ServoLimits, end: float, *, may_end: bool) -> None:
         is_led = len(self.rates) >= self.lead
         rate = min(max(self._rate + self._change, 0.0), 1.0) if is_led else self._led()
         if self._index + self._fraction + rate >= end:
@@ -231,8 +231,8 @@ class Rehearsal:
             if not is_led:
                 break
             ahead = Ahead(slope, _plus(omega, slope, -rate), push, _plus(velocity, push, -rate))
-            wanted = self._wanted(ahead, terms)
-            found = nearest(self.past, ahead, terms, h, self.plan.share, wanted)
+            wanted = self._wanted(ahead, servo_limits)
+            found = nearest(self.past, ahead, servo_limits, h, self.plan.share, wanted)
             if found is None:
                 self.outcome = Outcome.FAILED
                 return
@@ -259,7 +259,10 @@ class Rehearsal:
         u, v, w = self.past.omega
         x, y, z = omega
         self.past = Past(omega, ((x - u) / h, (y - v) / h, (z - w) / h), velocity)
-        if self.outcome is Outcome.REST and nearest(self.past, _REST, terms, h, 1.0, 0.0) is None:
+        if (
+            self.outcome is Outcome.REST
+            and nearest(self.past, _REST, servo_limits, h, 1.0, 0.0) is None
+        ):
             self.outcome = Outcome.FAILED  # at rest, but not without its acceleration
         self.rates.append(rate)
         self._change, self._rate = rate - self._rate, rate
@@ -274,7 +277,7 @@ class Rehearsal:
             return self._along[len(self.rates)]
         return self._rate if self._is_coasting else self._clock.advance()
 
-    def _wanted(self, ahead: Ahead, terms: Terms) -> float:
+    def _wanted(self, ahead: Ahead, servo_limits: ServoLimits) -> float:
         """Return the rate that this cycle of the plan would have if every rate were allowed."""
         plan, turn, h = self.plan, self._turn, self._clock.period
         if plan.cycles is not None:
@@ -283,17 +286,17 @@ class Rehearsal:
         share = plan.release * plan.share
         path_speed = 0.0 if turn is None else dot(ahead.omega, turn.axis)
         if self._is_past or (plan.stops_across and path_speed <= 0.0):
-            return released(self.past, ahead, terms, h, share)
+            return released(self.past, ahead, servo_limits, h, share)
         if plan.rate is not None:
             return min(plan.rate, self._rate)
         if turn is None or plan.until is None or path_speed <= 0.0:
             return self._rate
-        step = share * jerk_along(terms, turn.axis) * h * h
+        step = share * jerk_along(servo_limits, turn.axis) * h * h
         speed = turn.slowest(dot(self.past.omega, turn.axis), step, plan.until)
         if speed is None:
             return self._rate
         if speed == 0.0:
-            return released(self.past, ahead, terms, h, share)
+            return released(self.past, ahead, servo_limits, h, share)
         return min((speed - dot(ahead.bend, turn.axis)) / path_speed, self._rate)
 
     def _load(self, index: int) -> Piece | None:
@@ -322,9 +325,9 @@ class Rehearsal:
 def _kinked(
     omega: Vector3,
     slope: Vector3,
-    start: Kink | None,
+    start: AccelerationStep | None,
     s: float,
-    end: Kink | None,
+    end: AccelerationStep | None,
     u: float,
     period: float,
 ) -> tuple[Vector3, Vector3]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 from math import ceil, floor, sqrt
 
 
-class PathClock:
+class TimeScaling:
     """The rate sigma and its acceleration, advanced by one cycle at a time.
 
     Attributes:

@@ -25,7 +25,7 @@ _BISECTIONS = 24
 _MISSED = 0.0625  # of what the velocity changes by in a cycle
 
 
-class Turn:
+class TurnBackPoint:
     """The next place where the path turns back, looked for from record to record.
 
     Attributes:

@@ -21,7 +21,7 @@ from orientd.driver import ZERO, Quaternion, Vector3
 from orientd.floats import exp as rotation
 from orientd.floats import multiply, norm, normalize
 from orientd.servo.tracking.law_bounds import Bounds, bounds_of, divided, loosened, run_out, times
-from orientd.stream import Terms
+from orientd.stream import ServoLimits
 
 _STILL = 1e-12
 """What counts as no velocity, rad/s: a thousandth of what the guard takes for rounding."""
@@ -132,7 +132,7 @@ def seek(
 
 
 def quickest_stop(
-    q: Quaternion, omega: Vector3, alpha: Vector3, terms: Terms, period: float
+    q: Quaternion, omega: Vector3, alpha: Vector3, servo_limits: ServoLimits, period: float
 ) -> Iterator[Quaternion]:
     """Yield setpoints that come to rest as soon as the limits allow, wherever that is.
 
@@ -143,7 +143,7 @@ def quickest_stop(
         terms: limits.
         period: s.
     """
-    limits, units = bounds_of(terms, period)
+    limits, units = bounds_of(servo_limits, period)
     omega, alpha = divided(omega, units), divided(alpha, units)
     while omega != ZERO or alpha != ZERO:
         omega, alpha = halt(omega, alpha, loosened(limits, omega, alpha))

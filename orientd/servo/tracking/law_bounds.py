@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from orientd.driver import Vector3
 from orientd.floats import norm
-from orientd.stream import Terms
+from orientd.stream import ServoLimits
 
 PRECISION = 1e-3
 """Size of the last stretch, rad, where the law is linear; a slow device leaves it larger."""
@@ -70,21 +70,26 @@ def bounds(period: float, velocity: float, acceleration: float, jerk: float) -> 
     return Bounds(period, velocity, acceleration, jerk, approach, RATIO * approach, 0.8, 0.0)
 
 
-def bounds_of(terms: Terms, period: float) -> tuple[Bounds, Vector3]:
+def bounds_of(servo_limits: ServoLimits, period: float) -> tuple[Bounds, Vector3]:
     """Return bounds for *terms*, and the units along the axes in which they hold.
 
     An ellipsoid inside the limits of norm and components; along the axis that may move most it
     gives nothing away, along others as much as their limits are out of proportion.
     """
-    if not terms.has_axes:
-        return bounds(period, terms.velocity, terms.acceleration, terms.jerk), (1.0, 1.0, 1.0)
-    velocity = max(LEAST, min(terms.velocity, max(terms.axis_velocity)))
-    acceleration = max(LEAST, min(terms.acceleration, max(terms.axis_acceleration)))
-    jerk = max(LEAST, min(terms.jerk, max(terms.axis_jerk)))
+    if not servo_limits.has_axes:
+        return bounds(
+            period, servo_limits.velocity, servo_limits.acceleration, servo_limits.jerk
+        ), (1.0, 1.0, 1.0)
+    velocity = max(LEAST, min(servo_limits.velocity, max(servo_limits.axis_velocity)))
+    acceleration = max(LEAST, min(servo_limits.acceleration, max(servo_limits.axis_acceleration)))
+    jerk = max(LEAST, min(servo_limits.jerk, max(servo_limits.axis_jerk)))
     x, y, z = (
         max(LEAST, min(v / velocity, a / acceleration, j / jerk, 1.0))
         for v, a, j in zip(
-            terms.axis_velocity, terms.axis_acceleration, terms.axis_jerk, strict=True
+            servo_limits.axis_velocity,
+            servo_limits.axis_acceleration,
+            servo_limits.axis_jerk,
+            strict=True,
         )
     )
     return bounds(period, velocity, acceleration, jerk), (x, y, z)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from orientd.driver import Quaternion, Vector3
 from orientd.servo.tracking.reference import Target
 from orientd.servo.tracking.tracker import Tracker, TrackPoint
-from orientd.stream import RecordRing, Terms
+from orientd.stream import RecordRing, ServoLimits
 
 TARGETS_PER_CYCLE = 8
 """Targets taken in one cycle; the others wait."""
@@ -14,7 +14,7 @@ LEFT_OUT_WORD = 1
 """Word of the ring of targets: how many have been left out."""
 
 
-class Pursuit:
+class TargetFollower:
     """Targets of one ring, followed.
 
     Attributes:
@@ -29,7 +29,9 @@ class Pursuit:
         self._next = ring.head
         self._left_out = 0
 
-    def begin(self, q: Quaternion, omega: Vector3, alpha: Vector3, terms: Terms) -> None:
+    def begin(
+        self, q: Quaternion, omega: Vector3, alpha: Vector3, servo_limits: ServoLimits
+    ) -> None:
         """Begin from what was last commanded; targets of before do not count.
 
         Args:
@@ -38,7 +40,7 @@ class Pursuit:
             alpha: change from the step before over the period, rad/s^2.
             terms: limits.
         """
-        self._tracker.begin(q, omega, alpha, terms)
+        self._tracker.begin(q, omega, alpha, servo_limits)
         self._next = self._ring.head
         self.is_on = True
 

@@ -20,7 +20,7 @@ from orientd.servo.tracking.law_bounds import (
 from orientd.servo.tracking.reference import Motion, Reference, Target
 from orientd.servo.tracking.restraint import Restraint
 from orientd.servo.tracking.steering import steer
-from orientd.stream import Terms
+from orientd.stream import ServoLimits
 
 _SEAM = 0.2
 """How far past half a turn the way once taken is kept, rad: a target there must not turn us back
@@ -65,7 +65,11 @@ class Tracker:
         self.begin(IDENTITY, ZERO, ZERO, None)
 
     def begin(
-        self, q: Quaternion, omega_body: Vector3, alpha_body: Vector3, terms: Terms | None
+        self,
+        q: Quaternion,
+        omega_body: Vector3,
+        alpha_body: Vector3,
+        servo_limits: ServoLimits | None,
     ) -> None:
         """Begin from what was last commanded, moving or at rest, without any target.
 
@@ -75,8 +79,8 @@ class Tracker:
             alpha_body: change from the step before over the period, rad/s^2.
             terms: what to keep.  What moves faster than that is slowed down first.
         """
-        if terms is not None:
-            self._limits, self._units = bounds_of(terms, self._period)
+        if servo_limits is not None:
+            self._limits, self._units = bounds_of(servo_limits, self._period)
         # The law's state is in its own units.
         self._q = q
         self._omega, self._alpha = (

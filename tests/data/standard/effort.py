@@ -18,7 +18,7 @@ import numpy as np
 
 from orientd.curves import METHODS
 from orientd.curves.comparison.measure import Figures, measure
-from orientd.curves.roles import Task, make_curve
+from orientd.curves.roles import CurveTask, make_curve
 from orientd.errors import PlanError
 from orientd.rotation import exp, multiply
 
@@ -65,7 +65,7 @@ VARIANTS = (
 )
 
 
-def random_task(step_deg: float, seed: int) -> Task:
+def random_task(step_deg: float, seed: int) -> CurveTask:
     """Return keyframes a second apart, each about *step_deg* from the last, about a random axis."""
     rng = np.random.default_rng([seed, round(step_deg)])
     variation = min(VARIATION * step_deg, LARGEST_DEG - step_deg)
@@ -73,10 +73,10 @@ def random_task(step_deg: float, seed: int) -> Task:
     for axis in rng.normal(size=(KEYFRAMES - 1, 3)):
         turn = np.radians(step_deg + variation * rng.uniform(-1.0, 1.0))
         keys.append(multiply(keys[-1], exp(turn * axis / np.linalg.norm(axis))))
-    return Task(np.array(keys), np.arange(float(KEYFRAMES)))
+    return CurveTask(np.array(keys), np.arange(float(KEYFRAMES)))
 
 
-def figures_of(variant: Variant, task: Task) -> Figures | None:
+def figures_of(variant: Variant, task: CurveTask) -> Figures | None:
     """Return the figures of a variant; ``None`` where it has no curve."""
     try:
         return measure(make_curve(METHODS[variant.family], task, variant.options), task)

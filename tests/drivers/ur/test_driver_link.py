@@ -13,8 +13,8 @@ import pytest
 from ur_rig import device_of, is_holding, streaming, swing, swing_motion, until
 
 from orientd.clock import MonotonicClock
-from orientd.daemon.motions.options import Manner, Prepared
-from orientd.daemon.planners import Order
+from orientd.daemon.motions.options import MoveOptions, Prepared
+from orientd.daemon.planners import PlanCall
 from orientd.driver import Setpoint
 from orientd.errors import LimitError, LinkError, PlanError, RequestError, StateError
 from orientd.rpc import control_pb2 as pb
@@ -174,11 +174,11 @@ def test_motion_brings_options_of_its_own_and_the_next_has_those_of_the_configur
         begun = swing_motion(device)
         other = pb.MotionRequest.FromString(begun.job.motion)
         other.device_options.update({"gain": 700})
-        order = Order(other.SerializeToString())
+        order = PlanCall(other.SerializeToString())
         device.start(Prepared(begun))
         streaming(device)
         with pytest.raises(StateError, match="device_options change at rest only"):
-            device.start(asyncio.run(device.prepare(order, Manner(is_queued=True))))
+            device.start(asyncio.run(device.prepare(order, MoveOptions(is_queued=True))))
 
 
 def test_motion_with_options_that_are_not_allowed_is_refused(ur_robot):

@@ -10,7 +10,7 @@ import pytest
 from orientd.curves import METHODS
 from orientd.curves.comparison.candidates import COLUMNS, compare, ranked
 from orientd.curves.comparison.measure import measure
-from orientd.curves.roles import Task, averaged_knots, make_curve, parameters
+from orientd.curves.roles import CurveTask, averaged_knots, make_curve, parameters
 from orientd.rotation import angle, exp, multiply
 
 GOLDEN = sorted((Path(__file__).parents[2] / "data/golden").glob("*.json"))
@@ -25,7 +25,7 @@ def walk(count, *, seed=0, step=1.0, **more):
     for axis in rng.normal(size=(count - 1, 3)):
         keys.append(multiply(keys[-1], exp(step * axis / np.linalg.norm(axis))))
     times = np.concatenate([[0.0], np.cumsum(rng.uniform(0.5, 1.5, count - 1))])
-    return Task(np.array(keys), times, **more)
+    return CurveTask(np.array(keys), times, **more)
 
 
 def some(task, **settings):
@@ -40,7 +40,7 @@ def by_name(candidates):
 def whole(curve):
     """The task of being where the curve is at both ends."""
     ends = np.array(curve.domain)
-    return Task(curve.evaluate(ends)[0], ends)
+    return CurveTask(curve.evaluate(ends)[0], ends)
 
 
 @pytest.mark.parametrize("path", GOLDEN, ids=lambda path: path.stem)
@@ -54,7 +54,7 @@ def test_effort_is_that_of_the_reference_curves(path):
 
 
 def test_a_turn_at_constant_rate_has_no_effort_and_the_length_of_its_angle():
-    task = Task(np.array([ONE, QUARTER]), np.array([0.0, 2.0]))
+    task = CurveTask(np.array([ONE, QUARTER]), np.array([0.0, 2.0]))
     figures = measure(make_curve(METHODS["slerp"], task), task)
     assert figures.effort == pytest.approx(0.0, abs=1e-20)
     assert figures.path_length == pytest.approx(0.5 * np.pi, rel=1e-12)
@@ -62,7 +62,7 @@ def test_a_turn_at_constant_rate_has_no_effort_and_the_length_of_its_angle():
 
 
 def test_torque_about_a_principal_axis_is_its_moment_times_the_acceleration():
-    task = Task(
+    task = CurveTask(
         np.array([ONE, QUARTER]),
         np.array([0.0, 2.0]),
         omega_start=np.zeros(3),
@@ -78,7 +78,7 @@ def test_torque_about_a_principal_axis_is_its_moment_times_the_acceleration():
 
 def test_torque_counts_the_gyroscopic_part():
     spin = np.array([1.0, 2.0, 3.0])
-    task = Task(np.array([ONE, exp(spin)]), np.array([0.0, 1.0]))
+    task = CurveTask(np.array([ONE, exp(spin)]), np.array([0.0, 1.0]))
     moments = np.array([1.0, 2.0, 4.0])
     curve = make_curve(METHODS["slerp"], task, {"path": "as_is"})
     omega = curve.evaluate(np.array([0.5]))[1][0]
@@ -129,7 +129,7 @@ def test_whole_turns_are_for_those_who_can_make_them():
 
 def test_a_curve_that_has_its_own_clock_is_put_on_the_clock_of_the_task():
     task = walk(5)
-    even = Task(task.keys, 3.0 + 0.25 * np.arange(5.0))
+    even = CurveTask(task.keys, 3.0 + 0.25 * np.arange(5.0))
     curve = make_curve(METHODS["kks_uniform"], even)
     assert curve.domain == (3.0, 4.0)
     own = METHODS["kks_uniform"](control=task.keys)
@@ -194,7 +194,7 @@ def test_a_family_of_a_known_kind_needs_no_line_of_its_own():
 def test_every_family_has_a_task_it_can_do(name):
     family = METHODS[name]
     takes_two = {"q0", "q1"} <= set(signature(family).parameters)
-    task = Task(walk(2 if takes_two else 5).keys, np.arange(2.0 if takes_two else 5.0))
+    task = CurveTask(walk(2 if takes_two else 5).keys, np.arange(2.0 if takes_two else 5.0))
     curve = make_curve(family, task)
     assert curve.domain == (task.times[0], task.times[-1])
     if family.interpolates:
@@ -203,7 +203,7 @@ def test_every_family_has_a_task_it_can_do(name):
 
 def test_the_length_is_found_where_a_curve_turns_back():
     turns = np.array([[0.0, 0, 0], [0, 0, 1.0], [0, 0.01, 0.2], [0, 0, 1.4], [0, 0.01, 0]])
-    task = Task(exp(turns), np.arange(5.0))
+    task = CurveTask(exp(turns), np.arange(5.0))
     curve = make_curve(METHODS["c2_cumulative"], task)
     times = np.linspace(0.0, 4.0, 400_001)
     rates = np.linalg.norm(curve.evaluate(times)[1], axis=1)

@@ -5,7 +5,7 @@ import pytest
 
 from orientd.curves import METHODS
 from orientd.curves.comparison.measure import measure
-from orientd.curves.roles import Task
+from orientd.curves.roles import CurveTask
 from orientd.rotation import angle, exp, normalize
 
 NAMES = ("kks_hermite", "kks_quintic_hermite")
@@ -22,7 +22,7 @@ def ends(rate, seed):
 
 def effort(name, params, revolutions):
     curve = METHODS[name](**params, revolutions=revolutions)
-    task = Task(np.array([params["q0"], params["q1"]]), np.array(curve.domain))
+    task = CurveTask(np.array([params["q0"], params["q1"]]), np.array(curve.domain))
     return measure(curve, task).effort
 
 

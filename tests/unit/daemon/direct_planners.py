@@ -7,7 +7,7 @@ import functools
 from concurrent.futures import Future
 
 from orientd.daemon.cell import planner_device
-from orientd.daemon.planners import Job, Order, PlannedMotion
+from orientd.daemon.planners import PlanCall, PlanInput, PlannedMotion
 from orientd.daemon.planners.jobs import Methods, Planned, Question, Records, Report, SetUp
 from orientd.daemon.planners.record_file import Chunk, RecordFile
 from orientd.daemon.planners.worker import Work
@@ -22,7 +22,7 @@ class DirectPlanners:
     def __init__(self, settings):
         self.work = Work(SetUp(tuple(map(planner_device, settings))))
 
-    async def plan(self, job: Job, order: Order, *, rank=None) -> PlannedMotion:
+    async def plan(self, job: PlanInput, order: PlanCall, *, rank=None) -> PlannedMotion:
         question, file = Question(Records(rate_hz=order.rate_hz), job), RecordFile()
         planned = self.work.do(question, file.descriptor)
         assert isinstance(planned, Planned)
@@ -50,8 +50,8 @@ class DirectPlanners:
         return self.work.do(Question(Methods()))
 
 
-def order_of(request) -> Order:
-    return Order(from_request(request).SerializeToString())
+def order_of(request) -> PlanCall:
+    return PlanCall(from_request(request).SerializeToString())
 
 
 def plan(device, request) -> PlannedMotion:

@@ -8,7 +8,7 @@ import time
 from orientd.daemon.devices.device_report import DeviceEvent, DeviceSnapshot, EventKind
 from orientd.daemon.motions.meter import MotionStatistics
 from orientd.daemon.motions.options import AT_ONCE, Prepared
-from orientd.daemon.planners import Job
+from orientd.daemon.planners import PlanInput
 from orientd.driver import IDENTITY, ZERO
 from orientd.errors import DaemonError, Fault, LateError, PlanError, StateError
 from orientd.planner import DEFAULT_LIMITS, State
@@ -69,16 +69,16 @@ class FakeDevice:
     async def plan(self, order):
         if self.refusal:
             raise PlanError(self.refusal)
-        job = Job(self.name, order.motion, os.urandom(6).hex(), self.commanded())
+        job = PlanInput(self.name, order.motion, os.urandom(6).hex(), self.commanded())
         return await self.planners.plan(job, order)
 
     def is_at(self, joints):
         return True
 
-    async def prepare(self, order, manner=AT_ONCE, *, attempt=0):
+    async def prepare(self, order, move_options=AT_ONCE, *, attempt=0):
         if self.lateness > attempt:
             raise LateError("the path has passed record 3, it is at 4")
-        return Prepared(await self.plan(order), manner=manner)
+        return Prepared(await self.plan(order), move_options=move_options)
 
     def start(self, prepared):
         self.commanded()

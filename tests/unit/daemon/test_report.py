@@ -10,7 +10,7 @@ from fake_device import FakeDevice, cycle
 from orientd import config, planner
 from orientd.cli import texts
 from orientd.daemon.calls import motion_report, report
-from orientd.daemon.motions.active_motions import Run, Runs
+from orientd.daemon.motions.active_motions import ActiveMotion, ActiveMotions
 from orientd.daemon.planners import reporting
 from orientd.rpc.reports import Outcome
 from orientd.stream import State
@@ -78,7 +78,7 @@ def test_who_is_behind_reads_on_where_a_full_batch_ended(device):
 
 def test_progress_tells_the_worst_lateness_since_the_last(device, motion):
     recorded = device.motion = motion.recorded()
-    reader = report.ProgressReader(Run(device, 1, recorded, ""))
+    reader = report.ProgressReader(ActiveMotion(device, 1, recorded, ""))
     device.published += [cycle(1, lateness_ns=5), cycle(2, lateness_ns=900), cycle(3, overruns=2)]
     progress = reader.read()
     assert progress.lateness == pytest.approx(900e-9)
@@ -102,9 +102,9 @@ def test_samples_begin_and_end_with_the_motion(motion):
 def test_a_summary_has_the_statistics_of_its_motion_only(device, motion):
     device.number = 2
     for number, cycles in ((2, 7), (1, None)):
-        run = Run(device, number, motion.recorded(), "")
+        run = ActiveMotion(device, number, motion.recorded(), "")
         run.ended.set_result((Outcome.STOPPED, "why"))
-        summary = motion_report.summary(run, Runs({}))
+        summary = motion_report.summary(run, ActiveMotions({}))
         assert (summary.outcome, summary.text) == (Outcome.STOPPED, "why")
         assert (summary.statistics and summary.statistics.cycles) == cycles
 

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import pytest
 
 from orientd.clock import ManualClock
-from orientd.daemon.leases.lease import LeaseDesk
-from orientd.daemon.leases.lease_manager import Tenure
+from orientd.daemon.leases.lease import LeaseTable
+from orientd.daemon.leases.lease_manager import LeaseManager
 from orientd.errors import LeaseError, RequestError
 
 SECOND = 1_000_000_000
@@ -40,80 +40,85 @@ def runs():
 
 
 @pytest.fixture
-def tenure(clock, runs, caplog):
+def lease_manager(clock, runs, caplog):
     caplog.set_level(logging.INFO, "orientd.daemon.leases.lease_manager")
-    return Tenure(LeaseDesk(seconds=5.0, clock=clock), runs)
+    return LeaseManager(LeaseTable(seconds=5.0, clock=clock), runs)
 
 
 @pytest.fixture
-def lease(tenure, runs):
-    lease = tenure.acquire("ana", "user:1")
+def lease(lease_manager, runs):
+    lease = lease_manager.acquire("ana", "user:1")
     runs.tokens = {"arm": lease.token, "leg": "another"}
     return lease
 
 
-def test_an_acquisition_is_logged_and_stops_nothing(tenure, runs, caplog):
-    lease = tenure.acquire("  ana \n of  the lab ", "user:1")
+def test_an_acquisition_is_logged_and_stops_nothing(lease_manager, runs, caplog):
+    lease = lease_manager.acquire("  ana \n of  the lab ", "user:1")
     assert (lease.holder, lease.owner) == ("ana of the lab", "user:1")
     assert runs.halted == []
     assert caplog.messages == ["lease: acquired by 'ana of the lab'"]
 
 
-def test_acquiring_an_expired_lease_stops_what_was_under_it(tenure, runs, clock, lease, caplog):
+def test_acquiring_an_expired_lease_stops_what_was_under_it(
+    lease_manager, runs, clock, lease, caplog
+):
     clock.advance(5 * SECOND)
-    tenure.acquire("ben")
+    lease_manager.acquire("ben")
     assert runs.halted == [(["arm"], "the lease of 'ana' has expired")]
     assert caplog.messages[-2:] == ["lease: that of 'ana' has expired", "lease: acquired by 'ben'"]
 
 
-def test_an_expiry_stops_once_what_was_under_the_lease(tenure, runs, clock, lease):
-    tenure.expire()
+def test_an_expiry_stops_once_what_was_under_the_lease(lease_manager, runs, clock, lease):
+    lease_manager.expire()
     assert runs.halted == []
     clock.advance(5 * SECOND)
-    tenure.expire()
-    tenure.expire()
+    lease_manager.expire()
+    lease_manager.expire()
     assert runs.halted == [(["arm"], "the lease of 'ana' has expired")]
 
 
-def test_a_release_stops_what_was_under_the_lease(tenure, runs, lease, caplog):
+def test_a_release_stops_what_was_under_the_lease(lease_manager, runs, lease, caplog):
     with pytest.raises(LeaseError):
-        tenure.release("another")
+        lease_manager.release("another")
     assert runs.halted == []
-    tenure.release(lease.token)
+    lease_manager.release(lease.token)
     assert runs.halted == [(["arm"], "the lease of 'ana' was released")]
     assert caplog.messages[-1] == "lease: released by 'ana'"
 
 
-def test_what_is_handed_over_goes_on_under_the_new_lease(tenure, runs, lease, caplog):
-    after = tenure.transfer(lease.token, "user:2", "ben")
+def test_what_is_handed_over_goes_on_under_the_new_lease(lease_manager, runs, lease, caplog):
+    after = lease_manager.transfer(lease.token, "user:2", "ben")
     assert (after.owner, after.holder, after.is_offered) == ("user:2", "ben", True)
     assert runs.tokens == {"arm": after.token, "leg": "another"}
     assert runs.halted == []
     assert caplog.messages[-1] == "lease: 'ana' hands it over to 'ben'"
 
 
-def test_what_was_under_a_seized_lease_stops_with_the_reason(tenure, runs, lease, caplog):
-    after = tenure.seize(" chief ", "user:0", " arm \n in the way ")
+def test_what_was_under_a_seized_lease_stops_with_the_reason(lease_manager, runs, lease, caplog):
+    after = lease_manager.seize(" chief ", "user:0", " arm \n in the way ")
     assert (after.holder, after.owner) == ("chief", "user:0")
     assert runs.halted == [(["arm"], "the lease of 'ana' was seized by chief: arm in the way")]
     assert caplog.messages[-1] == "lease: 'chief' seizes it from 'ana': arm in the way"
 
 
-def test_a_lease_that_nobody_holds_is_seized_from_nobody(tenure, runs, caplog):
-    assert tenure.seize("chief", "user:0", "testing").holder == "chief"
+def test_a_lease_that_nobody_holds_is_seized_from_nobody(lease_manager, runs, caplog):
+    assert lease_manager.seize("chief", "user:0", "testing").holder == "chief"
     assert runs.halted == []
     assert caplog.messages[-1] == "lease: 'chief' seizes it from nobody: testing"
 
 
-def test_nobody_without_a_name_or_a_reason_gets_the_lease(tenure, runs, lease):
-    for ask in (lambda: tenure.acquire(" \n"), lambda: tenure.seize("", "user:0", "why")):
+def test_nobody_without_a_name_or_a_reason_gets_the_lease(lease_manager, runs, lease):
+    for ask in (
+        lambda: lease_manager.acquire(" \n"),
+        lambda: lease_manager.seize("", "user:0", "why"),
+    ):
         with pytest.raises(RequestError, match="holder: expected a name"):
             ask()
     with pytest.raises(RequestError, match="reason: expected why the lease is seized"):
-        tenure.seize("chief", "user:0", " ")
+        lease_manager.seize("chief", "user:0", " ")
     assert runs.halted == []
 
 
-def test_names_and_reasons_are_cut_to_200_characters(tenure, caplog):
-    tenure.seize("x" * 300, "user:0", "y" * 300)
+def test_names_and_reasons_are_cut_to_200_characters(lease_manager, caplog):
+    lease_manager.seize("x" * 300, "user:0", "y" * 300)
     assert caplog.messages[-1] == f"lease: {'x' * 200!r} seizes it from nobody: {'y' * 200}"

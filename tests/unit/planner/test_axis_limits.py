@@ -115,14 +115,14 @@ def test_a_brake_rate_for_axes_is_that_for_a_norm_on_a_turn_about_one_of_them():
 
 def test_a_stop_on_the_path_keeps_the_limits_of_every_axis():
     # The servo's own path clock on the motion's own curve, at the worst moments.
-    from orientd.servo.path.time_scaling import PathClock
+    from orientd.servo.path.time_scaling import TimeScaling
 
     random = np.random.default_rng(7)
     motion = plan(
         random_request(random, UNEVEN), start=anywhere(random), limits=UNEVEN, period=PERIOD
     )
     for moment in np.linspace(0.05, 0.9, 23):
-        clock = PathClock(PERIOD)
+        clock = TimeScaling(PERIOD)
         clock.begin(motion.certificate.brake_rate, 1.0)
         cycles = int(moment * motion.record_count)
         times = list(PERIOD * np.arange(cycles))

@@ -4,7 +4,7 @@ from planned import LIMITS, PERIOD, differences, random_motions
 
 from orientd.planner import Limits
 from orientd.planner.certify.brake import FASTEST_BRAKE_RATE, brake_rate
-from orientd.servo.path.time_scaling import PathClock
+from orientd.servo.path.time_scaling import TimeScaling
 
 SOFT = LIMITS["soft"]
 
@@ -101,7 +101,7 @@ def test_the_linear_rate_looks_at_the_acceleration_of_the_position():
 
 def drive(motion, random):
     """Return the path times of the setpoints while the speed is changed at random."""
-    clock = PathClock(motion.period)
+    clock = TimeScaling(motion.period)
     x = motion.certificate.brake_rate
     clock.begin(x, 1.0)
     path_time, path_times = 0.0, [0.0]

@@ -8,7 +8,7 @@ from orientd import kernels
 from orientd.planner import DEFAULT_LIMITS, State
 from orientd.planner.certify.limit_tables import limit_table
 from orientd.planner.connect.connector import connector, ramped_stops
-from orientd.planner.connect.quintic_connector import Joins, state_row, try_joins
+from orientd.planner.connect.quintic_connector import QuinticConnectors, state_row, try_joins
 from orientd.rotation import angle, normalize
 
 PERIOD = 0.002
@@ -62,14 +62,14 @@ def test_a_connector_is_one_smooth_curve_from_state_to_state(speed):
     rng = np.random.default_rng(4)
     for _ in range(12):
         start, end = random_state(rng, speed), random_state(rng, speed)
-        stretch = connector(start, end, limits=LIMITS[0], period=PERIOD)
-        q, omega, alpha = stretch.sample(np.array([0.0, stretch.end]))
+        segment = connector(start, end, limits=LIMITS[0], period=PERIOD)
+        q, omega, alpha = segment.sample(np.array([0.0, segment.end]))
         for k, state in enumerate((start, end)):
             assert angle(q[k], state.q) <= 1e-13
             assert omega[k] == pytest.approx(state.omega_body, abs=1e-12)
             assert alpha[k] == pytest.approx(state.alpha_body, abs=1e-9)
-        inner = stretch.curve.knots[1:-1]
-        before, after = (stretch.sample(np.nextafter(inner, side)) for side in (-1.0, 9.0))
+        inner = segment.curve.knots[1:-1]
+        before, after = (segment.sample(np.nextafter(inner, side)) for side in (-1.0, 9.0))
         for part, other, bound in zip(before, after, (1e-12, 1e-9, 1e-6), strict=True):
             assert np.abs(part - other).max(initial=0.0) <= bound
 
@@ -112,7 +112,7 @@ def test_a_curve_of_joins_is_sampled_as_numpy_does():
     w[1, 2] = 0.0
     durations = rng.uniform(0.1, 3.0, 4)
     breaks = np.concatenate([[-1.0], -1.0 + np.cumsum(durations)])
-    curve = Joins(q, w, breaks)
+    curve = QuinticConnectors(q, w, breaks)
     u = np.linspace(0.0, 1.0, 30)[:-1]
     reference = joins.sampled(q, w, durations, joins.basis(u))
     found = curve.evaluate((breaks[:-1, None] + durations[:, None] * u).reshape(-1))

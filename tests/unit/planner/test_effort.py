@@ -10,9 +10,9 @@ from reference.aims import end_state, retarget
 from orientd.curves.construct.interpolation import KeyframeEquations
 from orientd.errors import PlanError
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
-from orientd.planner.timing import candidate_path as course
+from orientd.planner.timing import candidate_path as path_request
 from orientd.planner.timing import survey
-from orientd.planner.timing.candidate_path import Course
+from orientd.planner.timing.candidate_path import PathRequest
 from orientd.planner.timing.timing import LONGER, shortest
 from orientd.rotation import exp, multiply, normalize
 
@@ -46,12 +46,12 @@ WORST = {
 def effort(monkeypatch):
     """Count curves, corrections of those that are hard to find, and records that are looked at."""
     spent = {"curves": 0, "corrections": 0, "records": 0}
-    core, correction = Course.core, KeyframeEquations.correction
-    look_at, measure = survey.look_at, course.measure
+    keyframe_path, correction = PathRequest.keyframe_path, KeyframeEquations.correction
+    look_at, measure = survey.look_at, path_request.measure
 
     def counted_core(*arguments):
         spent["curves"] += 1
-        return core(*arguments)
+        return keyframe_path(*arguments)
 
     def counted_correction(*arguments):
         spent["corrections"] += 1
@@ -65,10 +65,10 @@ def effort(monkeypatch):
         spent["records"] += count
         return measure(setpoints, count, *arguments, **options)
 
-    monkeypatch.setattr(Course, "core", counted_core)
+    monkeypatch.setattr(PathRequest, "core", counted_core)
     monkeypatch.setattr(KeyframeEquations, "correction", counted_correction)
     monkeypatch.setattr(survey, "look_at", counted_look_at)
-    monkeypatch.setattr(course, "measure", counted_measure)
+    monkeypatch.setattr(path_request, "measure", counted_measure)
     return spent
 
 

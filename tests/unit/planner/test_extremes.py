@@ -136,10 +136,10 @@ def test_a_path_in_one_row_is_the_same_as_its_curves_one_by_one(limits):
     for motion in several_paths(limits):
         path = motion.path
         assert path.plain is not None
-        counts.add(len(path.stretches))
-        rates |= {stretch.rate > 0.0 for stretch in path.stretches}
+        counts.add(len(path.segments))
+        rates |= {segment.rate > 0.0 for segment in path.segments}
         inside = np.linspace(-0.1, path.duration + 0.1, 700)
-        joints = [stretch.begin for stretch in path.stretches]
+        joints = [segment.begin for segment in path.segments]
         times = np.sort(np.concatenate([inside, joints, np.nextafter(joints, -9.0)]))
         for some in (times, times[-1:], times[:0], inside[::-1]):
             for part, other in zip(path.sample(some), one_by_one(path).sample(some), strict=True):

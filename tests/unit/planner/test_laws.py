@@ -10,7 +10,7 @@ from orientd.driver import ZERO
 from orientd.planner import Limits
 from orientd.rotation import angle, conjugate, rotate
 from orientd.servo.guard import Guard
-from orientd.stream import Terms
+from orientd.stream import ServoLimits
 
 TOLERANCE = 1.0 + 1e-6
 
@@ -45,7 +45,7 @@ def test_the_certificate_tells_the_peaks_of_the_records(motions):
 def test_the_servos_guard_lets_every_record_pass(motions):
     motion = max(motions, key=lambda m: m.certificate.peak_acceleration.ratio)
     limits = motion.limits
-    terms = Terms(
+    terms = ServoLimits(
         limits.velocity,
         limits.acceleration,
         limits.jerk,
@@ -96,7 +96,7 @@ def test_positions_are_met_at_their_keyframes(motions):
 def test_acceleration_is_continuous_from_hold_to_hold(motions):
     moment = 1e-9
     for motion in motions:
-        joins = {0.0, motion.duration, *(s.begin for s in motion.path.stretches)}
+        joins = {0.0, motion.duration, *(s.begin for s in motion.path.segments)}
         joins |= set(motion.keyframe_times.tolist())
         times = np.array(sorted(joins))
         before, after = motion.sample(times - moment), motion.sample(times + moment)

@@ -97,14 +97,14 @@ def test_an_approach_leads_in_from_wherever_the_device_is():
     assert angle(arrival.q[0], HERE) < 1e-12
     assert arrival.omega_body[0] == pytest.approx([0.3, 0, 0], abs=1e-12)
     assert arrival.position[0] == pytest.approx([0, 0, 0], abs=1e-12)
-    assert len(motion.path.stretches) == 3
+    assert len(motion.path.segments) == 3
 
 
 def test_the_position_waits_while_the_orientation_takes_its_run_up():
     keyframes = at(*WAY, positions=[(0.1 * k, 0, 0) for k in range(4)])
     start = State.at_rest(HERE, (0.2, 0.1, 0.0))
     motion = made(keyframes, start, start_velocity=(0.3, 0, 0), approach=True)
-    _, run_up, _ = motion.path.stretches
+    _, run_up, _ = motion.path.segments
     held = motion.sample(np.linspace(run_up.begin, run_up.end, 20))
     assert held.position == pytest.approx(np.zeros((20, 3)), abs=1e-15)
 
@@ -112,12 +112,12 @@ def test_the_position_waits_while_the_orientation_takes_its_run_up():
 def test_an_approach_that_is_not_needed_is_left_out():
     motion = made(at(*WAY), approach=True)
     assert motion.start_time == 0.0
-    assert len(motion.path.stretches) == 1
+    assert len(motion.path.segments) == 1
 
 
 def test_a_run_up_from_where_it_begins_needs_no_approach():
     planned = made(at(*WAY), State.at_rest(exp(0.3 * Y)), start_velocity=(0, 0, 0.4), approach=True)
-    begin = planned.path.stretches[1].begin
+    begin = planned.path.segments[1].begin
     rest = planned.sample([begin]).q[0]
     motion = made(at(*WAY), State.at_rest(rest), start_velocity=(0, 0, 0.4), approach=True)
     assert motion.start_time < planned.start_time
@@ -347,15 +347,15 @@ def test_many_keyframes_are_planned_with_a_fixed_number_of_samples_at_a_time(mon
         q.append(multiply(q[-1], exp(turn)))
     request = MotionRequest([Keyframe(tuple(key)) for key in q])
     largest = []
-    from orientd.planner.path.path import Stretch
+    from orientd.planner.path.path import PathSegment
 
-    sample = Stretch.sample
+    sample = PathSegment.sample
 
     def watched(self, times):
         largest.append(len(times))
         return sample(self, times)
 
-    monkeypatch.setattr(Stretch, "sample", watched)
+    monkeypatch.setattr(PathSegment, "sample", watched)
     motion = plan(request, start=State.at_rest(HERE), limits=ARM, period=PERIOD)
     assert motion.record_count > 4 * 8192
     assert max(largest) <= 8192

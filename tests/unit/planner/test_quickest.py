@@ -11,9 +11,9 @@ from planned import LIMITS, PERIOD, anywhere, differences, random_request, rotat
 from orientd.curves import METHODS
 from orientd.errors import PlanError, RequestError
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
-from orientd.planner.path.path import Stretch
+from orientd.planner.path.path import PathSegment
 from orientd.planner.path.position import PositionPath
-from orientd.planner.timing.candidate_path import Core
+from orientd.planner.timing.candidate_path import KeyframePath
 from orientd.planner.timing.quickest_timing import quickest
 
 HERE = (1.0, 0.0, 0.0, 0.0)
@@ -52,7 +52,7 @@ def core_of(seed, *, count=6, step=0.6, at_rest=True):
     )
     end = count - 1.0
     positions = PositionPath.held(np.zeros(3))
-    return Core(Stretch(curve, 0.0, end), positions, np.arange(count, dtype=float))
+    return KeyframePath(PathSegment(curve, 0.0, end), positions, np.arange(count, dtype=float))
 
 
 @pytest.mark.parametrize("turn", [0.1, 1.0, 3.0])
@@ -75,19 +75,21 @@ def test_a_turn_about_one_axis_takes_as_long_as_with_ruckig(turn, name):
 @pytest.mark.parametrize("at_rest", [True, False])
 def test_without_jerk_limit_it_takes_as_long_as_with_toppra(seed, at_rest):
     toppra = pytest.importorskip("toppra")
-    core = core_of(seed, at_rest=at_rest)
+    keyframe_path = core_of(seed, at_rest=at_rest)
     velocity, acceleration = np.array([1.5, 1.2, 1.8]), np.array([4.0, 6.0, 5.0])
     limits = Limits.partial(velocity=velocity, acceleration=acceleration)
-    quick = quickest(core, limits, 0.001, share=1.0)
+    quick = quickest(keyframe_path, limits, 0.001, share=1.0)
 
     class Curve(toppra.interpolator.AbstractGeometricPath):
         """Omega and alpha are as linear in the rates of the parameter as those of joints."""
 
-        path_interval, dof = (0.0, core.duration), 3
+        path_interval, dof = (0.0, keyframe_path.duration), 3
         waypoints = None
 
         def __call__(self, places, order=0):
-            _, omega, alpha = core.stretch.sample(np.atleast_1d(np.asarray(places, dtype=float)))
+            _, omega, alpha = keyframe_path.segment.sample(
+                np.atleast_1d(np.asarray(places, dtype=float))
+            )
             rows = omega if order == 1 else alpha if order == 2 else 0.0 * omega
             return rows if np.ndim(places) else rows[0]
 
@@ -99,11 +101,14 @@ def test_without_jerk_limit_it_takes_as_long_as_with_toppra(seed, at_rest):
         )
     ]
     solver = toppra.algorithm.TOPPRA(
-        box, Curve(), gridpoints=np.linspace(0.0, core.duration, 3001), solver_wrapper="seidel"
+        box,
+        Curve(),
+        gridpoints=np.linspace(0.0, keyframe_path.duration, 3001),
+        solver_wrapper="seidel",
     )
     ends = (0.0, 0.0) if at_rest else (1.0, 1.0)
     _, rate, _ = solver.compute_parameterization(*ends)
-    step = core.duration / 3000
+    step = keyframe_path.duration / 3000
     peer = float(np.sum(2.0 * step / (rate[1:] + rate[:-1])))
     assert quick.duration == pytest.approx(peer, rel=0.02)
 

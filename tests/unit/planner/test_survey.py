@@ -11,7 +11,7 @@ from orientd.planner.certify import measuring
 from orientd.planner.methods import Ends
 from orientd.planner.path.position import PositionPath
 from orientd.planner.timing import survey
-from orientd.planner.timing.candidate_path import Course
+from orientd.planner.timing.candidate_path import PathRequest
 from orientd.planner.timing.survey import Survey
 from orientd.planner.timing.timing import excess
 from orientd.rotation import normalize
@@ -25,17 +25,19 @@ def request(count=400, seed=9, **fields):
     return MotionRequest([Keyframe(key) for key in q], **fields)
 
 
-def core(asked, duration, end_velocity=None):
+def keyframe_path(asked, duration, end_velocity=None):
     times = np.linspace(0.0, 1.0, len(asked.keys))
     kept = np.arange(len(times))
     ends = Ends(None, end_velocity, None)
-    return Course(asked, ends, times, kept, PositionPath.held(np.zeros(3))).core(duration)
+    return PathRequest(asked, ends, times, kept, PositionPath.held(np.zeros(3))).keyframe_path(
+        duration
+    )
 
 
 @pytest.mark.parametrize("method", ["c2_cumulative", "kks_hermite_spline"])
 def test_a_survey_tells_the_factor_of_all_records_and_where_it_comes_from(method):
     reserved = ARM.with_reserve()
-    made = core(request(method=method), 100.0)
+    made = keyframe_path(request(method=method), 100.0)
     found = Survey.of(made, reserved, PERIOD)
     everywhere = found.look(made, reserved, PERIOD, everywhere=True)
     assert found.factor == pytest.approx(everywhere, rel=0.02)
@@ -46,7 +48,7 @@ def test_a_survey_tells_the_factor_of_all_records_and_where_it_comes_from(method
 
 def test_spots_keep_their_places_when_the_duration_changes():
     reserved = ARM.with_reserve()
-    made = core(request(), 100.0)
+    made = keyframe_path(request(), 100.0)
     slow = made.slowed(140.0)
     found = Survey.of(made, reserved, PERIOD)
     looks = [found.look(slow, reserved, PERIOD, everywhere=e) for e in (False, True)]
@@ -61,8 +63,8 @@ def test_a_peak_that_a_survey_has_missed_is_found_in_the_end(monkeypatch):
 
     surveyed = []
 
-    def nowhere(core, limits, period, *, has_one_shape):
-        surveyed.append(core)
+    def nowhere(keyframe_path, limits, period, *, has_one_shape):
+        surveyed.append(keyframe_path)
         return Survey(1.0, np.array([[0.0, 0.01]]))
 
     monkeypatch.setattr(survey.Survey, "of", staticmethod(nowhere))
@@ -82,7 +84,7 @@ AXES = DEFAULT_LIMITS.with_rates({"velocity": [2.0, 0.7, 1.5], "jerk": 300.0})
 def test_a_survey_says_what_numpy_says(monkeypatch, limits, count, end_velocity):
     keys = np.array([4.0, 0.0, 0.0, 0.0]) + np.random.default_rng(count).normal(size=(count, 4))
     asked = MotionRequest([Keyframe(tuple(q)) for q in normalize(keys).tolist()])
-    made = core(asked, 1.4 * count, end_velocity and np.array(end_velocity))
+    made = keyframe_path(asked, 1.4 * count, end_velocity and np.array(end_velocity))
     found = Survey.of(made, limits, PERIOD, has_one_shape=True)
     factor, spots = surveyed(made, limits, PERIOD)
     assert found.factor == pytest.approx(factor, rel=1e-12)

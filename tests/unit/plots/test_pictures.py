@@ -10,7 +10,7 @@ import pytest
 
 from orientd.curves import METHODS
 from orientd.curves.comparison.candidates import compare, ranked
-from orientd.curves.roles import Task, make_curve
+from orientd.curves.roles import CurveTask, make_curve
 from orientd.errors import OrientdError
 from orientd.planner import Limits
 from orientd.rotation import angle, exp, from_rotation_vector, rotate
@@ -248,11 +248,11 @@ def test_a_folder_that_cannot_be_made_is_said(tmp_path):
 
 def test_a_curve_of_two_keyframes_a_moment_apart_is_drawn(tmp_path):
     keys = from_rotation_vector(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1e-9]]))
-    task = Task(keys, np.array([0.0, 1e-3]))
+    task = CurveTask(keys, np.array([0.0, 1e-3]))
     assert "trace-x" in ids(svg(plots.draw_traces, tmp_path, traces("slerp", task), title="tiny"))
 
 
 def test_many_keyframes_are_drawn(tmp_path):
     turns = np.outer(np.arange(150), [0.02, 0.01, 0.03])
-    task = Task(from_rotation_vector(turns), np.arange(150.0))
+    task = CurveTask(from_rotation_vector(turns), np.arange(150.0))
     assert "trace-x" in ids(svg(plots.draw_traces, tmp_path, traces("squad", task), title="many"))

@@ -34,41 +34,41 @@ class Desk:
         raise LeaseError("it has expired")
 
 
-def keeper_of(desk):
-    return LeaseKeeper(acquire=desk.acquire, renew=desk.renew, release=desk.release)
+def keeper_of(leases):
+    return LeaseKeeper(acquire=leases.acquire, renew=leases.renew, release=leases.release)
 
 
 def test_the_lease_is_taken_once_and_when_it_is_needed():
-    desk = Desk()
-    keeper = keeper_of(desk)
+    leases = Desk()
+    keeper = keeper_of(leases)
     assert not keeper.is_held
-    assert desk.acquired == 0
+    assert leases.acquired == 0
     assert keeper.token() == keeper.token() == "t1"
     assert keeper.is_held
     keeper.release()
 
 
 def test_what_was_never_taken_is_not_given_back():
-    desk = Desk()
-    keeper_of(desk).release()
-    assert desk.released == []
+    leases = Desk()
+    keeper_of(leases).release()
+    assert leases.released == []
 
 
 def test_the_lease_is_given_back_even_if_the_daemon_knows_better():
-    desk = Desk()
-    keeper = keeper_of(desk)
+    leases = Desk()
+    keeper = keeper_of(leases)
     keeper.token()
     keeper.release()
-    assert desk.released == ["t1"]
+    assert leases.released == ["t1"]
     assert not keeper.is_held
 
 
 def test_the_lease_is_renewed_in_the_background():
-    desk = Desk(seconds=0.01)
-    keeper = keeper_of(desk)
+    leases = Desk(seconds=0.01)
+    keeper = keeper_of(leases)
     keeper.token()
     for _ in range(5):
-        assert desk.renewed.acquire(timeout=10.0)
+        assert leases.renewed.acquire(timeout=10.0)
     keeper.release()
 
 
@@ -82,9 +82,9 @@ def lost(keeper):
 
 
 def test_a_lost_lease_is_told_once_then_asked_for_again():
-    desk = Desk(seconds=0.01)
-    desk.failures = [LeaseError("it has expired")]
-    keeper = keeper_of(desk)
+    leases = Desk(seconds=0.01)
+    leases.failures = [LeaseError("it has expired")]
+    keeper = keeper_of(leases)
     keeper.token()
     lost(keeper)
     with pytest.raises(LeaseError, match="the lease was lost: it has expired"):
@@ -94,20 +94,20 @@ def test_a_lost_lease_is_told_once_then_asked_for_again():
 
 
 def test_a_daemon_that_is_slow_once_does_not_cost_the_lease():
-    desk = Desk(seconds=0.01)
-    desk.failures = [DaemonError("slow")]
-    keeper = keeper_of(desk)
+    leases = Desk(seconds=0.01)
+    leases.failures = [DaemonError("slow")]
+    keeper = keeper_of(leases)
     keeper.token()
     for _ in range(RENEWALS + 2):
-        assert desk.renewed.acquire(timeout=10.0)
+        assert leases.renewed.acquire(timeout=10.0)
     assert keeper.is_held
     keeper.release()
 
 
 def test_a_daemon_that_is_gone_costs_the_lease():
-    desk = Desk(seconds=0.01)
-    desk.failures = [DaemonError("gone")] * RENEWALS
-    keeper = keeper_of(desk)
+    leases = Desk(seconds=0.01)
+    leases.failures = [DaemonError("gone")] * RENEWALS
+    keeper = keeper_of(leases)
     keeper.token()
     lost(keeper)
     with pytest.raises(LeaseError, match="gone"):

@@ -11,7 +11,7 @@ from orientd.errors import OrientdError
 from orientd.planner import Keyframe, Limits, MotionRequest, plan
 from orientd.planner import State as PlannedState
 from orientd.planner.certify.measuring import measure
-from orientd.servo.path.path_follower import Leg
+from orientd.servo.path.path_follower import PathPart
 from orientd.stream import UNKNOWN, Answer, Command
 from orientd.tolerances import GUARD_TOLERANCE
 
@@ -106,8 +106,8 @@ def motions(seed, count, kind, methods=SOME_METHODS):
             yield motion
 
 
-def terms_of(motion):
-    return servo_link.terms_of(motion.limits, motion.certificate.brake_rate)
+def servo_limits_of(motion):
+    return servo_link.servo_limits_of(motion.limits, motion.certificate.brake_rate)
 
 
 class Track:
@@ -139,13 +139,13 @@ class Ride:
         self.first = first = track.first
         setpoints, here = rig.servo.setpoints, first + record
         setpoints.last = setpoints.follower.peek(first)
-        terms = terms_of(self.motion)
-        assert rig.ask(Command.START, path_index=first, terms=terms, start_ns=10**18)[0] is (
-            Answer.DONE
-        )
+        servo_limits = servo_limits_of(self.motion)
+        assert rig.ask(Command.START, path_index=first, servo_limits=servo_limits, start_ns=10**18)[
+            0
+        ] is (Answer.DONE)
         # Going there cycle by cycle would write exactly the records.
-        setpoints.follower.begin(Leg(1, here, terms))
-        setpoints.path_clock.begin(terms.brake_rate, 1.0)
+        setpoints.follower.begin(PathPart(1, here, servo_limits))
+        setpoints.path_clock.begin(servo_limits.brake_rate, 1.0)
         setpoints._is_waiting = False
         last = q[record - 2 : record + 1]
         omega = rotation.log(rotation.multiply(rotation.conjugate(last[:-1]), last[1:]))
@@ -176,7 +176,7 @@ class Ride:
         """Stop and return the number of cycles in which anything moved."""
         written = len(self.rig.driver.setpoints)
         self.rig.memory.commands.publish(
-            Command.STOP, 1, 0, UNKNOWN, UNKNOWN, 0, 1.0, *terms_of(self.motion).floats()
+            Command.STOP, 1, 0, UNKNOWN, UNKNOWN, 0, 1.0, *servo_limits_of(self.motion).floats()
         )
         self.run()
         while self.rig.servo.is_moving:

@@ -9,7 +9,7 @@ import numpy as np
 from orientd import rotation
 from orientd.clock import ManualClock
 from orientd.driver import Setpoint
-from orientd.servo import Servo, Watch
+from orientd.servo import Servo, WatchdogTimeouts
 from orientd.servo.path.path_follower import FINAL_WORD, TAIL_WORD
 from orientd.stream import (
     UNKNOWN,
@@ -17,8 +17,8 @@ from orientd.stream import (
     Command,
     Cycle,
     NoteKind,
+    ServoLimits,
     SharedMemory,
-    Terms,
     unpack_cycle,
     unpack_note,
 )
@@ -26,7 +26,7 @@ from orientd_loopback import LoopbackDriver
 
 PERIOD_NS = 2_000_000
 PERIOD = PERIOD_NS * 1e-9
-TERMS = Terms(2.5, 17.0, 8500.0, 1.0, 10.0, 4.0)
+TERMS = ServoLimits(2.5, 17.0, 8500.0, 1.0, 10.0, 4.0)
 
 
 class RecordingLoopback(LoopbackDriver):
@@ -62,7 +62,7 @@ class Rig:
             self.driver,
             self.memory,
             period_ns=PERIOD_NS,
-            watch=Watch(self.heartbeat_ns, self.feedback_ns, self.stall_ns),
+            watch=WatchdogTimeouts(self.heartbeat_ns, self.feedback_ns, self.stall_ns),
             clock=self.clock,
             parent_is_alive=lambda: self.parent_is_alive,
         )
@@ -112,7 +112,7 @@ class Rig:
         final=UNKNOWN,
         start_ns=UNKNOWN,
         speed=1.0,
-        terms=TERMS,
+        servo_limits=TERMS,
     ):
         """Send a command, run a cycle, return the answer."""
         self.memory.commands.publish(
@@ -123,7 +123,7 @@ class Rig:
             final,
             start_ns,
             speed,
-            *terms.floats(),
+            *servo_limits.floats(),
         )
         self.run()
         answer = self.notes(NoteKind.ANSWER)[-1]
@@ -147,11 +147,13 @@ class Rig:
             ring.words[FINAL_WORD] = first + count
         return first
 
-    def start(self, path, *, terms=TERMS, **options):
+    def start(self, path, *, servo_limits=TERMS, **options):
         """Enable, lay *path* and start it."""
         assert self.ask(Command.ENABLE)[0] is Answer.DONE
         first = self.lay(*path, **options)
-        assert self.ask(Command.START, path_index=first, terms=terms)[0] is Answer.DONE
+        assert (
+            self.ask(Command.START, path_index=first, servo_limits=servo_limits)[0] is Answer.DONE
+        )
         return first
 
     def sent(self) -> np.ndarray:

@@ -4,7 +4,7 @@ from math import ceil
 
 import numpy as np
 import pytest
-from rides import KINDS, SOME_METHODS, Ride, Track, motions, terms_of
+from rides import KINDS, SOME_METHODS, Ride, Track, motions, servo_limits_of
 from rig import PERIOD
 from shortest_stop import ShortestStop, bound
 
@@ -159,7 +159,7 @@ def wander(ride, random, changes):
     for _ in range(changes):
         speed = float(random.choice([0.0, 0.0, 1.0, 1.0, random.random()]))
         ride.rig.memory.commands.publish(
-            Command.SPEED, 1, 0, UNKNOWN, UNKNOWN, 0, speed, *terms_of(ride.motion).floats()
+            Command.SPEED, 1, 0, UNKNOWN, UNKNOWN, 0, speed, *servo_limits_of(ride.motion).floats()
         )
         for _ in range(int(random.choice([1, 3, 10, 40, 150]))):
             ride.run()

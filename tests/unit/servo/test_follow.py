@@ -85,7 +85,7 @@ def test_a_position_on_its_way_comes_to_rest_inside_its_limits():
         0.5 * 15 / 16, rel=1e-3
     )
     narrow = replace(TERMS, linear_velocity=0.1)
-    assert rig.ask(Command.TRACK, motion=2, terms=narrow)[0] is Answer.DONE
+    assert rig.ask(Command.TRACK, motion=2, servo_limits=narrow)[0] is Answer.DONE
     for _ in range(50):
         aim(rig, rotation.exp([0.3, 0.0, 0.0]))
         rig.run(20)

@@ -14,8 +14,8 @@ import pytest
 from rig import PERIOD, Rig, peaks
 
 from orientd import planner, rotation
-from orientd.daemon.devices.servo_link import terms_of
-from orientd.daemon.motions.motion_queue import Itinerary
+from orientd.daemon.devices.servo_link import servo_limits_of
+from orientd.daemon.motions.motion_queue import MotionQueue
 from orientd.errors import LateError, StateError
 from orientd.planner import Keyframe, Limits, MotionRequest, State
 from orientd.stream import UNKNOWN, Answer, Command, NoteKind, unpack_note
@@ -28,7 +28,7 @@ LIMITS = (
     Limits(4.0, 40.0, 2000.0, 1.0, 10.0),
 )
 KINDS = ("retarget", "retarget", "burst", "queue", "stop", "pause", "override", "halt", "track")
-_NO_TERMS = terms_of(LIMITS[0], 1.0)
+_NO_TERMS = servo_limits_of(LIMITS[0], 1.0)
 
 
 class VirtualLink:
@@ -49,11 +49,18 @@ class VirtualLink:
 
     def ask(
         self, command, *, motion=0, path_index=0, leave_index=UNKNOWN, final_index=UNKNOWN,
-        start_ns=UNKNOWN, speed=0.0, terms=_NO_TERMS,
+        start_ns=UNKNOWN, speed=0.0, servo_limits=_NO_TERMS,
     ):  # fmt: skip
         index = self.memory.commands.head
         self.memory.commands.publish(
-            command, motion, path_index, leave_index, final_index, start_ns, speed, *terms.floats()
+            command,
+            motion,
+            path_index,
+            leave_index,
+            final_index,
+            start_ns,
+            speed,
+            *servo_limits.floats(),
         )
         self.rig.run()
         ring = self.memory.notes
@@ -73,7 +80,7 @@ class Fuzz:
         self.limits = LIMITS[seed % len(LIMITS)]
         self.rig = Rig(capacity=16384)
         self.link = VirtualLink(self.rig)
-        self.itinerary = Itinerary(self.link, lead=0.0, read_ahead=8192)
+        self.motion_queue = MotionQueue(self.link, lead=0.0, read_ahead=8192)
         self.number = 0
         self.counts = Counter()
         self.link.ask(Command.ENABLE)
@@ -95,20 +102,20 @@ class Fuzz:
 
     def tend(self):
         """Do what the device's thread does."""
-        itinerary, cycle = self.itinerary, self.rig.cycle
-        if not itinerary.is_active:
+        motion_queue, cycle = self.motion_queue, self.rig.cycle
+        if not motion_queue.is_active:
             return
         try:
-            itinerary.feed()
+            motion_queue.feed()
         except LateError:
-            itinerary.miss()
+            motion_queue.miss()
             self.counts["missed"] += 1
-        itinerary.passed(cycle)
+        motion_queue.passed(cycle)
         moving = (ServoState.STREAMING, ServoState.STOPPING)
-        if cycle.motion == itinerary.first.number and cycle.state not in moving:
-            ended, *following = itinerary.clear()
+        if cycle.motion == motion_queue.first.number and cycle.state not in moving:
+            ended, *following = motion_queue.clear()
             if following and cycle.path_index == ended.feeder.final_index:
-                itinerary.resume(following, speed=1.0)
+                motion_queue.resume(following, speed=1.0)
 
     def orientation(self):
         kind = self.random.integers(8)
@@ -134,19 +141,19 @@ class Fuzz:
 
     def retarget(self):
         self.tend()
-        cycle, itinerary = self.rig.cycle, self.itinerary
+        cycle, motion_queue = self.rig.cycle, self.motion_queue
         if cycle.state is ServoState.HOLDING:
-            itinerary.clear()
+            motion_queue.clear()
             motion = self.plan(State.at_rest(cycle.q, cycle.position))
             self.number += 1
-            itinerary.begin(motion, self.number, speed=1.0, start_ns=UNKNOWN)
-        elif cycle.state is ServoState.STREAMING and itinerary.is_active:
-            leave = itinerary.ahead(cycle, int(self.random.integers(2, 9)))
-            left = itinerary.stage(leave.number)
+            motion_queue.begin(motion, self.number, speed=1.0, start_ns=UNKNOWN)
+        elif cycle.state is ServoState.STREAMING and motion_queue.is_active:
+            leave = motion_queue.ahead(cycle, int(self.random.integers(2, 9)))
+            left = motion_queue.stage(leave.number)
             motion = self.plan(left.motion.state_at(leave.record))
             self.number += 1
             try:
-                itinerary.replace(motion, self.number, leave)
+                motion_queue.replace(motion, self.number, leave)
             except LateError as error:
                 self.counts["late: " + " ".join(w for w in str(error).split() if w.isalpha())] += 1
 
@@ -155,14 +162,14 @@ class Fuzz:
             self.retarget()
 
     def queue(self):
-        itinerary = self.itinerary
-        if self.rig.cycle.state is not ServoState.STREAMING or not itinerary.is_active:
+        motion_queue = self.motion_queue
+        if self.rig.cycle.state is not ServoState.STREAMING or not motion_queue.is_active:
             return
-        last = itinerary.last
-        leave = itinerary.end(last.motion.last_record)
+        last = motion_queue.last
+        leave = motion_queue.end(last.motion.last_record)
         motion = self.plan(last.motion.state_at(leave.record))
         self.number += 1
-        itinerary.append(motion, self.number, leave)
+        motion_queue.append(motion, self.number, leave)
 
     def stop(self):
         self.link.ask(Command.STOP)
@@ -183,8 +190,10 @@ class Fuzz:
         if self.rig.cycle.state not in (ServoState.HOLDING, ServoState.STREAMING):
             return
         self.number += 1
-        self.link.ask(Command.TRACK, motion=self.number, terms=terms_of(self.limits, 1.0))
-        self.itinerary.clear()
+        self.link.ask(
+            Command.TRACK, motion=self.number, servo_limits=servo_limits_of(self.limits, 1.0)
+        )
+        self.motion_queue.clear()
         for _ in range(int(self.random.integers(12))):
             for _ in range(int(self.random.integers(4))):
                 self.aim()
@@ -209,7 +218,7 @@ class Fuzz:
         self.set_speed(1.0)
         for _ in range(3000):
             self.let_pass(16)
-            if self.rig.cycle.state is ServoState.HOLDING and not self.itinerary.is_active:
+            if self.rig.cycle.state is ServoState.HOLDING and not self.motion_queue.is_active:
                 return
         raise AssertionError(f"does not come to rest: {self.rig.cycle}")
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from orientd.driver import ZERO
 from orientd.floats import exp, multiply
 from orientd.servo.guard import Guard
-from orientd.stream import Terms
+from orientd.stream import ServoLimits
 from orientd.stream.records import TERMS_FLOATS
 
 Q = (1.0, 0.0, 0.0, 0.0)
@@ -89,31 +89,31 @@ def test_a_component_beyond_its_own_limit_is_named_with_its_axis():
 
 def test_a_component_that_is_not_a_number_is_not_admitted():
     guard = Guard(PERIOD)
-    terms = replace(TERMS, axis_jerk=(math.nan, 1e9, 1e9))
-    assert terms.has_axes
-    assert "about x" in guard.admit(exp((1e-6, 0.0, 0.0)), ZERO, terms)
+    servo_limits = replace(TERMS, axis_jerk=(math.nan, 1e9, 1e9))
+    assert servo_limits.has_axes
+    assert "about x" in guard.admit(exp((1e-6, 0.0, 0.0)), ZERO, servo_limits)
 
 
 @pytest.mark.parametrize("alpha", [(1.0, -2.0, 3.9), (8.0, 3.0, 0.0), (-0.3, 0.0, -3.9)])
 def test_a_soft_stop_keeps_the_limits_of_every_axis(alpha):
-    terms = replace(ABOUT_Z, axis_jerk=(8000.0, 8000.0, 120.0))
+    servo_limits = replace(ABOUT_Z, axis_jerk=(8000.0, 8000.0, 120.0))
     guard = Guard(PERIOD)
     sent = turning(guard, alpha, 40)
-    sent += [q for q, _ in guard.soft_stop(terms)]
+    sent += [q for q, _ in guard.soft_stop(servo_limits)]
     quaternions = Rotation.from_quat(np.array(sent)[:, [1, 2, 3, 0]])
     omega = (quaternions[:-1].inv() * quaternions[1:]).as_rotvec() / PERIOD
     omega = np.concatenate([omega, np.zeros((3, 3))])
     stop = omega[40:]
     alphas = np.diff(stop, axis=0) / PERIOD
     jerk = np.diff(alphas, axis=0) / PERIOD
-    assert np.all(np.abs(stop).max(axis=0) <= np.array(terms.axis_velocity) * 1.001)
-    assert np.all(np.abs(alphas).max(axis=0) <= np.array(terms.axis_acceleration) * 1.001)
-    assert np.all(np.abs(jerk).max(axis=0) <= np.array(terms.axis_jerk) * 1.001)
+    assert np.all(np.abs(stop).max(axis=0) <= np.array(servo_limits.axis_velocity) * 1.001)
+    assert np.all(np.abs(alphas).max(axis=0) <= np.array(servo_limits.axis_acceleration) * 1.001)
+    assert np.all(np.abs(jerk).max(axis=0) <= np.array(servo_limits.axis_jerk) * 1.001)
 
 
 QUANTITIES = ["velocity", "acceleration", "jerk"]
 UNITS = {"velocity": "rad/s", "acceleration": "rad/s^2", "jerk": "rad/s^3"}
-WIDE = Terms(1e3, 1e6, 1e9, 1.0, 10.0, 4.0)
+WIDE = ServoLimits(1e3, 1e6, 1e9, 1.0, 10.0, 4.0)
 
 
 def reaching(quantity, vector):
@@ -135,10 +135,10 @@ def reaching(quantity, vector):
 @pytest.mark.parametrize("direction", [(1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0)])
 def test_a_limit_may_be_exceeded_by_a_thousandth_and_no_more(quantity, direction):
     limit = {"velocity": 2.0, "acceleration": 16.0, "jerk": 9000.0}[quantity]
-    terms = replace(WIDE, **{quantity: limit})
+    servo_limits = replace(WIDE, **{quantity: limit})
     for share, is_admitted in ((1.0009, True), (1.0011, False)):
         guard, q = reaching(quantity, np.array(direction) * limit * share)
-        problem = guard.admit(q, ZERO, terms)
+        problem = guard.admit(q, ZERO, servo_limits)
         assert (problem == "") is is_admitted
     unit = UNITS[quantity]
     said = f"angular {quantity} {limit * 1.0011:.6g} {unit}, the limit is {limit:.6g} {unit}"
@@ -151,12 +151,12 @@ def test_a_component_may_exceed_its_limit_by_a_thousandth_and_no_more(quantity, 
     limit = {"velocity": 2.0, "acceleration": 16.0, "jerk": 9000.0}[quantity]
     axes = [5.0 * limit] * 3
     axes[axis] = limit
-    terms = replace(WIDE, **{f"axis_{quantity}": tuple(axes)})
+    servo_limits = replace(WIDE, **{f"axis_{quantity}": tuple(axes)})
     for share, is_admitted in ((-1.0009, True), (1.0011, False)):
         vector = np.full(3, 3.0 * limit)
         vector[axis] = share * limit
         guard, q = reaching(quantity, vector)
-        problem = guard.admit(q, ZERO, terms)
+        problem = guard.admit(q, ZERO, servo_limits)
         assert (problem == "") is is_admitted
     assert f"angular {quantity} " in problem
     assert problem.endswith(f"about {'xyz'[axis]}, the limit is {limit:.6g} {UNITS[quantity]}")
@@ -164,14 +164,18 @@ def test_a_component_may_exceed_its_limit_by_a_thousandth_and_no_more(quantity, 
 
 def test_of_components_beyond_their_limits_the_farthest_is_named():
     guard, q = reaching("velocity", (2.2, 3.0, 1.0))
-    terms = replace(WIDE, axis_velocity=(2.0, 2.0, 2.0), axis_acceleration=(1e-3, 1e-3, 1e-3))
-    assert guard.admit(q, ZERO, terms) == ("angular velocity 3 rad/s about y, the limit is 2 rad/s")
+    servo_limits = replace(
+        WIDE, axis_velocity=(2.0, 2.0, 2.0), axis_acceleration=(1e-3, 1e-3, 1e-3)
+    )
+    assert guard.admit(q, ZERO, servo_limits) == (
+        "angular velocity 3 rad/s about y, the limit is 2 rad/s"
+    )
 
 
 @pytest.mark.parametrize("axes", [{}, dict.fromkeys(["axis_velocity", "axis_jerk"], (0.0,) * 3)])
 def test_rounding_is_no_violation_even_of_a_limit_of_zero(axes):
     axes |= {"axis_acceleration": (0.0,) * 3} if axes else {}
-    nothing = Terms(0.0, 0.0, 0.0, 0.0, 0.0, 4.0, **axes)
+    nothing = ServoLimits(0.0, 0.0, 0.0, 0.0, 0.0, 4.0, **axes)
     small, large = (exp((0.0, 0.0, turn)) for turn in (3.9e-15, 4.2e-15))
     assert Guard(PERIOD).admit(small, ZERO, nothing) == ""
     assert Guard(PERIOD).admit(large, ZERO, nothing) != ""
@@ -182,22 +186,22 @@ def test_rounding_is_no_violation_even_of_a_limit_of_zero(axes):
 @pytest.mark.parametrize("quantity", QUANTITIES)
 def test_rounding_is_divided_by_the_period_as_often_as_the_rate(quantity):
     power = QUANTITIES.index(quantity) + 1
-    for terms in (
+    for servo_limits in (
         replace(WIDE, **{quantity: 1e-30}),
         replace(WIDE, **{f"axis_{quantity}": (1e-30, 1e-30, 1e-30)}),
     ):
         for rounding, is_admitted in ((3.9e-15, True), (4.2e-15, False)):
             guard, q = reaching(quantity, (0.0, rounding / PERIOD**power, 0.0))
-            assert (guard.admit(q, ZERO, terms) == "") is is_admitted
+            assert (guard.admit(q, ZERO, servo_limits) == "") is is_admitted
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES)
 def test_rounding_comes_on_top_of_a_limit(quantity):
     rounding = 4e-15 / PERIOD ** (QUANTITIES.index(quantity) + 1)
-    terms = replace(WIDE, **{quantity: rounding})
+    servo_limits = replace(WIDE, **{quantity: rounding})
     for share, is_admitted in ((2.0, True), (2.01, False)):
         guard, q = reaching(quantity, (0.0, share * rounding, 0.0))
-        assert (guard.admit(q, ZERO, terms) == "") is is_admitted
+        assert (guard.admit(q, ZERO, servo_limits) == "") is is_admitted
 
 
 def test_what_is_within_its_tolerance_is_not_named():
@@ -251,8 +255,8 @@ def test_a_position_is_held_to_its_own_limits(axis):
         guard = Guard(PERIOD)
         guard.velocity = along(0.5)
         # Where it was, as the velocity before has to be taken away.
-        terms = replace(TERMS, linear_acceleration=0.5 / PERIOD / share)
-        problem = guard.admit(Q, ZERO, terms)
+        servo_limits = replace(TERMS, linear_acceleration=0.5 / PERIOD / share)
+        problem = guard.admit(Q, ZERO, servo_limits)
         assert (problem == "") is is_admitted
     assert problem == f"acceleration 250 m/s^2, the limit is {0.5 / PERIOD / share:.6g} m/s^2"
     assert guard.admit(Q, (math.nan, 0.0, 0.0), TERMS) != ""
@@ -330,10 +334,10 @@ def test_a_stop_with_limits_of_components_is_as_long_as_they_ask_for(
     limits, omega, alpha, velocity, cycles
 ):
     limits = {"axis_velocity": AXES, **limits}
-    terms = replace(Terms(1e9, 1e9, 1e9, 1e9, 1e9, 4.0), **limits)
+    servo_limits = replace(ServoLimits(1e9, 1e9, 1e9, 1e9, 1e9, 4.0), **limits)
     guard = Guard(PERIOD)
     guard.omega, guard.alpha, guard.velocity = omega, alpha, velocity
-    sent = list(guard.soft_stop(terms))
+    sent = list(guard.soft_stop(servo_limits))
     assert len(sent) == cycles
     assert (guard.omega, guard.alpha, guard.velocity) == (ZERO, ZERO, ZERO)
     assert (guard.q, guard.position) == sent[-1]
@@ -341,8 +345,8 @@ def test_a_stop_with_limits_of_components_is_as_long_as_they_ask_for(
     q = np.array([Q, *(q for q, _ in sent)])
     turns = Rotation.from_quat(q[:, [1, 2, 3, 0]])
     for rate, before, most in (
-        (np.diff(places, axis=0) / PERIOD, velocity, terms.linear_acceleration),
-        ((turns[:-1].inv() * turns[1:]).as_rotvec() / PERIOD, omega, terms.acceleration),
+        (np.diff(places, axis=0) / PERIOD, velocity, servo_limits.linear_acceleration),
+        ((turns[:-1].inv() * turns[1:]).as_rotvec() / PERIOD, omega, servo_limits.acceleration),
     ):
         pushes = np.diff(np.vstack([before, rate]), axis=0) / PERIOD
         assert np.linalg.norm(pushes, axis=1).max() <= most * 1.001 + 20.0 * bool(any(alpha))
@@ -350,7 +354,7 @@ def test_a_stop_with_limits_of_components_is_as_long_as_they_ask_for(
 
 
 def test_terms_cross_the_mailbox_unchanged():
-    terms = replace(ABOUT_Z, brake_rate=3.25)
-    record = struct.pack(f"{TERMS_FLOATS}d", *terms.floats())
-    assert Terms.from_floats(struct.unpack(f"{TERMS_FLOATS}d", record)) == terms
-    assert not Terms.from_floats(TERMS.floats()).has_axes
+    servo_limits = replace(ABOUT_Z, brake_rate=3.25)
+    record = struct.pack(f"{TERMS_FLOATS}d", *servo_limits.floats())
+    assert ServoLimits.from_floats(struct.unpack(f"{TERMS_FLOATS}d", record)) == servo_limits
+    assert not ServoLimits.from_floats(TERMS.floats()).has_axes

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from orientd.servo.path.time_scaling import PathClock
+from orientd.servo.path.time_scaling import TimeScaling
 
 H = 0.002
 
@@ -13,7 +13,7 @@ def rates(clock, cycles):
 @pytest.mark.parametrize("brake_rate", [0.3, 1.0, 3.0, 10.0, 20.0])
 def test_acceleration_and_jerk_of_the_rate_stay_bounded_whatever_is_asked(brake_rate):
     random = np.random.default_rng(3)
-    clock = PathClock(H)
+    clock = TimeScaling(H)
     clock.begin(brake_rate, 0.7)
     rate = [0.7, 0.7]
     for _ in range(20_000):
@@ -29,7 +29,7 @@ def test_acceleration_and_jerk_of_the_rate_stay_bounded_whatever_is_asked(brake_
 
 @pytest.mark.parametrize("brake_rate", [0.3, 1.0, 10.0])
 def test_a_stop_from_full_speed_takes_one_over_the_brake_rate(brake_rate):
-    clock = PathClock(H)
+    clock = TimeScaling(H)
     clock.begin(brake_rate, 1.0)
     clock.target = 0.0
     cycles = 0
@@ -41,7 +41,7 @@ def test_a_stop_from_full_speed_takes_one_over_the_brake_rate(brake_rate):
 
 def test_a_stop_uses_no_more_path_than_it_says():
     for brake_rate in (0.3, 2.0, 20.0):
-        clock = PathClock(H)
+        clock = TimeScaling(H)
         clock.begin(brake_rate, 0.5)
         clock.target = 1.0
         for _ in range(int(0.2 / brake_rate / H)):
@@ -52,7 +52,7 @@ def test_a_stop_uses_no_more_path_than_it_says():
 
 
 def test_a_rate_that_is_reached_is_kept_exactly():
-    clock = PathClock(H)
+    clock = TimeScaling(H)
     clock.begin(4.0, 0.0)
     clock.target = 1.0
     rates(clock, 400)
@@ -62,7 +62,7 @@ def test_a_rate_that_is_reached_is_kept_exactly():
 
 @pytest.mark.parametrize("brake_rate", [0.3, 2.0, 20.0])
 def test_it_tells_its_brake_rate_and_the_records_of_a_stop(brake_rate):
-    clock = PathClock(H)
+    clock = TimeScaling(H)
     assert (clock.rate, clock.braking_cycles) == (0.0, 0)
     clock.begin(brake_rate, 1.0)
     assert clock.brake_rate == brake_rate
@@ -72,7 +72,7 @@ def test_it_tells_its_brake_rate_and_the_records_of_a_stop(brake_rate):
 @pytest.mark.parametrize(("begin", "target"), [(0.0, 1.0), (1.0, 0.0), (0.2, 0.3), (0.9, 0.85)])
 @pytest.mark.parametrize("brake_rate", [0.5, 4.0, 9.7])
 def test_a_change_from_a_steady_rate_is_quick_and_goes_one_way(brake_rate, begin, target):
-    clock = PathClock(H)
+    clock = TimeScaling(H)
     clock.begin(brake_rate, begin)
     clock.target = target
     found = [begin]
@@ -88,7 +88,7 @@ def test_a_change_from_a_steady_rate_is_quick_and_goes_one_way(brake_rate, begin
 
 
 def test_before_a_motion_it_stands_still():
-    clock = PathClock(H)
+    clock = TimeScaling(H)
     assert (clock.target, clock.acceleration, clock.brake_rate) == (0.0, 0.0, 0.0)
     assert clock.is_at_rest
     assert clock.is_steady
@@ -96,7 +96,7 @@ def test_before_a_motion_it_stands_still():
 
 
 def test_it_counts_its_moves_and_stands_where_it_is_put():
-    clock = PathClock(H)
+    clock = TimeScaling(H)
     assert (clock.moves, clock.is_led) == (0, False)
     clock.begin(4.0, 0.5)
     assert (clock.rate, clock.target, clock.acceleration, clock.moves) == (0.5, 0.5, 0.0, 1)
@@ -117,7 +117,7 @@ def test_it_counts_its_moves_and_stands_where_it_is_put():
 
 
 def test_a_beginning_forgets_the_motion_before_it():
-    clock = PathClock(H)
+    clock = TimeScaling(H)
     clock.begin(4.0, 0.0)
     clock.target = 1.0
     rates(clock, 50)
@@ -131,7 +131,7 @@ def test_a_beginning_forgets_the_motion_before_it():
 
 
 def test_another_law_leads_it_until_its_last_rate():
-    clock = PathClock(H)
+    clock = TimeScaling(H)
     clock.begin(4.0, 1.0)
     clock.lead(0.99)
     assert (clock.rate, clock.is_led, clock.moves) == (0.99, True, 2)
@@ -143,7 +143,7 @@ def test_another_law_leads_it_until_its_last_rate():
 
 
 def test_an_eased_rate_is_as_if_it_had_been_moved_there():
-    clock = PathClock(H)
+    clock = TimeScaling(H)
     clock.begin(4.0, 1.0)
     clock.target = 0.0
     rates(clock, 20)
@@ -156,7 +156,7 @@ def test_an_eased_rate_is_as_if_it_had_been_moved_there():
 
 def test_a_rate_never_leaves_0_to_1():
     for led, target in ((0.999, 1.0), (0.001, 0.0)):
-        clock = PathClock(H)
+        clock = TimeScaling(H)
         clock.begin(4.0, 0.5)
         clock.target = target
         # Far too quick for the law to come down in time.

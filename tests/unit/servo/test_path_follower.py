@@ -12,8 +12,8 @@ from orientd.servo.path.path_follower import (
     FINAL_WORD,
     MOST_LEGS,
     TAIL_WORD,
-    Leg,
     PathFollower,
+    PathPart,
     StarvedError,
 )
 from orientd.servo.path.path_point import PathPoint
@@ -66,7 +66,7 @@ def end(ring, final):
 
 def begun(ring, follower, count=20, **fields):
     first = lay(ring, range(count))
-    follower.begin(Leg(1, first, TERMS, **fields))
+    follower.begin(PathPart(1, first, TERMS, **fields))
     return first
 
 
@@ -85,11 +85,11 @@ def ahead(follower, records):
 def test_before_a_motion_there_is_nothing(ring, follower):
     assert (follower.index, follower.fraction, follower.is_at_end) == (0, 0.0, False)
     assert (follower.leg, follower.revision) == (follower.leg, 0)
-    assert (follower.leg.number, follower.leg.first, follower.leg.terms) == (0, 0, TERMS)
+    assert (follower.leg.number, follower.leg.first, follower.leg.servo_limits) == (0, 0, TERMS)
     assert not follower.is_spliced
     assert follower.peek(0) is None
     with pytest.raises(StarvedError, match="path record 3 is not in the ring"):
-        follower.begin(Leg(1, 3, TERMS))
+        follower.begin(PathPart(1, 3, TERMS))
 
 
 def test_only_what_is_in_the_ring_is_peeked_at(ring, follower):
@@ -227,7 +227,7 @@ def test_what_was_reached_before_another_motion_does_not_count(ring, follower):
     begun(ring, follower, 50)
     assert follower.reaches(40)
     first = lay(ring, range(3))
-    follower.begin(Leg(2, first, TERMS))
+    follower.begin(PathPart(2, first, TERMS))
     assert follower.reaches(2)
     assert not follower.reaches(3)
 
@@ -236,7 +236,7 @@ def test_what_was_reached_before_another_motion_does_not_count(ring, follower):
 def test_a_splice_is_gone_over_to_at_its_record(ring, follower, step):
     begun(ring, follower, 10)
     first = lay(ring, range(5, 9))
-    leg = Leg(2, first, TERMS, leave=5, final=first + 3)
+    leg = PathPart(2, first, TERMS, leave=5, final=first + 3)
     assert follower.splice(leg) == ""
     assert follower.is_spliced
     assert follower.revision == 2
@@ -258,12 +258,12 @@ def test_a_splice_is_gone_over_to_at_its_record(ring, follower, step):
 def test_at_the_record_of_a_splice_the_new_leg_has_begun(ring, follower):
     begun(ring, follower, 10)
     first = lay(ring, range(2, 6))
-    leg = Leg(2, first, TERMS, leave=2)
+    leg = PathPart(2, first, TERMS, leave=2)
     assert follower.splice(leg) == ""
     ahead(follower, 1.0)
     ahead(follower, 1.0)
     assert (follower.index, follower.leg) == (first, leg)
-    follower.begin(Leg(3, 0, TERMS))
+    follower.begin(PathPart(3, 0, TERMS))
     ahead(follower, 1.0)
     ahead(follower, 1.0)
     # The record that was written last may be left too.
@@ -275,7 +275,7 @@ def test_at_the_record_of_a_splice_the_new_leg_has_begun(ring, follower):
 def test_the_end_of_a_leg_that_is_left_is_no_end(ring, follower):
     begun(ring, follower, 5, final=4)
     first = lay(ring, range(4, 8))
-    assert follower.splice(Leg(2, first, TERMS, leave=4)) == ""
+    assert follower.splice(PathPart(2, first, TERMS, leave=4)) == ""
     end(ring, first + 3)
     for k in range(1, 8):
         assert not follower.is_at_end
@@ -286,7 +286,7 @@ def test_the_end_of_a_leg_that_is_left_is_no_end(ring, follower):
 def test_the_only_record_of_a_last_leg_is_its_end(ring, follower):
     begun(ring, follower, 10)
     first = lay(ring, [2])
-    assert follower.splice(Leg(2, first, TERMS, leave=2, final=first)) == ""
+    assert follower.splice(PathPart(2, first, TERMS, leave=2, final=first)) == ""
     ahead(follower, 1.5)
     assert ahead(follower, 1.0) == pytest.approx(2.0)
     assert (follower.index, follower.fraction, follower.is_at_end) == (first, 0.0, True)
@@ -296,7 +296,7 @@ def test_what_is_left_out_by_a_splice_is_not_reached_any_more(ring, follower):
     begun(ring, follower, 30)
     assert follower.reaches(25)
     first = lay(ring, range(4, 8))
-    assert follower.splice(Leg(2, first, TERMS, leave=4)) == ""
+    assert follower.splice(PathPart(2, first, TERMS, leave=4)) == ""
     assert follower.reaches(7)
     assert not follower.reaches(8)
 
@@ -306,7 +306,7 @@ def chained(ring, follower):
     firsts = [begun(ring, follower, 6)]
     for number in (2, 3):
         first = lay(ring, range(4 * (number - 1), 4 * (number - 1) + 6))
-        leg = Leg(number, first, TERMS, leave=firsts[-1] + 4)
+        leg = PathPart(number, first, TERMS, leave=firsts[-1] + 4)
         assert follower.splice(leg) == ""
         firsts.append(first)
     return firsts
@@ -337,7 +337,7 @@ def test_behind_the_end_nothing_is_peeked_at(ring, follower):
     assert follower.peek_ahead(5) == point(5)
     assert follower.peek_ahead(6) is None
     first = lay(ring, range(4, 9))
-    assert follower.splice(Leg(2, first, TERMS, leave=4, final=first + 2)) == ""
+    assert follower.splice(PathPart(2, first, TERMS, leave=4, final=first + 2)) == ""
     assert follower.peek_ahead(6) == point(6)
     assert follower.peek_ahead(7) is None
 
@@ -345,17 +345,17 @@ def test_behind_the_end_nothing_is_peeked_at(ring, follower):
 def test_what_has_other_limits_is_not_peeked_at(ring, follower):
     begun(ring, follower, 8)
     first = lay(ring, range(4, 9))
-    assert follower.splice(Leg(2, first, replace(TERMS, jerk=1.0), leave=4)) == ""
+    assert follower.splice(PathPart(2, first, replace(TERMS, jerk=1.0), leave=4)) == ""
     assert follower.peek_ahead(3) == point(3)
     assert follower.peek_ahead(4) is None
-    assert follower.splice(Leg(3, first, replace(TERMS, brake_rate=9.0), leave=4)) == ""
+    assert follower.splice(PathPart(3, first, replace(TERMS, brake_rate=9.0), leave=4)) == ""
     assert follower.peek_ahead(4) == point(4)
 
 
 def test_a_splice_ahead_of_another_drops_it(ring, follower):
     firsts = chained(ring, follower)
     first = lay(ring, range(2, 5))
-    assert follower.splice(Leg(4, first, TERMS, leave=2, final=first + 2)) == ""
+    assert follower.splice(PathPart(4, first, TERMS, leave=2, final=first + 2)) == ""
     for _ in range(6):
         ahead(follower, 1.0)
     assert (follower.leg.number, follower.index, follower.is_at_end) == (4, first + 2, True)
@@ -365,7 +365,7 @@ def test_a_splice_ahead_of_another_drops_it(ring, follower):
 def test_a_splice_on_a_leg_ahead_keeps_those_before_it(ring, follower):
     firsts = chained(ring, follower)
     first = lay(ring, range(6, 9))
-    assert follower.splice(Leg(4, first, TERMS, leave=firsts[1] + 2)) == ""
+    assert follower.splice(PathPart(4, first, TERMS, leave=firsts[1] + 2)) == ""
     numbers = []
     for _ in range(8):
         ahead(follower, 1.0)
@@ -376,7 +376,7 @@ def test_a_splice_on_a_leg_ahead_keeps_those_before_it(ring, follower):
 def test_a_leg_ahead_may_be_left_at_its_first_record(ring, follower):
     firsts = chained(ring, follower)
     first = lay(ring, range(4, 9))
-    assert follower.splice(Leg(4, first, TERMS, leave=firsts[1])) == ""
+    assert follower.splice(PathPart(4, first, TERMS, leave=firsts[1])) == ""
     for k in range(1, 7):
         assert ahead(follower, 1.0) == pytest.approx(k)
     assert follower.leg.number == 4
@@ -387,12 +387,12 @@ def test_a_record_beyond_where_its_leg_is_left_is_not_on_the_path(ring, follower
     first = lay(ring, range(5, 9))
     revision = follower.revision
     for leave in (5, firsts[1] + 5):
-        problem = follower.splice(Leg(4, first, TERMS, leave=leave))
+        problem = follower.splice(PathPart(4, first, TERMS, leave=leave))
         assert problem == f"record {leave} is not on the path any more"
     assert follower.revision == revision
     # Where the leg is left by another it may be left for this one, too.
     first = lay(ring, range(4, 9))
-    assert follower.splice(Leg(4, first, TERMS, leave=4)) == ""
+    assert follower.splice(PathPart(4, first, TERMS, leave=4)) == ""
 
 
 def test_a_record_that_is_passed_cannot_be_left(ring, follower):
@@ -401,17 +401,17 @@ def test_a_record_that_is_passed_cannot_be_left(ring, follower):
     ahead(follower, 1.0)
     ahead(follower, 1.0)
     ahead(follower, 0.5)
-    assert follower.splice(Leg(2, first, TERMS, leave=2)) == (
+    assert follower.splice(PathPart(2, first, TERMS, leave=2)) == (
         "the path has passed record 2, it is at 2"
     )
     first = lay(ring, range(3, 9))
-    assert follower.splice(Leg(2, first, TERMS, leave=3)) == ""
+    assert follower.splice(PathPart(2, first, TERMS, leave=3)) == ""
 
 
 def test_a_record_that_is_not_there_cannot_be_joined(ring, follower):
     begun(ring, follower, 4)
-    assert follower.splice(Leg(2, 9, TERMS, leave=2)) == "path record 9 is not in the ring"
-    assert follower.splice(Leg(2, 2, TERMS, leave=7)) == "path record 7 is not in the ring"
+    assert follower.splice(PathPart(2, 9, TERMS, leave=2)) == "path record 9 is not in the ring"
+    assert follower.splice(PathPart(2, 2, TERMS, leave=7)) == "path record 7 is not in the ring"
     assert not follower.is_spliced
     assert follower.revision == 1
 
@@ -421,10 +421,10 @@ def test_there_is_room_for_a_number_of_legs(ring, follower):
     leave = 1
     for number in range(MOST_LEGS):
         first = lay(ring, range(number + 1, number + 4))
-        assert follower.splice(Leg(number, first, TERMS, leave=leave)) == ""
+        assert follower.splice(PathPart(number, first, TERMS, leave=leave)) == ""
         leave = first + 1
     first = lay(ring, range(MOST_LEGS + 1, MOST_LEGS + 4))
-    assert follower.splice(Leg(99, first, TERMS, leave=leave)) == (
+    assert follower.splice(PathPart(99, first, TERMS, leave=leave)) == (
         f"there are {MOST_LEGS} motions ahead already"
     )
     assert MOST_LEGS == 16
@@ -446,39 +446,39 @@ def along(axis, value):
 )
 def test_paths_are_joined_where_they_agree(ring, follower, name, most, words, unit, axis):
     lay(ring, range(3))
-    follower.begin(Leg(1, 0, TERMS))
+    follower.begin(PathPart(1, 0, TERMS))
     here = point(2)
     for share, is_joined in ((0.9, True), (-1.1, False)):
         gap = along(axis, share * most)
         value = tuple(a + b for a, b in zip(getattr(here, name), gap, strict=True))
         first = put(ring, here._replace(**{name: value}))
-        problem = follower.splice(Leg(2, first, TERMS, leave=2))
+        problem = follower.splice(PathPart(2, first, TERMS, leave=2))
         assert (problem == "") is is_joined
     assert problem == f"the {words} of the two paths differs by {1.1 * most:.3g} {unit}"
 
 
 def test_orientations_are_joined_up_to_a_nanoradian_and_their_sign(ring, follower):
     lay(ring, range(3))
-    follower.begin(Leg(1, 0, TERMS))
+    follower.begin(PathPart(1, 0, TERMS))
     q = exp((0.0, 0.0, 2 * STEP + 0.9e-9))
     first = put(ring, point(2, q=tuple(-part for part in q)))
-    assert follower.splice(Leg(2, first, TERMS, leave=2)) == ""
+    assert follower.splice(PathPart(2, first, TERMS, leave=2)) == ""
     first = put(ring, point(2, q=exp((0.0, 0.0, 2 * STEP + 1.1e-9))))
-    problem = follower.splice(Leg(2, first, TERMS, leave=2))
+    problem = follower.splice(PathPart(2, first, TERMS, leave=2))
     assert problem == "the orientation of the two paths differs by 1.1e-09 rad"
 
 
 def test_what_is_not_a_number_is_not_joined(ring, follower):
     lay(ring, range(3))
-    follower.begin(Leg(1, 0, TERMS))
+    follower.begin(PathPart(1, 0, TERMS))
     first = put(ring, point(2, velocity=(float("nan"), 0.0, 0.0)))
-    assert "velocity" in follower.splice(Leg(2, first, TERMS, leave=2))
+    assert "velocity" in follower.splice(PathPart(2, first, TERMS, leave=2))
 
 
 def test_a_motion_forgets_the_legs_of_the_one_before(ring, follower):
     chained(ring, follower)
     first = lay(ring, range(3))
-    follower.begin(Leg(9, first, TERMS))
+    follower.begin(PathPart(9, first, TERMS))
     assert not follower.is_spliced
     assert follower.revision == 4
     assert ahead(follower, 1.0) == pytest.approx(1.0)

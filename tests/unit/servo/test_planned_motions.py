@@ -58,8 +58,8 @@ def lay(rig, motion):
     return rig.lay(records[:, :4], records[:, 4:7], records[:, 7:10], position=records[:, 10:13])
 
 
-def terms_of(motion):
-    return servo_link.terms_of(motion.limits, motion.certificate.brake_rate)
+def servo_limits_of(motion):
+    return servo_link.servo_limits_of(motion.limits, motion.certificate.brake_rate)
 
 
 @pytest.mark.parametrize("limits", [DEFAULT_LIMITS, TIGHT], ids=["default", "tight"])
@@ -75,7 +75,7 @@ def test_whatever_is_commanded_the_limits_are_kept_and_the_path_is_not_left(seed
         motion = plan_until_it_fits(random, start, limits, is_timed=is_timed)
         first = lay(rig, motion)
         answer, text = rig.ask(
-            Command.START, motion=number, path_index=first, terms=terms_of(motion)
+            Command.START, motion=number, path_index=first, servo_limits=servo_limits_of(motion)
         )
         assert answer is Answer.DONE, text
         while rig.servo.state is State.STREAMING:
@@ -109,7 +109,7 @@ def test_every_setpoint_lies_on_the_planned_path_at_its_path_time(seed):
     start = PlannedState.at_rest(cycle.q, cycle.position)
     motion = plan_until_it_fits(random, start, DEFAULT_LIMITS, is_timed=True)
     first = lay(rig, motion)
-    rig.ask(Command.START, path_index=first, terms=terms_of(motion))
+    rig.ask(Command.START, path_index=first, servo_limits=servo_limits_of(motion))
     worst = 0.0
     while rig.servo.state is State.STREAMING:
         if random.random() < 0.01:

@@ -5,7 +5,7 @@ import pytest
 from rig import PERIOD, Rig
 from scipy.spatial.transform import Rotation
 
-from orientd.daemon.devices.servo_link import terms_of
+from orientd.daemon.devices.servo_link import servo_limits_of
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, plan
 from orientd.planner import State as PlannedState
 from orientd.stream import Answer, Command, State
@@ -39,8 +39,10 @@ def test_whatever_is_commanded_the_limits_are_kept(seed, limits):
         first = rig.lay(
             records[:, :4], records[:, 4:7], records[:, 7:10], position=records[:, 10:13]
         )
-        terms = terms_of(motion.limits, motion.certificate.brake_rate)
-        answer, text = rig.ask(Command.START, motion=number, path_index=first, terms=terms)
+        servo_limits = servo_limits_of(motion.limits, motion.certificate.brake_rate)
+        answer, text = rig.ask(
+            Command.START, motion=number, path_index=first, servo_limits=servo_limits
+        )
         assert answer is Answer.DONE, text
         while rig.servo.state is State.STREAMING:
             rig.run(int(random.integers(1, 400)))

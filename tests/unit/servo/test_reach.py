@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from orientd.servo.path.feasible_rates import Ahead, Past, allowed, released
-from orientd.stream import Terms
+from orientd.stream import ServoLimits
 
 H = 0.002
 ZERO = (0.0, 0.0, 0.0)
@@ -16,17 +16,17 @@ def triple(vector):
     return tuple(vector.tolist())
 
 
-def keeps(past, ahead, terms, rate):
+def keeps(past, ahead, servo_limits, rate):
     omega = np.array(ahead.omega) * rate + ahead.bend
     alpha = (omega - past.omega) / H
     jerk = (alpha - past.alpha) / H
     push = (np.array(ahead.velocity) * rate + ahead.shift - past.velocity) / H
     return (
-        np.linalg.norm(alpha) <= terms.acceleration
-        and np.linalg.norm(jerk) <= terms.jerk
-        and np.linalg.norm(push) <= terms.linear_acceleration
-        and (np.abs(alpha) <= terms.axis_acceleration).all()
-        and (np.abs(jerk) <= terms.axis_jerk).all()
+        np.linalg.norm(alpha) <= servo_limits.acceleration
+        and np.linalg.norm(jerk) <= servo_limits.jerk
+        and np.linalg.norm(push) <= servo_limits.linear_acceleration
+        and (np.abs(alpha) <= servo_limits.axis_acceleration).all()
+        and (np.abs(jerk) <= servo_limits.axis_jerk).all()
     )
 
 
@@ -48,28 +48,30 @@ def test_a_rate_is_allowed_exactly_if_it_keeps_every_limit(seed):
     if not seed % 3:
         past = past._replace(velocity=ZERO)
     axes = (30.0, inf, 15.0) if seed % 2 else (inf, inf, inf)
-    terms = Terms(9.0, 25.0, 9000.0, 9.0, 20.0, 1.0, (9.0,) * 3, axes, (inf, 6000.0, inf))
-    low, high = allowed(past, ahead, terms, H, 1.0, 1.0)
+    servo_limits = ServoLimits(
+        9.0, 25.0, 9000.0, 9.0, 20.0, 1.0, (9.0,) * 3, axes, (inf, 6000.0, inf)
+    )
+    low, high = allowed(past, ahead, servo_limits, H, 1.0, 1.0)
     for rate in np.linspace(0.5, 1.1, 601):
         if min(abs(rate - low), abs(rate - high)) > 1e-9:
-            assert keeps(past, ahead, terms, rate) == (low < rate < high)
+            assert keeps(past, ahead, servo_limits, rate) == (low < rate < high)
 
 
 def test_a_still_path_allows_every_rate_or_none():
-    terms = Terms(1.0, 5.0, 1000.0, 1.0, 1.0, 1.0)
+    servo_limits = ServoLimits(1.0, 5.0, 1000.0, 1.0, 1.0, 1.0)
     still = Ahead(ZERO, ZERO, ZERO, ZERO)
-    assert allowed(Past(ZERO, ZERO, ZERO), still, terms, H, 1.0, 1.0) == (-inf, inf)
-    low, high = allowed(Past((0.1, 0.0, 0.0), ZERO, ZERO), still, terms, H, 1.0, 1.0)
+    assert allowed(Past(ZERO, ZERO, ZERO), still, servo_limits, H, 1.0, 1.0) == (-inf, inf)
+    low, high = allowed(Past((0.1, 0.0, 0.0), ZERO, ZERO), still, servo_limits, H, 1.0, 1.0)
     assert low > high
 
 
 @pytest.mark.parametrize("speed", [1e-4, 0.01, 0.3, 2.0])
 def test_a_release_ends_at_rest_within_the_jerk(speed):
-    terms = Terms(9.0, inf, 40.0, 1.0, 1.0, 1.0)
+    servo_limits = ServoLimits(9.0, inf, 40.0, 1.0, 1.0, 1.0)
     rates, past = [], Past((speed, 0.0, 0.0), ZERO, ZERO)
     ahead = Ahead((2.0, 0.0, 0.0), ZERO, ZERO, ZERO)
     while not rates or rates[-1] > 1e-9:
-        rate = released(past, ahead, terms, H, 1.0)
+        rate = released(past, ahead, servo_limits, H, 1.0)
         omega = (2.0 * rate, 0.0, 0.0)
         past = Past(omega, ((omega[0] - past.omega[0]) / H, 0.0, 0.0), ZERO)
         rates.append(rate)

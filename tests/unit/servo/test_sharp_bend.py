@@ -40,16 +40,16 @@ def test_a_peak_between_the_records_is_passed_inside_the_limits(path, slowed, sp
     records, largest = path
     between = lobe(np.array([FIRST - PERIOD, FIRST, FIRST + PERIOD]), FIRST)[0]
     assert np.diff(between, 2)[0] / PERIOD**2 > 1.005 * largest
-    terms = replace(TERMS, acceleration=1.0005 * largest, jerk=3000.0, brake_rate=5.0)
+    servo_limits = replace(TERMS, acceleration=1.0005 * largest, jerk=3000.0, brake_rate=5.0)
     rig = Rig()
-    rig.start(records, terms=terms)
+    rig.start(records, servo_limits=servo_limits)
     rig.run(5)
     # The clock is back at full speed before the first peak, but not on the records any more.
-    assert rig.ask(Command.SPEED, speed=speed, terms=terms)[0] is Answer.DONE
+    assert rig.ask(Command.SPEED, speed=speed, servo_limits=servo_limits)[0] is Answer.DONE
     rig.run(slowed)
-    rig.ask(Command.SPEED, speed=1.0, terms=terms)
+    rig.ask(Command.SPEED, speed=1.0, servo_limits=servo_limits)
     rig.run_until(lambda servo: not servo.is_moving)
     assert rig.servo.state is State.HOLDING, rig.servo.setpoints.fault_text
     turns = rotation.log(rotation.multiply(rotation.conjugate(rig.sent()[:-1]), rig.sent()[1:]))
     sent = np.linalg.norm(np.diff(turns, axis=0), axis=1).max() / PERIOD**2
-    assert sent <= 1.001 * terms.acceleration
+    assert sent <= 1.001 * servo_limits.acceleration

@@ -38,10 +38,15 @@ def laid(rig, path):
     return first, first + len(path[0]) - 1
 
 
-def splice(rig, path, leave, *, motion=2, terms=TERMS):
+def splice(rig, path, leave, *, motion=2, servo_limits=TERMS):
     first, final = laid(rig, path)
     answer = rig.ask(
-        Command.SPLICE, motion=motion, path_index=first, leave=leave, final=final, terms=terms
+        Command.SPLICE,
+        motion=motion,
+        path_index=first,
+        leave=leave,
+        final=final,
+        servo_limits=servo_limits,
     )
     return answer, first
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orientd.servo.path.cubic import between, cubic
-from orientd.servo.path.turn_back import Turn
+from orientd.servo.path.turn_back import TurnBackPoint
 
 ZERO = (0.0, 0.0, 0.0)
 AXIS = (0.6, 0.0, 0.8)
@@ -16,7 +16,7 @@ def along(value):
 
 def a_turn(speed, push):
     """Return the turn of a motion with constant acceleration along an axis, from its records."""
-    turn, omega = Turn(AXIS, 0), speed
+    turn, omega = TurnBackPoint(AXIS, 0), speed
     while not turn.is_found:
         turn.look(cubic(along(omega), along(omega + push), along(omega + 0.5 * push)))
         omega += push

@@ -11,7 +11,7 @@ from direct_planners import DirectPlanners
 
 from orientd import config
 from orientd.daemon.cell import planner_device
-from orientd.daemon.planners import Job, Order, Planners, Rank
+from orientd.daemon.planners import PlanCall, PlanInput, Planners, Rank
 from orientd.daemon.planners.lanes import MOST_WAITING
 from orientd.errors import DaemonError, DeadlineError, PlanError, RequestError, TooMuchError
 from orientd.planner import Keyframe, MotionRequest, State
@@ -31,14 +31,14 @@ SMALL = motion(0.1)
 
 
 def quick():
-    return Order(SMALL, timeout=60.0)
+    return PlanCall(SMALL, timeout=60.0)
 
 
 ENDLESS = motion(*np.tile([0.1, 0.2], 50_000))
 
 
 def job(content=SMALL, name="arm"):
-    return Job(name, content, os.urandom(6).hex(), HERE)
+    return PlanInput(name, content, os.urandom(6).hex(), HERE)
 
 
 def run(test, *, processes=1, timeout=60.0):
@@ -53,7 +53,7 @@ def run(test, *, processes=1, timeout=60.0):
         )
         planners.start()
         try:
-            await planners.plan(job(), Order(SMALL, timeout=60.0))
+            await planners.plan(job(), PlanCall(SMALL, timeout=60.0))
             return await test(planners)
         finally:
             await planners.close()
@@ -69,11 +69,11 @@ def test_a_planner_makes_what_is_made_here_bit_for_bit():
     one = job(motion(0.3, -0.2, 0.5))
 
     async def test(planners):
-        found = await planners.plan(one, Order(one.motion, timeout=60.0))
+        found = await planners.plan(one, PlanCall(one.motion, timeout=60.0))
         return found, await asyncio.to_thread(lambda: found.event)
 
     there, event = run(test)
-    here = asyncio.run(DirectPlanners([SETTINGS]).plan(one, Order(one.motion)))
+    here = asyncio.run(DirectPlanners([SETTINGS]).plan(one, PlanCall(one.motion)))
     assert (there.plan, event) == (here.plan, here.event)
     count = here.facts.record_count
     assert there.rows(0, count).tobytes() == here.rows(0, count).tobytes()
@@ -82,10 +82,10 @@ def test_a_planner_makes_what_is_made_here_bit_for_bit():
 def test_what_is_wrong_with_a_request_is_raised_where_it_was_asked():
     async def test(planners):
         with pytest.raises(RequestError, match=r"^keyframes: expected at least 1") as refused:
-            await planners.plan(job(b""), Order(b""))
+            await planners.plan(job(b""), PlanCall(b""))
         assert refused.value.field == "keyframes"
         with pytest.raises(RequestError, match=r"^motion: cannot be read"):
-            await planners.plan(job(b"nonsense"), Order(b"nonsense"))
+            await planners.plan(job(b"nonsense"), PlanCall(b"nonsense"))
 
     run(test)
 
@@ -93,7 +93,7 @@ def test_what_is_wrong_with_a_request_is_raised_where_it_was_asked():
 def test_a_killed_planner_fails_one_request_and_is_replaced():
     async def test(planners):
         (before,) = pids(planners)
-        asked = asyncio.ensure_future(planners.plan(job(ENDLESS), Order(ENDLESS, timeout=60.0)))
+        asked = asyncio.ensure_future(planners.plan(job(ENDLESS), PlanCall(ENDLESS, timeout=60.0)))
         await asyncio.sleep(0.1)
         os.kill(before, signal.SIGKILL)
         with pytest.raises(DaemonError, match=f"planner process {before} ended while "):
@@ -107,7 +107,7 @@ def test_a_killed_planner_fails_one_request_and_is_replaced():
 def test_a_plan_ends_at_its_deadline_and_says_what_took_so_long():
     async def test(planners):
         with pytest.raises(DeadlineError, match=r"^planning took longer than 0\.05 s: ") as late:
-            await planners.plan(job(ENDLESS), Order(ENDLESS, timeout=0.05))
+            await planners.plan(job(ENDLESS), PlanCall(ENDLESS, timeout=0.05))
         assert isinstance(late.value, PlanError)
         assert (await planners.plan(job(), quick())).facts.record_count > 1
 
@@ -119,7 +119,7 @@ def test_a_planner_that_does_not_end_in_time_is_killed():
         (before,) = pids(planners)
         os.kill(before, signal.SIGSTOP)
         with pytest.raises(DeadlineError):
-            await planners.plan(job(), Order(SMALL, timeout=0.2))
+            await planners.plan(job(), PlanCall(SMALL, timeout=0.2))
         assert (await planners.plan(job(), quick())).facts.record_count > 1
         assert pids(planners) != [before]
 
@@ -129,7 +129,7 @@ def test_a_planner_that_does_not_end_in_time_is_killed():
 def test_a_caller_that_goes_away_frees_its_planner():
     async def test(planners):
         before = pids(planners)
-        asked = asyncio.ensure_future(planners.plan(job(ENDLESS), Order(ENDLESS, timeout=60.0)))
+        asked = asyncio.ensure_future(planners.plan(job(ENDLESS), PlanCall(ENDLESS, timeout=60.0)))
         await asyncio.sleep(0.1)
         asked.cancel()
         assert (await planners.plan(job(), quick())).facts.record_count > 1
@@ -143,7 +143,7 @@ def test_callers_take_turns():
     order = []
 
     async def ask(planners, caller):
-        await planners.plan(job(), Order(SMALL, caller, 60.0))
+        await planners.plan(job(), PlanCall(SMALL, caller, 60.0))
         order.append(caller)
 
     async def test(planners):
@@ -159,7 +159,7 @@ def test_callers_take_turns():
 def test_what_one_caller_may_have_waiting_is_bounded():
     async def test(planners):
         asked = [
-            asyncio.ensure_future(planners.plan(job(), Order(SMALL, "many", 60.0)))
+            asyncio.ensure_future(planners.plan(job(), PlanCall(SMALL, "many", 60.0)))
             for _ in range(MOST_WAITING + 5)
         ]
         ended = await asyncio.gather(*asked, return_exceptions=True)
@@ -175,7 +175,7 @@ def test_a_moving_device_does_not_wait_for_a_large_plan():
         while len(planners._started) < 3:
             await asyncio.sleep(0.05)
         large = [
-            asyncio.ensure_future(planners.plan(job(ENDLESS), Order(ENDLESS, str(caller), 60.0)))
+            asyncio.ensure_future(planners.plan(job(ENDLESS), PlanCall(ENDLESS, str(caller), 60.0)))
             for caller in range(3)
         ]
         await asyncio.sleep(0.05)
@@ -206,7 +206,7 @@ def test_records_beyond_the_first_chunk_are_asked_for_while_they_are_fed():
     one = job(long)
 
     async def test(planners):
-        found = await planners.plan(one, Order(long, timeout=60.0))
+        found = await planners.plan(one, PlanCall(long, timeout=60.0))
         count, fed = found.facts.record_count, []
         assert found.at_hand[1] < count
         ends = time.monotonic() + 60.0

@@ -5,12 +5,12 @@ import random
 from math import cos, sin, sqrt
 
 import pytest
-from tracking_world import NS, World, angle, terms
+from tracking_world import NS, World, angle, servo_limits
 
 from orientd.floats import difference, exp, multiply, norm
 from orientd.servo.tracking import Target
 
-LIMITS = terms(4.0, 20.0, 400.0)
+LIMITS = servo_limits(4.0, 20.0, 400.0)
 SECONDS, SETTLED = 6.0, 1.5
 
 

@@ -6,13 +6,17 @@ from math import cos, inf, pi, sin
 
 import pytest
 import ruckig
-from tracking_world import NS, World, angle, terms
+from tracking_world import NS, World, angle, servo_limits
 
 from orientd.driver import ZERO
 from orientd.floats import exp, multiply, norm, normalize
 from orientd.servo.tracking import Target, Tracker, quickest_stop
 
-LIMITS = [terms(2.5, 17.0, 8500.0), terms(2.0, 10.0, 100.0), terms(1.0, 4.0, 40.0)]
+LIMITS = [
+    servo_limits(2.5, 17.0, 8500.0),
+    servo_limits(2.0, 10.0, 100.0),
+    servo_limits(1.0, 4.0, 40.0),
+]
 AXIS = (0.36, -0.48, 0.8)
 
 
@@ -129,7 +133,7 @@ def test_it_begins_in_full_motion_where_the_last_command_left_off():
 
 
 def test_it_begins_faster_than_it_may_be_and_slows_down_with_the_jerk_allowed():
-    fast, slow = terms(2.0, 10.0, 100.0), terms(0.5, 3.0, 100.0)
+    fast, slow = servo_limits(2.0, 10.0, 100.0), servo_limits(0.5, 3.0, 100.0)
     world = World(fast)
     world.take(turned(3.0), live=5.0)
     world.run(0.15)
@@ -329,7 +333,7 @@ def test_it_begins_anywhere_inside_the_limits_of_components(ceases):
     rng = random.Random(4)
     for _ in range(60):
         limits = replace(
-            terms(3.6, 18.0, 360.0),
+            servo_limits(3.6, 18.0, 360.0),
             axis_velocity=tuple(rng.uniform(0.4, 2.0) for _ in range(3)),
             axis_acceleration=tuple(rng.uniform(2.0, 10.0) for _ in range(3)),
             axis_jerk=tuple(rng.uniform(40.0, 200.0) for _ in range(3)),

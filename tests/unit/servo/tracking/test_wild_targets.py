@@ -5,7 +5,7 @@ from dataclasses import replace
 from math import inf, nan, pi
 
 import pytest
-from tracking_world import World, terms
+from tracking_world import World, servo_limits
 
 from orientd.floats import exp, multiply, normalize
 from orientd.servo.tracking import Target
@@ -73,7 +73,7 @@ def storm(events, seed):
     rng = random.Random(seed)
     while events > 0:
         acceleration = 10.0 ** rng.uniform(-0.5, 2.0)
-        limits = terms(
+        limits = servo_limits(
             10.0 ** rng.uniform(-1.0, 1.0), acceleration, acceleration * 10.0 ** rng.uniform(0.3, 4)
         )
         if rng.random() < 0.3:

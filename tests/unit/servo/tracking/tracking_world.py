@@ -4,14 +4,14 @@ from orientd.driver import ZERO
 from orientd.floats import difference, norm
 from orientd.servo.guard import Guard
 from orientd.servo.tracking import Target, Tracker
-from orientd.stream import Terms
+from orientd.stream import ServoLimits
 
 NS = 1_000_000_000
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
 
 
-def terms(velocity, acceleration, jerk):
-    return Terms(velocity, acceleration, jerk, 1.0, 1.0, 1.0)
+def servo_limits(velocity, acceleration, jerk):
+    return ServoLimits(velocity, acceleration, jerk, 1.0, 1.0, 1.0)
 
 
 class World:
