@@ -107,7 +107,7 @@ class Device(SupervisedDevice):
 
         Args:
             order: what to do.
-            manner: how to begin and to end.
+            options: how to begin and to end.
             attempt: how often :meth:`start` has said already that it was too late.
 
         Raises:

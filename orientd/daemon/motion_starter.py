@@ -87,7 +87,7 @@ class MotionStarter:
             token: the lease.
             device: what is to move.
             order: what it is to do.
-            manner: how to begin and to end.
+            options: how to begin and to end.
             stops: what :meth:`ActiveMotions.stops` returned when the motion was asked for.
             received_ns: when that was, monotonic clock.
 
@@ -167,7 +167,7 @@ class MotionStarter:
             token: the lease.
             device: what is to move.
             motion: planned for it.
-            manner: how to begin and to end.
+            options: how to begin and to end.
             stops: what :meth:`ActiveMotions.stops` returned when the motion was asked for.
 
         Raises:

@@ -205,7 +205,7 @@ def _draft(
     """Return the path of a blend and what it leads into.
 
     Args:
-        stretch: the blend.
+        segment: the blend.
         start: where it begins.
         second: the motion it leads into.
         path: of that.

@@ -1,4 +1,4 @@
-"""Drafts: a core with its leads, from hold to hold, not yet held against the limits."""
+"""Candidate motions: a keyframe path with its leads, not yet held against the limits."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class CandidateMotion:
         end: path time of the last keyframe, s.
         keyframe_times: path times of all keyframes, s.
         rough: the part whose acceleration has steps; ``None`` if there is none.
-        core: from the first keyframe to the last; ``None`` for a single keyframe.
+        keyframe path: from the first keyframe to the last; ``None`` for a single keyframe.
     """
 
     path: Path
@@ -45,20 +45,20 @@ def with_leads(
     limits: Limits,
     period: float,
 ) -> CandidateMotion:
-    """Return the path from hold to hold around a core.
+    """Return the path from hold to hold around a keyframe path.
 
-    In front goes the lead-in; behind goes a lead-out if the core does not end at rest.
+    In front goes the lead-in; behind goes a lead-out if the keyframe path does not end at rest.
 
     Args:
-        core: from the first keyframe to the last.
-        lead: from where the device is to the first keyframe; ``None`` where the core is to begin
-            right there.
+        keyframe path: from the first keyframe to the last.
+        lead: from where the device is to the first keyframe; ``None`` where the keyframe path is to
+            begin right there.
         start: where the device is commanded to be.
         limits: to keep.
         period: of the device, s.
 
     Raises:
-        StartError: there is no lead-in, and the core begins elsewhere.
+        StartError: there is no lead-in, and the keyframe path begins elsewhere.
         PlanError: no lead keeps the limits.
     """
     first, last = keyframe_path.segment.ends()
@@ -75,7 +75,7 @@ def with_leads(
         state = State(first.q, first.omega_body, first.alpha_body, *positions.state(0.0))
         refusal.check_start(start, state, limits)
     else:
-        # The core knows nothing of the acceleration the device has.
+        # The keyframe path knows nothing of the acceleration the device has.
         joint = join_in(keyframe_path, start, limits=limits, period=period)
         segments.append(joint)
         segment = segment.without(joint.end)
@@ -129,7 +129,7 @@ def _leads_out(last: State, end: float, limits: Limits, period: float) -> list[P
 
 
 def _rough(keyframe_path: KeyframePath, begin: float) -> Rough | None:
-    """Return where the derivatives of a core have steps, from its first inner knot to its last."""
+    """Return where a keyframe path's derivatives have steps: first inner knot to last."""
     curve = keyframe_path.segment.curve
     if keyframe_path.continuity >= 2 or len(curve.knots) < 3:
         return None

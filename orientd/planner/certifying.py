@@ -1,4 +1,4 @@
-"""From a draft to a motion: its records, held against the limits."""
+"""From a candidate to a motion: its records, held against the limits."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ def certified(
     *,
     motion_id: str,
 ) -> Motion:
-    """Return the motion of a draft, held against its limits on the records that will be sent.
+    """Return the motion of a candidate, held against its limits on the records that will be sent.
 
     Args:
-        draft: from hold to hold, or from the state it takes over.
+        candidate: from hold to hold, or from the state it takes over.
         request: what it was made for.
         start: where the device is commanded to be.
         limits: to keep.

@@ -173,7 +173,7 @@ class _Job:
         except StartError:
             raise
         except PlanError:
-            # No lead can mend a core that breaks a limit by itself: then that is what is wrong.
+            # No lead can mend a path that breaks a limit by itself: then that is what is wrong.
             place = refusal.Place(self.request, 0.0, duration, keyframe_path.times)
             refusal.check_limits(keyframe_path.peaks(self.period, self.limits), place)
             raise
@@ -248,7 +248,7 @@ class _Job:
         raise refusals[-1] if refusals else refusal.of_any_duration(self.start, self.limits)
 
     def _shape(self) -> tuple[PathRequest, KeyframePath]:
-        """Return the course of keyframes without times, and a core on it of about its duration."""
+        """Return the path request of keyframes without times, and a path of about its duration."""
         refusal.check_continuity(self.request)
         is_uniform = not METHODS[self.request.method].interpolates
         knots = chord_knots(self.request, self.limits, is_uniform=is_uniform)
@@ -262,12 +262,12 @@ class _Job:
         ) if path_request.has_one_shape else self._moving(path_request, guess)
 
     def _moving(self, path_request: PathRequest, duration: float) -> KeyframePath:
-        """Return one of many cores to try, each of which may be hard to find."""
+        """Return one of many keyframe paths to try, each of which may be hard to find."""
         with corrections_at_most(_MOST_CORRECTIONS):
             return path_request.keyframe_path(duration)
 
     def in_minimum_time(self, motion_id: str) -> Motion:
-        """Return the motion on which the core is run through as quickly as the limits permit."""
+        """Return the motion along the keyframe path as quickly as the limits permit."""
         path_request, keyframe_path = self._shape()
         refusal.check_smooth(self.request, keyframe_path.continuity)
         if not (path_request.has_one_shape and keyframe_path.is_from_rest_to_rest):

@@ -147,7 +147,7 @@ class SetpointGenerator:
         self.fault, self.fault_text = Fault.NONE, ""
 
     def start(self, leg: PathPart, speed: float, start_ns: int) -> str:
-        """Stream the path that *leg* begins, from *start_ns* on; return why not, or nothing."""
+        """Stream the path that *part* begins, from *start_ns* on; return why not, or nothing."""
         following = advance(self.state, Event.START)
         first = self.follower.peek(leg.first)
         if first is None:

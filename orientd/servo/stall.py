@@ -22,7 +22,7 @@ class Stalls:
     """
 
     def __init__(self, period_ns: int, longest_ns: int) -> None:
-        """Expect a cycle every *period_ns*; see :class:`~orientd.servo.watchdog.WatchdogTimeouts`."""
+        """Expect a cycle every *period_ns*; see :class:`.WatchdogTimeouts`."""
         self.shortest_ns = max(SHORTEST_NS, FEWEST_PERIODS * period_ns)
         self._longest_ns = longest_ns
 

@@ -1,4 +1,4 @@
-"""The vigil: for how long nothing was heard of the daemon or the device, and whether that is long.
+"""The watchdog: for how long nothing was heard of the daemon or the device.
 
 While the servo's own process does not run, because the machine is overloaded or a call of the
 driver took its time, it hears nobody; that is not the fault of who would have spoken.

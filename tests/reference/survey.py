@@ -1,4 +1,4 @@
-"""A quick look at a core in plain NumPy, as :mod:`orientd.planner.timing.survey`."""
+"""A quick look at a keyframe path in plain NumPy, as :mod:`orientd.planner.timing.survey`."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from orientd.rotation import Floats
 
 
 def surveyed(core: KeyframePath, limits: Limits, period: float) -> tuple[float, Floats]:
-    """Return by which factor a core should take longer, and where that is decided.
+    """Return by which factor a keyframe path should take longer, and where that is decided.
 
-    The core has one shape and keeps its position, and its acceleration is continuous.
+    The keyframe path has one shape and keeps its position, and its acceleration is continuous.
 
     Returns:
         The factor, and parts of the duration, from 0 to 1, shape ``(m, 2)``.

@@ -1,8 +1,9 @@
 """The motions of one device on their way into its servo: the one that runs, and what follows it.
 
-Every motion is a stage.  The next stage begins where the one before is left: at a record on its
-way, where it is replaced or blended into the next, or at its last one.  A stage is fed into the
-path ring once the one before has been, as far as it will be; then the servo is told of the splice.
+Every motion is a queued motion.  The next queued motion begins where the one before is left: at a
+record on its way, where it is replaced or blended into the next, or at its last one.  A queued
+motion is fed into the path ring once the one before has been, as far as it will be; then the servo
+is told of the splice.
 """
 
 from __future__ import annotations
@@ -30,13 +31,14 @@ _FEED_TIME = 0.25
 
 @dataclass(eq=False)
 class QueuedMotion:
-    """One motion of an itinerary.
+    """One motion of a queue.
 
     Attributes:
         motion: what is run.
         number: of the motion.
-        is_replaced: whether the next stage replaces the rest of it, rather than follows.
-        leave: record of this motion at which the next stage begins; ``None`` for the last stage.
+        is_replaced: whether the next queued motion replaces the rest of it, rather than follows.
+        leave: record of this motion at which the next queued motion begins; ``None`` for the last
+        queued motion.
         feeder: puts it into the ring; ``None`` until its turn has come.
         is_running: whether the servo knows of it.
     """
@@ -50,7 +52,7 @@ class QueuedMotion:
 
     @property
     def last_record(self) -> int:
-        """The record at which the stage ends."""
+        """The record at which the queued motion ends."""
         return self.motion.last_record if self.leave is None else self.leave
 
 
@@ -68,7 +70,7 @@ class SplicePoint:
 
 
 class MotionQueue:
-    """The stages of a device, in order; the servo is on one of them or on its way to the first."""
+    """The motions of a device, in order; the servo is on one of them or on its way to the first."""
 
     def __init__(self, link: ServoLink, *, lead: float, read_ahead: int) -> None:
         """Begin with nothing.
@@ -95,16 +97,16 @@ class MotionQueue:
 
     @property
     def first(self) -> QueuedMotion:
-        """The stage that the servo is on."""
+        """The queued motion that the servo is on."""
         return self._queued_motions[0]
 
     @property
     def last(self) -> QueuedMotion:
-        """The stage after which nothing is planned yet."""
+        """The queued motion after which nothing is planned yet."""
         return self._queued_motions[-1]
 
     def queued(self, number: int) -> QueuedMotion | None:
-        """Return the stage of motion *number*, if it has not ended."""
+        """Return the queued motion of motion *number*, if it has not ended."""
         return next((queued for queued in self._queued_motions if queued.number == number), None)
 
     def ahead(self, cycle: Cycle, records: int) -> SplicePoint:
@@ -124,7 +126,7 @@ class MotionQueue:
         return SplicePoint(queued.number, record)
 
     def end(self, record: int) -> SplicePoint:
-        """Return the last stage at *record*."""
+        """Return the last queued motion at *record*."""
         return SplicePoint(self.last.number, record)
 
     def statistics(self, number: int) -> MotionStatistics | None:
@@ -160,7 +162,7 @@ class MotionQueue:
         self._add_meter(queued, after=None)
 
     def replace(self, motion: PlannedMotion, number: int, leave: SplicePoint) -> list[QueuedMotion]:
-        """Have *motion* replace everything after *leave*; return the stages that are dropped.
+        """Have *motion* replace everything after *leave*; return the motions that are dropped.
 
         Raises:
             LateError: the servo has passed that record, or moves no more.
@@ -180,10 +182,10 @@ class MotionQueue:
         return dropped
 
     def append(self, motion: PlannedMotion, number: int, leave: SplicePoint) -> None:
-        """Have *motion* follow the last stage, from *leave* on.
+        """Have *motion* follow the last queued motion, from *leave* on.
 
         Raises:
-            LateError: the last stage is another one by now.
+            LateError: the last queued motion is another one by now.
         """
         if (
             not self._queued_motions
@@ -228,7 +230,7 @@ class MotionQueue:
         return missed
 
     def resume(self, queued_motions: list[QueuedMotion], *, speed: float) -> None:
-        """Begin with the first of *stages* on a device that has come to rest; others follow it.
+        """Begin with the first of *queued_motions* on a device at rest; others follow it.
 
         Raises:
             StateError: the servo does not take it.
@@ -256,7 +258,7 @@ class MotionQueue:
             self._metered = record_index(records[-1]) + 1
 
     def passed(self, cycle: Cycle) -> list[QueuedMotion]:
-        """Take out the stages that the servo has left behind by *cycle*, and return them."""
+        """Take out the motions that the servo has left behind by *cycle*, and return them."""
         place = next((k for k, s in enumerate(self._queued_motions) if s.number == cycle.motion), 0)
         if place:
             self.measure()
@@ -265,7 +267,7 @@ class MotionQueue:
         return passed
 
     def clear(self) -> list[QueuedMotion]:
-        """Take out all stages, and return them."""
+        """Take out all queued motions, and return them."""
         if self._queued_motions:
             self.measure()
         queued_motions, self._queued_motions = self._queued_motions, []
@@ -284,7 +286,7 @@ class MotionQueue:
             self._measured.popitem(last=False)
 
     def _splice(self, queued: QueuedMotion, left: QueuedMotion, record: int) -> None:
-        """Put the beginning of *stage* into the ring and have the servo go over to it."""
+        """Put the beginning of *queued* into the ring and have the servo go over to it."""
         ring = self._link.memory.path
         head = ring.head
         queued.feeder = self._feeder(queued)

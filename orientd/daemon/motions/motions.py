@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import math
-import os
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -20,7 +19,15 @@ from orientd.daemon.motions.horizon import ReplanningHorizon
 from orientd.daemon.motions.meter import MotionStatistics
 from orientd.daemon.motions.motion_queue import MotionQueue, QueuedMotion, SplicePoint
 from orientd.daemon.motions.options import Kind, MoveOptions, Prepared
-from orientd.daemon.planners import Continuation, PlanCall, PlanInput, PlannedMotion, Planners, Rank
+from orientd.daemon.planners import (
+    Continuation,
+    PlanCall,
+    PlanInput,
+    PlannedMotion,
+    Planners,
+    Rank,
+    new_motion_id,
+)
 from orientd.errors import LateError, NotYetError, PlanError, StateError
 from orientd.planner import HISTORY, Joints, RecordedMotion
 from orientd.planner import State as PlannedState
@@ -108,7 +115,7 @@ class Motions:
 
         Args:
             order: what to do.
-            manner: how to begin and to end.
+            options: how to begin and to end.
             attempt: how often :meth:`start` has said already that it was too late.
 
         Raises:
@@ -397,8 +404,3 @@ class Motions:
     def _measure(self) -> None:
         if not self._is_closed:
             self._queue.measure()
-
-
-def new_motion_id() -> str:
-    """Return a name that no other motion has."""
-    return os.urandom(6).hex()

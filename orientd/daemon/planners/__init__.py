@@ -1,8 +1,8 @@
 """Planner processes: warm, few, and each of them may be killed.
 
 The daemon waits for many, a planner calculates: under one interpreter's lock each would spoil the
-other.  A :class:`PlanInput` says everything that a plan depends on, so whichever process does it, and
-however often, the motion is the same to the last bit; no process keeps anything that matters.
+other.  A :class:`PlanInput` says everything that a plan depends on, so whichever process does it,
+and however often, the motion is the same to the last bit; no process keeps anything that matters.
 """
 
 from __future__ import annotations
@@ -12,7 +12,13 @@ from typing import TYPE_CHECKING
 from orientd.lazy import lazily
 
 if TYPE_CHECKING:
-    from orientd.daemon.planners.jobs import Continuation, PlanInput, PlannerDevice, Report
+    from orientd.daemon.planners.jobs import (
+        Continuation,
+        PlanInput,
+        PlannerDevice,
+        Report,
+        new_motion_id,
+    )
     from orientd.daemon.planners.lanes import PlanCall, Rank
     from orientd.daemon.planners.planned_motion import PlannedMotion
     from orientd.daemon.planners.pool import Planners, default_processes

@@ -6,6 +6,7 @@ go that way: with a question for them comes the descriptor of the file that they
 
 from __future__ import annotations
 
+import os
 import pickle
 import struct
 from collections.abc import Mapping
@@ -215,6 +216,11 @@ class Failure:
         found.args = (self.text,)
         vars(found).update(self.attributes)
         return found
+
+
+def new_motion_id() -> str:
+    """Return a name that no other motion has."""
+    return os.urandom(6).hex()
 
 
 def frame(content: object) -> bytes:

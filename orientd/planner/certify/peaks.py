@@ -20,7 +20,7 @@ Largest = tuple[float, int]
 
 @dataclass(frozen=True, slots=True)
 class Peaks:
-    """The largest rates over a stretch of records, by backward differences.
+    """The largest rates over a segment of records, by backward differences.
 
     Attributes:
         velocity: angular, rad/s.

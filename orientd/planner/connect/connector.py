@@ -32,7 +32,7 @@ _RAMPS = 6  # at most, that a stop may begin with
 def connector(
     start: State, end: State, *, limits: Limits, period: float, least: float = 0.0
 ) -> PathSegment:
-    """Return a stretch from path time 0 that leads from one state to another.
+    """Return a segment from path time 0 that leads from one state to another.
 
     The velocity, and the acceleration, may be as high as they are at the ends, and otherwise keep
     *limits* with their reserve.

@@ -23,13 +23,13 @@ _FEWEST = 2
 def join_in(
     keyframe_path: KeyframePath, start: State, *, limits: Limits, period: float
 ) -> PathSegment:
-    """Return the shortest stretch from path time 0 by which a device gets onto a core.
+    """Return the shortest segment from path time 0 by which a device gets onto a keyframe path.
 
     Args:
-        core: begins where the device is, with its velocity.
+        keyframe path: begins where the device is, with its velocity.
         start: where the device is commanded to be.
-        limits: to keep, with their reserve where the core keeps it.
-        period: the stretch takes a whole number of periods, s.
+        limits: to keep, with their reserve where the keyframe path keeps it.
+        period: the segment takes a whole number of periods, s.
 
     Raises:
         PlanError: none within the first interval keeps the limits.

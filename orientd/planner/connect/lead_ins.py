@@ -28,7 +28,7 @@ class LeadIn:
     """What comes before the first keyframe.
 
     Attributes:
-        stretches: from path time 0 on.
+        segments: from path time 0 on.
         cycles: how many periods they take.
         positions: what the position does meanwhile.
     """

@@ -1,6 +1,6 @@
-"""A path: stretches of curves laid end to end in time, with the position that goes along.
+"""A path: segments of curves laid end to end in time, with the position that goes along.
 
-A stretch is a curve run at a constant rate, backwards where the rate is negative.  So one class
+A segment is a curve run at a constant rate, backwards where the rate is negative.  So one class
 serves a curve as it is, a curve whose timing was found by the planner, and a run-up, which is a
 lead-out run backwards.
 """
@@ -25,7 +25,7 @@ _AT_REST = 1e-9
 
 
 _ROUNDING = 1e-13
-"""Share of a curve's duration that a stretch of all of it may miss."""
+"""Share of a curve's duration that a segment of all of it may miss."""
 
 
 class Samples(NamedTuple):
@@ -56,7 +56,7 @@ class PathSegment:
         begin: path time where it begins, s.
         end: path time where it ends, s.
         rate: curve seconds for a second of path time; negative runs the curve backwards.
-        sign: of the quaternions, to make them continuous with the stretch before.
+        sign: of the quaternions, to make them continuous with the segment before.
         skipped: path seconds of the curve that are left out before it begins.
     """
 
@@ -70,7 +70,7 @@ class PathSegment:
     """What the curve is at both ends, once that was asked for; of a copy that is moved, too."""
 
     def sample(self, times: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return orientation, velocity and acceleration at path *times* inside the stretch."""
+        """Return orientation, velocity and acceleration at path *times* inside the segment."""
         first, last = self.curve.domain
         instants = times - self.begin
         if self.skipped:
@@ -82,7 +82,7 @@ class PathSegment:
         return self._lined_up(*self.curve.evaluate(instants))
 
     def _lined_up(self, q: Floats, omega: Floats, alpha: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return samples of the curve as those of the stretch."""
+        """Return samples of the curve as those of the segment."""
         if self.sign < 0.0:
             q = -q
         if self.rate != 1.0:
@@ -116,23 +116,23 @@ class PathSegment:
         return self.curve.evaluate(np.array(instants))
 
     def without(self, duration: float) -> PathSegment:
-        """Return the stretch with its first seconds left out, the rest where it was."""
+        """Return the segment with its first seconds left out, the rest where it was."""
         return replace(
             self, begin=self.begin + duration, skipped=self.skipped + duration, _found=[]
         )
 
     def slowed(self, duration: float) -> PathSegment:
-        """Return the same stretch of a curve from path time 0 on, taking *duration* seconds."""
+        """Return the same segment of a curve from path time 0 on, taking *duration* seconds."""
         rate = self.rate * (self.end - self.begin) / duration
         return PathSegment(self.curve, 0.0, duration, rate, self.sign, self.skipped, self._found)
 
     def shifted(self, delay: float) -> PathSegment:
-        """Return the same stretch *delay* seconds later."""
+        """Return the same segment *delay* seconds later."""
         begin, end = self.begin + delay, self.end + delay
         return PathSegment(self.curve, begin, end, self.rate, self.sign, self.skipped, self._found)
 
     def turned_over(self) -> PathSegment:
-        """Return the same stretch with the other quaternions of its orientations."""
+        """Return the same segment with the other quaternions of its orientations."""
         return replace(self, sign=-self.sign)
 
 
@@ -141,7 +141,7 @@ class Path:
     """Orientation and position as functions of path time, held before and after.
 
     Attributes:
-        stretches: end to end, from path time 0 on.
+        segments: end to end, from path time 0 on.
         positions: what the position does.
         first: orientation before path time 0.
         last: orientation after the end.
@@ -157,10 +157,10 @@ class Path:
     def joined(
         cls, segments: Sequence[PathSegment], positions: PositionPath, before: Floats | None = None
     ) -> Path:
-        """Return the path of *stretches*, with the signs of the quaternions made continuous.
+        """Return the path of *segments*, with the signs of the quaternions made continuous.
 
         Args:
-            stretches: end to end.
+            segments: end to end.
             positions: what the position does.
             before: the orientation the device comes from, whose sign goes on.
         """
@@ -178,7 +178,7 @@ class Path:
         return cls(tuple(lined_up), positions, first, before)
 
     def since(self, time: float) -> list[PathSegment]:
-        """Return the stretches after *time*, where they were."""
+        """Return the segments after *time*, where they were."""
         return [
             segment.without(time - segment.begin) if segment.begin < time else segment
             for segment in self.segments
@@ -288,7 +288,7 @@ class Path:
         return rows
 
     def state(self, time: float) -> State:
-        """Return the state at *time*, with the derivatives of the stretch that begins there."""
+        """Return the state at *time*, with the derivatives of the segment that begins there."""
         for segment in self.segments:
             if time < segment.end or segment is self.segments[-1]:
                 break

@@ -1,7 +1,7 @@
 """A path of cumulative products alone, as one row of numbers that the kernels sample it from.
 
-The row begins with the number of stretches, the path time from which on the path is held, and the
-orientations before it and after it.  Of each stretch follow when it begins, what is skipped of it,
+The row begins with the number of segments, the path time from which on the path is held, and the
+orientations before it and after it.  Of each segment follow when it begins, what is skipped of it,
 its rate and its sign, and then its curve: how many spans and factors that has, and what it is
 sampled from.  These are breaks and table of cubic factors, for which the number of factors is given
 as 0, or breaks, base, axes, lengths and the coefficients of the basis.
@@ -34,7 +34,7 @@ def plain_path(
     """Return the row of numbers that a path is sampled from, if its curves are such products.
 
     Args:
-        stretches: end to end.
+        segments: end to end.
         first: orientation before the path.
         last: orientation after it.
         end: path time from which on it is held, s.

@@ -1,7 +1,7 @@
-"""The course of a motion: its keyframes in the planner's terms, and the core made of them.
+"""The keyframe path of a motion, and the request that it is made from.
 
-The **core** is the part of a motion from the first keyframe to the last; leads come before and
-after it.
+The **keyframe path** is the part of a motion from the first keyframe to the last; leads come before
+and after it.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class KeyframePath:
     """A curve through the keyframes, its clock starting at 0.
 
     Attributes:
-        stretch: the curve.
+        segment: the curve.
         positions: what the position does.
         times: of all keyframes of the request, s.
     """
@@ -86,7 +86,7 @@ class KeyframePath:
     def peaks(
         self, period: float, limits: Limits, first: int = 0, last: int | None = None
     ) -> Peaks:
-        """Return the largest backward differences of the core alone, or of a part of it.
+        """Return the largest backward differences of the keyframe path alone, or of a part of it.
 
         Where it begins or ends at rest the device is held before or after; elsewhere a lead, which
         has limits of its own, goes on with the same acceleration.
@@ -95,7 +95,7 @@ class KeyframePath:
             period: time between the records, s.
             limits: what the peaks are held against.
             first: the first record to look at.
-            last: the last one; ``None`` is the end of the core.
+            last: the last one; ``None`` is the end of the keyframe path.
         """
         final = self.record_count(period) - 1
         last = final if last is None else last
@@ -127,7 +127,7 @@ class KeyframePath:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PathRequest:
-    """What a core is made from.
+    """What a keyframe path is made from.
 
     Attributes:
         request: what was asked for.
@@ -135,8 +135,8 @@ class PathRequest:
         times: of all keyframes of the request, from 0 on, in any unit.
         kept: indices of those that the curve passes; the others repeat one of them.
         halt: how the position comes to rest; it stays there where nothing asks for another.
-        first: position, velocity and acceleration that the course takes over; ``None`` where the
-            position is at rest at the first keyframe.
+        first: position, velocity and acceleration that the path request takes over; ``None`` where
+            the position is at rest at the first keyframe.
     """
 
     request: MotionRequest
@@ -155,7 +155,7 @@ class PathRequest:
         return not any(np.any(vector) for vector in ends if vector is not None)
 
     def keyframe_path(self, duration: float) -> KeyframePath:
-        """Return the core that takes *duration* seconds.
+        """Return the keyframe path that takes *duration* seconds.
 
         Raises:
             PlanError: the method cannot join these keyframes.

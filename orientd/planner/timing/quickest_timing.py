@@ -1,4 +1,4 @@
-"""The quickest timing of a path: a core run through along itself as fast as its limits permit.
+"""The quickest timing of a keyframe path: along itself as fast as its limits permit.
 
 The limits are Bobrow's, of velocity, acceleration and jerk of a motion along a given path (Bobrow,
 Dubowsky and Gibson 1985; Pham and Pham 2018 for what is usual today), here as norms and components
@@ -27,12 +27,12 @@ from orientd.rotation import Floats
 SHARE = 0.999
 """Of acceleration and jerk that the quickest timing uses; the rest lets it be stopped at all."""
 
-_REST = 1e-9  # of the largest angular velocity of the core
+_REST = 1e-9  # of the largest angular velocity of the keyframe path
 _FEWEST_STEPS = 400
 _STEPS_A_SEGMENT = 16, 24  # at the least and at the most, where there are many
 _MOST_STEPS = 1200  # where there are few
 _RAMP_STEPS = 4.0  # in the time that the acceleration needs to rise, between these bounds
-_FASTEST = 1e6  # times as fast as the core, where nothing limits it
+_FASTEST = 1e6  # times as fast as the keyframe path, where nothing limits it
 _ATTEMPTS = 8
 _ASIDE = 5  # quarters of a step from a knot to where the jerk is that of one side alone
 _EASED = 0.99  # share of a limit that what is given at an end counts for at most
@@ -50,7 +50,7 @@ def quickest(
     acceleration stay what they are.
 
     Args:
-        core: with continuous acceleration.
+        keyframe path: with continuous acceleration.
         limits: to keep, as seen on records a *period* apart.
         period: of the device, s.
         share: of the limits of acceleration and jerk to use.
@@ -64,7 +64,7 @@ def quickest(
         profile = problem.solved(rates)
         quick = problem.retimed(profile)
         refusal.check_duration(quick.duration)
-        # Where a lead goes on, the last record that is the core's own.
+        # Where a lead goes on, the last record that is the keyframe path's own.
         last = math.floor(quick.duration / period + _WHOLE) if problem.is_moving[1] else None
         peaks = quick.peaks(period, limits, last=last)
         excess = {
@@ -86,13 +86,13 @@ def quickest(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Problem:
-    """A core with a parameter from 0 to 1 that starts and ends like a motion.
+    """A keyframe path with a parameter from 0 to 1 that starts and ends like a motion.
 
     Attributes:
-        core: the path.
+        keyframe path: the path.
         limits: to keep.
-        powers: how the core's time starts and ends by the parameter.
-        is_moving: whether the core moves at its start and at its end.
+        powers: how the keyframe path's time starts and ends by the parameter.
+        is_moving: whether the keyframe path moves at its start and at its end.
         count: of steps between nodes.
     """
 
@@ -108,7 +108,7 @@ class _Problem:
         _, omega, _ = keyframe_path.segment.sample(np.linspace(0.0, keyframe_path.duration, 65))
         rest = _REST * float(np.linalg.norm(omega, axis=1).max())
         is_moving = tuple(bool(np.linalg.norm(end.omega_body) > rest) for end in (first, last))
-        # Where the core sets out with an acceleration, its angle grows like the square of its
+        # Where the path sets out with an acceleration, its angle grows like the square of its
         # time, and that of a motion from rest like the cube: like the square without jerk limit.
         jerks = math.isfinite(limits.jerk)
         powers = tuple(
@@ -215,7 +215,7 @@ class _Problem:
         return arranged(omega, alpha), arranged(*motion_of(positions, times, duration))
 
     def _ends(self) -> tuple[End | None, End | None]:
-        """Return what is given where the core moves: the rate and the change of rate it has."""
+        """Return what is given where the path moves: the rate and the change of rate it has."""
         ends: list[End | None] = []
         for place, moves in zip((0.0, 1.0), self.is_moving, strict=True):
             _, slope, bend = (
@@ -238,7 +238,7 @@ class _Problem:
                 y = np.minimum(y, (1.0 / size) ** (2.0 / 3.0 if bound.is_jerk else 1.0))
         if start is None and end is None:
             return np.full(self.count + 3, 0.5 * float(y.min()))
-        # About the timing that the core has, where that is not too quick for an end at rest.
+        # About the timing that the path has, where that is not too quick for an end at rest.
         level = 0.5 * float(y.min())
         places = np.linspace(0.0, 1.0, self.count + 1)
         slope = self.keyframe_path.duration * unit_map(places, self.powers)[1]
@@ -246,7 +246,7 @@ class _Problem:
         return np.concatenate([values[:1], values, values[-1:]])
 
     def retimed(self, profile: Profile) -> KeyframePath:
-        """Return the core at the speed of a profile.
+        """Return the keyframe path at the speed of a profile.
 
         Raises:
             PlanError: the profile is not positive between its nodes.
@@ -265,7 +265,7 @@ class _Problem:
         nodes = np.stack([places, np.sqrt(y), 0.5 * slope])
         first, last = curve.domain
         warp = TimeMap(times, nodes, first, last - first, self.powers)
-        # The same on the clock of the core, which positions and keyframes are on.
+        # The same on the clock of the keyframe path, which positions and keyframes are on.
         clock = TimeMap(times, nodes, 0.0, keyframe_path.duration, self.powers)
         return KeyframePath(
             PathSegment(Retimed(curve, warp), 0.0, duration),

@@ -1,4 +1,4 @@
-"""A quick look at a core: how much longer it should be, and where that is decided.
+"""A quick look at a keyframe path: how much longer it should be, and where that is decided.
 
 Finding the shortest duration takes several looks at the records of a motion.  A motion of hours has
 millions of them, but only near its largest rates do they matter; these places are found from the
@@ -45,14 +45,14 @@ _END_KEYFRAMES = 10  # to which the ends of a curve reach, whatever the duration
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Survey:
-    """Where a core comes nearest to its limits.
+    """Where a keyframe path comes nearest to its limits.
 
     Attributes:
         factor: by which it should take longer to just keep them, about.
         spots: parts of the duration where that is decided, from 0 to 1, in order, shape ``(m, 2)``.
         has_one_shape: whether the spots are the same at any duration.
-        is_held: whether the device holds before the core and after it, where that is the same at
-            any duration.
+        is_held: whether the device holds before the keyframe path and after it, where that is the
+            same at any duration.
     """
 
     factor: float
@@ -69,10 +69,10 @@ class Survey:
         *,
         has_one_shape: bool = False,
     ) -> Survey:
-        """Return the survey of a core.
+        """Return the survey of a keyframe path.
 
         Args:
-            core: to look at.
+            keyframe path: to look at.
             limits: to keep.
             period: of the device, s.
             has_one_shape: whether another duration is the same curve at another rate.
@@ -100,10 +100,10 @@ class Survey:
     def look(
         self, keyframe_path: KeyframePath, limits: Limits, period: float, *, everywhere: bool
     ) -> float:
-        """Return by which factor a core should take longer, from its records.
+        """Return by which factor a keyframe path should take longer, from its records.
 
         Args:
-            core: the surveyed one or one like it, of another duration.
+            keyframe path: the surveyed one or one like it, of another duration.
             limits: to keep.
             period: of the device, s.
             everywhere: whether to look beyond the spots.
@@ -141,12 +141,12 @@ class Survey:
 def _excess(
     keyframe_path: KeyframePath, limits: Limits, period: float, first: int, last: int
 ) -> float:
-    """Return by which factor a core should take longer, from some of its records."""
+    """Return by which factor a keyframe path should take longer, from some of its records."""
     return excess(keyframe_path.peaks(period, limits, first, last), keyframe_path.continuity)
 
 
 def _instants(keyframe_path: KeyframePath) -> Floats:
-    """Return instants on either side of every break of the core and between them, s."""
+    """Return instants on either side of every break of the keyframe path and between them, s."""
     curve = keyframe_path.segment.curve
     breaks = (curve.knots - curve.domain[0]) / keyframe_path.segment.rate
     if not keyframe_path.positions.is_held:
@@ -158,7 +158,7 @@ def _instants(keyframe_path: KeyframePath) -> Floats:
 def _factors(
     keyframe_path: KeyframePath, instants: Floats, limits: Limits, period: float
 ) -> Floats:
-    """Return, instant by instant, by which factor the core should take longer."""
+    """Return, instant by instant, by which factor the keyframe path should take longer."""
     factors: Floats = np.zeros(len(instants))
     step = 0.0 if keyframe_path.continuity >= 2 else _LARGEST_STEP
     for first in range(0, len(instants), CHUNK):

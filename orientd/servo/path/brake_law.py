@@ -1,4 +1,4 @@
-r"""The quick stop: how the path clock comes to rest in hardly more time than the limits demand.
+r"""The quick stop: how the time scaling comes to rest in hardly more time than the limits demand.
 
 The certified law of :mod:`orientd.servo.path.time_scaling` has one brake rate for a whole motion,
 set by its worst point.  Here every cycle of a stop takes the least rate that keeps the limits at
@@ -6,10 +6,10 @@ the point where the device is (:mod:`orientd.servo.path.feasible_rates`), down t
 velocity and acceleration reach zero together.
 
 Such a law looks at one cycle and could run into a place from which no rate keeps the limits.  So
-the whole stop is rehearsed first, cycle by cycle over the records that are in the ring
+the whole stop is rolled out first, cycle by cycle over the records that are in the ring
 (:mod:`orientd.servo.path.stop_rollout`), one plan after the other.  What comes to rest there is
-carried out as it was rehearsed; until then, and wherever nothing does, the certified law brakes,
-which always works.  A long stop is rehearsed in several cycles, from where the certified law will
+carried out as it was rolled out; until then, and wherever nothing does, the certified law brakes,
+which always works.  A long stop is rolled out in several cycles, from where the certified law will
 be by then.
 
 Where the path slows down by itself, as it does before it turns back, no rate gives the device the
@@ -20,7 +20,7 @@ back, or not so that this succeeds, the device brakes a little, keeps that rate 
 faster again, and stops then.
 
 The first plan that comes to rest is carried out.  Where that takes much longer than a stop in a
-straight line would, others are rehearsed from along it, and taken where they are over sooner.
+straight line would, others are rolled out from along it, and taken where they are over sooner.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ BRIEF_PLANS = tuple(Plan(1.0, 1.0, cycles=cycles) for cycles in (0, 1, 2))
 """Ways to stop within a few cycles, tried before the others where that may be enough."""
 
 STEPS_PER_SECOND = 16_000.0
-"""Cycles of a stop that are rehearsed in one second: few enough to leave most of a cycle free."""
+"""Cycles of a stop that are rolled out in one second: few enough to leave most of a cycle free."""
 
 FEWEST_STEPS = 8
 
@@ -70,7 +70,7 @@ _FARTHEST = 4.0  # times as far as where a stop failed is how far off a turn is 
 
 
 class BrakeLaw:
-    """A stop of the path clock that uses what the limits leave at each point of the path.
+    """A stop of the time scaling that uses what the limits leave at each point of the path.
 
     Args:
         clock: is handed over while a quick stop lasts.
@@ -99,7 +99,7 @@ class BrakeLaw:
         """Move the clock by one cycle of a stop and return the new rate.
 
         Args:
-            terms: the limits.
+            servo limits: the limits.
             may_end: whether the end of the path is as good as a stop before it.
         """
         clock = self._clock
@@ -132,7 +132,7 @@ class BrakeLaw:
         self._is_coasting = may_end and is_even and rest <= 1.0 / clock.brake_rate
 
     def _rehearse(self, servo_limits: ServoLimits, *, may_end: bool) -> None:
-        """Go on with the rehearsal, or with others, as far as one cycle allows."""
+        """Go on with the rollout, or with others, as far as one cycle allows."""
         left = self._steps
         while left > 0:
             rollout = self._rollout
@@ -173,7 +173,7 @@ class BrakeLaw:
                 self._choices = list(BETTER_PLANS[::-1])
 
     def _adopt(self, rollout: StopRollout) -> None:
-        """Carry out a stop that was rehearsed up to the present cycle and beyond."""
+        """Carry out a stop that was rolled out up to the present cycle and beyond."""
         self._rates = rollout.rates[self._taken :][::-1]
         if rollout.outcome is Outcome.REST:
             # One cycle more at rest: a resumption that began at once would add its own jerk to

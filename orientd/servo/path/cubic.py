@@ -1,4 +1,4 @@
-"""Angles between two records as a cubic, in units of the period; see the rehearsal of a stop."""
+"""Angles between two records as a cubic, in units of the period; see the rollout of a stop."""
 
 from __future__ import annotations
 

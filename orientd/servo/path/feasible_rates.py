@@ -1,4 +1,4 @@
-r"""Which rates of the path clock keep the limits in one cycle, as the guard will see it.
+r"""Which rates of the time scaling keep the limits in one cycle, as the guard will see it.
 
 The setpoint that a rate :math:`\sigma` leads to turns the device, in the cycle to come, with the
 velocity :math:`\Omega(\sigma) = C + \omega \sigma`: :math:`\omega` is the path's own velocity and
@@ -72,7 +72,7 @@ def allowed(
     Args:
         past: the cycle before.
         ahead: what a rate leads to.
-        terms: the limits.
+        servo limits: the limits.
         period: between the two, s.
         share: part of the limits of acceleration that may be used.
         jerk_share: part of the limits of jerk that may be used.
@@ -119,7 +119,7 @@ def released(
     Args:
         past: the cycle before.
         ahead: what a rate leads to.
-        terms: the limits.
+        servo limits: the limits.
         period: between the two, s.
         share: part of the jerk that the release may use.
     """
@@ -196,8 +196,8 @@ def nearest(
 
 
 def eased(
-    past: Past, omega: Vector3, velocity: Vector3, path: PathPoint, rate: float, servo_limits: ServoLimits,
-    period: float,
+    past: Past, omega: Vector3, velocity: Vector3, path: PathPoint, rate: float,
+    servo_limits: ServoLimits, period: float,
 ) -> float | None:  # fmt: skip
     """Return the rate nearest to one that would break a limit, or ``None`` if there is none.
 
@@ -210,7 +210,7 @@ def eased(
         velocity: of the position in that step, m/s.
         path: the point that it leads to.
         rate: that would break a limit.
-        terms: the limits.
+        servo limits: the limits.
         period: of a cycle, s.
     """
     (a, b, c), (x, y, z) = omega, path.omega_body

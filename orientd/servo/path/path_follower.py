@@ -4,10 +4,10 @@ Path time is counted in records: ``index + fraction``.  A motion as planned move
 record a cycle, so its setpoints *are* the records; between two records a
 :class:`~orientd.servo.path.segment.Segment` is evaluated.
 
-The path is made of legs, one a motion.  A motion that replaces or continues another one is spliced
+The path is made of parts, one a motion.  A motion that replaces or continues another one is spliced
 onto it: its first record lies further on in the ring, and stands for the same point as the record
-at which the leg before it is left.  What is joined there is the path, in path time; how fast the
-path clock runs does not matter.
+at which the part before it is left.  What is joined there is the path, in path time; how fast the
+time scaling runs does not matter.
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ class PathPart:
     Attributes:
         number: of the motion.
         first: index of its first record.
-        terms: what the motion promised to keep.
-        leave: index of the record at which the leg before is left for this one.
+        servo limits: what the motion promised to keep.
+        leave: index of the record at which the part before is left for this one.
         final: index of its last record, where that is known already.
     """
 
@@ -67,7 +67,7 @@ class Place(NamedTuple):
     Attributes:
         record: at or before it.
         fraction: how far beyond that, in [0, 1).
-        leg: the motion that it belongs to.
+        part: the motion that it belongs to.
         is_end: whether it is the last record of all.
     """
 
@@ -83,7 +83,7 @@ class PathFollower:
     Attributes:
         index: the record at or before the setpoint.
         fraction: how far beyond it, in records, in [0, 1).
-        leg: the motion that it belongs to.
+        part: the motion that it belongs to.
         is_at_end: whether this is the last record of all.
         revision: how often the path ahead has been changed.
     """
@@ -113,7 +113,7 @@ class PathFollower:
         return None if fields is None else point_of(fields)
 
     def begin(self, leg: PathPart) -> None:
-        """Stand on the first record of *leg*, which is in the ring."""
+        """Stand on the first record of *part*, which is in the ring."""
         self.leg = leg
         self.revision += 1
         self._ahead.clear()
@@ -123,7 +123,7 @@ class PathFollower:
         self._ring.words[TAIL_WORD] = leg.first
 
     def splice(self, leg: PathPart) -> str:
-        """Go over to *leg* at its record ``leave``; what was to come after that is dropped.
+        """Go over to *part* at its record ``leave``; what was to come after that is dropped.
 
         Returns:
             An empty string, or why that is not possible; then nothing has changed.
@@ -150,12 +150,12 @@ class PathFollower:
 
     @property
     def is_spliced(self) -> bool:
-        """Whether another leg follows the present one."""
+        """Whether another part follows the present one."""
         return bool(self._ahead)
 
     @property
     def _final(self) -> int:
-        """Index of the last leg's last record, or :data:`UNKNOWN`."""
+        """Index of the last part's last record, or :data:`UNKNOWN`."""
         leg = self._ahead[-1] if self._ahead else self.leg
         final = max(self._ring.words[FINAL_WORD] - 1, leg.final)
         return final if final >= leg.first else UNKNOWN
@@ -175,7 +175,7 @@ class PathFollower:
         return UNKNOWN != self._final <= last
 
     def records_left(self) -> float:
-        """Return the records from here to the end of the last leg; infinity if it is not known."""
+        """Return the records from here to the end of the last part; infinity if it is not known."""
         final = self._final
         if self._ahead or final == UNKNOWN:
             return inf
@@ -184,7 +184,7 @@ class PathFollower:
     def peek_ahead(self, records: int) -> PathPoint | None:
         """Return the record so many beyond :attr:`index`, or ``None`` where there is none.
 
-        Nor is there one beyond a splice to a leg of other terms.
+        Nor is there one beyond a splice to a part of other servo limits.
         """
         index, leg = self.index + records, self.leg
         for following in self._ahead:
@@ -201,7 +201,7 @@ class PathFollower:
     def look(self, records: float) -> tuple[PathPoint, Place]:
         """Return the point so many records from here, at most beyond the next one, and stay here.
 
-        The last record of a motion is never passed, unless another leg begins there.
+        The last record of a motion is never passed, unless another part begins there.
 
         Raises:
             StarvedError: the path ends before that without being at rest.

@@ -1,4 +1,4 @@
-r"""The rehearsal of a quick stop: the rates of all its cycles, before the first of them is taken.
+r"""The rollout of a quick stop: the rates of all its cycles, before the first of them is taken.
 
 Every cycle is played through as the guard will see it.  Between two records the servo turns by a
 cubic with the records' velocities :math:`\omega_a, \omega_b` at its ends and their mean velocity
@@ -38,7 +38,7 @@ from orientd.servo.path.turn_back import TurnBackPoint, dot
 from orientd.stream import ServoLimits
 
 Piece = tuple[Cubic, Cubic | None, AccelerationStep | None]
-"""How the path turns between two records, how it travels, if it does, and where it has a kink."""
+"""How the path turns and travels between two records, and where its acceleration has a step."""
 
 _ZERO = (0.0, 0.0, 0.0)
 _REST = Ahead(_ZERO, _ZERO, _ZERO, _ZERO)
@@ -46,11 +46,11 @@ _STILL = 1e-9
 _THERE = 0.05  # records: what is nearer to a turn is past it
 _ATTEMPTS = 6
 _NEAR = 2e-3  # records from a rate to the next guess; what is left of them is its square
-_RECORDS_A_STEP = 4  # records that can be looked at while a cycle is rehearsed
+_RECORDS_A_STEP = 4  # records that can be looked at while a cycle is rolled out
 
 
 class Outcome(Enum):
-    """How far a rehearsal has come."""
+    """How far a rollout has come."""
 
     UNFINISHED = "unfinished"
     REST = "rest"
@@ -94,10 +94,10 @@ class StopRollout:
     """A stop from where the device is, some cycles of the certified law first.
 
     Attributes:
-        rates: of the cycles rehearsed so far.
+        rates: of the cycles rolled out so far.
         lead: how many of them the certified law, a coasting clock, or another stop takes.
         plan: how to stop.
-        outcome: of the rehearsal so far.
+        outcome: of the rollout so far.
         past: how the device moves after it.
         gone: records that it has come along.
     """
@@ -146,11 +146,11 @@ class StopRollout:
     def go_on(self, servo_limits: ServoLimits, steps: int, *, may_end: bool) -> int:
         """Rehearse at most so many cycles more and return how many.
 
-        It is called in the cycle that the rehearsal begins in and in each one after that.
+        It is called in the cycle that the rollout begins in and in each one after that.
 
         Args:
-            terms: the limits.
-            steps: cycles to rehearse.
+            servo limits: the limits.
+            steps: cycles to roll out.
             may_end: whether the end of the path is as good as a stop before it.
         """
         follower = self._follower
@@ -331,7 +331,7 @@ def _kinked(
     u: float,
     period: float,
 ) -> tuple[Vector3, Vector3]:
-    """Return what the cubics alone say with the bends of the kinks on the way added to it."""
+    """Return what the cubics say, with the bends of steps of the acceleration on the way."""
     if start is not None:
         omega = _plus(omega, start.step, -period * start.bend(s)[0])
     if end is not None:

@@ -1,4 +1,4 @@
-r"""The path clock: how fast the setpoint runs along its path, and how that may change.
+r"""The time scaling: how fast the setpoint runs along its path, and how that may change.
 
 The clock's rate sigma is 1 as planned, 0 at rest.  It changes with bounded acceleration and jerk,
 :math:`|\dot\sigma| \le 2x` and :math:`|\ddot\sigma| \le 4x^2` for the motion's brake rate *x*, so

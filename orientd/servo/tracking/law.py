@@ -140,7 +140,7 @@ def quickest_stop(
         q: orientation last commanded.
         omega: angular velocity of the step to it, rad/s.
         alpha: change from the step before over the period, rad/s^2.
-        terms: limits.
+        servo limits: limits.
         period: s.
     """
     limits, units = bounds_of(servo_limits, period)

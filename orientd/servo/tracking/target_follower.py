@@ -38,7 +38,7 @@ class TargetFollower:
             q: orientation last commanded.
             omega: angular velocity of the step to it, rad/s.
             alpha: change from the step before over the period, rad/s^2.
-            terms: limits.
+            servo limits: limits.
         """
         self._tracker.begin(q, omega, alpha, servo_limits)
         self._next = self._ring.head

@@ -77,7 +77,7 @@ class Tracker:
             q: orientation last commanded.
             omega_body: angular velocity of the step to it, rad/s.
             alpha_body: change from the step before over the period, rad/s^2.
-            terms: what to keep.  What moves faster than that is slowed down first.
+            servo limits: what to keep.  What moves faster than that is slowed down first.
         """
         if servo_limits is not None:
             self._limits, self._units = bounds_of(servo_limits, self._period)

@@ -109,7 +109,7 @@ def one_by_one(path):
 
 
 def several_paths(limits):
-    """Yield motions on paths of one to five stretches, run backwards and taken over, too."""
+    """Yield motions on paths of one to five segments, run backwards and taken over, too."""
     rng = np.random.default_rng(6)
     here = State.at_rest([1.0, 0.0, 0.0, 0.0])
     keys = [tuple(q) for q in exp(0.3 * rng.normal(size=(5, 3))).tolist()]

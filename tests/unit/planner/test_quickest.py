@@ -36,7 +36,7 @@ def alone(motion):
 
 
 def core_of(seed, *, count=6, step=0.6, at_rest=True):
-    """Return a core on the default curve through random keyframes."""
+    """Return a keyframe path on the default curve through random keyframes."""
     random = np.random.default_rng(seed)
     keys = np.array(rotations(random, count, step))
     signs = np.sign(np.sum(keys[1:] * keys[:-1], axis=1))

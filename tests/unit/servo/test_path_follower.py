@@ -1,4 +1,4 @@
-"""Where a follower is on a path of legs, record by record."""
+"""Where a follower is on a path of parts, record by record."""
 
 from dataclasses import replace
 from math import atan2, inf
@@ -60,7 +60,7 @@ def lay(ring, places):
 
 
 def end(ring, final):
-    """Say that *final* is the index of the last leg's last record."""
+    """Say that *final* is the index of the last part's last record."""
     ring.words[FINAL_WORD] = final + 1
 
 
@@ -302,7 +302,7 @@ def test_what_is_left_out_by_a_splice_is_not_reached_any_more(ring, follower):
 
 
 def chained(ring, follower):
-    """Return the first records of three legs, left at the fourth record of each."""
+    """Return the first records of three parts, left at the fourth record of each."""
     firsts = [begun(ring, follower, 6)]
     for number in (2, 3):
         first = lay(ring, range(4 * (number - 1), 4 * (number - 1) + 6))
@@ -315,7 +315,7 @@ def chained(ring, follower):
 def test_several_legs_follow_one_another(ring, follower):
     firsts = chained(ring, follower)
     assert follower.records_left() == inf
-    # 4 of each of two legs and 5 of the third.
+    # 4 of each of two parts and 5 of the third.
     assert follower.reaches(13)
     assert not follower.reaches(14)
     for k in range(14):
@@ -390,7 +390,7 @@ def test_a_record_beyond_where_its_leg_is_left_is_not_on_the_path(ring, follower
         problem = follower.splice(PathPart(4, first, TERMS, leave=leave))
         assert problem == f"record {leave} is not on the path any more"
     assert follower.revision == revision
-    # Where the leg is left by another it may be left for this one, too.
+    # Where the part is left by another it may be left for this one, too.
     first = lay(ring, range(4, 9))
     assert follower.splice(PathPart(4, first, TERMS, leave=4)) == ""
 
