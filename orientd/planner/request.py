@@ -218,7 +218,7 @@ class MotionRequest:
     def _is_said(self, name: str) -> bool:
         """Return whether an argument is other than its default; the method always counts."""
         value = getattr(self, name)
-        usual: tuple[object, ...] = (None, False, {}, "body")
+        usual: tuple[object, ...] = (None, False, {}, "body", "")
         return name == "method" or value not in usual
 
     @property

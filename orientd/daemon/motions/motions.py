@@ -19,15 +19,7 @@ from orientd.daemon.motions.horizon import ReplanningHorizon
 from orientd.daemon.motions.meter import MotionStatistics
 from orientd.daemon.motions.motion_queue import MotionQueue, QueuedMotion, SplicePoint
 from orientd.daemon.motions.options import Kind, MoveOptions, Prepared
-from orientd.daemon.planners import (
-    Continuation,
-    PlanCall,
-    PlanInput,
-    PlannedMotion,
-    Planners,
-    Rank,
-    new_motion_id,
-)
+from orientd.daemon.planners import Continuation, PlanCall, PlanInput, PlannedMotion, Planners, Rank
 from orientd.errors import LateError, NotYetError, PlanError, StateError
 from orientd.planner import HISTORY, Joints, RecordedMotion
 from orientd.planner import State as PlannedState
@@ -155,7 +147,9 @@ class Motions:
         before: tuple[Joints, ...] = (),
         after: Continuation | None = None,
     ) -> PlanInput:
-        return PlanInput(self._name, order.motion, new_motion_id(), start, joints, before, after)
+        return PlanInput(
+            self._name, order.motion, start=start, joints=joints, before=before, after=after
+        )
 
     async def _tail(self, motion: PlannedMotion, earliest: int) -> RecordedMotion:
         """Return the end of a motion, as far as one that follows it may need it."""
@@ -354,12 +348,9 @@ class Motions:
         self._stop(tuple(self._queue.clear()), text, kind)
 
     def _stop(
-        self,
-        queued_motions: tuple[QueuedMotion, ...],
-        text: str,
-        kind: EventKind = EventKind.MOTION_STOPPED,
+        self, ended: tuple[QueuedMotion, ...], text: str, kind: EventKind = EventKind.MOTION_STOPPED
     ) -> None:
-        for queued in queued_motions:
+        for queued in ended:
             self._tell(kind, queued.number, text)
 
     def close(self) -> None:

@@ -10,7 +10,7 @@ import os
 import pickle
 import struct
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from orientd import errors
@@ -75,6 +75,11 @@ class Continuation:
     earliest: int
 
 
+def new_motion_id() -> str:
+    """Return a name that no other motion has."""
+    return os.urandom(6).hex()
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanInput:
     """A motion to plan, with everything that it depends on.
@@ -91,7 +96,7 @@ class PlanInput:
 
     device: str
     motion: bytes
-    motion_id: str
+    motion_id: str = field(default_factory=new_motion_id)
     start: State | None = None
     joints: Joints = ()
     before: tuple[Joints, ...] = ()
@@ -216,11 +221,6 @@ class Failure:
         found.args = (self.text,)
         vars(found).update(self.attributes)
         return found
-
-
-def new_motion_id() -> str:
-    """Return a name that no other motion has."""
-    return os.urandom(6).hex()
 
 
 def frame(content: object) -> bytes:

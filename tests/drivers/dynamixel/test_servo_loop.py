@@ -8,7 +8,7 @@ from rig import PERIOD, PERIOD_NS
 from rig import Rig as LoopRig
 
 from orientd.errors import Fault
-from orientd.servo import Servo, Watch
+from orientd.servo import Servo
 from orientd.stream import Answer, Command, SharedMemory, State
 from orientd_sim.dynamixel import FaultKind, ReplyFault
 
@@ -25,7 +25,7 @@ class GimbalLoop(LoopRig):
         self.parent_is_alive = self.beats = True
         self.servo = Servo(
             self.driver, self.memory, period_ns=PERIOD_NS,
-            watch=Watch(self.heartbeat_ns, self.feedback_ns), clock=self.clock,
+            watch=WatchdogTimeouts(self.heartbeat_ns, self.feedback_ns), clock=self.clock,
             parent_is_alive=lambda: True,
         )  # fmt: skip
         self.memory.beat(self.clock.now_ns())

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from orientd import motion_file, plots
+from orientd import curves, motion_file, plots
 from orientd.cli.main import app
 from orientd.curves import METHODS
-from orientd.curves.comparison.candidates import compare
 from orientd.curves.roles import is_pair
 from orientd.planner import DEFAULT_LIMITS, State
 from orientd.planner import plan as planned
@@ -37,7 +36,7 @@ CASES = [
 def made(monkeypatch):
     """The curves that `compare` and `plot` make, by command."""
     found = {}
-    compared, traced = compare.compare, plots.traces_of
+    compared, traced = curves.compare, plots.traces_of
 
     def keep_compared(task, **more):
         candidates = compared(task, **{**more, "families": {found["name"]: found["family"]}})
@@ -48,7 +47,7 @@ def made(monkeypatch):
         found["plot"] = curve
         return traced(curve, task, **more)
 
-    monkeypatch.setattr(compare, "compare", keep_compared)
+    monkeypatch.setattr(curves, "compare", keep_compared)
     monkeypatch.setattr(plots, "traces_of", keep_traced)
     return found
 
@@ -83,12 +82,12 @@ def test_four_commands_make_one_curve(name, velocities, made, tmp_path):
     is_inside = (times >= lead_in) & (times <= lead_in + last - first)
     instants = np.clip(first + times[is_inside] - lead_in, first, last)
     assert is_inside.sum() > 400
-    curves = {"compare": made["compare"].curve, "plot": made["plot"]}
-    for command, curve in curves.items():
+    drawn = {"compare": made["compare"].curve, "plot": made["plot"]}
+    for command, curve in drawn.items():
         assert angle(curve.evaluate(instants)[0], q[is_inside]).max() < 1e-9, command
     again = moved.sample(moved.start_time + instants - first).q
     assert angle(again, q[is_inside]).max() < 1e-9
-    assert curves["compare"] == curves["plot"]
+    assert drawn["compare"] == drawn["plot"]
 
 
 @pytest.mark.parametrize("name", ["c2_cumulative", "kks_bspline", "kks_uniform", "squad"])

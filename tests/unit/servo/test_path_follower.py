@@ -50,7 +50,7 @@ def put(ring, *points):
     first = ring.head
     for p in points:
         parts = (*p.q, *p.omega_body, *p.alpha_body, *p.position, *p.velocity)
-        ring.publish(0, 0, 1, *parts)
+        ring.publish(*parts)
     return first
 
 
