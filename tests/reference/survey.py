@@ -10,7 +10,7 @@ from orientd.planner.timing.survey import HOT, PIECES, SHARES
 from orientd.rotation import Floats
 
 
-def surveyed(core: KeyframePath, limits: Limits, period: float) -> tuple[float, Floats]:
+def surveyed(keyframe_path: KeyframePath, limits: Limits, period: float) -> tuple[float, Floats]:
     """Return by which factor a keyframe path should take longer, and where that is decided.
 
     The keyframe path has one shape and keeps its position, and its acceleration is continuous.
@@ -18,8 +18,8 @@ def surveyed(core: KeyframePath, limits: Limits, period: float) -> tuple[float, 
     Returns:
         The factor, and parts of the duration, from 0 to 1, shape ``(m, 2)``.
     """
-    instants = _instants(core)
-    _, omega, alpha = core.stretch.sample(instants)
+    instants = _instants(keyframe_path)
+    _, omega, alpha = keyframe_path.segment.sample(instants)
     steps = np.maximum(np.diff(instants), period)
     twists = np.zeros(len(instants))
     twists[1:] = _shares(np.diff(alpha, axis=0), limits, "jerk") / steps
@@ -33,18 +33,18 @@ def surveyed(core: KeyframePath, limits: Limits, period: float) -> tuple[float, 
     hot = np.flatnonzero(factors >= HOT * factors.max())
     begins = instants[np.maximum(hot - 1, 0)]
     ends = instants[np.minimum(hot + 1, len(instants) - 1)]
-    if not all(core.held_ends(limits)):
-        begins = np.concatenate([[0.0, core.duration], begins])
-        ends = np.concatenate([[0.0, core.duration], ends])
-    return float(factors.max()), _merged(begins, ends) / core.duration
+    if not all(keyframe_path.held_ends(limits)):
+        begins = np.concatenate([[0.0, keyframe_path.duration], begins])
+        ends = np.concatenate([[0.0, keyframe_path.duration], ends])
+    return float(factors.max()), _merged(begins, ends) / keyframe_path.duration
 
 
-def _instants(core: KeyframePath) -> Floats:
-    curve = core.stretch.curve
-    breaks = (curve.knots - curve.domain[0]) / core.stretch.rate
-    breaks = breaks[(breaks >= 0.0) & (breaks <= core.duration)]
+def _instants(keyframe_path: KeyframePath) -> Floats:
+    curve = keyframe_path.segment.curve
+    breaks = (curve.knots - curve.domain[0]) / keyframe_path.segment.rate
+    breaks = breaks[(breaks >= 0.0) & (breaks <= keyframe_path.duration)]
     if len(breaks) < PIECES:
-        breaks = np.union1d(breaks, np.linspace(0.0, core.duration, PIECES + 1))
+        breaks = np.union1d(breaks, np.linspace(0.0, keyframe_path.duration, PIECES + 1))
     widths = np.diff(breaks)
     begins, widths = breaks[:-1][widths > 0.0], widths[widths > 0.0]
     instants: Floats = (begins[:, None] + widths[:, None] * SHARES).reshape(-1)

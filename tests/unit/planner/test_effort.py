@@ -65,7 +65,7 @@ def effort(monkeypatch):
         spent["records"] += count
         return measure(setpoints, count, *arguments, **options)
 
-    monkeypatch.setattr(PathRequest, "core", counted_core)
+    monkeypatch.setattr(PathRequest, "keyframe_path", counted_core)
     monkeypatch.setattr(KeyframeEquations, "correction", counted_correction)
     monkeypatch.setattr(survey, "look_at", counted_look_at)
     monkeypatch.setattr(path_request, "measure", counted_measure)

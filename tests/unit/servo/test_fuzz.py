@@ -149,7 +149,7 @@ class Fuzz:
             motion_queue.begin(motion, self.number, speed=1.0, start_ns=UNKNOWN)
         elif cycle.state is ServoState.STREAMING and motion_queue.is_active:
             leave = motion_queue.ahead(cycle, int(self.random.integers(2, 9)))
-            left = motion_queue.stage(leave.number)
+            left = motion_queue.queued(leave.number)
             motion = self.plan(left.motion.state_at(leave.record))
             self.number += 1
             try:
