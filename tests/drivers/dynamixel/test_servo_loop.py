@@ -8,7 +8,7 @@ from rig import PERIOD, PERIOD_NS
 from rig import Rig as LoopRig
 
 from orientd.errors import Fault
-from orientd.servo import Servo
+from orientd.servo import Servo, WatchdogTimeouts
 from orientd.stream import Answer, Command, SharedMemory, State
 from orientd_sim.dynamixel import FaultKind, ReplyFault
 
