@@ -134,7 +134,7 @@ def daemon(
     )
     environment = {**os.environ, "XDG_STATE_HOME": str(folder)}
     process = subprocess.Popen(
-        [sys.executable, "-m", "orientd.cli.main", "run", "--config", str(config)],
+        [sys.executable, "-m", "orientd", "run", "--config", str(config)],
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,

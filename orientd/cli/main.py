@@ -101,3 +101,7 @@ def main() -> None:
     # To be told to end is to be interrupted: a motion stops on its path, nothing is left behind.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     app()
+
+
+if __name__ == "__main__":  # as units of systemd begin that were installed before
+    main()

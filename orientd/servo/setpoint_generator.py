@@ -34,7 +34,7 @@ from orientd.stream import UNKNOWN, ServoLimits, SharedMemory, State
 _STREAMING, _STOPPING, _TRACKING = State.STREAMING, State.STOPPING, State.TRACKING
 _NO_FAULT = Fault.NONE
 
-_NO_TERMS = ServoLimits(1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 1.0)
+_NO_LIMITS = ServoLimits(1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 1.0)
 _START_TOLERANCE = 1e-9
 _EASINGS = 3
 
@@ -77,7 +77,7 @@ class SetpointGenerator:
         self.motion = 0
         self.last = PathPoint(IDENTITY, ZERO, ZERO, ZERO, ZERO)
         self.path_clock = TimeScaling(period)
-        self.follower = PathFollower(memory.path, period, _NO_TERMS)
+        self.follower = PathFollower(memory.path, period, _NO_LIMITS)
         self._guard = Guard(period)
         self._brake_law = BrakeLaw(self.path_clock, self.follower, self._guard)
         self._pursuit = TargetFollower(memory.targets, period)
@@ -85,7 +85,7 @@ class SetpointGenerator:
         self._driver = driver
         self._on_fault = on_fault
         self._period_ns = period_ns
-        self._servo_limits = _NO_TERMS
+        self._servo_limits = _NO_LIMITS
         self._speed = 0.0
         self._start_ns = UNKNOWN
         self._is_waiting = False

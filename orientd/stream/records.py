@@ -18,7 +18,7 @@ from orientd.driver import Quaternion, Vector3
 
 
 class State(IntEnum):
-    """The servo's states; ``servo/table.py`` has the transitions."""
+    """The servo's states; ``servo/state_table.py`` has the transitions."""
 
     IDLE = 0
     HOLDING = 1

@@ -57,7 +57,7 @@ def recorded(tmp_path_factory):
         process.send_signal(signal.SIGINT)
         output, errors = process.communicate(timeout=20)
         assert (process.returncode, errors) == (0, "")
-        yield daemon, reader.load(path), json.loads(output)
+        yield daemon, reader.load_recording(path), json.loads(output)
 
 
 def test_a_recording_has_every_cycle_as_it_was_sent_and_measured(recorded):
@@ -134,7 +134,7 @@ def test_a_fault_leaves_a_file_with_its_cycle_and_all_before(tmp_path):
             seen += next(events).events
         events.cancel()
     assert seen[-1].text == str(path)
-    recording = reader.load(path)
+    recording = reader.load_recording(path)
     cycles = recording.cycles[DEVICE]
     np.testing.assert_array_equal(cycles["index"], np.arange(len(cycles)))
     (at,) = np.flatnonzero(np.diff(np.minimum(cycles["fault"], 1).astype(int)) == 1)
@@ -153,7 +153,7 @@ def test_a_servo_that_is_killed_leaves_a_file_up_to_its_last_cycle(daemon):
     last = daemon.device().cycle.index
     os.kill(daemon.device().servo_pid, signal.SIGKILL)
     (path,) = until(lambda: flight_files(daemon), "a file")
-    cycles = reader.load(path).cycles[DEVICE]
+    cycles = reader.load_recording(path).cycles[DEVICE]
     np.testing.assert_array_equal(cycles["index"], np.arange(len(cycles)))
     assert len(cycles) > last
 

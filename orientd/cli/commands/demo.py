@@ -104,7 +104,7 @@ def _daemon() -> Iterator[Path]:
             encoding="utf-8",
         )
         log = directory / "daemon.log"
-        arguments = [sys.executable, "-m", "orientd.cli.main", "run", "--until-end-of-input"]
+        arguments = [sys.executable, "-m", "orientd", "run", "--until-end-of-input"]
         environment = {**os.environ, "XDG_STATE_HOME": name}
         environment.pop("ORIENTD_SOCKET", None)
         with log.open("wb") as errors:

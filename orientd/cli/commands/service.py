@@ -29,7 +29,7 @@ StartLimitBurst=5
 [Service]
 Type=notify
 NotifyAccess=main
-ExecStart={python} -m orientd.cli.main run --config {config}
+ExecStart={python} -m orientd run --config {config}
 ExecReload=/bin/kill -HUP $MAINPID
 {place}
 # A daemon that fails is started again. No motion is resumed: devices hold until somebody commands.
