@@ -1,9 +1,18 @@
 """Hold records against limits as a device differentiates them, and say so in a certificate."""
 
-from orientd.planner.certify.brake import SLOWEST_STOP
-from orientd.planner.certify.certificate import Certificate, Peak
-from orientd.planner.certify.differences import OFF_GRID, Rough
-from orientd.planner.certify.limit_tables import limit_table
-from orientd.planner.certify.measuring import CHUNK, measure, measure_path
-from orientd.planner.certify.peaks import Peaks
-from orientd.planner.certify.summary import before, summed_up
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from orientd.lazy import lazily
+
+if TYPE_CHECKING:
+    from orientd.planner.certify.brake import SLOWEST_STOP
+    from orientd.planner.certify.certificate import Certificate, Peak
+    from orientd.planner.certify.differences import OFF_GRID, Rough
+    from orientd.planner.certify.limit_tables import limit_table
+    from orientd.planner.certify.measuring import CHUNK, measure, measure_path
+    from orientd.planner.certify.peaks import Peaks
+    from orientd.planner.certify.summary import before, summed_up
+
+__getattr__ = lazily(__name__)

@@ -1,7 +1,16 @@
 """Connectors from one state of motion to another: lead-ins, lead-outs, retargets and blends."""
 
-from orientd.planner.connect.curve_connector import join_in
-from orientd.planner.connect.lead_ins import Caution, LeadIn, lead_in
-from orientd.planner.connect.leads import lead_out
-from orientd.planner.connect.position_stop import position_lead
-from orientd.planner.connect.quintic_connector import join, try_joins
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from orientd.lazy import lazily
+
+if TYPE_CHECKING:
+    from orientd.planner.connect.curve_connector import join_in
+    from orientd.planner.connect.lead_ins import Caution, LeadIn, lead_in
+    from orientd.planner.connect.leads import lead_out
+    from orientd.planner.connect.position_stop import position_lead
+    from orientd.planner.connect.quintic_connector import join, try_joins
+
+__getattr__ = lazily(__name__)

@@ -1,17 +1,26 @@
 """The geometry of a motion: curves laid end to end in time, with the position that goes along."""
 
-from orientd.planner.path.path import Path, PathSegment, Samples
-from orientd.planner.path.plain_path import plain_curve
-from orientd.planner.path.position import (
-    DEGREE,
-    UNIT_ACCELERATION,
-    UNIT_JERK,
-    UNIT_VELOCITY,
-    Motion3,
-    PositionPath,
-    position_path,
-    quintic,
-)
-from orientd.planner.path.retimed_position import motion_of, repositioned
-from orientd.planner.path.row_path import RowPath
-from orientd.planner.path.table_path import SAME_ANGLE, TablePath, between
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from orientd.lazy import lazily
+
+if TYPE_CHECKING:
+    from orientd.planner.path.path import Path, PathSegment, Samples
+    from orientd.planner.path.plain_path import plain_curve
+    from orientd.planner.path.position import (
+        DEGREE,
+        UNIT_ACCELERATION,
+        UNIT_JERK,
+        UNIT_VELOCITY,
+        Motion3,
+        PositionPath,
+        position_path,
+        quintic,
+    )
+    from orientd.planner.path.retimed_position import motion_of, repositioned
+    from orientd.planner.path.row_path import RowPath
+    from orientd.planner.path.table_path import SAME_ANGLE, TablePath, between
+
+__getattr__ = lazily(__name__)
