@@ -5,7 +5,7 @@ import time
 
 import pytest
 import ruckig
-from tracking_world import NS, World, terms
+from tracking_world import NS, World, servo_limits
 
 from orientd.floats import normalize
 from orientd.servo.tracking import Target
@@ -20,7 +20,7 @@ def p99(costs):
 
 
 def tracker_costs(rng, gap):
-    world = World(terms(2.0, 10.0, 100.0))
+    world = World(servo_limits(2.0, 10.0, 100.0))
     costs = []
     for k in range(CYCLES):
         if k % gap == 0:
