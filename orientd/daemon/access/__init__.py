@@ -1,4 +1,4 @@
-"""Who may do what: identities, roles, the door they come in by, and the record of what they did."""
+"""Who may do what: peer credentials, roles, authorization, and the audit log."""
 
 from __future__ import annotations
 

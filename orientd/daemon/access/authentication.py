@@ -1,4 +1,4 @@
-"""The way in, put together: policy, door, checkpoint and audit log of one daemon."""
+"""Who is admitted to one daemon: policy, peer listener, authorization and audit log together."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The checkpoint: what every call passes before its handler sees it.
+"""Authorization: every call passes it before its handler sees it.
 
 It knows the caller by their connection, and asks: does the table of roles let them make this call,
 are they within what one caller may ask for, and is the lease they name their own?  Commands, and

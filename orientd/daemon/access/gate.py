@@ -1,4 +1,4 @@
-"""Let the socket answer before what stands behind it is loaded.
+"""The start-up gate: the socket answers before what stands behind it is loaded.
 
 Planner, curves and NumPy take longer to import than a health check should wait.  The server
 starts with this gate in the place of the service, and calls that come early wait in front of it.

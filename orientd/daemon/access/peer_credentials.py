@@ -1,4 +1,4 @@
-"""The door: whoever connects is identified here, before gRPC hears a byte of them.
+"""Peer credentials: whoever connects is identified before gRPC hears a byte of them.
 
 gRPC's Python server cannot say which process is at the other end of a Unix socket, and cannot ask
 for TLS 1.3.  It therefore listens at a socket of its own that the daemon's user alone can open.

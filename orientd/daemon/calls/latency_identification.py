@@ -1,4 +1,4 @@
-"""Move a device a little, there and back, to find how far it is behind its setpoints."""
+"""Latency identification: move a device a little to find how far it is behind its setpoints."""
 
 from __future__ import annotations
 

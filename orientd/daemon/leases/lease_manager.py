@@ -1,4 +1,4 @@
-"""Who may command, and what becomes of their motions when that changes.
+"""The lease manager: who may command, and what becomes of their motions when that changes.
 
 What was started under a lease stops when the lease is lost, and goes on when it is handed over.
 """

@@ -1,4 +1,4 @@
-"""Leading a device that is behind its setpoints by a known latency.
+"""Latency compensation: setpoints lead a device that is behind them by a known time.
 
 What is sent is the path a lead ahead of the path time that is reported, so that the device is where
 the plan says for that time.  Path time begins when the device does: the first record is sent a lead

@@ -1,4 +1,4 @@
-"""The motions of one device on their way into its servo: the one that runs, and what follows it.
+"""The motion queue of one device: the motion that its servo runs, and what follows it.
 
 Every motion is a queued motion.  The next queued motion begins where the one before is left: at a
 record on its way, where it is replaced or blended into the next, or at its last one.  A queued

@@ -1,4 +1,4 @@
-"""How a motion is to begin and to end, beside what it is."""
+"""The options of a move: how a motion is to begin and to end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the daemon's log tells the story of a motion: as lines to read, or as JSON to search.
+"""The structured log of motions: as lines to read, or as JSON to search.
 
 A record that is about a device, a motion or a caller says so in fields of its own.  Whatever has
 the same ``device`` and ``motion_id`` is one story, from the request to the end.

@@ -1,4 +1,4 @@
-"""Joining a curve that cannot be told the acceleration it should begin with.
+"""Connectors onto a curve that cannot be told the acceleration it should begin with.
 
 A quintic leaves the state the device is in, which is that of the curve's beginning but for the
 acceleration, and is on the curve, in step with it, a little later.

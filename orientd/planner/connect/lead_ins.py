@@ -1,4 +1,4 @@
-"""Leads in: how a device gets from wherever it is, and however it moves, to the first keyframe.
+"""Lead-ins: from wherever a device is, and however it moves, to the first keyframe.
 
 From rest that is an approach, and a run-up where the keyframe is passed with a velocity.  From a
 motion it is a connector; where none is found, a stop and then the way from rest, so that there is

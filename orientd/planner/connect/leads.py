@@ -1,4 +1,4 @@
-r"""Leads: how a device gets from rest into a motion, and from a motion to rest.
+r"""Lead-ins from rest into a motion, and lead-outs from a motion to rest.
 
 A **lead-out** begins in the state :math:`(q, \omega, \alpha)` of a motion's end and comes to rest.
 It is the quintic quaternion curve with velocity and acceleration given at both ends

@@ -1,4 +1,4 @@
-"""Quintic joins of two states of motion: curves of them, and whether they keep limits.
+"""Quintic connectors of two states of motion: their curves, and whether they keep limits.
 
 What a join is stands in ``orientd/kernels/c/connectors.h``.  A state is a row of ten numbers:
 orientation, angular velocity and angular acceleration in body components.
