@@ -39,15 +39,17 @@ def large_motion(keyframes: int, **more) -> pb.MotionRequest:
     return pb.MotionRequest(keyframes=frames, approach=True, **more)
 
 
-def endless_motion(keyframes: int = 300) -> pb.MotionRequest:
+def endless_motion(keyframes: int = 6000) -> pb.MotionRequest:
     """Return what takes minutes to plan, in little memory, and can be told to end at any moment.
 
-    De Casteljau's construction takes a step for each pair of keyframes at every instant.
+    The curve of least acceleration is searched for in steps, each over all keyframes.
     """
-    numbers = 0.1 * np.arange(keyframes)
-    vectors = np.stack([np.sin(numbers), np.cos(numbers), 0.1 * numbers], axis=1).tolist()
-    frames = [pb.Keyframe(rotation_vector=pb.Vector3(x=x, y=y, z=z)) for x, y, z in vectors]
-    return pb.MotionRequest(keyframes=frames, method="de_casteljau", approach=True)
+    numbers = 0.7 * np.arange(keyframes)
+    vectors = np.stack([np.sin(numbers), np.cos(1.3 * numbers), np.sin(0.4 * numbers)], axis=1)
+    frames = [
+        pb.Keyframe(rotation_vector=pb.Vector3(x=x, y=y, z=z)) for x, y, z in vectors.tolist()
+    ]
+    return pb.MotionRequest(keyframes=frames, method="min_acceleration", approach=True)
 
 
 def deaf_motion() -> pb.MotionRequest:
