@@ -176,8 +176,10 @@ class SetpointGenerator:
             raise NotYetError("the speed is changing")
         problem = self.follower.splice(leg)
         if not problem:
-            # Until the path of before is behind, a stop keeps the limits of both.
-            clock.brake_rate = min(brake_rate, clock.brake_rate)
+            # Until the path of before is behind, a stop keeps the limits of both; those of motions
+            # that this one has replaced before they began bind nobody any more.
+            slowest = self.follower.slowest_brake_rate
+            clock.brake_rate = slowest if clock.is_steady else min(slowest, clock.brake_rate)
             self.state = following
         return problem
 

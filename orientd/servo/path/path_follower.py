@@ -154,6 +154,11 @@ class PathFollower:
         return bool(self._ahead)
 
     @property
+    def slowest_brake_rate(self) -> float:
+        """The least rate by which any part from here on may be slowed down, 1/s."""
+        return min(part.servo_limits.brake_rate for part in (self.leg, *self._ahead))
+
+    @property
     def _final(self) -> int:
         """Index of the last part's last record, or :data:`UNKNOWN`."""
         leg = self._ahead[-1] if self._ahead else self.leg

@@ -1,5 +1,7 @@
 """A motion that replaces or continues another one is joined to its path, in path time."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from rig import PERIOD, TERMS, Rig, peaks, turn
@@ -95,6 +97,22 @@ def test_a_motion_is_left_at_the_record_that_was_sent_last(speed):
     assert (answer, text) == (Answer.DONE, "")
     assert rig.cycle.motion == 2
     ends_at(rig, target)
+
+
+def test_a_motion_replaced_before_it_began_binds_no_stop_any_more():
+    rig = Rig()
+    first = rig.start(PATH)
+    rig.run(300)
+    clock = rig.servo.setpoints.path_clock
+    before = clock.brake_rate
+    slow = replace(TERMS, brake_rate=0.5 * before)
+    for servo_limits, ahead, expected in ((slow, 40, 0.5 * before), (TERMS, 20, before)):
+        leave = rig.cycle.path_index + ahead
+        target = rotation.exp([0.0, 0.9, 0.2])
+        new = bridge(PATH, leave - first, target, 1.2)
+        (answer, text), _ = splice(rig, new, leave, servo_limits=servo_limits)
+        assert (answer, text) == (Answer.DONE, "")
+        assert clock.brake_rate == expected
 
 
 @pytest.mark.parametrize("behind", [2, 3, 50])
