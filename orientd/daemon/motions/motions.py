@@ -28,7 +28,7 @@ from orientd.stream import UNKNOWN, Command, Cycle, State
 _SHAPED_ATTEMPTS = 3
 """How often a path that the driver shapes is planned from on the way before it begins at rest."""
 
-_LATER = (0.0, 0.2, 0.4)
+_LATER = (0.0, 0.15, 0.3)
 """How much later on the way than as soon as possible axes are tried that cannot go on there, s."""
 
 LONGEST_STOP = 30.0

@@ -14,7 +14,7 @@ PROGRAM = Path(__file__).with_name("bits.py")
 
 
 @pytest.mark.parametrize(
-    "count", [20, pytest.param(300, marks=[pytest.mark.slow, pytest.mark.timeout(3000)])]
+    "count", [60, pytest.param(300, marks=[pytest.mark.slow, pytest.mark.timeout(3000)])]
 )
 def test_two_processes_plan_the_same_bits_in_another_order(count):
     numbers = [str(number) for number in range(count)]
@@ -34,4 +34,4 @@ def test_two_processes_plan_the_same_bits_in_another_order(count):
     differing = [number for number in numbers if one[number] != other[number]]
     assert not differing, {number: (one[number], other[number]) for number in differing[:3]}
     motions = {int(number) % len(FAMILIES) for number in numbers if len(one[number]) > 1}
-    assert len(motions) > 0.5 * min(count, len(FAMILIES)), "hardly anything could be planned"
+    assert len(motions) > 0.6 * len(FAMILIES), "hardly anything could be planned"
