@@ -71,6 +71,10 @@ class Feeder:
         """Whether everything that is to be fed has been."""
         return self._fed >= self._until
 
+    def has(self, record: int) -> bool:
+        """Whether the motion is in the ring up to *record*, or has been."""
+        return self._fed > record
+
     def feed(self, most: int, *, is_urgent: bool = False) -> int:
         """Put up to *most* records more into the ring, as far as it has room; return how many.
 

@@ -17,6 +17,7 @@ from orientd.daemon.motions.meter import MotionMeter, MotionStatistics
 from orientd.daemon.planners import PlannedMotion
 from orientd.errors import LateError, NotYetError, StateError
 from orientd.planner import MotionFacts
+from orientd.servo import TAIL_WORD
 from orientd.stream import UNKNOWN, Command, Cycle, record_index
 
 MEASURED = 16
@@ -194,8 +195,6 @@ class MotionQueue:
         ):
             raise LateError(f"motion {leave.number} is not the last one any more")
         self.last.leave = leave.record
-        if self.last.feeder is not None:
-            self.last.feeder.leave_at(leave.record)
         self._queued_motions.append(QueuedMotion(motion, number))
 
     def feed(self) -> None:
@@ -206,15 +205,36 @@ class MotionQueue:
                 more.
             DaemonError: the servo does not answer.
         """
-        for place, queued in enumerate(self._queued_motions):
-            if queued.feeder is None:
-                left = self._queued_motions[place - 1]
-                self._splice(queued, left, left.last_record)
-            feeder = queued.feeder
-            while feeder is not None and not feeder.is_done and feeder.feed(BLOCK) == BLOCK:
-                self._link.beat()
-            if feeder is None or not feeder.is_done:
+        left: QueuedMotion | None = None
+        for queued in self._queued_motions:
+            if left is not None and queued.feeder is None:
+                self._follow(queued, left)
+            feeder, last = queued.feeder, queued.last_record
+            if feeder is None:
                 return
+            while not feeder.has(last) and feeder.feed(BLOCK) == BLOCK:
+                self._link.beat()
+            if not feeder.has(last):
+                return
+            left = queued
+
+    def _follow(self, queued: QueuedMotion, left: QueuedMotion) -> None:
+        """Have *queued* follow *left*; until the servo takes that up, *left* goes on in the ring.
+
+        Raises:
+            LateError: the servo has passed the record where *left* is left, or moves no more.
+        """
+        try:
+            self._splice(queued, left, left.last_record)
+        except NotYetError:
+            # A stop must fit meanwhile, which may end beyond the record where it is left.
+            ring = self._link.memory.path
+            fed = ring.head - ring.words[TAIL_WORD]
+            if left.feeder is not None and fed < self.needed(left.motion.facts):
+                left.feeder.feed(BLOCK)
+            raise
+        if left.feeder is not None:
+            left.feeder.leave_at(left.last_record)
 
     def miss(self) -> list[QueuedMotion]:
         """Take out what the servo could not be told of in time, unless it follows at rest."""
@@ -302,10 +322,7 @@ class MotionQueue:
         self._add_meter(queued, after=self._meters.get(left.number))
 
     def _feeder(self, queued: QueuedMotion) -> Feeder:
-        feeder = Feeder(self._link.memory.path, queued.motion, read_ahead=self._read_ahead)
-        if queued.leave is not None:
-            feeder.leave_at(queued.leave)
-        return feeder
+        return Feeder(self._link.memory.path, queued.motion, read_ahead=self._read_ahead)
 
     def needed(self, facts: MotionFacts) -> int:
         """Return how many records of a motion the servo wants to see before it begins."""
