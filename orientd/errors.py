@@ -28,10 +28,19 @@ An error is ours (a call failed); a fault is the device's (it stopped and waits 
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import Any
+
+
+def _as_it_was(kind: type[OrientdError], args: tuple[Any, ...]) -> OrientdError:
+    return kind.__new__(kind, *args)
 
 
 class OrientdError(Exception):
     """The root of everything orientd raises about the world."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A constructor's arguments are not the exception's: what it has become is what crosses.
+        return _as_it_was, (type(self), self.args), self.__dict__
 
 
 class RequestError(OrientdError, ValueError):

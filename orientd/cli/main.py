@@ -22,6 +22,7 @@ _HOMES = {
     "plan": "motion_commands",
     "move": "motion_commands",
     "track": "track",
+    "batch": "batch",
     "compare": "compare",
     "plot": "plot",
     "record": "record",
