@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import socket
 from collections.abc import Callable, Iterable, Iterator
 from importlib.util import find_spec
 from typing import Any, Literal, TypeVar, get_args
@@ -29,6 +30,12 @@ _TOGETHER = 64
 
 _IDLE = 30.0
 """Seconds after which a worker ends that is handed nothing, as when the one who asks was killed."""
+
+_PATIENCE = 5.0
+"""Seconds in which a cluster must take a connection."""
+
+_ROUNDS = 8
+"""Parts that each worker of Ray is handed before what has been done is returned."""
 
 _NEEDED = {
     "loky": ("joblib", "orientd[batch]"),
@@ -101,11 +108,20 @@ def in_parallel(
     import joblib
 
     more = {"idle_worker_timeout": _IDLE} if backend == "loky" else {}
-    config = joblib.parallel_config(backend=backend, n_jobs=jobs, **more)
-    with _cluster(backend, address), config:
+    with _cluster(backend, address), joblib.parallel_config(backend, n_jobs=jobs, **more):
+        tasks = (joblib.delayed(work)(part) for part in parts)
         # One part at a time: they are large already, and what is asked next depends on the pace.
-        parallel = joblib.Parallel(return_as="generator", batch_size=1, pre_dispatch="2 * n_jobs")
-        yield from parallel(joblib.delayed(work)(part) for part in parts)
+        if backend != "ray":
+            parallel = joblib.Parallel(
+                return_as="generator", batch_size=1, pre_dispatch="2 * n_jobs"
+            )
+            yield from parallel(tasks)
+            return
+        # Ray's end of joblib returns lists only.
+        with joblib.Parallel(batch_size=1) as parallel:
+            together = _ROUNDS * joblib.effective_n_jobs(jobs)
+            while some := list(itertools.islice(tasks, together)):
+                yield from parallel(some)
 
 
 def need_backend(backend: str) -> None:
@@ -127,6 +143,10 @@ def _cluster(backend: str, address: str | None) -> Iterator[None]:
         return
     entered: Any
     try:
+        host, _, port = (address or "").rpartition("://")[2].rpartition(":")
+        if port.isdecimal():
+            # Ray itself would wait for minutes for one that is not there.
+            socket.create_connection((host, int(port)), timeout=_PATIENCE).close()
         if backend == "ray":
             import ray
             from ray.util.joblib import register_ray

@@ -17,6 +17,7 @@ from orientd.batch import Batch, Settings, open_requests, run
 from orientd.batch.rows import RECORD
 from orientd.cli.commands.motion_commands import device_settings
 from orientd.errors import LimitError, OrientdError, RequestError
+from orientd.planner import many
 
 pytestmark = pytest.mark.filterwarnings("ignore:resource_tracker:UserWarning")
 
@@ -185,3 +186,9 @@ def test_the_command_says_how_far_it_is_and_what_it_wrote(requests, tmp_path):
     )
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr == "orientd: expected a backend of loky, ray, dask, got 'grid'\n"
+
+
+def test_a_cluster_that_is_not_there_is_said_not_to_be(monkeypatch):
+    monkeypatch.setattr(many, "find_spec", lambda name: name)
+    with pytest.raises(OrientdError, match=r"no ray cluster at 127.0.0.1:9: .*refused"):
+        next(planner.plan_many([], backend="ray", address="127.0.0.1:9"))
