@@ -14,23 +14,25 @@ from typing import Any, ClassVar
 
 from orientd.clock import Clock
 from orientd.driver import Driver, Feedback, Finding, Quaternion, Setpoint, Vector3
-from orientd.errors import DeviceFaultError, FeedbackError, LinkError, PlanError
+from orientd.errors import DeviceFaultError, FeedbackError, LinkError
 from orientd.floats import exp, rotate_back
 from orientd_ur import options as ur_options
 from orientd_ur.controller_clock import ControllerClock
 from orientd_ur.dashboard import Dashboard
 from orientd_ur.deadline import arm, disarm
 from orientd_ur.inspection import inspect
-from orientd_ur.joint_path import examine, tool_in_flange
-from orientd_ur.kinematics import JOINT_NAMES, frames
+from orientd_ur.kinematics import JOINT_NAMES
 from orientd_ur.link import Link
 from orientd_ur.pose import continued
-from orientd_ur.probe import look, whereabouts
+from orientd_ur.prediction import Prediction
+from orientd_ur.probe import look
+from orientd_ur.sockets import Address
 from orientd_ur.states import PROTECTIVE_STOP, RUNNING, RuntimeState, interruption, obstacle
 from orientd_ur.tick_listener import TickListener
 from orientd_ur.tick_phase import TickPhase, tick_ns
 
 _POLL = 0.005
+_RESOLVING = 5.0
 _POWER_UP = 15.0
 # After this many looks the receiving thread has had its turn, however busy the machine.
 _LOOKS_BEFORE_STALE = 3
@@ -54,6 +56,8 @@ class UrDriver(Driver):
         self._tuned = self._options
         if importlib.util.find_spec("rtde_control") is None:
             raise ValueError("the driver needs the package ur-rtde: pip install 'orientd[ur]'")
+        self._address = Address(self._options.host)
+        self._prediction = Prediction(self._options, self._address)
         self._link = Link(self._options.host)
         self._clock = ControllerClock()
         self._is_enabled = False
@@ -87,21 +91,33 @@ class UrDriver(Driver):
         """Take the lookahead, gain and servo time of the motions to come."""
         self._tuned = ur_options.tuned(self._options, options)
 
-    def examine(self, times: Sequence[float], poses: Sequence[tuple[Quaternion, Vector3]]) -> None:
+    def examine(
+        self,
+        times: Sequence[float],
+        poses: Sequence[tuple[Quaternion, Vector3]],
+        joints: tuple[float, ...] = (),
+        *,
+        is_offline: bool = False,
+    ) -> None:
         """Refuse a path on which a joint would be too fast, or a singularity too near.
 
         Raises:
             PlanError: the time and the joint; or the robot does not say where it is.
         """
-        try:
-            joints, pose = whereabouts(self._options.host)
-        except LinkError as error:
-            raise PlanError(f"cannot predict the joints: {error}") from error
-        examine(times, poses, joints, tcp_offset=tool_in_flange(joints, pose))
+        self._prediction.examine(times, poses, joints, is_offline=is_offline)
+
+    def offline_start(self, *, from_device: bool) -> Feedback:
+        """Return where the arm stands: by the options, or as the robot says.
+
+        Raises:
+            LinkError: the robot does not answer.
+            PlanError: the options do not say which arm it is.
+        """
+        return self._prediction.start(from_device=from_device)
 
     def outline(self, joints: tuple[float, ...]) -> Sequence[Sequence[Vector3]]:
-        """Return the links of a UR5e, whichever arm it is, up to the flange."""
-        return (frames(joints),) if len(joints) == len(JOINT_NAMES) else ()
+        """Return the arm's links up to the flange; nothing until the controller said which arm."""
+        return self._prediction.outline(joints) if len(joints) == len(JOINT_NAMES) else ()
 
     def open(self) -> None:
         """Look at the robot, then connect; the arm need not be running yet.
@@ -110,14 +126,20 @@ class UrDriver(Driver):
             LinkError: it does not answer, is held by another client, or has a version that the
                 client library cannot drive.
         """
-        host = self._options.host
-        probe = look(host)
+        host, address = self._options.host, self._address.get(_RESOLVING)
+        probe = look(address)
         if probe.version_problem:
             raise LinkError(f"{host}: {probe.version_problem}")
+        if self.period_ns < (cycle_ns := tick_ns(probe.version)):
+            raise LinkError(
+                f"{host} takes a setpoint every {cycle_ns * 1e-6:g} ms: `rate_hz` must be "
+                f"{1e9 / cycle_ns:g} at the most"
+            )
+        self._prediction.confirm(address)
         if self._options.keep_phase:
-            self._listener = TickListener(host)
+            self._listener = TickListener(address)
             self._phase = TickPhase(tick_ns(probe.version), self.period_ns)
-        self._link.connect()
+        self._link.connect(address)
         self._await_package(LinkError(f"{host} sends no data packages"))
 
     def enable(self) -> Feedback:
@@ -261,7 +283,7 @@ class UrDriver(Driver):
         self._link.require_same()
         self._clock.reset()
         self._await_package(LinkError(f"{self._options.host} sends no data packages"))
-        with Dashboard(self._options.host) as dashboard:
+        with Dashboard(self._link.address) as dashboard:
             self._require_remote(dashboard)
             if self._link.modes()[1] == PROTECTIVE_STOP:
                 self._unlock(dashboard)
@@ -356,7 +378,7 @@ class UrDriver(Driver):
         reason = obstacle(robot_mode, safety_mode)
         if reason:
             raise DeviceFaultError(reason)
-        with Dashboard(self._options.host) as dashboard:
+        with Dashboard(self._link.address) as dashboard:
             self._require_remote(dashboard)
 
     def _require_remote(self, dashboard: Dashboard) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import socket
 import time
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from orientd.errors import LinkError
 from orientd_ur import rtde
@@ -96,13 +97,32 @@ def look(host: str, *, timeout: float = 2.0, packages: int = 5) -> Probe:
     )
 
 
-def whereabouts(host: str, *, timeout: float = 2.0) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return the joints (rad) and the tool's pose that the controller at *host* commands.
+class Place(NamedTuple):
+    """Where a controller commands its arm to be.
+
+    Attributes:
+        joints: rad.
+        pose: of the tool, m and rad.
+        tcp_offset: pose of the tool in the flange, m and rad.
+    """
+
+    joints: tuple[float, ...]
+    pose: tuple[float, ...]
+    tcp_offset: tuple[float, ...]
+
+
+def whereabouts(address: str, *, timeout: float = 0.5) -> Place:
+    """Return where the controller at *address* commands its arm to be.
+
+    Args:
+        address: of the controller.
+        timeout: s for the whole of it.
 
     Raises:
         LinkError: it does not answer.
     """
-    with RtdeClient(host, timeout) as client:
-        client.ask(rtde.outputs_request(125.0, rtde.PLACE))
+    with RtdeClient(address, timeout, total=timeout) as client:
+        if b"NOT_FOUND" in client.ask(rtde.outputs_request(125.0, rtde.PLACE)):
+            raise LinkError(f"{address} lacks one of the variables {', '.join(rtde.PLACE)}")
         client.ask(rtde.package(rtde.START))
-        return rtde.place(client.await_kind(rtde.DATA))
+        return Place(*rtde.place(client.await_kind(rtde.DATA)))

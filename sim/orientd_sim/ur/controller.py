@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 from orientd_sim.ur.arm import TICK, Arm, Mode
+from orientd_sim.ur.models import Behaviour
 from orientd_sim.ur.outputs import OUTPUT_GETTERS
 from orientd_sim.ur.script import SIGNATURE, ControlScript, PlainProgram
 from orientd_sim.ur.tool import Tool, UnreachableError
@@ -36,35 +36,12 @@ class RefusedError(Exception):
     """A request that the robot's present state does not allow; the text is what it answers."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Behaviour:
-    """What differs between robots, or is not known of real ones.
-
-    Attributes:
-        version: of the software; major, minor, bugfix, build.
-        serial: digits only, as clients insist.
-        protective_stop_leaves: runtime state a protective stop leaves the program in.
-        unlock_after: s after which a protective stop may be unlocked.
-        power_up: s from one robot mode to the next when powering on.
-        program_start: s from the upload of a program until it plays.
-        stops_on_breach: whether a joint over its limits stops the robot, or is merely clamped.
-    """
-
-    version: tuple[int, int, int, int] = (5, 12, 6, 1102099)
-    serial: str = "20235500123"
-    protective_stop_leaves: RuntimeState = RuntimeState.PAUSED
-    unlock_after: float = 5.0
-    power_up: float = 0.1
-    program_start: float = 0.02
-    stops_on_breach: bool = True
-
-
 class Controller:
     """One robot."""
 
     def __init__(self, behaviour: Behaviour | None = None) -> None:
         self.behaviour = behaviour or Behaviour()
-        self.arm = Arm()
+        self.arm = Arm(self.behaviour.model)
         self.ticks = 0
         # Clients take a clock that starts at zero for a controller that is still booting.
         self.timestamp = 100.0
@@ -91,6 +68,7 @@ class Controller:
         self.on_message: Callable[[str], None] = lambda _text: None
         self.program: ControlScript | PlainProgram | None = None
         self._next_program: ControlScript | PlainProgram | None = None
+        self._written: list[tuple[Sequence[str], Sequence[Value]]] = []
         self._due: list[tuple[int, Callable[[], None]]] = []
         self._watchdog: tuple[str, int] | None = None
         self._watchdog_fed = 0
@@ -103,6 +81,10 @@ class Controller:
         self.ticks += 1
         self.timestamp += TICK
         self.tool.forget_poses()
+        if self.ticks % self.behaviour.cycle_ticks == 0:
+            written, self._written = self._written, []
+            for names, values in written:
+                self._apply(names, values)
         while self._due and self._due[0][0] <= self.ticks:
             self._due.pop(0)[1]()
         self._move_slider()
@@ -348,7 +330,13 @@ class Controller:
             self.input_doubles[int(name[22:])] = float(value)
 
     def write_package(self, names: Sequence[str], values: Sequence[Value]) -> None:
-        """Take one package of inputs."""
+        """Take one package of inputs, which a program sees from the next cycle on."""
+        if self.behaviour.cycle_ticks == 1:
+            self._apply(names, values)
+        else:
+            self._written.append((names, values))
+
+    def _apply(self, names: Sequence[str], values: Sequence[Value]) -> None:
         for name, value in zip(names, values, strict=True):
             self.write(name, value)
         given = dict(zip(names, values, strict=True))

@@ -16,6 +16,8 @@ Not part of any real robot.  The server answers it at all times, a frozen contro
 ``stop``, ``pause``, ``play``  the buttons of the pendant
 ``slider FRACTION``        the speed slider
 ``limiter FRACTION``       slow programs down as the controller's own limiter does
+``dashboard PACE``         the dashboard server takes PACE s for each byte of an answer
+``garbage COUNT``          send COUNT bytes that are no package to every RTDE client
 ``local`` / ``remote``     local or remote control
 ``limit JOINT SPEED``      lower the speed limit of joint 1 to 6, rad/s
 ``record on|off|clear``, ``record write STEM``  see `orientd_sim.ur.recording`
@@ -94,6 +96,10 @@ def _delay(server: Server, words: Sequence[str]) -> None:
     server.delay_in_ns = round(float(words[1]) * 1e9) if len(words) > 1 else 0
 
 
+def _pace_dashboard(server: Server, words: Sequence[str]) -> None:
+    server.dashboard_pace_ns = round(float(words[0]) * 1e9)
+
+
 def _drop(server: Server, words: Sequence[str]) -> str:
     return f"ok {server.drop(words[0])}"
 
@@ -116,6 +122,8 @@ _VERBS: dict[str, Callable[[Server, Sequence[str]], str | None]] = {
     "play": lambda server, _words: server.robot.play(),
     "slider": lambda server, words: server.robot.set_slider(float(words[0])),
     "limiter": _limiter,
+    "dashboard": _pace_dashboard,
+    "garbage": lambda server, words: server.send_garbage(int(words[0])),
     "local": _set_remote(False),
     "remote": _set_remote(True),
     "limit": _limit,
