@@ -19,7 +19,7 @@ class Dashboard:
         timeout: s that connecting and each whole answer may take, however many bytes come of it.
     """
 
-    def __init__(self, host: str, *, timeout: float = 2.0) -> None:
+    def __init__(self, host: str, *, timeout: float = 0.4) -> None:
         self._host = host
         self._timeout = timeout
         self._sock: socket.socket | None = None

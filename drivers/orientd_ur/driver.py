@@ -8,6 +8,7 @@ centre point.
 from __future__ import annotations
 
 import importlib.util
+import logging
 import time
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
@@ -18,7 +19,6 @@ from orientd.errors import DeviceFaultError, FeedbackError, LinkError
 from orientd.floats import exp, rotate_back
 from orientd_ur import options as ur_options
 from orientd_ur.controller_clock import ControllerClock
-from orientd_ur.dashboard import Dashboard
 from orientd_ur.deadline import arm, disarm
 from orientd_ur.inspection import inspect
 from orientd_ur.kinematics import JOINT_NAMES
@@ -26,14 +26,15 @@ from orientd_ur.link import Link
 from orientd_ur.pose import continued
 from orientd_ur.prediction import Prediction
 from orientd_ur.probe import look
+from orientd_ur.recovery import NO_DASHBOARD, Recovery
 from orientd_ur.sockets import Address
-from orientd_ur.states import PROTECTIVE_STOP, RUNNING, RuntimeState, interruption, obstacle
+from orientd_ur.states import RuntimeState, interruption, obstacle
 from orientd_ur.tick_listener import TickListener
 from orientd_ur.tick_phase import TickPhase, tick_ns
 
-_POLL = 0.005
 _RESOLVING = 5.0
-_POWER_UP = 15.0
+_LOOKING = 0.5
+_FIRST_PACKAGES = 1.0
 # After this many looks the receiving thread has had its turn, however busy the machine.
 _LOOKS_BEFORE_STALE = 3
 _REASON_TIMEOUT = 0.02
@@ -42,6 +43,9 @@ _SLOW_CALL_NS = 20_000_000
 # The library can hang in any call, when it connects anew at the wrong moment.
 _LONGEST_CYCLE = 0.9
 _COMPARE_EVERY_NS = 1_000_000_000
+
+
+_log = logging.getLogger(__name__)
 
 
 class UrDriver(Driver):
@@ -59,6 +63,7 @@ class UrDriver(Driver):
         self._address = Address(self._options.host)
         self._prediction = Prediction(self._options, self._address)
         self._link = Link(self._options.host)
+        self._recovery = Recovery(self._link, self._options)
         self._clock = ControllerClock()
         self._is_enabled = False
         self._timestamp = -1.0
@@ -127,7 +132,7 @@ class UrDriver(Driver):
                 client library cannot drive.
         """
         host, address = self._options.host, self._address.get(_RESOLVING)
-        probe = look(address)
+        probe = look(address, timeout=_LOOKING)
         if probe.version_problem:
             raise LinkError(f"{host}: {probe.version_problem}")
         if self.period_ns < (cycle_ns := tick_ns(probe.version)):
@@ -136,6 +141,9 @@ class UrDriver(Driver):
                 f"{1e9 / cycle_ns:g} at the most"
             )
         self._prediction.confirm(address)
+        self._recovery.version = probe.version
+        if not self._recovery.has_dashboard:
+            _log.warning("%s: %s", host, NO_DASHBOARD)
         if self._options.keep_phase:
             self._listener = TickListener(address)
             self._phase = TickPhase(tick_ns(probe.version), self.period_ns)
@@ -149,12 +157,13 @@ class UrDriver(Driver):
             DeviceFaultError: the robot may not move, or is not in remote control.
             LinkError: the link is lost, or another client holds the robot.
         """
+        self._forget_age()
         self._link.require()
         self._link.require_same()
-        self._require_readiness()
+        self._recovery.require_readiness()
         if not self._link.has_control:
             self._link.take_control()
-            self._await_runtime(RuntimeState.PLAYING)
+            self._recovery.await_runtime(RuntimeState.PLAYING)
         elif self._link.modes()[2] != RuntimeState.PLAYING:
             self._link.play()
         chosen = self._options
@@ -283,23 +292,10 @@ class UrDriver(Driver):
         self._link.require_same()
         self._clock.reset()
         self._await_package(LinkError(f"{self._options.host} sends no data packages"))
-        with Dashboard(self._link.address) as dashboard:
-            self._require_remote(dashboard)
-            if self._link.modes()[1] == PROTECTIVE_STOP:
-                self._unlock(dashboard)
-            robot_mode, safety_mode, _ = self._link.modes()
-            if robot_mode != RUNNING and safety_mode <= 2 and self._options.release_brakes:
-                self._power_up(dashboard)
-            robot_mode, safety_mode, _ = self._link.modes()
-            reason = obstacle(robot_mode, safety_mode)
-            if reason:
-                raise DeviceFaultError(reason)
-            # Anew, not resumed: a program that was paused would go on to the setpoint it was
-            # stopped at.
-            dashboard.ask("stop")
-            self._await_runtime(RuntimeState.STOPPED)
+        self._recovery.clear()
         if self._link.has_control:
             self._link.play()
+        self._forget_age()
 
     def close(self) -> None:
         """End the control program and disconnect; after a loss, do nothing at all."""
@@ -351,7 +347,7 @@ class UrDriver(Driver):
 
     def _await_package(self, error: LinkError | FeedbackError) -> None:
         """Wait until the controller's clock has moved twice, then take that as the newest."""
-        ends = time.monotonic() + 1.0
+        ends = time.monotonic() + _FIRST_PACKAGES
         before = self._link.timestamp()
         for _ in range(2):
             while (timestamp := self._link.timestamp()) == before:
@@ -365,6 +361,10 @@ class UrDriver(Driver):
         self._timestamp, self._changed_ns, self._looks = before, now_ns, 0
         self._feedback = self._measure(before, now_ns)
 
+    def _forget_age(self) -> None:
+        """Count the age of feedback from now: nobody has looked for as long as a call took."""
+        self._timestamp, self._changed_ns, self._looks = -1.0, self.clock.now_ns(), 0
+
     # Parts of enabling and resetting
 
     def _order(self, name: str, *arguments: Any) -> None:  # noqa: ANN401 - the library's own
@@ -372,43 +372,3 @@ class UrDriver(Driver):
             raise DeviceFaultError(
                 self._reason() or f"{self._options.host} did not carry out {name}"
             )
-
-    def _require_readiness(self) -> None:
-        robot_mode, safety_mode, _ = self._link.modes()
-        reason = obstacle(robot_mode, safety_mode)
-        if reason:
-            raise DeviceFaultError(reason)
-        with Dashboard(self._link.address) as dashboard:
-            self._require_remote(dashboard)
-
-    def _require_remote(self, dashboard: Dashboard) -> None:
-        if self._options.check_remote_control and not dashboard.is_remote:
-            raise DeviceFaultError(
-                f"{self._options.host} is in local control; switch it to remote control on the "
-                "pendant"
-            )
-
-    def _await_runtime(self, state: RuntimeState) -> None:
-        ends = time.monotonic() + 1.0
-        while self._link.modes()[2] != state and time.monotonic() < ends:
-            self._link.require()
-            time.sleep(_POLL)
-
-    def _unlock(self, dashboard: Dashboard) -> None:
-        ends = time.monotonic() + self._options.unlock_timeout
-        answer = ""
-        while self._link.modes()[1] == PROTECTIVE_STOP:
-            self._link.require()
-            if time.monotonic() > ends:
-                raise DeviceFaultError(f"the protective stop stays locked: {answer}")
-            answer = dashboard.ask("unlock protective stop")
-            time.sleep(_POLL)
-        dashboard.ask("close safety popup")
-
-    def _power_up(self, dashboard: Dashboard) -> None:
-        dashboard.ask("power on")
-        dashboard.ask("brake release")
-        ends = time.monotonic() + _POWER_UP
-        while self._link.modes()[0] != RUNNING and time.monotonic() < ends:
-            self._link.require()
-            time.sleep(_POLL)

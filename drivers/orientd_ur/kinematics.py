@@ -1,7 +1,7 @@
 r"""Forward and inverse kinematics of a UR arm, on plain floats.
 
-Denavit-Hartenberg parameters are those of :mod:`orientd_ur.arm.models`; an arm is solved as geometry,
-joint by joint:
+Denavit-Hartenberg parameters are those of :mod:`orientd_ur.arm.models`; an arm is solved as
+geometry, joint by joint:
 
 - the fifth frame lies :math:`d_6` behind the flange, and off the plane of shoulder and elbow by
   :math:`d_4`, which gives the base angle;
@@ -44,7 +44,7 @@ _SETTLED = 1e-10
 
 
 class Links(NamedTuple):
-    """Published lengths of an arm in m; upper arm and forearm are positive, unlike in the tables."""
+    """Published lengths of an arm, m; upper arm and forearm are positive, unlike in the tables."""
 
     d1: float
     upper_arm: float
@@ -99,6 +99,11 @@ class Kinematics:
     def __init__(self, links: Links, calibration: Calibration | None = None) -> None:
         self._links = links
         self._calibration = calibration
+
+    @property
+    def is_calibrated(self) -> bool:
+        """Whether these are an arm's own parameters."""
+        return self._calibration is not None
 
     def forward(self, joints: Sequence[float]) -> Pose:
         """Return the flange's rotation and position (m) in the base for *joints* (rad)."""

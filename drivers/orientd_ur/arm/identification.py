@@ -48,6 +48,11 @@ class Arm:
     speeds: Six
     ranges: tuple[tuple[float, float], ...]
 
+    @property
+    def is_calibrated(self) -> bool:
+        """Whether the kinematics are those of this very arm."""
+        return self.kinematics.is_calibrated
+
 
 def published(model: ArmModel) -> Arm:
     """Return the arm of a model as it is published."""

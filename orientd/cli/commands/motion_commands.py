@@ -50,7 +50,8 @@ def plan(
 ) -> None:
     """Plan the motion of FILE, without a daemon.
 
-    The device is taken to stand at the first keyframe, an arm where its options or --from-robot say.
+    The device is taken to stand at the first keyframe; an arm, where its options or --from-robot
+    say.
     Rate and limits are those of the device in the configuration; the samples are what its servo
     would send, along the path that its driver makes of the motion where its axes need another.
     """

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-
 from typing import TYPE_CHECKING
 
 from orientd_sim.ur.transforms import Transform, multiply
@@ -89,8 +88,8 @@ class Kinematics:
     def inverse(self, flange: Transform, near: Sequence[float]) -> Joints | None:
         """Return the joint angles that reach *flange*, those nearest to *near*; rad.
 
-        The branch *near* lies on is tried first and taken when it is close, so that a path is followed
-        on one branch; otherwise the nearest of all eight is taken.
+        The branch *near* lies on is tried first and taken when it is close, so that a path is
+        followed on one branch; otherwise the nearest of all eight is taken.
 
         Returns:
             Six angles within the joint range, or ``None`` where the arm does not reach.

@@ -92,7 +92,7 @@ MODELS = {
 
 
 def version_of(model: Model, text: str | None) -> tuple[int, int, int, int]:
-    """Return the software version that *text* names, as in ``5.12.6``; the model's where it does not.
+    """Return the software version that *text* names, as in ``5.12.6``; else the model's.
 
     Raises:
         ValueError: it is not two to four numbers, or the model's controller cannot have it.

@@ -84,7 +84,8 @@ def _masterboard(robot: Controller) -> bytes:
     return struct.pack(
         ">IIBBddBBddffffBBBIBB",
         0, robot.digital_outputs & 0xFFFFFFFF, 0, 0, 0.0, 0.0, 0, 0, *robot.analog_outputs,
-        28.0, 48.0, 0.5, 0.0, robot.safety_mode, robot.safety_mode is SafetyMode.REDUCED, 0, 0, 0, 0,
+        28.0, 48.0, 0.5, 0.0, robot.safety_mode, robot.safety_mode is SafetyMode.REDUCED,
+        0, 0, 0, 0,
     )  # fmt: skip
 
 

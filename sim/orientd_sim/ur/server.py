@@ -35,6 +35,7 @@ FAULTS_PORT = 29998
 _SCRIPT_KINDS = ("script", "primary", "secondary")
 
 TICK_NS = 2_000_000
+_PRIORITY = 10
 _LONGEST_CATCH_UP_NS = 250_000_000
 _SCRIPT_END = b"\nend\n"
 
@@ -345,6 +346,15 @@ class Server:
         )  # fmt: skip
 
 
+def _keep_time() -> str:
+    """Ask for real time, as a controller has; return what came of it."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
+    except OSError:
+        return "at normal priority: on a busy machine it may be late"
+    return f"SCHED_FIFO {_PRIORITY}"
+
+
 def serve(host: str, behaviour: Behaviour | None = None, *, lifeline: int | None = None) -> None:
     """Run an emulated robot until SIGINT or SIGTERM; print a line when it can be used.
 
@@ -357,12 +367,13 @@ def serve(host: str, behaviour: Behaviour | None = None, *, lifeline: int | None
         OSError: its ports cannot be had.
     """
     server = Server(host, behaviour)
+    scheduling = _keep_time()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda _number, _frame: server.end())
     os.write(
         1,
-        f"ready: {server.robot.behaviour.model.name} at {host} (rtde {RTDE_PORT}, dashboard {DASHBOARD_PORT}, "
-        f"script {SCRIPT_PORT}, faults {FAULTS_PORT})\n".encode(),
+        f"ready: {server.robot.behaviour.model.name} at {host} (rtde {RTDE_PORT}, dashboard "
+        f"{DASHBOARD_PORT}, script {SCRIPT_PORT}, faults {FAULTS_PORT}; {scheduling})\n".encode(),
     )
     with contextlib.closing(server):
         server.run(lifeline)

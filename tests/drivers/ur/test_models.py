@@ -42,7 +42,7 @@ def random_turn(generator, pose):
 
 
 def follows(model, joints, tcp_offset, times_s, path):
-    """Whether the emulator's own kinematics can: 1 is as fast as a joint may be; beyond, it cannot."""
+    """How hard it is by the emulator's own kinematics: beyond 1 the arm cannot."""
     kinematics, back, near = Kinematics(model), inverse(from_pose(tcp_offset)), joints
     worst, before = 0.0, None
     for time, (q, position) in zip(times_s, path, strict=True):
@@ -105,6 +105,8 @@ def test_another_arm_than_the_named_one_is_refused_in_words(ur_host):
 
 
 def test_model_is_looked_at_before_anything_is_connected(ur_host):
-    with EmulatedRobot(ur_host, "--model", "ur10e"):
-        with pytest.raises(LinkError, match=r"has a ur10e, `model` says ur5e"):
-            driver_of(ur_host, model="ur5e").open()
+    with (
+        EmulatedRobot(ur_host, "--model", "ur10e"),
+        pytest.raises(LinkError, match=r"has a ur10e, `model` says ur5e"),
+    ):
+        driver_of(ur_host, model="ur5e").open()

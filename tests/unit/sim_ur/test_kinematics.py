@@ -9,7 +9,6 @@ from orientd_sim.ur.kinematics import Kinematics, speed
 from orientd_sim.ur.models import MODELS
 from orientd_sim.ur.transforms import from_pose, inverse, multiply, rotation_between, to_pose
 
-
 kinematics = Kinematics(MODELS["ur5e"])
 
 
