@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from orientd.config import DeviceSettings
 from orientd.daemon.devices import DeviceEvent, EventKind, ServoLink, ServoSupervisor
-from orientd.errors import DaemonError, Fault
+from orientd.errors import DaemonError, Fault, PendingError
 from orientd.stream import State
 
 if TYPE_CHECKING:
@@ -31,8 +31,8 @@ TICK = 0.01
 _READ_AHEAD = 8.0
 """Path time that the ring holds ahead of the servo, s; it has room for as much again."""
 
-_RESTART = 10.0
-"""How long a servo that is started again may take to be ready, s."""
+_RESTART = 0.8
+"""How long a servo that is started again is waited for before progress is reported, s."""
 
 _ENDING = 0.3
 """How long a servo may take to end that has lost its device, s."""
@@ -83,6 +83,7 @@ class SupervisedDevice:
         self._motions: Motions | None = None
         self._number = self._tracked = 0
         self._speed = 1.0
+        self._is_restarting = False
 
     def launch(self) -> None:
         """Start the servo process and return at once; see :meth:`wait_ready`."""
@@ -124,16 +125,20 @@ class SupervisedDevice:
         """Leave a fault; start the servo again where it has died; enable if so configured.
 
         Raises:
+            PendingError: it goes on, but takes its time; give it again for its outcome.
             DaemonError: the servo cannot be started.
         """
         with self._lock:
-            if self._leave_fault():
-                return
-            self._start_servo()
-        if not self.wait_ready(_RESTART):
-            raise DaemonError(
-                self.failure or f"the servo did not become ready within {_RESTART:g} s"
-            )
+            if not self._is_restarting:
+                if self._leave_fault():
+                    return
+                self._start_servo()
+                self._is_restarting = True
+        if not self.wait_ready(_RESTART) and not self.failure:
+            raise PendingError(f"the servo process of {self.name} is being started; ask again")
+        self._is_restarting = False
+        if self.failure:
+            raise DaemonError(self.failure)
         if self._servo.fault is Fault.DEVICE_FAULT:
             # The new servo found the device as stopped as the old one left it.
             with self._lock:

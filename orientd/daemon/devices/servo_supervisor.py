@@ -6,14 +6,19 @@ import contextlib
 import json
 import os
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 
 from orientd.config import DeviceSettings
 from orientd.daemon.devices.device_report import EventKind
-from orientd.daemon.devices.servo_link import ServoLink, report_directory
+from orientd.daemon.devices.servo_link import (
+    SLOW_ANSWER_TIMEOUT,
+    ServoLink,
+    report_directory,
+)
 from orientd.driver import driver_target
-from orientd.errors import GOING_DOWN, DaemonError, Fault, StateError
+from orientd.errors import GOING_DOWN, DaemonError, Fault, PendingError, StateError
 from orientd.servo import ProcessSettings
 from orientd.stream import Command, Cycle, NoteKind, State
 
@@ -65,6 +70,7 @@ class ServoSupervisor:
         self._last_words = ""
         self.scheduling = ""
         self.memory_locked = False
+        self._is_starting = False
 
     # The process
 
@@ -181,13 +187,23 @@ class ServoSupervisor:
                 self._tell(EventKind.FAULT, f"{name}: {self.fault_text}")
             elif note.kind is NoteKind.ENDING:
                 self._last_words = note.text
+        if self._is_starting:
+            self._enable_at_start(link, patience=0.0)
 
     def _become_ready(self, link: ServoLink, text: str) -> None:
         got = json.loads(text)
         self.scheduling, self.memory_locked = got["scheduling"], got["memory_locked"]
+        self._enable_at_start(link)
+
+    def _enable_at_start(self, link: ServoLink, patience: float = SLOW_ANSWER_TIMEOUT) -> None:
+        """Enable the device if so configured, and be ready once that is done."""
+        self._is_starting = False
         if self._settings.auto_enable:
             try:
-                link.ask(Command.ENABLE)
+                link.ask(Command.ENABLE, patience=patience)
+            except PendingError:
+                self._is_starting = True
+                return
             except (StateError, DaemonError) as error:
                 self.fault, self.fault_text = Fault.DEVICE_FAULT, str(error)
                 self._tell(EventKind.FAULT, self.fault_text)
@@ -219,12 +235,18 @@ class ServoSupervisor:
         """Have the servo leave its fault; enable the device if so configured.
 
         Raises:
+            PendingError: the device takes its time; to be called again.
             StateError: the driver cannot, or the device is not one to be enabled.
             DaemonError: the servo does not answer, or is not there.
         """
+        ends = time.monotonic() + SLOW_ANSWER_TIMEOUT
         cycle = link.newest()
+        if self._settings.auto_enable and link.busy_with is Command.ENABLE:
+            link.ask(Command.ENABLE)  # what is left of a reset that took its time
+            return
         if not (self.failure and cycle is not None and cycle.state is State.HOLDING):
             link.ask(Command.RESET)  # else the failure was the daemon's own
         self.fault, self.fault_text, self.failure = Fault.NONE, "", ""
         if self._settings.auto_enable:
-            link.ask(Command.ENABLE)
+            # Both together within the time for one.
+            link.ask(Command.ENABLE, patience=max(ends - time.monotonic(), 0.05))
