@@ -60,8 +60,8 @@ class Arm:
     """Six joints, advanced once a tick.
 
     Args:
-        model: which arm it is.
         q: where its joints are, rad.
+        model: which arm it is.
 
     Attributes:
         model: which arm it is.
@@ -71,7 +71,7 @@ class Arm:
         speed_limits: rad/s for each joint; a test may lower them.
     """
 
-    def __init__(self, model: Model = MODELS["ur5e"], q: Sequence[float] = HOME) -> None:
+    def __init__(self, q: Sequence[float] = HOME, model: Model = MODELS["ur5e"]) -> None:
         self.model = model
         self.kinematics = Kinematics(model)
         self.target_q: Joints = tuple(q)

@@ -17,6 +17,7 @@ Not part of any real robot.  The server answers it at all times, a frozen contro
 ``slider FRACTION``        the speed slider
 ``limiter FRACTION``       slow programs down as the controller's own limiter does
 ``dashboard PACE``         the dashboard server takes PACE s for each byte of an answer
+``contact on|off``         the tool touches something, or nothing any more
 ``garbage COUNT``          send COUNT bytes that are no package to every RTDE client
 ``local`` / ``remote``     local or remote control
 ``limit JOINT SPEED``      lower the speed limit of joint 1 to 6, rad/s
@@ -123,6 +124,7 @@ _VERBS: dict[str, Callable[[Server, Sequence[str]], str | None]] = {
     "slider": lambda server, words: server.robot.set_slider(float(words[0])),
     "limiter": _limiter,
     "dashboard": _pace_dashboard,
+    "contact": lambda server, words: server.touch(words == ["on"]),
     "garbage": lambda server, words: server.send_garbage(int(words[0])),
     "local": _set_remote(False),
     "remote": _set_remote(True),
