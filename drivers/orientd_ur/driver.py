@@ -43,6 +43,14 @@ _SLOW_CALL_NS = 20_000_000
 # The library can hang in any call, when it connects anew at the wrong moment.
 _LONGEST_CYCLE = 0.9
 _COMPARE_EVERY_NS = 1_000_000_000
+# The packages that are listened to come every 40 ms.
+_NEARLY_IN_TIME_NS = 60_000_000
+_ENDS = {
+    6: "the client library ended it, as it does for data that are no RTDE packages: see what the "
+    "controller at {host} sends, or what else answers there",
+    11: "the client library crashed, as it may when the controller at {host} closes a connection",
+    14: "a call of the client library took more than 0.9 s; the robot's watchdog stops the arm",
+}
 
 
 _log = logging.getLogger(__name__)
@@ -123,6 +131,19 @@ class UrDriver(Driver):
     def outline(self, joints: tuple[float, ...]) -> Sequence[Sequence[Vector3]]:
         """Return the arm's links up to the flange; nothing until the controller said which arm."""
         return self._prediction.outline(joints) if len(joints) == len(JOINT_NAMES) else ()
+
+    def why_stale(self) -> str:
+        """Return whether the controller's packages came late, or were not taken in here."""
+        if self._listener is None or (silent_ns := self._listener.silence_ns()) is None:
+            return ""
+        since = f"the newest package arrived {silent_ns * 1e-6:.0f} ms ago"
+        if silent_ns < _NEARLY_IN_TIME_NS:
+            return f"{since}, so this machine was too busy to take it in"
+        return f"{since}, so the controller or the network is late"
+
+    def why_ended(self, signal: int) -> str:
+        """Return what the client library's ends are known to come from."""
+        return _ENDS.get(signal, "").format(host=self._options.host)
 
     def open(self) -> None:
         """Look at the robot, then connect; the arm need not be running yet.
@@ -331,7 +352,11 @@ class UrDriver(Driver):
         if age > chosen.feedback_timeout:
             # What is sent from now on would pile up, and reach the arm as one jump.
             self._is_muted = True
-            raise FeedbackError(f"no feedback from {host} for {age:.3f} s")
+            raise FeedbackError(f"no feedback from {host} for {age:.3f} s{self._late_words()}")
+
+    def _late_words(self) -> str:
+        reason = self.why_stale()
+        return f"; {reason}" if reason else ""
 
     def _is_stale(self) -> bool:
         """Whether the controller may be frozen, so that waiting for it could last for ever."""

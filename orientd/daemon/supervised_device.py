@@ -54,13 +54,18 @@ class SupervisedDevice:
     memory: CycleMemory | None = None
 
     def __init__(
-        self, settings: DeviceSettings, *, on_event: Callable[[DeviceEvent], None]
+        self,
+        settings: DeviceSettings,
+        *,
+        on_event: Callable[[DeviceEvent], None],
+        why_ended: Callable[[int], str],
     ) -> None:
         """Start nothing yet.
 
         Args:
             settings: the device's part of the configuration.
             on_event: called from the device's thread, or from a command.
+            why_ended: says what the driver knows of a signal that has ended the servo process.
 
         Raises:
             ConfigError: the driver is not installed.
@@ -75,7 +80,10 @@ class SupervisedDevice:
         # In path records, a power of two.
         self._read_ahead = 1 << round(_READ_AHEAD * settings.rate_hz - 1).bit_length()
         self._servo = ServoSupervisor(
-            settings, read_ahead=self._read_ahead, tell=self._tell_of_servo
+            settings,
+            read_ahead=self._read_ahead,
+            tell=self._tell_of_servo,
+            why_ended=why_ended,
         )
         self._lock = threading.RLock()
         self._thread: threading.Thread | None = None

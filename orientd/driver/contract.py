@@ -248,6 +248,20 @@ class Driver(ABC):
         """
         return ()
 
+    def why_stale(self) -> str:
+        """Return who is late when feedback is, in words; empty where the driver cannot know.
+
+        Called in the cycle in which feedback has become too old; must not wait, nor raise.
+        """
+        return ""
+
+    def why_ended(self, signal: int) -> str:  # noqa: ARG002 - most drivers have no such library
+        """Return what it means that *signal* has ended the servo process, where the driver knows.
+
+        Called in the daemon's process, on a driver that is not open.
+        """
+        return ""
+
     @abstractmethod
     def open(self) -> None:
         """Connect.  May take long; no cycle runs yet.

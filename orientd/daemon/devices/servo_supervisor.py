@@ -26,6 +26,7 @@ _LONGEST_END = 30.0
 """How long a servo may take to stop on its path and to park its device, s."""
 
 Tell = Callable[[EventKind, str], None]
+Explain = Callable[[int], str]
 
 
 class ServoSupervisor:
@@ -42,13 +43,16 @@ class ServoSupervisor:
         memory_locked: whether its memory is locked.
     """
 
-    def __init__(self, settings: DeviceSettings, *, read_ahead: int, tell: Tell) -> None:
+    def __init__(
+        self, settings: DeviceSettings, *, read_ahead: int, tell: Tell, why_ended: Explain
+    ) -> None:
         """Start nothing yet.
 
         Args:
             settings: the device's part of the configuration.
             read_ahead: path records that are kept ahead of the servo, a power of two.
             tell: is told of a servo that is ready, in a fault, or has ended.
+            why_ended: says what the driver knows of a signal that has ended the process.
 
         Raises:
             ConfigError: the driver is not installed.
@@ -57,6 +61,7 @@ class ServoSupervisor:
         self._target = driver_target(settings.driver)
         self._read_ahead = read_ahead
         self._tell = tell
+        self._why_ended = why_ended
         self._ready = threading.Event()
         self._has_ended = False
         self.link: ServoLink | None = None
@@ -216,7 +221,9 @@ class ServoSupervisor:
         """Say that the process has ended, whatever ended it."""
         code = link.process.returncode
         ended = f"by signal {-code}" if code < 0 else f"with status {code}"
-        self.failure = self._last_words or f"the servo process was ended {ended}"
+        reason = self._why_ended(-code) if code < 0 else ""
+        died = f"the servo process was ended {ended}" + (f": {reason}" if reason else "")
+        self.failure = self._last_words or died
         if self.fault is not Fault.LINK_LOST:
             # A driver whose link is spent takes its process with it; the link is the reason.
             self._fail(Fault.SERVO_DIED, self.failure)

@@ -18,7 +18,7 @@ Not part of any real robot.  The server answers it at all times, a frozen contro
 ``limiter FRACTION``       slow programs down as the controller's own limiter does
 ``dashboard PACE``         the dashboard server takes PACE s for each byte of an answer
 ``contact on|off``         the tool touches something, or nothing any more
-``garbage COUNT``          send COUNT bytes that are no package to every RTDE client
+``garbage COUNT [BYTE]``   send COUNT bytes (0) that are no package to every RTDE client
 ``local`` / ``remote``     local or remote control
 ``limit JOINT SPEED``      lower the speed limit of joint 1 to 6, rad/s
 ``record on|off|clear``, ``record write STEM``  see `orientd_sim.ur.recording`
@@ -125,7 +125,7 @@ _VERBS: dict[str, Callable[[Server, Sequence[str]], str | None]] = {
     "limiter": _limiter,
     "dashboard": _pace_dashboard,
     "contact": lambda server, words: server.touch(words == ["on"]),
-    "garbage": lambda server, words: server.send_garbage(int(words[0])),
+    "garbage": lambda server, words: server.send_garbage(*map(int, words)),
     "local": _set_remote(False),
     "remote": _set_remote(True),
     "limit": _limit,

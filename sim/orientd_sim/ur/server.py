@@ -304,10 +304,10 @@ class Server:
         """Have the tool touch something, or nothing any more."""
         self.robot.is_touching = is_touching
 
-    def send_garbage(self, count: int) -> None:
+    def send_garbage(self, count: int, byte: int = 0) -> None:
         """Send bytes that are no package to every RTDE client."""
         for connection in self._sessions:
-            connection.send(b"\xff" * count, time.monotonic_ns())
+            connection.send(bytes([byte]) * count, time.monotonic_ns())
 
     def die(self) -> None:
         """End as a process that was killed."""

@@ -167,6 +167,17 @@ def test_dead_controller_is_a_lost_link_and_the_next_one_is_found(ur_robot):
         recover(device)
 
 
+def test_garbage_on_the_link_is_named_and_recovered_from(ur_robot):
+    with device_of(ur_robot.host) as device:
+        swing(device)
+        streaming(device)
+        ur_robot.ask("garbage 7")
+        fault, text, _ = fault_of(device)
+        assert fault is Fault.SERVO_DIED
+        assert f"no RTDE packages: see what the controller at {ur_robot.host} sends" in text
+        recover(device)
+
+
 def test_second_client_with_the_registers_is_named(ur_robot):
     rtde_control = pytest.importorskip("rtde_control")
     other = rtde_control.RTDEControlInterface(ur_robot.host)

@@ -2,11 +2,14 @@
 
 import math
 import random
+import time
 
 import pytest
+from ur_rig import until
 
 from orientd.clock import MonotonicClock
-from orientd.errors import LinkError, PlanError
+from orientd.driver import Setpoint
+from orientd.errors import DeviceFaultError, LinkError, PlanError
 from orientd.floats import exp, multiply
 from orientd_sim.ur import EmulatedRobot
 from orientd_sim.ur.kinematics import Kinematics
@@ -45,15 +48,15 @@ def follows(model, joints, tcp_offset, times_s, path):
     """How hard it is by the emulator's own kinematics: beyond 1 the arm cannot."""
     kinematics, back, near = Kinematics(model), inverse(from_pose(tcp_offset)), joints
     worst, before = 0.0, None
-    for time, (q, position) in zip(times_s, path, strict=True):
+    for at, (q, position) in zip(times_s, path, strict=True):
         found = kinematics.inverse(times(from_pose((*position, *shortest(q))), back), near)
         if found is None or any(abs(a - b) > 0.5 for a, b in zip(found, near, strict=True)):
             return math.inf
         if before is not None:
             for a, b, most in zip(found, near, model.speeds, strict=True):
-                worst = max(worst, abs(a - b) / (time - before) / most)
+                worst = max(worst, abs(a - b) / (at - before) / most)
         worst = max(worst, *(abs(a) / most for a, most in zip(found, model.ranges, strict=True)))
-        near, before = found, time
+        near, before = found, at
     return worst
 
 
@@ -110,3 +113,40 @@ def test_model_is_looked_at_before_anything_is_connected(ur_host):
         pytest.raises(LinkError, match=r"has a ur10e, `model` says ur5e"),
     ):
         driver_of(ur_host, model="ur5e").open()
+
+
+def test_cb3_is_driven_at_its_own_rate_without_remote_control(ur_host):
+    with EmulatedRobot(ur_host, "--model", "ur10") as robot:
+        fast = UrDriver({"host": ur_host}, period_ns=2_000_000, clock=MonotonicClock())
+        with pytest.raises(LinkError, match=r"every 8 ms: `rate_hz` must be 125 at the most"):
+            fast.open()
+        driver = driver_of(ur_host, model="ur10")
+        try:
+            driver.open()
+            start = driver.enable()
+            x, y, z = start.position
+            for step in range(30):
+                driver.read()
+                driver.write(Setpoint(0, start.q, position=(x, y, z - 1e-5 * step)))
+                time.sleep(0.008)
+            robot.wait_until(lambda state: state["actual_pose"][2] < z - 1e-4)
+        finally:
+            driver.close()
+
+
+def test_polyscope_x_moves_without_a_dashboard_and_says_what_it_lacks(ur_host, caplog):
+    with EmulatedRobot(ur_host, "--polyscope", "10.10.0") as robot:
+        driver = driver_of(ur_host)
+        try:
+            driver.open()
+            assert "PolyScope X has no dashboard server: unlock protective stops" in caplog.text
+            driver.enable()
+            robot.ask("protective_stop")
+            robot.wait_until(lambda state: state["safety_mode"] == "PROTECTIVE_STOP")
+            until(lambda: driver._link.modes()[1] == 3, "the stop")
+            with pytest.raises(DeviceFaultError, match="protective stop: look for its cause"):
+                driver.reset()
+        finally:
+            driver.close()
+        (row,) = (one for one in driver.diagnose() if one.name == "remote control")
+        assert "on the pendant" in row.mend
