@@ -32,7 +32,7 @@ _READ_AHEAD = 8.0
 """Path time that the ring holds ahead of the servo, s; it has room for as much again."""
 
 _RESTART = 0.8
-"""How long a servo that is started again is waited for before progress is reported, s."""
+"""How long a reset, or a servo that it starts again, is waited for before it is pending, s."""
 
 _ENDING = 0.3
 """How long a servo may take to end that has lost its device, s."""
@@ -136,9 +136,10 @@ class SupervisedDevice:
             PendingError: it goes on, but takes its time; give it again for its outcome.
             DaemonError: the servo cannot be started.
         """
+        ends = time.monotonic() + _RESTART
         with self._lock:
-            if not self._is_restarting:
-                if self._leave_fault():
+            if not self._is_restarting or (self.failure and not self._servo.has_just_failed):
+                if self._leave_fault(ends):
                     return
                 self._start_servo()
                 self._is_restarting = True
@@ -150,17 +151,17 @@ class SupervisedDevice:
         if self._servo.fault is Fault.DEVICE_FAULT:
             # The new servo found the device as stopped as the old one left it.
             with self._lock:
-                self._leave_fault()
+                self._leave_fault(ends)
 
-    def _leave_fault(self) -> bool:
-        """Have the servo leave its fault; return whether there was a servo to do it."""
+    def _leave_fault(self, ends: float) -> bool:
+        """Have the servo leave its fault by *ends*; return whether there was a servo to do it."""
         link = self._servo.link
         if link is None or not link.is_alive:
             return False
         try:
             self._servo.hear()  # or it would be taken for what goes wrong after the reset
             self._tend()
-            self._servo.leave_fault(link)
+            self._servo.leave_fault(link, ends)
         except DaemonError:
             # A servo whose device is lost may be on its way out when it is asked.
             if link.ends_within(_ENDING):

@@ -174,7 +174,7 @@ class ServoLink:
                 *servo_limits.floats(),
             )
         )
-        if slow is not None and slow.command is not command:
+        if command in _STOPPING and (slow is not None or not self.memory.cycles.head):
             return  # it stops what does not move
         is_slow = command in _SLOW
         if is_slow and slow is None:

@@ -25,6 +25,8 @@ from orientd.stream import Command, Cycle, NoteKind, State
 _LONGEST_END = 30.0
 """How long a servo may take to stop on its path and to park its device, s."""
 
+_JUST_NOW = 0.5
+
 Tell = Callable[[EventKind, str], None]
 Explain = Callable[[int], str]
 
@@ -64,6 +66,7 @@ class ServoSupervisor:
         self._why_ended = why_ended
         self._ready = threading.Event()
         self._has_ended = False
+        self._failed = 0.0
         self.link: ServoLink | None = None
         self._forget()
 
@@ -234,26 +237,36 @@ class ServoSupervisor:
         """Do without a servo that could not be watched because of *error*."""
         self._fail(Fault.INTERNAL, f"{type(error).__name__}: {error}")
 
+    @property
+    def has_just_failed(self) -> bool:
+        """Whether it is a moment ago that the servo was lost."""
+        return bool(self.failure) and time.monotonic() - self._failed < _JUST_NOW
+
     def _fail(self, fault: Fault, failure: str) -> None:
+        self._failed = time.monotonic()
         self.failure = self.fault_text = failure
         self.fault = fault
 
-    def leave_fault(self, link: ServoLink) -> None:
+    def leave_fault(self, link: ServoLink, ends: float) -> None:
         """Have the servo leave its fault; enable the device if so configured.
+
+        Args:
+            link: to the servo.
+            ends: until when to wait for it, s of the monotonic clock.
 
         Raises:
             PendingError: the device takes its time; to be called again.
             StateError: the driver cannot, or the device is not one to be enabled.
             DaemonError: the servo does not answer, or is not there.
         """
-        ends = time.monotonic() + SLOW_ANSWER_TIMEOUT
         cycle = link.newest()
         if self._settings.auto_enable and link.busy_with is Command.ENABLE:
-            link.ask(Command.ENABLE)  # what is left of a reset that took its time
+            # What is left of a reset that took its time.
+            link.ask(Command.ENABLE, patience=max(ends - time.monotonic(), 0.05))
             return
         if not (self.failure and cycle is not None and cycle.state is State.HOLDING):
-            link.ask(Command.RESET)  # else the failure was the daemon's own
+            # Else the failure was the daemon's own.
+            link.ask(Command.RESET, patience=max(ends - time.monotonic(), 0.05))
         self.fault, self.fault_text, self.failure = Fault.NONE, "", ""
         if self._settings.auto_enable:
-            # Both together within the time for one.
             link.ask(Command.ENABLE, patience=max(ends - time.monotonic(), 0.05))
