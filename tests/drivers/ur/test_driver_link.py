@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 
 import pytest
 from ur_rig import device_of, is_holding, streaming, swing, swing_motion, until
@@ -225,3 +226,36 @@ def test_motion_with_options_that_are_not_allowed_is_refused(ur_robot):
 def test_hanging_call_ends_the_process(code, status):
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=20.0)
     assert ended.returncode == status
+
+
+def test_no_resolver_and_no_file_is_asked_for_in_a_cycle(ur_robot, monkeypatch):
+    asked, resolve_numbers = [], socket.getaddrinfo
+
+    def resolve(host, *rest):
+        if host == ur_robot.host:
+            return resolve_numbers(host, *rest)
+        asked.append(host)
+        return [(socket.AF_INET, socket.SOCK_STREAM, 6, "", (ur_robot.host, 0))]
+
+    monkeypatch.setattr(socket, "getaddrinfo", resolve)
+    driver = UrDriver({"host": "arm.example"}, period_ns=2_000_000, clock=MonotonicClock())
+    try:
+        driver.open()
+        start = driver.enable()
+        assert asked == ["arm.example"]
+
+        def forbidden(*_):
+            raise AssertionError("asked for in a cycle")
+
+        ends = ur_robot.state()["ticks"] + 600  # more than a second: every kind of cycle
+        monkeypatch.setattr(socket, "getaddrinfo", forbidden)
+        for name in ("listdir", "readlink", "open"):
+            monkeypatch.setattr(os, name, forbidden)
+        while ur_robot.state()["ticks"] < ends:
+            driver.read()
+            driver.write(Setpoint(0, start.q, position=start.position))
+            driver.deadline_shift_ns(0)
+            time.sleep(0.002)
+    finally:
+        monkeypatch.undo()
+        driver.close()

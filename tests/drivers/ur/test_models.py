@@ -150,3 +150,11 @@ def test_polyscope_x_moves_without_a_dashboard_and_says_what_it_lacks(ur_host, c
             driver.close()
         (row,) = (one for one in driver.diagnose() if one.name == "remote control")
         assert "on the pendant" in row.mend
+
+
+def test_arm_is_drawn_as_the_model_that_the_controller_has(ur_host):
+    with EmulatedRobot(ur_host, "--model", "ur20"):
+        driver, stretched = driver_of(ur_host), (0.0,) * 6
+        assert driver.outline(stretched) == ()  # asked for aside: whoever draws does not wait
+        (line,) = until(lambda: driver.outline(stretched), "the outline")
+    assert line[-1] == pytest.approx((-0.862 - 0.7287, -0.201 - 0.1543, 0.2363 - 0.1593))
