@@ -57,7 +57,7 @@ class Device(SupervisedDevice):
         self._examiner = make_driver(
             settings.name, settings.driver, settings.options, settings.period_ns
         )
-        super().__init__(settings, on_event=on_event)
+        super().__init__(settings, on_event=on_event, why_ended=self._examiner.why_ended)
         self._limits, self._planners = settings.limits, planners
         self._lead_cycles = round(settings.lead * settings.rate_hz)
         self._has_no_outline = False

@@ -16,6 +16,7 @@ from typing import Any, ClassVar, NamedTuple
 
 from orientd.clock import Clock
 from orientd.driver.finding import Finding
+from orientd.errors import PlanError
 
 Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -160,7 +161,12 @@ class Driver(ABC):
             raise ValueError(f"the driver {self.name!r} has no options of one motion, got {names}")
 
     def examine(  # noqa: B027 - most devices follow any path inside the limits
-        self, times: Sequence[float], poses: Sequence[tuple[Quaternion, Vector3]]
+        self,
+        times: Sequence[float],
+        poses: Sequence[tuple[Quaternion, Vector3]],
+        joints: tuple[float, ...] = (),
+        *,
+        is_offline: bool = False,
     ) -> None:
         """Refuse a path that the device cannot follow although it keeps the limits.
 
@@ -169,10 +175,31 @@ class Driver(ABC):
         Args:
             times: path times in seconds, increasing.
             poses: orientation and position at each of them.
+            joints: axis angles near where the path begins, rad; empty where they are not known.
+            is_offline: whether the device is not to be asked for anything.
 
         Raises:
             PlanError: why not, where and when.
         """
+
+    def offline_start(self, *, from_device: bool) -> Feedback | None:
+        """Return where a plan begins that is made without the daemon.
+
+        Called on a driver that is not open.
+
+        Args:
+            from_device: whether to ask the device; else the options say.
+
+        Returns:
+            ``None`` where the first keyframe says enough.
+
+        Raises:
+            LinkError: the device is asked, and does not answer.
+            PlanError: it is not asked, and the options do not say enough.
+        """
+        if from_device:
+            raise PlanError(f"the driver {self.name!r} cannot ask its device where it is")
+        return None
 
     def shape(
         self,
@@ -220,6 +247,20 @@ class Driver(ABC):
             there is nothing to show.
         """
         return ()
+
+    def why_stale(self) -> str:
+        """Return who is late when feedback is, in words; empty where the driver cannot know.
+
+        Called in the cycle in which feedback has become too old; must not wait, nor raise.
+        """
+        return ""
+
+    def why_ended(self, signal: int) -> str:  # noqa: ARG002 - most drivers have no such library
+        """Return what it means that *signal* has ended the servo process, where the driver knows.
+
+        Called in the daemon's process, on a driver that is not open.
+        """
+        return ""
 
     @abstractmethod
     def open(self) -> None:

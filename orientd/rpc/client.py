@@ -367,7 +367,7 @@ class Robot(LeaseHolder):
         return self._command(self._stub.Disable, pb.DisableRequest, device)
 
     def reset(self, device: str = "") -> DeviceReport:
-        """Clear a fault; starts the servo process anew if it has ended."""
+        """Clear a fault, which may take seconds; starts the servo anew if it has ended."""
         return self._command(self._stub.Reset, pb.ResetRequest, device)
 
     def _command(
@@ -378,7 +378,7 @@ class Robot(LeaseHolder):
         **more: Any,  # noqa: ANN401
     ) -> DeviceReport:
         message = request(lease_token=self._token(), device=device, **more)
-        return device_from_message(self._connection.ask(method, message).device)
+        return device_from_message(self._connection.ask_until_done(method, message).device)
 
 
 def _timeout(seconds: float | None) -> float:

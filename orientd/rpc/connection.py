@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any, TypeVar
 
 import grpc
 
-from orientd.errors import DaemonError, OrientdError
+from orientd.errors import DaemonError, OrientdError, PendingError
 from orientd.rpc.channel import Way
 from orientd.rpc.control_pb2_grpc import ControlStub
 from orientd.rpc.wire import from_call
 
 Answer = TypeVar("Answer")
+
+LONGEST_COMMAND = 20.0
+"""How long a command is asked for again that the device takes its time for, s."""
+_ASK_AGAIN = 0.05
 
 
 class Connection:
@@ -50,6 +55,22 @@ class Connection:
             OrientdError: what the daemon raised, or that it is not there.
         """
         return self.call(method, request, timeout=self._timeout)
+
+    def ask_until_done(self, method: Callable[..., Answer], request: object) -> Answer:
+        """Return the answer to a command, asked for again while the device takes its time.
+
+        Raises:
+            PendingError: it still does after :data:`LONGEST_COMMAND` seconds, and goes on.
+            OrientdError: what the daemon raised, or that it is not there.
+        """
+        ends = time.monotonic() + LONGEST_COMMAND
+        while True:
+            try:
+                return self.ask(method, request)
+            except PendingError:
+                if time.monotonic() > ends:
+                    raise
+                time.sleep(_ASK_AGAIN)
 
     def call(
         self, method: Callable[..., Answer], request: object, *, timeout: float | None = None

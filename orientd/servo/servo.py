@@ -301,7 +301,9 @@ class Servo:
         if self._is_enabled and setpoints.fault is Fault.NONE:
             problem = watchdog.complain_of_device(max(measured_ns, self._enabled_ns), now_ns)
             if problem:
-                setpoints.brake(Fault.FEEDBACK_STALE, problem)
+                reason = self._driver.why_stale()
+                text = f"{problem}; {reason}" if reason else problem
+                setpoints.brake(Fault.FEEDBACK_STALE, text)
 
     def _fail(self, fault: Fault, text: str) -> None:
         """Be in *fault* now; nothing more is written to the device."""

@@ -284,7 +284,9 @@ def test_a_demo_that_is_killed_leaves_no_process(tmp_path):
 
 
 def test_the_doctor_measures_and_says_how_to_mend():
-    found = told(orientd("doctor", "--json"))
+    done = orientd("doctor", "--json")
+    found = json.loads(done.stdout)
+    assert done.returncode == (1 if found["counts"]["problem"] else 0)
     names = [finding["name"] for finding in found["findings"]]
     for name in ("scheduling", "memory lock", "lateness", "kernel", "cores", "shared memory"):
         assert name in names
@@ -292,6 +294,15 @@ def test_the_doctor_measures_and_says_how_to_mend():
         assert finding["verdict"] in ("ok", "improve", "problem")
         assert bool(finding["mend"]) == (finding["verdict"] != "ok")
     assert sum(found["counts"].values()) == len(names)
+
+
+def test_the_doctor_that_finds_a_problem_ends_with_1(tmp_path):
+    pytest.importorskip("rtde_control")
+    text = '[devices.arm]\ndriver = "ur"\n[devices.arm.options]\nhost = "127.0.0.253"\n'
+    (tmp_path / "absent.toml").write_text(text)
+    done = orientd("doctor", "--json", "--config", tmp_path / "absent.toml")
+    assert json.loads(done.stdout)["counts"]["problem"] > 0, done
+    assert done.returncode == 1
 
 
 def test_the_version_is_told():

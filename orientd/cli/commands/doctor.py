@@ -38,6 +38,7 @@ def doctor(
     """Show what stands in the way of real time, and how to mend it.
 
     Everything is measured; that takes two seconds for the machine. Nothing moves without --latency.
+    The exit status is 1 where there is a problem.
     """
     from orientd.cli.machine import findings
 
@@ -51,6 +52,8 @@ def doctor(
         if latency:
             found.append(latency_finding(settings.devices[latency]))
     _report(found, as_json=as_json)
+    if any(one.verdict is Verdict.PROBLEM for one in found):
+        raise typer.Exit(1)
 
 
 def _settings(config: Path | None, latency: str) -> Settings | None:

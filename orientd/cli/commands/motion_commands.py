@@ -18,6 +18,8 @@ from orientd.errors import OrientdError, RequestError
 
 if TYPE_CHECKING:
     from orientd.config import DeviceSettings
+    from orientd.driver import Feedback
+    from orientd.planner import MotionRequest, State
     from orientd.rpc import MoveHandle, OnTarget, Summary
 
 MotionFile = Annotated[Path, typer.Argument(metavar="FILE", help="A motion file, YAML or JSON.")]
@@ -41,15 +43,19 @@ def plan(
     ] = None,
     config: ConfigFile = None,
     device: DeviceName = "",
+    from_robot: Annotated[
+        bool, typer.Option("--from-robot", help="Ask the device where it stands; nothing moves.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Plan the motion of FILE, without a daemon.
 
-    The device is taken to stand at the first keyframe.
+    The device is taken to stand at the first keyframe; an arm, where its options or --from-robot
+    say.
     Rate and limits are those of the device in the configuration; the samples are what its servo
     would send, along the path that its driver makes of the motion where its axes need another.
     """
-    from orientd import motion_file, planner
+    from orientd import motion_file
     from orientd.cli import sample_files, texts
     from orientd.daemon import plan_of, samples_of
     from orientd.driver import make_driver
@@ -61,25 +67,28 @@ def plan(
             param_hint="--output",
         )
     request = motion_file.load(file)
-    if len(request.keyframes) == 1:
-        raise RequestError(
-            "keyframes",
-            "a single one says where to go from wherever the device is, which is not known "
-            "without a daemon; expected at least 2",
-        )
     if plot is not None:
         from orientd import plots
 
         plots.check_format(plot)
     settings = device_settings(config, device)
-    first = request.keyframes[0]
-    start = planner.State.at_rest(request.keys[0], first.position or (0.0, 0.0, 0.0))
-    # The driver is asked as in the daemon, but not for where its axes are: then it chooses.
+    driver = make_driver(settings.name, settings.driver, settings.options, settings.period_ns)
+    stands = driver.offline_start(from_device=from_robot)
+    if len(request.keyframes) == 1 and stands is None:
+        raise RequestError(
+            "keyframes",
+            "a single one says where to go from wherever the device is, which is not known "
+            "without a daemon; expected at least 2",
+        )
+    # Where nothing says where the axes are, the driver chooses.
     motion = DevicePlanner(
-        make_driver(settings.name, settings.driver, settings.options, settings.period_ns),
-        limits=settings.limits.to_limits(),
-        period=settings.period_ns * 1e-9,
-    ).plan(request, start=start, joints=())
+        driver, limits=settings.limits.to_limits(), period=settings.period_ns * 1e-9
+    ).plan(
+        request,
+        start=_offline_start(request, stands),
+        joints=stands.joints if stands else (),
+        is_offline=not from_robot,
+    )
     samples = samples_of(motion, settings.rate_hz)
     if output is not None:
         sample_files.write(output, samples, motion.certificate)
@@ -93,6 +102,17 @@ def plan(
     for written in (output, plot):
         if written is not None:
             say(f"wrote {written}")
+
+
+def _offline_start(request: MotionRequest, stands: Feedback | None) -> State:
+    """Return where an offline plan begins: where the device stands, else at the first keyframe."""
+    from orientd.planner import State
+
+    first = request.keyframes[0]
+    if stands is not None and (request.approach or len(request.keyframes) == 1):
+        return State.at_rest(stands.q, stands.position)
+    nowhere = stands.position if stands is not None else (0.0, 0.0, 0.0)
+    return State.at_rest(request.keys[0], first.position or nowhere)
 
 
 @command

@@ -19,6 +19,7 @@ from orientd.errors import (
     LeaseError,
     LimitError,
     OrientdError,
+    PendingError,
     PlanError,
     RequestError,
     StartError,
@@ -37,6 +38,7 @@ _PRECONDITIONS: Mapping[str, type[OrientdError]] = {
     "LIMIT": LimitError,
     "START": StartError,
     "PLAN": PlanError,
+    "PENDING": PendingError,
     "STATE": StateError,
     "LEASE": LeaseError,
 }

@@ -147,8 +147,12 @@ def test_packages_are_taken_one_by_one():
 def test_sample_and_place_are_read_as_they_were_asked_for():
     sample = struct.pack(">BdiiI", 1, 100.5, 7, 1, 2)
     assert rtde.sample(sample) == (100.5, 7, 1, 2)
-    numbers = tuple(float(n) for n in range(12))
-    assert rtde.place(struct.pack(">B12d", 1, *numbers)) == (numbers[:6], numbers[6:])
+    numbers = tuple(float(n) for n in range(18))
+    assert rtde.place(struct.pack(">B18d", 1, *numbers)) == (
+        numbers[:6],
+        numbers[6:12],
+        numbers[12:],
+    )
     with pytest.raises(ValueError, match="21 bytes"):
         rtde.sample(b"")
 
@@ -174,7 +178,8 @@ def test_example_configuration_is_whole():
     path = Path(__file__).parents[3] / "config" / "ur.toml"
     device = config.load(path).devices["arm"]
     checked = options.check(device.options, period=device.period_ns * 1e-9)
-    assert checked == options.check({"host": "127.0.0.2"}, period=0.002)
+    # The model is named, so that motions can be planned without the robot.
+    assert checked == options.check({"host": "127.0.0.2", "model": "ur5e"}, period=0.002)
     mentioned = set(re.findall(r"^#? ?(\w+) = ", path.read_text(), re.MULTILINE))
     assert {field.name for field in fields(options.UrOptions)} <= mentioned
 
