@@ -18,12 +18,13 @@ from typing import Any, ClassVar
 
 from orientd.clock import Clock
 from orientd.driver import Driver, Feedback, Finding, Quaternion, Setpoint, ShapedPath, Vector3
-from orientd.errors import DeviceError, DeviceFaultError, LinkError
+from orientd.errors import AxisFaultError, DeviceError, DeviceFaultError, LinkError
 from orientd_dynamixel import startup
+from orientd_dynamixel.axes import Standing, Supervisor
 from orientd_dynamixel.axis import Axis
 from orientd_dynamixel.group import Group, Losses
 from orientd_dynamixel.options import GimbalOptions, parse
-from orientd_dynamixel.reading import WATCHDOG_TRIPPED, explain_error
+from orientd_dynamixel.reading import explain_error
 from orientd_dynamixel.servo_bus import READ_WAIT_S, OpenBus, ServoBus, open_bus
 from orientd_dynamixel.tracker import Tracker
 
@@ -68,7 +69,8 @@ class DynamixelDriver(Driver):
         self._feedback: Feedback | None = None
         self._is_out_of_reach = False
         self._written_ns = 0
-        self._apart_since_ns = [0] * len(self._axes)
+        self._standing = Standing(self._axes)
+        self._supervisor = Supervisor(self.settings, self._axes)
         self._known: list[float] | None = None
 
     @property
@@ -142,7 +144,8 @@ class DynamixelDriver(Driver):
         self._known = list(angles)
         self._is_enabled = True
         self._written_ns = self.clock.now_ns()
-        self._apart_since_ns = [0] * len(self._axes)
+        self._standing = Standing(self._axes)
+        self._supervisor = Supervisor(self.settings, self._axes)
         self._feedback = Feedback(self.clock.now_ns(), self._tracker.forward(angles), joints=angles)
         return self._feedback
 
@@ -152,7 +155,8 @@ class DynamixelDriver(Driver):
         Raises:
             LinkError: the port is gone.
             FeedbackError: too many answers were lost in a row.
-            DeviceFaultError: a servo reports an error, has no torque, or does not follow.
+            AxisFaultError: a servo reports an error, has no torque, or does not follow; its axis
+                stands from now on.
         """
         _, group = self._connected()
         now_ns = self.clock.now_ns()
@@ -175,6 +179,11 @@ class DynamixelDriver(Driver):
             DeviceFaultError: an axis would leave its limits or turn faster than it can.
         """
         bus, group = self._connected()
+        if self._standing.is_at_rest:
+            now_ns = self.clock.now_ns()
+            self._standing.send(bus, group, now_ns)
+            group.ask(now_ns)
+            return
         angles, missed = self._tracker.solve(setpoint.q)
         if missed > self.settings.roll_tolerance:
             raise DeviceFaultError(
@@ -194,6 +203,8 @@ class DynamixelDriver(Driver):
                     f"{math.degrees(axis.options.velocity):.0f} deg/s are allowed"
                 )
             goals.append(axis.ticks(angle))
+        for place, goal in self._standing.goals.items():
+            goals[place] = goal
         bus.sync_write(
             startup.GOAL, 4,
             [(axis.options.id, goal) for axis, goal in zip(self._axes, goals, strict=True)],
@@ -205,15 +216,18 @@ class DynamixelDriver(Driver):
         self._written_ns = now_ns
         group.ask(now_ns)
 
+    def rest_in_fault(self) -> None:
+        """Let every axis stand where it is from now on."""
+        self._standing.rest(self.clock.now_ns())
+
     def disable(self) -> None:
-        """Hold the last goal, watchdogs off."""
+        """Hold the last goal, in a fault the position; watchdogs off."""
         self._is_enabled = False
         bus, group = self._bus, self._group
         if bus is None or group is None or self._is_out_of_reach:
             return
         try:
-            self._settle(group)
-            startup.hold(bus, self._axes)
+            self._hold(bus, group)
         except DeviceError:
             # The watchdogs stop what cannot be reached; asking again would only take time.
             self._is_out_of_reach = True
@@ -258,8 +272,7 @@ class DynamixelDriver(Driver):
             return
         try:
             if group is not None and not self._is_out_of_reach:
-                self._settle(group)
-                startup.hold(bus, self._axes)
+                self._hold(bus, group)
         except DeviceError:
             return  # the watchdogs stop what cannot be reached
         finally:
@@ -322,6 +335,15 @@ class DynamixelDriver(Driver):
     def _settle(self, group: Group) -> None:
         group.settle(self.clock.now_ns(), self.settings.latency_ms)
 
+    def _hold(self, bus: ServoBus, group: Group) -> None:
+        self._settle(group)
+        standing = self._standing
+        stand = [
+            axis for place, axis in enumerate(self._axes)
+            if standing.is_at_rest or place in standing.goals
+        ]  # fmt: skip
+        startup.hold(bus, self._axes, stand)
+
     def _drop(self, bus: ServoBus, axes: Sequence[Axis]) -> None:
         """Switch the torque of *axes* off where they can still be reached."""
         for axis in axes:
@@ -345,26 +367,14 @@ class DynamixelDriver(Driver):
         )
 
     def _supervise(self, group: Group) -> None:
-        """Raise what a servo shows to be wrong."""
-        now_ns = group.time_ns
-        for number, (axis, reading) in enumerate(zip(self._axes, group.readings, strict=True)):
-            servo = f"servo {axis.options.id} ({axis.options.name})"
-            if reading.hardware_error:
-                raise DeviceFaultError(f"{servo} reports {explain_error(reading.hardware_error)}")
-            if reading.watchdog == WATCHDOG_TRIPPED:
-                raise DeviceFaultError(f"{servo} stopped because nothing was sent for too long")
-            if not reading.is_torque_on:
-                raise DeviceFaultError(f"{servo} has lost its torque")
-            apart = abs(axis.angle(reading.position) - axis.angle(axis.goal))
-            if apart <= self.settings.follow_tolerance:
-                self._apart_since_ns[number] = 0
-            elif not self._apart_since_ns[number]:
-                self._apart_since_ns[number] = now_ns
-            elif now_ns - self._apart_since_ns[number] > self.settings.follow_time * 1e9:
-                raise DeviceFaultError(
-                    f"{servo} does not follow: it is {math.degrees(apart):.1f} deg behind for "
-                    f"more than {self.settings.follow_time:g} s; is it jammed or overloaded?"
-                )
+        """Raise what a servo newly shows to be wrong, having let its axis stand where it is."""
+        problems = []
+        for place, reading in enumerate(group.readings):
+            problem = self._supervisor.complain(place, reading, group.time_ns)
+            if problem and self._standing.fail(place, reading.position):
+                problems.append(problem)
+        if problems:
+            raise AxisFaultError("; ".join(problems))
 
     def _check_angle(self, axis: Axis, angle: float) -> None:
         options = axis.options

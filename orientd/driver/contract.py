@@ -249,6 +249,14 @@ class Driver(ABC):
     def disable(self) -> None:
         """Leave the device standing still and no longer following.  Must not raise twice."""
 
+    def rest_in_fault(self) -> None:  # noqa: B027 - most devices stay where they are told to be
+        """Leave the device where it is from now on, whatever setpoint it still gets.
+
+        Called once a fault has brought everything to rest, before :meth:`disable` where that
+        follows at once; :meth:`write` may go on being called with the setpoint that is held.  Must
+        neither wait nor raise.
+        """
+
     def reset(self) -> None:  # noqa: B027 - most devices need nothing
         """Clear a fault of the device, so that :meth:`enable` can work again."""
 

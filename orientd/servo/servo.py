@@ -14,6 +14,7 @@ from collections.abc import Callable
 from orientd.clock import Clock
 from orientd.driver import IDENTITY, Driver, Feedback, Setpoint
 from orientd.errors import (
+    AxisFaultError,
     DeviceFaultError,
     Fault,
     FeedbackError,
@@ -196,6 +197,8 @@ class Servo:
             self.setpoints.brake(Fault.FEEDBACK_STALE, str(error))
         elif isinstance(error, LinkError):
             self._fail(Fault.LINK_LOST, str(error))
+        elif isinstance(error, AxisFaultError):
+            self.setpoints.brake(Fault.DEVICE_FAULT, str(error))
         elif isinstance(error, DeviceFaultError):
             self._fail(Fault.DEVICE_FAULT, str(error))
         else:
@@ -314,6 +317,7 @@ class Servo:
 
     def _tell_fault(self, fault: Fault, text: str) -> None:
         self._memory.notes.publish(*pack_note(0, NoteKind.FAULT, fault, text))
+        self._driver.rest_in_fault()
         if self._driver.is_spent:
             self.request_end(text)
 

@@ -1,0 +1,46 @@
+"""Whether every servo does what it is told, from what it reports each cycle."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from orientd_dynamixel.axis import Axis
+from orientd_dynamixel.options import GimbalOptions
+from orientd_dynamixel.reading import WATCHDOG_TRIPPED, Reading, explain_error
+
+
+class Supervisor:
+    """Compare readings with what was commanded.
+
+    Args:
+        options: the tolerances.
+        axes: with their goals.
+    """
+
+    def __init__(self, options: GimbalOptions, axes: Sequence[Axis]) -> None:
+        self._options = options
+        self._axes = axes
+        self._apart_since_ns = [0] * len(axes)
+
+    def complain(self, place: int, reading: Reading, now_ns: int) -> str:
+        """Return what is wrong with the servo of the axis at *place*, or nothing."""
+        axis = self._axes[place]
+        servo = f"servo {axis.options.id} ({axis.options.name})"
+        if reading.hardware_error:
+            return f"{servo} reports {explain_error(reading.hardware_error)}"
+        if reading.watchdog == WATCHDOG_TRIPPED:
+            return f"{servo} stopped because nothing was sent for too long"
+        if not reading.is_torque_on:
+            return f"{servo} has lost its torque"
+        apart = abs(axis.angle(reading.position) - axis.angle(axis.goal))
+        if apart <= self._options.follow_tolerance:
+            self._apart_since_ns[place] = 0
+        elif not self._apart_since_ns[place]:
+            self._apart_since_ns[place] = now_ns
+        elif now_ns - self._apart_since_ns[place] > self._options.follow_time * 1e9:
+            return (
+                f"{servo} does not follow: it is {math.degrees(apart):.1f} deg behind for "
+                f"more than {self._options.follow_time:g} s; is it jammed or overloaded?"
+            )
+        return ""
