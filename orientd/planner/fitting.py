@@ -25,6 +25,8 @@ _SLOWEST = 0.1
 """Share of the device's speed below which no motion is slowed down for its axes."""
 _CLOSE = 1.02
 """How near the slowest speed refused and the one that fits come to each other."""
+_GIVEN = 0.2
+"""For how long after it takes over from a motion its speed is that motion's, s."""
 _ATTEMPTS = 16
 """Plans made at most: each costs as much as the first."""
 
@@ -62,6 +64,8 @@ def plan_to_fit(
         return _fitted(driver, motion, joints, before)
     except LimitError as error:
         if request.times is not None or error.unit not in _POWERS:
+            raise
+        if not start.is_at_rest and error.time < _GIVEN:
             raise
         refusal = error
     own, speed, worst = motion.limits, 1.0, refusal
