@@ -20,7 +20,7 @@ from orientd.clock import Clock
 from orientd.driver import Driver, Feedback, Finding, Quaternion, Setpoint, ShapedPath, Vector3
 from orientd.errors import AxisFaultError, DeviceError, DeviceFaultError, LinkError
 from orientd_dynamixel import startup
-from orientd_dynamixel.axes import Standing, Supervisor
+from orientd_dynamixel.axes import Standing, Supervisor, Turns
 from orientd_dynamixel.axis import Axis
 from orientd_dynamixel.group import Group, Losses
 from orientd_dynamixel.options import GimbalOptions, parse
@@ -71,7 +71,8 @@ class DynamixelDriver(Driver):
         self._written_ns = 0
         self._standing = Standing(self._axes)
         self._supervisor = Supervisor(self.settings, self._axes)
-        self._known: list[float] | None = None
+        self._turns = Turns(self.settings, self._axes)
+        self._unknown = ""
 
     @property
     def losses(self) -> Losses:
@@ -115,9 +116,12 @@ class DynamixelDriver(Driver):
 
         Raises:
             LinkError: the bus is gone.
-            DeviceFaultError: a servo refuses, or the gimbal is outside its limits.
+            DeviceFaultError: a servo refuses, the gimbal is outside its limits, or it is not known
+                on which turn it is.
         """
         bus, group = self._connected()
+        if self._unknown:
+            raise DeviceFaultError(self._unknown)
         self._settle(group)
         for axis in self._axes:
             servo = axis.options.id
@@ -141,7 +145,6 @@ class DynamixelDriver(Driver):
             raise
         angles = tuple(axis.angle(axis.goal) for axis in self._axes)
         self._tracker.angles = angles
-        self._known = list(angles)
         self._is_enabled = True
         self._written_ns = self.clock.now_ns()
         self._standing = Standing(self._axes)
@@ -212,7 +215,6 @@ class DynamixelDriver(Driver):
         for axis, goal in zip(self._axes, goals, strict=True):
             axis.goal = goal
         self._tracker.angles = angles
-        self._known = list(angles)
         self._written_ns = now_ns
         group.ask(now_ns)
 
@@ -268,6 +270,7 @@ class DynamixelDriver(Driver):
         self._is_enabled = False
         bus, group = self._bus, self._group
         self._bus = self._group = None
+        self._turns.close()
         if bus is None:
             return
         try:
@@ -287,14 +290,16 @@ class DynamixelDriver(Driver):
         )
         try:
             firmware = {axis.options.id: startup.identify(bus, axis.options) for axis in self._axes}
-            for axis in self._axes:
+            self._turns.close()  # whoever deletes the file begins anew
+            self._turns.open()
+            unknown = []
+            for place, axis in enumerate(self._axes):
                 startup.clear_error(bus, axis.options, self._sleep)
+                has_kept_power = startup.has_kept_power(bus, axis.options)
                 startup.configure(bus, axis.options)
-            for number, axis in enumerate(self._axes):
-                axis.turns = 0
-                if self._known is not None:
-                    position = bus.read(axis.options.id, startup.POSITION, 4, is_signed=True)
-                    axis.resolve_turns(position, self._known[number])
+                position = bus.read(axis.options.id, startup.POSITION, 4, is_signed=True)
+                unknown.append(self._turns.resolve(place, position, has_kept_power=has_kept_power))
+            self._unknown = "; ".join(filter(None, unknown))
             self._group = self._listen(bus, firmware)
             self._group.synchronise(self.clock.now_ns)
         except DeviceError:
@@ -354,11 +359,11 @@ class DynamixelDriver(Driver):
 
     def _report(self, group: Group) -> Feedback:
         angles, rates = [], []
-        for axis, reading in zip(self._axes, group.readings, strict=True):
+        for place, (axis, reading) in enumerate(zip(self._axes, group.readings, strict=True)):
+            if not self._unknown:
+                self._turns.note(place, reading.position)
             angles.append(axis.angle(reading.position))
             rates.append(axis.rate(reading.velocity))
-        if not self._is_enabled:
-            self._known = list(angles)
         return Feedback(
             group.time_ns,
             self._tracker.forward(angles),

@@ -85,6 +85,14 @@ def clear_error(bus: ServoBus, axis: AxisOptions, sleep: Sleep) -> bool:
     return True
 
 
+def has_kept_power(bus: ServoBus, axis: AxisOptions) -> bool:
+    """Return whether a servo has had power since it was configured, and counts turns since then."""
+    mapped = b"".join(address.to_bytes(2, "little") for address in BLOCK)
+    found = bus.read(axis.id, axis.model.indirect_address, len(mapped))
+    is_counting = bus.read(axis.id, OPERATING_MODE, 1) == EXTENDED_POSITION
+    return is_counting and found == int.from_bytes(mapped, "little")
+
+
 def configure(bus: ServoBus, axis: AxisOptions) -> None:
     """Put the settings of an axis' servo right, the permanent ones only where they differ."""
     permanent = [(RETURN_DELAY, 1, 0), (DRIVE_MODE, 1, 0), (OPERATING_MODE, 1, EXTENDED_POSITION),

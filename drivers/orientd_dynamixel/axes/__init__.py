@@ -4,5 +4,6 @@ from __future__ import annotations
 
 from orientd_dynamixel.axes.standing import Standing
 from orientd_dynamixel.axes.supervisor import Supervisor
+from orientd_dynamixel.axes.turns import Turns
 
-__all__ = ["Standing", "Supervisor"]
+__all__ = ["Standing", "Supervisor", "Turns"]
