@@ -56,7 +56,7 @@ def test_turns_are_known_or_refused_after_a_power_cut_at_any_winding(rig, tmp_pa
         try:
             found = math.degrees(it.driver.enable().joints[0])
         except DeviceFaultError as error:
-            assert abs(by_hand) > 30  # noqa: PT017
+            assert abs(by_hand) > 30
             assert "were seen last" in str(error)  # noqa: PT017
             cut_power(it, by_hand=-by_hand)
             it.driver.reset()
