@@ -17,10 +17,20 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
 from orientd.clock import Clock
-from orientd.driver import Driver, Feedback, Finding, Quaternion, Setpoint, ShapedPath, Vector3
+from orientd.driver import (
+    Driver,
+    Feedback,
+    Finding,
+    Quaternion,
+    Setpoint,
+    ShapedPath,
+    Vector3,
+    check_names,
+    switch,
+)
 from orientd.errors import AxisFaultError, DeviceError, DeviceFaultError, LinkError
 from orientd_dynamixel import startup
-from orientd_dynamixel.axes import Standing, Supervisor, Turns
+from orientd_dynamixel.axes import Standing, Supervisor, Turns, way
 from orientd_dynamixel.axis import Axis
 from orientd_dynamixel.group import Group, Losses
 from orientd_dynamixel.options import GimbalOptions, parse
@@ -65,7 +75,7 @@ class DynamixelDriver(Driver):
             self.settings.order, self.settings.mount, self.settings.tool,
             is_pointing=self.settings.pointing,
         )  # fmt: skip
-        self._is_enabled = False
+        self._is_enabled = self._is_homing = False
         self._feedback: Feedback | None = None
         self._is_out_of_reach = False
         self._written_ns = 0
@@ -94,6 +104,19 @@ class DynamixelDriver(Driver):
             self.settings, period, orientations, joints, before, rates
         )
         return shaped
+
+    def tune(self, options: Mapping[str, Any]) -> None:
+        """Take ``home``: whether the next motion goes home, whatever orientation it names."""
+        check_names(options, {"home"})
+        self._is_homing = switch("home", options.get("home", False))
+
+    def way(
+        self, joints: tuple[float, ...], q: Quaternion, *, is_refused: bool
+    ) -> Sequence[Quaternion]:
+        """Return the way home, or the one to *q* on which every axis stays inside its limits."""
+        if not (is_refused or self._is_homing):
+            return ()
+        return way(self.settings, joints, q, is_homing=self._is_homing)
 
     def outline(self, joints: tuple[float, ...]) -> Sequence[Sequence[Vector3]]:
         """Return nested rings with pins."""

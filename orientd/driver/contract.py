@@ -206,6 +206,29 @@ class Driver(ABC):
         """
         return None
 
+    def way(
+        self,
+        joints: tuple[float, ...],  # noqa: ARG002 - most devices go the shortest way
+        q: Quaternion,  # noqa: ARG002
+        *,
+        is_refused: bool,  # noqa: ARG002
+    ) -> Sequence[Quaternion]:
+        """Return the orientations to pass on the way to *q*, where the shortest turn is not it.
+
+        Called where :meth:`shape` is, for a motion with a single keyframe that begins at rest.
+
+        Args:
+            joints: axis angles where the device is, rad.
+            q: the keyframe.
+            is_refused: whether :meth:`shape` has refused the shortest turn for the angle of an
+                axis.
+
+        Returns:
+            From where the device is to where the motion ends, no two a half turn apart; empty for
+            the shortest turn.
+        """
+        return ()
+
     def outline(self, joints: tuple[float, ...]) -> Sequence[Sequence[Vector3]]:  # noqa: ARG002 - many devices have no axes
         """Return the device's shape as it stands, for a picture of it.
 

@@ -49,7 +49,8 @@ class Keyframe:
         q: orientation ``(w, x, y, z)``, tool to world, of unit norm within 1e-6.
         time: when, in seconds on the request's own axis; ``None`` leaves it to the planner.
         position: of the tool in the world, m; ``None`` where the position is left alone.
-        turns: whole turns to make on the way from the previous keyframe to this one.
+        turns: whole turns to make on the way from the previous keyframe to this one, or from where
+            the device is to the only one.
     """
 
     q: Quaternion
@@ -365,7 +366,7 @@ def _turns(keyframes: Sequence[Keyframe]) -> Turns:
             raise RequestError(
                 f"keyframes[{index}].turns", f"expected at most {MOST_TURNS} turns, got {count}"
             )
-    if turns[0]:
+    if turns[0] and len(turns) > 1:
         raise RequestError(
             "keyframes[0].turns", f"there is no keyframe before the first, got {turns[0]} turns"
         )

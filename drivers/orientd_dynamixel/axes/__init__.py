@@ -5,5 +5,6 @@ from __future__ import annotations
 from orientd_dynamixel.axes.standing import Standing
 from orientd_dynamixel.axes.supervisor import Supervisor
 from orientd_dynamixel.axes.turns import Turns
+from orientd_dynamixel.axes.ways import way
 
-__all__ = ["Standing", "Supervisor", "Turns"]
+__all__ = ["Standing", "Supervisor", "Turns", "way"]
