@@ -10,6 +10,7 @@
     max_losses = 10            # answers lost in a row until it is a fault
     at_end = "release"         # or "hold": leave the torque on
     park_deg = [0, 0, 0]       # go here before the torque is switched off
+    pointing = true            # two axes: only the direction counts; false: the roll must fit, too
     max_deviation_deg = 0.0    # by how much a path near the pole may be missed; 0 refuses it
     turns_file = ""            # where whole turns are kept; by default in the XDG state directory
     allow_slews = false        # whether the tool may stop and leave its path to change branch
@@ -173,7 +174,7 @@ def parse(options: Mapping[str, Any]) -> GimbalOptions:
         watchdog_ms=round(number("watchdog_ms", options.get("watchdog_ms", 500), 0, 2540)),
         at_end=choice("at_end", options.get("at_end", "release"), ("release", "hold")),
         park=park,
-        pointing=switch("pointing", options.get("pointing", False)),
+        pointing=switch("pointing", options.get("pointing", len(axes) == 2)),
         roll_tolerance=math.radians(
             number("roll_tolerance_deg", options.get("roll_tolerance_deg", 1.0), 0, 180)
         ),

@@ -15,10 +15,11 @@ from orientd.planner import refusal
 from orientd.planner.candidate import CandidateMotion, to_single, with_leads
 from orientd.planner.certifying import certified
 from orientd.planner.connect import Caution, LeadIn, lead_in, position_lead
+from orientd.planner.keyframes import with_least_roll, wound
 from orientd.planner.limits import LONGEST, Limits
 from orientd.planner.methods import Ends, check_method
 from orientd.planner.motion import Motion
-from orientd.planner.request import Keyframe, MotionRequest, State
+from orientd.planner.request import MotionRequest, State
 from orientd.planner.timing import (
     LONGER,
     SHARE,
@@ -30,7 +31,7 @@ from orientd.planner.timing import (
     quickest,
     shortest,
 )
-from orientd.rotation import Floats, conjugate, exp, log, multiply
+from orientd.rotation import Floats
 
 _CYCLES_A_STEP = 4
 _LONGEST_SEARCH = 256  # times as long as the first guess, where longer ones are other curves
@@ -40,8 +41,6 @@ _MOST_CORRECTIONS = 300  # of a curve that is one of many to try
 _LONGEST_STOP = 6.0  # s, on longer motions of minimum duration; so much of a path is read ahead
 _LEAST_SHARE = 0.2  # of acceleration and jerk, below which they would not be the quickest
 _MOST_TIMINGS = 12  # until a stop is short enough, each of them a whole search
-_NO_AXIS = 1e-6  # rad; a turn this small has no axis to add whole turns about
-_MOST_AT_ONCE = math.pi / 3  # from one keyframe to the next on the way of whole turns
 _PATIENCE = 3  # timings after which the reserve is at least doubled by each
 
 
@@ -81,7 +80,7 @@ def plan(
     """
     if not (math.isfinite(period) and period > 0.0):
         raise ValueError(f"period must be positive, got {period} s")
-    request = _wound(request, start)
+    request = with_least_roll(wound(request, start), start)
     job = _Job.of(request, start, limits.narrowed(request.limits), period)
     name = motion_id or os.urandom(6).hex()
     if not request.approach or (start.is_at_rest and not request.is_single):
@@ -95,24 +94,6 @@ def plan(
         except LimitError as error:
             first = first or error
     raise first or PlanError("no lead-in was tried")
-
-
-def _wound(request: MotionRequest, start: State) -> MotionRequest:
-    """Return *request* with keyframes on the way, where its only one has whole turns."""
-    if not (request.is_single and request.turns[0]):
-        return request
-    if not start.is_at_rest:
-        raise StartError("whole turns to a single keyframe begin at rest")
-    (keyframe,) = request.keyframes
-    shortest = log(multiply(conjugate(start.q), request.keys[0]))
-    size = float(np.linalg.norm(shortest))
-    if size < _NO_AXIS:
-        raise StartError("the device is there already: nothing says about which axis to turn")
-    whole = shortest * (1.0 + 2.0 * math.pi * keyframe.turns / size)
-    count = math.ceil(float(np.linalg.norm(whole)) / _MOST_AT_ONCE)
-    passed = multiply(start.q, exp(whole * np.linspace(0.0, 1.0, count + 1)[:, None])).tolist()
-    others = [Keyframe((w, x, y, z)) for w, x, y, z in passed[:-1]]
-    return replace(request, keyframes=[*others, replace(keyframe, turns=0)], approach=False)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

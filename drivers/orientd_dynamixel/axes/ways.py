@@ -51,7 +51,7 @@ def way(
     tracker.angles = joints
     ends = [home(options)] if is_homing else windings(options, tracker, q)
 
-    def travel(end: tuple[float, ...]) -> float:
+    def travel(end: Sequence[float]) -> float:
         return sum(abs(a - b) for a, b in zip(joints, end, strict=True))
 
     return passing(tracker, joints, min(ends, key=travel)) if ends else []
