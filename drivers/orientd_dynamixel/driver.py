@@ -30,26 +30,25 @@ from orientd.driver import (
 )
 from orientd.errors import AxisFaultError, DeviceError, DeviceFaultError, LinkError
 from orientd_dynamixel import startup
-from orientd_dynamixel.axes import Standing, Supervisor, Turns, way
+from orientd_dynamixel.axes import (
+    Following,
+    Standing,
+    Supervisor,
+    Turns,
+    check_angle,
+    check_rate,
+    way,
+)
 from orientd_dynamixel.axis import Axis
-from orientd_dynamixel.group import Group, Losses
+from orientd_dynamixel.group import Group, Losses, listen
 from orientd_dynamixel.options import GimbalOptions, parse
 from orientd_dynamixel.reading import explain_error
 from orientd_dynamixel.servo_bus import READ_WAIT_S, OpenBus, ServoBus, open_bus
 from orientd_dynamixel.tracker import Tracker
 
-_LIMIT_SLACK = math.radians(0.5)
-_RATE_SLACK = 1.05
-_TICK = 2 * math.pi / 4096
-_BUSY_SHARE = 0.8
-
 
 class DynamixelDriver(Driver):
-    """Two or three servos that turn a tool.
-
-    Attributes:
-        advice: what was noticed at the start that costs speed.
-    """
+    """Two or three servos that turn a tool; *advice* is what was noticed that costs speed."""
 
     name: ClassVar[str] = "dynamixel"
     default_rate_hz: ClassVar[float] = 100.0
@@ -82,6 +81,7 @@ class DynamixelDriver(Driver):
         self._standing = Standing(self._axes)
         self._supervisor = Supervisor(self.settings, self._axes)
         self._turns = Turns(self.settings, self._axes)
+        self._following = Following(self.settings, self._tracker, period_ns * 1e-9)
         self._unknown = ""
 
     @property
@@ -99,14 +99,12 @@ class DynamixelDriver(Driver):
     ) -> ShapedPath:
         """Choose branch, winding and deviation of every axis over the whole path."""
         # By name: planning needs NumPy, which a servo process does without.
-        shaping = importlib.import_module("orientd_dynamixel.shaping")
-        shaped: ShapedPath = shaping.shape(
-            self.settings, period, orientations, joints, before, rates
-        )
+        shape = importlib.import_module("orientd_dynamixel.shaping").shape
+        shaped: ShapedPath = shape(self.settings, period, orientations, joints, before, rates)
         return shaped
 
     def tune(self, options: Mapping[str, Any]) -> None:
-        """Take ``home``: whether the next motion goes home, whatever orientation it names."""
+        """Take ``home``: whether motions go home, whatever orientation they name."""
         check_names(options, {"home"})
         self._is_homing = switch("home", options.get("home", False))
 
@@ -120,9 +118,9 @@ class DynamixelDriver(Driver):
 
     def outline(self, joints: tuple[float, ...]) -> Sequence[Sequence[Vector3]]:
         """Return nested rings with pins."""
-        outline = importlib.import_module("orientd_dynamixel.outline")
-        planning = importlib.import_module("orientd_dynamixel.planning")
-        lines: list[list[Vector3]] = outline.outline(planning.gimbal_of(self.settings), joints)
+        outline = importlib.import_module("orientd_dynamixel.outline").outline
+        gimbal_of = importlib.import_module("orientd_dynamixel.planning").gimbal_of
+        lines: list[list[Vector3]] = outline(gimbal_of(self.settings), joints)
         return lines
 
     def open(self) -> None:
@@ -153,7 +151,7 @@ class DynamixelDriver(Driver):
                     f"servo {servo} ({axis.options.name}) reports {explain_error(bits)}; reset it"
                 )
             position = bus.read(servo, startup.POSITION, 4, is_signed=True)
-            self._check_angle(axis, axis.angle(position))
+            check_angle(axis, axis.angle(position))
         begun: list[Axis] = []
         try:
             # One at a time: what was begun has to be known when the next one fails.
@@ -168,6 +166,7 @@ class DynamixelDriver(Driver):
             raise
         angles = tuple(axis.angle(axis.goal) for axis in self._axes)
         self._tracker.angles = angles
+        self._following.rest()
         self._is_enabled = True
         self._written_ns = self.clock.now_ns()
         self._standing = Standing(self._axes)
@@ -221,16 +220,34 @@ class DynamixelDriver(Driver):
         span = max(1, round((now_ns - self._written_ns) / self.period_ns)) * self.period_ns * 1e-9
         goals = []
         for axis, angle, last in zip(self._axes, angles, self._tracker.angles, strict=True):
-            self._check_angle(axis, angle)
-            if abs(angle - last) > axis.options.velocity * span * _RATE_SLACK + _TICK:
-                raise DeviceFaultError(
-                    f"{axis.options.name} would have to turn at "
-                    f"{math.degrees(abs(angle - last) / span):.0f} deg/s, at most "
-                    f"{math.degrees(axis.options.velocity):.0f} deg/s are allowed"
-                )
+            check_angle(axis, angle)
+            check_rate(axis, angle, last, span)
             goals.append(axis.ticks(angle))
         for place, goal in self._standing.goals.items():
             goals[place] = goal
+        self._following.took(angles)
+        self._send(bus, group, angles, goals, now_ns)
+
+    def follow(self, setpoint: Setpoint) -> Quaternion:
+        """Send what the axes can do of *setpoint* within their limits; return what that makes.
+
+        Raises:
+            LinkError: the port is gone.
+        """
+        bus, group = self._connected()
+        if self._standing.is_at_rest:
+            self.write(setpoint)
+            return self._tracker.forward(self._tracker.angles)
+        angles = self._following.step(setpoint.q)
+        goals = [axis.ticks(angle) for axis, angle in zip(self._axes, angles, strict=True)]
+        for place, goal in self._standing.goals.items():
+            goals[place] = goal
+        self._send(bus, group, angles, goals, self.clock.now_ns())
+        return self._tracker.forward(angles)
+
+    def _send(
+        self, bus: ServoBus, group: Group, angles: tuple[float, ...], goals: list[int], now_ns: int
+    ) -> None:
         bus.sync_write(
             startup.GOAL, 4,
             [(axis.options.id, goal) for axis, goal in zip(self._axes, goals, strict=True)],
@@ -323,37 +340,13 @@ class DynamixelDriver(Driver):
                 position = bus.read(axis.options.id, startup.POSITION, 4, is_signed=True)
                 unknown.append(self._turns.resolve(place, position, has_kept_power=has_kept_power))
             self._unknown = "; ".join(filter(None, unknown))
-            self._group = self._listen(bus, firmware)
+            self._group, self.advice = listen(bus, self._axes, options, firmware, self.period_ns)
             self._group.synchronise(self.clock.now_ns)
         except DeviceError:
             bus.close()
             raise
         self._bus = bus
         self._is_out_of_reach = False
-
-    def _listen(self, bus: ServoBus, firmware: Mapping[int, int]) -> Group:
-        options = self.settings
-        old = [
-            f"servo {axis.options.id} has firmware {firmware[axis.options.id]}, fast reads need "
-            f"{axis.options.model.fast_firmware}"
-            for axis in self._axes
-            if firmware[axis.options.id] < axis.options.model.fast_firmware
-        ]
-        if old and options.fast_read == "on":
-            raise DeviceFaultError("; ".join(old))
-        self.advice = old if options.fast_read == "auto" else []
-        group = Group(
-            bus, self._axes, is_fast=not old and options.fast_read != "off",
-            max_losses=options.max_losses, quiet_ns=round(options.latency_ms * 1e6),
-        )  # fmt: skip
-        need_ms = group.cycle_bytes * bus.byte_ms
-        if need_ms > _BUSY_SHARE * self.period_ns * 1e-6:
-            raise LinkError(
-                f"a cycle takes {need_ms:.2f} ms on the line at {options.baud} baud, the period "
-                f"is {self.period_ns * 1e-6:.2f} ms; lower the rate or set the servos to a higher "
-                "line speed"
-            )
-        return group
 
     def _connected(self) -> tuple[ServoBus, Group]:
         if self._bus is None or self._group is None:
@@ -403,11 +396,3 @@ class DynamixelDriver(Driver):
                 problems.append(problem)
         if problems:
             raise AxisFaultError("; ".join(problems))
-
-    def _check_angle(self, axis: Axis, angle: float) -> None:
-        options = axis.options
-        if not options.low - _LIMIT_SLACK <= angle <= options.high + _LIMIT_SLACK:
-            raise DeviceFaultError(
-                f"{options.name} would be at {math.degrees(angle):.2f} deg, allowed are "
-                f"{math.degrees(options.low):.2f} to {math.degrees(options.high):.2f} deg"
-            )

@@ -268,6 +268,17 @@ class Driver(ABC):
     def write(self, setpoint: Setpoint) -> None:
         """Send *setpoint*.  Called every cycle while enabled, after :meth:`read`."""
 
+    def follow(self, setpoint: Setpoint) -> Quaternion:
+        """Send *setpoint*, of targets that are followed, or what the device's axes can do of it.
+
+        Called in place of :meth:`write` while targets are followed, of which no path was planned.
+
+        Returns:
+            The orientation that was sent.
+        """
+        self.write(setpoint)
+        return setpoint.q
+
     @abstractmethod
     def disable(self) -> None:
         """Leave the device standing still and no longer following.  Must not raise twice."""

@@ -135,7 +135,11 @@ class Servo:
         is_written = self._is_enabled
         if is_written:
             try:
-                self._driver.write(tuple.__new__(Setpoint, (deadline_ns, *point)))
+                setpoint = tuple.__new__(Setpoint, (deadline_ns, *point))
+                if self.setpoints.is_following:
+                    point = self.setpoints.confine(self._driver.follow(setpoint))
+                else:
+                    self._driver.write(setpoint)
             except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
                 self._take_fault(error)
                 is_written = False

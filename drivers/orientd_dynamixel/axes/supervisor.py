@@ -5,9 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from orientd_dynamixel.axis import Axis
+from orientd.errors import DeviceFaultError
+from orientd_dynamixel.axis import TICKS, Axis
 from orientd_dynamixel.options import GimbalOptions
 from orientd_dynamixel.reading import WATCHDOG_TRIPPED, Reading, explain_error
+
+_LIMIT_SLACK = math.radians(0.5)
+_RATE_SLACK = 1.05
+_TICK = 2 * math.pi / TICKS
 
 
 class Supervisor:
@@ -44,3 +49,31 @@ class Supervisor:
                 f"more than {self._options.follow_time:g} s; is it jammed or overloaded?"
             )
         return ""
+
+
+def check_angle(axis: Axis, angle: float) -> None:
+    """Refuse an angle outside the limits of *axis*.
+
+    Raises:
+        DeviceFaultError: it is, by more than the servo's play.
+    """
+    options = axis.options
+    if not options.low - _LIMIT_SLACK <= angle <= options.high + _LIMIT_SLACK:
+        raise DeviceFaultError(
+            f"{options.name} would be at {math.degrees(angle):.2f} deg, allowed are "
+            f"{math.degrees(options.low):.2f} to {math.degrees(options.high):.2f} deg"
+        )
+
+
+def check_rate(axis: Axis, angle: float, last: float, span: float) -> None:
+    """Refuse to turn *axis* from *last* to *angle*, rad, within *span* seconds.
+
+    Raises:
+        DeviceFaultError: that is faster than it may turn.
+    """
+    options, turn = axis.options, abs(angle - last)
+    if turn > options.velocity * span * _RATE_SLACK + _TICK:
+        raise DeviceFaultError(
+            f"{options.name} would have to turn at {math.degrees(turn / span):.0f} deg/s, at most "
+            f"{math.degrees(options.velocity):.0f} deg/s are allowed"
+        )
