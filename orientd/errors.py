@@ -21,6 +21,7 @@ An error is ours (a call failed); a fault is the device's (it stopped and waits 
     │   ├── LinkError           the connection to the device is gone
     │   ├── FeedbackError       feedback is missing or older than its limit
     │   └── DeviceFaultError    the device says that it cannot go on
+    │       └── AxisFaultError  one axis cannot; the others can still be braked on the path
     ├── DaemonError             the daemon is not there, is there already, or did not answer
     └── KernelsError            the compiled kernels are not there, or not for this machine
 """
@@ -144,6 +145,10 @@ class FeedbackError(DeviceError):
 
 class DeviceFaultError(DeviceError):
     """The device says that it cannot go on."""
+
+
+class AxisFaultError(DeviceFaultError):
+    """One axis of the device cannot go on; the others can still be braked on the path."""
 
 
 class DaemonError(OrientdError):

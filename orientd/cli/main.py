@@ -21,6 +21,7 @@ _HOMES = {
     "methods": "daemon_commands",
     "plan": "motion_commands",
     "move": "motion_commands",
+    "home": "home",
     "track": "track",
     "batch": "batch",
     "compare": "compare",

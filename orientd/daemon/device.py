@@ -185,7 +185,8 @@ class Device(SupervisedDevice):
             StateError: the device is neither holding nor moving, or cannot follow targets.
         """
         servo_limits = servo_limits_of(self.limits.narrowed(limits), brake_rate=1.0)
-        if type(self._examiner).shape is not Driver.shape:
+        driver = type(self._examiner)
+        if driver.shape is not Driver.shape and driver.follow is Driver.follow:
             raise StateError(
                 f"device {self.name} plans whole paths for its axes: it cannot follow targets"
             )

@@ -302,6 +302,11 @@ class Robot(LeaseHolder):
         self._moves.append(handle)
         return handle
 
+    def home(self, device: str = "") -> MoveHandle:
+        """Bring the axes of a gimbal home, unwinding them; raises as :meth:`move`."""
+        anywhere = {"quaternion": {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}}
+        return self.move([anywhere], device=device, device_options={"home": True}, name="home")
+
     def stop(self, device: str = "") -> list[DeviceReport]:
         """Bring a device, or all of them, to rest on the path.  Needs no lease."""
         return self._rest(self._stub.Stop, pb.StopRequest(device=device, caller=self.holder))

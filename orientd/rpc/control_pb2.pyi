@@ -40,6 +40,13 @@ class Fault(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     FAULT_INTERNAL: _ClassVar[Fault]
     FAULT_SERVO_STALLED: _ClassVar[Fault]
 
+class PointingAxis(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    POINTING_AXIS_UNSPECIFIED: _ClassVar[PointingAxis]
+    POINTING_AXIS_X: _ClassVar[PointingAxis]
+    POINTING_AXIS_Y: _ClassVar[PointingAxis]
+    POINTING_AXIS_Z: _ClassVar[PointingAxis]
+
 class Duration(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
     DURATION_UNSPECIFIED: _ClassVar[Duration]
@@ -88,6 +95,10 @@ FAULT_HEARTBEAT_LOST: Fault
 FAULT_SERVO_DIED: Fault
 FAULT_INTERNAL: Fault
 FAULT_SERVO_STALLED: Fault
+POINTING_AXIS_UNSPECIFIED: PointingAxis
+POINTING_AXIS_X: PointingAxis
+POINTING_AXIS_Y: PointingAxis
+POINTING_AXIS_Z: PointingAxis
 DURATION_UNSPECIFIED: Duration
 DURATION_MINIMUM: Duration
 EVENT_KIND_UNSPECIFIED: EventKind
@@ -166,25 +177,49 @@ class Limits(_message.Message):
     def __init__(self, velocity: _Optional[float] = ..., acceleration: _Optional[float] = ..., jerk: _Optional[float] = ..., linear_velocity: _Optional[float] = ..., linear_acceleration: _Optional[float] = ..., axis_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., axis_acceleration: _Optional[_Union[Vector3, _Mapping]] = ..., axis_jerk: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
 
 class Keyframe(_message.Message):
-    __slots__ = ("time", "quaternion", "rotation_vector", "euler", "matrix", "position", "turns")
+    __slots__ = ("time", "quaternion", "rotation_vector", "euler", "matrix", "direction", "azimuth_elevation", "look_at", "position", "turns", "free_roll")
     TIME_FIELD_NUMBER: _ClassVar[int]
     QUATERNION_FIELD_NUMBER: _ClassVar[int]
     ROTATION_VECTOR_FIELD_NUMBER: _ClassVar[int]
     EULER_FIELD_NUMBER: _ClassVar[int]
     MATRIX_FIELD_NUMBER: _ClassVar[int]
+    DIRECTION_FIELD_NUMBER: _ClassVar[int]
+    AZIMUTH_ELEVATION_FIELD_NUMBER: _ClassVar[int]
+    LOOK_AT_FIELD_NUMBER: _ClassVar[int]
     POSITION_FIELD_NUMBER: _ClassVar[int]
     TURNS_FIELD_NUMBER: _ClassVar[int]
+    FREE_ROLL_FIELD_NUMBER: _ClassVar[int]
     time: float
     quaternion: Quaternion
     rotation_vector: Vector3
     euler: EulerAngles
     matrix: Matrix
+    direction: Vector3
+    azimuth_elevation: AzimuthElevation
+    look_at: LookAt
     position: Vector3
     turns: int
-    def __init__(self, time: _Optional[float] = ..., quaternion: _Optional[_Union[Quaternion, _Mapping]] = ..., rotation_vector: _Optional[_Union[Vector3, _Mapping]] = ..., euler: _Optional[_Union[EulerAngles, _Mapping]] = ..., matrix: _Optional[_Union[Matrix, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., turns: _Optional[int] = ...) -> None: ...
+    free_roll: bool
+    def __init__(self, time: _Optional[float] = ..., quaternion: _Optional[_Union[Quaternion, _Mapping]] = ..., rotation_vector: _Optional[_Union[Vector3, _Mapping]] = ..., euler: _Optional[_Union[EulerAngles, _Mapping]] = ..., matrix: _Optional[_Union[Matrix, _Mapping]] = ..., direction: _Optional[_Union[Vector3, _Mapping]] = ..., azimuth_elevation: _Optional[_Union[AzimuthElevation, _Mapping]] = ..., look_at: _Optional[_Union[LookAt, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., turns: _Optional[int] = ..., free_roll: _Optional[bool] = ...) -> None: ...
+
+class AzimuthElevation(_message.Message):
+    __slots__ = ("azimuth", "elevation")
+    AZIMUTH_FIELD_NUMBER: _ClassVar[int]
+    ELEVATION_FIELD_NUMBER: _ClassVar[int]
+    azimuth: float
+    elevation: float
+    def __init__(self, azimuth: _Optional[float] = ..., elevation: _Optional[float] = ...) -> None: ...
+
+class LookAt(_message.Message):
+    __slots__ = ("point", "place")
+    POINT_FIELD_NUMBER: _ClassVar[int]
+    PLACE_FIELD_NUMBER: _ClassVar[int]
+    point: Vector3
+    place: Vector3
+    def __init__(self, point: _Optional[_Union[Vector3, _Mapping]] = ..., place: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
 
 class MotionRequest(_message.Message):
-    __slots__ = ("method", "keyframes", "velocity_frame", "start_velocity", "end_velocity", "approach", "limits", "options", "device_options", "duration", "name")
+    __slots__ = ("method", "keyframes", "velocity_frame", "start_velocity", "end_velocity", "approach", "limits", "options", "device_options", "duration", "name", "pointing_axis")
     METHOD_FIELD_NUMBER: _ClassVar[int]
     KEYFRAMES_FIELD_NUMBER: _ClassVar[int]
     VELOCITY_FRAME_FIELD_NUMBER: _ClassVar[int]
@@ -196,6 +231,7 @@ class MotionRequest(_message.Message):
     DEVICE_OPTIONS_FIELD_NUMBER: _ClassVar[int]
     DURATION_FIELD_NUMBER: _ClassVar[int]
     NAME_FIELD_NUMBER: _ClassVar[int]
+    POINTING_AXIS_FIELD_NUMBER: _ClassVar[int]
     method: str
     keyframes: _containers.RepeatedCompositeFieldContainer[Keyframe]
     velocity_frame: Frame
@@ -207,7 +243,8 @@ class MotionRequest(_message.Message):
     device_options: _struct_pb2.Struct
     duration: Duration
     name: str
-    def __init__(self, method: _Optional[str] = ..., keyframes: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., start_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., end_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., approach: bool = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., device_options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., duration: _Optional[_Union[Duration, str]] = ..., name: _Optional[str] = ...) -> None: ...
+    pointing_axis: PointingAxis
+    def __init__(self, method: _Optional[str] = ..., keyframes: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., start_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., end_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., approach: _Optional[bool] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., device_options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., duration: _Optional[_Union[Duration, str]] = ..., name: _Optional[str] = ..., pointing_axis: _Optional[_Union[PointingAxis, str]] = ...) -> None: ...
 
 class Peak(_message.Message):
     __slots__ = ("value", "time", "limit")
@@ -349,7 +386,7 @@ class Cycle(_message.Message):
     feedback_omega_body: Vector3
     feedback_position: Vector3
     tracking_error: float
-    def __init__(self, index: _Optional[int] = ..., deadline_ns: _Optional[int] = ..., lateness_ns: _Optional[int] = ..., work_ns: _Optional[int] = ..., feedback_age_ns: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., motion_number: _Optional[int] = ..., is_written: bool = ..., overruns: _Optional[int] = ..., missed: _Optional[int] = ..., path_index: _Optional[int] = ..., path_fraction: _Optional[float] = ..., speed: _Optional[float] = ..., orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., alpha_body: _Optional[_Union[Vector3, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., feedback_orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., feedback_omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., feedback_position: _Optional[_Union[Vector3, _Mapping]] = ..., tracking_error: _Optional[float] = ...) -> None: ...
+    def __init__(self, index: _Optional[int] = ..., deadline_ns: _Optional[int] = ..., lateness_ns: _Optional[int] = ..., work_ns: _Optional[int] = ..., feedback_age_ns: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., motion_number: _Optional[int] = ..., is_written: _Optional[bool] = ..., overruns: _Optional[int] = ..., missed: _Optional[int] = ..., path_index: _Optional[int] = ..., path_fraction: _Optional[float] = ..., speed: _Optional[float] = ..., orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., alpha_body: _Optional[_Union[Vector3, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., feedback_orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., feedback_omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., feedback_position: _Optional[_Union[Vector3, _Mapping]] = ..., tracking_error: _Optional[float] = ...) -> None: ...
 
 class Device(_message.Message):
     __slots__ = ("name", "driver", "rate_hz", "limits", "lead", "phase")
@@ -399,7 +436,7 @@ class DeviceReport(_message.Message):
     is_memory_locked: bool
     cycle: Cycle
     motion_name: str
-    def __init__(self, device: _Optional[_Union[Device, _Mapping]] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., fault_text: _Optional[str] = ..., is_paused: bool = ..., speed: _Optional[float] = ..., motion_number: _Optional[int] = ..., motion_id: _Optional[str] = ..., path_time: _Optional[float] = ..., duration: _Optional[float] = ..., servo_pid: _Optional[int] = ..., scheduling: _Optional[str] = ..., is_memory_locked: bool = ..., cycle: _Optional[_Union[Cycle, _Mapping]] = ..., motion_name: _Optional[str] = ...) -> None: ...
+    def __init__(self, device: _Optional[_Union[Device, _Mapping]] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., fault_text: _Optional[str] = ..., is_paused: _Optional[bool] = ..., speed: _Optional[float] = ..., motion_number: _Optional[int] = ..., motion_id: _Optional[str] = ..., path_time: _Optional[float] = ..., duration: _Optional[float] = ..., servo_pid: _Optional[int] = ..., scheduling: _Optional[str] = ..., is_memory_locked: _Optional[bool] = ..., cycle: _Optional[_Union[Cycle, _Mapping]] = ..., motion_name: _Optional[str] = ...) -> None: ...
 
 class LeaseReport(_message.Message):
     __slots__ = ("holder", "remaining", "identity")
@@ -453,7 +490,7 @@ class WatchStateRequest(_message.Message):
     decimation: int
     as_records: bool
     with_outline: bool
-    def __init__(self, device: _Optional[str] = ..., rate_hz: _Optional[float] = ..., decimation: _Optional[int] = ..., as_records: bool = ..., with_outline: bool = ...) -> None: ...
+    def __init__(self, device: _Optional[str] = ..., rate_hz: _Optional[float] = ..., decimation: _Optional[int] = ..., as_records: _Optional[bool] = ..., with_outline: _Optional[bool] = ...) -> None: ...
 
 class Polyline(_message.Message):
     __slots__ = ("coordinates",)
@@ -543,7 +580,7 @@ class Method(_message.Message):
     interpolates: bool
     is_local: bool
     meets_end_velocities: bool
-    def __init__(self, name: _Optional[str] = ..., summary: _Optional[str] = ..., source: _Optional[str] = ..., interpolates: bool = ..., is_local: bool = ..., meets_end_velocities: bool = ...) -> None: ...
+    def __init__(self, name: _Optional[str] = ..., summary: _Optional[str] = ..., source: _Optional[str] = ..., interpolates: _Optional[bool] = ..., is_local: _Optional[bool] = ..., meets_end_velocities: _Optional[bool] = ...) -> None: ...
 
 class ListMethodsResponse(_message.Message):
     __slots__ = ("methods",)
@@ -621,7 +658,7 @@ class MoveRequest(_message.Message):
     start_time: _timestamp_pb2.Timestamp
     on_target: OnTarget
     plan_timeout: float
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., motion: _Optional[_Union[MotionRequest, _Mapping]] = ..., motion_id: _Optional[str] = ..., progress_rate_hz: _Optional[float] = ..., queue: bool = ..., blend_tolerance: _Optional[float] = ..., start_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., on_target: _Optional[_Union[OnTarget, _Mapping]] = ..., plan_timeout: _Optional[float] = ...) -> None: ...
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., motion: _Optional[_Union[MotionRequest, _Mapping]] = ..., motion_id: _Optional[str] = ..., progress_rate_hz: _Optional[float] = ..., queue: _Optional[bool] = ..., blend_tolerance: _Optional[float] = ..., start_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., on_target: _Optional[_Union[OnTarget, _Mapping]] = ..., plan_timeout: _Optional[float] = ...) -> None: ...
 
 class OnTarget(_message.Message):
     __slots__ = ("tolerance", "rate", "settle_time", "timeout")
@@ -681,7 +718,7 @@ class MoveProgress(_message.Message):
     lateness: float
     tracking_error: float
     overruns: int
-    def __init__(self, path_time: _Optional[float] = ..., duration: _Optional[float] = ..., state: _Optional[_Union[State, str]] = ..., is_paused: bool = ..., speed: _Optional[float] = ..., orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., lateness: _Optional[float] = ..., tracking_error: _Optional[float] = ..., overruns: _Optional[int] = ...) -> None: ...
+    def __init__(self, path_time: _Optional[float] = ..., duration: _Optional[float] = ..., state: _Optional[_Union[State, str]] = ..., is_paused: _Optional[bool] = ..., speed: _Optional[float] = ..., orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., lateness: _Optional[float] = ..., tracking_error: _Optional[float] = ..., overruns: _Optional[int] = ...) -> None: ...
 
 class Durations(_message.Message):
     __slots__ = ("p50", "p99", "p99_9", "largest")

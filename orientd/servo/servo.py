@@ -14,6 +14,7 @@ from collections.abc import Callable
 from orientd.clock import Clock
 from orientd.driver import IDENTITY, Driver, Feedback, Setpoint
 from orientd.errors import (
+    AxisFaultError,
     DeviceFaultError,
     Fault,
     FeedbackError,
@@ -134,7 +135,11 @@ class Servo:
         is_written = self._is_enabled
         if is_written:
             try:
-                self._driver.write(tuple.__new__(Setpoint, (deadline_ns, *point)))
+                setpoint = tuple.__new__(Setpoint, (deadline_ns, *point))
+                if self.setpoints.is_following:
+                    point = self.setpoints.confine(self._driver.follow(setpoint))
+                else:
+                    self._driver.write(setpoint)
             except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
                 self._take_fault(error)
                 is_written = False
@@ -196,6 +201,8 @@ class Servo:
             self.setpoints.brake(Fault.FEEDBACK_STALE, str(error))
         elif isinstance(error, LinkError):
             self._fail(Fault.LINK_LOST, str(error))
+        elif isinstance(error, AxisFaultError):
+            self.setpoints.brake(Fault.DEVICE_FAULT, str(error))
         elif isinstance(error, DeviceFaultError):
             self._fail(Fault.DEVICE_FAULT, str(error))
         else:
@@ -316,6 +323,7 @@ class Servo:
 
     def _tell_fault(self, fault: Fault, text: str) -> None:
         self._memory.notes.publish(*pack_note(0, NoteKind.FAULT, fault, text))
+        self._driver.rest_in_fault()
         if self._driver.is_spent:
             self.request_end(text)
 

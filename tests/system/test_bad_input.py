@@ -49,8 +49,8 @@ BAD_MOTIONS = {
     ),
     "two forms": (
         motion(UPRIGHT, {**UPRIGHT, **TURNED}),
-        "keyframes[1]: expected one of quaternion, rotation_vector, euler, matrix; got "
-        "quaternion and rotation_vector",
+        "keyframes[1]: expected one of quaternion, rotation_vector, euler, matrix, "
+        "direction, azimuth_elevation, look_at; got quaternion and rotation_vector",
     ),
     "times not increasing": (
         motion({**UPRIGHT, "time": 1.0}, {**TURNED, "time": 0.5}),

@@ -28,8 +28,8 @@ from orientd.stream import UNKNOWN, Command, Cycle, State
 _SHAPED_ATTEMPTS = 3
 """How often a path that the driver shapes is planned from on the way before it begins at rest."""
 
-_LATER = (0.0, 0.15, 0.3)
-"""How much later on the way than as soon as possible axes are tried that cannot go on there, s."""
+_LATER = ((0.0,), (0.15, 0.3))
+"""How much later on the way axes are tried that cannot go on there, s; a row is side by side."""
 
 LONGEST_STOP = 30.0
 """How long a stop on the path may take, s."""
@@ -38,11 +38,7 @@ Tell = Callable[[EventKind, int, str], None]
 
 
 class Motions:
-    """What one servo process runs, and is to run.
-
-    Attributes:
-        is_paused: whether the present motion stands on its path, to be resumed.
-    """
+    """What one servo process runs, and is to run; *is_paused* where that stands on its path."""
 
     def __init__(
         self,
@@ -211,22 +207,27 @@ class Motions:
         if not joints:
             job = self._job(order, state)
             return leave, await self._planners.plan(job, order, rank=Rank.URGENT)
-        for later in _LATER if attempt < _SHAPED_ATTEMPTS else ():
-            record = leave.record + round(later / self._period)
-            if record >= min(left.last_record, left.at_hand[1]):
-                break
-            start = left.state_at(record)
-            before = () if start.is_at_rest else left.joints_before(record)
-            job = self._job(order, start, left.joints_at(record), before)
-            try:
-                motion = await self._planners.plan(job, order, rank=Rank.URGENT)
-            except PlanError:
-                continue
-            return replace(leave, record=record), motion
+        for together in _LATER if attempt < _SHAPED_ATTEMPTS else ():
+            ahead = [leave.record + round(seconds / self._period) for seconds in together]
+            records = [one for one in ahead if one < min(left.last_record, left.at_hand[1])]
+            trials = [self._trial(order, left, record) for record in records]
+            ended = await asyncio.gather(*trials, return_exceptions=True)
+            for record, found in zip(records, ended, strict=True):
+                if isinstance(found, PlannedMotion):
+                    return replace(leave, record=record), found
+                if not isinstance(found, PlanError):
+                    raise found
         # What cannot be planned from rest near there is not worth a stop.
         rest = PlannedState.at_rest(state.q, state.position)
         await self._planners.plan(self._job(order, rest, joints), order)
         return None
+
+    async def _trial(self, order: PlanCall, left: PlannedMotion, record: int) -> PlannedMotion:
+        """Plan a motion from a record of one whose axes are known."""
+        state, joints = left.state_at(record), left.joints_at(record)
+        before = () if state.is_at_rest else left.joints_before(record)
+        job = self._job(order, state, joints, before)
+        return await self._planners.plan(job, order, rank=Rank.URGENT)
 
     def _left(self, leave: SplicePoint) -> PlannedMotion:
         queued = self._queue.queued(leave.number)
