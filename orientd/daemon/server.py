@@ -215,18 +215,24 @@ class _Daemon:
 
     def _describe(self, cell: Cell) -> DaemonReport:
         """Return what there is to say about the daemon itself."""
-        from orientd.rpc import DaemonReport
+        from orientd.rpc import DaemonReport, LeaseReport
 
-        lease = cell.leases.current()
+        leases = [
+            LeaseReport(lease.holder, cell.leases.remaining(lease), lease.owner, lease.devices)
+            for lease in cell.leases.held()
+        ]
+        first = leases[0] if leases else LeaseReport("", 0.0)
         return DaemonReport(
             version=orientd.__version__,
             pid=os.getpid(),
             uptime=time.monotonic() - self._started,
             socket=str(self._socket),
             configuration=self._configuration,
-            lease_holder=lease.holder if lease else "",
-            lease_identity=lease.owner if lease else "",
-            lease_remaining=cell.leases.remaining(lease) if lease else 0.0,
+            lease_holder=first.holder,
+            lease_identity=first.identity,
+            lease_remaining=first.remaining,
+            lease_devices=first.devices,
+            leases=tuple(leases),
         )
 
     def _stop(self, number: int) -> None:

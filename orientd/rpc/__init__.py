@@ -19,6 +19,7 @@ if TYPE_CHECKING:
         DaemonReport,
         DeviceReport,
         Durations,
+        LeaseReport,
         Method,
         MoveTiming,
         OnTarget,

@@ -51,6 +51,22 @@ class Connection:
         """
         return self.call(method, request, timeout=self._timeout)
 
+    def begin(self, method: Any, request: object) -> Callable[[], Any]:  # noqa: ANN401 - gRPC's
+        """Send a call now, and return what waits for its answer as :meth:`ask` does.
+
+        Raises:
+            DaemonError: the connection is closed.
+        """
+        answer = self.call(method.future, request, timeout=self._timeout)
+
+        def wait() -> Any:  # noqa: ANN401
+            try:
+                return answer.result()
+            except grpc.RpcError as error:
+                raise self.explain(error) from error
+
+        return wait
+
     def call(
         self, method: Callable[..., Answer], request: object, *, timeout: float | None = None
     ) -> Answer:

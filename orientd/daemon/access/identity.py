@@ -29,6 +29,9 @@ class Identity:
     name: str
     role: Role
 
+    def __str__(self) -> str:
+        return f"{self.name} ({self.key})"
+
 
 @dataclass(frozen=True)
 class Process:
@@ -66,10 +69,13 @@ CALLER: ContextVar[Identity | None] = ContextVar("CALLER", default=None)
 """Whose call is being handled."""
 
 
-def caller_key() -> str:
-    """Return the key of whose call is being handled; empty where nobody calls."""
-    identity = CALLER.get()
-    return "" if identity is None else identity.key
+NOBODY = Identity("", "", Role.OBSERVER)
+"""Who calls where nobody does."""
+
+
+def present_caller() -> Identity:
+    """Return whose call is being handled."""
+    return CALLER.get() or NOBODY
 
 
 class Policy:

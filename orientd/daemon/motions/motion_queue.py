@@ -17,7 +17,7 @@ from orientd.daemon.motions.meter import MotionMeter, MotionStatistics
 from orientd.daemon.planners import PlannedMotion
 from orientd.errors import LateError, NotYetError, StateError
 from orientd.planner import MotionFacts
-from orientd.stream import UNKNOWN, Command, Cycle, record_index
+from orientd.stream import UNKNOWN, Command, Cycle, State, record_index
 
 MEASURED = 16
 """Motions that have ended whose measurements are kept."""
@@ -41,6 +41,7 @@ class QueuedMotion:
         queued motion.
         feeder: puts it into the ring; ``None`` until its turn has come.
         is_running: whether the servo knows of it.
+        withdrawn: why it is to be stopped once its turn has come; empty for one that is to run.
     """
 
     motion: PlannedMotion
@@ -49,6 +50,7 @@ class QueuedMotion:
     leave: int | None = None
     feeder: Feeder | None = None
     is_running: bool = False
+    withdrawn: str = ""
 
     @property
     def last_record(self) -> int:
@@ -222,12 +224,33 @@ class MotionQueue:
         left = self._queued_motions[place - 1]
         if left.leave == left.motion.last_record:
             return []  # it begins when the one before has come to rest
-        missed, self._queued_motions = self._queued_motions[place:], self._queued_motions[:place]
-        self._let_go(missed)
+        return self._take_out(place)
+
+    def withdraw(self, number: int, reason: str) -> list[QueuedMotion] | None:
+        """Take out motion *number*, which waits for its turn, and what follows it.
+
+        One that the servo has heard of is left, to be stopped once the one before is behind.
+
+        Returns:
+            What was taken out; ``None`` where it is that motion's turn already, or it has ended.
+        """
+        place = next((k for k, s in enumerate(self._queued_motions) if s.number == number), 0)
+        if not place:
+            return None
+        if self._queued_motions[place].is_running:
+            self._queued_motions[place].withdrawn = reason
+            return []
+        return self._take_out(place)
+
+    def _take_out(self, place: int) -> list[QueuedMotion]:
+        """Take out the motions from *place* on, so that the one before runs to its end."""
+        left = self._queued_motions[place - 1]
+        out, self._queued_motions = self._queued_motions[place:], self._queued_motions[:place]
+        self._let_go(out)
         left.leave = None
         if left.feeder is not None:
             left.feeder.leave_at(left.motion.last_record)
-        return missed
+        return out
 
     def resume(self, queued_motions: list[QueuedMotion], *, speed: float) -> None:
         """Begin with the first of *queued_motions* on a device at rest; others follow it.
@@ -264,6 +287,8 @@ class MotionQueue:
             self.measure()
         passed, self._queued_motions = self._queued_motions[:place], self._queued_motions[place:]
         self._let_go(passed)
+        if self.first.withdrawn and cycle.state is State.STREAMING:
+            self._link.stop()
         return passed
 
     def clear(self) -> list[QueuedMotion]:

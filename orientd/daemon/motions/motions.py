@@ -42,6 +42,7 @@ class Motions:
 
     Attributes:
         is_paused: whether the present motion stands on its path, to be resumed.
+        withdraw: takes out a motion that waits for its turn; see :meth:`MotionQueue.withdraw`.
     """
 
     def __init__(
@@ -71,6 +72,7 @@ class Motions:
         self._name, self._planners = name, planners
         self._period = period
         self._queue = MotionQueue(link, lead=lead, read_ahead=read_ahead)
+        self.withdraw = self._queue.withdraw
         self._arrivals = Arrivals(link, tell)
         self._tell = tell
         self._tuned: Mapping[str, Any] = {}
@@ -332,7 +334,8 @@ class Motions:
         is_fault = cycle.state is State.FAULT
         is_at_end = ended.feeder is not None and cycle.path_index == ended.feeder.final_index
         if is_fault or not is_at_end:
-            self._stop((ended, *following), fault_text if is_fault else "stopped on its path")
+            text = fault_text if is_fault else ended.withdrawn or "stopped on its path"
+            self._stop((ended, *following), text)
             return
         self._arrivals.arrive(ended.number, cycle)
         if following:

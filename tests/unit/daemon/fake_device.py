@@ -92,6 +92,9 @@ class FakeDevice:
     def halt(self):
         self.calls.append("halt")
 
+    def withdraw(self, number, reason):
+        return False
+
     def settled_after(self, number):
         return None
 

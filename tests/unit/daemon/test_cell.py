@@ -271,9 +271,9 @@ def test_a_name_may_be_left_out_where_there_is_one_device(cell):
 
 def test_commands_need_the_lease(cell, arm):
     with pytest.raises(LeaseError):
-        cell.command("", "arm", "enable", lambda device: device.enable())
+        cell.command("", 0, "arm", "enable", lambda device: device.enable())
     token = cell.lease_manager.acquire("ana").token
-    assert cell.command(token, "arm", "enable", lambda device: device.enable()) is arm
+    assert cell.command(token, 0, "arm", "enable", lambda device: device.enable()) is arm
     assert arm.calls == ["enable"]
 
 
@@ -303,7 +303,7 @@ def test_shutdown_stops_what_runs_and_takes_no_more(cell, arm):
     with pytest.raises(DaemonError, match="going down"):
         start(cell, token, arm, motion, stops=cell.runs.stops(arm))
     with pytest.raises(DaemonError, match="going down"):
-        cell.command(token, "arm", "enable", lambda device: device.enable())
+        cell.command(token, 0, "arm", "enable", lambda device: device.enable())
 
 
 def test_shutdown_ends_what_a_dead_servo_cannot(cell, arm):
