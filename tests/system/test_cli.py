@@ -195,10 +195,7 @@ def test_a_second_terminal_commands_what_a_move_runs(daemon, slow):
         assert_refused(refused, "is held by 'orientd move", "with --lease, this commands beside it")
         assert "paused" in inside("pause", "--lease", "--socket", daemon.socket).stdout
         until(lambda: daemon.device().cycle.speed == 0.0, "rest on the path")
-        assert (
-            told(inside("resume", *beside, "--json"))["is_paused"]
-            is False
-        )
+        assert told(inside("resume", *beside, "--json"))["is_paused"] is False
         assert told(inside("speed", "0.25", *beside, "--json"))["speed"] == 0.25
         until(lambda: daemon.device().cycle.speed == 0.25, "a quarter of the speed")
         inside("speed", "1", *beside)

@@ -213,7 +213,9 @@ def test_a_taken_lease_is_refused_but_not_a_look(daemon, robot):
     robot.acquire_lease()
     with orientd.connect(daemon.socket, holder="ben") as other:
         assert other.state().daemon.lease_holder == "ana"
-        with pytest.raises(LeaseError, match=r"held by 'ana' \(user:\d+\), for another [0-3]\.\d s"):
+        with pytest.raises(
+            LeaseError, match=r"held by 'ana' \(user:\d+\), for another [0-3]\.\d s"
+        ):
             other.enable()
         robot.release_lease()
         assert other.enable().state is State.HOLDING

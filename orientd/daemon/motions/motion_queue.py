@@ -128,7 +128,16 @@ class MotionQueue:
         return SplicePoint(queued.number, record)
 
     def end(self, record: int) -> SplicePoint:
-        """Return the last queued motion at *record*."""
+        """Return the last queued motion at *record*.
+
+        Raises:
+            StateError: it is not to be run to its end.
+        """
+        if self.last.withdrawn:
+            raise StateError(
+                f"motion {self.last.number}, which this was to follow, ends early: "
+                f"{self.last.withdrawn}"
+            )
         return SplicePoint(self.last.number, record)
 
     def statistics(self, number: int) -> MotionStatistics | None:
