@@ -308,7 +308,7 @@ class Robot(Commands):
         handle = MoveHandle(
             self._command_of(device, begin),
             explain=self._connection.explain,
-            stop=lambda number: self._rest(
+            stop=lambda number: self._connection.ask(
                 self._stub.Stop,
                 pb.StopRequest(device=device, caller=self.holder, motion_number=number),
             ),

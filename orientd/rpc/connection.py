@@ -19,6 +19,7 @@ class Connection:
     """An open channel to the daemon, until it is closed.
 
     Attributes:
+        way: to the daemon.
         stub: of the control service, for what is called here.
     """
 
@@ -32,7 +33,7 @@ class Connection:
         Raises:
             DaemonError: a certificate cannot be read, or the path cannot be that of a socket.
         """
-        self._way = way
+        self.way = way
         self._timeout = timeout
         self._channel = way.open()
         self._is_closed = False
@@ -89,8 +90,8 @@ class Connection:
         except ValueError as error:
             if not self._is_closed:
                 raise
-            raise DaemonError(f"the connection to {self._way} is closed") from error
+            raise DaemonError(f"the connection to {self.way} is closed") from error
 
     def explain(self, error: grpc.RpcError) -> OrientdError:
         """Return the exception for a call that failed."""
-        return from_call(error, where=str(self._way))
+        return from_call(error, where=str(self.way))

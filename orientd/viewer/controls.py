@@ -35,8 +35,8 @@ class StopButtons:
         """Put them on the page."""
         stop = server.gui.add_button(STOP, color=_RED, hint="Come to rest on the path.")
         halt = server.gui.add_button(HALT, color="gray", hint="Leave the path where that helps.")
-        stop.on_click(lambda event: attempt(watcher, event, lambda robot, _: robot.stop()))
-        halt.on_click(lambda event: attempt(watcher, event, lambda robot, _: robot.halt()))
+        stop.on_click(lambda event: _attempt(event, lambda: watcher.stopping().stop()))
+        halt.on_click(lambda event: _attempt(event, lambda: watcher.stopping().halt()))
 
 
 class Controls:
@@ -167,8 +167,12 @@ class Controls:
 
 def attempt(watcher: Watcher, event: Any, act: Act) -> None:  # noqa: ANN401 - the library's own
     """Do *act* for whoever pressed, and tell them why not."""
+    _attempt(event, lambda: act(watcher.robot(), watcher.sight.device))
+
+
+def _attempt(event: Any, act: Callable[[], object]) -> None:  # noqa: ANN401 - the library's own
     try:
-        act(watcher.robot(), watcher.sight.device)
+        act()
     except OrientdError as error:
         if event.client is not None:
             event.client.add_notification(

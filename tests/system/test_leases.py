@@ -1,4 +1,4 @@
-"""Whose motion it is: several terminals, users and devices at one daemon, through real processes."""
+"""Whose motion it is: terminals, users and devices at one daemon, through real processes."""
 
 import json
 import os

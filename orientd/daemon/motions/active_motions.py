@@ -66,7 +66,12 @@ class ActiveMotion:
 
 
 class ActiveMotions:
-    """The motions of every device that have not ended."""
+    """The motions of every device that have not ended.
+
+    Attributes:
+        hear_stops: called before anybody is told why a motion was stopped: has :meth:`note_stop`
+            called for stops beside the daemon that it has not heard of yet.
+    """
 
     def __init__(self, devices: Mapping[str, Device]) -> None:
         """Know of no motion yet.
@@ -82,11 +87,12 @@ class ActiveMotions:
         self._stops: dict[str, int] = {}
         self._reasons: dict[str, str] = {}
         self._timed: list[ActiveMotion] = []
+        self.hear_stops: Callable[[], object] = lambda: None
 
     def stops(self, device: Device) -> int:
         """Return how often *device* was told to stop, to give to :meth:`begin` later on."""
         with self._lock:
-            return self._stops.get(device.name, 0)
+            return self._stops.get(device.name, 0) + device.stops_beside
 
     def unfinished(self, token: str | None = None) -> list[ActiveMotion]:
         """Return the motions under way: all of them, or those that were started with *token*."""
@@ -147,14 +153,14 @@ class ActiveMotions:
             StateError: the device is not ready to move, or was stopped meanwhile.
         """
         with self._lock:
-            if self._stops.get(device.name, 0) != stops:
+            if self._stops.get(device.name, 0) + device.stops_beside != stops:
                 reason = self._reasons.get(device.name, "stopped")
                 raise StateError(f"device {device.name} was stopped before it began: {reason}")
             self._reasons.pop(device.name, None)
         number = start()
         run = ActiveMotion(device, number, motion, token, start_ns)
         with self._lock:
-            is_stopped = self._stops.get(device.name, 0) != stops
+            is_stopped = self._stops.get(device.name, 0) + device.stops_beside != stops
             ended = self._ends.get(device.name, {}).get(number)
             if ended is not None:
                 run.ended.set_result(ended)
@@ -203,6 +209,11 @@ class ActiveMotions:
                 _log.warning("%s: stop failed: %s", device.name, error)
                 failures.append(error)
         return failures
+
+    def note_stop(self, devices: Iterable[str], reason: str) -> None:
+        """Note that *devices* were stopped beside the daemon, and why."""
+        with self._lock:
+            self._reasons.update(dict.fromkeys(devices, reason))
 
     def conclude(self, run: ActiveMotion, ended: Ended) -> None:
         """Note how *run* ended, unless that is known."""
@@ -258,6 +269,7 @@ class ActiveMotions:
         snapshot = self._devices[event.device].snapshot()
         if snapshot.fault is not Fault.NONE:
             return Outcome.FAULT, snapshot.fault_text or event.text
+        self.hear_stops()
         with self._lock:
             run = self._runs.get((event.device, event.motion_number))
             reason = run.reason if run is not None else ""

@@ -51,6 +51,7 @@ class FakeDevice:
         self.lateness = 0
         self.began = {}
         self.during_start = lambda: None
+        self.stops_beside = 0
 
     def launch(self):
         self.calls.append("launch")
