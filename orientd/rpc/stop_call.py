@@ -6,6 +6,7 @@ What listens there writes into the servos' memory by itself; the daemon may hang
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import socket
@@ -70,7 +71,9 @@ def _answer(path: Path, request: dict[str, str]) -> dict[str, Any] | None:
         except OSError:
             return None
         try:
-            connection.sendall(json.dumps(request).encode() + b"\n")
+            # Whoever is refused is answered, and hung up on, before they say anything.
+            with contextlib.suppress(BrokenPipeError):
+                connection.sendall(json.dumps(request).encode() + b"\n")
             with connection.makefile("rb") as incoming:
                 answer = json.loads(incoming.readline(_ANSWER_BYTES))
         except (OSError, ValueError) as error:

@@ -73,7 +73,7 @@ class _Caller:
         self.process = process
         self.since = time.monotonic()
         self.said = b""
-        self.asked: dict[str, tuple[_Servo, int]] = {}
+        self.asked: dict[str, tuple[_Servo | None, int]] = {}
 
 
 class _Stops:
@@ -87,7 +87,7 @@ class _Stops:
         self._selector = selectors.DefaultSelector()
         for one in (listener, link):
             one.setblocking(False)
-            self._selector.register(one, selectors.EVENT_READ)
+        self._selector.register(link, selectors.EVENT_READ)
         self._has_ended = False
 
     def run(self) -> None:
@@ -112,6 +112,8 @@ class _Stops:
             told = json.loads(content)
             if "users" in told:
                 self._users, self._groups = set(told["users"]), set(told["groups"])
+            if "go" in told:
+                self._selector.register(self._listener, selectors.EVENT_READ)
             for name in told.get("devices", ()):
                 before = self._servos.get(name)
                 self._servos[name] = _Servo(descriptors[0]) if descriptors else None
@@ -169,8 +171,8 @@ class _Stops:
             return
         for name in [device] if device else list(self._servos):
             servo = self._servos[name]
-            if servo is not None:
-                caller.asked[name] = servo, servo.stop(is_quickest=kind == "halt")
+            number = 0 if servo is None else servo.stop(is_quickest=kind == "halt")
+            caller.asked[name] = servo, number
         caller.since = time.monotonic()
         self._stopping.append(caller)
         who = caller.process
@@ -185,17 +187,13 @@ class _Stops:
         now = time.monotonic()
         for caller in list(self._stopping):
             is_taken = all(
-                servo.pulse[TAKEN_WORD] >= number for servo, number in caller.asked.values()
+                servo is None or servo.pulse[TAKEN_WORD] >= number
+                for servo, number in caller.asked.values()
             )
             if is_taken or now > caller.since + TAKING:
                 self._stopping.remove(caller)
                 told = [_met(name, *asked) for name, asked in caller.asked.items()]
-                gone = [
-                    {"name": name, "state": None}
-                    for name, servo in self._servos.items()
-                    if servo is None
-                ]
-                self._answer(caller, {"devices": told + (gone if not told else [])})
+                self._answer(caller, {"devices": told})
         for caller in list(self._waiting.values()):
             if now < caller.since + SILENCE:
                 break
@@ -215,9 +213,9 @@ class _Stops:
         caller.connection.close()
 
 
-def _met(name: str, servo: _Servo, number: int) -> dict[str, Any]:
-    """Return what a stop has met, as it is answered."""
-    if servo.pulse[TAKEN_WORD] < number:
+def _met(name: str, servo: _Servo | None, number: int) -> dict[str, Any]:
+    """Return what a stop has met, as it is answered; no state where nobody took it."""
+    if servo is None or servo.pulse[TAKEN_WORD] < number:
         return {"name": name, "state": None}
     word = servo.pulse[TAKEN_AT_WORD]
     return {"name": name, "state": State(word >> 32).name, "motion": word & 0xFFFFFFFF}

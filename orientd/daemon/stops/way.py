@@ -113,8 +113,7 @@ class StopWay:
         self._cell = cell
         cell.listeners.append(self._hear_device)
         cell.runs.hear_stops = self._hear
-        for name in cell.devices:
-            self._tell({"devices": [name]})
+        self._begin()
 
     def admit(self, admitted: Tables) -> None:
         """Let other users and groups in from now on."""
@@ -147,9 +146,15 @@ class StopWay:
                 cwd="/",
             )
         self._link = ours
+        if self._cell is not None:
+            self._begin()
+
+    def _begin(self) -> None:
+        """Tell the process all it needs before the first stop."""
         self._tell(dict(self._admitted))
         for name in self._cell.devices if self._cell is not None else ():
             self._tell({"devices": [name]}, self._ready.get(name))
+        self._tell({"go": True})
 
     def _tell(self, what: Mapping[str, Any], device: Device | None = None) -> None:
         with self._lock, contextlib.suppress(OSError, ValueError):

@@ -161,6 +161,17 @@ def test_a_stop_while_a_motion_is_planned_keeps_it_from_beginning(cell, arm):
     assert "start 1" not in arm.calls
 
 
+def test_a_stop_beside_the_daemon_keeps_what_is_planned_from_beginning(cell, arm):
+    token = cell.lease_manager.acquire("ana").token
+    stops = cell.runs.stops(arm)
+    motion = plan(cell, arm)
+    arm.stops_beside += 1
+    cell.runs.note_stop(["arm"], "stopped by ben")
+    with pytest.raises(StateError, match="stopped before it began: stopped by ben"):
+        start(cell, token, arm, motion, stops=stops)
+    start(cell, token, arm, motion, stops=cell.runs.stops(arm))
+
+
 def test_a_stop_while_a_motion_is_started_stops_it(cell, arm):
     # The stop finds the device still at rest.
     arm.during_start = lambda: cell.runs.halt([cell.device("arm")], "stopped by ben")
