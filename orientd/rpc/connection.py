@@ -10,7 +10,7 @@ import grpc
 from orientd.errors import DaemonError, OrientdError
 from orientd.rpc.channel import Way
 from orientd.rpc.control_pb2_grpc import ControlStub
-from orientd.rpc.wire import from_call
+from orientd.rpc.wire import UnreachableError, from_call
 
 Answer = TypeVar("Answer")
 
@@ -94,4 +94,6 @@ class Connection:
 
     def explain(self, error: grpc.RpcError) -> OrientdError:
         """Return the exception for a call that failed."""
-        return from_call(error, where=str(self.way))
+        found = from_call(error, where=str(self.way))
+        is_unheard = isinstance(found, UnreachableError)
+        return (self.way.why_not() if is_unheard else None) or found

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from orientd.errors import AccessError, DaemonError, RequestError, UnknownNameError
+from orientd.rpc.trust import check_folder, check_peer
 
 TIMEOUT = 2.0
 """How long an answer may take, s."""
@@ -60,6 +61,15 @@ def ask_to_stop(socket_path: Path, kind: str, device: str = "") -> list[dict[str
     return devices
 
 
+def refusal(socket_path: Path) -> str:
+    """Return why this user is not admitted to the daemon at *socket_path*; empty if they are."""
+    try:
+        answer = _answer(stop_socket(socket_path), {"kind": "hello"}) or {}
+    except (AccessError, DaemonError) as error:
+        return str(error)
+    return str(answer.get("refused", ""))
+
+
 def _answer(path: Path, request: dict[str, str]) -> dict[str, Any] | None:
     connection = socket.socket(socket.AF_UNIX)
     with connection:
@@ -70,6 +80,8 @@ def _answer(path: Path, request: dict[str, str]) -> dict[str, Any] | None:
             raise AccessError(f"{path} does not admit user {os.geteuid()}") from error
         except OSError:
             return None
+        check_folder(path.absolute().parent)
+        check_peer(path, connection)
         try:
             # Whoever is refused is answered, and hung up on, before they say anything.
             with contextlib.suppress(BrokenPipeError):

@@ -197,14 +197,18 @@ class PeerListener:
             writer.close()
             return
         self._handshakes += 1
+        spare = writer.get_extra_info("socket").dup()
         try:
             await writer.start_tls(context, ssl_handshake_timeout=HANDSHAKE_TIMEOUT)
             certificate = peer_certificate(writer.get_extra_info("ssl_object"))
         except (OSError, ValueError, EOFError) as error:
             self._refused(origin, f"handshake: {_reason(error)}")
+            with contextlib.suppress(OSError):
+                spare.send(getattr(error, "alert", b""))
             writer.transport.abort()
             return
         finally:
+            spare.close()
             self._handshakes -= 1
         await self._admit(certificate, origin, reader, writer)
 
