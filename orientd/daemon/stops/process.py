@@ -20,6 +20,7 @@ import time
 from typing import Any
 
 from orientd.daemon.access import Process, peer_process
+from orientd.servo import set_scheduling
 from orientd.stream import (
     HALTS_WORD,
     PAGE,
@@ -41,6 +42,9 @@ MOST_WAITING = 200
 
 TAKING = 0.3
 """How long a servo may take to take a stop before it is said not to answer, s."""
+
+PRIORITY = 20
+"""Of SCHED_FIFO, where the process may have it."""
 
 _POLL = 0.001
 
@@ -225,4 +229,6 @@ def main(listener: int, link: int) -> None:
     """Take stops at *listener*; the daemon is at the other end of *link*."""
     # A Ctrl-C is for the daemon, which may still have to bring its devices to rest.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # It has next to nothing to do, but that at once; servos, at 80, still go first.
+    set_scheduling(PRIORITY)
     _Stops(socket.socket(fileno=listener), socket.socket(fileno=link)).run()
