@@ -243,6 +243,19 @@ class Device(SupervisedDevice):
             if self._motions is not None:
                 self._motions.is_paused = False
 
+    def withdraw(self, number: int, reason: str) -> bool:
+        """Have motion *number* not be run, if it waits for its turn; what runs goes on.
+
+        Returns:
+            Whether that was so; else it runs, or has ended.
+        """
+        with self._lock:
+            motions = self._motions
+            out = None if motions is None else motions.withdraw(number, reason)
+            for queued in out or ():
+                self._tell(EventKind.MOTION_STOPPED, queued.number, reason)
+        return out is not None
+
     @property
     def is_paused(self) -> bool:
         """Whether a motion stands on its path, to be resumed."""

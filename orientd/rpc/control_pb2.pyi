@@ -200,7 +200,7 @@ class Keyframe(_message.Message):
     position: Vector3
     turns: int
     free_roll: bool
-    def __init__(self, time: _Optional[float] = ..., quaternion: _Optional[_Union[Quaternion, _Mapping]] = ..., rotation_vector: _Optional[_Union[Vector3, _Mapping]] = ..., euler: _Optional[_Union[EulerAngles, _Mapping]] = ..., matrix: _Optional[_Union[Matrix, _Mapping]] = ..., direction: _Optional[_Union[Vector3, _Mapping]] = ..., azimuth_elevation: _Optional[_Union[AzimuthElevation, _Mapping]] = ..., look_at: _Optional[_Union[LookAt, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., turns: _Optional[int] = ..., free_roll: _Optional[bool] = ...) -> None: ...
+    def __init__(self, time: _Optional[float] = ..., quaternion: _Optional[_Union[Quaternion, _Mapping]] = ..., rotation_vector: _Optional[_Union[Vector3, _Mapping]] = ..., euler: _Optional[_Union[EulerAngles, _Mapping]] = ..., matrix: _Optional[_Union[Matrix, _Mapping]] = ..., direction: _Optional[_Union[Vector3, _Mapping]] = ..., azimuth_elevation: _Optional[_Union[AzimuthElevation, _Mapping]] = ..., look_at: _Optional[_Union[LookAt, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., turns: _Optional[int] = ..., free_roll: bool = ...) -> None: ...
 
 class AzimuthElevation(_message.Message):
     __slots__ = ("azimuth", "elevation")
@@ -244,7 +244,7 @@ class MotionRequest(_message.Message):
     duration: Duration
     name: str
     pointing_axis: PointingAxis
-    def __init__(self, method: _Optional[str] = ..., keyframes: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., start_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., end_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., approach: _Optional[bool] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., device_options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., duration: _Optional[_Union[Duration, str]] = ..., name: _Optional[str] = ..., pointing_axis: _Optional[_Union[PointingAxis, str]] = ...) -> None: ...
+    def __init__(self, method: _Optional[str] = ..., keyframes: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., start_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., end_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., approach: bool = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., device_options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., duration: _Optional[_Union[Duration, str]] = ..., name: _Optional[str] = ..., pointing_axis: _Optional[_Union[PointingAxis, str]] = ...) -> None: ...
 
 class Peak(_message.Message):
     __slots__ = ("value", "time", "limit")
@@ -386,7 +386,7 @@ class Cycle(_message.Message):
     feedback_omega_body: Vector3
     feedback_position: Vector3
     tracking_error: float
-    def __init__(self, index: _Optional[int] = ..., deadline_ns: _Optional[int] = ..., lateness_ns: _Optional[int] = ..., work_ns: _Optional[int] = ..., feedback_age_ns: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., motion_number: _Optional[int] = ..., is_written: _Optional[bool] = ..., overruns: _Optional[int] = ..., missed: _Optional[int] = ..., path_index: _Optional[int] = ..., path_fraction: _Optional[float] = ..., speed: _Optional[float] = ..., orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., alpha_body: _Optional[_Union[Vector3, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., feedback_orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., feedback_omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., feedback_position: _Optional[_Union[Vector3, _Mapping]] = ..., tracking_error: _Optional[float] = ...) -> None: ...
+    def __init__(self, index: _Optional[int] = ..., deadline_ns: _Optional[int] = ..., lateness_ns: _Optional[int] = ..., work_ns: _Optional[int] = ..., feedback_age_ns: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., motion_number: _Optional[int] = ..., is_written: bool = ..., overruns: _Optional[int] = ..., missed: _Optional[int] = ..., path_index: _Optional[int] = ..., path_fraction: _Optional[float] = ..., speed: _Optional[float] = ..., orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., alpha_body: _Optional[_Union[Vector3, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., feedback_orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., feedback_omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., feedback_position: _Optional[_Union[Vector3, _Mapping]] = ..., tracking_error: _Optional[float] = ...) -> None: ...
 
 class Device(_message.Message):
     __slots__ = ("name", "driver", "rate_hz", "limits", "lead", "phase")
@@ -436,33 +436,37 @@ class DeviceReport(_message.Message):
     is_memory_locked: bool
     cycle: Cycle
     motion_name: str
-    def __init__(self, device: _Optional[_Union[Device, _Mapping]] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., fault_text: _Optional[str] = ..., is_paused: _Optional[bool] = ..., speed: _Optional[float] = ..., motion_number: _Optional[int] = ..., motion_id: _Optional[str] = ..., path_time: _Optional[float] = ..., duration: _Optional[float] = ..., servo_pid: _Optional[int] = ..., scheduling: _Optional[str] = ..., is_memory_locked: _Optional[bool] = ..., cycle: _Optional[_Union[Cycle, _Mapping]] = ..., motion_name: _Optional[str] = ...) -> None: ...
+    def __init__(self, device: _Optional[_Union[Device, _Mapping]] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., fault_text: _Optional[str] = ..., is_paused: bool = ..., speed: _Optional[float] = ..., motion_number: _Optional[int] = ..., motion_id: _Optional[str] = ..., path_time: _Optional[float] = ..., duration: _Optional[float] = ..., servo_pid: _Optional[int] = ..., scheduling: _Optional[str] = ..., is_memory_locked: bool = ..., cycle: _Optional[_Union[Cycle, _Mapping]] = ..., motion_name: _Optional[str] = ...) -> None: ...
 
 class LeaseReport(_message.Message):
-    __slots__ = ("holder", "remaining", "identity")
+    __slots__ = ("holder", "remaining", "identity", "devices")
     HOLDER_FIELD_NUMBER: _ClassVar[int]
     REMAINING_FIELD_NUMBER: _ClassVar[int]
     IDENTITY_FIELD_NUMBER: _ClassVar[int]
+    DEVICES_FIELD_NUMBER: _ClassVar[int]
     holder: str
     remaining: float
     identity: str
-    def __init__(self, holder: _Optional[str] = ..., remaining: _Optional[float] = ..., identity: _Optional[str] = ...) -> None: ...
+    devices: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, holder: _Optional[str] = ..., remaining: _Optional[float] = ..., identity: _Optional[str] = ..., devices: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class DaemonReport(_message.Message):
-    __slots__ = ("version", "pid", "uptime", "socket", "configuration", "lease")
+    __slots__ = ("version", "pid", "uptime", "socket", "configuration", "lease", "leases")
     VERSION_FIELD_NUMBER: _ClassVar[int]
     PID_FIELD_NUMBER: _ClassVar[int]
     UPTIME_FIELD_NUMBER: _ClassVar[int]
     SOCKET_FIELD_NUMBER: _ClassVar[int]
     CONFIGURATION_FIELD_NUMBER: _ClassVar[int]
     LEASE_FIELD_NUMBER: _ClassVar[int]
+    LEASES_FIELD_NUMBER: _ClassVar[int]
     version: str
     pid: int
     uptime: float
     socket: str
     configuration: str
     lease: LeaseReport
-    def __init__(self, version: _Optional[str] = ..., pid: _Optional[int] = ..., uptime: _Optional[float] = ..., socket: _Optional[str] = ..., configuration: _Optional[str] = ..., lease: _Optional[_Union[LeaseReport, _Mapping]] = ...) -> None: ...
+    leases: _containers.RepeatedCompositeFieldContainer[LeaseReport]
+    def __init__(self, version: _Optional[str] = ..., pid: _Optional[int] = ..., uptime: _Optional[float] = ..., socket: _Optional[str] = ..., configuration: _Optional[str] = ..., lease: _Optional[_Union[LeaseReport, _Mapping]] = ..., leases: _Optional[_Iterable[_Union[LeaseReport, _Mapping]]] = ...) -> None: ...
 
 class GetStateRequest(_message.Message):
     __slots__ = ("device",)
@@ -490,7 +494,7 @@ class WatchStateRequest(_message.Message):
     decimation: int
     as_records: bool
     with_outline: bool
-    def __init__(self, device: _Optional[str] = ..., rate_hz: _Optional[float] = ..., decimation: _Optional[int] = ..., as_records: _Optional[bool] = ..., with_outline: _Optional[bool] = ...) -> None: ...
+    def __init__(self, device: _Optional[str] = ..., rate_hz: _Optional[float] = ..., decimation: _Optional[int] = ..., as_records: bool = ..., with_outline: bool = ...) -> None: ...
 
 class Polyline(_message.Message):
     __slots__ = ("coordinates",)
@@ -580,7 +584,7 @@ class Method(_message.Message):
     interpolates: bool
     is_local: bool
     meets_end_velocities: bool
-    def __init__(self, name: _Optional[str] = ..., summary: _Optional[str] = ..., source: _Optional[str] = ..., interpolates: _Optional[bool] = ..., is_local: _Optional[bool] = ..., meets_end_velocities: _Optional[bool] = ...) -> None: ...
+    def __init__(self, name: _Optional[str] = ..., summary: _Optional[str] = ..., source: _Optional[str] = ..., interpolates: bool = ..., is_local: bool = ..., meets_end_velocities: bool = ...) -> None: ...
 
 class ListMethodsResponse(_message.Message):
     __slots__ = ("methods",)
@@ -637,7 +641,7 @@ class GetPlanResponse(_message.Message):
     def __init__(self, plan: _Optional[_Union[Plan, _Mapping]] = ..., samples: _Optional[_Iterable[_Union[MotionSample, _Mapping]]] = ...) -> None: ...
 
 class MoveRequest(_message.Message):
-    __slots__ = ("lease_token", "device", "motion", "motion_id", "progress_rate_hz", "queue", "blend_tolerance", "start_time", "on_target", "plan_timeout")
+    __slots__ = ("lease_token", "device", "motion", "motion_id", "progress_rate_hz", "queue", "blend_tolerance", "start_time", "on_target", "plan_timeout", "lease_sequence")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     MOTION_FIELD_NUMBER: _ClassVar[int]
@@ -648,6 +652,7 @@ class MoveRequest(_message.Message):
     START_TIME_FIELD_NUMBER: _ClassVar[int]
     ON_TARGET_FIELD_NUMBER: _ClassVar[int]
     PLAN_TIMEOUT_FIELD_NUMBER: _ClassVar[int]
+    LEASE_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
     motion: MotionRequest
@@ -658,7 +663,8 @@ class MoveRequest(_message.Message):
     start_time: _timestamp_pb2.Timestamp
     on_target: OnTarget
     plan_timeout: float
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., motion: _Optional[_Union[MotionRequest, _Mapping]] = ..., motion_id: _Optional[str] = ..., progress_rate_hz: _Optional[float] = ..., queue: _Optional[bool] = ..., blend_tolerance: _Optional[float] = ..., start_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., on_target: _Optional[_Union[OnTarget, _Mapping]] = ..., plan_timeout: _Optional[float] = ...) -> None: ...
+    lease_sequence: int
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., motion: _Optional[_Union[MotionRequest, _Mapping]] = ..., motion_id: _Optional[str] = ..., progress_rate_hz: _Optional[float] = ..., queue: bool = ..., blend_tolerance: _Optional[float] = ..., start_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., on_target: _Optional[_Union[OnTarget, _Mapping]] = ..., plan_timeout: _Optional[float] = ..., lease_sequence: _Optional[int] = ...) -> None: ...
 
 class OnTarget(_message.Message):
     __slots__ = ("tolerance", "rate", "settle_time", "timeout")
@@ -718,7 +724,7 @@ class MoveProgress(_message.Message):
     lateness: float
     tracking_error: float
     overruns: int
-    def __init__(self, path_time: _Optional[float] = ..., duration: _Optional[float] = ..., state: _Optional[_Union[State, str]] = ..., is_paused: _Optional[bool] = ..., speed: _Optional[float] = ..., orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., lateness: _Optional[float] = ..., tracking_error: _Optional[float] = ..., overruns: _Optional[int] = ...) -> None: ...
+    def __init__(self, path_time: _Optional[float] = ..., duration: _Optional[float] = ..., state: _Optional[_Union[State, str]] = ..., is_paused: bool = ..., speed: _Optional[float] = ..., orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., lateness: _Optional[float] = ..., tracking_error: _Optional[float] = ..., overruns: _Optional[int] = ...) -> None: ...
 
 class Durations(_message.Message):
     __slots__ = ("p50", "p99", "p99_9", "largest")
@@ -789,12 +795,14 @@ class MoveResponse(_message.Message):
     def __init__(self, started: _Optional[_Union[MoveStarted, _Mapping]] = ..., progress: _Optional[_Union[MoveProgress, _Mapping]] = ..., summary: _Optional[_Union[MoveSummary, _Mapping]] = ...) -> None: ...
 
 class StopRequest(_message.Message):
-    __slots__ = ("device", "caller")
+    __slots__ = ("device", "caller", "motion_number")
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     CALLER_FIELD_NUMBER: _ClassVar[int]
+    MOTION_NUMBER_FIELD_NUMBER: _ClassVar[int]
     device: str
     caller: str
-    def __init__(self, device: _Optional[str] = ..., caller: _Optional[str] = ...) -> None: ...
+    motion_number: int
+    def __init__(self, device: _Optional[str] = ..., caller: _Optional[str] = ..., motion_number: _Optional[int] = ...) -> None: ...
 
 class StopResponse(_message.Message):
     __slots__ = ("devices",)
@@ -817,16 +825,18 @@ class HaltResponse(_message.Message):
     def __init__(self, devices: _Optional[_Iterable[_Union[DeviceReport, _Mapping]]] = ...) -> None: ...
 
 class TrackStart(_message.Message):
-    __slots__ = ("lease_token", "device", "limits", "report_rate_hz")
+    __slots__ = ("lease_token", "device", "limits", "report_rate_hz", "lease_sequence")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     LIMITS_FIELD_NUMBER: _ClassVar[int]
     REPORT_RATE_HZ_FIELD_NUMBER: _ClassVar[int]
+    LEASE_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
     limits: Limits
     report_rate_hz: float
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., report_rate_hz: _Optional[float] = ...) -> None: ...
+    lease_sequence: int
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., report_rate_hz: _Optional[float] = ..., lease_sequence: _Optional[int] = ...) -> None: ...
 
 class TrackTarget(_message.Message):
     __slots__ = ("orientation", "angular_velocity", "velocity_frame", "time_ns", "time_to_live")
@@ -873,12 +883,14 @@ class TrackResponse(_message.Message):
     def __init__(self, state: _Optional[_Union[State, str]] = ..., orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., time_ns: _Optional[int] = ..., targets: _Optional[int] = ..., left_out: _Optional[int] = ..., refused: _Optional[int] = ..., refusal: _Optional[str] = ..., error: _Optional[float] = ...) -> None: ...
 
 class PauseRequest(_message.Message):
-    __slots__ = ("lease_token", "device")
+    __slots__ = ("lease_token", "device", "lease_sequence")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
+    LEASE_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ...) -> None: ...
+    lease_sequence: int
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., lease_sequence: _Optional[int] = ...) -> None: ...
 
 class PauseResponse(_message.Message):
     __slots__ = ("device",)
@@ -887,12 +899,14 @@ class PauseResponse(_message.Message):
     def __init__(self, device: _Optional[_Union[DeviceReport, _Mapping]] = ...) -> None: ...
 
 class ResumeRequest(_message.Message):
-    __slots__ = ("lease_token", "device")
+    __slots__ = ("lease_token", "device", "lease_sequence")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
+    LEASE_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ...) -> None: ...
+    lease_sequence: int
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., lease_sequence: _Optional[int] = ...) -> None: ...
 
 class ResumeResponse(_message.Message):
     __slots__ = ("device",)
@@ -901,14 +915,16 @@ class ResumeResponse(_message.Message):
     def __init__(self, device: _Optional[_Union[DeviceReport, _Mapping]] = ...) -> None: ...
 
 class SetSpeedRequest(_message.Message):
-    __slots__ = ("lease_token", "device", "speed")
+    __slots__ = ("lease_token", "device", "speed", "lease_sequence")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     SPEED_FIELD_NUMBER: _ClassVar[int]
+    LEASE_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
     speed: float
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., speed: _Optional[float] = ...) -> None: ...
+    lease_sequence: int
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., speed: _Optional[float] = ..., lease_sequence: _Optional[int] = ...) -> None: ...
 
 class SetSpeedResponse(_message.Message):
     __slots__ = ("device",)
@@ -917,12 +933,14 @@ class SetSpeedResponse(_message.Message):
     def __init__(self, device: _Optional[_Union[DeviceReport, _Mapping]] = ...) -> None: ...
 
 class EnableRequest(_message.Message):
-    __slots__ = ("lease_token", "device")
+    __slots__ = ("lease_token", "device", "lease_sequence")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
+    LEASE_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ...) -> None: ...
+    lease_sequence: int
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., lease_sequence: _Optional[int] = ...) -> None: ...
 
 class EnableResponse(_message.Message):
     __slots__ = ("device",)
@@ -931,12 +949,14 @@ class EnableResponse(_message.Message):
     def __init__(self, device: _Optional[_Union[DeviceReport, _Mapping]] = ...) -> None: ...
 
 class DisableRequest(_message.Message):
-    __slots__ = ("lease_token", "device")
+    __slots__ = ("lease_token", "device", "lease_sequence")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
+    LEASE_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ...) -> None: ...
+    lease_sequence: int
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., lease_sequence: _Optional[int] = ...) -> None: ...
 
 class DisableResponse(_message.Message):
     __slots__ = ("device",)
@@ -945,12 +965,14 @@ class DisableResponse(_message.Message):
     def __init__(self, device: _Optional[_Union[DeviceReport, _Mapping]] = ...) -> None: ...
 
 class ResetRequest(_message.Message):
-    __slots__ = ("lease_token", "device")
+    __slots__ = ("lease_token", "device", "lease_sequence")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
+    LEASE_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ...) -> None: ...
+    lease_sequence: int
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., lease_sequence: _Optional[int] = ...) -> None: ...
 
 class ResetResponse(_message.Message):
     __slots__ = ("device",)
@@ -959,20 +981,26 @@ class ResetResponse(_message.Message):
     def __init__(self, device: _Optional[_Union[DeviceReport, _Mapping]] = ...) -> None: ...
 
 class Lease(_message.Message):
-    __slots__ = ("token", "holder", "seconds")
+    __slots__ = ("token", "holder", "seconds", "devices")
     TOKEN_FIELD_NUMBER: _ClassVar[int]
     HOLDER_FIELD_NUMBER: _ClassVar[int]
     SECONDS_FIELD_NUMBER: _ClassVar[int]
+    DEVICES_FIELD_NUMBER: _ClassVar[int]
     token: str
     holder: str
     seconds: float
-    def __init__(self, token: _Optional[str] = ..., holder: _Optional[str] = ..., seconds: _Optional[float] = ...) -> None: ...
+    devices: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, token: _Optional[str] = ..., holder: _Optional[str] = ..., seconds: _Optional[float] = ..., devices: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class AcquireLeaseRequest(_message.Message):
-    __slots__ = ("holder",)
+    __slots__ = ("holder", "devices", "share_token")
     HOLDER_FIELD_NUMBER: _ClassVar[int]
+    DEVICES_FIELD_NUMBER: _ClassVar[int]
+    SHARE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     holder: str
-    def __init__(self, holder: _Optional[str] = ...) -> None: ...
+    devices: _containers.RepeatedScalarFieldContainer[str]
+    share_token: str
+    def __init__(self, holder: _Optional[str] = ..., devices: _Optional[_Iterable[str]] = ..., share_token: _Optional[str] = ...) -> None: ...
 
 class AcquireLeaseResponse(_message.Message):
     __slots__ = ("lease",)
@@ -1017,12 +1045,14 @@ class TransferLeaseResponse(_message.Message):
     def __init__(self, seconds: _Optional[float] = ...) -> None: ...
 
 class SeizeLeaseRequest(_message.Message):
-    __slots__ = ("holder", "reason")
+    __slots__ = ("holder", "reason", "devices")
     HOLDER_FIELD_NUMBER: _ClassVar[int]
     REASON_FIELD_NUMBER: _ClassVar[int]
+    DEVICES_FIELD_NUMBER: _ClassVar[int]
     holder: str
     reason: str
-    def __init__(self, holder: _Optional[str] = ..., reason: _Optional[str] = ...) -> None: ...
+    devices: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, holder: _Optional[str] = ..., reason: _Optional[str] = ..., devices: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class SeizeLeaseResponse(_message.Message):
     __slots__ = ("lease",)

@@ -17,8 +17,9 @@ from orientd.daemon.devices import EventKind, ServoLink
 from orientd.daemon.motions.arrivals import Arrivals
 from orientd.daemon.motions.horizon import ReplanningHorizon
 from orientd.daemon.motions.meter import MotionStatistics
-from orientd.daemon.motions.motion_queue import MotionQueue, QueuedMotion, SplicePoint
+from orientd.daemon.motions.motion_queue import MotionQueue
 from orientd.daemon.motions.options import Kind, MoveOptions, Prepared
+from orientd.daemon.motions.queued_motion import QueuedMotion, SplicePoint
 from orientd.daemon.planners import Continuation, PlanCall, PlanInput, PlannedMotion, Planners, Rank
 from orientd.errors import LateError, NotYetError, PlanError, StateError
 from orientd.planner import HISTORY, Joints, RecordedMotion
@@ -67,6 +68,7 @@ class Motions:
         self._name, self._planners = name, planners
         self._period = period
         self._queue = MotionQueue(link, lead=lead, read_ahead=read_ahead)
+        self.withdraw = self._queue.withdraw  # of what waits for its turn
         self._arrivals = Arrivals(link, tell)
         self._tell = tell
         self._tuned: Mapping[str, Any] = {}
@@ -253,8 +255,7 @@ class Motions:
         raise StateError("the device does not come to rest")
 
     def _joints(self) -> tuple[float, ...]:
-        cycle = self._link.newest()
-        return () if cycle is None else cycle.joints
+        return () if (cycle := self._link.newest()) is None else cycle.joints
 
     # Running
 
@@ -318,7 +319,7 @@ class Motions:
         cycle = self._link.newest()
         motion_queue.measure_some()
         if cycle is None or (cycle.state is State.FAULT and not fault_text):
-            return  # of a fault of this very moment the reason is heard before the next look
+            return  # the reason for a fault of this very moment comes before the next look
         for queued in motion_queue.passed(cycle):
             kind = EventKind.MOTION_REPLACED if queued.is_replaced else EventKind.MOTION_DONE
             self._tell(kind, queued.number, "")
@@ -333,7 +334,8 @@ class Motions:
         is_fault = cycle.state is State.FAULT
         is_at_end = ended.feeder is not None and cycle.path_index == ended.feeder.final_index
         if is_fault or not is_at_end:
-            self._stop((ended, *following), fault_text if is_fault else "stopped on its path")
+            text = fault_text if is_fault else ended.withdrawn or "stopped on its path"
+            self._stop((ended, *following), text)
             return
         self._arrivals.arrive(ended.number, cycle)
         if following:
