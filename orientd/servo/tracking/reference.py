@@ -21,6 +21,7 @@ from typing import NamedTuple
 
 from orientd.driver import ZERO, Quaternion, Vector3
 from orientd.floats import difference, exp, multiply, norm, normalize
+from orientd.servo.tracking.estimate import Estimate, begun, updated
 from orientd.tolerances import NORM_TOLERANCE
 
 LOOKAHEAD_NS = 1_000_000_000
@@ -50,8 +51,14 @@ GROWTH = 0.1
 BENT = 0.05
 """For so long the last acceleration is believed beyond the newest target, s."""
 
-STEADY = 0.1
-"""For so long the acceleration that carries a motion on is averaged, s."""
+STEADY = 0.04
+"""For so long the acceleration that carries a motion on is averaged at least, s."""
+
+STEADIER = 1.2
+"""The same in times of how long ago the motion is read."""
+
+SETTLING = 0.008
+"""Time in which the law follows an acceleration, s."""
 
 SPARE = 1.3
 """How long ago the motion is read, in times of how stale targets have been."""
@@ -59,12 +66,19 @@ SPARE = 1.3
 USUAL = 0.05
 """Share of the last spacing of targets in what counts as the usual one."""
 
-DISTURBED = 1.6
-"""From how many times the usual spacing of targets, and a cycle, on a delay tells of lost or late
-ones; without any it is :data:`SPARE` times that."""
+DISTURBED = 1.25
+"""From how many times what the usual spacing of targets and their usual age at arrival explain on
+staleness tells of lost or late ones."""
+
+BRIDGE = 1.5
+"""From how many times the usual spacing of targets on one is missing between two."""
 
 RECOVERY = 0.01
 """How fast the delay shrinks again, seconds per second."""
+
+
+STILL = 1e-4
+"""What is estimated to turn more slowly stands still, rad/s."""
 
 
 class Target(NamedTuple):
@@ -93,6 +107,7 @@ class _Knot(NamedTuple):
     expires_ns: int
     begins: bool
     told: Quaternion
+    estimate: Estimate | None
 
     def carried(self, seconds: float) -> Quaternion:
         x, y, z = self.omega
@@ -106,11 +121,13 @@ class Motion(NamedTuple):
         q: orientation ``(w, x, y, z)``.
         omega: angular velocity in the reference's own frame, rad/s.
         alpha: angular acceleration, rad/s^2.
+        swing: how much more that is by now, as it has changed lately, rad/s^2.
     """
 
     q: Quaternion
     omega: Vector3
     alpha: Vector3
+    swing: Vector3 = ZERO
 
 
 class Reference:
@@ -132,14 +149,21 @@ class Reference:
     @property
     def is_disturbed(self) -> bool:
         """Whether targets come later than their own spacing explains: some are lost, or late."""
-        return self._delay_ns > DISTURBED * (self._spacing_ns + self._period_ns)
+        return self._stalest_ns > self._explained_ns
+
+    @property
+    def _explained_ns(self) -> float:
+        """How stale targets become of which none is lost and all are equally old at arrival."""
+        due_ns = max(self._spacing_ns + (self._youngest_ns or 0.0), 0.0)
+        return DISTURBED * (due_ns + self._period_ns)
 
     def clear(self) -> None:
         """Forget every target."""
         self._knots.clear()
         self._newest_ns: int | None = None
         self._taken = 0
-        self._spacing_ns = 0.0
+        self._spacing_ns = self._stalest_ns = 0.0
+        self._youngest_ns: float | None = None
         self._settled = 0
         self._delay_ns = 0.0
         self._bend = ZERO
@@ -170,9 +194,13 @@ class Reference:
                 return f"not newer than the newest one, {late:.6g} s older, nor to be sorted in"
         else:
             self._note_spacing(time_ns)
+        self._note_age(now_ns - time_ns)
         self._taken += 1
         told = normalize(q)
-        knots.insert(place, _Knot(told, omega or ZERO, ZERO, time_ns, expires_ns, True, told))
+        estimate = begun(told) if omega is None else None
+        knots.insert(
+            place, _Knot(told, omega or ZERO, ZERO, time_ns, expires_ns, True, told, estimate)
+        )
         self._settled = min(self._settled, place)
         return ""
 
@@ -183,6 +211,13 @@ class Reference:
             share = USUAL if self._spacing_ns else 1.0
             self._spacing_ns += share * (spacing_ns - self._spacing_ns)
         self._newest_ns, self._taken = newest_ns, 0
+
+    def _note_age(self, age_ns: int) -> None:
+        """Note how old targets are at least when they arrive; negative where they come ahead."""
+        last_ns = self._youngest_ns
+        self._youngest_ns = (
+            age_ns if last_ns is None else min(age_ns, last_ns + RECOVERY * self._spacing_ns)
+        )
 
     def _place(self, time_ns: int, now_ns: int) -> int:
         """Return before which knot a late target belongs, 0 if the motion has been read there."""
@@ -234,7 +269,9 @@ class Reference:
             return None
         for _ in range(first):
             knots.popleft()
-        stale_ns = min(SPARE * (now_ns - knots[-1].time_ns), LONGEST_DELAY_NS)
+        stale_ns = now_ns - knots[-1].time_ns
+        self._stalest_ns = max(self._stalest_ns - self._recovery_ns, stale_ns)
+        stale_ns = min(SPARE * stale_ns, LONGEST_DELAY_NS)
         last_ns = self._delay_ns
         delay_ns = min(max(stale_ns, last_ns - self._recovery_ns, 0.0), last_ns + self._growth_ns)
         self._delay_ns = delay_ns
@@ -250,16 +287,19 @@ class Reference:
         if len(knots) == 1 or knots[1].begins:
             past = _continued(here, since)
         else:
+            missing_ns = knots[1].time_ns - here.time_ns - BRIDGE * self._spacing_ns
+            if missing_ns > 0.0:
+                self._stalest_ns = max(self._stalest_ns, self._explained_ns + missing_ns)
             past = _joined(here, knots[1], since)
         # What was read a cycle ago was read from a little less or more than a cycle before.
         return self._carried(past, ahead, 1.0 - (delay_ns - last_ns) / self._period_ns)
 
     def _carried(self, past: Motion, ahead: float, pace: float) -> Motion:
         """Return the motion *ahead* (s) of one that was read, whose own time runs at *pace*."""
-        q, (a, b, c), (x, y, z) = past
+        q, (a, b, c), (x, y, z), _ = past
         u, v, w = self._bend
         period = self._period_ns * 1e-9
-        share = period / STEADY
+        share = period / max(STEADY, STEADIER * ahead)
         du, dv, dw = share * (x - u), share * (y - v), share * (z - w)
         u, v, w = self._bend = (u + du, v + dv, w + dw)
         half = 0.5 * ahead * ahead
@@ -271,11 +311,16 @@ class Reference:
             b + r * y + s * v + t * dv,
             c + r * z + s * w + t * dw,
         )
-        return Motion(normalize(multiply(q, exp(turn))), omega, past.alpha)
+        # It is as late again as the law needs to follow an acceleration.
+        lead = 0.0 if self.is_disturbed else (ahead + SETTLING) / period
+        swing = (lead * du, lead * dv, lead * dw)
+        return Motion(normalize(multiply(q, exp(turn))), omega, past.alpha, swing)
 
 
 def _believed(before: _Knot | None, knot: _Knot) -> _Knot:
     """Return the knot of a target: corrected by what the one before it predicts."""
+    if knot.estimate is not None:
+        return _estimated(before, knot)
     omega, told = knot.omega, knot.told
     if before is None or omega == ZERO or before.omega == ZERO:
         return knot._replace(q=told, alpha=ZERO, begins=True)
@@ -289,6 +334,23 @@ def _believed(before: _Knot | None, knot: _Knot) -> _Knot:
     share = seconds / (seconds + TRUST)
     q = normalize(multiply(there, exp((share * x, share * y, share * z))))
     return knot._replace(q=q, alpha=alpha, begins=False)
+
+
+def _estimated(before: _Knot | None, knot: _Knot) -> _Knot:
+    """Return the knot of a target without velocity, with the one that those before it tell of."""
+    if before is None or before.estimate is None:
+        found = begun(knot.told)
+    else:
+        found = updated(before.estimate, knot.told, (knot.time_ns - before.time_ns) * 1e-9)
+    omega = found.omega if norm(found.omega) > STILL else ZERO
+    begins = before is None or ZERO in (omega, before.omega) or found.begins
+    return knot._replace(
+        q=found.q,
+        omega=omega,
+        alpha=ZERO if begins else found.alpha,
+        begins=begins,
+        estimate=found,
+    )
 
 
 def _continued(here: _Knot, since: float) -> Motion:

@@ -133,7 +133,7 @@ class Tracker:
 
     def _wish(self, found: Motion) -> Vector3:
         """Return the acceleration to wish for, to follow the target, in the law's units."""
-        q, omega, alpha = found
+        q, omega, alpha, (i, j, k) = found
         units, restraint = self._units, self._restraint
         # The velocity of a step is that of its middle.
         half, (u, v, w), (x, y, z) = 0.5 * self._period, omega, alpha
@@ -148,6 +148,9 @@ class Tracker:
         if self._reference.is_disturbed:
             needed = limits.settle * max(limits.approach * norm(turn), norm((a - d, b - e, c - f)))
         room = restraint.room(alpha, needed, limits.acceleration)
+        x, y, z = alpha
+        i, j, k = divided((i, j, k), units)
+        alpha = (x + i, y + j, z + k)
         wish, is_linear = steer(turn, self._omega, self._alpha, middle, alpha, limits, room)
         return restraint.held(wish, is_linear=is_linear)
 
