@@ -1,30 +1,31 @@
-"""The velocity of targets that come without one, from their orientations and stamps.
+"""The velocity of targets that come without one, from where they are and their stamps.
 
-A Kalman filter of orientation, angular velocity and acceleration, driven by white jerk; the three
-axes share one covariance, as all of them are measured alike.  Samples may come at any spacing, so
-that lost ones need nothing special, and a target of constant rate is met exactly from the second
-sample on.  How noisy the orientations are shows in how far they are from what was expected; the
-noisier, the longer is averaged.  A target farther from what was expected than the filter can explain
-begins a motion of its own, at rest.
+A Kalman filter of place, velocity and acceleration, driven by white jerk, for orientations and for
+positions; the three axes share one covariance, as all of them are measured alike.  Samples may come
+at any spacing, so that lost ones need nothing special, and a target of constant rate is met exactly
+from the second sample on.  How noisy the samples are shows in how far they are from what was
+expected; the noisier, the longer is averaged.  A target farther from what was expected than the
+filter can explain begins a motion of its own, at rest.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import sqrt
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 from orientd.driver import ZERO, Quaternion, Vector3
 from orientd.floats import difference, exp, multiply, normalize
 
 JERK = 70.0
-"""Power spectral density of the targets' jerk, (rad/s^3)^2/Hz: with the least noise the filter
-follows what is slower than some 40 rad/s."""
+"""Power spectral density of the targets' jerk, (rad/s^3)^2/Hz, or (m/s^3)^2/Hz: with the least
+noise the filter follows what is slower than some 40 rad/s."""
 
 LEAST_NOISE = 1e-3
-"""Standard deviation of an orientation about each axis that is believed at least, rad."""
+"""Standard deviation of a sample about each axis that is believed at least, rad or m."""
 
 MOST_NOISE = 0.03
-"""The most that is believed, rad: that of 50 ms of jitter where nobody stamps, at 2 rad/s."""
+"""The most that is believed, rad or m: that of 50 ms of jitter where nobody stamps, at 2 rad/s."""
 
 LEARNING = 0.1
 """Share of the last surprise in the noise that is believed."""
@@ -33,53 +34,84 @@ GATE = 5.0
 """From how many standard deviations on a surprise is a new order rather than noise or motion."""
 
 AGILITY = 20.0
-"""Acceleration that is believed of a target between two samples, rad/s^2."""
+"""Acceleration that is believed of a target between two samples, rad/s^2 or m/s^2."""
 
 LONGEST = 0.25
 """Samples farther apart than that tell of no velocity, s."""
 
 ANY_VELOCITY = 2.0
-"""Standard deviation of the angular velocity of what nothing is known of, rad/s."""
+"""Standard deviation of the velocity of what nothing is known of, rad/s or m/s."""
 
 ANY_ACCELERATION = 10.0
-"""The same of its angular acceleration, rad/s^2."""
+"""The same of its acceleration, rad/s^2 or m/s^2."""
+
+Place = TypeVar("Place", Quaternion, Vector3)
 
 
-class Estimate(NamedTuple):
+class Space(NamedTuple, Generic[Place]):
+    """Where samples lie.
+
+    Attributes:
+        moved: returns a place moved by a vector, in its own frame.
+        way: returns the vector from a place to another.
+    """
+
+    moved: Callable[[Place, Vector3], Place]
+    way: Callable[[Place, Place], Vector3]
+
+
+class Estimate(NamedTuple, Generic[Place]):
     """What is believed of the target at the time of a sample.
 
     Attributes:
-        q: orientation ``(w, x, y, z)``.
-        omega: angular velocity in its own frame, rad/s.
-        alpha: angular acceleration, rad/s^2.
-        covariance: of angle, velocity and acceleration about any axis: the upper triangle by rows.
-        noise: variance of a sample, rad^2.
+        place: orientation ``(w, x, y, z)``, or position, m.
+        velocity: in the orientation's own frame, rad/s, or m/s.
+        acceleration: rad/s^2, or m/s^2.
+        covariance: of place, velocity and acceleration along any axis: the upper triangle by rows.
+        noise: variance of a sample.
         begins: whether the sample was not expected at all: a motion begins there, at rest.
     """
 
-    q: Quaternion
-    omega: Vector3
-    alpha: Vector3
+    place: Place
+    velocity: Vector3
+    acceleration: Vector3
     covariance: tuple[float, float, float, float, float, float]
     noise: float
     begins: bool
 
 
-def begun(q: Quaternion, noise: float = LEAST_NOISE * LEAST_NOISE) -> Estimate:
-    """Return what is believed of a target of which there is one sample, *q*."""
+def _turned(q: Quaternion, step: Vector3) -> Quaternion:
+    return normalize(multiply(q, exp(step)))
+
+
+def _shifted(p: Vector3, step: Vector3) -> Vector3:
+    return (p[0] + step[0], p[1] + step[1], p[2] + step[2])
+
+
+def _straight(p: Vector3, q: Vector3) -> Vector3:
+    return (q[0] - p[0], q[1] - p[1], q[2] - p[2])
+
+
+ORIENTATIONS = Space[Quaternion](_turned, difference)
+POSITIONS = Space[Vector3](_shifted, _straight)
+
+
+def begun(place: Place, noise: float = LEAST_NOISE * LEAST_NOISE) -> Estimate[Place]:
+    """Return what is believed of a target of which there is one sample, *place*."""
     v, a = ANY_VELOCITY * ANY_VELOCITY, ANY_ACCELERATION * ANY_ACCELERATION
-    return Estimate(q, ZERO, ZERO, (noise, 0.0, 0.0, v, 0.0, a), noise, True)
+    return Estimate(place, ZERO, ZERO, (noise, 0.0, 0.0, v, 0.0, a), noise, True)
 
 
-def updated(before: Estimate, told: Quaternion, seconds: float) -> Estimate:
+def updated(
+    before: Estimate[Place], told: Place, seconds: float, space: Space[Place]
+) -> Estimate[Place]:
     """Return what is believed once *told* has come, *seconds* after the sample before."""
     if seconds > LONGEST:
         return begun(told, before.noise)
     t = seconds
     half = 0.5 * t * t
-    (a, b, c), (x, y, z) = before.omega, before.alpha
-    turn = (t * a + half * x, t * b + half * y, t * c + half * z)
-    q = multiply(before.q, exp(turn))
+    (a, b, c), (x, y, z) = before.velocity, before.acceleration
+    expected = space.moved(before.place, (t * a + half * x, t * b + half * y, t * c + half * z))
     # F P F^T + Q for F = [[1, t, t^2/2], [0, 1, t], [0, 0, 1]]; Bar-Shalom, Li and Kirubarajan,
     # Estimation with Applications to Tracking and Navigation (2001), 6.2.3.
     p, pv, pa, v, va, w = before.covariance
@@ -90,21 +122,20 @@ def updated(before: Estimate, told: Quaternion, seconds: float) -> Estimate:
     v += t * (2.0 * va + t * w) + s * t * t / 3.0
     va += t * w + 0.5 * s * t
     w += s
-    e, f, g = difference(q, told)
-    square = (e * e + f * f + g * g) / 3.0
-    noise = before.noise
-    total = p + noise
-    most = MOST_NOISE * MOST_NOISE
-    learned = noise + LEARNING * (min(square, most) - noise)
+    d, e, f = space.way(expected, told)
+    square = (d * d + e * e + f * f) / 3.0
+    total = p + before.noise
+    learned = before.noise + LEARNING * (min(square, MOST_NOISE * MOST_NOISE) - before.noise)
     learned = max(learned, LEAST_NOISE * LEAST_NOISE)
     if sqrt(square) > GATE * sqrt(total) + AGILITY * half:
         return begun(told, learned)
-    k, l, m = p / total, pv / total, pa / total
+    # The gains: how much of the surprise each of the three takes.
+    g, h, k = p / total, pv / total, pa / total
     return Estimate(
-        normalize(multiply(q, exp((k * e, k * f, k * g)))),
-        (a + t * x + l * e, b + t * y + l * f, c + t * z + l * g),
-        (x + m * e, y + m * f, z + m * g),
-        (p - k * p, pv - k * pv, pa - k * pa, v - l * pv, va - l * pa, w - m * pa),
+        space.moved(expected, (g * d, g * e, g * f)),
+        (a + t * x + h * d, b + t * y + h * e, c + t * z + h * f),
+        (x + k * d, y + k * e, z + k * f),
+        (p - g * p, pv - g * pv, pa - g * pa, v - h * pv, va - h * pa, w - k * pa),
         learned,
         False,
     )

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
 from orientd.floats import difference, exp, multiply, norm, normalize
+from orientd.servo.tracking.knot import Motion, Target
 from orientd.servo.tracking.law import advance, halt, moved
 from orientd.servo.tracking.law_bounds import (
     Bounds,
@@ -17,7 +18,7 @@ from orientd.servo.tracking.law_bounds import (
     softened,
     times,
 )
-from orientd.servo.tracking.reference import Motion, Reference, Target
+from orientd.servo.tracking.reference import Reference
 from orientd.servo.tracking.restraint import Restraint
 from orientd.servo.tracking.steering import steer
 from orientd.stream import ServoLimits
@@ -51,7 +52,8 @@ class Tracker:
     is followed without lag; without a live target the motion comes to rest as soon as it can.
 
     Attributes:
-        is_at_rest: whether nothing moves, no target lives and none waits for its time.
+        is_at_rest: whether nothing turns, no target lives and none waits for its time.
+        place: position and velocity of the target at the last setpoint, m and m/s, if it has any.
     """
 
     def __init__(self, period: float) -> None:
@@ -90,6 +92,7 @@ class Tracker:
         self._reference.clear()
         self._restraint.release()
         self._way = ZERO
+        self.place: tuple[Vector3, Vector3] | None = None
         self.is_at_rest = omega_body == ZERO == alpha_body
         self._soften(0.0)
         self._bounds = loosened(self._limits, self._omega, self._alpha)
@@ -115,6 +118,7 @@ class Tracker:
         units = self._units
         found = self._reference.at(now_ns - self._period_ns)
         if found is None:
+            self.place = None
             self._way = ZERO
             if self._omega == ZERO == self._alpha:
                 self.is_at_rest = not self._reference.awaits
@@ -122,6 +126,7 @@ class Tracker:
             omega, alpha = halt(self._omega, self._alpha, self._bounds)
         else:
             self.is_at_rest = False
+            self.place = self._reference.position_at(now_ns - self._period_ns)
             wish = self._wish(found)
             alpha = advance(self._omega, self._alpha, wish, self._bounds)
             omega = moved(self._omega, alpha, self._period)
