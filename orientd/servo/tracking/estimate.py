@@ -3,32 +3,43 @@
 A Kalman filter of place, velocity and acceleration, driven by white jerk, for orientations and for
 positions; the three axes share one covariance, as all of them are measured alike.  Samples may come
 at any spacing, so that lost ones need nothing special, and a target of constant rate is met exactly
-from the second sample on.  How noisy the samples are shows in how far they are from what was
-expected; the noisier, the longer is averaged.  A target farther from what was expected than the
-filter can explain begins a motion of its own, at rest.
+from the second sample on.
+
+How noisy the samples are is learned: surprises that follow one another in the same direction say
+that the target moves otherwise than was expected, surprises to and fro that it was followed too
+closely; they have no direction where the filter is right (Mehra 1970).  The noisier, the longer is
+averaged.  A target farther from what was expected than the filter can explain begins a motion of
+its own, at rest.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import exp as exp_of
 from math import sqrt
 from typing import Generic, NamedTuple, TypeVar
 
 from orientd.driver import ZERO, Quaternion, Vector3
-from orientd.floats import difference, exp, multiply, normalize
+from orientd.floats import difference, exp, multiply, norm, normalize
 
-JERK = 70.0
+JERK = 1.0
 """Power spectral density of the targets' jerk, (rad/s^3)^2/Hz, or (m/s^3)^2/Hz: with the least
 noise the filter follows what is slower than some 40 rad/s."""
 
-LEAST_NOISE = 1e-3
+LEAST_NOISE = 1e-4
 """Standard deviation of a sample about each axis that is believed at least, rad or m."""
 
 MOST_NOISE = 0.03
 """The most that is believed, rad or m: that of 50 ms of jitter where nobody stamps, at 2 rad/s."""
 
-LEARNING = 0.1
-"""Share of the last surprise in the noise that is believed."""
+FIRST_NOISE = 3e-4
+"""What is believed before there was any surprise, rad or m."""
+
+LEARNING = 0.3
+"""By how much the logarithm of the variance changes with one surprise."""
+
+NO_SURPRISE = 1e-6
+"""Length of a surprise that tells of nothing, rad or m."""
 
 GATE = 5.0
 """From how many standard deviations on a surprise is a new order rather than noise or motion."""
@@ -69,6 +80,7 @@ class Estimate(NamedTuple, Generic[Place]):
         acceleration: rad/s^2, or m/s^2.
         covariance: of place, velocity and acceleration along any axis: the upper triangle by rows.
         noise: variance of a sample.
+        surprise: how far the sample was from what was expected.
         begins: whether the sample was not expected at all: a motion begins there, at rest.
     """
 
@@ -77,6 +89,7 @@ class Estimate(NamedTuple, Generic[Place]):
     acceleration: Vector3
     covariance: tuple[float, float, float, float, float, float]
     noise: float
+    surprise: Vector3
     begins: bool
 
 
@@ -96,10 +109,10 @@ ORIENTATIONS = Space[Quaternion](_turned, difference)
 POSITIONS = Space[Vector3](_shifted, _straight)
 
 
-def begun(place: Place, noise: float = LEAST_NOISE * LEAST_NOISE) -> Estimate[Place]:
+def begun(place: Place, noise: float = FIRST_NOISE * FIRST_NOISE) -> Estimate[Place]:
     """Return what is believed of a target of which there is one sample, *place*."""
     v, a = ANY_VELOCITY * ANY_VELOCITY, ANY_ACCELERATION * ANY_ACCELERATION
-    return Estimate(place, ZERO, ZERO, (noise, 0.0, 0.0, v, 0.0, a), noise, True)
+    return Estimate(place, ZERO, ZERO, (noise, 0.0, 0.0, v, 0.0, a), noise, ZERO, True)
 
 
 def updated(
@@ -122,13 +135,15 @@ def updated(
     v += t * (2.0 * va + t * w) + s * t * t / 3.0
     va += t * w + 0.5 * s * t
     w += s
-    d, e, f = space.way(expected, told)
-    square = (d * d + e * e + f * f) / 3.0
+    d, e, f = surprise = space.way(expected, told)
     total = p + before.noise
-    learned = before.noise + LEARNING * (min(square, MOST_NOISE * MOST_NOISE) - before.noise)
-    learned = max(learned, LEAST_NOISE * LEAST_NOISE)
-    if sqrt(square) > GATE * sqrt(total) + AGILITY * half:
-        return begun(told, learned)
+    size = norm(surprise)
+    if size > GATE * sqrt(3.0 * total) + AGILITY * half:
+        return begun(told, before.noise)
+    i, j, k = before.surprise
+    cosine = (d * i + e * j + f * k) / (size * norm(before.surprise) + NO_SURPRISE * NO_SURPRISE)
+    noise = before.noise * exp_of(-LEARNING * cosine)
+    noise = min(max(noise, LEAST_NOISE * LEAST_NOISE), MOST_NOISE * MOST_NOISE)
     # The gains: how much of the surprise each of the three takes.
     g, h, k = p / total, pv / total, pa / total
     return Estimate(
@@ -136,6 +151,7 @@ def updated(
         (a + t * x + h * d, b + t * y + h * e, c + t * z + h * f),
         (x + k * d, y + k * e, z + k * f),
         (p - g * p, pv - g * pv, pa - g * pa, v - h * pv, va - h * pa, w - k * pa),
-        learned,
+        noise,
+        surprise,
         False,
     )

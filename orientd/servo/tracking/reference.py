@@ -48,9 +48,9 @@ FASTEST = 1000.0
 FARTHEST = 1000.0
 """Largest component of a position, m."""
 
-SILENT = 3.0
-"""After how many times what explains their staleness, and after :data:`SILENT_NS` more, targets
-without velocity are taken to have ceased."""
+SILENT = 4.0
+"""After how many times their usual spacing, and :data:`SILENT_NS` more, targets without velocity
+are taken to have ceased."""
 
 SILENT_NS = 50_000_000
 
@@ -220,7 +220,8 @@ class Reference:
 
     def _is_silent(self, stale_ns: int) -> bool:
         """Whether loss does not explain any more that no target has come for so long."""
-        return stale_ns > SILENT * self._explained_ns + SILENT_NS
+        youngest_ns = max(self._youngest_ns or 0.0, 0.0)
+        return stale_ns > SILENT * self._spacing_ns + youngest_ns + SILENT_NS
 
     def _read(self, now_ns: int) -> Motion | None:
         knots = self._knots
