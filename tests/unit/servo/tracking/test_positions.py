@@ -84,7 +84,7 @@ def test_a_position_that_is_no_longer_given_comes_to_rest():
 def test_wild_positions_break_no_limit():
     rng, rig = random.Random(3), tracking(linear_velocity=0.2, linear_acceleration=1.0)
     choices = (0.0, 1e-9, 0.1, 1.0, 900.0, 1e300, float("inf"))
-    for k in range(1200):
+    for _ in range(1200):
         if rng.random() < 0.3:
             aim(rig, [rng.gauss(0.0, 1.0) * rng.choice(choices) for _ in range(3)])
         rig.run()
