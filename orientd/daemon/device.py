@@ -15,7 +15,7 @@ from orientd.daemon.supervised_device import SupervisedDevice
 from orientd.driver import Driver, Quaternion, Vector3, make_driver
 from orientd.errors import StateError
 from orientd.servo import LEFT_OUT_WORD
-from orientd.stream import Command, Cycle, State, unpack_cycle
+from orientd.stream import NOT_GIVEN, Command, Cycle, State, unpack_cycle
 
 if TYPE_CHECKING:
     # Loaded with the first motion: until then the daemon stays small.
@@ -201,9 +201,18 @@ class Device(SupervisedDevice):
             self._tell(EventKind.MOTION_STARTED, number, "following targets")
         return number
 
-    def aim(self, q: Quaternion, omega_body: Vector3, time_ns: int, expires_ns: int) -> None:
+    def aim(
+        self,
+        q: Quaternion,
+        omega_body: Vector3 | None,
+        time_ns: int,
+        expires_ns: int,
+        position: Vector3 | None = None,
+    ) -> None:
         """Hand the servo a target; waits for nothing.  To be called by one thread at a time."""
-        self._servo.running().memory.targets.publish(time_ns, expires_ns, *q, *omega_body)
+        self._servo.running().memory.targets.publish(
+            time_ns, expires_ns, *q, *(omega_body or NOT_GIVEN), *(position or NOT_GIVEN)
+        )
 
     @property
     def targets(self) -> tuple[int, int]:

@@ -839,18 +839,20 @@ class TrackStart(_message.Message):
     def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., report_rate_hz: _Optional[float] = ..., lease_sequence: _Optional[int] = ...) -> None: ...
 
 class TrackTarget(_message.Message):
-    __slots__ = ("orientation", "angular_velocity", "velocity_frame", "time_ns", "time_to_live")
+    __slots__ = ("orientation", "angular_velocity", "velocity_frame", "time_ns", "time_to_live", "position")
     ORIENTATION_FIELD_NUMBER: _ClassVar[int]
     ANGULAR_VELOCITY_FIELD_NUMBER: _ClassVar[int]
     VELOCITY_FRAME_FIELD_NUMBER: _ClassVar[int]
     TIME_NS_FIELD_NUMBER: _ClassVar[int]
     TIME_TO_LIVE_FIELD_NUMBER: _ClassVar[int]
+    POSITION_FIELD_NUMBER: _ClassVar[int]
     orientation: Quaternion
     angular_velocity: Vector3
     velocity_frame: Frame
     time_ns: int
     time_to_live: float
-    def __init__(self, orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., angular_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., time_ns: _Optional[int] = ..., time_to_live: _Optional[float] = ...) -> None: ...
+    position: Vector3
+    def __init__(self, orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., angular_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., time_ns: _Optional[int] = ..., time_to_live: _Optional[float] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
 
 class TrackRequest(_message.Message):
     __slots__ = ("start", "target")

@@ -351,7 +351,10 @@ class SetpointGenerator:
         pursuit, guard = self._pursuit, self._guard
         if self.state is _TRACKING:
             pursuit.aim(deadline_ns)
-        point, position = pursuit.step(deadline_ns), guard.braked_position(self._servo_limits)
+        point = pursuit.step(deadline_ns)
+        position = pursuit.position(guard.position, guard.velocity, self._servo_limits)
+        if position is None:
+            position = guard.braked_position(self._servo_limits)
         problem = guard.admit(point.q, position, self._servo_limits)
         if problem:
             return self._leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")

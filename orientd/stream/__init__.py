@@ -14,6 +14,7 @@ from orientd.stream.records import (
     CYCLE_RECORD,
     JOINTS,
     NO_JOINTS,
+    NOT_GIVEN,
     PATH_FLOATS,
     UNKNOWN,
     Answer,

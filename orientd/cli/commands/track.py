@@ -14,7 +14,7 @@ from orientd.cli.commands.device_commands import holder
 from orientd.cli.output import say, say_json
 from orientd.errors import RequestError
 
-_KEYS = ("angular_velocity", "velocity_frame", "time_ns", "time_to_live")
+_KEYS = ("angular_velocity", "velocity_frame", "time_ns", "time_to_live", "position")
 
 
 @command
@@ -32,7 +32,7 @@ def track(
 
     Each is one JSON object on one line; the device comes to rest when there are no more.
     A target has an orientation as in a motion file, and may have `angular_velocity` (rad/s) with
-    `velocity_frame`, `time_ns` (monotonic clock) and `time_to_live` (s):
+    `velocity_frame`, `position` (m), `time_ns` (monotonic clock) and `time_to_live` (s):
 
     {"rotation_vector": [0, 0, 0.3], "angular_velocity": [0, 0, 1], "time_to_live": 0.2}
     """
