@@ -15,16 +15,24 @@ class Peak:
         value: in SI units.
         time: path time of the record where it occurs, s.
         limit: what was allowed.
+        on_records: the largest of a motion that runs as planned, where that is less: off its
+            records, after a pause, a stop or another speed, it may be somewhat more.
     """
 
     value: float
     time: float
     limit: float
+    on_records: float | None = None
 
     @property
     def ratio(self) -> float:
         """The value as a share of the limit."""
         return self.value / self.limit
+
+    @property
+    def planned_ratio(self) -> float:
+        """The same of what runs as planned."""
+        return self.ratio if self.on_records is None else self.on_records / self.limit
 
 
 @dataclass(frozen=True, slots=True)

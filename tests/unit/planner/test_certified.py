@@ -64,7 +64,8 @@ def test_a_certificate_tells_the_motion_it_is_of():
     q = motion.sample(times_of(motion)).q
     rates = np.abs(angle_rates(q))
     for figure, axis in zip(certificate.figures[:2], (0, 2), strict=True):
-        assert figure.value == pytest.approx(rates[:, axis].max(), rel=1e-6)
+        # Somewhat more between the records than on them.
+        assert rates[:, axis].max() * (1 - 1e-6) <= figure.value <= 1.01 * rates[:, axis].max()
         assert figure.time == pytest.approx((np.argmax(rates[:, axis]) + 1) * PERIOD)
 
 
@@ -122,14 +123,10 @@ def test_the_last_record_is_at_the_end_or_within_a_period_behind_it(duration, re
     assert motion.duration == duration
 
 
-@pytest.mark.parametrize(
-    ("request_", "has_tolerance"), [(asked(), False), (asked([0.0, 1.0, 2.0, 3.0]), True)]
-)
-def test_times_of_the_users_may_use_the_tolerance_of_the_guard_to_brake(
-    measured, request_, has_tolerance
-):
+@pytest.mark.parametrize("request_", [asked(), asked([0.0, 1.0, 2.0, 3.0])])
+def test_motions_may_use_the_tolerance_of_the_guard_to_brake(measured, request_):
     made(request_)
-    assert measured()["brake_limits"] == (ARM.scaled(1.001) if has_tolerance else ARM)
+    assert measured()["brake_limits"] == ARM.scaled(1.001)
     q, p = measured()["before"]
     np.testing.assert_array_equal(q, np.tile(HERE.q, (3, 1)))
     np.testing.assert_array_equal(p, np.zeros((3, 3)))

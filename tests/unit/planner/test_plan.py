@@ -82,7 +82,7 @@ def test_a_difference_of_rounding_is_let_pass_and_counted():
     assert motion.certificate.lead_in == 0.0
     q = motion.records(0, motion.record_count)[:, :4]
     _, _, jerk = differences(q, PERIOD, start=start.q)
-    assert motion.certificate.peak_jerk.value == pytest.approx(jerk.max(), rel=1e-6)
+    assert motion.certificate.peak_jerk.on_records == pytest.approx(jerk.max(), rel=1e-6)
 
 
 def test_an_approach_leads_in_from_wherever_the_device_is():
