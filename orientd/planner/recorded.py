@@ -54,7 +54,7 @@ class MotionFacts:
         last_passed: path time of the last keyframe before that one; 0 where there is none.
         limits: what it keeps.
         brake_rate: share of full speed by which it may be slowed down in a second, 1/s.
-        stop_time: how long a stop on its path takes at the most, s.
+        stop_time: how long a stop on its path from full speed takes at the most, s.
         omega_start: angular velocity asked for at the first keyframe, body frame, rad/s.
         omega_end: the same at the last keyframe.
         device_options: of the device's driver.

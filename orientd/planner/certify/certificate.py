@@ -55,7 +55,8 @@ class Certificate:
         keyframe_error: largest angle between a keyframe and the motion at its time, rad; not small
             for methods that do not interpolate.
         brake_rate: how fast the servo may change speed on the path, 1/s.
-        stop_time: how long a stop from full speed takes then, s.
+        stop_time: how long a stop on the path from full speed takes at the most: until the device
+            rests, or until the motion ends by itself, s.
         figures: what is certified beyond that: of the body's axes where they have limits of
             their own, and what the device's driver adds, of its own axes for example.
         notes: what the driver has to say of the motion, a line each.
