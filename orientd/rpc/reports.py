@@ -30,13 +30,22 @@ def titled(number: int, name: str) -> str:
 
 
 class Outcome(Enum):
-    """How a motion ended."""
+    """How a motion ended.
+
+    ``done`` is said of what arrived, ``passed`` of what was blended into the motion after it.
+    """
 
     DONE = "done"
+    PASSED = "passed"
     STOPPED = "stopped"
     FAULT = "fault"
     REPLACED = "replaced"
     UNSETTLED = "unsettled"
+
+    @property
+    def is_as_asked(self) -> bool:
+        """Whether the motion went as it was asked for."""
+        return self in (Outcome.DONE, Outcome.PASSED)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -228,9 +228,8 @@ def follow(
 def raise_unless_done(summary: Summary) -> None:
     """Raise what makes a command fail after a motion that was not run to its end."""
     from orientd.cli import texts
-    from orientd.rpc import Outcome
 
-    if summary.outcome is not Outcome.DONE:
+    if not summary.outcome.is_as_asked:
         raise OrientdError(f"motion {summary.motion_number} {texts.ending(summary)}")
 
 

@@ -13,8 +13,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from orientd.daemon.devices import EventKind, ServoLink
+from orientd.daemon.devices import STOPPED, EventKind, ServoLink
 from orientd.daemon.motions.arrivals import Arrivals
+from orientd.daemon.motions.corners import Corners
 from orientd.daemon.motions.horizon import ReplanningHorizon
 from orientd.daemon.motions.meter import MotionStatistics
 from orientd.daemon.motions.motion_queue import MotionQueue, QueuedMotion, SplicePoint
@@ -72,6 +73,7 @@ class Motions:
         self._period = period
         self._queue = MotionQueue(link, lead=lead, read_ahead=read_ahead)
         self._arrivals = Arrivals(link, tell)
+        self._corners = Corners(tell)
         self._tell = tell
         self._tuned: Mapping[str, Any] = {}
         self._horizon = ReplanningHorizon()
@@ -318,9 +320,7 @@ class Motions:
         motion_queue.measure_some()
         if cycle is None or (cycle.state is State.FAULT and not fault_text):
             return  # of a fault of this very moment the reason is heard before the next look
-        for queued in motion_queue.passed(cycle):
-            kind = EventKind.MOTION_REPLACED if queued.is_replaced else EventKind.MOTION_DONE
-            self._tell(kind, queued.number, "")
+        self._corners.look(motion_queue.passed(cycle), motion_queue.first, cycle)
         is_moving = cycle.state in (State.STREAMING, State.STOPPING)
         if cycle.motion == motion_queue.first.number and not is_moving:
             self._conclude(cycle, fault_text, speed)
@@ -331,8 +331,9 @@ class Motions:
         ended, *following = self._queue.clear()
         is_fault = cycle.state is State.FAULT
         is_at_end = ended.feeder is not None and cycle.path_index == ended.feeder.final_index
+        self._corners.end(fault_text if is_fault else "")
         if is_fault or not is_at_end:
-            self._stop((ended, *following), fault_text if is_fault else "stopped on its path")
+            self._stop((ended, *following), fault_text if is_fault else STOPPED)
             return
         self._arrivals.arrive(ended.number, cycle)
         if following:
@@ -345,6 +346,7 @@ class Motions:
     def drop(self, text: str, *, kind: EventKind = EventKind.MOTION_STOPPED) -> None:
         """Say of every motion that it has ended."""
         self._arrivals.end(text)
+        self._corners.end(text, kind)
         self._stop(tuple(self._queue.clear()), text, kind)
 
     def _stop(
