@@ -40,8 +40,8 @@ def certified(
     path = candidate.path
     count = math.ceil(path.duration / period - _END_SLACK) + 1
 
-    # Between the records any motion may go up to the limits, a timing of the user's on them, too; the
-    # guard's tolerance is all that is left to brake with there.
+    # Between the records any motion may go up to the limits, a timing of the user's on them, too;
+    # the guard's tolerance is all that is left to brake with there.
     peaks = measure_path(
         path,
         count,

@@ -4,8 +4,8 @@ A device knows setpoints, not derivatives.  It takes the rotation vector from on
 next over a period for the velocity, the change of that for the acceleration and the change of that
 for the jerk, so this is what is held against the limits: on the very records that are sent while a
 motion runs as planned, and at shares of a period after these on what the servo draws between them,
-which is sent after a pause, a stop or another speed.  (At constant rates below 1 nothing was found to
-have larger differences than the largest of all phases at rate 1.)
+which is sent after a pause, a stop or another speed.  (At constant rates below 1 nothing was found
+to have larger differences than the largest of all phases at rate 1.)
 """
 
 from __future__ import annotations

@@ -17,9 +17,9 @@ CHUNK = 8192
 """Records looked at in one go, so that a long motion needs no more memory than a short one."""
 
 Setpoints = Callable[[int, int], tuple[Floats, Floats]]
-"""Gives orientations, angular velocities and accelerations ``(m, 10)`` and positions ``(m, 3)`` of *m*
-records from an index on; positions that are all the same come as one, ``(1, 3)``.  With orientations
-alone, ``(m, 4)``, only differences on the records are looked at."""
+"""Gives orientations, angular velocities and accelerations ``(m, 10)`` and positions ``(m, 3)`` of
+*m* records from an index on; positions that are all the same come as one, ``(1, 3)``.  With
+orientations alone, ``(m, 4)``, only differences on the records are looked at."""
 
 _KEPT = HISTORY + 2  # so that every difference is seen with those before and after it
 

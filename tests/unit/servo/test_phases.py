@@ -1,4 +1,6 @@
-"""What is sent off the records, after a pause, a stop or another speed, and what is certified of it."""
+"""What is sent off the records, after a pause or another speed, and what is certified of it."""
+
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -45,7 +47,7 @@ def some_motions(seed, count, period):
 def drawn(motion, phase):
     """Return what the servo sends from hold to hold if its first cycle is a share of one."""
     points = [point_of((0, *row)) for row in motion.records(0, motion.record_count).tolist()]
-    q = [Segment(a, b, motion.period).at(phase).q for a, b in zip(points, points[1:], strict=False)]
+    q = [Segment(a, b, motion.period).at(phase).q for a, b in pairwise(points)]
     return np.array([points[0].q] * 3 + q + [points[-1].q] * 3)
 
 
