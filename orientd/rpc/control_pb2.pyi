@@ -211,7 +211,7 @@ class MotionRequest(_message.Message):
     device_options: _struct_pb2.Struct
     duration: Duration
     name: str
-    def __init__(self, method: _Optional[str] = ..., keyframes: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., start_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., end_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., approach: _Optional[bool] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., device_options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., duration: _Optional[_Union[Duration, str]] = ..., name: _Optional[str] = ...) -> None: ...
+    def __init__(self, method: _Optional[str] = ..., keyframes: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., start_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., end_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., approach: bool = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., device_options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., duration: _Optional[_Union[Duration, str]] = ..., name: _Optional[str] = ...) -> None: ...
 
 class Peak(_message.Message):
     __slots__ = ("value", "time", "limit", "on_records")
@@ -355,7 +355,7 @@ class Cycle(_message.Message):
     feedback_omega_body: Vector3
     feedback_position: Vector3
     tracking_error: float
-    def __init__(self, index: _Optional[int] = ..., deadline_ns: _Optional[int] = ..., lateness_ns: _Optional[int] = ..., work_ns: _Optional[int] = ..., feedback_age_ns: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., motion_number: _Optional[int] = ..., is_written: _Optional[bool] = ..., overruns: _Optional[int] = ..., missed: _Optional[int] = ..., path_index: _Optional[int] = ..., path_fraction: _Optional[float] = ..., speed: _Optional[float] = ..., orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., alpha_body: _Optional[_Union[Vector3, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., feedback_orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., feedback_omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., feedback_position: _Optional[_Union[Vector3, _Mapping]] = ..., tracking_error: _Optional[float] = ...) -> None: ...
+    def __init__(self, index: _Optional[int] = ..., deadline_ns: _Optional[int] = ..., lateness_ns: _Optional[int] = ..., work_ns: _Optional[int] = ..., feedback_age_ns: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., motion_number: _Optional[int] = ..., is_written: bool = ..., overruns: _Optional[int] = ..., missed: _Optional[int] = ..., path_index: _Optional[int] = ..., path_fraction: _Optional[float] = ..., speed: _Optional[float] = ..., orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., alpha_body: _Optional[_Union[Vector3, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., feedback_orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., feedback_omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., feedback_position: _Optional[_Union[Vector3, _Mapping]] = ..., tracking_error: _Optional[float] = ...) -> None: ...
 
 class Device(_message.Message):
     __slots__ = ("name", "driver", "rate_hz", "limits", "lead", "phase")
@@ -405,7 +405,7 @@ class DeviceReport(_message.Message):
     is_memory_locked: bool
     cycle: Cycle
     motion_name: str
-    def __init__(self, device: _Optional[_Union[Device, _Mapping]] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., fault_text: _Optional[str] = ..., is_paused: _Optional[bool] = ..., speed: _Optional[float] = ..., motion_number: _Optional[int] = ..., motion_id: _Optional[str] = ..., path_time: _Optional[float] = ..., duration: _Optional[float] = ..., servo_pid: _Optional[int] = ..., scheduling: _Optional[str] = ..., is_memory_locked: _Optional[bool] = ..., cycle: _Optional[_Union[Cycle, _Mapping]] = ..., motion_name: _Optional[str] = ...) -> None: ...
+    def __init__(self, device: _Optional[_Union[Device, _Mapping]] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., fault_text: _Optional[str] = ..., is_paused: bool = ..., speed: _Optional[float] = ..., motion_number: _Optional[int] = ..., motion_id: _Optional[str] = ..., path_time: _Optional[float] = ..., duration: _Optional[float] = ..., servo_pid: _Optional[int] = ..., scheduling: _Optional[str] = ..., is_memory_locked: bool = ..., cycle: _Optional[_Union[Cycle, _Mapping]] = ..., motion_name: _Optional[str] = ...) -> None: ...
 
 class LeaseReport(_message.Message):
     __slots__ = ("holder", "remaining", "identity")
@@ -459,7 +459,7 @@ class WatchStateRequest(_message.Message):
     decimation: int
     as_records: bool
     with_outline: bool
-    def __init__(self, device: _Optional[str] = ..., rate_hz: _Optional[float] = ..., decimation: _Optional[int] = ..., as_records: _Optional[bool] = ..., with_outline: _Optional[bool] = ...) -> None: ...
+    def __init__(self, device: _Optional[str] = ..., rate_hz: _Optional[float] = ..., decimation: _Optional[int] = ..., as_records: bool = ..., with_outline: bool = ...) -> None: ...
 
 class Polyline(_message.Message):
     __slots__ = ("coordinates",)
@@ -549,7 +549,7 @@ class Method(_message.Message):
     interpolates: bool
     is_local: bool
     meets_end_velocities: bool
-    def __init__(self, name: _Optional[str] = ..., summary: _Optional[str] = ..., source: _Optional[str] = ..., interpolates: _Optional[bool] = ..., is_local: _Optional[bool] = ..., meets_end_velocities: _Optional[bool] = ...) -> None: ...
+    def __init__(self, name: _Optional[str] = ..., summary: _Optional[str] = ..., source: _Optional[str] = ..., interpolates: bool = ..., is_local: bool = ..., meets_end_velocities: bool = ...) -> None: ...
 
 class ListMethodsResponse(_message.Message):
     __slots__ = ("methods",)
@@ -627,7 +627,7 @@ class MoveRequest(_message.Message):
     start_time: _timestamp_pb2.Timestamp
     on_target: OnTarget
     plan_timeout: float
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., motion: _Optional[_Union[MotionRequest, _Mapping]] = ..., motion_id: _Optional[str] = ..., progress_rate_hz: _Optional[float] = ..., queue: _Optional[bool] = ..., blend_tolerance: _Optional[float] = ..., start_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., on_target: _Optional[_Union[OnTarget, _Mapping]] = ..., plan_timeout: _Optional[float] = ...) -> None: ...
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., motion: _Optional[_Union[MotionRequest, _Mapping]] = ..., motion_id: _Optional[str] = ..., progress_rate_hz: _Optional[float] = ..., queue: bool = ..., blend_tolerance: _Optional[float] = ..., start_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., on_target: _Optional[_Union[OnTarget, _Mapping]] = ..., plan_timeout: _Optional[float] = ...) -> None: ...
 
 class OnTarget(_message.Message):
     __slots__ = ("tolerance", "rate", "settle_time", "timeout")
@@ -654,14 +654,16 @@ class MoveTiming(_message.Message):
     def __init__(self, planning: _Optional[float] = ..., splicing: _Optional[float] = ..., received_ns: _Optional[int] = ..., attempts: _Optional[int] = ...) -> None: ...
 
 class MoveStarted(_message.Message):
-    __slots__ = ("motion_number", "plan", "timing")
+    __slots__ = ("motion_number", "plan", "timing", "speed")
     MOTION_NUMBER_FIELD_NUMBER: _ClassVar[int]
     PLAN_FIELD_NUMBER: _ClassVar[int]
     TIMING_FIELD_NUMBER: _ClassVar[int]
+    SPEED_FIELD_NUMBER: _ClassVar[int]
     motion_number: int
     plan: Plan
     timing: MoveTiming
-    def __init__(self, motion_number: _Optional[int] = ..., plan: _Optional[_Union[Plan, _Mapping]] = ..., timing: _Optional[_Union[MoveTiming, _Mapping]] = ...) -> None: ...
+    speed: float
+    def __init__(self, motion_number: _Optional[int] = ..., plan: _Optional[_Union[Plan, _Mapping]] = ..., timing: _Optional[_Union[MoveTiming, _Mapping]] = ..., speed: _Optional[float] = ...) -> None: ...
 
 class MoveProgress(_message.Message):
     __slots__ = ("path_time", "duration", "state", "is_paused", "speed", "orientation", "omega_body", "position", "lateness", "tracking_error", "overruns")
@@ -687,7 +689,7 @@ class MoveProgress(_message.Message):
     lateness: float
     tracking_error: float
     overruns: int
-    def __init__(self, path_time: _Optional[float] = ..., duration: _Optional[float] = ..., state: _Optional[_Union[State, str]] = ..., is_paused: _Optional[bool] = ..., speed: _Optional[float] = ..., orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., lateness: _Optional[float] = ..., tracking_error: _Optional[float] = ..., overruns: _Optional[int] = ...) -> None: ...
+    def __init__(self, path_time: _Optional[float] = ..., duration: _Optional[float] = ..., state: _Optional[_Union[State, str]] = ..., is_paused: bool = ..., speed: _Optional[float] = ..., orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., lateness: _Optional[float] = ..., tracking_error: _Optional[float] = ..., overruns: _Optional[int] = ...) -> None: ...
 
 class Durations(_message.Message):
     __slots__ = ("p50", "p99", "p99_9", "largest")

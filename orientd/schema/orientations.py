@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -62,12 +63,24 @@ def quaternions(written: Sequence[Written]) -> list[Quaternion]:
         RequestError: one is none, for example a matrix that is no rotation.
     """
     found: list[Any] = [q for _, q in written]
+    for index, (form, given) in enumerate(written):
+        if form == "rotation_vector" and math.hypot(*given) > 2.0 * math.pi:
+            warnings.warn(_beyond_a_turn(index, given), stacklevel=2)
     _convert(found, written, "rotation_vector", from_rotation_vector)
     _convert(found, written, "matrix", from_matrix)
     for index, (form, euler) in enumerate(written):
         if form == "euler":
             found[index] = _from_euler(euler[0], euler[1], f"[{index}].euler")
     return found
+
+
+def _beyond_a_turn(index: int, vector: Sequence[float]) -> str:
+    angle = math.hypot(*vector)
+    rest = math.degrees(math.remainder(angle, 2.0 * math.pi))
+    return (
+        f"keyframes[{index}].rotation_vector is {angle:.6g} rad long, more than a whole turn, and "
+        f"taken for {rest:.4g} deg: its unit is rad; `euler` takes degrees, `turns` whole turns"
+    )
 
 
 def _convert(

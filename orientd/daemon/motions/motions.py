@@ -293,7 +293,8 @@ class Motions:
                 self.is_paused = False
         if move_options.gate is not None:
             self._arrivals.expect(number, move_options.gate)
-        self._tell(EventKind.MOTION_STARTED, number, f"{motion.facts.duration:.3f} s")
+        at_speed = "" if speed == 1.0 else f" at speed {speed:g}"
+        self._tell(EventKind.MOTION_STARTED, number, f"{motion.facts.duration:.3f} s{at_speed}")
 
     def tend(self, fault_text: str, *, speed: float) -> None:
         """Feed what runs, measure it, and note what has ended; to be called every few cycles.
