@@ -65,8 +65,8 @@ class BezierCatmullRom(TriangleCurve):
             ahead = multiply(here, multiply(conjugate(before), after))
         else:
             ahead = multiply(after, multiply(conjugate(before), here))
-        # L_i is R_i reflected.  Said so, both lie on one arc where keyframes half a turn apart leave
-        # open which way round it goes.
+        # L_i is R_i reflected.  Said so, both lie on one arc where keyframes half a turn apart
+        # leave open which way round it goes.
         super().__init__(
             knots=instants,
             points=cubic_bezier_points(
