@@ -27,6 +27,7 @@ from math import atan2, cos, hypot, inf, pi, sin, sqrt, tau
 from typing import NamedTuple
 
 from orientd.driver import Quaternion, Vector3
+from orientd.floats import combine
 
 Six = tuple[float, float, float, float, float, float]
 Joints = Six
@@ -177,9 +178,9 @@ class Kinematics:
         x4 = (u[0] * cos(bend), u[1] * cos(bend), sin(bend))
         y4 = (u[0] * sin(bend), u[1] * sin(bend), -cos(bend))
         c5, s5, c6, s6 = cos(q5), sin(q5), cos(q6), sin(q6)
-        axis = _mix(n, c5, x4, -s5)
-        x5 = _mix(x4, c5, n, s5)
-        x6, y6 = _mix(x5, c6, y4, -s6), _mix(x5, -s6, y4, -c6)
+        axis = combine(n, c5, x4, -s5)
+        x5 = combine(x4, c5, n, s5)
+        x6, y6 = combine(x5, c6, y4, -s6), combine(x5, -s6, y4, -c6)
         position = (
             u[0] * along + n[0] * d4 + axis[0] * d6,
             u[1] * along + n[1] * d4 + axis[1] * d6,
@@ -288,9 +289,5 @@ def _near(angle: float, seed: float) -> float:
 
 
 def _beside(point: Vector3, direction: Vector3, along: float, up: float) -> Vector3:
-    x, y, z = _mix(point, 1.0, direction, along)
+    x, y, z = combine(point, 1.0, direction, along)
     return (x, y, z + up)
-
-
-def _mix(a: Vector3, s: float, b: Vector3, t: float) -> Vector3:
-    return (a[0] * s + b[0] * t, a[1] * s + b[1] * t, a[2] * s + b[2] * t)

@@ -150,7 +150,8 @@ class Cell:
         self.runs.halt(self.devices.values(), GOING_DOWN)
         unfinished = self.runs.unfinished()
         for run in unfinished:
-            stop_time = run.motion.facts.stop_time if run.motion is not None else 0.0
+            # From a lower speed a stop may take longer than from full speed, but not than this.
+            stop_time = 1.0 / run.motion.facts.brake_rate if run.motion is not None else 0.0
             wait([run.ended], timeout=stop_time + 1.0)
         with ThreadPoolExecutor(len(self.devices)) as pool:
             list(pool.map(lambda device: device.shutdown(), self.devices.values()))

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from orientd.rpc.channel_options import server_options
     from orientd.rpc.client import Robot, connect
     from orientd.rpc.connection import Connection
+    from orientd.rpc.descriptions import Method
     from orientd.rpc.lease_report import LeaseReport
     from orientd.rpc.move_handle import MoveHandle
     from orientd.rpc.observer import Observer
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
         DaemonReport,
         DeviceReport,
         Durations,
-        Method,
         MoveTiming,
         OnTarget,
         Outcome,

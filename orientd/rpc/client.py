@@ -22,8 +22,9 @@ from orientd.rpc import control_pb2 as pb
 from orientd.rpc.channel import Way
 from orientd.rpc.commands import Commands
 from orientd.rpc.connection import Connection
+from orientd.rpc.descriptions import Device, Method
 from orientd.rpc.observer import Observer
-from orientd.rpc.reports import CellReport, Device, Method, OnTarget, Plan
+from orientd.rpc.reports import CellReport, OnTarget, Plan
 from orientd.rpc.wire import (
     configured_from_message,
     cycle_from_message,

@@ -66,6 +66,7 @@ class EventKind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     EVENT_KIND_SERVO_DIED: _ClassVar[EventKind]
     EVENT_KIND_RECORDED: _ClassVar[EventKind]
     EVENT_KIND_RECORDING_FAILED: _ClassVar[EventKind]
+    EVENT_KIND_MOTION_PASSED: _ClassVar[EventKind]
 
 class Outcome(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
@@ -75,6 +76,7 @@ class Outcome(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     OUTCOME_FAULT: _ClassVar[Outcome]
     OUTCOME_REPLACED: _ClassVar[Outcome]
     OUTCOME_UNSETTLED: _ClassVar[Outcome]
+    OUTCOME_PASSED: _ClassVar[Outcome]
 FRAME_UNSPECIFIED: Frame
 FRAME_BODY: Frame
 FRAME_WORLD: Frame
@@ -113,12 +115,14 @@ EVENT_KIND_FAULT: EventKind
 EVENT_KIND_SERVO_DIED: EventKind
 EVENT_KIND_RECORDED: EventKind
 EVENT_KIND_RECORDING_FAILED: EventKind
+EVENT_KIND_MOTION_PASSED: EventKind
 OUTCOME_UNSPECIFIED: Outcome
 OUTCOME_DONE: Outcome
 OUTCOME_STOPPED: Outcome
 OUTCOME_FAULT: Outcome
 OUTCOME_REPLACED: Outcome
 OUTCOME_UNSETTLED: Outcome
+OUTCOME_PASSED: Outcome
 
 class Vector3(_message.Message):
     __slots__ = ("x", "y", "z")
@@ -247,14 +251,16 @@ class MotionRequest(_message.Message):
     def __init__(self, method: _Optional[str] = ..., keyframes: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., start_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., end_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., approach: bool = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., device_options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., duration: _Optional[_Union[Duration, str]] = ..., name: _Optional[str] = ..., pointing_axis: _Optional[_Union[PointingAxis, str]] = ...) -> None: ...
 
 class Peak(_message.Message):
-    __slots__ = ("value", "time", "limit")
+    __slots__ = ("value", "time", "limit", "on_records")
     VALUE_FIELD_NUMBER: _ClassVar[int]
     TIME_FIELD_NUMBER: _ClassVar[int]
     LIMIT_FIELD_NUMBER: _ClassVar[int]
+    ON_RECORDS_FIELD_NUMBER: _ClassVar[int]
     value: float
     time: float
     limit: float
-    def __init__(self, value: _Optional[float] = ..., time: _Optional[float] = ..., limit: _Optional[float] = ...) -> None: ...
+    on_records: float
+    def __init__(self, value: _Optional[float] = ..., time: _Optional[float] = ..., limit: _Optional[float] = ..., on_records: _Optional[float] = ...) -> None: ...
 
 class Figure(_message.Message):
     __slots__ = ("name", "value", "unit", "limit", "time")
@@ -691,14 +697,16 @@ class MoveTiming(_message.Message):
     def __init__(self, planning: _Optional[float] = ..., splicing: _Optional[float] = ..., received_ns: _Optional[int] = ..., attempts: _Optional[int] = ...) -> None: ...
 
 class MoveStarted(_message.Message):
-    __slots__ = ("motion_number", "plan", "timing")
+    __slots__ = ("motion_number", "plan", "timing", "speed")
     MOTION_NUMBER_FIELD_NUMBER: _ClassVar[int]
     PLAN_FIELD_NUMBER: _ClassVar[int]
     TIMING_FIELD_NUMBER: _ClassVar[int]
+    SPEED_FIELD_NUMBER: _ClassVar[int]
     motion_number: int
     plan: Plan
     timing: MoveTiming
-    def __init__(self, motion_number: _Optional[int] = ..., plan: _Optional[_Union[Plan, _Mapping]] = ..., timing: _Optional[_Union[MoveTiming, _Mapping]] = ...) -> None: ...
+    speed: float
+    def __init__(self, motion_number: _Optional[int] = ..., plan: _Optional[_Union[Plan, _Mapping]] = ..., timing: _Optional[_Union[MoveTiming, _Mapping]] = ..., speed: _Optional[float] = ...) -> None: ...
 
 class MoveProgress(_message.Message):
     __slots__ = ("path_time", "duration", "state", "is_paused", "speed", "orientation", "omega_body", "position", "lateness", "tracking_error", "overruns")

@@ -35,6 +35,7 @@ class MoveHandle:
         plan: what is run.
         motion_number: 1 for the first motion of the device.
         timing: what passed before its first setpoint.
+        speed: of the device when it began, which somebody may have set before; 1 is as planned.
     """
 
     def __init__(
@@ -72,6 +73,7 @@ class MoveHandle:
         self.plan: Plan = plan_from_message(first.plan)
         self.motion_number: int = first.motion_number
         self.timing: MoveTiming = timing_from_message(first.timing)
+        self.speed: float = first.speed
         self._reader = threading.Thread(target=self._read, name="orientd move", daemon=True)
         self._reader.start()
 

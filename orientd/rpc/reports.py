@@ -31,13 +31,22 @@ def titled(number: int, name: str) -> str:
 
 
 class Outcome(Enum):
-    """How a motion ended."""
+    """How a motion ended.
+
+    ``done`` is said of what arrived, ``passed`` of what was blended into the motion after it.
+    """
 
     DONE = "done"
+    PASSED = "passed"
     STOPPED = "stopped"
     FAULT = "fault"
     REPLACED = "replaced"
     UNSETTLED = "unsettled"
+
+    @property
+    def is_as_asked(self) -> bool:
+        """Whether the motion went as it was asked for."""
+        return self in (Outcome.DONE, Outcome.PASSED)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -350,45 +359,3 @@ class CellReport:
 
     daemon: DaemonReport
     devices: Mapping[str, DeviceReport]
-
-
-@dataclass(frozen=True, slots=True)
-class Device:
-    """A device of the configuration.
-
-    Attributes:
-        name: what requests call it.
-        driver: name of its driver.
-        rate_hz: cycles a second.
-        limits: what no motion of it may exceed.
-        lead: how long before its time each setpoint is sent, s; 0 for a device that is not led.
-        phase: where in a period of the monotonic clock its cycles begin, as a share of it.
-    """
-
-    name: str
-    driver: str
-    rate_hz: float
-    limits: Limits
-    lead: float = 0.0
-    phase: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class Method:
-    """A family of curves.
-
-    Attributes:
-        name: what a request calls it.
-        summary: one line.
-        source: where the mathematics is from.
-        interpolates: whether it passes through the keyframes.
-        is_local: whether a keyframe moves only the part of the curve near it.
-        meets_end_velocities: whether velocities asked for at the ends are met.
-    """
-
-    name: str
-    summary: str
-    source: str
-    interpolates: bool
-    is_local: bool
-    meets_end_velocities: bool

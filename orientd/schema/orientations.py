@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -88,6 +89,9 @@ def quaternions(written: Sequence[Written]) -> list[Quaternion]:
         RequestError: one is none, for example a matrix that is no rotation.
     """
     found: list[Any] = [q for _, q in written]
+    for index, (form, given) in enumerate(written):
+        if form == "rotation_vector" and math.hypot(*given) > 2.0 * math.pi:
+            warnings.warn(_beyond_a_turn(index, given), stacklevel=2)
     _convert(found, written, "rotation_vector", from_rotation_vector)
     _convert(found, written, "matrix", from_matrix)
     for index, (form, euler) in enumerate(written):
@@ -109,6 +113,15 @@ def _level(form: str, given: Sequence[float], place: str) -> Quaternion:
         azimuth, elevation = math.atan2(y, x), math.atan2(z, math.hypot(x, y))
     w, x, y, z = from_euler("ZY", [azimuth, -elevation]).tolist()
     return w, x, y, z
+
+
+def _beyond_a_turn(index: int, vector: Sequence[float]) -> str:
+    angle = math.hypot(*vector)
+    rest = math.degrees(math.remainder(angle, 2.0 * math.pi))
+    return (
+        f"keyframes[{index}].rotation_vector is {angle:.6g} rad long, more than a whole turn, and "
+        f"taken for {rest:.4g} deg: its unit is rad; `euler` takes degrees, `turns` whole turns"
+    )
 
 
 def _convert(

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from orientd.driver import IDENTITY, ZERO, Driver, Quaternion, Vector3
 from orientd.errors import Fault, NotYetError
-from orientd.floats import difference, norm
+from orientd.floats import combine, difference, norm
 from orientd.servo.guard import Guard
 from orientd.servo.path import (
     BrakeLaw,
@@ -288,10 +288,10 @@ class SetpointGenerator:
         change = (rate - before) / clock.period
         return PathPoint(
             path.q,
-            _combine(path.omega_body, rate, path.omega_body, 0.0),
-            _combine(path.alpha_body, rate * rate, path.omega_body, change),
+            combine(path.omega_body, rate, path.omega_body, 0.0),
+            combine(path.alpha_body, rate * rate, path.omega_body, change),
             path.position,
-            _combine(path.velocity, rate, path.velocity, 0.0),
+            combine(path.velocity, rate, path.velocity, 0.0),
         )
 
     def _share_run(self, deadline_ns: int) -> float:
@@ -397,7 +397,3 @@ class SetpointGenerator:
         self.motion = leg.number
         if self.path_clock.is_steady and not self.follower.is_spliced:
             self.path_clock.brake_rate = leg.servo_limits.brake_rate
-
-
-def _combine(a: Vector3, s: float, b: Vector3, t: float) -> Vector3:
-    return (a[0] * s + b[0] * t, a[1] * s + b[1] * t, a[2] * s + b[2] * t)

@@ -137,6 +137,7 @@ def test_a_motion_can_be_paused_and_resumed_and_slowed(robot):
     until(lambda: robot.state().devices[DEVICE].cycle.speed == 0.0, "rest on the path")
     assert not handle.is_done
     assert not robot.resume().is_paused
+    assert handle.speed == 1.0
     assert robot.set_speed(0.5).speed == 0.5
     until(lambda: handle.is_done or handle.progress.speed == 0.5, "half the speed")
     assert robot.set_speed(1.0).speed == 1.0

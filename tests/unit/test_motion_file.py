@@ -385,3 +385,9 @@ def test_the_schema_admits_three_limits_where_the_reader_does():
     for name in ("velocity", "acceleration", "jerk"):
         assert sum("array" in str(kind) for kind in kinds[name]["anyOf"]) == 1
     assert "array" not in str(kinds["linear_velocity"])
+
+
+def test_a_rotation_vector_longer_than_a_turn_is_taken_with_a_word_about_degrees():
+    keyframes = [{"rotation_vector": [0, 0, 1]}, {"rotation_vector": [0, 0, 90]}]
+    with pytest.warns(UserWarning, match=r"keyframes\[1\].*rad.*`euler`.*`turns`"):
+        parse({"keyframes": keyframes})

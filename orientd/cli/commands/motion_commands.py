@@ -185,14 +185,21 @@ def move(
             f"{texts.count(len(request.keyframes), 'keyframe')}, "
             f"{plan.duration:.3f} s with a lead-in of {plan.certificate.lead_in:.3f} s and a "
             f"lead-out of {plan.certificate.lead_out:.3f} s",
-            notes=plan.certificate.notes,
+            notes=(*_speed_note(handle.speed), *plan.certificate.notes),
             is_silent=as_json,
         )
     if as_json:
-        say_json({"plan": handle.plan, "summary": summary})
+        say_json({"plan": handle.plan, "summary": summary, "speed": handle.speed})
     else:
         say(*texts.summary(summary, handle.plan))
     raise_unless_done(summary)
+
+
+def _speed_note(speed: float) -> tuple[str, ...]:
+    """Return a line about a speed that was left by whoever set it."""
+    if speed == 1.0:
+        return ()
+    return (f"runs at speed {speed:g}, as it was set before; `orientd speed 1` is as planned",)
 
 
 def _gate(text: str) -> OnTarget:
@@ -249,9 +256,8 @@ def follow(
 def raise_unless_done(summary: Summary) -> None:
     """Raise what makes a command fail after a motion that was not run to its end."""
     from orientd.cli import texts
-    from orientd.rpc import Outcome
 
-    if summary.outcome is not Outcome.DONE:
+    if not summary.outcome.is_as_asked:
         raise OrientdError(f"motion {summary.motion_number} {texts.ending(summary)}")
 
 

@@ -184,6 +184,7 @@ def _started(run: ActiveMotion, timing: MoveTiming) -> pb.MoveResponse:
             motion_number=run.number,
             plan=pb.Plan.FromString(run.motion.plan),
             timing=timing_to_message(timing),
+            speed=run.device.snapshot().speed,
         )
     )
 

@@ -13,7 +13,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from orientd.daemon.devices import DeviceEvent, EventKind
+from orientd.daemon.devices import STOPPED, DeviceEvent, EventKind
 from orientd.daemon.observe import about
 from orientd.errors import Fault, OrientdError, StateError
 from orientd.rpc import Outcome, titled
@@ -31,6 +31,7 @@ Ended = tuple[Outcome, str]
 
 _OUTCOMES = {
     EventKind.MOTION_DONE: Outcome.DONE,
+    EventKind.MOTION_PASSED: Outcome.PASSED,
     EventKind.MOTION_REPLACED: Outcome.REPLACED,
     EventKind.MOTION_UNSETTLED: Outcome.UNSETTLED,
 }
@@ -272,8 +273,10 @@ class ActiveMotions:
         self.hear_stops()
         with self._lock:
             run = self._runs.get((event.device, event.motion_number))
-            reason = run.reason if run is not None else ""
-            return Outcome.STOPPED, reason or self._reasons.get(event.device, event.text)
+            reason = (run.reason if run is not None else "") or self._reasons.get(event.device)
+        if not reason or event.text == STOPPED:
+            return Outcome.STOPPED, reason or event.text
+        return Outcome.STOPPED, f"{event.text}: {reason}"
 
     def _end(self, event: DeviceEvent, ended: Ended) -> None:
         with self._lock:

@@ -10,11 +10,11 @@ from orientd.driver import IDENTITY, ZERO
 from orientd.errors import Fault
 from orientd.planner import DEFAULT_LIMITS, Certificate, Peak
 from orientd.rpc import control_pb2 as pb
+from orientd.rpc.descriptions import Method
 from orientd.rpc.reports import (
     DaemonReport,
     DeviceReport,
     Durations,
-    Method,
     Outcome,
     Plan,
     Progress,
