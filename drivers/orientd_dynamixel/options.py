@@ -10,7 +10,9 @@
     max_losses = 10            # answers lost in a row until it is a fault
     at_end = "release"         # or "hold": leave the torque on
     park_deg = [0, 0, 0]       # go here before the torque is switched off
+    pointing = true            # two axes: only the direction counts; false: the roll must fit, too
     max_deviation_deg = 0.0    # by how much a path near the pole may be missed; 0 refuses it
+    turns_file = ""            # where whole turns are kept; by default in the XDG state directory
     allow_slews = false        # whether the tool may stop and leave its path to change branch
 
     [[axes]]                   # one for each letter of order
@@ -116,6 +118,7 @@ class GimbalOptions:
     latency_ms: float
     max_deviation: float
     allow_slews: bool
+    turns_file: str | None
 
 
 _AXIS_KEYS = {
@@ -125,7 +128,7 @@ _AXIS_KEYS = {
 _KEYS = {
     "port", "baud", "order", "axes", "mount", "tool", "fast_read", "watchdog_ms", "at_end",
     "park_deg", "pointing", "roll_tolerance_deg", "follow_tolerance_deg", "follow_time",
-    "max_losses", "latency_ms", "max_deviation_deg", "allow_slews",
+    "max_losses", "latency_ms", "max_deviation_deg", "allow_slews", "turns_file",
 }  # fmt: skip
 
 
@@ -151,6 +154,9 @@ def parse(options: Mapping[str, Any]) -> GimbalOptions:
     port = options.get("port")
     if not isinstance(port, str) or not port:
         raise ValueError(f"port must be the path of a serial port, got {port!r}")
+    turns_file = options.get("turns_file")
+    if turns_file is not None and not isinstance(turns_file, str):
+        raise ValueError(f"turns_file must be a path, or empty for none, got {turns_file!r}")
     park = options.get("park_deg")
     if park is not None:
         park = tuple(map(math.radians, numbers("park_deg", park, len(axes))))
@@ -168,7 +174,7 @@ def parse(options: Mapping[str, Any]) -> GimbalOptions:
         watchdog_ms=round(number("watchdog_ms", options.get("watchdog_ms", 500), 0, 2540)),
         at_end=choice("at_end", options.get("at_end", "release"), ("release", "hold")),
         park=park,
-        pointing=switch("pointing", options.get("pointing", False)),
+        pointing=switch("pointing", options.get("pointing", len(axes) == 2)),
         roll_tolerance=math.radians(
             number("roll_tolerance_deg", options.get("roll_tolerance_deg", 1.0), 0, 180)
         ),
@@ -182,6 +188,7 @@ def parse(options: Mapping[str, Any]) -> GimbalOptions:
             number("max_deviation_deg", options.get("max_deviation_deg", 0.0), 0, 45)
         ),
         allow_slews=switch("allow_slews", options.get("allow_slews", False)),
+        turns_file=turns_file,
     )
 
 

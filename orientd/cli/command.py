@@ -28,6 +28,11 @@ DeviceName = Annotated[
     str, typer.Option("--device", "-d", help="Which device, where there are several.")
 ]
 
+Beside = Annotated[
+    bool,
+    typer.Option("--lease", help="Command beside what holds the lease in another terminal."),
+]
+
 _REMOTE = {
     "address": Annotated[
         str | None,

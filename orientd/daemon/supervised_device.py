@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from orientd.config import DeviceSettings
 from orientd.daemon.devices import DeviceEvent, EventKind, ServoLink, ServoSupervisor
 from orientd.errors import DaemonError, Fault, PendingError
-from orientd.stream import State
+from orientd.stream import STOPS_WORD, State
 
 if TYPE_CHECKING:
     # Loaded with the first motion: until then the daemon stays small.
@@ -106,6 +106,20 @@ class SupervisedDevice:
     def wait_ready(self, timeout: float) -> bool:
         """Wait until the servo runs its cycles, or has failed to; return which."""
         return self._servo.wait_ready(timeout)
+
+    @property
+    def stops_beside(self) -> int:
+        """How many stops this servo process was asked for beside the daemon."""
+        link = self._servo.link
+        with contextlib.suppress(ValueError):  # closed meanwhile
+            return 0 if link is None else link.memory.pulse[STOPS_WORD]
+        return 0
+
+    @property
+    def descriptor(self) -> int:
+        """The file of the memory shared with the servo process; -1 where there is none."""
+        link = self._servo.link
+        return -1 if link is None else link.memory.descriptor
 
     @property
     def failure(self) -> str:

@@ -233,6 +233,29 @@ class Driver(ABC):
         """
         return None
 
+    def way(
+        self,
+        joints: tuple[float, ...],  # noqa: ARG002 - most devices go the shortest way
+        q: Quaternion,  # noqa: ARG002
+        *,
+        is_refused: bool,  # noqa: ARG002
+    ) -> Sequence[Quaternion]:
+        """Return the orientations to pass on the way to *q*, where the shortest turn is not it.
+
+        Called where :meth:`shape` is, for a motion with a single keyframe that begins at rest.
+
+        Args:
+            joints: axis angles where the device is, rad.
+            q: the keyframe.
+            is_refused: whether :meth:`shape` has refused the shortest turn for the angle of an
+                axis.
+
+        Returns:
+            From where the device is to where the motion ends, no two a half turn apart; empty for
+            the shortest turn.
+        """
+        return ()
+
     def outline(self, joints: tuple[float, ...]) -> Sequence[Sequence[Vector3]]:  # noqa: ARG002 - many devices have no axes
         """Return the device's shape as it stands, for a picture of it.
 
@@ -286,9 +309,28 @@ class Driver(ABC):
     def write(self, setpoint: Setpoint) -> None:
         """Send *setpoint*.  Called every cycle while enabled, after :meth:`read`."""
 
+    def follow(self, setpoint: Setpoint) -> Quaternion:
+        """Send *setpoint*, of targets that are followed, or what the device's axes can do of it.
+
+        Called in place of :meth:`write` while targets are followed, of which no path was planned.
+
+        Returns:
+            The orientation that was sent.
+        """
+        self.write(setpoint)
+        return setpoint.q
+
     @abstractmethod
     def disable(self) -> None:
         """Leave the device standing still and no longer following.  Must not raise twice."""
+
+    def rest_in_fault(self) -> None:  # noqa: B027 - most devices stay where they are told to be
+        """Leave the device where it is from now on, whatever setpoint it still gets.
+
+        Called once a fault has brought everything to rest, before :meth:`disable` where that
+        follows at once; :meth:`write` may go on being called with the setpoint that is held.  Must
+        neither wait nor raise.
+        """
 
     def reset(self) -> None:  # noqa: B027 - most devices need nothing
         """Clear a fault of the device, so that :meth:`enable` can work again."""

@@ -16,7 +16,8 @@ from orientd.planner.axis_path import reshaped
 from orientd.planner.limits import Limits
 from orientd.planner.motion import Motion
 from orientd.planner.planning import plan
-from orientd.planner.request import MotionRequest, State
+from orientd.planner.request import Keyframe, MotionRequest, State
+from orientd.rotation import angle
 
 _POWERS = {"rad/s": 1, "rad/s^2": 2, "rad/s^3": 3, "s": 1}
 """How what a limit is about falls with the speed; a stop takes less long, too."""
@@ -25,6 +26,10 @@ _SLOWEST = 0.1
 """Share of the device's speed below which no motion is slowed down for its axes."""
 _CLOSE = 1.02
 """How near the slowest speed refused and the one that fits come to each other."""
+_GIVEN = 0.2
+"""For how long after it takes over from a motion its speed is that motion's, s."""
+_THERE = 1e-6
+"""How far from where it is to go a device is there already, rad."""
 _ATTEMPTS = 16
 """Plans made at most: each costs as much as the first."""
 
@@ -57,11 +62,21 @@ def plan_to_fit(
         RequestError: the request is not one that its method or the device allows.
         PlanError: it cannot be planned, an axis cannot follow, or it would break a limit.
     """
+    told = _by_way(driver, request, start, joints, is_refused=False)
+    request = told or request
     motion = plan(request, start=start, limits=limits, period=period, motion_id=motion_id)
     try:
         return _fitted(driver, motion, joints, before)
     except LimitError as error:
+        other = _by_way(driver, request, start, joints, is_refused=True)
+        if other is not None and error.quantity.startswith("angle of"):
+            return plan_to_fit(
+                driver, other, start=start, joints=joints, limits=limits, period=period,
+                motion_id=motion_id,
+            )  # fmt: skip
         if request.times is not None or error.unit not in _POWERS:
+            raise
+        if not start.is_at_rest and error.time < _GIVEN:
             raise
         refusal = error
     own, speed, worst = motion.limits, 1.0, refusal
@@ -102,6 +117,28 @@ def plan_to_fit(
     note = f"the axes need {fitted.duration / motion.duration:.3f} times as long"
     notes = (*fitted.certificate.notes, note)
     return replace(fitted, certificate=replace(fitted.certificate, notes=notes))
+
+
+def _by_way(
+    driver: Driver,
+    request: MotionRequest,
+    start: State,
+    joints: tuple[float, ...],
+    *,
+    is_refused: bool,
+) -> MotionRequest | None:
+    """Return the request to go to a single keyframe by the way that the driver knows, if any."""
+    if not (request.is_single and joints and start.is_at_rest):
+        return None
+    (keyframe,) = request.keyframes
+    passed = driver.way(joints, keyframe.q, is_refused=is_refused)
+    if not passed:
+        return None
+    if len(passed) == 2 and angle(start.q, passed[-1]) < _THERE:
+        return replace(request, keyframes=[replace(keyframe, q=passed[-1])])
+    first = Keyframe((*start.q.tolist(),))
+    ways = [first, *(Keyframe(q) for q in passed[1:-1]), replace(keyframe, q=passed[-1])]
+    return replace(request, keyframes=ways, approach=False)
 
 
 def _fitted(

@@ -11,7 +11,7 @@ import grpc
 from orientd.errors import DaemonError, OrientdError, PendingError
 from orientd.rpc.channel import Way
 from orientd.rpc.control_pb2_grpc import ControlStub
-from orientd.rpc.wire import from_call
+from orientd.rpc.wire import UnreachableError, from_call
 
 Answer = TypeVar("Answer")
 
@@ -24,6 +24,7 @@ class Connection:
     """An open channel to the daemon, until it is closed.
 
     Attributes:
+        way: to the daemon.
         stub: of the control service, for what is called here.
     """
 
@@ -37,7 +38,7 @@ class Connection:
         Raises:
             DaemonError: a certificate cannot be read, or the path cannot be that of a socket.
         """
-        self._way = way
+        self.way = way
         self._timeout = timeout
         self._channel = way.open()
         self._is_closed = False
@@ -56,7 +57,7 @@ class Connection:
         """
         return self.call(method, request, timeout=self._timeout)
 
-    def ask_until_done(self, method: Callable[..., Answer], request: object) -> Answer:
+    def until_done(self, ask: Callable[[], Answer]) -> Answer:
         """Return the answer to a command, asked for again while the device takes its time.
 
         Raises:
@@ -66,11 +67,27 @@ class Connection:
         ends = time.monotonic() + LONGEST_COMMAND
         while True:
             try:
-                return self.ask(method, request)
+                return ask()
             except PendingError:
                 if time.monotonic() > ends:
                     raise
                 time.sleep(_ASK_AGAIN)
+
+    def begin(self, method: Any, request: object) -> Callable[[], Any]:  # noqa: ANN401 - gRPC's
+        """Send a call now, and return what waits for its answer as :meth:`ask` does.
+
+        Raises:
+            DaemonError: the connection is closed.
+        """
+        answer = self.call(method.future, request, timeout=self._timeout)
+
+        def wait() -> Any:  # noqa: ANN401
+            try:
+                return answer.result()
+            except grpc.RpcError as error:
+                raise self.explain(error) from error
+
+        return wait
 
     def call(
         self, method: Callable[..., Answer], request: object, *, timeout: float | None = None
@@ -94,8 +111,10 @@ class Connection:
         except ValueError as error:
             if not self._is_closed:
                 raise
-            raise DaemonError(f"the connection to {self._way} is closed") from error
+            raise DaemonError(f"the connection to {self.way} is closed") from error
 
     def explain(self, error: grpc.RpcError) -> OrientdError:
         """Return the exception for a call that failed."""
-        return from_call(error, where=str(self._way))
+        found = from_call(error, where=str(self.way))
+        is_unheard = isinstance(found, UnreachableError)
+        return (self.way.why_not() if is_unheard else None) or found

@@ -42,14 +42,14 @@ class MoveHandle:
         stream: Stream,
         *,
         explain: Callable[[grpc.RpcError], OrientdError],
-        stop: Callable[[], object],
+        stop: Callable[[int], object],
     ) -> None:
         """Wait until the motion has begun.
 
         Args:
             stream: the call, whose messages are read here.
             explain: makes an exception of a failed call.
-            stop: stops the device on its path.
+            stop: ends the motion of a number, on its path if it runs.
 
         Raises:
             OrientdError: the motion was refused.
@@ -107,11 +107,13 @@ class MoveHandle:
     def cancel(self) -> None:
         """Stop the motion on its path; :meth:`wait` says when it has come to rest.
 
+        One that waits for its turn is taken out, and what runs goes on.
+
         Raises:
             DaemonError: the daemon or the servo does not answer.
         """
         if not self.is_done:
-            self._stop()
+            self._stop(self.motion_number)
 
     def abandon(self) -> None:
         """Hear no more of the motion, which makes the daemon stop it on its path."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from orientd.driver import Quaternion, Vector3
 from orientd.errors import Fault
+from orientd.rpc.lease_report import LeaseReport
 from orientd.stream import Cycle, State
 
 if TYPE_CHECKING:
@@ -315,9 +316,11 @@ class DaemonReport:
         uptime: s since it started.
         socket: where it listens.
         configuration: path of its file; empty for the built-in one.
-        lease_holder: who holds the lease; empty when it is free.
-        lease_remaining: how long the lease lasts unless renewed, s.
-        lease_identity: whose the lease is as the daemon knows them, for example ``user:1000``.
+        lease_holder: who holds the first lease; empty when there is none.
+        lease_remaining: how long that lasts unless renewed, s.
+        lease_identity: whose it is as the daemon knows them, for example ``user:1000``.
+        lease_devices: the devices that it is of.
+        leases: all that are held.
     """
 
     version: str
@@ -328,6 +331,12 @@ class DaemonReport:
     lease_holder: str
     lease_remaining: float
     lease_identity: str = ""
+    lease_devices: tuple[str, ...] = ()
+    leases: tuple[LeaseReport, ...] = ()
+
+    def lease_of(self, device: str) -> LeaseReport:
+        """Return the lease of *device*; one without a holder where that is free."""
+        return next((one for one in self.leases if device in one.devices), LeaseReport("", 0.0))
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,6 +31,22 @@ def _angles(content: object) -> list[float]:
     return plain.each(content, plain.number)
 
 
+def _azimuth_elevation(content: object) -> tuple[float, float]:
+    read = plain.keys(content, _AZIMUTH_ELEVATION, tuple(_AZIMUTH_ELEVATION))
+    return read["azimuth"], read["elevation"]
+
+
+def _look_at(content: object) -> list[float]:
+    """Return the direction of a point, seen from the origin or from a place."""
+    if not isinstance(content, Mapping):
+        return list(plain.vector(content))
+    read = plain.keys(content, _LOOK_AT, ("point",))
+    return [a - b for a, b in zip(read["point"], read.get("place", (0.0, 0.0, 0.0)), strict=True)]
+
+
+_AZIMUTH_ELEVATION: dict[str, plain.Reader] = {"azimuth": plain.number, "elevation": plain.number}
+_LOOK_AT: dict[str, plain.Reader] = {"point": plain.vector, "place": plain.vector}
+
 _EULER: dict[str, plain.Reader] = {"axes": plain.text, "degrees": _angles}
 
 FORMS: dict[str, plain.Reader] = {
@@ -38,8 +54,18 @@ FORMS: dict[str, plain.Reader] = {
     "rotation_vector": plain.vector,
     "euler": _euler,
     "matrix": plain.rows,
+    "direction": plain.vector,
+    "azimuth_elevation": _azimuth_elevation,
+    "look_at": _look_at,
 }
 """How each form is read from plain values."""
+
+_DIRECTIONS = ("direction", "azimuth_elevation", "look_at")
+
+
+def implied(written: Written) -> dict[str, bool]:
+    """Return what else holds of a keyframe that gives its orientation so."""
+    return {"free_roll": True} if written[0] in _DIRECTIONS else {}
 
 
 def the_only(given: Mapping[str, Any]) -> Written:
@@ -67,7 +93,22 @@ def quaternions(written: Sequence[Written]) -> list[Quaternion]:
     for index, (form, euler) in enumerate(written):
         if form == "euler":
             found[index] = _from_euler(euler[0], euler[1], f"[{index}].euler")
+        elif form in _DIRECTIONS:
+            found[index] = _level(form, euler, f"[{index}].{form}")
     return found
+
+
+def _level(form: str, given: Sequence[float], place: str) -> Quaternion:
+    """Return the orientation without roll whose x axis points somewhere."""
+    if form == "azimuth_elevation":
+        azimuth, elevation = map(math.radians, given)
+    else:
+        x, y, z = given
+        if not x * x + y * y + z * z > 0.0:
+            raise RequestError(place, "expected a direction, got none: the vector is zero")
+        azimuth, elevation = math.atan2(y, x), math.atan2(z, math.hypot(x, y))
+    w, x, y, z = from_euler("ZY", [azimuth, -elevation]).tolist()
+    return w, x, y, z
 
 
 def _convert(

@@ -115,7 +115,7 @@ def test_euler_angles_take_any_order_fixed_or_turning():
             "keyframes:\n  - {tme: 1, quaternion: {w: 1, x: 0, y: 0, z: 0}}\n" + SECOND,
             "keyframes[0].tme",
             "unknown key; did you mean 'time'?; known are time, quaternion, rotation_vector, "
-            "euler, matrix, position, turns",
+            "euler, matrix, direction, azimuth_elevation, look_at, position, turns, free_roll",
         ),
         (
             "keyframes:\n  - {quaternion: {w: 1, x: 0, y: 0, q: 0}}\n" + SECOND,
@@ -196,7 +196,8 @@ def test_euler_angles_take_any_order_fixed_or_turning():
         (
             KEYFRAMES + "  - {rotation_vector: [0, 0, 1], euler: {axes: x, degrees: [1]}}",
             "keyframes[2]",
-            "expected one of quaternion, rotation_vector, euler, matrix; got rotation_vector and "
+            "expected one of quaternion, rotation_vector, euler, matrix, direction, "
+            "azimuth_elevation, look_at; got rotation_vector and "
             "euler",
         ),
         (KEYFRAMES + "  - {position: [0, 0, 1]}", "keyframes[2]", "got none of them"),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, DeviceName, Socket, command
+from orientd.cli.command import AsJson, Beside, DeviceName, Socket, command
 from orientd.cli.commands.daemon_commands import ConfigFile
 from orientd.cli.commands.device_commands import holder
 from orientd.cli.output import say, say_json
@@ -141,6 +141,7 @@ def move(
             "no faster than so many degrees a second, for so long; then how long to wait for it.",
         ),
     ] = "",
+    lease: Beside = False,
     socket: Socket = None,
     as_json: AsJson = False,
 ) -> None:
@@ -148,12 +149,12 @@ def move(
 
     A motion that runs already is replaced on its way, without a step.  Ctrl-C stops the device on
     its path.  Meanwhile `orientd pause`, `resume`, `speed` and another `move` work from another
-    terminal.
+    terminal with `--lease`; without it they are refused.
     """
     from orientd import motion_file
     from orientd.cli import texts
-    from orientd.cli.shared_lease import shared
-    from orientd.rpc import connect, titled
+    from orientd.cli.shared_lease import commander
+    from orientd.rpc import titled
 
     if blend and not queue:
         raise typer.BadParameter("needs --queue", param_hint="--blend")
@@ -166,7 +167,7 @@ def move(
         )
     gate = _gate(on_target) if on_target else None
     request = motion_file.load(file)
-    with connect(socket, holder=holder("move")) as robot, shared(robot):
+    with commander(socket, holder("move"), device, is_beside=lease, is_shared=True) as robot:
         handle = robot.move(
             request,
             device=device,

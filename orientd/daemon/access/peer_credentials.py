@@ -11,20 +11,19 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import errno
 import logging
 import os
 import secrets
 import socket
 import ssl
-import struct
 from collections import Counter
 from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from orientd.daemon.access.identity import Certificate, Credentials, Identity, Policy, Process
+from orientd.daemon.access.identity import Certificate, Credentials, Identity, Policy
+from orientd.daemon.access.peer import peer_process
 from orientd.daemon.access.tls import peer_certificate
 from orientd.errors import DaemonError
 
@@ -37,9 +36,6 @@ MOST_HANDSHAKES = 32
 """TLS handshakes at the same time."""
 
 _CHUNK = 256 * 1024
-_SO_PEERGROUPS = 59
-_GROUPS_BYTES = 1024  # as much as Python asks the kernel for: 256 groups
-_UCRED = struct.Struct("iII")
 
 Refused = Callable[[str, str], None]
 """Called with where somebody came from and why they were turned away."""
@@ -201,14 +197,18 @@ class PeerListener:
             writer.close()
             return
         self._handshakes += 1
+        spare = writer.get_extra_info("socket").dup()
         try:
             await writer.start_tls(context, ssl_handshake_timeout=HANDSHAKE_TIMEOUT)
             certificate = peer_certificate(writer.get_extra_info("ssl_object"))
         except (OSError, ValueError, EOFError) as error:
             self._refused(origin, f"handshake: {_reason(error)}")
+            with contextlib.suppress(OSError):
+                spare.send(getattr(error, "alert", b""))
             writer.transport.abort()
             return
         finally:
+            spare.close()
             self._handshakes -= 1
         await self._admit(certificate, origin, reader, writer)
 
@@ -280,26 +280,6 @@ async def _pour(source: asyncio.StreamReader, into: asyncio.StreamWriter) -> Non
         while chunk := await source.read(_CHUNK):
             into.write(chunk)
             await into.drain()
-
-
-def peer_process(connected: socket.socket) -> Process:
-    """Return what the kernel says of who connected: ``SO_PEERCRED`` and ``SO_PEERGROUPS``, unix(7).
-
-    Of somebody in more than 256 groups only the first one counts.
-
-    Raises:
-        OSError: the kernel does not say.
-    """
-    credentials = connected.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _UCRED.size)
-    pid, uid, gid = _UCRED.unpack(credentials)
-    try:
-        listed = connected.getsockopt(socket.SOL_SOCKET, _SO_PEERGROUPS, _GROUPS_BYTES)
-    except OSError as error:
-        if error.errno != errno.ERANGE:
-            raise
-        listed = b""
-    gids = struct.unpack(f"{len(listed) // 4}I", listed)
-    return Process(pid, uid, (gid, *gids))
 
 
 def _reason(error: Exception) -> str:

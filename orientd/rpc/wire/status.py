@@ -52,6 +52,10 @@ _CODES: Mapping[type[OrientdError], int] = {
 }
 
 
+class UnreachableError(DaemonError):
+    """No call got through to a daemon."""
+
+
 def to_status(error: OrientdError) -> status_pb2.Status:
     """Return *error* as a status; the first line of its message is the status' message."""
     message = (str(error).splitlines() or [type(error).__name__])[0][:MAX_MESSAGE_LENGTH]
@@ -112,8 +116,8 @@ def from_call(error: grpc.RpcError, *, where: str) -> OrientdError:
     code, text = error.code(), " ".join((error.details() or "").split())
     if code is grpc.StatusCode.UNAVAILABLE:
         if "/" not in where:
-            return DaemonError(f"no daemon answers at {where}, or not to this certificate")
-        return DaemonError(f"no daemon answers at {where}; start one with `orientd run`")
+            return UnreachableError(f"no daemon answers at {where}, or not to this certificate")
+        return UnreachableError(f"no daemon answers at {where}; start one with `orientd run`")
     if code is grpc.StatusCode.DEADLINE_EXCEEDED:
         return DaemonError(f"the daemon at {where} did not answer in time")
     if code is grpc.StatusCode.CANCELLED:

@@ -43,7 +43,7 @@ def test_servos_are_set_as_the_sheet_of_settings_says(gimbal):
     for number in (1, 2, 3):
         names = ("return delay time", "operating mode", "drive mode", "profile velocity",
                  "profile acceleration", "status return level", "bus watchdog")  # fmt: skip
-        assert [gimbal.value(number, n) for n in names] == [0, 4, 0, 0, 0, 2, 25]
+        assert [gimbal.value(number, n) for n in names] == [0, 4, 0, 193, 0, 2, 25]
 
 
 def test_settings_that_are_right_are_not_written_again(gimbal):
