@@ -33,7 +33,9 @@ class Terminal:
                         limits={"velocity": 1e9})  # fmt: skip
 
     def cancel(self, device, number):
-        self.moves[device, number].cancel()
+        handle = self.moves.get((device, number))  # else of what was killed in its place
+        if handle is not None:
+            handle.cancel()
 
     def token(self):
         return self.robot.lease_token
