@@ -277,6 +277,16 @@ def test_whoever_does_not_get_in_is_told_why(cell, name, folder, told):
         orientd.connect(address=cell.address, **files)
 
 
+def test_silent_handshakes_keep_nobody_out(cell):
+    silent = [socket.create_connection(("127.0.0.1", cell.port)) for _ in range(200)]
+    try:
+        with cell.robot("watcher", timeout=10.0) as robot:
+            assert robot.state().daemon.pid == cell.daemon.process.pid
+    finally:
+        for one in silent:
+            one.close()
+
+
 def test_a_wrong_name_and_no_daemon_are_told_apart(cell):
     with pytest.raises(DaemonError, match=r"the certificate of the daemon at .* is for another"):
         orientd.connect(address=f"127.1:{cell.port}", **cell.files("pendant"))
