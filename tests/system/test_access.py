@@ -335,7 +335,18 @@ def test_a_token_is_of_no_use_to_others(cell, free):
     with cell.robot("pendant") as robot, cell.robot("chief") as chief:
         robot.acquire_lease()
         assert not chief.borrow_lease(robot.lease_token)
+        with pytest.raises(LeaseError, match="its token is of no use to certificate:chief"):
+            chief._renew(robot.lease_token)
         robot.enable()
+
+    def is_told():
+        return [
+            record
+            for record in cell.audit()
+            if (record.get("method"), record.get("identity")) == ("RenewLease", "certificate:chief")
+        ]
+
+    assert until(is_told, "the record")[-1]["outcome"] == "FAILED_PRECONDITION"
 
 
 def test_a_motion_goes_on_under_whom_it_is_handed_over_to(cell, free):
