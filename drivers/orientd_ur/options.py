@@ -40,7 +40,7 @@ A motion may have a ``lookahead``, ``gain`` and ``servo_time`` of its own, its `
     whether to move the deadlines slowly to where the controller's cycle takes every setpoint;
     default true.
 ``check_remote_control``
-    whether to insist on remote control; default true.  CB3 robots do not know it.
+    whether to insist on remote control; default true.  CB3 robots and PolyScope X do not tell.
 """
 
 from __future__ import annotations

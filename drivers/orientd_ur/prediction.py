@@ -58,7 +58,7 @@ class Prediction:
         Args:
             times: path times, s.
             poses: orientation and position of the tool at each.
-            joints: near where it begins, rad; empty for where the robot is.
+            joints: near where it begins, rad; empty for where the robot is, or is said to be.
             is_offline: whether to take the arm and its tool from the options.
 
         Raises:
@@ -68,6 +68,7 @@ class Prediction:
             return
         if is_offline:
             arm, tcp_offset = self._named(), self._options.tcp_offset or _NO_TOOL
+            joints = joints or self._options.start_joints
         else:
             try:
                 arm, place = self.look()

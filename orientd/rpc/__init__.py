@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from orientd.rpc.client import Robot, connect
     from orientd.rpc.connection import Connection
     from orientd.rpc.descriptions import Method
-    from orientd.rpc.lease_report import LeaseReport
     from orientd.rpc.move_handle import MoveHandle
     from orientd.rpc.observer import Observer
     from orientd.rpc.reports import (
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
         DaemonReport,
         DeviceReport,
         Durations,
+        LeaseReport,
         MoveTiming,
         OnTarget,
         Outcome,

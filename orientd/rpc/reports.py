@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from orientd.driver import Quaternion, Vector3
 from orientd.errors import Fault
-from orientd.rpc.lease_report import LeaseReport
 from orientd.stream import Cycle, State
 
 if TYPE_CHECKING:
@@ -313,6 +312,23 @@ class DeviceReport:
     lead: float = 0.0
     phase: float = 0.0
     motion_name: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class LeaseReport:
+    """A lease, to those who do not hold it.
+
+    Attributes:
+        holder: who holds it, as they named themselves; empty when it is free.
+        remaining: how long it lasts unless renewed, s.
+        identity: whose it is as the daemon knows them, for example ``user:1000``.
+        devices: that it is of.
+    """
+
+    holder: str
+    remaining: float
+    identity: str = ""
+    devices: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

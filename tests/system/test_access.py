@@ -277,6 +277,16 @@ def test_whoever_does_not_get_in_is_told_why(cell, name, folder, told):
         orientd.connect(address=cell.address, **files)
 
 
+def test_silent_handshakes_keep_nobody_out(cell):
+    silent = [socket.create_connection(("127.0.0.1", cell.port)) for _ in range(200)]
+    try:
+        with cell.robot("watcher", timeout=10.0) as robot:
+            assert robot.state().daemon.pid == cell.daemon.process.pid
+    finally:
+        for one in silent:
+            one.close()
+
+
 def test_a_wrong_name_and_no_daemon_are_told_apart(cell):
     with pytest.raises(DaemonError, match=r"the certificate of the daemon at .* is for another"):
         orientd.connect(address=f"127.1:{cell.port}", **cell.files("pendant"))
@@ -325,7 +335,18 @@ def test_a_token_is_of_no_use_to_others(cell, free):
     with cell.robot("pendant") as robot, cell.robot("chief") as chief:
         robot.acquire_lease()
         assert not chief.borrow_lease(robot.lease_token)
+        with pytest.raises(LeaseError, match="its token is of no use to certificate:chief"):
+            chief._renew(robot.lease_token)
         robot.enable()
+
+    def is_told():
+        return [
+            record
+            for record in cell.audit()
+            if (record.get("method"), record.get("identity")) == ("RenewLease", "certificate:chief")
+        ]
+
+    assert until(is_told, "the record")[-1]["outcome"] == "FAILED_PRECONDITION"
 
 
 def test_a_motion_goes_on_under_whom_it_is_handed_over_to(cell, free):

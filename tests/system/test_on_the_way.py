@@ -196,6 +196,17 @@ def test_targets_are_followed_from_rest_and_from_motion(daemon, robot):
     assert_limits_kept(daemon.sent(), daemon.period)
 
 
+def test_positions_of_targets_are_followed(robot):
+    with robot.track() as tracking:
+        with pytest.raises(RequestError, match=r"target\.position"):
+            tracking.aim(key(0, 0, 0), position=(0.1, 0.2))
+        tracking.aim(key(0, 0, 0.1), position=(0.02, 0, -0.01), time_to_live=9.0)
+        until(
+            lambda: state(robot).cycle.position == pytest.approx((0.02, 0, -0.01), abs=1e-5),
+            "the position",
+        )
+
+
 def test_a_target_that_is_none_is_told_of_and_left_out(robot):
     with robot.track() as tracking:
         tracking.aim(key(0, 0, 0.1), time_to_live=0.0)

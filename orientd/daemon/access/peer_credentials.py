@@ -33,7 +33,7 @@ HANDSHAKE_TIMEOUT = 5.0
 """How long a TLS handshake may take, s."""
 
 MOST_HANDSHAKES = 32
-"""TLS handshakes at the same time."""
+"""TLS handshakes at the same time; for one more, the oldest of the busiest address is given up."""
 
 _CHUNK = 256 * 1024
 
@@ -84,7 +84,7 @@ class PeerListener:
         self._listeners: list[asyncio.Server] = []
         self._visits: set[asyncio.Task[None]] = set()
         self._context: ssl.SSLContext | None = None
-        self._handshakes = 0
+        self._handshakes: dict[asyncio.Task[Any], str] = {}
         self._path: Path | None = None
 
     # In and out
@@ -191,12 +191,12 @@ class PeerListener:
     async def _from_tcp(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         host, port, *_ = writer.get_extra_info("peername") or ("?", 0)
         origin = f"tcp, {host}:{port}"
-        context = self._context
-        if context is None or self._handshakes >= MOST_HANDSHAKES:
-            self._refused(origin, "too many handshakes at the same time")
+        context, task = self._context, asyncio.current_task()
+        if context is None or task is None:
             writer.close()
             return
-        self._handshakes += 1
+        self._make_room()
+        self._handshakes[task] = host
         spare = writer.get_extra_info("socket").dup()
         try:
             await writer.start_tls(context, ssl_handshake_timeout=HANDSHAKE_TIMEOUT)
@@ -207,10 +207,22 @@ class PeerListener:
                 spare.send(getattr(error, "alert", b""))
             writer.transport.abort()
             return
+        except asyncio.CancelledError:
+            writer.transport.abort()
+            self._refused(origin, "handshake: given up for others that came later")
+            raise
         finally:
             spare.close()
-            self._handshakes -= 1
+            self._handshakes.pop(task, None)
         await self._admit(certificate, origin, reader, writer)
+
+    def _make_room(self) -> None:
+        """Give up a handshake where there are too many: whoever says nothing keeps nobody out."""
+        if len(self._handshakes) >= MOST_HANDSHAKES:
+            ((busiest, _),) = Counter(self._handshakes.values()).most_common(1)
+            oldest = next(task for task, host in self._handshakes.items() if host == busiest)
+            del self._handshakes[oldest]
+            oldest.cancel()
 
     async def _admit(
         self,

@@ -225,7 +225,8 @@ class MotionQueue:
         if not place:
             return None
         if self._queued_motions[place].is_running:
-            self._queued_motions[place].withdrawn = reason
+            for queued in self._queued_motions[place:]:
+                queued.withdrawn = reason
             return []
         return self._take_out(place)
 

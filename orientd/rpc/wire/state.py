@@ -10,8 +10,7 @@ from orientd.floats import difference, norm
 from orientd.planner import ANGULAR, NO_AXES, Limits
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.descriptions import Device, Method
-from orientd.rpc.lease_report import LeaseReport
-from orientd.rpc.reports import DaemonReport, DeviceReport, Outline
+from orientd.rpc.reports import DaemonReport, DeviceReport, LeaseReport, Outline
 from orientd.rpc.wire.codec import FAULTS, Codec
 from orientd.rpc.wire.values import (
     RATES,

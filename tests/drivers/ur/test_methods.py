@@ -3,10 +3,13 @@
 What is not tested here is in `sim/orientd_sim/ur/METHODS.md`, too, with why.
 """
 
+import os
 import socket
 
 import pytest
 from ur_rig import until
+
+from orientd_sim.ur import EmulatedRobot
 
 rtde_control = pytest.importorskip("rtde_control")
 
@@ -15,13 +18,30 @@ AWAY = [0.15, *HOME[1:]]
 DOWN = [0.0, 0.0, -0.05, 0.0, 0.0, 0.0]
 
 
+@pytest.fixture(scope="module")
+def link():
+    """One emulated robot and one client for all of these tests: both take a while to begin."""
+    run = os.getpid()
+    with EmulatedRobot(f"127.{1 + run // 200 % 250}.{1 + run % 200}.251") as robot:
+        client = rtde_control.RTDEControlInterface(robot.host)
+        yield robot, client
+        client.disconnect()
+
+
 @pytest.fixture
-def control(ur_robot):
-    client = rtde_control.RTDEControlInterface(ur_robot.host)
+def ur_robot(link):
+    return link[0]
+
+
+@pytest.fixture
+def control(link):
+    robot, client = link
+    robot.ask("contact off")
+    if robot.state()["runtime_state"] != "PLAYING":
+        assert client.reuploadScript()
+        until(client.isProgramRunning, "the program")
     assert client.moveJ(HOME, 2.0, 10.0)
-    yield client
-    client.stopScript()
-    client.disconnect()
+    return client
 
 
 def joints(robot):
@@ -108,10 +128,13 @@ def test_move_until_contact_ends_with_the_contact(ur_robot, control):
     assert height(ur_robot) == pytest.approx(before, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_servo_c_goes_to_its_pose(ur_robot, control):
     goal = lowered(ur_robot, 0.03)
     assert control.servoC(goal, 0.25, 1.2, 0.0)
     ur_robot.wait_until(lambda state: abs(state["actual_pose"][2] - goal[2]) < 1e-3)
+    control.kickWatchdog()  # writes 0, as the library itself does not after this command
+    assert control.servoStop()
 
 
 def test_timed_speed_goes_on_as_the_control_script_repeats_it(ur_robot, control):

@@ -7,7 +7,10 @@ import pytest
 from typer.testing import CliRunner
 
 from orientd.cli.main import app
+from orientd.clock import MonotonicClock
+from orientd.errors import PlanError
 from orientd_sim.ur import EmulatedRobot
+from orientd_ur import UrDriver
 
 pytest.importorskip("rtde_control")
 
@@ -37,6 +40,15 @@ def test_single_keyframe_is_planned_from_where_the_arm_is_said_to_stand(tmp_path
     (tmp_path / "far.yaml").write_text(FAR)
     done = plan(tmp_path / "far.yaml", "--config", configuration(tmp_path, ur_host))
     assert done.exit_code == 0, done.output
+
+
+def test_path_whose_joints_are_not_known_begins_where_the_options_say(ur_host):
+    options = {"host": ur_host, "model": "ur5e"}
+    driver = UrDriver(options, period_ns=2_000_000, clock=MonotonicClock())
+    start = driver.offline_start(from_device=False)
+    driver.examine([0.0], [(start.q, start.position)], is_offline=True)
+    with pytest.raises(PlanError, match="does not reach the pose"):
+        driver.examine([0.0], [(start.q, (0.0, 0.0, 0.0))], is_offline=True)
 
 
 def test_unknown_arm_is_refused_offline_in_words(tmp_path, ur_host):

@@ -12,7 +12,8 @@ import pytest
 
 from orientd import config
 from orientd.floats import exp, multiply
-from orientd_ur import kinematics, options, rtde, states
+from orientd_ur import options, rtde, states
+from orientd_ur.arm import MODELS, published
 from orientd_ur.controller_clock import ControllerClock
 from orientd_ur.pose import LONGEST, continued, shortest
 
@@ -193,7 +194,7 @@ def test_example_configuration_is_whole():
     ],
 )
 def test_frames_are_where_the_published_table_says(joints, elbow, flange):
-    origins = kinematics.frames(joints)
+    origins = published(MODELS["ur5e"]).kinematics.frames(joints)
     assert origins[2] == pytest.approx(elbow, abs=1e-12)
     assert origins[-1] == pytest.approx(flange, abs=1e-12)
 
@@ -201,6 +202,8 @@ def test_frames_are_where_the_published_table_says(joints, elbow, flange):
 def test_links_keep_their_lengths():
     generator = random.Random(4)
     for _ in range(50):
-        origins = kinematics.frames([generator.uniform(-6.0, 6.0) for _ in range(6)])
+        origins = published(MODELS["ur5e"]).kinematics.frames(
+            [generator.uniform(-6.0, 6.0) for _ in range(6)]
+        )
         lengths = [math.dist(a, b) for a, b in pairwise(origins)]
         assert lengths == pytest.approx([0.1625, 0.425, 0.3922, 0.1333, 0.0997, 0.0996])

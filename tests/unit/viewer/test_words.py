@@ -6,8 +6,7 @@ import pytest
 
 from orientd.errors import Fault
 from orientd.planner import DEFAULT_LIMITS
-from orientd.rpc.lease_report import LeaseReport
-from orientd.rpc.reports import DaemonReport, DeviceReport
+from orientd.rpc.reports import DaemonReport, DeviceReport, LeaseReport
 from orientd.stream import State
 from orientd.viewer import words
 
