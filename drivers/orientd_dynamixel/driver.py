@@ -103,6 +103,17 @@ class DynamixelDriver(Driver):
         shaped: ShapedPath = shape(self.settings, period, orientations, joints, before, rates)
         return shaped
 
+    def pace(
+        self, period: float, orientations: Sequence[Quaternion], *, grid: float,
+        fixed: tuple[float, float], rates: Vector3, share: float,
+    ) -> Sequence[float]:  # fmt: skip
+        """Return the quickest course that every axis can follow, slow only where one must be."""
+        pace = importlib.import_module("orientd_dynamixel.axes.pacing").pace
+        course: list[float] = pace(
+            self.settings, period, orientations, grid=grid, fixed=fixed, rates=rates, share=share
+        )
+        return course
+
     def tune(self, options: Mapping[str, Any]) -> None:
         """Take ``home``: whether motions go home, whatever orientation they name."""
         check_names(options, {"home"})

@@ -10,6 +10,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from orientd.driver import Driver
 from orientd.errors import LimitError, PlanError
 from orientd.planner.axis_path import reshaped
@@ -24,6 +26,10 @@ _POWERS = {"rad/s": 1, "rad/s^2": 2, "rad/s^3": 3, "s": 1}
 _STEP = 0.8
 _SLOWEST = 0.1
 """Share of the device's speed below which no motion is slowed down for its axes."""
+_SHARES = (0.8, 0.5, 0.25)
+"""Of the accelerations, for a pace that changes little; less leaves more to change it with."""
+_FINEST, _MOST_SAMPLES = 16, 40_000
+"""Samples in a cycle on which a pace is looked for, and in all: near a pole axes turn quickly."""
 _CLOSE = 1.02
 """How near the slowest speed refused and the one that fits come to each other."""
 _GIVEN = 0.2
@@ -74,6 +80,9 @@ def plan_to_fit(
                 driver, other, start=start, joints=joints, limits=limits, period=period,
                 motion_id=motion_id,
             )  # fmt: skip
+        paced = _paced(driver, motion, joints, before)
+        if paced is not None:
+            return paced
         if request.times is not None or error.unit not in _POWERS:
             raise
         if not start.is_at_rest and error.time < _GIVEN:
@@ -117,6 +126,42 @@ def plan_to_fit(
     note = f"the axes need {fitted.duration / motion.duration:.3f} times as long"
     notes = (*fitted.certificate.notes, note)
     return replace(fitted, certificate=replace(fitted.certificate, notes=notes))
+
+
+def _paced(
+    driver: Driver,
+    motion: Motion,
+    joints: tuple[float, ...],
+    before: Sequence[tuple[float, ...]],
+) -> Motion | None:
+    """Return *motion* at the pace that the driver finds for its axes, if that fits.
+
+    Raises:
+        LimitError: the axes cannot follow where the times are the user's.
+    """
+    period, rates = motion.period, _rates(motion.limits)
+    grid = period / min(_FINEST, max(1, _MOST_SAMPLES // motion.record_count))
+    count = round((motion.record_count - 1) * period / grid) + 1
+    path = list(map(tuple, motion.sample(grid * np.arange(count)).q.tolist()))
+    is_users = motion.request.times is not None
+    fixed = (motion.start_time, motion.end_time) if is_users else (math.inf, -math.inf)
+    for share in _SHARES:
+        course = driver.pace(period, path, grid=grid, fixed=fixed, rates=rates, share=share)
+        if not len(course):
+            return None
+        q = motion.sample(course).q.tolist()
+        try:
+            shape = driver.shape(period, list(map(tuple, q)), joints, before, rates)
+            if shape is None:
+                return None
+            cycles = period * np.arange(len(course), dtype=np.float64)
+            along = np.interp(shape.path_times, cycles, course)
+            note = f"the axes need {(len(course) - 1) * period / motion.duration:.3f} times as long"
+            shape = shape._replace(path_times=along.tolist(), notes=(*shape.notes, note))
+            return reshaped(motion, shape, joints_before=before)
+        except PlanError:
+            continue
+    return None
 
 
 def _by_way(
