@@ -49,7 +49,7 @@ def pace(
     force = np.column_stack([force, np.linalg.norm(bend, axis=1)])
     fastest = np.array([*(axis.velocity for axis in options.axes), rates[0]])
     hardest = np.array([*(axis.acceleration for axis in options.axes), rates[1]])
-    times = grid * np.arange(len(q))
+    times = grid * np.arange(len(q), dtype=np.float64)
     is_fixed = (times > fixed[0] - 0.5 * grid) & (times < fixed[1] + 0.5 * grid)
     _refuse(options, speed, force, fastest, hardest, is_fixed, times)
     with np.errstate(divide="ignore"):
@@ -63,7 +63,8 @@ def pace(
 def _first(angles: Floats, period: float) -> Floats:
     """Return the larger rate of the steps to and from each sample."""
     step = np.abs(np.diff(angles, axis=0)) / period
-    return np.maximum(np.concatenate([step[:1], step]), np.concatenate([step, step[-1:]]))
+    larger: Floats = np.maximum(np.concatenate([step[:1], step]), np.concatenate([step, step[-1:]]))
+    return larger
 
 
 def _second(angles: Floats, period: float) -> Floats:
