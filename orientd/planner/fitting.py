@@ -178,12 +178,12 @@ def _course(
         course = driver.pace(period, path, grid=grid, fixed=fixed, rates=rates, share=share)
         return begin + np.asarray(course, dtype=np.float64)
 
+    finest = min(_FINEST, max(1, _MOST_SAMPLES // motion.record_count))
     if motion.request.times is None:
-        finest = min(_FINEST, max(1, _MOST_SAMPLES // motion.record_count))
         return found(0.0, end, (math.inf, -math.inf), finest).tolist()  # type: ignore[no-any-return]
     # What the times of the user leave is a lead-in; from the first keyframe on they hold.
     begin = motion.start_time
-    found(begin, motion.end_time, (begin, motion.end_time), 1)
+    found(begin, motion.end_time, (begin, motion.end_time), finest)
     lead = np.zeros(1)
     if begin > 0.0:
         after = min(end, begin + _BEYOND)
