@@ -13,6 +13,7 @@
     pointing = true            # two axes: only the direction counts; false: the roll must fit, too
     max_deviation_deg = 0.0    # by how much a path near the pole may be missed; 0 refuses it
     turns_file = ""            # where whole turns are kept; by default in the XDG state directory
+    overwrite = false          # whether a servo's own homing offset and drive mode are set to 0
     allow_slews = false        # whether the tool may stop and leave its path to change branch
 
     [[axes]]                   # one for each letter of order
@@ -119,6 +120,7 @@ class GimbalOptions:
     max_deviation: float
     allow_slews: bool
     turns_file: str | None
+    overwrite: bool
 
 
 _AXIS_KEYS = {
@@ -129,6 +131,7 @@ _KEYS = {
     "port", "baud", "order", "axes", "mount", "tool", "fast_read", "watchdog_ms", "at_end",
     "park_deg", "pointing", "roll_tolerance_deg", "follow_tolerance_deg", "follow_time",
     "max_losses", "latency_ms", "max_deviation_deg", "allow_slews", "turns_file",
+    "overwrite",
 }  # fmt: skip
 
 
@@ -189,6 +192,7 @@ def parse(options: Mapping[str, Any]) -> GimbalOptions:
         ),
         allow_slews=switch("allow_slews", options.get("allow_slews", False)),
         turns_file=turns_file,
+        overwrite=switch("overwrite", options.get("overwrite", False)),
     )
 
 

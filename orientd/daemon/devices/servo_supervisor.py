@@ -62,7 +62,7 @@ class ServoSupervisor:
         self.fault = Fault.NONE
         self.fault_text = ""
         self.failure = ""
-        self._last_words = ""
+        self._last_words, self._last_fault = "", Fault.NONE
         self.scheduling = ""
         self.memory_locked = False
 
@@ -180,9 +180,10 @@ class ServoSupervisor:
                 self.fault_text = note.text or name
                 self._tell(EventKind.FAULT, f"{name}: {self.fault_text}")
             elif note.kind is NoteKind.ENDING:
-                self._last_words = note.text
+                self._last_words, self._last_fault = note.text, Fault(note.code)
 
     def _become_ready(self, link: ServoLink, text: str) -> None:
+        self._last_fault = Fault.NONE
         got = json.loads(text)
         self.scheduling, self.memory_locked = got["scheduling"], got["memory_locked"]
         if self._settings.auto_enable:
@@ -203,7 +204,7 @@ class ServoSupervisor:
         self.failure = self._last_words or f"the servo process was ended {ended}"
         if self.fault is not Fault.LINK_LOST:
             # A driver whose link is spent takes its process with it; the link is the reason.
-            self._fail(Fault.SERVO_DIED, self.failure)
+            self._fail(self._last_fault or Fault.SERVO_DIED, self.failure)
         self._ready.set()
         self._tell(EventKind.SERVO_DIED, self.failure)
 
