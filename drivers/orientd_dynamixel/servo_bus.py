@@ -308,7 +308,7 @@ def open_bus(
     # Opening makes a new serial object, with reads that return at once: the SDK would spin.
     port.ser.timeout = glance_s
     with suppress(ValueError, OSError, AttributeError):
-        # An FTDI adapter then hands answers on after 1 ms; others, and terminals, know nothing of it.
+        # An FTDI adapter then hands answers on after 1 ms; others know nothing of it.
         port.ser.set_low_latency_mode(True)
     return ServoBus(port, sdk.Protocol2PacketHandler(), wait_ms=wait_ms)
 
