@@ -103,6 +103,17 @@ class DynamixelDriver(Driver):
         shaped: ShapedPath = shape(self.settings, period, orientations, joints, before, rates)
         return shaped
 
+    def pace(
+        self, period: float, orientations: Sequence[Quaternion], *, grid: float,
+        fixed: tuple[float, float], rates: Vector3, share: float,
+    ) -> Sequence[float]:  # fmt: skip
+        """Return the quickest course that every axis can follow, slow only where one must be."""
+        pace = importlib.import_module("orientd_dynamixel.axes.pacing").pace
+        course: list[float] = pace(
+            self.settings, period, orientations, grid=grid, fixed=fixed, rates=rates, share=share
+        )
+        return course
+
     def tune(self, options: Mapping[str, Any]) -> None:
         """Take ``home``: whether motions go home, whatever orientation they name."""
         check_names(options, {"home"})
@@ -162,7 +173,7 @@ class DynamixelDriver(Driver):
             startup.arm_watchdogs(bus, self._axes, self.settings.watchdog_ms)
         except DeviceError:
             # What held before goes on holding.
-            self._drop(bus, begun)
+            startup.drop(bus, begun)
             raise
         angles = tuple(axis.angle(axis.goal) for axis in self._axes)
         self._tracker.angles = angles
@@ -302,7 +313,7 @@ class DynamixelDriver(Driver):
             self._settle(group)
             startup.release(bus, self.settings, self._axes, self._sleep)
         except DeviceError:
-            self._drop(bus, self._axes)
+            startup.drop(bus, self._axes)
             raise
 
     def close(self) -> None:
@@ -336,7 +347,7 @@ class DynamixelDriver(Driver):
             for place, axis in enumerate(self._axes):
                 startup.clear_error(bus, axis.options, self._sleep)
                 has_kept_power = startup.has_kept_power(bus, axis.options)
-                startup.configure(bus, axis.options)
+                startup.configure(bus, axis.options, may_overwrite=options.overwrite)
                 position = bus.read(axis.options.id, startup.POSITION, 4, is_signed=True)
                 unknown.append(self._turns.resolve(place, position, has_kept_power=has_kept_power))
             self._unknown = "; ".join(filter(None, unknown))
@@ -358,20 +369,9 @@ class DynamixelDriver(Driver):
 
     def _hold(self, bus: ServoBus, group: Group) -> None:
         self._settle(group)
-        standing = self._standing
-        stand = [
-            axis for place, axis in enumerate(self._axes)
-            if standing.is_at_rest or place in standing.goals
-        ]  # fmt: skip
+        held = self._standing
+        stand = [a for k, a in enumerate(self._axes) if held.is_at_rest or k in held.goals]
         startup.hold(bus, self._axes, stand)
-
-    def _drop(self, bus: ServoBus, axes: Sequence[Axis]) -> None:
-        """Switch the torque of *axes* off where they can still be reached."""
-        for axis in axes:
-            try:
-                bus.write(axis.options.id, startup.TORQUE, 0, 1)
-            except DeviceError:
-                continue
 
     def _report(self, group: Group) -> Feedback:
         angles, rates = [], []

@@ -93,8 +93,24 @@ def has_kept_power(bus: ServoBus, axis: AxisOptions) -> bool:
     return is_counting and found == int.from_bytes(mapped, "little")
 
 
-def configure(bus: ServoBus, axis: AxisOptions) -> None:
-    """Put the settings of an axis' servo right, the permanent ones only where they differ."""
+def configure(bus: ServoBus, axis: AxisOptions, *, may_overwrite: bool = True) -> None:
+    """Put the settings of an axis' servo right, the permanent ones only where they differ.
+
+    Raises:
+        DeviceFaultError: it has an offset or a direction of its own, which may not be overwritten,
+            or it does not take a setting.
+    """
+    own = {
+        "homing offset": bus.read(axis.id, HOMING_OFFSET, 4, is_signed=True),
+        "drive mode": bus.read(axis.id, DRIVE_MODE, 1),
+    }
+    if any(own.values()) and not may_overwrite:
+        named = " and ".join(f"{name} {value}" for name, value in own.items() if value)
+        raise DeviceFaultError(
+            f"servo {axis.id} ({axis.name}) has {named}; orientd works with 0, which changes the "
+            "angles that it stands for: set it to 0 with the vendor's wizard, or have it "
+            "overwritten with overwrite = true, and put zero_deg and direction right"
+        )
     permanent = [(RETURN_DELAY, 1, 0), (DRIVE_MODE, 1, 0), (OPERATING_MODE, 1, EXTENDED_POSITION),
                  (HOMING_OFFSET, 4, 0)]  # fmt: skip
     if axis.current_limit is not None:
@@ -199,6 +215,15 @@ def hold(bus: ServoBus, axes: Sequence[Axis], standing: Sequence[Axis] = ()) -> 
         raise failure
 
 
+def drop(bus: ServoBus, axes: Sequence[Axis]) -> None:
+    """Switch the torque of *axes* off where they can still be reached."""
+    for axis in axes:
+        try:
+            bus.write(axis.options.id, TORQUE, 0, 1)
+        except DeviceError:
+            continue
+
+
 PARK_RATE = 22
 """Profile velocity of parking, 30 degrees a second."""
 PARK_ACCELERATION = 3
@@ -227,8 +252,4 @@ def release(bus: ServoBus, options: GimbalOptions, axes: Sequence[Axis], sleep: 
     """Park where that is asked for, then switch the torque off, one servo's failure aside."""
     if options.park is not None and all(bus.read(axis.options.id, TORQUE, 1) for axis in axes):
         park(bus, axes, options.park, sleep)
-    for axis in axes:
-        try:
-            bus.write(axis.options.id, TORQUE, 0, 1)
-        except DeviceError:
-            continue
+    drop(bus, axes)

@@ -233,6 +233,35 @@ class Driver(ABC):
         """
         return None
 
+    def pace(
+        self,
+        period: float,  # noqa: ARG002 - most devices follow any path at its own pace
+        orientations: Sequence[Quaternion],  # noqa: ARG002
+        *,
+        grid: float,  # noqa: ARG002
+        fixed: tuple[float, float],  # noqa: ARG002
+        rates: Vector3,  # noqa: ARG002
+        share: float,  # noqa: ARG002
+    ) -> Sequence[float]:
+        """Return how far along a path that the axes cannot follow they can be in every cycle.
+
+        Args:
+            period: of the cycles, s.
+            orientations: of the path, *grid* apart.
+            grid: s of path time.
+            fixed: path times between which it must be as it is; the first one later than the
+                second where there are none.
+            rates: as for :meth:`shape`.
+            share: of the accelerations, to be used where the pace does not change.
+
+        Returns:
+            Path times a period apart, s, from 0 to the end; empty where there is no pace to find.
+
+        Raises:
+            LimitError: an axis cannot follow between the fixed times; it says how long would do.
+        """
+        return ()
+
     def way(
         self,
         joints: tuple[float, ...],  # noqa: ARG002 - most devices go the shortest way

@@ -111,8 +111,9 @@ def _level(form: str, given: Sequence[float], place: str) -> Quaternion:
         if not x * x + y * y + z * z > 0.0:
             raise RequestError(place, "expected a direction, got none: the vector is zero")
         azimuth, elevation = math.atan2(y, x), math.atan2(z, math.hypot(x, y))
-    w, x, y, z = from_euler("ZY", [azimuth, -elevation]).tolist()
-    return w, x, y, z
+    # A turn about z, then one about the new y, by minus the elevation.
+    c, s, b, d = (f(0.5 * a) for a in (azimuth, elevation) for f in (math.cos, math.sin))
+    return c * b, s * d, -c * d, s * b
 
 
 def _beyond_a_turn(index: int, vector: Sequence[float]) -> str:

@@ -75,7 +75,7 @@ class ServoSupervisor:
         self.fault = Fault.NONE
         self.fault_text = ""
         self.failure = ""
-        self._last_words = ""
+        self._last_words, self._last_fault = "", Fault.NONE
         self.scheduling = ""
         self.memory_locked = False
         self._is_starting = False
@@ -194,11 +194,12 @@ class ServoSupervisor:
                 self.fault_text = note.text or name
                 self._tell(EventKind.FAULT, f"{name}: {self.fault_text}")
             elif note.kind is NoteKind.ENDING:
-                self._last_words = note.text
+                self._last_words, self._last_fault = note.text, Fault(note.code)
         if self._is_starting:
             self._enable_at_start(link, patience=0.0)
 
     def _become_ready(self, link: ServoLink, text: str) -> None:
+        self._last_fault = Fault.NONE
         got = json.loads(text)
         self.scheduling, self.memory_locked = got["scheduling"], got["memory_locked"]
         self._enable_at_start(link)
@@ -229,7 +230,7 @@ class ServoSupervisor:
         self.failure = self._last_words or died
         if self.fault is not Fault.LINK_LOST:
             # A driver whose link is spent takes its process with it; the link is the reason.
-            self._fail(Fault.SERVO_DIED, self.failure)
+            self._fail(self._last_fault or Fault.SERVO_DIED, self.failure)
         self._ready.set()
         self._tell(EventKind.SERVO_DIED, self.failure)
 

@@ -119,6 +119,11 @@ class GimbalLoop(LoopRig):
         self.memory.beat(self.clock.now_ns())
 
 
+@pytest.fixture(autouse=True)
+def _turns_of_its_own(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+
+
 @pytest.fixture
 def rig():
     return Rig

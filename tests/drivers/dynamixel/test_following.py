@@ -49,7 +49,7 @@ def forward(angles):
     return np.array([from_euler("ZYX"[: len(row)], row) for row in angles])
 
 
-def over(miss_deg, seconds=4.0, sweep_deg=150):
+def over(miss_deg, seconds=3.0, sweep_deg=150):
     """Return a turn over the top that misses the pole, from rest to rest."""
     miss = math.radians(miss_deg)
     u = np.linspace(0, 1, round(seconds / PERIOD))
@@ -69,14 +69,12 @@ def test_a_turn_that_the_axes_can_do_is_followed_exactly(rig):
 
 
 @pytest.mark.parametrize("order", ["ZYX", "ZY"])
-@pytest.mark.parametrize("miss", [0.0, 0.5, 1.0, 2.0, 5.0])
+@pytest.mark.parametrize("miss", [0.0, 1.0, 5.0])
 def test_pole_is_passed_with_bounded_rates_and_what_is_sent_is_what_the_axes_make(rig, miss, order):
-    wanted = np.concatenate([over(miss), np.repeat(over(miss)[-1:], 200, axis=0)])
+    wanted = np.concatenate([over(miss), np.repeat(over(miss)[-1:], 100, axis=0)])
     angles, _, sent = followed(rig, wanted, order)
     assert_kept(angles)
     assert np.max(angle(forward(angles[1:]), sent)) < 1e-6
-    tip = np.array([math.sin(math.radians(miss)), 0, 0])
-    assert np.max(np.abs(tip)) < 0.1
     missed = angle(sent, wanted)
     if order == "ZYX":
         assert missed[-1] < 1e-9

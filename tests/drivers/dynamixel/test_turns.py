@@ -74,7 +74,7 @@ def test_servo_that_kept_its_power_is_believed_however_far_it_was_turned(rig, tm
     cut_power(it)
     it = next_process(it, rig, tmp_path / "turns")
     it.driver.enable()
-    it.driver._drop(it.driver._bus, it.driver._axes)
+    it.servo(1).write(64, b"\0", it.clock.now_ns())
     it.servo(1).shaft.position -= 300 * 4096 / 360
     it = next_process(it, rig, tmp_path / "turns")
     assert math.degrees(it.driver.enable().joints[0]) == pytest.approx(100, abs=1.0)
@@ -95,3 +95,19 @@ def test_file_that_cannot_be_written_is_named(rig, tmp_path):
     it = rig("ZY", axes=AXES, turns_file=str(tmp_path))
     with pytest.raises(DeviceFaultError, match=r"cannot be remembered in .*turns_file"):
         it.driver.open()
+
+
+@pytest.mark.parametrize(
+    ("name", "address", "size"), [("homing offset", 20, 4), ("drive mode", 10, 1)]
+)
+def test_settings_of_a_servo_are_not_overwritten_unasked(rig, name, address, size):
+    for may, is_refused in ((False, True), (True, False)):
+        it = rig("ZY", axes=AXES, overwrite=may)
+        it.servo(2).write(address, (4).to_bytes(size, "little"), it.clock.now_ns())
+        if is_refused:
+            with pytest.raises(DeviceFaultError, match=rf"servo 2 .* has {name} 4;"):
+                it.driver.open()
+            assert it.servo(2).value(name) == 4
+        else:
+            it.driver.open()
+            assert it.servo(2).value(name) == 0
