@@ -98,7 +98,7 @@ def _slowest(
     columns = []
     for column in range(4 if limits.has_axes else 1):
         rows = np.zeros((4, count))
-        for omega, alpha, jerk in phases:
+        for number, (omega, alpha, jerk) in enumerate(phases):
             parts = [
                 part[..., column - 1 : column] if column else part for part in (omega, alpha, jerk)
             ]
@@ -109,7 +109,9 @@ def _slowest(
                 np.abs(np.sum(v * a, axis=1)) / period**3,
                 np.linalg.norm(j, axis=1) / period**3,
             ]
+            if number == 0:
+                # What more there is between the records is seen there, or said of the records.
+                found *= np.stack([np.ones(count), bends, bends, twists])
             rows[:, : len(j)] = np.fmax(rows[:, : len(j)], found)
-        rows *= np.stack([np.ones(count), bends, bends, twists])
         columns.append(rows)
     return least_brake_rate(columns, limits)

@@ -118,33 +118,50 @@ typedef struct { double unit, unit2, unit3, start, period, begin, end, more, mos
 
 INLINE double larger(double a, double b) { return a > b ? a : b; }
 
+INLINE bool is_rough(scale_t s, index_t i) {
+    double time = s.start + s.period * (double)i;
+    return (s.begin <= time) & (time < s.end);
+}
+
+/* What lies between the records counts as it is: what is more on the rough part is said of the
+ * records alone. */
+INLINE void shares(scale_t s, bool is_first, index_t i, double *bends, double *twists) {
+    bool is_less = !is_first & is_rough(s, i);
+    *bends = is_less ? 1.0 / s.more : 1.0;
+    *twists = is_less ? 1.0 / s.most : 1.0;
+}
+
 /* Write the largest squares of velocity, acceleration and jerk of the setpoints at and after each
  * record, and the largest product of the first two, of all three components together. */
-static void put_norms(const seen_t *seen, index_t points, bool is_first,
+static void put_norms(const seen_t *seen, index_t points, scale_t s, bool is_first,
                       double (*restrict to)[BLOCK]) {
     const double (*v)[BLOCK] = seen->rates[0], (*a)[BLOCK] = seen->rates[1];
     const double (*squares)[BLOCK] = seen->squares;
     const double least = is_first ? 0.0 : 1.0;
     INDEPENDENT
     for (index_t i = 0; i < points; i++) {
+        double bends, twists;
+        shares(s, is_first, i, &bends, &twists);
         double along = fabs(v[0][i + 2] * a[0][i + 1] + v[1][i + 2] * a[1][i + 1]
                             + v[2][i + 2] * a[2][i + 1]);
         to[0][i] = larger(squares[0][i + 2], least * to[0][i]);
-        to[1][i] = larger(squares[1][i + 1], least * to[1][i]);
-        to[2][i] = larger(along, least * to[2][i]);
-        to[3][i] = larger(squares[2][i], least * to[3][i]);
+        to[1][i] = larger(bends * bends * squares[1][i + 1], least * to[1][i]);
+        to[2][i] = larger(bends * along, least * to[2][i]);
+        to[3][i] = larger(twists * twists * squares[2][i], least * to[3][i]);
     }
 }
 
 /* Write the same of one component. */
-static void put_component(const seen_t *seen, index_t axis, index_t points, bool is_first,
-                          double (*restrict to)[BLOCK]) {
+static void put_component(const seen_t *seen, index_t axis, index_t points, scale_t s,
+                          bool is_first, double (*restrict to)[BLOCK]) {
     const double *v = seen->rates[0][axis], *a = seen->rates[1][axis];
     const double *jerk = seen->rates[2][axis];
     const double least = is_first ? 0.0 : 1.0;
     INDEPENDENT
     for (index_t i = 0; i < points; i++) {
-        double speed = v[i + 2], size = a[i + 1], twist = jerk[i];
+        double bends, twists;
+        shares(s, is_first, i, &bends, &twists);
+        double speed = v[i + 2], size = bends * a[i + 1], twist = twists * jerk[i];
         to[0][i] = larger(speed * speed, least * to[0][i]);
         to[1][i] = larger(size * size, least * to[1][i]);
         to[2][i] = larger(fabs(speed * size), least * to[2][i]);
@@ -156,10 +173,9 @@ static void put_component(const seen_t *seen, index_t axis, index_t points, bool
 static void put_rates(scale_t s, index_t points, double (*restrict to)[BLOCK]) {
     INDEPENDENT
     for (index_t i = 0; i < points; i++) {
-        double time = s.start + s.period * (double)i;
-        bool is_rough = (s.begin <= time) & (time < s.end);
-        double bends = is_rough ? s.unit2 * s.more : s.unit2;
-        double twists = is_rough ? s.unit3 * s.most : s.unit3;
+        bool is_more = is_rough(s, i);
+        double bends = is_more ? s.unit2 * s.more : s.unit2;
+        double twists = is_more ? s.unit3 * s.most : s.unit3;
         to[0][i] = s.unit * sqrt(to[0][i]), to[1][i] = bends * sqrt(to[1][i]);
         to[2][i] = s.unit * bends * to[2][i], to[3][i] = twists * sqrt(to[3][i]);
     }
@@ -179,9 +195,9 @@ slowest_t slower(const sight_t *sight, index_t shift, double start, const measur
     for (index_t column = 0; column < (how->with_axes ? 4 : 1); column++) {
         for (int p = 0; p < sight->phases; p++)
             if (column)
-                put_component(sight->at + p, column - 1, points - (p > 0), !p, rows);
+                put_component(sight->at + p, column - 1, points - (p > 0), s, !p, rows);
             else
-                put_norms(sight->at + p, points - (p > 0), !p, rows);
+                put_norms(sight->at + p, points - (p > 0), s, !p, rows);
         put_rates(s, points, rows);
         before = least_of(at, how->most[column], how->most[4 + column], how->law, shift, before);
     }
