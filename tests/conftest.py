@@ -25,5 +25,6 @@ for folder in (
     "drivers/ur",
     "data/standard",
     "bench",
+    "docs",
 ):
     sys.path.insert(0, str(Path(__file__).parent / folder))

@@ -28,7 +28,7 @@ def need_record() -> None:
         OrientdError: it is not.
     """
     if any(find_spec(name) is None for name in NEEDED):
-        raise OrientdError("recordings need the extra `record`: pip install 'orientd[record]'")
+        raise OrientdError("recordings need an extra: pip install 'orientd-motion[record]'")
 
 
 @command
