@@ -20,7 +20,6 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "sphinx.ext.mathjax",
-    "sphinx-mathjax-offline",
     "sphinx_copybutton",
 ]
 exclude_patterns = ["generators", "reference/parts"]
@@ -30,6 +29,7 @@ html_theme = "furo"
 html_static_path = ["static"]
 html_css_files = ["orientd.css"]
 # Whose sources these pages were made of can be read in the repository.
+mathjax_path = "mathjax/tex-chtml.js"
 html_copy_source = False
 html_show_sphinx = False
 

@@ -77,6 +77,9 @@ class Follower:
             path = programs / name
             path.write_text(text.format(python=sys.executable))
             path.chmod(0o755)
+        activate = folder / "robot" / "bin" / "activate"
+        activate.parent.mkdir(parents=True)
+        activate.touch()
 
     def __enter__(self) -> Follower:
         return self
@@ -135,15 +138,16 @@ class Follower:
         return f". {activate}\n{text}" if self.fresh is not None and activate.exists() else text
 
     def _begin(self, place: str, text: str) -> None:
-        process = subprocess.Popen(
-            ["bash", "-e", "-c", self._activated(text)],
-            cwd=self.folder,
-            env=self.environment,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=(self.folder / "log").open("ab"),
-            start_new_session=True,
-        )
+        with (self.folder / "log").open("ab") as log:
+            process = subprocess.Popen(
+                ["bash", "-e", "-c", self._activated(text)],
+                cwd=self.folder,
+                env=self.environment,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=log,
+                start_new_session=True,
+            )
         self._terminals.append(process)
         said, end = b"", time.monotonic() + PATIENCE
         while b"ready" not in said:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from orientd.cli.command import AsJson, command
+from orientd.cli.completion import SETTINGS, devices, files
 from orientd.cli.output import say, say_json, table
 from orientd.driver import Finding, Verdict
 from orientd.errors import OrientdError
@@ -24,13 +25,19 @@ SLOW_LATENCY = 0.02
 def doctor(
     config: Annotated[
         Path | None,
-        typer.Option("--config", "-c", help="Look at the devices of this configuration too."),
+        typer.Option(
+            "--config",
+            "-c",
+            help="Look at the devices of this configuration too.",
+            autocompletion=files(*SETTINGS),
+        ),
     ] = None,
     latency: Annotated[
         str,
         typer.Option(
             metavar="DEVICE",
             help="MOVE this device by 0.2 rad and back; find how far it is behind its setpoints.",
+            autocompletion=devices,
         ),
     ] = "",
     as_json: AsJson = False,

@@ -13,6 +13,7 @@ import typer
 from orientd.cli.command import AsJson, DeviceName, Socket, command
 from orientd.cli.commands.daemon_commands import ConfigFile
 from orientd.cli.commands.device_commands import holder
+from orientd.cli.completion import MOTIONS, files
 from orientd.cli.output import say, say_json
 from orientd.errors import OrientdError, RequestError
 
@@ -20,7 +21,12 @@ if TYPE_CHECKING:
     from orientd.config import DeviceSettings
     from orientd.rpc import MoveHandle, OnTarget, Summary
 
-MotionFile = Annotated[Path, typer.Argument(metavar="FILE", help="A motion file, YAML or JSON.")]
+MotionFile = Annotated[
+    Path,
+    typer.Argument(
+        metavar="FILE", help="A motion file, YAML or JSON.", autocompletion=files(*MOTIONS)
+    ),
+]
 
 LATEST_START = 3600.0
 """Seconds ahead of now up to which the daemon takes a start time."""

@@ -10,6 +10,7 @@ import typer
 
 from orientd.cli.command import AsJson, DeviceName, command
 from orientd.cli.commands.compare import Ends, KeyframeTimes, OpenEnds, Times, need_two
+from orientd.cli.completion import drawable
 from orientd.cli.output import say, say_json, table
 from orientd.errors import OrientdError, RequestError
 
@@ -31,6 +32,7 @@ def plot(
             metavar="FILE|NAME",
             help="A motion file, a recording (.mcap), or a family or figure by its name; without "
             "it, the names.",
+            autocompletion=drawable,
         ),
     ] = None,
     output: Annotated[

@@ -14,6 +14,7 @@ from orientd.cli.command import AsJson, DeviceName, Socket, command
 from orientd.cli.commands.daemon_commands import ConfigFile
 from orientd.cli.commands.device_commands import holder
 from orientd.cli.commands.record import need_record
+from orientd.cli.completion import TAKES, files
 from orientd.cli.output import say, say_json
 from orientd.errors import OrientdError
 
@@ -38,6 +39,7 @@ def replay(
         typer.Argument(
             metavar="RECORDING",
             help="A .mcap (ours or not) or .csv file, or a ROS 2 bag: its folder or .db3 file.",
+            autocompletion=files(*TAKES),
         ),
     ],
     topic: Annotated[
