@@ -49,6 +49,7 @@ class Follower:
         self._own = {
             "127.0.0.2": f"127.{os.getpid() % 200 + 20}.{os.getpid() // 200 % 250}.9",
             "/tmp/gimbal": str(folder / "line"),
+            "/tmp/setpoints.txt": str(folder / "setpoints.txt"),
             "9464": str(_free_port()),
             "8089": str(_free_port()),
         }
