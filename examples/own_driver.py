@@ -1,7 +1,6 @@
 """A driver of one's own, with its test, in one file: python -m pytest own_driver.py.
 
-The device is a text file that every setpoint is written to.  For the daemon to find it, its package
-needs an entry point: docs/how-to/write-a-driver.md.
+The device is a text file.  For the daemon to find it: docs/how-to/write-a-driver.md.
 """
 
 from typing import ClassVar
