@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from orientd.curves import METHODS, CurveTask, Figures, make_curve, measure
-from orientd.plots.gallery import draw_family
+from orientd.plots import draw_gallery
 from orientd.plots.gallery import task_for as family_task
 
 FOLDER = "explanation/curves"
@@ -21,13 +21,9 @@ def pages(source: Path) -> Iterator[tuple[str, str]]:
         raise ValueError(
             f"{FOLDER}/when.toml: differs from METHODS in {', '.join(sorted(missing))}"
         )
+    _draw(source / FOLDER / "pictures")
     rows = []
     for name, family in METHODS.items():
-        picture = source / FOLDER / "pictures" / f"{name}.svg"
-        code = Path(inspect.getfile(family))
-        if not picture.exists() or picture.stat().st_mtime < code.stat().st_mtime:
-            picture.parent.mkdir(exist_ok=True)
-            draw_family(picture, name)
         task = family_task(name)
         figures = measure(make_curve(family, task), task)
         yield f"{FOLDER}/{name}.rst", "\n".join(_page(name, chosen[name], task, figures))
@@ -44,6 +40,15 @@ def pages(source: Path) -> Iterator[tuple[str, str]]:
     contents = "\n".join(["```{toctree}", ":hidden:", "", *METHODS, "```"])
     text = (source / FOLDER / "overview.txt").read_text(encoding="utf-8")
     yield f"{FOLDER}/index.md", text.replace("@made@", table) + "\n" + contents + "\n"
+
+
+def _draw(folder: Path) -> None:
+    """Draw all families, where the code of one is newer than its picture."""
+    for name, family in METHODS.items():
+        picture, code = folder / f"{name}.svg", Path(inspect.getfile(family))
+        if not picture.exists() or picture.stat().st_mtime < code.stat().st_mtime:
+            list(draw_gallery(folder))
+            return
 
 
 def _page(name: str, when: str, task: CurveTask, figures: Figures) -> Iterator[str]:

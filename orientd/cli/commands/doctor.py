@@ -11,6 +11,7 @@ import typer
 from orientd.cli.command import AsJson, command
 from orientd.cli.completion import SETTINGS, devices, files
 from orientd.cli.output import say, say_json, table
+from orientd.cli.waiting import working
 from orientd.driver import Finding, Verdict
 from orientd.errors import OrientdError
 
@@ -49,14 +50,16 @@ def doctor(
     from orientd.cli.machine import findings
 
     settings = _settings(config, latency)
-    found = findings()
+    with working("measuring this machine", is_silent=as_json):
+        found = findings()
     if settings is not None:
         for device in settings.devices.values():
-            found += [
-                replace(one, name=f"{device.name}: {one.name}") for one in device_findings(device)
-            ]
+            with working(f"looking at {device.name}", is_silent=as_json):
+                seen = device_findings(device)
+            found += [replace(one, name=f"{device.name}: {one.name}") for one in seen]
         if latency:
-            found.append(latency_finding(settings.devices[latency]))
+            with working(f"moving {latency}", is_silent=as_json):
+                found.append(latency_finding(settings.devices[latency]))
     _report(found, as_json=as_json)
 
 

@@ -15,6 +15,7 @@ from orientd.cli.commands.daemon_commands import ConfigFile
 from orientd.cli.commands.device_commands import holder
 from orientd.cli.completion import MOTIONS, files
 from orientd.cli.output import say, say_json
+from orientd.cli.waiting import working
 from orientd.errors import OrientdError, RequestError
 
 if TYPE_CHECKING:
@@ -81,16 +82,19 @@ def plan(
     first = request.keyframes[0]
     start = planner.State.at_rest(request.keys[0], first.position or (0.0, 0.0, 0.0))
     # The driver is asked as in the daemon, but not for where its axes are: then it chooses.
-    motion = DevicePlanner(
+    device_planner = DevicePlanner(
         make_driver(settings.name, settings.driver, settings.options, settings.period_ns),
         limits=settings.limits.to_limits(),
         period=settings.period_ns * 1e-9,
-    ).plan(request, start=start, joints=())
+    )
+    with working(f"planning {file.name}", is_silent=as_json):
+        motion = device_planner.plan(request, start=start, joints=())
     samples = samples_of(motion, settings.rate_hz)
     if output is not None:
         sample_files.write(output, samples, motion.certificate)
     if plot is not None:
-        plots.draw_motion(plot, motion, title=f"{file.name}: {request.method}")
+        with working(f"drawing {plot}", is_silent=as_json):
+            plots.draw_motion(plot, motion, title=f"{file.name}: {request.method}")
     if as_json:
         say_json({"plan": plan_of(motion), "output": output, "plot": plot})
         return
