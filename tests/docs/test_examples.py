@@ -87,4 +87,4 @@ def test_an_example_with_a_daemon(tmp_path, name):
         for command in WITH_A_DAEMON[name]:
             reader.do(Block("sh", "In a terminal of its own", command, "", name))
         reader.do(Block("sh", "", f"python {EXAMPLES / name}", "", name))
-        reader.do(Block("text", "", f"...{SAYS[name]}...", "", name))
+        reader.do(Block("text", "", f"...{SAYS[name].strip()}...", "", name))
