@@ -9,7 +9,7 @@ import orientd
 TURN = [Rotation.from_euler("z", 40, degrees=True)]
 
 with orientd.connect() as robot:
-    start = time.time() + 1.0
+    start = time.time() + 3.0
     motions = [robot.move(TURN, device=name, start_time=start) for name in ("left", "right")]
     for motion in motions:
         summary = motion.wait()
