@@ -43,12 +43,11 @@ def pages(source: Path) -> Iterator[tuple[str, str]]:
 
 
 def _draw(folder: Path) -> None:
-    """Draw all families, where the code of one is newer than its picture."""
-    for name, family in METHODS.items():
-        picture, code = folder / f"{name}.svg", Path(inspect.getfile(family))
-        if not picture.exists() or picture.stat().st_mtime < code.stat().st_mtime:
-            list(draw_gallery(folder))
-            return
+    """Draw all families, where the code of one is newer than the sheet of them."""
+    sheet = folder / "all.svg"
+    codes = [Path(inspect.getfile(family)) for family in METHODS.values()]
+    if not sheet.exists() or sheet.stat().st_mtime < max(one.stat().st_mtime for one in codes):
+        list(draw_gallery(folder))
 
 
 def _page(name: str, when: str, task: CurveTask, figures: Figures) -> Iterator[str]:

@@ -3,6 +3,7 @@
 import re
 import shlex
 import tomllib
+from pathlib import Path
 
 import pytest
 import typer
@@ -76,3 +77,12 @@ def test_the_readme_is_short_and_says_what_it_must():
     assert len(text.splitlines()) <= 200
     for needed in ("> **Safety.**", ".readme/demo.png", "make demo", "make test", "The first five"):
         assert needed in text
+
+
+def test_nothing_tells_anybody_to_install_somebody_elses_package():
+    root = DOCS.parent
+    files = [root / "README.md", root / "Makefile", *root.glob("*/**/*.py"), *DOCS.rglob("*.md")]
+    for file in files:
+        if file != Path(__file__):
+            text = file.read_text(encoding="utf-8")
+            assert not re.search(r"pip install [^\n]*orientd(?!-motion)\b", text), file
