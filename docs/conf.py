@@ -25,6 +25,8 @@ extensions = [
 exclude_patterns = ["generators", "reference/parts"]
 # Classes of several packages share a name, such as Samples; a link goes to the first.
 suppress_warnings = ["ref.python"]
+# Options are spelled with two hyphens, not with a dash.
+smartquotes = False
 html_theme = "furo"
 html_static_path = ["static"]
 html_css_files = ["orientd.css"]
