@@ -8,7 +8,7 @@ BIN = $(VENV)/bin
 ROUNDS ?= 50
 SEED ?= 1
 
-.PHONY: demo test check docs follow bench peers soak chaos storm standard proto clean
+.PHONY: demo test check docs follow bench peers soak events chaos storm standard proto clean
 
 demo: $(VENV)/.user
 	$(BIN)/orientd demo
@@ -56,6 +56,12 @@ peers:
 
 soak: $(VENV)/.dev
 	$(BIN)/python -m pytest -m slow --timeout=5400 -s
+
+# The servo's own code under a million random events in virtual time; some hours on two cores.
+EVENTS ?= 1000000
+
+events: $(VENV)/.dev
+	ORIENTD_FUZZ_EVENTS=$(EVENTS) $(BIN)/python -m pytest -m slow --timeout=0 -s tests/unit/servo/test_fuzz.py
 
 # Real processes killed, stopped, starved and lied to; one round again: ORIENTD_CHAOS_ONLY=17.
 chaos: $(VENV)/.dev

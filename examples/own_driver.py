@@ -18,8 +18,7 @@ class LinesDriver(Driver):
     def __init__(self, options, *, period_ns, clock):
         super().__init__(options, period_ns=period_ns, clock=clock)
         check_names(options, ("path",))
-        self._file = None
-        self._newest = None
+        self._file = self._newest = None
 
     def open(self):
         """Open the file."""

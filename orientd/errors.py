@@ -21,6 +21,7 @@ An error is ours (a call failed); a fault is the device's (it stopped and waits 
     │   ├── LinkError           the connection to the device is gone
     │   ├── FeedbackError       feedback is missing or older than its limit
     │   └── DeviceFaultError    the device says that it cannot go on
+    │       └── AxisFaultError  one axis cannot; the others can still be braked on the path
     ├── DaemonError             the daemon is not there, is there already, or did not answer
     └── KernelsError            the compiled kernels are not there, or not for this machine
 """
@@ -28,10 +29,19 @@ An error is ours (a call failed); a fault is the device's (it stopped and waits 
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import Any
+
+
+def _as_it_was(kind: type[OrientdError], args: tuple[Any, ...]) -> OrientdError:
+    return kind.__new__(kind, *args)
 
 
 class OrientdError(Exception):
     """The root of everything orientd raises about the world."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A constructor's arguments are not the exception's: what it has become is what crosses.
+        return _as_it_was, (type(self), self.args), self.__dict__
 
 
 class RequestError(OrientdError, ValueError):
@@ -105,6 +115,10 @@ class NotYetError(LateError):
     """A motion cannot be replaced or followed at this moment; a little later it can."""
 
 
+class PendingError(StateError):
+    """A command that the device has not carried out yet; it goes on with it."""
+
+
 class LeaseError(OrientdError):
     """A command from somebody who does not hold the lease."""
 
@@ -131,6 +145,10 @@ class FeedbackError(DeviceError):
 
 class DeviceFaultError(DeviceError):
     """The device says that it cannot go on."""
+
+
+class AxisFaultError(DeviceFaultError):
+    """One axis of the device cannot go on; the others can still be braked on the path."""
 
 
 class DaemonError(OrientdError):

@@ -84,6 +84,11 @@ def rotate_back(q: Quaternion, v: Vector3) -> Vector3:
     )
 
 
+def combine(a: Vector3, s: float, b: Vector3, t: float) -> Vector3:
+    """Return ``s a + t b``."""
+    return (a[0] * s + b[0] * t, a[1] * s + b[1] * t, a[2] * s + b[2] * t)
+
+
 def norm(v: Vector3) -> float:
     """Return the Euclidean length of *v*."""
     x, y, z = v

@@ -26,6 +26,7 @@ from orientd.schema import (
     Field,
     Kind,
     Written,
+    implied,
     motion_schema,
     quaternions,
     the_only,
@@ -81,7 +82,10 @@ def _limits(content: object) -> Limits | None:
 def _keyframes(content: object) -> list[Keyframe]:
     read = plain.each(content, _keyframe)
     found = quaternions([orientation for orientation, _ in read])
-    return [Keyframe(q, **others) for q, (_, others) in zip(found, read, strict=True)]
+    return [
+        Keyframe(q, **{**others, **implied(form)})
+        for q, (form, others) in zip(found, read, strict=True)
+    ]
 
 
 def _keyframe(content: object) -> tuple[Written, dict[str, Any]]:

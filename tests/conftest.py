@@ -19,6 +19,7 @@ for folder in (
     "unit/planner",
     "unit/viewer",
     "unit/recorder",
+    "unit/dynamixel_bus",
     "system",
     "chaos",
     "storm",

@@ -39,6 +39,7 @@ CHOSEN = {
         "CellReport",
         "DaemonReport",
         "DeviceReport",
+        "LeaseReport",
         "Device",
         "Method",
         "Samples",
@@ -50,7 +51,7 @@ CHOSEN = {
 HOMES = {
     "Tracking": "orientd.rpc.tracking",
     "Wishes": "orientd.rpc.motion_request",
-    "Device": "orientd.rpc.reports",
+    "Device": "orientd.rpc.descriptions",
 }
 """Modules of what the front of the client does not offer by itself and its calls return."""
 

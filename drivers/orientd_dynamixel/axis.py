@@ -53,13 +53,3 @@ class Axis:
     def rate(self, servo_rate: float) -> float:
         """Return the axis' rate, rad/s, of a servo's rate in rad/s."""
         return servo_rate * self.options.direction / self.options.gear
-
-    def resolve_turns(self, position: int, angle: float) -> None:
-        """Take the whole turns that bring a servo's fresh count nearest to where the axis was.
-
-        Args:
-            position: what the servo reports, ticks.
-            angle: where the axis was last known to be, rad.
-        """
-        exact = CENTRE + (angle - self.options.zero) * self._scale
-        self.turns = round((exact - position) / TICKS)

@@ -76,6 +76,38 @@ def candidates(principal: Floats, limits: Sequence[AxisLimits]) -> Floats:
     return np.take_along_axis(every, order[..., None], axis=1)[:, :most]
 
 
+def continued(
+    principal: Floats,
+    limits: Sequence[AxisLimits],
+    period: float,
+    start: Floats,
+    entry: float,
+) -> Choice | None:
+    """Return the way that stays on the branch and turn of *start*, if the axes can go it.
+
+    Where no passage and no slew is to be had there is no other, and nothing to search for.
+
+    Args:
+        principal: both branches, shape ``(n, 2, axes)``.
+        limits: of every axis.
+        period: s.
+        start: axis angles from which the path is entered, shape ``(axes,)``.
+        entry: how far from *start* it may be entered, rad.
+    """
+    most = np.array([limit.velocity for limit in limits]) * period * (1 + 1e-9) + 1e-12
+    low, high = np.array([(limit.low - 1e-9, limit.high + 1e-9) for limit in limits]).T
+    for branch in (0, 1):
+        angles = np.unwrap(principal[:, branch], axis=0)
+        angles += 2 * np.pi * np.round((start - angles[0]) / (2 * np.pi))
+        if (
+            np.max(np.abs(angles[0] - start)) < entry
+            and np.all((angles >= low) & (angles <= high))
+            and np.all(np.abs(np.diff(angles, axis=0)) <= most)
+        ):
+            return Choice(angles, (), (), len(angles))
+    return None
+
+
 def choose(
     every: Floats,
     limits: Sequence[AxisLimits],

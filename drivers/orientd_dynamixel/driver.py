@@ -17,28 +17,38 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
 from orientd.clock import Clock
-from orientd.driver import Driver, Feedback, Finding, Quaternion, Setpoint, ShapedPath, Vector3
-from orientd.errors import DeviceError, DeviceFaultError, LinkError
+from orientd.driver import (
+    Driver,
+    Feedback,
+    Finding,
+    Quaternion,
+    Setpoint,
+    ShapedPath,
+    Vector3,
+    check_names,
+    switch,
+)
+from orientd.errors import AxisFaultError, DeviceError, DeviceFaultError, LinkError
 from orientd_dynamixel import startup
+from orientd_dynamixel.axes import (
+    Following,
+    Standing,
+    Supervisor,
+    Turns,
+    check_angle,
+    check_rate,
+    way,
+)
 from orientd_dynamixel.axis import Axis
-from orientd_dynamixel.group import Group, Losses
+from orientd_dynamixel.group import Group, Losses, listen
 from orientd_dynamixel.options import GimbalOptions, parse
-from orientd_dynamixel.reading import WATCHDOG_TRIPPED, explain_error
+from orientd_dynamixel.reading import explain_error
 from orientd_dynamixel.servo_bus import READ_WAIT_S, OpenBus, ServoBus, open_bus
 from orientd_dynamixel.tracker import Tracker
 
-_LIMIT_SLACK = math.radians(0.5)
-_RATE_SLACK = 1.05
-_TICK = 2 * math.pi / 4096
-_BUSY_SHARE = 0.8
-
 
 class DynamixelDriver(Driver):
-    """Two or three servos that turn a tool.
-
-    Attributes:
-        advice: what was noticed at the start that costs speed.
-    """
+    """Two or three servos that turn a tool; *advice* is what was noticed that costs speed."""
 
     name: ClassVar[str] = "dynamixel"
     default_rate_hz: ClassVar[float] = 100.0
@@ -64,12 +74,15 @@ class DynamixelDriver(Driver):
             self.settings.order, self.settings.mount, self.settings.tool,
             is_pointing=self.settings.pointing,
         )  # fmt: skip
-        self._is_enabled = False
+        self._is_enabled = self._is_homing = False
         self._feedback: Feedback | None = None
         self._is_out_of_reach = False
         self._written_ns = 0
-        self._apart_since_ns = [0] * len(self._axes)
-        self._known: list[float] | None = None
+        self._standing = Standing(self._axes)
+        self._supervisor = Supervisor(self.settings, self._axes)
+        self._turns = Turns(self.settings, self._axes)
+        self._following = Following(self.settings, self._tracker, period_ns * 1e-9)
+        self._unknown = ""
 
     @property
     def losses(self) -> Losses:
@@ -86,17 +99,39 @@ class DynamixelDriver(Driver):
     ) -> ShapedPath:
         """Choose branch, winding and deviation of every axis over the whole path."""
         # By name: planning needs NumPy, which a servo process does without.
-        shaping = importlib.import_module("orientd_dynamixel.shaping")
-        shaped: ShapedPath = shaping.shape(
-            self.settings, period, orientations, joints, before, rates
-        )
+        shape = importlib.import_module("orientd_dynamixel.shaping").shape
+        shaped: ShapedPath = shape(self.settings, period, orientations, joints, before, rates)
         return shaped
+
+    def pace(
+        self, period: float, orientations: Sequence[Quaternion], *, grid: float,
+        fixed: tuple[float, float], rates: Vector3, share: float,
+    ) -> Sequence[float]:  # fmt: skip
+        """Return the quickest course that every axis can follow, slow only where one must be."""
+        pace = importlib.import_module("orientd_dynamixel.axes.pacing").pace
+        course: list[float] = pace(
+            self.settings, period, orientations, grid=grid, fixed=fixed, rates=rates, share=share
+        )
+        return course
+
+    def tune(self, options: Mapping[str, Any]) -> None:
+        """Take ``home``: whether motions go home, whatever orientation they name."""
+        check_names(options, {"home"})
+        self._is_homing = switch("home", options.get("home", False))
+
+    def way(
+        self, joints: tuple[float, ...], q: Quaternion, *, is_refused: bool
+    ) -> Sequence[Quaternion]:
+        """Return the way home, or the one to *q* on which every axis stays inside its limits."""
+        if not (is_refused or self._is_homing):
+            return ()
+        return way(self.settings, joints, q, is_homing=self._is_homing)
 
     def outline(self, joints: tuple[float, ...]) -> Sequence[Sequence[Vector3]]:
         """Return nested rings with pins."""
-        outline = importlib.import_module("orientd_dynamixel.outline")
-        planning = importlib.import_module("orientd_dynamixel.planning")
-        lines: list[list[Vector3]] = outline.outline(planning.gimbal_of(self.settings), joints)
+        outline = importlib.import_module("orientd_dynamixel.outline").outline
+        gimbal_of = importlib.import_module("orientd_dynamixel.planning").gimbal_of
+        lines: list[list[Vector3]] = outline(gimbal_of(self.settings), joints)
         return lines
 
     def open(self) -> None:
@@ -113,9 +148,12 @@ class DynamixelDriver(Driver):
 
         Raises:
             LinkError: the bus is gone.
-            DeviceFaultError: a servo refuses, or the gimbal is outside its limits.
+            DeviceFaultError: a servo refuses, the gimbal is outside its limits, or it is not known
+                on which turn it is.
         """
         bus, group = self._connected()
+        if self._unknown:
+            raise DeviceFaultError(self._unknown)
         self._settle(group)
         for axis in self._axes:
             servo = axis.options.id
@@ -124,7 +162,7 @@ class DynamixelDriver(Driver):
                     f"servo {servo} ({axis.options.name}) reports {explain_error(bits)}; reset it"
                 )
             position = bus.read(servo, startup.POSITION, 4, is_signed=True)
-            self._check_angle(axis, axis.angle(position))
+            check_angle(axis, axis.angle(position))
         begun: list[Axis] = []
         try:
             # One at a time: what was begun has to be known when the next one fails.
@@ -135,14 +173,15 @@ class DynamixelDriver(Driver):
             startup.arm_watchdogs(bus, self._axes, self.settings.watchdog_ms)
         except DeviceError:
             # What held before goes on holding.
-            self._drop(bus, begun)
+            startup.drop(bus, begun)
             raise
         angles = tuple(axis.angle(axis.goal) for axis in self._axes)
         self._tracker.angles = angles
-        self._known = list(angles)
+        self._following.rest()
         self._is_enabled = True
         self._written_ns = self.clock.now_ns()
-        self._apart_since_ns = [0] * len(self._axes)
+        self._standing = Standing(self._axes)
+        self._supervisor = Supervisor(self.settings, self._axes)
         self._feedback = Feedback(self.clock.now_ns(), self._tracker.forward(angles), joints=angles)
         return self._feedback
 
@@ -152,7 +191,8 @@ class DynamixelDriver(Driver):
         Raises:
             LinkError: the port is gone.
             FeedbackError: too many answers were lost in a row.
-            DeviceFaultError: a servo reports an error, has no torque, or does not follow.
+            AxisFaultError: a servo reports an error, has no torque, or does not follow; its axis
+                stands from now on.
         """
         _, group = self._connected()
         now_ns = self.clock.now_ns()
@@ -175,6 +215,11 @@ class DynamixelDriver(Driver):
             DeviceFaultError: an axis would leave its limits or turn faster than it can.
         """
         bus, group = self._connected()
+        if self._standing.is_at_rest:
+            now_ns = self.clock.now_ns()
+            self._standing.send(bus, group, now_ns)
+            group.ask(now_ns)
+            return
         angles, missed = self._tracker.solve(setpoint.q)
         if missed > self.settings.roll_tolerance:
             raise DeviceFaultError(
@@ -186,14 +231,34 @@ class DynamixelDriver(Driver):
         span = max(1, round((now_ns - self._written_ns) / self.period_ns)) * self.period_ns * 1e-9
         goals = []
         for axis, angle, last in zip(self._axes, angles, self._tracker.angles, strict=True):
-            self._check_angle(axis, angle)
-            if abs(angle - last) > axis.options.velocity * span * _RATE_SLACK + _TICK:
-                raise DeviceFaultError(
-                    f"{axis.options.name} would have to turn at "
-                    f"{math.degrees(abs(angle - last) / span):.0f} deg/s, at most "
-                    f"{math.degrees(axis.options.velocity):.0f} deg/s are allowed"
-                )
+            check_angle(axis, angle)
+            check_rate(axis, angle, last, span)
             goals.append(axis.ticks(angle))
+        for place, goal in self._standing.goals.items():
+            goals[place] = goal
+        self._following.took(angles)
+        self._send(bus, group, angles, goals, now_ns)
+
+    def follow(self, setpoint: Setpoint) -> Quaternion:
+        """Send what the axes can do of *setpoint* within their limits; return what that makes.
+
+        Raises:
+            LinkError: the port is gone.
+        """
+        bus, group = self._connected()
+        if self._standing.is_at_rest:
+            self.write(setpoint)
+            return self._tracker.forward(self._tracker.angles)
+        angles = self._following.step(setpoint.q)
+        goals = [axis.ticks(angle) for axis, angle in zip(self._axes, angles, strict=True)]
+        for place, goal in self._standing.goals.items():
+            goals[place] = goal
+        self._send(bus, group, angles, goals, self.clock.now_ns())
+        return self._tracker.forward(angles)
+
+    def _send(
+        self, bus: ServoBus, group: Group, angles: tuple[float, ...], goals: list[int], now_ns: int
+    ) -> None:
         bus.sync_write(
             startup.GOAL, 4,
             [(axis.options.id, goal) for axis, goal in zip(self._axes, goals, strict=True)],
@@ -201,19 +266,21 @@ class DynamixelDriver(Driver):
         for axis, goal in zip(self._axes, goals, strict=True):
             axis.goal = goal
         self._tracker.angles = angles
-        self._known = list(angles)
         self._written_ns = now_ns
         group.ask(now_ns)
 
+    def rest_in_fault(self) -> None:
+        """Let every axis stand where it is from now on."""
+        self._standing.rest(self.clock.now_ns())
+
     def disable(self) -> None:
-        """Hold the last goal, watchdogs off."""
+        """Hold the last goal, in a fault the position; watchdogs off."""
         self._is_enabled = False
         bus, group = self._bus, self._group
         if bus is None or group is None or self._is_out_of_reach:
             return
         try:
-            self._settle(group)
-            startup.hold(bus, self._axes)
+            self._hold(bus, group)
         except DeviceError:
             # The watchdogs stop what cannot be reached; asking again would only take time.
             self._is_out_of_reach = True
@@ -246,7 +313,7 @@ class DynamixelDriver(Driver):
             self._settle(group)
             startup.release(bus, self.settings, self._axes, self._sleep)
         except DeviceError:
-            self._drop(bus, self._axes)
+            startup.drop(bus, self._axes)
             raise
 
     def close(self) -> None:
@@ -254,12 +321,12 @@ class DynamixelDriver(Driver):
         self._is_enabled = False
         bus, group = self._bus, self._group
         self._bus = self._group = None
+        self._turns.close()
         if bus is None:
             return
         try:
             if group is not None and not self._is_out_of_reach:
-                self._settle(group)
-                startup.hold(bus, self._axes)
+                self._hold(bus, group)
         except DeviceError:
             return  # the watchdogs stop what cannot be reached
         finally:
@@ -274,45 +341,23 @@ class DynamixelDriver(Driver):
         )
         try:
             firmware = {axis.options.id: startup.identify(bus, axis.options) for axis in self._axes}
-            for axis in self._axes:
+            self._turns.close()  # whoever deletes the file begins anew
+            self._turns.open()
+            unknown = []
+            for place, axis in enumerate(self._axes):
                 startup.clear_error(bus, axis.options, self._sleep)
-                startup.configure(bus, axis.options)
-            for number, axis in enumerate(self._axes):
-                axis.turns = 0
-                if self._known is not None:
-                    position = bus.read(axis.options.id, startup.POSITION, 4, is_signed=True)
-                    axis.resolve_turns(position, self._known[number])
-            self._group = self._listen(bus, firmware)
+                has_kept_power = startup.has_kept_power(bus, axis.options)
+                startup.configure(bus, axis.options, may_overwrite=options.overwrite)
+                position = bus.read(axis.options.id, startup.POSITION, 4, is_signed=True)
+                unknown.append(self._turns.resolve(place, position, has_kept_power=has_kept_power))
+            self._unknown = "; ".join(filter(None, unknown))
+            self._group, self.advice = listen(bus, self._axes, options, firmware, self.period_ns)
             self._group.synchronise(self.clock.now_ns)
         except DeviceError:
             bus.close()
             raise
         self._bus = bus
         self._is_out_of_reach = False
-
-    def _listen(self, bus: ServoBus, firmware: Mapping[int, int]) -> Group:
-        options = self.settings
-        old = [
-            f"servo {axis.options.id} has firmware {firmware[axis.options.id]}, fast reads need "
-            f"{axis.options.model.fast_firmware}"
-            for axis in self._axes
-            if firmware[axis.options.id] < axis.options.model.fast_firmware
-        ]
-        if old and options.fast_read == "on":
-            raise DeviceFaultError("; ".join(old))
-        self.advice = old if options.fast_read == "auto" else []
-        group = Group(
-            bus, self._axes, is_fast=not old and options.fast_read != "off",
-            max_losses=options.max_losses, quiet_ns=round(options.latency_ms * 1e6),
-        )  # fmt: skip
-        need_ms = group.cycle_bytes * bus.byte_ms
-        if need_ms > _BUSY_SHARE * self.period_ns * 1e-6:
-            raise LinkError(
-                f"a cycle takes {need_ms:.2f} ms on the line at {options.baud} baud, the period "
-                f"is {self.period_ns * 1e-6:.2f} ms; lower the rate or set the servos to a higher "
-                "line speed"
-            )
-        return group
 
     def _connected(self) -> tuple[ServoBus, Group]:
         if self._bus is None or self._group is None:
@@ -322,21 +367,19 @@ class DynamixelDriver(Driver):
     def _settle(self, group: Group) -> None:
         group.settle(self.clock.now_ns(), self.settings.latency_ms)
 
-    def _drop(self, bus: ServoBus, axes: Sequence[Axis]) -> None:
-        """Switch the torque of *axes* off where they can still be reached."""
-        for axis in axes:
-            try:
-                bus.write(axis.options.id, startup.TORQUE, 0, 1)
-            except DeviceError:
-                continue
+    def _hold(self, bus: ServoBus, group: Group) -> None:
+        self._settle(group)
+        held = self._standing
+        stand = [a for k, a in enumerate(self._axes) if held.is_at_rest or k in held.goals]
+        startup.hold(bus, self._axes, stand)
 
     def _report(self, group: Group) -> Feedback:
         angles, rates = [], []
-        for axis, reading in zip(self._axes, group.readings, strict=True):
+        for place, (axis, reading) in enumerate(zip(self._axes, group.readings, strict=True)):
+            if not self._unknown:
+                self._turns.note(place, reading.position)
             angles.append(axis.angle(reading.position))
             rates.append(axis.rate(reading.velocity))
-        if not self._is_enabled:
-            self._known = list(angles)
         return Feedback(
             group.time_ns,
             self._tracker.forward(angles),
@@ -345,31 +388,11 @@ class DynamixelDriver(Driver):
         )
 
     def _supervise(self, group: Group) -> None:
-        """Raise what a servo shows to be wrong."""
-        now_ns = group.time_ns
-        for number, (axis, reading) in enumerate(zip(self._axes, group.readings, strict=True)):
-            servo = f"servo {axis.options.id} ({axis.options.name})"
-            if reading.hardware_error:
-                raise DeviceFaultError(f"{servo} reports {explain_error(reading.hardware_error)}")
-            if reading.watchdog == WATCHDOG_TRIPPED:
-                raise DeviceFaultError(f"{servo} stopped because nothing was sent for too long")
-            if not reading.is_torque_on:
-                raise DeviceFaultError(f"{servo} has lost its torque")
-            apart = abs(axis.angle(reading.position) - axis.angle(axis.goal))
-            if apart <= self.settings.follow_tolerance:
-                self._apart_since_ns[number] = 0
-            elif not self._apart_since_ns[number]:
-                self._apart_since_ns[number] = now_ns
-            elif now_ns - self._apart_since_ns[number] > self.settings.follow_time * 1e9:
-                raise DeviceFaultError(
-                    f"{servo} does not follow: it is {math.degrees(apart):.1f} deg behind for "
-                    f"more than {self.settings.follow_time:g} s; is it jammed or overloaded?"
-                )
-
-    def _check_angle(self, axis: Axis, angle: float) -> None:
-        options = axis.options
-        if not options.low - _LIMIT_SLACK <= angle <= options.high + _LIMIT_SLACK:
-            raise DeviceFaultError(
-                f"{options.name} would be at {math.degrees(angle):.2f} deg, allowed are "
-                f"{math.degrees(options.low):.2f} to {math.degrees(options.high):.2f} deg"
-            )
+        """Raise what a servo newly shows to be wrong, having let its axis stand where it is."""
+        problems = []
+        for place, reading in enumerate(group.readings):
+            problem = self._supervisor.complain(place, reading, group.time_ns)
+            if problem and self._standing.fail(place, reading.position):
+                problems.append(problem)
+        if problems:
+            raise AxisFaultError("; ".join(problems))

@@ -10,12 +10,13 @@ each block holds the servo's clock, which shows when it was measured.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations
 
-from orientd.errors import DeviceFaultError, FeedbackError
+from orientd.errors import DeviceFaultError, FeedbackError, LinkError
 from orientd_dynamixel.axis import TICKS, Axis
+from orientd_dynamixel.options import GimbalOptions
 from orientd_dynamixel.reading import (
     BLOCK,
     REALTIME_TICK,
@@ -36,6 +37,7 @@ _TAIL_MS = 1.0
 JUMP_TICKS = 24
 """What a reading may jump on top of what the axis can turn: backlash and rounding."""
 JUMP_MARGIN = 1.5
+_BUSY_SHARE = 0.8
 
 
 @dataclass(slots=True)
@@ -253,3 +255,45 @@ class Group:
                 name = next(a.options.name for a in self._axes if a.options.id == worst)
                 text += f"; most often servo {worst} ({name})"
             raise FeedbackError(f"{text}: {why}")
+
+
+def listen(
+    bus: ServoBus,
+    axes: Sequence[Axis],
+    options: GimbalOptions,
+    firmware: Mapping[int, int],
+    period_ns: int,
+) -> tuple[Group, list[str]]:
+    """Return the group of all servos, read as quickly as they can, and what keeps it from more.
+
+    Args:
+        bus: theirs.
+        axes: of the gimbal.
+        options: of the deployment.
+        firmware: of each servo, by its id.
+        period_ns: of the cycle.
+
+    Raises:
+        DeviceFaultError: fast reads are asked for that a servo does not know.
+        LinkError: the line is too slow for the rate.
+    """
+    old = [
+        f"servo {axis.options.id} has firmware {firmware[axis.options.id]}, fast reads need "
+        f"{axis.options.model.fast_firmware}"
+        for axis in axes
+        if firmware[axis.options.id] < axis.options.model.fast_firmware
+    ]
+    if old and options.fast_read == "on":
+        raise DeviceFaultError("; ".join(old))
+    group = Group(
+        bus, axes, is_fast=not old and options.fast_read != "off",
+        max_losses=options.max_losses, quiet_ns=round(options.latency_ms * 1e6),
+    )  # fmt: skip
+    need_ms = group.cycle_bytes * bus.byte_ms
+    if need_ms > _BUSY_SHARE * period_ns * 1e-6:
+        raise LinkError(
+            f"a cycle takes {need_ms:.2f} ms on the line at {options.baud} baud, the period "
+            f"is {period_ns * 1e-6:.2f} ms; lower the rate or set the servos to a higher "
+            "line speed"
+        )
+    return group, old if options.fast_read == "auto" else []

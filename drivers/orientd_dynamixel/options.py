@@ -10,13 +10,16 @@
     max_losses = 10            # answers lost in a row until it is a fault
     at_end = "release"         # or "hold": leave the torque on
     park_deg = [0, 0, 0]       # go here before the torque is switched off
+    pointing = true            # two axes: only the direction counts; false: the roll must fit, too
     max_deviation_deg = 0.0    # by how much a path near the pole may be missed; 0 refuses it
+    turns_file = ""            # where whole turns are kept; by default in the XDG state directory
+    overwrite = false          # whether a servo's own homing offset and drive mode are set to 0
     allow_slews = false        # whether the tool may stop and leave its path to change branch
 
     [[axes]]                   # one for each letter of order
     id = 1
     name = "yaw"
-    model = "xm430"            # or xl330
+    model = "xm430"            # or xl330, xm540-w270, ...: see MODELS
     gear = 1.0                 # turns of the servo for one of the axis
     direction = 1              # or -1
     zero_deg = 0.0             # angle of the axis where the servo's position is 2048
@@ -59,7 +62,7 @@ class ServoModel:
         indirect_data: address of its first indirect byte.
         indirect_address: address of the first entry of the map.
         no_load_speed: rad/s.
-        current_unit: A of one step.
+        current_unit: A of one step; 0 where the servo does not measure its current.
     """
 
     name: str
@@ -71,10 +74,26 @@ class ServoModel:
     current_unit: float
 
 
+def _model(name: str, number: int, rpm: float, current_unit: float, *, is_330: bool) -> ServoModel:
+    """Return a model of one of the two families, which differ in firmware and indirect block."""
+    firmware, indirect_data = (46, 208) if is_330 else (45, 224)
+    speed = rpm * 2 * math.pi / 60
+    return ServoModel(name, number, firmware, indirect_data, 168, speed, current_unit)
+
+
 MODELS: Mapping[str, ServoModel] = {
     "xm430": ServoModel("XM430-W350", 1020, 45, 224, 168, 4.817, 0.00269),
     "xl330": ServoModel("XL330-M288", 1200, 46, 208, 168, 10.79, 0.001),
+    "xm540-w270": _model("XM540-W270", 1120, 30, 0.00269, is_330=False),
+    "xm540-w150": _model("XM540-W150", 1130, 53, 0.00269, is_330=False),
+    "xw540-t260": _model("XW540-T260", 1170, 40, 0.00269, is_330=False),
+    "xw540-t140": _model("XW540-T140", 1180, 72, 0.00269, is_330=False),
+    "xl430-w250": _model("XL430-W250", 1060, 61, 0.0, is_330=False),
+    "xc430-w240": _model("XC430-W240", 1080, 70, 0.0, is_330=False),
+    "xc330-m181": _model("XC330-M181", 1230, 129, 0.001, is_330=True),
+    "xc330-m288": _model("XC330-M288", 1240, 81, 0.001, is_330=True),
 }
+"""Numbers as in the vendor's SDK, speeds as in its manual, at 12 V or at 5 V; none was tried."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +135,8 @@ class GimbalOptions:
     latency_ms: float
     max_deviation: float
     allow_slews: bool
+    turns_file: str | None
+    overwrite: bool
 
 
 _AXIS_KEYS = {
@@ -125,7 +146,8 @@ _AXIS_KEYS = {
 _KEYS = {
     "port", "baud", "order", "axes", "mount", "tool", "fast_read", "watchdog_ms", "at_end",
     "park_deg", "pointing", "roll_tolerance_deg", "follow_tolerance_deg", "follow_time",
-    "max_losses", "latency_ms", "max_deviation_deg", "allow_slews",
+    "max_losses", "latency_ms", "max_deviation_deg", "allow_slews", "turns_file",
+    "overwrite",
 }  # fmt: skip
 
 
@@ -151,6 +173,9 @@ def parse(options: Mapping[str, Any]) -> GimbalOptions:
     port = options.get("port")
     if not isinstance(port, str) or not port:
         raise ValueError(f"port must be the path of a serial port, got {port!r}")
+    turns_file = options.get("turns_file")
+    if turns_file is not None and not isinstance(turns_file, str):
+        raise ValueError(f"turns_file must be a path, or empty for none, got {turns_file!r}")
     park = options.get("park_deg")
     if park is not None:
         park = tuple(map(math.radians, numbers("park_deg", park, len(axes))))
@@ -168,7 +193,7 @@ def parse(options: Mapping[str, Any]) -> GimbalOptions:
         watchdog_ms=round(number("watchdog_ms", options.get("watchdog_ms", 500), 0, 2540)),
         at_end=choice("at_end", options.get("at_end", "release"), ("release", "hold")),
         park=park,
-        pointing=switch("pointing", options.get("pointing", False)),
+        pointing=switch("pointing", options.get("pointing", len(axes) == 2)),
         roll_tolerance=math.radians(
             number("roll_tolerance_deg", options.get("roll_tolerance_deg", 1.0), 0, 180)
         ),
@@ -182,6 +207,8 @@ def parse(options: Mapping[str, Any]) -> GimbalOptions:
             number("max_deviation_deg", options.get("max_deviation_deg", 0.0), 0, 45)
         ),
         allow_slews=switch("allow_slews", options.get("allow_slews", False)),
+        turns_file=turns_file,
+        overwrite=switch("overwrite", options.get("overwrite", False)),
     )
 
 
@@ -218,6 +245,8 @@ def _axis(row: object, place: int, letter: str) -> AxisOptions:
     if farthest + 2048 > 1_048_575:
         raise ValueError(f"{where}limits_deg must be within 255 turns of the servo, got {limits!r}")
     current = row.get("current_limit")
+    if current is not None and not model.current_unit:
+        raise ValueError(f"{where}current_limit: a {model.name} has no limit of its current")
     name = row.get("name", letter.lower())
     if not isinstance(name, str) or not name:
         raise ValueError(f"{where}name must be a text, got {name!r}")

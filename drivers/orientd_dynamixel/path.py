@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from orientd.errors import LimitError, PlanError, StartError
 from orientd.rotation import Floats, angle, check_unit
-from orientd_dynamixel.branches import Choice, candidates, choose
+from orientd_dynamixel.branches import Choice, candidates, choose, continued
 from orientd_dynamixel.certificate import (
     AxisCertificate,
     AxisLimits,
@@ -104,13 +104,18 @@ def _choose(
             first = float(start[0])
         else:
             entry = 2.0 * _LAG
-    every = candidates(_principal(gimbal, q, first), limits)
+    principal = _principal(gimbal, q, first)
     ways: list[Passage] = []
     if policy.max_deviation > 0.0:
         matrix = gimbal.matrix(q)
         line, _ = outer_line(gimbal, matrix)
         for window in windows(line, period, limits[0]):
             ways += passages(gimbal, matrix, window, limits, period, policy.max_deviation)
+    if start is not None and not ways:
+        on_its_way = continued(principal, limits, period, start, entry)
+        if on_its_way is not None:
+            return on_its_way
+    every = candidates(principal, limits)
     choice = choose(every, limits, period, start=start, entry=entry, passages=ways)
     if choice.reached < len(q) and policy.allow_slews:
         choice = choose(

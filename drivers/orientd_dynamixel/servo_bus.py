@@ -12,7 +12,7 @@ import termios
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
@@ -307,6 +307,9 @@ def open_bus(
         raise LinkError(f"cannot open {port_name} at {baud} baud")
     # Opening makes a new serial object, with reads that return at once: the SDK would spin.
     port.ser.timeout = glance_s
+    with suppress(ValueError, OSError, AttributeError):
+        # An FTDI adapter then hands answers on after 1 ms; others know nothing of it.
+        port.ser.set_low_latency_mode(True)
     return ServoBus(port, sdk.Protocol2PacketHandler(), wait_ms=wait_ms)
 
 

@@ -8,15 +8,23 @@ stops it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 from orientd.errors import DeviceError, DeviceFaultError, LinkError
 from orientd_dynamixel.axis import Axis, sendable
 from orientd_dynamixel.options import AxisOptions, GimbalOptions
-from orientd_dynamixel.reading import BLOCK, RETURN_LEVEL, WATCHDOG_TRIPPED, explain_error
+from orientd_dynamixel.reading import (
+    BLOCK,
+    RETURN_LEVEL,
+    VELOCITY_UNIT,
+    WATCHDOG_TRIPPED,
+    explain_error,
+)
 from orientd_dynamixel.servo_bus import ServoBus
 
 RETURN_DELAY, DRIVE_MODE, OPERATING_MODE, HOMING_OFFSET, CURRENT_LIMIT = 9, 10, 11, 20, 38
+VELOCITY_LIMIT = 44
 TORQUE, LEVEL, HARDWARE_ERROR, WATCHDOG = 64, 68, 70, 98
 PROFILE_ACCELERATION, PROFILE_VELOCITY, GOAL, POSITION = 108, 112, 116, 132
 EXTENDED_POSITION = 4
@@ -25,6 +33,9 @@ BOOT_ATTEMPTS = 20
 BOOT_STEP_S = 0.05
 HELD_TICKS = 40
 """A goal this close to the position is kept: the torque was on, and the load hangs on it."""
+
+_PROFILE_MARGIN = 1.2
+"""Room for a servo to catch up with its goals."""
 
 Sleep = Callable[[float], None]
 
@@ -74,8 +85,32 @@ def clear_error(bus: ServoBus, axis: AxisOptions, sleep: Sleep) -> bool:
     return True
 
 
-def configure(bus: ServoBus, axis: AxisOptions) -> None:
-    """Put the settings of an axis' servo right, the permanent ones only where they differ."""
+def has_kept_power(bus: ServoBus, axis: AxisOptions) -> bool:
+    """Return whether a servo has had power since it was configured, and counts turns since then."""
+    mapped = b"".join(address.to_bytes(2, "little") for address in BLOCK)
+    found = bus.read(axis.id, axis.model.indirect_address, len(mapped))
+    is_counting = bus.read(axis.id, OPERATING_MODE, 1) == EXTENDED_POSITION
+    return is_counting and found == int.from_bytes(mapped, "little")
+
+
+def configure(bus: ServoBus, axis: AxisOptions, *, may_overwrite: bool = True) -> None:
+    """Put the settings of an axis' servo right, the permanent ones only where they differ.
+
+    Raises:
+        DeviceFaultError: it has an offset or a direction of its own, which may not be overwritten,
+            or it does not take a setting.
+    """
+    own = {
+        "homing offset": bus.read(axis.id, HOMING_OFFSET, 4, is_signed=True),
+        "drive mode": bus.read(axis.id, DRIVE_MODE, 1),
+    }
+    if any(own.values()) and not may_overwrite:
+        named = " and ".join(f"{name} {value}" for name, value in own.items() if value)
+        raise DeviceFaultError(
+            f"servo {axis.id} ({axis.name}) has {named}; orientd works with 0, which changes the "
+            "angles that it stands for: set it to 0 with the vendor's wizard, or have it "
+            "overwritten with overwrite = true, and put zero_deg and direction right"
+        )
     permanent = [(RETURN_DELAY, 1, 0), (DRIVE_MODE, 1, 0), (OPERATING_MODE, 1, EXTENDED_POSITION),
                  (HOMING_OFFSET, 4, 0)]  # fmt: skip
     if axis.current_limit is not None:
@@ -96,7 +131,9 @@ def configure(bus: ServoBus, axis: AxisOptions) -> None:
     for number, address in enumerate(BLOCK):
         bus.write(axis.id, axis.model.indirect_address + 2 * number, address, 2)
     bus.write(axis.id, PROFILE_ACCELERATION, 0, 4)
-    bus.write(axis.id, PROFILE_VELOCITY, 0, 4)
+    # No more than what is asked of it, whatever lets go of it: a servo knows no other limit.
+    fastest = math.ceil(_PROFILE_MARGIN * axis.velocity * axis.gear / VELOCITY_UNIT)
+    bus.write(axis.id, PROFILE_VELOCITY, min(fastest, bus.read(axis.id, VELOCITY_LIMIT, 4)), 4)
 
 
 def quiet_watchdog(bus: ServoBus, servo: int) -> int | None:
@@ -150,8 +187,13 @@ def arm_watchdogs(bus: ServoBus, axes: Sequence[Axis], milliseconds: int) -> Non
         bus.write(axis.options.id, WATCHDOG, units, 1)
 
 
-def hold(bus: ServoBus, axes: Sequence[Axis]) -> None:
+def hold(bus: ServoBus, axes: Sequence[Axis], standing: Sequence[Axis] = ()) -> None:
     """Leave the servos where they are told to be, watchdogs off.
+
+    Args:
+        bus: theirs.
+        axes: all of them.
+        standing: those that are left where they are, wherever they were told to be.
 
     Raises:
         DeviceError: one could not be reached; the others hold all the same.
@@ -161,11 +203,25 @@ def hold(bus: ServoBus, axes: Sequence[Axis]) -> None:
         servo = axis.options.id
         try:
             goal = quiet_watchdog(bus, servo)
+            if goal is None and axis in standing:
+                goal = sendable(bus.read(servo, POSITION, 4, is_signed=True))
+                bus.write(servo, GOAL, goal, 4)
             axis.goal = axis.goal if goal is None else goal
+            if axis in standing:
+                bus.write(servo, PROFILE_VELOCITY, PARK_RATE, 4)
         except DeviceError as error:
             failure = failure or error
     if failure is not None:
         raise failure
+
+
+def drop(bus: ServoBus, axes: Sequence[Axis]) -> None:
+    """Switch the torque of *axes* off where they can still be reached."""
+    for axis in axes:
+        try:
+            bus.write(axis.options.id, TORQUE, 0, 1)
+        except DeviceError:
+            continue
 
 
 PARK_RATE = 22
@@ -196,8 +252,4 @@ def release(bus: ServoBus, options: GimbalOptions, axes: Sequence[Axis], sleep: 
     """Park where that is asked for, then switch the torque off, one servo's failure aside."""
     if options.park is not None and all(bus.read(axis.options.id, TORQUE, 1) for axis in axes):
         park(bus, axes, options.park, sleep)
-    for axis in axes:
-        try:
-            bus.write(axis.options.id, TORQUE, 0, 1)
-        except DeviceError:
-            continue
+    drop(bus, axes)

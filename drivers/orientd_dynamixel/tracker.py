@@ -99,6 +99,17 @@ class Tracker:
             seen = multiply(seen, (turn[0], turn[1], turn[2], turn[3]))
         return (wx, wy, wz)
 
+    def branches(self, q: Quaternion) -> list[tuple[float, ...]]:
+        """Return the axis angles that make *q*, or its direction, rad, whole turns aside."""
+        m = matrix_of(multiply(multiply(self._mount_back, q), self._tool_back))
+        outer = self._outer(m)
+        return [(outer + turn, *self._rest(m, outer + turn)) for turn in (0.0, math.pi)]
+
+    def inner(self, q: Quaternion, outer: float) -> tuple[float, ...]:
+        """Return the angles of the other axes that come nearest to *q* with the outer one given."""
+        m = matrix_of(multiply(multiply(self._mount_back, q), self._tool_back))
+        return self._rest(m, outer)
+
     def solve(self, q: Quaternion) -> tuple[tuple[float, ...], float]:
         """Return the axis angles for *q* nearest to :attr:`angles`, and the angle missed.
 

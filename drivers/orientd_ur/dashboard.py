@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import time
 from types import TracebackType
 from typing import Self
 
@@ -15,10 +16,10 @@ class Dashboard:
 
     Args:
         host: the robot's address.
-        timeout: s that connecting and each answer may take.
+        timeout: s that connecting and each whole answer may take, however many bytes come of it.
     """
 
-    def __init__(self, host: str, *, timeout: float = 2.0) -> None:
+    def __init__(self, host: str, *, timeout: float = 0.4) -> None:
         self._host = host
         self._timeout = timeout
         self._sock: socket.socket | None = None
@@ -73,8 +74,11 @@ class Dashboard:
     def _line(self, awaited: str) -> str:
         if self._sock is None:
             raise LinkError("the dashboard is not connected")
+        ends = time.monotonic() + self._timeout
         while b"\n" not in self._pending:
             try:
+                # Never 0, which would mean not to wait, and never to time out.
+                self._sock.settimeout(max(ends - time.monotonic(), 1e-6))
                 chunk = self._sock.recv(4096)
             except OSError as error:
                 raise LinkError(

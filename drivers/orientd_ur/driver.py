@@ -8,30 +8,33 @@ centre point.
 from __future__ import annotations
 
 import importlib.util
+import logging
 import time
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 from orientd.clock import Clock
 from orientd.driver import Driver, Feedback, Finding, Quaternion, Setpoint, Vector3
-from orientd.errors import DeviceFaultError, FeedbackError, LinkError, PlanError
+from orientd.errors import DeviceFaultError, FeedbackError, LinkError
 from orientd.floats import exp, rotate_back
 from orientd_ur import options as ur_options
 from orientd_ur.controller_clock import ControllerClock
-from orientd_ur.dashboard import Dashboard
 from orientd_ur.deadline import arm, disarm
 from orientd_ur.inspection import inspect
-from orientd_ur.joint_path import examine, tool_in_flange
-from orientd_ur.kinematics import JOINT_NAMES, frames
+from orientd_ur.kinematics import JOINT_NAMES
 from orientd_ur.link import Link
 from orientd_ur.pose import continued
-from orientd_ur.probe import look, whereabouts
-from orientd_ur.states import PROTECTIVE_STOP, RUNNING, RuntimeState, interruption, obstacle
+from orientd_ur.prediction import Prediction
+from orientd_ur.probe import look
+from orientd_ur.recovery import NO_DASHBOARD, Recovery
+from orientd_ur.sockets import Address
+from orientd_ur.states import RuntimeState, interruption, obstacle
 from orientd_ur.tick_listener import TickListener
 from orientd_ur.tick_phase import TickPhase, tick_ns
 
-_POLL = 0.005
-_POWER_UP = 15.0
+_RESOLVING = 5.0
+_LOOKING = 0.5
+_FIRST_PACKAGES = 1.0
 # After this many looks the receiving thread has had its turn, however busy the machine.
 _LOOKS_BEFORE_STALE = 3
 _REASON_TIMEOUT = 0.02
@@ -40,6 +43,17 @@ _SLOW_CALL_NS = 20_000_000
 # The library can hang in any call, when it connects anew at the wrong moment.
 _LONGEST_CYCLE = 0.9
 _COMPARE_EVERY_NS = 1_000_000_000
+# The packages that are listened to come every 40 ms.
+_NEARLY_IN_TIME_NS = 60_000_000
+_ENDS = {
+    6: "the client library ended it, as it does for data that are no RTDE packages: see what the "
+    "controller at {host} sends, or what else answers there",
+    11: "the client library crashed, as it may when the controller at {host} closes a connection",
+    14: "a call of the client library took more than 0.9 s; the robot's watchdog stops the arm",
+}
+
+
+_log = logging.getLogger(__name__)
 
 
 class UrDriver(Driver):
@@ -54,7 +68,10 @@ class UrDriver(Driver):
         self._tuned = self._options
         if importlib.util.find_spec("rtde_control") is None:
             raise ValueError("the driver needs ur-rtde: pip install 'orientd-motion[ur]'")
+        self._address = Address(self._options.host)
+        self._prediction = Prediction(self._options, self._address)
         self._link = Link(self._options.host)
+        self._recovery = Recovery(self._link, self._options)
         self._clock = ControllerClock()
         self._is_enabled = False
         self._timestamp = -1.0
@@ -87,21 +104,46 @@ class UrDriver(Driver):
         """Take the lookahead, gain and servo time of the motions to come."""
         self._tuned = ur_options.tuned(self._options, options)
 
-    def examine(self, times: Sequence[float], poses: Sequence[tuple[Quaternion, Vector3]]) -> None:
+    def examine(
+        self,
+        times: Sequence[float],
+        poses: Sequence[tuple[Quaternion, Vector3]],
+        joints: tuple[float, ...] = (),
+        *,
+        is_offline: bool = False,
+    ) -> None:
         """Refuse a path on which a joint would be too fast, or a singularity too near.
 
         Raises:
             PlanError: the time and the joint; or the robot does not say where it is.
         """
-        try:
-            joints, pose = whereabouts(self._options.host)
-        except LinkError as error:
-            raise PlanError(f"cannot predict the joints: {error}") from error
-        examine(times, poses, joints, tcp_offset=tool_in_flange(joints, pose))
+        self._prediction.examine(times, poses, joints, is_offline=is_offline)
+
+    def offline_start(self, *, from_device: bool) -> Feedback:
+        """Return where the arm stands: by the options, or as the robot says.
+
+        Raises:
+            LinkError: the robot does not answer.
+            PlanError: the options do not say which arm it is.
+        """
+        return self._prediction.start(from_device=from_device)
 
     def outline(self, joints: tuple[float, ...]) -> Sequence[Sequence[Vector3]]:
-        """Return the links of a UR5e, whichever arm it is, up to the flange."""
-        return (frames(joints),) if len(joints) == len(JOINT_NAMES) else ()
+        """Return the arm's links up to the flange; nothing until the controller said which arm."""
+        return self._prediction.outline(joints) if len(joints) == len(JOINT_NAMES) else ()
+
+    def why_stale(self) -> str:
+        """Return whether the controller's packages came late, or were not taken in here."""
+        if self._listener is None or (silent_ns := self._listener.silence_ns()) is None:
+            return ""
+        since = f"the newest package arrived {silent_ns * 1e-6:.0f} ms ago"
+        if silent_ns < _NEARLY_IN_TIME_NS:
+            return f"{since}, so this machine was too busy to take it in"
+        return f"{since}, so the controller or the network is late"
+
+    def why_ended(self, signal: int) -> str:
+        """Return what the client library's ends are known to come from."""
+        return _ENDS.get(signal, "").format(host=self._options.host)
 
     def open(self) -> None:
         """Look at the robot, then connect; the arm need not be running yet.
@@ -110,14 +152,23 @@ class UrDriver(Driver):
             LinkError: it does not answer, is held by another client, or has a version that the
                 client library cannot drive.
         """
-        host = self._options.host
-        probe = look(host)
+        host, address = self._options.host, self._address.get(_RESOLVING)
+        probe = look(address, timeout=_LOOKING)
         if probe.version_problem:
             raise LinkError(f"{host}: {probe.version_problem}")
+        if self.period_ns < (cycle_ns := tick_ns(probe.version)):
+            raise LinkError(
+                f"{host} takes a setpoint every {cycle_ns * 1e-6:g} ms: `rate_hz` must be "
+                f"{1e9 / cycle_ns:g} at the most"
+            )
+        self._prediction.confirm(address)
+        self._recovery.version = probe.version
+        if not self._recovery.has_dashboard:
+            _log.warning("%s: %s", host, NO_DASHBOARD)
         if self._options.keep_phase:
-            self._listener = TickListener(host)
+            self._listener = TickListener(address)
             self._phase = TickPhase(tick_ns(probe.version), self.period_ns)
-        self._link.connect()
+        self._link.connect(address)
         self._await_package(LinkError(f"{host} sends no data packages"))
 
     def enable(self) -> Feedback:
@@ -127,12 +178,13 @@ class UrDriver(Driver):
             DeviceFaultError: the robot may not move, or is not in remote control.
             LinkError: the link is lost, or another client holds the robot.
         """
+        self._forget_age()
         self._link.require()
         self._link.require_same()
-        self._require_readiness()
+        self._recovery.require_readiness()
         if not self._link.has_control:
             self._link.take_control()
-            self._await_runtime(RuntimeState.PLAYING)
+            self._recovery.await_runtime(RuntimeState.PLAYING)
         elif self._link.modes()[2] != RuntimeState.PLAYING:
             self._link.play()
         chosen = self._options
@@ -261,23 +313,10 @@ class UrDriver(Driver):
         self._link.require_same()
         self._clock.reset()
         self._await_package(LinkError(f"{self._options.host} sends no data packages"))
-        with Dashboard(self._options.host) as dashboard:
-            self._require_remote(dashboard)
-            if self._link.modes()[1] == PROTECTIVE_STOP:
-                self._unlock(dashboard)
-            robot_mode, safety_mode, _ = self._link.modes()
-            if robot_mode != RUNNING and safety_mode <= 2 and self._options.release_brakes:
-                self._power_up(dashboard)
-            robot_mode, safety_mode, _ = self._link.modes()
-            reason = obstacle(robot_mode, safety_mode)
-            if reason:
-                raise DeviceFaultError(reason)
-            # Anew, not resumed: a program that was paused would go on to the setpoint it was
-            # stopped at.
-            dashboard.ask("stop")
-            self._await_runtime(RuntimeState.STOPPED)
+        self._recovery.clear()
         if self._link.has_control:
             self._link.play()
+        self._forget_age()
 
     def close(self) -> None:
         """End the control program and disconnect; after a loss, do nothing at all."""
@@ -313,7 +352,11 @@ class UrDriver(Driver):
         if age > chosen.feedback_timeout:
             # What is sent from now on would pile up, and reach the arm as one jump.
             self._is_muted = True
-            raise FeedbackError(f"no feedback from {host} for {age:.3f} s")
+            raise FeedbackError(f"no feedback from {host} for {age:.3f} s{self._late_words()}")
+
+    def _late_words(self) -> str:
+        reason = self.why_stale()
+        return f"; {reason}" if reason else ""
 
     def _is_stale(self) -> bool:
         """Whether the controller may be frozen, so that waiting for it could last for ever."""
@@ -329,7 +372,7 @@ class UrDriver(Driver):
 
     def _await_package(self, error: LinkError | FeedbackError) -> None:
         """Wait until the controller's clock has moved twice, then take that as the newest."""
-        ends = time.monotonic() + 1.0
+        ends = time.monotonic() + _FIRST_PACKAGES
         before = self._link.timestamp()
         for _ in range(2):
             while (timestamp := self._link.timestamp()) == before:
@@ -343,6 +386,10 @@ class UrDriver(Driver):
         self._timestamp, self._changed_ns, self._looks = before, now_ns, 0
         self._feedback = self._measure(before, now_ns)
 
+    def _forget_age(self) -> None:
+        """Count the age of feedback from now: nobody has looked for as long as a call took."""
+        self._timestamp, self._changed_ns, self._looks = -1.0, self.clock.now_ns(), 0
+
     # Parts of enabling and resetting
 
     def _order(self, name: str, *arguments: Any) -> None:  # noqa: ANN401 - the library's own
@@ -350,43 +397,3 @@ class UrDriver(Driver):
             raise DeviceFaultError(
                 self._reason() or f"{self._options.host} did not carry out {name}"
             )
-
-    def _require_readiness(self) -> None:
-        robot_mode, safety_mode, _ = self._link.modes()
-        reason = obstacle(robot_mode, safety_mode)
-        if reason:
-            raise DeviceFaultError(reason)
-        with Dashboard(self._options.host) as dashboard:
-            self._require_remote(dashboard)
-
-    def _require_remote(self, dashboard: Dashboard) -> None:
-        if self._options.check_remote_control and not dashboard.is_remote:
-            raise DeviceFaultError(
-                f"{self._options.host} is in local control; switch it to remote control on the "
-                "pendant"
-            )
-
-    def _await_runtime(self, state: RuntimeState) -> None:
-        ends = time.monotonic() + 1.0
-        while self._link.modes()[2] != state and time.monotonic() < ends:
-            self._link.require()
-            time.sleep(_POLL)
-
-    def _unlock(self, dashboard: Dashboard) -> None:
-        ends = time.monotonic() + self._options.unlock_timeout
-        answer = ""
-        while self._link.modes()[1] == PROTECTIVE_STOP:
-            self._link.require()
-            if time.monotonic() > ends:
-                raise DeviceFaultError(f"the protective stop stays locked: {answer}")
-            answer = dashboard.ask("unlock protective stop")
-            time.sleep(_POLL)
-        dashboard.ask("close safety popup")
-
-    def _power_up(self, dashboard: Dashboard) -> None:
-        dashboard.ask("power on")
-        dashboard.ask("brake release")
-        ends = time.monotonic() + _POWER_UP
-        while self._link.modes()[0] != RUNNING and time.monotonic() < ends:
-            self._link.require()
-            time.sleep(_POLL)

@@ -7,7 +7,10 @@ from importlib import metadata
 from orientd.driver import Finding, Verdict
 from orientd.errors import LinkError
 from orientd_ur.options import UrOptions
+from orientd_ur.prediction import Prediction
 from orientd_ur.probe import Probe, look
+from orientd_ur.recovery import NO_DASHBOARD
+from orientd_ur.sockets import Address
 from orientd_ur.states import obstacle
 
 TICK = 0.002
@@ -41,6 +44,7 @@ def inspect(options: UrOptions, *, timeout: float = 2.0) -> list[Finding]:
         *library,
         Finding("reachability", f"{options.host} answers on every port", Verdict.OK),
         _version(found),
+        _arm(options),
         _remote_control(found, is_needed=options.check_remote_control),
         _readiness(found),
         _registers(found),
@@ -67,7 +71,23 @@ def _version(found: Probe) -> Finding:
     return Finding("version", text, Verdict.OK)
 
 
+def _arm(options: UrOptions) -> Finding:
+    prediction = Prediction(options, Address(options.host))
+    try:
+        arm, _ = prediction.look()
+    except LinkError as error:
+        verdict = Verdict.PROBLEM if options.check_joints else Verdict.OK
+        mend = "see above; motions are refused as long as the joints cannot be predicted"
+        return Finding("arm", str(error), verdict, mend if options.check_joints else "")
+    how = "its own calibration" if arm.is_calibrated else "the published lengths"
+    return Finding("arm", f"{arm.name}, by {how}", Verdict.OK)
+
+
 def _remote_control(found: Probe, *, is_needed: bool) -> Finding:
+    if found.version[0] >= 10:
+        return Finding("remote control", "not known", Verdict.IMPROVE, NO_DASHBOARD)
+    if found.is_remote is None:
+        return Finding("remote control", "CB3 robots do not know it", Verdict.OK)
     if found.is_remote:
         return Finding("remote control", "on", Verdict.OK)
     if not is_needed:

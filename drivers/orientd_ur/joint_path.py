@@ -12,22 +12,12 @@ from dataclasses import dataclass
 
 from orientd.driver import Quaternion, Vector3
 from orientd.errors import LimitError, PlanError
-from orientd.floats import conjugate, exp, log, multiply
-from orientd_ur.kinematics import (
-    JOINT_NAMES,
-    JOINT_RANGE,
-    JOINT_SPEED,
-    Joints,
-    Matrix,
-    forward,
-    inverse,
-    matrix,
-    quaternion,
-    reserve,
-)
+from orientd.floats import exp, multiply
+from orientd_ur.arm import Arm
+from orientd_ur.kinematics import JOINT_NAMES, Joints, Kinematics, Matrix, matrix, quaternion
 
-SPEED_SHARE = 0.95
-"""How much of the joint speed a path may use; the arm's servo overshoots a little."""
+SPEED_SHARE = 0.98
+"""How much of the joint speed a path may use; between the poses that are looked at it is more."""
 
 # Nearer than this a joint turns many times faster than the tool, whatever the present path asks.
 LEAST_RESERVE = {"wrist": 0.02, "elbow": 0.02, "shoulder": 0.02}
@@ -70,6 +60,7 @@ class JointReport:
 
 
 def follow(
+    kinematics: Kinematics,
     poses: Iterable[tuple[Quaternion, Vector3]],
     start: Sequence[float],
     *,
@@ -78,6 +69,7 @@ def follow(
     """Yield the joints for each pose of the tool, continuously from *start*.
 
     Args:
+        kinematics: of the arm.
         poses: orientation and position (m) of the tool in the base.
         start: joints near the first pose, rad.
         tcp_offset: pose of the tool in the flange, m and rad.
@@ -92,28 +84,25 @@ def follow(
         flange = _times_transposed(matrix(q), turn)
         px, py, pz = (row[0] * x + row[1] * y + row[2] * z for row in flange)
         at = (position[0] - px, position[1] - py, position[2] - pz)
-        joints = inverse(flange, at, near)
+        joints = kinematics.inverse(flange, at, near)
         yield joints
         if joints is None:
             return
         near = joints
 
 
-def tool_in_flange(joints: Sequence[float], pose: Sequence[float]) -> tuple[float, ...]:
-    """Return where the tool is in the flange: position (m) and rotation vector (rad).
-
-    From what the controller says of joints and tool together it takes in the arm's own calibration,
-    by which it differs from the published table by some tenths of a millimetre.
-    """
-    rotation, position = forward(joints)
-    back = tuple(zip(*rotation, strict=True))
-    gap = [p - q for p, q in zip(pose[:3], position, strict=True)]
-    offset = tuple(sum(a * b for a, b in zip(row, gap, strict=True)) for row in back)
-    turned = multiply(conjugate(quaternion(rotation)), exp((pose[3], pose[4], pose[5])))
-    return (*offset, *log(turned))
+def tool_pose(
+    kinematics: Kinematics, joints: Sequence[float], tcp_offset: Sequence[float]
+) -> tuple[Quaternion, Vector3]:
+    """Return orientation and position (m) of the tool in the base for *joints* (rad)."""
+    rotation, (x, y, z) = kinematics.forward(joints)
+    dx, dy, dz = (sum(a * b for a, b in zip(row, tcp_offset[:3], strict=True)) for row in rotation)
+    rx, ry, rz = tcp_offset[3:]
+    return multiply(quaternion(rotation), exp((rx, ry, rz))), (x + dx, y + dy, z + dz)
 
 
 def examine(
+    arm: Arm,
     times: Sequence[float],
     poses: Iterable[tuple[Quaternion, Vector3]],
     start: Sequence[float],
@@ -123,6 +112,7 @@ def examine(
     """Return what a path asks of the joints, or refuse it.
 
     Args:
+        arm: whose joints they are.
         times: of the poses, s, increasing.
         poses: orientation and position (m) of the tool in the base.
         start: the joints as they are now, rad.
@@ -135,33 +125,37 @@ def examine(
     speeds = {name: Extreme(0.0, times[0] if len(times) else 0.0) for name in JOINT_NAMES}
     reserves: dict[str, Extreme] = {}
     before, before_time = tuple(start), None
-    for time, joints in zip(times, follow(poses, start, tcp_offset=tcp_offset), strict=False):
+    path = follow(arm.kinematics, poses, start, tcp_offset=tcp_offset)
+    for time, joints in zip(times, path, strict=False):
         if joints is None:
             raise PlanError(f"the arm does not reach the pose at {time:.4f} s")
-        for name, value in reserve(joints).items():
+        for name, value in arm.kinematics.reserve(joints).items():
             if name not in reserves or value < reserves[name].value:
                 reserves[name] = Extreme(value, time)
-        for name, here, there in zip(JOINT_NAMES, before, joints, strict=True):
+        for name, here, there, (low, high) in zip(
+            JOINT_NAMES, before, joints, arm.ranges, strict=True
+        ):
             if before_time is not None:
                 if abs(there - here) > _LONGEST_STEP:
                     raise PlanError(f"the joint {name} would have to jump at {time:.4f} s")
                 rate = abs(there - here) / (time - before_time)
                 if rate > speeds[name].value:
                     speeds[name] = Extreme(rate, time)
-            if abs(there) > JOINT_RANGE:
+            if not low <= there <= high:
                 raise LimitError(
-                    f"angle of joint {name}", abs(there), JOINT_RANGE, time, "rad",
-                    "unwind the joint first",
+                    f"angle of joint {name}", abs(there), high if there > high else abs(low), time,
+                    "rad", "unwind the joint first",
                 )  # fmt: skip
         before, before_time = joints, time
-    _refuse_fast(speeds)
+    _refuse_fast(speeds, arm)
     _refuse_singular(reserves)
     return JointReport(speeds, reserves, before)  # type: ignore[arg-type] # six of them
 
 
-def _refuse_fast(speeds: dict[str, Extreme]) -> None:
-    name, worst = max(speeds.items(), key=lambda entry: entry[1].value)
-    limit = SPEED_SHARE * JOINT_SPEED
+def _refuse_fast(speeds: dict[str, Extreme], arm: Arm) -> None:
+    limits = dict(zip(JOINT_NAMES, arm.speeds, strict=True))
+    name, worst = max(speeds.items(), key=lambda entry: entry[1].value / limits[entry[0]])
+    limit = SPEED_SHARE * limits[name]
     if worst.value > limit:
         raise LimitError(
             f"speed of joint {name}", worst.value, limit, worst.time, "rad/s",

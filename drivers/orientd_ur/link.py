@@ -14,7 +14,7 @@ from typing import Any
 
 from orientd.errors import DeviceFaultError, LinkError
 from orientd_ur.deadline import process_ends_after
-from orientd_ur.sockets import send_at_once
+from orientd_ur.sockets import OpenSocket, are_open, send_at_once
 from orientd_ur.states import RuntimeState
 
 VARIABLES = [
@@ -42,36 +42,46 @@ _KEPT: list[Any] = []
 class Link:
     """The receiving and the controlling connection to one robot.
 
+    Args:
+        host: the robot's name, for messages.
+
     Attributes:
         is_lost: whether the library must not be touched any more.
+        address: the robot's, known before it is connected to: the library looks names up in calls
+            that are made every cycle.
     """
 
     def __init__(self, host: str) -> None:
         self.host = host
+        self.address = ""
         self.is_lost = False
         self._receive: Any = None
         self._control: Any = None
-        self._ports: frozenset[int] = frozenset()
+        self._sockets: frozenset[OpenSocket] = frozenset()
 
     @property
     def has_control(self) -> bool:
         """Whether the controlling connection was made."""
         return self._control is not None
 
-    def connect(self) -> None:
+    def connect(self, address: str) -> None:
         """Make the receiving connection.
+
+        Args:
+            address: of the robot, as numbers.
 
         Raises:
             LinkError: the robot refuses it.
         """
+        self.address = address
         module = importlib.import_module("rtde_receive")
         try:
             with process_ends_after(_CONSTRUCTION_LIMIT):
-                self._receive = module.RTDEReceiveInterface(self.host, -1.0, VARIABLES)
+                self._receive = module.RTDEReceiveInterface(address, -1.0, VARIABLES)
         except RuntimeError as error:
             raise LinkError(f"{self.host}: {error}") from error
         _KEPT.append(self._receive)
-        self._ports = send_at_once(self.host)
+        self._sockets = send_at_once(self.address)
 
     def take_control(self) -> None:
         """Make the controlling connection, which uploads the control program and plays it.
@@ -84,7 +94,7 @@ class Link:
         for attempt in range(_REGISTER_RETRIES):
             try:
                 with process_ends_after(_CONSTRUCTION_LIMIT):
-                    self._control = module.RTDEControlInterface(self.host)
+                    self._control = module.RTDEControlInterface(self.address)
                 break
             except RuntimeError as error:
                 text = " ".join(str(error).split())
@@ -97,7 +107,7 @@ class Link:
                 # A controller gives registers back a moment after their holder has gone.
                 time.sleep(0.1)
         _KEPT.append(self._control)
-        self._ports = send_at_once(self.host)
+        self._sockets = send_at_once(self.address)
 
     def problem(self) -> str:
         """Return why the link counts as lost; nothing while it lives."""
@@ -131,7 +141,7 @@ class Link:
         Raises:
             LinkError: it has.
         """
-        if send_at_once(self.host) != self._ports:
+        if not are_open(self._sockets):
             self.is_lost = True
             raise LinkError(f"{self.host} closed the connection, and the library made another")
 
@@ -219,7 +229,7 @@ class Link:
             DeviceFaultError: the robot does not play it.
         """
         self.order("reuploadScript")
-        self._ports = send_at_once(self.host)
+        self._sockets = send_at_once(self.address)
         ends = time.monotonic() + timeout
         while self.modes()[2] != RuntimeState.PLAYING or not self._control.isProgramRunning():
             self.require()

@@ -11,6 +11,13 @@ A motion may have a ``lookahead``, ``gain`` and ``servo_time`` of its own, its `
     100 to 2000, default 300: how hard the controller pulls the arm to the setpoint.
 ``servo_time``
     s, 0.002 to 0.1, default one period: for how long one setpoint commands the arm.
+``model``
+    which arm it is, as in ``ur10e``; default what the controller says, which must agree with it.
+    Plans made without the robot need it.
+``start_joints``
+    rad, six of them: where plans made without the robot begin; default elbow up, tool down.
+``check_joints``
+    whether to refuse motions that the arm's joints cannot follow; default true.
 ``tcp_offset``
     ``[x, y, z, rx, ry, rz]`` of the tool in the flange, m and rad; default what the robot has.
 ``payload_mass``, ``payload_cog``
@@ -33,16 +40,18 @@ A motion may have a ``lookahead``, ``gain`` and ``servo_time`` of its own, its `
     whether to move the deadlines slowly to where the controller's cycle takes every setpoint;
     default true.
 ``check_remote_control``
-    whether to insist on remote control; default true.  CB3 robots do not know it.
+    whether to insist on remote control; default true.  CB3 robots and PolyScope X do not tell.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import pi
 from typing import Any
 
-from orientd.driver import check_names, number, numbers, switch
+from orientd.driver import check_names, choice, number, numbers, switch
+from orientd_ur.arm import MODELS, ArmModel
 
 Vector = tuple[float, ...]
 
@@ -59,8 +68,9 @@ _NUMBERS: dict[str, tuple[float, float, float]] = {
 }
 TUNABLE = ("lookahead", "gain", "servo_time")
 """What a motion may have otherwise than the configuration says."""
-_SWITCHES = ("release_brakes", "keep_phase", "check_remote_control")
+_SWITCHES = ("release_brakes", "keep_phase", "check_remote_control", "check_joints")
 _HEAVIEST = 50.0
+_START_JOINTS = (0.0, -pi / 2, 4 * pi / 9, -4 * pi / 9, -pi / 2, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,6 +78,8 @@ class UrOptions:
     """What the module's text describes, each a checked value."""
 
     host: str
+    model: ArmModel | None
+    start_joints: Vector
     lookahead: float
     gain: float
     servo_time: float
@@ -81,6 +93,7 @@ class UrOptions:
     payload_cog: Vector
     release_brakes: bool
     keep_phase: bool
+    check_joints: bool
     check_remote_control: bool
 
 
@@ -94,7 +107,8 @@ def check(given: Mapping[str, Any], *, period: float) -> UrOptions:
     Raises:
         ValueError: an option is unknown, missing or not allowed; the message names it.
     """
-    known = {"host", "payload_mass", "tcp_offset", "payload_cog", *_NUMBERS, *_SWITCHES}
+    known = {"host", "model", "start_joints", "payload_mass", "tcp_offset", "payload_cog"}
+    known |= {*_NUMBERS, *_SWITCHES}
     check_names(given, known)
     host = given.get("host")
     if not isinstance(host, str) or not host.strip() or host != host.strip():
@@ -114,8 +128,11 @@ def check(given: Mapping[str, Any], *, period: float) -> UrOptions:
     mass, offset = given.get("payload_mass"), given.get("tcp_offset")
     if mass is None and "payload_cog" in given:
         raise ValueError("payload_cog needs payload_mass")
+    model = given.get("model")
     return UrOptions(
         host=host,
+        model=None if model is None else MODELS[choice("model", model, MODELS)],
+        start_joints=numbers("start_joints", given.get("start_joints", _START_JOINTS), 6),
         tcp_offset=None if offset is None else numbers("tcp_offset", offset, 6),
         payload_mass=None if mass is None else number("payload_mass", mass, 0.0, _HEAVIEST),
         payload_cog=numbers("payload_cog", given.get("payload_cog", (0.0, 0.0, 0.0)), 3),

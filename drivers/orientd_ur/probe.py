@@ -10,6 +10,7 @@ from __future__ import annotations
 import socket
 import time
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from orientd.errors import LinkError
 from orientd_ur import rtde
@@ -24,7 +25,7 @@ class Probe:
 
     Attributes:
         version: of its software.
-        is_remote: whether it is in remote control.
+        is_remote: whether it is in remote control; ``None`` where the software does not say.
         robot_mode, safety_mode, runtime_state: the controller's numbers, see `states`.
         registers_are_free: whether the registers of the control script can be had.
         round_trip: s from a request to its answer, the median of a few.
@@ -32,7 +33,7 @@ class Probe:
     """
 
     version: tuple[int, ...]
-    is_remote: bool
+    is_remote: bool | None
     robot_mode: int
     safety_mode: int
     runtime_state: int
@@ -63,14 +64,27 @@ def look(host: str, *, timeout: float = 2.0, packages: int = 5) -> Probe:
     Raises:
         LinkError: something does not answer; the message says what.
     """
-    with Dashboard(host, timeout=timeout) as dashboard:
-        is_remote = dashboard.is_remote
-    with RtdeClient(host, timeout) as client:
+    missing: LinkError | None = None
+    is_remote: bool | None = None
+    try:
+        with Dashboard(host, timeout=timeout) as dashboard:
+            is_remote = dashboard.is_remote
+    except LinkError as error:
+        missing = error  # PolyScope X has none
+    try:
+        client = RtdeClient(host, timeout)
+    except LinkError:
+        if missing is not None:
+            raise missing from None
+        raise
+    with client:
         trips = []
         for _ in range(5):
             begun = time.monotonic()
             version = rtde.controller_version(client.ask(rtde.package(rtde.CONTROLLER_VERSION)))
             trips.append(time.monotonic() - begun)
+        if missing is not None and version[0] < 10:
+            raise missing
         # Only asked for, and given back with the connection's end.
         inputs = client.ask(rtde.inputs_request("input_int_register_0", "input_double_register_0"))
         if b"NOT_FOUND" in client.ask(rtde.outputs_request(500.0 if version[0] > 3 else 125.0)):
@@ -86,7 +100,8 @@ def look(host: str, *, timeout: float = 2.0, packages: int = 5) -> Probe:
         raise LinkError(f"no script port at {host}:{SCRIPT_PORT}: {error}") from error
     return Probe(
         version=version,
-        is_remote=is_remote,
+        # CB3 robots do not know it.
+        is_remote=is_remote if version[0] >= 5 else None,
         robot_mode=latest[1],
         safety_mode=latest[2],
         runtime_state=latest[3],
@@ -96,13 +111,32 @@ def look(host: str, *, timeout: float = 2.0, packages: int = 5) -> Probe:
     )
 
 
-def whereabouts(host: str, *, timeout: float = 2.0) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return the joints (rad) and the tool's pose that the controller at *host* commands.
+class Place(NamedTuple):
+    """Where a controller commands its arm to be.
+
+    Attributes:
+        joints: rad.
+        pose: of the tool, m and rad.
+        tcp_offset: pose of the tool in the flange, m and rad.
+    """
+
+    joints: tuple[float, ...]
+    pose: tuple[float, ...]
+    tcp_offset: tuple[float, ...]
+
+
+def whereabouts(address: str, *, timeout: float = 0.5) -> Place:
+    """Return where the controller at *address* commands its arm to be.
+
+    Args:
+        address: of the controller.
+        timeout: s for the whole of it.
 
     Raises:
         LinkError: it does not answer.
     """
-    with RtdeClient(host, timeout) as client:
-        client.ask(rtde.outputs_request(125.0, rtde.PLACE))
+    with RtdeClient(address, timeout, total=timeout) as client:
+        if b"NOT_FOUND" in client.ask(rtde.outputs_request(125.0, rtde.PLACE)):
+            raise LinkError(f"{address} lacks one of the variables {', '.join(rtde.PLACE)}")
         client.ask(rtde.package(rtde.START))
-        return rtde.place(client.await_kind(rtde.DATA))
+        return Place(*rtde.place(client.await_kind(rtde.DATA)))

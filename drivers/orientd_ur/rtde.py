@@ -19,8 +19,8 @@ DATA = ord("U")
 _HEADER = struct.Struct(">HB")
 
 PROBED = ("timestamp", "robot_mode", "safety_mode", "runtime_state")
-PLACE = ("target_q", "target_TCP_pose")
-_PLACE = struct.Struct(">B6d6d")
+PLACE = ("target_q", "target_TCP_pose", "tcp_offset")
+_PLACE = struct.Struct(">B6d6d6d")
 _SAMPLE = struct.Struct(">BdiiI")
 _TIMESTAMP = struct.Struct(">Bd")
 
@@ -95,8 +95,8 @@ def timestamp(payload: bytes) -> float:
     return float(_TIMESTAMP.unpack_from(payload)[1])
 
 
-def place(payload: bytes) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return the joints and the tool's pose of a data package of :data:`PLACE`.
+def place(payload: bytes) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
+    """Return joints, pose of the tool and its offset of a data package of :data:`PLACE`.
 
     Raises:
         ValueError: the payload is not as asked for.
@@ -104,4 +104,4 @@ def place(payload: bytes) -> tuple[tuple[float, ...], tuple[float, ...]]:
     if len(payload) != _PLACE.size:
         raise ValueError(f"a place is {_PLACE.size} bytes, got {len(payload)}")
     numbers = _PLACE.unpack(payload)
-    return numbers[1:7], numbers[7:13]
+    return numbers[1:7], numbers[7:13], numbers[13:19]

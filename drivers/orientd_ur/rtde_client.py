@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import socket
 import time
 
@@ -16,6 +17,7 @@ class RtdeClient:
     Args:
         host: the robot's address.
         timeout: s that connecting and each answer may take.
+        total: s that all of it may take.
 
     Raises:
         LinkError: nothing answers, or something that does not speak the protocol.
@@ -24,9 +26,10 @@ class RtdeClient:
         sock: the socket.
     """
 
-    def __init__(self, host: str, timeout: float) -> None:
+    def __init__(self, host: str, timeout: float, *, total: float = math.inf) -> None:
         self._where = f"{host}:{RTDE_PORT}"
         self._timeout = timeout
+        self._ends = time.monotonic() + total
         self._pending = b""
         try:
             self.sock = socket.create_connection((host, RTDE_PORT), timeout)
@@ -56,7 +59,7 @@ class RtdeClient:
 
     def await_kind(self, kind: int) -> bytes:
         """Return the payload of the next package of *kind*."""
-        ends = time.monotonic() + self._timeout
+        ends = min(time.monotonic() + self._timeout, self._ends)
         while True:
             try:
                 taken = rtde.take(self._pending)

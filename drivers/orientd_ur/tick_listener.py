@@ -48,6 +48,7 @@ class TickListener:
         self._sock.setblocking(False)
         self._pending = b""
         self._is_deaf = False
+        self._arrived_ns: int | None = None
 
     def heard(self) -> tuple[float, int] | None:
         """Return a new timestamp (s) and when it arrived (ns, monotonic clock), if there is one.
@@ -70,7 +71,14 @@ class TickListener:
             return None
         seconds, nanoseconds = arrived[0]
         age_ns = time.time_ns() - (seconds * 1_000_000_000 + nanoseconds)
-        return timestamps[-1], time.monotonic_ns() - age_ns
+        self._arrived_ns = time.monotonic_ns() - age_ns
+        return timestamps[-1], self._arrived_ns
+
+    def silence_ns(self) -> int | None:
+        """Return how long ago the newest package arrived, by the kernel; ``None`` before any."""
+        while self.heard() is not None:
+            continue
+        return None if self._arrived_ns is None else time.monotonic_ns() - self._arrived_ns
 
     def close(self) -> None:
         """Close the connection."""

@@ -32,6 +32,11 @@ DeviceName = Annotated[
     ),
 ]
 
+Beside = Annotated[
+    bool,
+    typer.Option("--lease", help="Command beside what holds the lease in another terminal."),
+]
+
 _REMOTE = {
     "address": Annotated[
         str | None,

@@ -1,8 +1,9 @@
 """The lease of a running `orientd move`, for the same user's commands in other terminals.
 
-Whoever types `orientd pause` beside a running `orientd move` is the same commander with two
+Whoever types `orientd pause --lease` beside a running `orientd move` is the same commander with two
 terminals.  The token lies next to the socket, where only the user can read it, for as long as the
-motion runs.
+motion runs.  Each terminal has a lease of its own of the two: what one of them gives back ends its
+own motions, and no others.
 """
 
 from __future__ import annotations
@@ -12,61 +13,74 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+from orientd.errors import LeaseError
 from orientd.rpc import Robot, connect
 
 
 @contextlib.contextmanager
-def shared(robot: Robot) -> Iterator[None]:
-    """Let other terminals of the same user command under the lease of *robot*.
+def commander(
+    socket: Path | None, holder: str, device: str, *, is_beside: bool, is_shared: bool = False
+) -> Iterator[Robot]:
+    """Connect to the daemon, and hold the lease of a device meanwhile.
 
-    The lease of another move of theirs is taken over, which must not end it when it ends.
+    Args:
+        socket: of the daemon.
+        holder: what others are told.
+        device: its name; may be empty where there is one only.
+        is_beside: whether to command beside what holds the lease in another terminal.
+        is_shared: whether other terminals may command beside this one.
 
     Raises:
-        LeaseError: somebody else holds the lease.
+        LeaseError: somebody else holds the lease; or nothing does to command beside.
     """
-    path = _token_path(robot.socket)
-    token, _ = _read(path)
-    if not (token and robot.adopt_lease(token)):
-        robot.acquire_lease()
+    with connect(socket, holder=holder) as robot:
+        if is_beside:
+            if not borrow(robot, device):
+                raise LeaseError("no command of yours here holds the lease, to command beside it")
+            yield robot
+            return
+        try:
+            robot.acquire_lease(device)
+        except LeaseError as error:
+            if not _read(_token_path(robot, device)):
+                raise
+            raise LeaseError(f"{error}; with --lease, this commands beside it") from error
+        with _told(robot, device) if is_shared else contextlib.nullcontext():
+            yield robot
+
+
+def borrow(robot: Robot, device: str) -> bool:
+    """Have *robot* command beside a running move of *device*; return whether there is one."""
+    token = _read(_token_path(robot, device))
+    return bool(token) and robot.borrow_lease(token)
+
+
+@contextlib.contextmanager
+def _told(robot: Robot, device: str) -> Iterator[None]:
+    """Let other terminals of the same user find the token."""
+    path, token = _token_path(robot, device), robot.lease_token
     # Where the directory cannot be written to, the other terminals have to do without.
     with contextlib.suppress(OSError):
         path.unlink(missing_ok=True)
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o600)
         with os.fdopen(descriptor, "w") as file:
-            file.write(f"{robot.lease_token} {os.getpid()}")
+            file.write(token)
     try:
         yield
     finally:
-        _, keeper = _read(path)
-        if keeper in ("", str(os.getpid())):
+        if _read(path) == token:
             with contextlib.suppress(OSError):
                 path.unlink(missing_ok=True)
-        else:
-            robot.forsake_lease()
 
 
-@contextlib.contextmanager
-def commander(socket: Path | None, holder: str) -> Iterator[Robot]:
-    """Connect to the daemon, under the lease of a running move if there is one."""
-    with connect(socket, holder=holder) as robot:
-        borrow(robot)
-        yield robot
+def _token_path(robot: Robot, device: str) -> Path:
+    name = "".join(one if one.isalnum() else "_" for one in robot.device_name(device))
+    return robot.socket.with_name(f"{robot.socket.name}.lease.{name}")
 
 
-def borrow(robot: Robot) -> bool:
-    """Have *robot* command under the lease of a running move; return whether there is one."""
-    token, _ = _read(_token_path(robot.socket))
-    return bool(token) and robot.borrow_lease(token)
-
-
-def _token_path(socket: Path) -> Path:
-    return socket.with_name(f"{socket.name}.lease")
-
-
-def _read(path: Path) -> tuple[str, str]:
-    """Return the token and who keeps it, both empty where there is none."""
+def _read(path: Path) -> str:
+    """Return the token; empty where there is none."""
     try:
-        token, keeper = path.read_text(encoding="ascii").split()
-    except (OSError, UnicodeDecodeError, ValueError):
-        return "", ""
-    return token, keeper
+        return path.read_text(encoding="ascii").strip()
+    except (OSError, UnicodeDecodeError):
+        return ""

@@ -8,9 +8,19 @@ left to the command line, which asks the daemon again.
 
 from __future__ import annotations
 
+import json
 import os
+from pathlib import Path
+from typing import Any
 
-from orientd.rpc import begin_call, found_socket, read_answer, text_fields
+from orientd.errors import OrientdError
+from orientd.rpc import ask_to_stop, begin_call, found_socket, read_answer, text_fields
+
+TIMEOUT = 5.0
+"""How long the daemon may take over a stop, s."""
+
+REPORT_TIMEOUT = 1.0
+"""How long it may take to say how devices are that are stopped already, s."""
 
 _METHODS = {"stop": "Stop", "halt": "Halt"}
 _OPTIONS = {"--socket": "socket", "--device": "device", "-d": "device"}
@@ -25,33 +35,54 @@ def run(arguments: list[str]) -> bool:
     socket = given.get("socket") or os.environ.get("ORIENTD_SOCKET")
     if not socket and os.environ.get("ORIENTD_ADDRESS"):
         return False
-    path = socket or str(found_socket())
-    caller = f"orientd {arguments[0]}, process {os.getpid()}"
+    path = Path(socket or found_socket())
+    device = given.get("device", "")
     try:
-        message = text_fields(given.get("device", ""), caller)
-    except ValueError:
+        message = text_fields(device)
+        told = ask_to_stop(path, arguments[0], device)
+    except (ValueError, OrientdError):
         return False
-    connection = begin_call(path, f"orientd.v1.Control/{method}", message)
-    if connection is None:
+    if told is None:
+        caller = f"orientd {arguments[0]}, process {os.getpid()}"
+        content = _asked(path, f"orientd.v1.Control/{method}", text_fields(device, caller))
+    else:
+        content = _asked(path, "orientd.v1.Control/GetState", message, timeout=REPORT_TIMEOUT)
+        if content is None:
+            _tell_little(told, as_json="json" in given)
+            return True
+    if content is None:
         return False
 
-    # It is sent: from here on nothing is in a hurry.
+    # What moved is stopped: from here on nothing is in a hurry.
     from orientd.cli import output
     from orientd.cli.at_rest import tell
     from orientd.rpc import device_from_message
-    from orientd.rpc.control_pb2 import StopResponse
+    from orientd.rpc.control_pb2 import GetStateResponse, StopResponse
 
-    content = read_answer(connection)
-    if content is None:
-        return False
-    # A HaltResponse is the same on the wire.
-    reports = [device_from_message(report) for report in StopResponse.FromString(content).devices]
+    # A HaltResponse is the same on the wire as a StopResponse.
+    answer = (StopResponse if told is None else GetStateResponse).FromString(content)
     try:
-        tell(reports, as_json="json" in given)
+        tell([device_from_message(one) for one in answer.devices], as_json="json" in given)
     except BrokenPipeError:
         output.close_output()
         raise SystemExit(1) from None
     return True
+
+
+def _asked(path: Path, method: str, message: bytes, *, timeout: float = TIMEOUT) -> bytes | None:
+    connection = begin_call(str(path), method, message, timeout=timeout)
+    return None if connection is None else read_answer(connection)
+
+
+def _tell_little(told: list[dict[str, Any]], *, as_json: bool) -> None:
+    """Say what was stopped, where the daemon says nothing more."""
+    devices = [{**one, "state": one["state"].lower()} for one in told]
+    if as_json:
+        lines = [json.dumps({"devices": devices, "daemon": "does not answer"})]
+    else:
+        lines = [f"{one['name']}: told to stop while {one['state']}" for one in devices]
+        lines.append("the daemon does not answer")
+    os.write(1, "".join(f"{line}\n" for line in lines).encode())
 
 
 def _options(arguments: list[str]) -> dict[str, str] | None:

@@ -11,7 +11,7 @@ import asyncio
 import logging
 import threading
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor, wait
 from typing import TYPE_CHECKING, TypeVar
 
@@ -76,7 +76,9 @@ class Cell:
             ConfigError: a device's driver is not there, or refuses its options.
         """
         self.leases = LeaseTable(
-            seconds=settings.daemon.lease_seconds, clock=clock or MonotonicClock()
+            tuple(settings.devices),
+            seconds=settings.daemon.lease_seconds,
+            clock=clock or MonotonicClock(),
         )
         self._lock = threading.Lock()
         self.plans = PlanStore()
@@ -99,8 +101,8 @@ class Cell:
         self.starter = MotionStarter(
             self.runs,
             self._commanders,
-            check=self._check,
-            is_held=lambda token: self.leases.owner(token) is not None,
+            check=self.check,
+            is_held=lambda token, device: self.leases.owner(token, device) is not None,
         )
         for name, device in settings.devices.items():
             self.devices[name] = make_device(device, planners=self.planners, on_event=self._hear)
@@ -148,7 +150,8 @@ class Cell:
         self.runs.halt(self.devices.values(), GOING_DOWN)
         unfinished = self.runs.unfinished()
         for run in unfinished:
-            stop_time = run.motion.facts.stop_time if run.motion is not None else 0.0
+            # From a lower speed a stop may take longer than from full speed, but not than this.
+            stop_time = 1.0 / run.motion.facts.brake_rate if run.motion is not None else 0.0
             wait([run.ended], timeout=stop_time + 1.0)
         with ThreadPoolExecutor(len(self.devices)) as pool:
             list(pool.map(lambda device: device.shutdown(), self.devices.values()))
@@ -183,6 +186,10 @@ class Cell:
             raise UnknownNameError("device", f"expected one of {names}, got {name!r}")
         return self.devices[name]
 
+    def named(self, names: Iterable[str]) -> list[str]:
+        """Return the names of devices that are called *names*; see :meth:`device`."""
+        return [self.device(name).name for name in names]
+
     async def plan(self, device: Device, order: PlanCall) -> PlannedMotion:
         """Plan what *order* asks of *device*, and keep the plan.
 
@@ -210,13 +217,16 @@ class Cell:
 
     # Commands
 
-    def stop(self, name: str, caller: str, *, is_quickest: bool = False) -> list[Device]:
+    def stop(
+        self, name: str, caller: str, *, is_quickest: bool = False, motion: int = 0
+    ) -> list[Device]:
         """Stop a device, or all of them if *name* is empty, on its path.  Needs no lease.
 
         Args:
             name: of the device.
             caller: who stops.
             is_quickest: whether to leave the path where that is quicker.
+            motion: the number of the only motion that is to end; 0 for whatever there is.
 
         Raises:
             UnknownNameError: there is no such device.
@@ -224,16 +234,24 @@ class Cell:
         """
         devices = [self.device(name)] if name else list(self.devices.values())
         caller = " ".join(caller.split())[:200] or "somebody"
-        failures = self.runs.halt(devices, f"stopped by {caller}", is_quickest=is_quickest)
+        reason = f"stopped by {caller}"
+        if motion:
+            found = [self.runs.find(device, motion) for device in devices]
+            failures = [error for run in found if run for error in self.runs.abandon(run, reason)]
+        else:
+            failures = self.runs.halt(devices, reason, is_quickest=is_quickest)
         if failures:
             raise failures[0]
         return devices
 
-    def command(self, token: str, name: str, what: str, act: Callable[[Device], None]) -> Device:
-        """Have something done to a device by whoever holds the lease.
+    def command(
+        self, token: str, number: int, name: str, what: str, act: Callable[[Device], None]
+    ) -> Device:
+        """Have something done to a device by whoever holds its lease.
 
         Args:
             token: the lease.
+            number: of the command under it; 0 where nobody counts.
             name: of the device.
             what: is done, for the log.
             act: does it.
@@ -245,13 +263,19 @@ class Cell:
             DaemonError: the servo does not answer.
         """
         device = self.device(name)
-        lease = self._check(token)
+        lease = self.check(token, device, number)
         act(device)
-        _log.info("%s: %s by %r", device.name, what, lease.holder)
+        _log.info("%s: %s by %s", device.name, what, lease.who)
         return device
 
-    def _check(self, token: str) -> Lease:
-        lease = self.leases.check(token)
+    def check(self, token: str, device: Device, number: int = 0) -> Lease:
+        """Return the lease that *device* is commanded under; see :meth:`LeaseTable.check`.
+
+        Raises:
+            LeaseError: *token* is not that of a lease of it, or the command is an old one.
+            DaemonError: the daemon is going down.
+        """
+        lease = self.leases.check(token, device.name, number)
         with self._lock:
             if self.is_closing:
                 raise DaemonError(GOING_DOWN)

@@ -15,7 +15,7 @@ from orientd.daemon.supervised_device import SupervisedDevice
 from orientd.driver import Driver, Quaternion, Vector3, make_driver
 from orientd.errors import StateError
 from orientd.servo import LEFT_OUT_WORD
-from orientd.stream import Command, Cycle, State, unpack_cycle
+from orientd.stream import NOT_GIVEN, Command, Cycle, State, unpack_cycle
 
 if TYPE_CHECKING:
     # Loaded with the first motion: until then the daemon stays small.
@@ -57,7 +57,7 @@ class Device(SupervisedDevice):
         self._examiner = make_driver(
             settings.name, settings.driver, settings.options, settings.period_ns
         )
-        super().__init__(settings, on_event=on_event)
+        super().__init__(settings, on_event=on_event, why_ended=self._examiner.why_ended)
         self._limits, self._planners = settings.limits, planners
         self._lead_cycles = round(settings.lead * settings.rate_hz)
         self._has_no_outline = False
@@ -185,7 +185,8 @@ class Device(SupervisedDevice):
             StateError: the device is neither holding nor moving, or cannot follow targets.
         """
         servo_limits = servo_limits_of(self.limits.narrowed(limits), brake_rate=1.0)
-        if type(self._examiner).shape is not Driver.shape:
+        driver = type(self._examiner)
+        if driver.shape is not Driver.shape and driver.follow is Driver.follow:
             raise StateError(
                 f"device {self.name} plans whole paths for its axes: it cannot follow targets"
             )
@@ -200,9 +201,18 @@ class Device(SupervisedDevice):
             self._tell(EventKind.MOTION_STARTED, number, "following targets")
         return number
 
-    def aim(self, q: Quaternion, omega_body: Vector3, time_ns: int, expires_ns: int) -> None:
+    def aim(
+        self,
+        q: Quaternion,
+        omega_body: Vector3 | None,
+        time_ns: int,
+        expires_ns: int,
+        position: Vector3 | None = None,
+    ) -> None:
         """Hand the servo a target; waits for nothing.  To be called by one thread at a time."""
-        self._servo.running().memory.targets.publish(time_ns, expires_ns, *q, *omega_body)
+        self._servo.running().memory.targets.publish(
+            time_ns, expires_ns, *q, *(omega_body or NOT_GIVEN), *(position or NOT_GIVEN)
+        )
 
     @property
     def targets(self) -> tuple[int, int]:
@@ -241,6 +251,19 @@ class Device(SupervisedDevice):
             self._servo.running().ask(Command.SPEED, speed=self._speed)
             if self._motions is not None:
                 self._motions.is_paused = False
+
+    def withdraw(self, number: int, reason: str) -> bool:
+        """Have motion *number* not be run, if it waits for its turn; what runs goes on.
+
+        Returns:
+            Whether that was so; else it runs, or has ended.
+        """
+        with self._lock:
+            motions = self._motions
+            out = None if motions is None else motions.withdraw(number, reason)
+            for queued in out or ():
+                self._tell(EventKind.MOTION_STOPPED, queued.number, reason)
+        return out is not None
 
     @property
     def is_paused(self) -> bool:

@@ -51,16 +51,16 @@ class MotionStarter:
         runs: ActiveMotions,
         commanders: ThreadPoolExecutor,
         *,
-        check: Callable[[str], Lease],
-        is_held: Callable[[str], bool],
+        check: Callable[[str, Device], Lease],
+        is_held: Callable[[str, str], bool],
     ) -> None:
         """Begin none yet.
 
         Args:
             runs: takes note of them.
             commanders: threads in which devices are waited for.
-            check: returns the lease of a token, or raises what is wrong with it.
-            is_held: whether a token is still that of the lease.
+            check: returns the lease of a token and a device, or raises what is wrong with it.
+            is_held: whether a token is still that of a lease of a device, by its name.
         """
         self._runs = runs
         self._commanders = commanders
@@ -229,23 +229,22 @@ class MotionStarter:
         stops: int,
         start_ns: int = UNKNOWN,
     ) -> ActiveMotion:
-        lease = self._check(token)
-
+        lease = self._check(token, device)
         run = self._runs.begin(
             device,
             start,
             motion=motion,
             token=token,
             stops=stops,
-            is_owned=lambda: self._is_held(token),
+            is_owned=lambda: self._is_held(token, device.name),
             start_ns=start_ns,
         )
         name = motion.facts.name if motion is not None else ""
         _log.info(
-            "%s: motion %s is commanded by %r",
+            "%s: motion %s is commanded by %s",
             device.name,
             titled(run.number, name),
-            lease.holder,
+            lease.who,
             extra=about(
                 device=device.name,
                 motion=run.number,
@@ -258,9 +257,8 @@ class MotionStarter:
         return run
 
     def abandon(self, run: ActiveMotion, reason: str) -> None:
-        """Stop *run* on its path, unless it has ended."""
-        if not run.ended.done():
-            self._runs.halt([run.device], reason)
+        """Stop *run* on its path, or take it out where it waits, unless it has ended."""
+        self._runs.abandon(run, reason)
 
 
 def check_start(device: Device, motion: PlannedMotion) -> None:

@@ -22,6 +22,7 @@ from orientd.config import Settings
 from orientd.daemon.access import Admission, StartupGate, claimed, inner_socket
 from orientd.daemon.calls import UnreadHandlers
 from orientd.daemon.notify import notify
+from orientd.daemon.stops import StopWay
 from orientd.daemon.watchdog import Watchdog
 from orientd.errors import ConfigError, DaemonError
 from orientd.rpc import control_pb2, server_options, target
@@ -91,6 +92,7 @@ class _Daemon:
         self._started = time.monotonic()
         self._stopping = asyncio.Event()
         self._telemetry: Telemetry | None = None
+        self._stops: StopWay | None = None
 
     async def run(self, inner: str) -> None:
         """Serve at *inner*, behind the door, until told to stop; then bring everything to rest."""
@@ -105,6 +107,9 @@ class _Daemon:
         await server.start()
         try:
             await entry.open(self._socket)
+            self._stops = StopWay(
+                self._socket, entry.tables(), who=entry.who, record=entry.record_stop
+            )
             for name in ("", SERVICE):
                 await checks.set(name, health_pb2.HealthCheckResponse.SERVING)
             cell, service = await asyncio.to_thread(self._load, entry)
@@ -129,6 +134,8 @@ class _Daemon:
                     self._telemetry.close()
                 _log.info("daemon: ended")
         finally:
+            if self._stops is not None:
+                self._stops.close()
             await server.stop(None)
             await entry.close()
 
@@ -145,6 +152,8 @@ class _Daemon:
             _, cannot = changes(self._initial, settings)
             # The files that it names may have changed where the settings have not.
             entry.change(settings.access, settings.tcp)
+            if self._stops is not None:
+                self._stops.admit(entry.tables())
         except ConfigError as error:
             _log.error("reload: nothing changed: %s", error)
             return
@@ -193,6 +202,8 @@ class _Daemon:
         cell = Cell(self._settings)
         kernels = processor.level()
         _log.info("daemon: orientd %s with kernels for %s", orientd.__version__, kernels)
+        if self._stops is not None:
+            self._stops.follow(cell)
         cell.launch()
         return cell, ControlService(cell, lambda: self._describe(cell), who=entry.named)
 
@@ -215,18 +226,24 @@ class _Daemon:
 
     def _describe(self, cell: Cell) -> DaemonReport:
         """Return what there is to say about the daemon itself."""
-        from orientd.rpc import DaemonReport
+        from orientd.rpc import DaemonReport, LeaseReport
 
-        lease = cell.leases.current()
+        leases = [
+            LeaseReport(lease.holder, cell.leases.remaining(lease), lease.owner, lease.devices)
+            for lease in cell.leases.held()
+        ]
+        first = leases[0] if leases else LeaseReport("", 0.0)
         return DaemonReport(
             version=orientd.__version__,
             pid=os.getpid(),
             uptime=time.monotonic() - self._started,
             socket=str(self._socket),
             configuration=self._configuration,
-            lease_holder=lease.holder if lease else "",
-            lease_identity=lease.owner if lease else "",
-            lease_remaining=cell.leases.remaining(lease) if lease else 0.0,
+            lease_holder=first.holder,
+            lease_identity=first.identity,
+            lease_remaining=first.remaining,
+            lease_devices=first.devices,
+            leases=tuple(leases),
         )
 
     def _stop(self, number: int) -> None:

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 
 from orientd.config import DeviceSettings
 from orientd.daemon.devices import DeviceEvent, EventKind, ServoLink, ServoSupervisor
-from orientd.errors import DaemonError, Fault
-from orientd.stream import State
+from orientd.errors import DaemonError, Fault, PendingError
+from orientd.stream import STOPS_WORD, State
 
 if TYPE_CHECKING:
     # Loaded with the first motion: until then the daemon stays small.
@@ -31,8 +31,8 @@ TICK = 0.01
 _READ_AHEAD = 8.0
 """Path time that the ring holds ahead of the servo, s; it has room for as much again."""
 
-_RESTART = 10.0
-"""How long a servo that is started again may take to be ready, s."""
+_RESTART = 0.8
+"""How long a reset, or a servo that it starts again, is waited for before it is pending, s."""
 
 _ENDING = 0.3
 """How long a servo may take to end that has lost its device, s."""
@@ -54,13 +54,18 @@ class SupervisedDevice:
     memory: CycleMemory | None = None
 
     def __init__(
-        self, settings: DeviceSettings, *, on_event: Callable[[DeviceEvent], None]
+        self,
+        settings: DeviceSettings,
+        *,
+        on_event: Callable[[DeviceEvent], None],
+        why_ended: Callable[[int], str],
     ) -> None:
         """Start nothing yet.
 
         Args:
             settings: the device's part of the configuration.
             on_event: called from the device's thread, or from a command.
+            why_ended: says what the driver knows of a signal that has ended the servo process.
 
         Raises:
             ConfigError: the driver is not installed.
@@ -75,7 +80,10 @@ class SupervisedDevice:
         # In path records, a power of two.
         self._read_ahead = 1 << round(_READ_AHEAD * settings.rate_hz - 1).bit_length()
         self._servo = ServoSupervisor(
-            settings, read_ahead=self._read_ahead, tell=self._tell_of_servo
+            settings,
+            read_ahead=self._read_ahead,
+            tell=self._tell_of_servo,
+            why_ended=why_ended,
         )
         self._lock = threading.RLock()
         self._thread: threading.Thread | None = None
@@ -83,6 +91,7 @@ class SupervisedDevice:
         self._motions: Motions | None = None
         self._number = self._tracked = 0
         self._speed = 1.0
+        self._is_restarting = False
 
     def launch(self) -> None:
         """Start the servo process and return at once; see :meth:`wait_ready`."""
@@ -97,6 +106,20 @@ class SupervisedDevice:
     def wait_ready(self, timeout: float) -> bool:
         """Wait until the servo runs its cycles, or has failed to; return which."""
         return self._servo.wait_ready(timeout)
+
+    @property
+    def stops_beside(self) -> int:
+        """How many stops this servo process was asked for beside the daemon."""
+        link = self._servo.link
+        with contextlib.suppress(ValueError):  # closed meanwhile
+            return 0 if link is None else link.memory.pulse[STOPS_WORD]
+        return 0
+
+    @property
+    def descriptor(self) -> int:
+        """The file of the memory shared with the servo process; -1 where there is none."""
+        link = self._servo.link
+        return -1 if link is None else link.memory.descriptor
 
     @property
     def failure(self) -> str:
@@ -124,30 +147,35 @@ class SupervisedDevice:
         """Leave a fault; start the servo again where it has died; enable if so configured.
 
         Raises:
+            PendingError: it goes on, but takes its time; give it again for its outcome.
             DaemonError: the servo cannot be started.
         """
+        ends = time.monotonic() + _RESTART
         with self._lock:
-            if self._leave_fault():
-                return
-            self._start_servo()
-        if not self.wait_ready(_RESTART):
-            raise DaemonError(
-                self.failure or f"the servo did not become ready within {_RESTART:g} s"
-            )
+            if not self._is_restarting or (self.failure and not self._servo.has_just_failed):
+                if self._leave_fault(ends):
+                    return
+                self._start_servo()
+                self._is_restarting = True
+        if not self.wait_ready(_RESTART) and not self.failure:
+            raise PendingError(f"the servo process of {self.name} is being started; ask again")
+        self._is_restarting = False
+        if self.failure:
+            raise DaemonError(self.failure)
         if self._servo.fault is Fault.DEVICE_FAULT:
             # The new servo found the device as stopped as the old one left it.
             with self._lock:
-                self._leave_fault()
+                self._leave_fault(ends)
 
-    def _leave_fault(self) -> bool:
-        """Have the servo leave its fault; return whether there was a servo to do it."""
+    def _leave_fault(self, ends: float) -> bool:
+        """Have the servo leave its fault by *ends*; return whether there was a servo to do it."""
         link = self._servo.link
         if link is None or not link.is_alive:
             return False
         try:
             self._servo.hear()  # or it would be taken for what goes wrong after the reset
             self._tend()
-            self._servo.leave_fault(link)
+            self._servo.leave_fault(link, ends)
         except DaemonError:
             # A servo whose device is lost may be on its way out when it is asked.
             if link.ends_within(_ENDING):

@@ -16,6 +16,7 @@ from typing import Any, ClassVar, NamedTuple
 
 from orientd.clock import Clock
 from orientd.driver.finding import Finding
+from orientd.errors import PlanError
 
 Vector3 = tuple[float, float, float]
 """``(x, y, z)``; its frame and unit are in the name of what holds it."""
@@ -164,7 +165,12 @@ class Driver(ABC):
             raise ValueError(f"the driver {self.name!r} has no options of one motion, got {names}")
 
     def examine(  # noqa: B027 - most devices follow any path inside the limits
-        self, times: Sequence[float], poses: Sequence[tuple[Quaternion, Vector3]]
+        self,
+        times: Sequence[float],
+        poses: Sequence[tuple[Quaternion, Vector3]],
+        joints: tuple[float, ...] = (),
+        *,
+        is_offline: bool = False,
     ) -> None:
         """Refuse a path that the device cannot follow although it keeps the limits.
 
@@ -173,10 +179,31 @@ class Driver(ABC):
         Args:
             times: path times in seconds, increasing.
             poses: orientation and position at each of them.
+            joints: axis angles near where the path begins, rad; empty where they are not known.
+            is_offline: whether the device is not to be asked for anything.
 
         Raises:
             PlanError: why not, where and when.
         """
+
+    def offline_start(self, *, from_device: bool) -> Feedback | None:
+        """Return where a plan begins that is made without the daemon.
+
+        Called on a driver that is not open.
+
+        Args:
+            from_device: whether to ask the device; else the options say.
+
+        Returns:
+            ``None`` where the first keyframe says enough.
+
+        Raises:
+            LinkError: the device is asked, and does not answer.
+            PlanError: it is not asked, and the options do not say enough.
+        """
+        if from_device:
+            raise PlanError(f"the driver {self.name!r} cannot ask its device where it is")
+        return None
 
     def shape(
         self,
@@ -210,6 +237,58 @@ class Driver(ABC):
         """
         return None
 
+    def pace(
+        self,
+        period: float,  # noqa: ARG002 - most devices follow any path at its own pace
+        orientations: Sequence[Quaternion],  # noqa: ARG002
+        *,
+        grid: float,  # noqa: ARG002
+        fixed: tuple[float, float],  # noqa: ARG002
+        rates: Vector3,  # noqa: ARG002
+        share: float,  # noqa: ARG002
+    ) -> Sequence[float]:
+        """Return how far along a path that the axes cannot follow they can be in every cycle.
+
+        Args:
+            period: of the cycles, s.
+            orientations: of the path, *grid* apart.
+            grid: s of path time.
+            fixed: path times between which it must be as it is; the first one later than the
+                second where there are none.
+            rates: as for :meth:`shape`.
+            share: of the accelerations, to be used where the pace does not change.
+
+        Returns:
+            Path times a period apart, s, from 0 to the end; empty where there is no pace to find.
+
+        Raises:
+            LimitError: an axis cannot follow between the fixed times; it says how long would do.
+        """
+        return ()
+
+    def way(
+        self,
+        joints: tuple[float, ...],  # noqa: ARG002 - most devices go the shortest way
+        q: Quaternion,  # noqa: ARG002
+        *,
+        is_refused: bool,  # noqa: ARG002
+    ) -> Sequence[Quaternion]:
+        """Return the orientations to pass on the way to *q*, where the shortest turn is not it.
+
+        Called where :meth:`shape` is, for a motion with a single keyframe that begins at rest.
+
+        Args:
+            joints: axis angles where the device is, rad.
+            q: the keyframe.
+            is_refused: whether :meth:`shape` has refused the shortest turn for the angle of an
+                axis.
+
+        Returns:
+            From where the device is to where the motion ends, no two a half turn apart; empty for
+            the shortest turn.
+        """
+        return ()
+
     def outline(self, joints: tuple[float, ...]) -> Sequence[Sequence[Vector3]]:  # noqa: ARG002 - many devices have no axes
         """Return the device's shape as it stands, for a picture of it.
 
@@ -224,6 +303,20 @@ class Driver(ABC):
             there is nothing to show.
         """
         return ()
+
+    def why_stale(self) -> str:
+        """Return who is late when feedback is, in words; empty where the driver cannot know.
+
+        Called in the cycle in which feedback has become too old; must not wait, nor raise.
+        """
+        return ""
+
+    def why_ended(self, signal: int) -> str:  # noqa: ARG002 - most drivers have no such library
+        """Return what it means that *signal* has ended the servo process, where the driver knows.
+
+        Called in the daemon's process, on a driver that is not open.
+        """
+        return ""
 
     @abstractmethod
     def open(self) -> None:
@@ -249,9 +342,28 @@ class Driver(ABC):
     def write(self, setpoint: Setpoint) -> None:
         """Send *setpoint*.  Called every cycle while enabled, after :meth:`read`."""
 
+    def follow(self, setpoint: Setpoint) -> Quaternion:
+        """Send *setpoint*, of targets that are followed, or what the device's axes can do of it.
+
+        Called in place of :meth:`write` while targets are followed, of which no path was planned.
+
+        Returns:
+            The orientation that was sent.
+        """
+        self.write(setpoint)
+        return setpoint.q
+
     @abstractmethod
     def disable(self) -> None:
         """Leave the device standing still and no longer following.  Must not raise twice."""
+
+    def rest_in_fault(self) -> None:  # noqa: B027 - most devices stay where they are told to be
+        """Leave the device where it is from now on, whatever setpoint it still gets.
+
+        Called once a fault has brought everything to rest, before :meth:`disable` where that
+        follows at once; :meth:`write` may go on being called with the setpoint that is held.  Must
+        neither wait nor raise.
+        """
 
     def reset(self) -> None:  # noqa: B027 - most devices need nothing
         """Clear a fault of the device, so that :meth:`enable` can work again."""

@@ -208,6 +208,7 @@ def look_at(
     is_held_before: bool,
     is_held_after: bool,
     limits: Floats,
+    tolerance: float,
     bends: float,
     twists: float,
     is_smooth: bool,

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from orientd.planner.certify.certificate import Certificate, Peak
     from orientd.planner.device_planner import DevicePlanner
     from orientd.planner.limits import ANGULAR, AXES, DEFAULT_LIMITS, NO_AXES, UNITS, Limits, Rate
+    from orientd.planner.many import in_parallel, need_backend, plan_many
     from orientd.planner.methods import check_method, curve_of
     from orientd.planner.motion import Motion
     from orientd.planner.path.path import Samples

@@ -59,7 +59,8 @@ def reshaped(
     def setpoints(first: int, size: int) -> tuple[Floats, Floats]:
         times = period * np.arange(first, first + size, dtype=np.float64)
         samples = path.sample(times)
-        return samples.q, samples.position
+        rows = np.concatenate([samples.q, samples.omega_body, samples.alpha_body], axis=1)
+        return rows, samples.position
 
     def moved(times: Floats) -> Floats:
         """Return when the path as shaped gets to *times* of the path as planned."""
@@ -83,7 +84,6 @@ def reshaped(
         rough = Rough(float(edges.min()), float(edges.max()), continuity)
     elif len(changed):
         rough = Rough(float(changed[0]), float(changed[-1]), 1)
-    is_users = request.times is not None
     peaks = measure(
         setpoints,
         len(course),
@@ -91,7 +91,7 @@ def reshaped(
         motion.limits,
         before=before(motion.start_state, period),
         holds_after=True,
-        brake_limits=motion.limits.scaled(GUARD_TOLERANCE) if is_users else motion.limits,
+        brake_limits=motion.limits.scaled(GUARD_TOLERANCE),
         rough=rough,
     )
     times = np.array(keyframes)

@@ -170,7 +170,9 @@ def _blended(
         )
         notes = (*motion.certificate.notes, note)
         return int(leave[one]), replace(
-            motion, certificate=replace(motion.certificate, notes=notes)
+            motion,
+            certificate=replace(motion.certificate, notes=notes),
+            corner=(begin, float(distances[nearest])),
         )
     return None
 

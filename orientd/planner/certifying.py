@@ -40,17 +40,15 @@ def certified(
     path = candidate.path
     count = math.ceil(path.duration / period - _END_SLACK) + 1
 
-    # A timing of the user's may go up to the limits, where the guard's tolerance is all that
-    # is left to brake with.
-    # So may a motion that is taken over.
-    may_be_at_limits = request.times is not None or not start.is_at_rest
+    # Between the records any motion may go up to the limits, a timing of the user's on them, too;
+    # the guard's tolerance is all that is left to brake with there.
     peaks = measure_path(
         path,
         count,
         period,
         limits,
         before=before(start, period) if start.is_known else None,
-        brake_limits=limits.scaled(GUARD_TOLERANCE) if may_be_at_limits else limits,
+        brake_limits=limits.scaled(GUARD_TOLERANCE),
         rough=candidate.rough,
     )
     place = refusal.Place(request, candidate.begin, candidate.end, candidate.keyframe_times)

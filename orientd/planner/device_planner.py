@@ -42,6 +42,7 @@ class DevicePlanner:
         joints: Sequence[float],
         before: Sequence[tuple[float, ...]] = (),
         motion_id: str | None = None,
+        is_offline: bool = False,
     ) -> Motion:
         """Plan a motion from *start*.
 
@@ -51,6 +52,7 @@ class DevicePlanner:
             joints: its axis angles there, rad.
             before: axis angles planned for the cycles before, where it moves.
             motion_id: names the motion; by default a new random name.
+            is_offline: whether the device is not to be asked for anything.
 
         Raises:
             RequestError: the request is not one that its method or the device allows.
@@ -67,7 +69,7 @@ class DevicePlanner:
             before=before,
             motion_id=motion_id,
         )
-        self._examine(motion)
+        self._examine(motion, tuple(joints), is_offline=is_offline)
         return motion
 
     def blend(
@@ -126,7 +128,9 @@ class DevicePlanner:
         except ValueError as error:
             raise RequestError("device_options", str(error)) from error
 
-    def _examine(self, motion: Motion) -> None:
+    def _examine(
+        self, motion: Motion, joints: tuple[float, ...] = (), *, is_offline: bool = False
+    ) -> None:
         """Have the driver look at a motion that keeps the limits."""
         if type(self._examiner).examine is Driver.examine:
             return
@@ -134,4 +138,4 @@ class DevicePlanner:
         times = motion.period * np.arange(0, motion.record_count, step)
         samples = motion.sample(times)
         poses = zip(samples.q.tolist(), samples.position.tolist(), strict=True)
-        self._examiner.examine(times.tolist(), list(poses))
+        self._examiner.examine(times.tolist(), list(poses), joints, is_offline=is_offline)

@@ -10,21 +10,34 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from orientd.driver import Driver
 from orientd.errors import LimitError, PlanError
 from orientd.planner.axis_path import reshaped
 from orientd.planner.limits import Limits
 from orientd.planner.motion import Motion
 from orientd.planner.planning import plan
-from orientd.planner.request import MotionRequest, State
+from orientd.planner.request import Keyframe, MotionRequest, State
+from orientd.rotation import Floats, angle
 
 _POWERS = {"rad/s": 1, "rad/s^2": 2, "rad/s^3": 3, "s": 1}
 """How what a limit is about falls with the speed; a stop takes less long, too."""
 _STEP = 0.8
 _SLOWEST = 0.1
 """Share of the device's speed below which no motion is slowed down for its axes."""
+_SHARES = (0.8, 0.5, 0.25)
+"""Of the accelerations, for a pace that changes little; less leaves more to change it with."""
+_BEYOND = 0.1
+"""How far beyond a lead-in its pace is looked for, s."""
+_FINEST, _MOST_SAMPLES = 16, 40_000
+"""Samples in a cycle on which a pace is looked for, and in all: near a pole axes turn quickly."""
 _CLOSE = 1.02
 """How near the slowest speed refused and the one that fits come to each other."""
+_GIVEN = 0.2
+"""For how long after it takes over from a motion its speed is that motion's, s."""
+_THERE = 1e-6
+"""How far from where it is to go a device is there already, rad."""
 _ATTEMPTS = 16
 """Plans made at most: each costs as much as the first."""
 
@@ -57,11 +70,24 @@ def plan_to_fit(
         RequestError: the request is not one that its method or the device allows.
         PlanError: it cannot be planned, an axis cannot follow, or it would break a limit.
     """
+    told = _by_way(driver, request, start, joints, is_refused=False)
+    request = told or request
     motion = plan(request, start=start, limits=limits, period=period, motion_id=motion_id)
     try:
         return _fitted(driver, motion, joints, before)
     except LimitError as error:
+        other = _by_way(driver, request, start, joints, is_refused=True)
+        if other is not None and error.quantity.startswith("angle of"):
+            return plan_to_fit(
+                driver, other, start=start, joints=joints, limits=limits, period=period,
+                motion_id=motion_id,
+            )  # fmt: skip
+        paced = _paced(driver, motion, joints, before)
+        if paced is not None:
+            return paced
         if request.times is not None or error.unit not in _POWERS:
+            raise
+        if not start.is_at_rest and error.time < _GIVEN:
             raise
         refusal = error
     own, speed, worst = motion.limits, 1.0, refusal
@@ -102,6 +128,93 @@ def plan_to_fit(
     note = f"the axes need {fitted.duration / motion.duration:.3f} times as long"
     notes = (*fitted.certificate.notes, note)
     return replace(fitted, certificate=replace(fitted.certificate, notes=notes))
+
+
+def _paced(
+    driver: Driver,
+    motion: Motion,
+    joints: tuple[float, ...],
+    before: Sequence[tuple[float, ...]],
+) -> Motion | None:
+    """Return *motion* at the pace that the driver finds for its axes, if that fits.
+
+    Raises:
+        LimitError: the axes cannot follow where the times are the user's.
+    """
+    period, rates = motion.period, _rates(motion.limits)
+    refusal: PlanError | None = None
+    for share in _SHARES:
+        course = _course(driver, motion, rates, share)
+        if not len(course):
+            return None
+        q = motion.sample(course).q.tolist()
+        try:
+            shape = driver.shape(period, list(map(tuple, q)), joints, before, rates)
+            if shape is None:
+                return None
+            cycles = period * np.arange(len(course), dtype=np.float64)
+            along = np.interp(shape.path_times, cycles, course)
+            note = f"the axes need {(len(course) - 1) * period / motion.duration:.3f} times as long"
+            shape = shape._replace(path_times=along.tolist(), notes=(*shape.notes, note))
+            return reshaped(motion, shape, joints_before=before)
+        except PlanError as error:
+            refusal = refusal or error
+    if refusal is not None and motion.request.times is not None:
+        raise refusal
+    return None
+
+
+def _course(
+    driver: Driver, motion: Motion, rates: tuple[float, float, float], share: float
+) -> Sequence[float]:
+    """Return how far along *motion* to be in every cycle; slower where the times are not given."""
+    period, end = motion.period, motion.duration
+
+    def found(begin: float, end: float, fixed: tuple[float, float], finest: int) -> Floats:
+        count = round((end - begin) / period) * finest + 1
+        grid = period / finest
+        path = list(map(tuple, motion.sample(begin + grid * np.arange(count)).q.tolist()))
+        fixed = (fixed[0] - begin, fixed[1] - begin)
+        course = driver.pace(period, path, grid=grid, fixed=fixed, rates=rates, share=share)
+        return begin + np.asarray(course, dtype=np.float64)
+
+    finest = min(_FINEST, max(1, _MOST_SAMPLES // motion.record_count))
+    if motion.request.times is None:
+        return found(0.0, end, (math.inf, -math.inf), finest).tolist()  # type: ignore[no-any-return]
+    # What the times of the user leave is a lead-in; from the first keyframe on they hold.
+    begin = motion.start_time
+    found(begin, motion.end_time, (begin, motion.end_time), finest)
+    lead = np.zeros(1)
+    if begin > 0.0:
+        after = min(end, begin + _BEYOND)
+        lead = found(0.0, after, (begin, after), _FINEST)
+        lead = lead[lead <= begin]
+    if not len(lead):
+        return ()
+    rest = np.arange(lead[-1] + period, end, period)
+    return np.concatenate([lead, rest, [end]]).tolist()  # type: ignore[no-any-return]
+
+
+def _by_way(
+    driver: Driver,
+    request: MotionRequest,
+    start: State,
+    joints: tuple[float, ...],
+    *,
+    is_refused: bool,
+) -> MotionRequest | None:
+    """Return the request to go to a single keyframe by the way that the driver knows, if any."""
+    if not (request.is_single and joints and start.is_at_rest):
+        return None
+    (keyframe,) = request.keyframes
+    passed = driver.way(joints, keyframe.q, is_refused=is_refused)
+    if not passed:
+        return None
+    if len(passed) == 2 and angle(start.q, passed[-1]) < _THERE:
+        return replace(request, keyframes=[replace(keyframe, q=passed[-1])])
+    first = Keyframe((*start.q.tolist(),))
+    ways = [first, *(Keyframe(q) for q in passed[1:-1]), replace(keyframe, q=passed[-1])]
+    return replace(request, keyframes=ways, approach=False)
 
 
 def _fitted(

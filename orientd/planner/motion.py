@@ -59,6 +59,7 @@ class Motion:
         last_joints: axis angles it ends at, rad.
         before: the three setpoints before path time 0, as in :class:`State`; ``None`` where the
             device held, or where they are not known.
+        corner: as in :class:`MotionFacts`.
     """
 
     id: str
@@ -75,6 +76,7 @@ class Motion:
     first_joints: tuple[float, ...] = ()
     last_joints: tuple[float, ...] = ()
     before: tuple[Floats, Floats] | None = None
+    corner: tuple[float, float] | None = None
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Motion):
@@ -158,6 +160,7 @@ class Motion:
             first_joints=self.first_joints,
             last_joints=self.last_joints,
             earlier=self._earlier(),
+            corner=self.corner,
         )
 
     def recorded(self, first: int = 0, count: int | None = None) -> RecordedMotion:

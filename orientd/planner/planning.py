@@ -15,6 +15,7 @@ from orientd.planner import refusal
 from orientd.planner.candidate import CandidateMotion, to_single, with_leads
 from orientd.planner.certifying import certified
 from orientd.planner.connect import Caution, LeadIn, lead_in, position_lead
+from orientd.planner.keyframes import with_least_roll, wound
 from orientd.planner.limits import LONGEST, Limits
 from orientd.planner.methods import Ends, check_method
 from orientd.planner.motion import Motion
@@ -39,6 +40,7 @@ _HOPELESS = 1e3  # times as long as a motion may take, with each keyframe
 _MOST_CORRECTIONS = 300  # of a curve that is one of many to try
 _LONGEST_STOP = 6.0  # s, on longer motions of minimum duration; so much of a path is read ahead
 _LEAST_SHARE = 0.2  # of acceleration and jerk, below which they would not be the quickest
+_MOST_DRAWN = 1.1  # times what is on the records is the most that is drawn between them
 _MOST_TIMINGS = 12  # until a stop is short enough, each of them a whole search
 _PATIENCE = 3  # timings after which the reserve is at least doubled by each
 
@@ -79,6 +81,7 @@ def plan(
     """
     if not (math.isfinite(period) and period > 0.0):
         raise ValueError(f"period must be positive, got {period} s")
+    request = with_least_roll(wound(request, start), start)
     job = _Job.of(request, start, limits.narrowed(request.limits), period)
     name = motion_id or os.urandom(6).hex()
     if not request.approach or (start.is_at_rest and not request.is_single):
@@ -278,7 +281,15 @@ class _Job:
         share = SHARE
         for count in range(_MOST_TIMINGS):
             quick = quickest(keyframe_path, self.limits, self.period, share=share)
-            motion = self.certified(self._with_leads(quick), motion_id)
+            try:
+                motion = self.certified(self._with_leads(quick), motion_id)
+            except LimitError as error:
+                # What is drawn between the records is a little more, where the jerk has a step.
+                over = error.value / error.limit
+                if not (1.0 < over <= _MOST_DRAWN and share > _LEAST_SHARE):
+                    raise
+                share /= over
+                continue
             stop_time = motion.certificate.stop_time
             if stop_time <= _LONGEST_STOP or motion.duration <= _LONGEST_STOP:
                 return motion

@@ -53,9 +53,11 @@ class MotionFacts:
         start_time: path time of the first keyframe, s.
         end_time: path time of the last keyframe, s.
         last_passed: path time of the last keyframe before that one; 0 where there is none.
+        corner: of a motion that is blended with the one before, the path time at which it is
+            nearest to the end of that, s, and how near, rad.
         limits: what it keeps.
         brake_rate: share of full speed by which it may be slowed down in a second, 1/s.
-        stop_time: how long a stop on its path takes at the most, s.
+        stop_time: how long a stop on its path from full speed takes at the most, s.
         omega_start: angular velocity asked for at the first keyframe, body frame, rad/s.
         omega_end: the same at the last keyframe.
         device_options: of the device's driver.
@@ -82,6 +84,7 @@ class MotionFacts:
     first_joints: Joints
     last_joints: Joints
     earlier: Floats
+    corner: tuple[float, float] | None = None
 
 
 class RecordedMotion:

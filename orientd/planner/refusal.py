@@ -12,6 +12,7 @@ from orientd.planner.certify import SLOWEST_STOP, Peak, Peaks
 from orientd.planner.limits import ANGULAR, AXES, LONGEST, UNITS, Limits
 from orientd.planner.request import DEFAULT_METHOD, MotionRequest, State
 from orientd.rotation import Floats, angle
+from orientd.tolerances import GUARD_TOLERANCE
 
 SHORTEST_INTERVAL = 1e-12  # s; derivatives over shorter ones end in overflow sooner or later
 SAME_ORIENTATION = 1e-6  # rad
@@ -238,8 +239,9 @@ def check_limits(peaks: Peaks, place: Place) -> None:
                 for axis, peak in zip(AXES, of_axes, strict=False)
             ]
         for quantity, peak in found:
-            # Written so that a NaN counts as broken.
-            if not peak.ratio <= 1.0 + _ROUNDING:
+            # Written so that a NaN counts as broken.  Off the records the guard's tolerance is
+            # what keeps a motion on its path.
+            if not (peak.planned_ratio <= 1.0 + _ROUNDING and peak.ratio <= GUARD_TOLERANCE):
                 ratio = peak.ratio if math.isfinite(peak.ratio) else math.inf
                 broken.append((ratio, quantity, unit, peak))
     if not broken:

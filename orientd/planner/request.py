@@ -42,6 +42,7 @@ Quaternion = tuple[float, float, float, float]
 Turns = np.ndarray[Any, np.dtype[np.int64]]
 VelocityFrame = Literal["body", "world"]
 Duration = Literal["minimum"]
+PointingAxis = Literal["x", "y", "z"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,13 +53,16 @@ class Keyframe:
         q: orientation ``(w, x, y, z)``, tool to world, of unit norm within 1e-6.
         time: when, in seconds on the request's own axis; ``None`` leaves it to the planner.
         position: of the tool in the world, m; ``None`` where the position is left alone.
-        turns: whole turns to make on the way from the previous keyframe to this one.
+        turns: whole turns to make on the way from the previous keyframe to this one, or from where
+            the device is to the only one.
+        free_roll: whether it only says where to point: to where the first axis of *q* does.
     """
 
     q: Quaternion
     time: float | None = None
     position: Vector3 | None = None
     turns: int = 0
+    free_roll: bool = False
 
 
 _ZERO: list[float] = [0.0, 0.0, 0.0]
@@ -129,6 +133,7 @@ class MotionRequest:
         duration: ``"minimum"`` runs along the method's curve as quickly as the limits permit
             at every point of it; ``None`` keeps the method's own timing.
         name: what people call the motion, in reports and logs; at most 80 printable characters.
+        pointing_axis: axis of the tool that points where keyframes with a free roll say.
         keys: the orientations, unit to rounding, shape ``(n, 4)``.
         times: the keyframes' times in seconds, shape ``(n,)``, or ``None``.
         positions: shape ``(n, 3)``, not a number where a keyframe has none; or ``None``.
@@ -149,6 +154,7 @@ class MotionRequest:
     device_options: Mapping[str, Any] = field(default_factory=dict)
     duration: Duration | None = None
     name: str = ""
+    pointing_axis: PointingAxis = "x"
 
     keys: Floats = field(init=False, repr=False)
     times: Floats | None = field(init=False, repr=False)
@@ -166,6 +172,8 @@ class MotionRequest:
             raise RequestError(
                 "velocity_frame", f"expected 'body' or 'world', got {self.velocity_frame!r}"
             )
+        if self.pointing_axis not in ("x", "y", "z"):
+            raise RequestError("pointing_axis", f"expected x, y or z, got {self.pointing_axis!r}")
         if self.duration not in (None, "minimum"):
             raise RequestError("duration", f"expected 'minimum', got {self.duration!r}")
         if len(self.name) > LONGEST_NAME or not self.name.isprintable():
@@ -221,7 +229,7 @@ class MotionRequest:
     def _is_said(self, name: str) -> bool:
         """Return whether an argument is other than its default; the method always counts."""
         value = getattr(self, name)
-        usual: tuple[object, ...] = (None, False, {}, "body", "")
+        usual: tuple[object, ...] = (None, False, {}, "body", "", "x")
         return name == "method" or value not in usual
 
     @property
@@ -368,7 +376,7 @@ def _turns(keyframes: Sequence[Keyframe]) -> Turns:
             raise RequestError(
                 f"keyframes[{index}].turns", f"expected at most {MOST_TURNS} turns, got {count}"
             )
-    if turns[0]:
+    if turns[0] and len(turns) > 1:
         raise RequestError(
             "keyframes[0].turns", f"there is no keyframe before the first, got {turns[0]} turns"
         )

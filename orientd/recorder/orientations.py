@@ -26,6 +26,8 @@ from orientd.stream import CycleFlag
 _NESTS = ("pose", "transform", "odometry")
 _NAMES = ("orientation", "rotation", "quaternion", "q")
 _TIMES = {"time_s": 1.0, "time": 1.0, "t": 1.0, "timestamp": 1.0, "time_ns": 1e-9, "stamp": 1.0}
+_FAR_APART = 1e3
+"""s between two rows that nobody records: the numbers are in another unit."""
 _DECODERS = ("mcap_protobuf.decoder", "mcap_ros2.decoder")
 
 
@@ -49,9 +51,9 @@ def read_orientations(path: Path, topic: str = "") -> Orientations:
 
     Args:
         path: a .mcap or a .csv file, or a ROS 2 bag: its folder or its .db3 file.
-        topic: in an MCAP file or a bag, the topic, with ``#CHILD`` for one frame of several
-            transforms; in a csv file, which has no topics, what stands before ``_qw`` or ``_w`` in
-            the names of columns, if anything does.
+        topic: in an MCAP file or a bag, the topic, with ``#CHILD`` for one frame where its
+            transforms are of several; in a csv file, which has no topics, what stands before
+            ``_qw`` or ``_w`` in the names of columns, if anything does.
 
     Raises:
         RecordingError: the file cannot be read, or has no such topic, or several.
@@ -67,6 +69,9 @@ def read_orientations(path: Path, topic: str = "") -> Orientations:
             f"{path}: a csv file has no topics, and the only orientation in this one has no name "
             f"either: leave out {topic!r}"
         )
+    frames = [name for name in tables if name.startswith(f"{topic}#")] if topic else []
+    if len(frames) == 1 and topic not in tables:
+        (topic,) = frames
     if topic and topic not in tables:
         raise RecordingError(f"{path}: no orientations in {topic!r}, there is {_listed(tables)}")
     name = topic if topic in tables else _meant(path, tables)
@@ -233,6 +238,12 @@ def _from_csv(path: Path) -> Tables:
     if clock is None:
         raise RecordingError(f"{path}: no column of times; expected {', '.join(_TIMES)}")
     times = _column(body, places[clock]) * _TIMES[clock]
+    apart = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    if apart > _FAR_APART:
+        raise RecordingError(
+            f"{path}: the column {clock!r} is in seconds, and rows are {apart:g} s apart; "
+            "call it 'time_ns' if it holds nanoseconds"
+        )
     tables: Tables = {}
     for name in header:
         if not name.endswith("w"):

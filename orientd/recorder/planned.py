@@ -115,6 +115,7 @@ def strands(recording: Recording, device: str) -> Strands:
 _SHOWN = {
     pb.EVENT_KIND_MOTION_STARTED: "started",
     pb.EVENT_KIND_MOTION_DONE: "done",
+    pb.EVENT_KIND_MOTION_PASSED: "passed",
     pb.EVENT_KIND_MOTION_STOPPED: "stopped",
     pb.EVENT_KIND_MOTION_REPLACED: "replaced",
     pb.EVENT_KIND_FAULT: "FAULT",

@@ -13,12 +13,15 @@ import numpy as np
 
 from orientd.errors import UnknownNameError
 from orientd.recorder.cycle_table import from_records
-from orientd.recorder.writer import BLOCK, RecordingWriter
+from orientd.recorder.writer import BLOCK, LIVE_CHUNK_BYTES, RecordingWriter
 from orientd.rpc import Robot
 from orientd.stream import CYCLE_RECORD
 
 READ_HZ = 10.0
 """Batches of cycles a second."""
+
+LONGEST_HELD = 0.4
+"""Seconds after which cycles are written, though they are few."""
 
 STATE_INTERVAL = 5.0
 """Seconds between two reports of the state."""
@@ -35,8 +38,16 @@ class Session:
         events: recorded so far.
     """
 
-    def __init__(self, robot: Robot, path: Path, devices: Sequence[str] = ()) -> None:
-        """Prepare to record *devices*, or all of them, to the file *path*.
+    def __init__(
+        self, robot: Robot, path: Path, devices: Sequence[str] = (), *, has_scalars: bool = False
+    ) -> None:
+        """Prepare to record.
+
+        Args:
+            robot: whose devices.
+            path: of the file.
+            devices: their names; all, where none is named.
+            has_scalars: whether every cycle is written as plain numbers too, for tools that plot.
 
         Raises:
             UnknownNameError: there is no such device.
@@ -48,7 +59,7 @@ class Session:
                     "device", f"expected one of {', '.join(known)}, got {name!r}"
                 )
         self._observer = robot.observe()
-        self._path = path
+        self._path, self._has_scalars = path, has_scalars
         self._devices = [known[name] for name in devices or known]
         self._ending = threading.Event()
         self._writing = threading.Lock()
@@ -72,7 +83,12 @@ class Session:
         """
         observer = self._observer
         configuration = observer.configuration()
-        with RecordingWriter(self._path, offset_ns=configuration.offset_ns) as writer:
+        with RecordingWriter(
+            self._path,
+            offset_ns=configuration.offset_ns,
+            has_scalars=self._has_scalars,
+            chunk_bytes=LIVE_CHUNK_BYTES,
+        ) as writer:
             for device in self._devices:
                 writer.add_device(device.name, device.rate_hz)
             writer.add_configuration(configuration.json, {})
@@ -99,15 +115,15 @@ class Session:
 
     def _record_cycles(self, writer: RecordingWriter, device: str) -> None:
         pending: list[bytes] = []
-        count = 0
+        count, due = 0, time.monotonic() + LONGEST_HELD
         try:
             for records, lost in self._observer.records(device, rate_hz=READ_HZ):
                 self.lost[device] += lost
                 pending.append(records)
                 count += len(records) // CYCLE_RECORD.size
-                if count >= BLOCK:
+                if count >= BLOCK or time.monotonic() >= due:
                     self._add(writer, device, pending)
-                    pending, count = [], 0
+                    pending, count, due = [], 0, time.monotonic() + LONGEST_HELD
         finally:
             self._add(writer, device, pending)
 

@@ -14,6 +14,7 @@ topic                    schema                         holds
 /arm/measured/...        as sent                        with the time at which it was measured
 /arm/measured/joints     foxglove.JointStates           axis angles
 /arm/planned/path        foxglove.PosesInFrame          a motion's path, when it starts
+/arm/scalars             orientd.v1.Scalars             numbers of every cycle, where asked for
 /log                     foxglove.Log                   events in words
 =======================  =============================  ===========================================
 
@@ -26,7 +27,6 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Iterator
-from importlib.metadata import version
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -36,9 +36,11 @@ from google.protobuf.message import Message
 from mcap.writer import CompressionType, Writer
 from mcap_protobuf.schema import register_schema
 
+from orientd import __version__
 from orientd.errors import OrientdError
 from orientd.recorder import foxglove
 from orientd.recorder.cycle_table import Table, to_block
+from orientd.recorder.scalars import scalars_of
 from orientd.rpc import control_pb2 as pb
 
 SHOWN_HZ = 25.0
@@ -48,6 +50,10 @@ BLOCK = 256
 """Cycles in a message."""
 
 CHUNK_BYTES = 512 * 1024
+"""What is compressed and written at a time, of a recording that is written at once."""
+
+LIVE_CHUNK_BYTES = 4 * 1024
+"""The same of one that grows, which holds then what is half a second old, whatever happens."""
 
 
 class RecordingError(OrientdError):
@@ -87,20 +93,30 @@ class RecordingWriter:
         offset_ns: from the monotonic clock to the time of day.
     """
 
-    def __init__(self, path: Path, *, offset_ns: int, shown_hz: float = SHOWN_HZ) -> None:
+    def __init__(
+        self,
+        path: Path,
+        *,
+        offset_ns: int,
+        shown_hz: float = SHOWN_HZ,
+        has_scalars: bool = False,
+        chunk_bytes: int = CHUNK_BYTES,
+    ) -> None:
         """Begin a file.
 
         Args:
             path: is overwritten.
             offset_ns: from the monotonic clock to the time of day.
             shown_hz: how often viewers are given poses, at the most; 0 for never.
+            has_scalars: whether every cycle is written as plain numbers too, for tools that plot.
+            chunk_bytes: how much is compressed and written at a time, about.
 
         Raises:
             RecordingError: it cannot be written.
         """
         self.path = path
         self.offset_ns = offset_ns
-        self._shown_hz = shown_hz
+        self._shown_hz, self._has_scalars = shown_hz, has_scalars
         self._rates: dict[str, float] = {}
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
@@ -112,9 +128,9 @@ class RecordingWriter:
         with self._guarded():
             sink: Any = self._sink  # all of a stream that a writer uses
             self._writer: Any = Writer(
-                sink, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD
+                sink, chunk_size=chunk_bytes, compression=CompressionType.ZSTD
             )
-            self._writer.start(library=f"orientd {version('orientd')}")
+            self._writer.start(library=f"orientd {__version__}")
 
     def __enter__(self) -> Self:
         return self
@@ -146,6 +162,9 @@ class RecordingWriter:
             shown = cycles[np.asarray(cycles["index"]) % step == 0]
             for topic, time_ns, message in foxglove.cycles_shown(device, shown, self.offset_ns):
                 self._add(topic, time_ns, message)
+        if self._has_scalars:
+            for time_ns, message in scalars_of(cycles, self.offset_ns):
+                self._add(f"/{device}/scalars", time_ns, message)
 
     def add_event(self, event: pb.Event) -> None:
         """Add an event.

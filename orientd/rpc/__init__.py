@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from orientd.rpc.channel_options import server_options
     from orientd.rpc.client import Robot, connect
     from orientd.rpc.connection import Connection
+    from orientd.rpc.descriptions import Method
     from orientd.rpc.move_handle import MoveHandle
     from orientd.rpc.observer import Observer
     from orientd.rpc.reports import (
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
         DaemonReport,
         DeviceReport,
         Durations,
-        Method,
+        LeaseReport,
         MoveTiming,
         OnTarget,
         Outcome,
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
         TrackReport,
         titled,
     )
+    from orientd.rpc.stop_call import ask_to_stop, stop_socket
+    from orientd.rpc.trust import check_folder
     from orientd.rpc.urgent import begin_call, read_answer, text_fields
     from orientd.rpc.wire.limits import limits_to_wish
     from orientd.rpc.wire.motion import from_request, to_request

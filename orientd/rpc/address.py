@@ -20,11 +20,19 @@ MAX_MESSAGE_BYTES = 64 * 1024 * 1024
 def runtime_directory() -> Path:
     """Return the directory of the user's sockets; it may not be there yet.
 
-    ``$XDG_RUNTIME_DIR/orientd``, or ``/tmp/orientd-<uid>`` where that is not set.
+    ``$XDG_RUNTIME_DIR/orientd``; or the first of ``$RUNTIME_DIRECTORY``, which systemd sets for a
+    service; or ``/run/user/<uid>/orientd``; and only where there is none of them
+    ``/tmp/orientd-<uid>``.
     """
     runtime = os.environ.get("XDG_RUNTIME_DIR")
     if runtime:
         return Path(runtime) / "orientd"
+    offered = os.environ.get("RUNTIME_DIRECTORY", "").partition(":")[0]
+    if offered:
+        return Path(offered)
+    of_user = Path(f"/run/user/{os.getuid()}")
+    if os.access(of_user, os.W_OK | os.X_OK) and of_user.stat().st_uid == os.getuid():
+        return of_user / "orientd"
     return Path(f"/tmp/orientd-{os.getuid()}")
 
 

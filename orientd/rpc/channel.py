@@ -9,9 +9,11 @@ from typing import Self
 
 import grpc
 
-from orientd.errors import DaemonError
+from orientd.errors import AccessError, DaemonError, OrientdError
 from orientd.rpc.address import found_socket, runtime_directory, target
 from orientd.rpc.channel_options import CLIENT_OPTIONS
+from orientd.rpc.stop_call import refusal
+from orientd.rpc.trust import check_socket
 
 
 @dataclass(frozen=True)
@@ -71,14 +73,34 @@ class Way:
     def __str__(self) -> str:
         return self.address or str(self.socket)
 
+    def why_not(self) -> OrientdError | None:
+        """Return why a call did not get through, as far as that can be found out."""
+        if not self.address:
+            try:
+                check_socket(self.socket)
+            except OrientdError as error:
+                return error
+            refused = refusal(self.socket)
+            return AccessError(f"the daemon at {self.socket}: {refused}") if refused else None
+        if self.certificate is None or self.key is None or self.ca is None:
+            return None
+        from orientd.rpc.tls_problem import tls_problem
+
+        problem = tls_problem(self.address, self.certificate, self.key, self.ca)
+        return DaemonError(problem) if problem else None
+
     def open(self) -> grpc.Channel:
         """Return a channel to the daemon, which connects when it is first used.
 
         Raises:
-            DaemonError: a certificate cannot be read, or the path cannot be that of a socket.
+            DaemonError: a certificate cannot be read, the path cannot be that of a socket, or what
+                is there is not of somebody trusted.
+            AccessError: the daemon admits its own user alone.
         """
         if not self.address:
-            return grpc.insecure_channel(target(self.socket), options=CLIENT_OPTIONS)
+            name = target(self.socket)
+            check_socket(self.socket)
+            return grpc.insecure_channel(name, options=CLIENT_OPTIONS)
         contents = []
         for path in (self.ca, self.key, self.certificate):
             try:

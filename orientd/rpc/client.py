@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
@@ -20,10 +20,11 @@ import grpc
 from orientd.errors import OrientdError, RequestError
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.channel import Way
+from orientd.rpc.commands import Commands
 from orientd.rpc.connection import Connection
-from orientd.rpc.lease_holder import LeaseHolder
+from orientd.rpc.descriptions import Device, Method
 from orientd.rpc.observer import Observer
-from orientd.rpc.reports import CellReport, Device, DeviceReport, Method, OnTarget, Plan
+from orientd.rpc.reports import CellReport, OnTarget, Plan
 from orientd.rpc.wire import (
     configured_from_message,
     cycle_from_message,
@@ -48,6 +49,7 @@ def connect(
     key: str | Path | None = None,
     ca: str | Path | None = None,
     holder: str = "",
+    lease: str | None = None,
     timeout: float = 30.0,
 ) -> Robot:
     """Connect to the daemon.
@@ -60,6 +62,8 @@ def connect(
         key: of that certificate, a file; by default ``$ORIENTD_KEY``.
         ca: who has signed the daemon's certificate, a file; by default ``$ORIENTD_CA``.
         holder: what others are told when they are refused because of this client.
+        lease: the token of a lease of the same user to command beside; by default
+            ``$ORIENTD_LEASE``.  Each gives its own back, and ends its own motions by that.
         timeout: how long the daemon may take to answer a command, s.  Planning has no limit.
 
     Raises:
@@ -68,7 +72,9 @@ def connect(
     """
     way = Way.find(socket, address, certificate, key, ca)
     program = Path(sys.argv[0]).name or "python"
-    robot = Robot(way, holder=holder or f"{program}, process {os.getpid()}", timeout=timeout)
+    share = os.environ.get("ORIENTD_LEASE", "") if lease is None else lease
+    holder = holder or f"{program}, process {os.getpid()}"
+    robot = Robot(way, holder=holder, share=share, timeout=timeout)
     try:
         robot.state()
     except OrientdError:
@@ -77,7 +83,7 @@ def connect(
     return robot
 
 
-class Robot(LeaseHolder):
+class Robot(Commands):
     """A connection to the daemon; a context manager that gives everything back at its end.
 
     A motion that still runs then is stopped on its path: it belongs to the lease.
@@ -85,15 +91,16 @@ class Robot(LeaseHolder):
     ``device`` may be left out wherever the daemon has one device only.
     """
 
-    def __init__(self, way: Way, *, holder: str, timeout: float) -> None:
+    def __init__(self, way: Way, *, holder: str, share: str = "", timeout: float) -> None:
         """Prepare to talk to the daemon at the end of *way*; see :func:`connect`.
 
         Args:
             way: to the daemon.
             holder: what others are told.
+            share: the token of a lease to command beside.
             timeout: how long an answer may take, s.
         """
-        super().__init__(Connection(way, timeout=timeout), holder=holder)
+        super().__init__(Connection(way, timeout=timeout), holder=holder, share=share)
         self.socket = way.socket
         self._moves: list[MoveHandle] = []
 
@@ -109,8 +116,8 @@ class Robot(LeaseHolder):
         self.close()
 
     def close(self) -> None:
-        """Give the lease back, which stops what still runs, and hang up."""
-        self._keeper.release()
+        """Give the leases back, which stops what still runs under them, and hang up."""
+        self.release_lease()
         for move in self._moves:
             move.abandon()
         self._moves.clear()
@@ -122,6 +129,7 @@ class Robot(LeaseHolder):
         """Return the daemon and its devices as they are now."""
         answer = self._connection.ask(self._stub.GetState, pb.GetStateRequest())
         reports = [device_from_message(device) for device in answer.devices]
+        self._know(report.name for report in reports)
         return CellReport(
             daemon=daemon_from_message(answer.daemon),
             devices={report.name: report for report in reports},
@@ -292,29 +300,27 @@ class Robot(LeaseHolder):
             request.start_time.FromNanoseconds(round(start_time * 1e9))
         if on_target is not None:
             request.on_target.CopyFrom(pb.OnTarget(**asdict(on_target)))
-        request.lease_token = self._token()
+
+        def begin(token: str, number: int) -> Any:  # noqa: ANN401 - gRPC's
+            request.lease_token, request.lease_sequence = token, number
+            return self._connection.call(self._stub.Move, request)
+
         self._moves = [move for move in self._moves if not move.is_done]
         handle = MoveHandle(
-            self._connection.call(self._stub.Move, request),
+            self._command_of(device, begin),
             explain=self._connection.explain,
-            stop=lambda: self.stop(device),
+            stop=lambda number: self._connection.ask(
+                self._stub.Stop,
+                pb.StopRequest(device=device, caller=self.holder, motion_number=number),
+            ),
         )
         self._moves.append(handle)
         return handle
 
-    def stop(self, device: str = "") -> list[DeviceReport]:
-        """Bring a device, or all of them, to rest on the path.  Needs no lease."""
-        return self._rest(self._stub.Stop, pb.StopRequest(device=device, caller=self.holder))
-
-    def halt(self, device: str = "") -> list[DeviceReport]:
-        """Bring a device, or all of them, to rest as quickly as the limits allow.
-
-        That may leave the path.  Needs no lease.
-        """
-        return self._rest(self._stub.Halt, pb.HaltRequest(device=device, caller=self.holder))
-
-    def _rest(self, method: Callable[..., Any], request: object) -> list[DeviceReport]:
-        return [device_from_message(one) for one in self._connection.ask(method, request).devices]
+    def home(self, device: str = "") -> MoveHandle:
+        """Bring the axes of a gimbal home, unwinding them; raises as :meth:`move`."""
+        anywhere = {"quaternion": {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}}
+        return self.move([anywhere], device=device, device_options={"home": True}, name="home")
 
     def track(
         self,
@@ -337,48 +343,15 @@ class Robot(LeaseHolder):
         from orientd.rpc.tracking import Tracking
         from orientd.rpc.wire import limits_message
 
-        begin = pb.TrackStart(
-            lease_token=self._token(), device=device, report_rate_hz=report_rate_hz
-        )
+        start = pb.TrackStart(device=device, report_rate_hz=report_rate_hz)
         if limits is not None:
-            begin.limits.CopyFrom(limits_message(limits))
-        return Tracking(self._connection, begin)
+            start.limits.CopyFrom(limits_message(limits))
 
-    # Commands
+        def begin(token: str, number: int) -> None:
+            start.lease_token, start.lease_sequence = token, number
 
-    def pause(self, device: str = "") -> DeviceReport:
-        """Come to rest on the path, to be resumed."""
-        return self._command(self._stub.Pause, pb.PauseRequest, device)
-
-    def resume(self, device: str = "") -> DeviceReport:
-        """Go on with a paused motion."""
-        return self._command(self._stub.Resume, pb.ResumeRequest, device)
-
-    def set_speed(self, speed: float, device: str = "") -> DeviceReport:
-        """Run motions at *speed*, above 0 and at most 1 as planned, now and from now on."""
-        return self._command(self._stub.SetSpeed, pb.SetSpeedRequest, device, speed=speed)
-
-    def enable(self, device: str = "") -> DeviceReport:
-        """Make a device follow; it does not move by this."""
-        return self._command(self._stub.Enable, pb.EnableRequest, device)
-
-    def disable(self, device: str = "") -> DeviceReport:
-        """Leave a device at rest, no longer following."""
-        return self._command(self._stub.Disable, pb.DisableRequest, device)
-
-    def reset(self, device: str = "") -> DeviceReport:
-        """Clear a fault; starts the servo process anew if it has ended."""
-        return self._command(self._stub.Reset, pb.ResetRequest, device)
-
-    def _command(
-        self,
-        method: Callable[..., Any],
-        request: Callable[..., Any],
-        device: str,
-        **more: Any,  # noqa: ANN401
-    ) -> DeviceReport:
-        message = request(lease_token=self._token(), device=device, **more)
-        return device_from_message(self._connection.ask(method, message).device)
+        self._command_of(device, begin)
+        return Tracking(self._connection, start)
 
 
 def _timeout(seconds: float | None) -> float:

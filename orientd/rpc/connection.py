@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any, TypeVar
 
 import grpc
 
-from orientd.errors import DaemonError, OrientdError
+from orientd.errors import DaemonError, OrientdError, PendingError
 from orientd.rpc.channel import Way
 from orientd.rpc.control_pb2_grpc import ControlStub
-from orientd.rpc.wire import from_call
+from orientd.rpc.wire import UnreachableError, from_call
 
 Answer = TypeVar("Answer")
+
+LONGEST_COMMAND = 20.0
+"""How long a command is asked for again that the device takes its time for, s."""
+_ASK_AGAIN = 0.05
 
 
 class Connection:
     """An open channel to the daemon, until it is closed.
 
     Attributes:
+        way: to the daemon.
         stub: of the control service, for what is called here.
     """
 
@@ -32,7 +38,7 @@ class Connection:
         Raises:
             DaemonError: a certificate cannot be read, or the path cannot be that of a socket.
         """
-        self._way = way
+        self.way = way
         self._timeout = timeout
         self._channel = way.open()
         self._is_closed = False
@@ -50,6 +56,38 @@ class Connection:
             OrientdError: what the daemon raised, or that it is not there.
         """
         return self.call(method, request, timeout=self._timeout)
+
+    def until_done(self, ask: Callable[[], Answer]) -> Answer:
+        """Return the answer to a command, asked for again while the device takes its time.
+
+        Raises:
+            PendingError: it still does after :data:`LONGEST_COMMAND` seconds, and goes on.
+            OrientdError: what the daemon raised, or that it is not there.
+        """
+        ends = time.monotonic() + LONGEST_COMMAND
+        while True:
+            try:
+                return ask()
+            except PendingError:
+                if time.monotonic() > ends:
+                    raise
+                time.sleep(_ASK_AGAIN)
+
+    def begin(self, method: Any, request: object) -> Callable[[], Any]:  # noqa: ANN401 - gRPC's
+        """Send a call now, and return what waits for its answer as :meth:`ask` does.
+
+        Raises:
+            DaemonError: the connection is closed.
+        """
+        answer = self.call(method.future, request, timeout=self._timeout)
+
+        def wait() -> Any:  # noqa: ANN401
+            try:
+                return answer.result()
+            except grpc.RpcError as error:
+                raise self.explain(error) from error
+
+        return wait
 
     def call(
         self, method: Callable[..., Answer], request: object, *, timeout: float | None = None
@@ -73,8 +111,10 @@ class Connection:
         except ValueError as error:
             if not self._is_closed:
                 raise
-            raise DaemonError(f"the connection to {self._way} is closed") from error
+            raise DaemonError(f"the connection to {self.way} is closed") from error
 
     def explain(self, error: grpc.RpcError) -> OrientdError:
         """Return the exception for a call that failed."""
-        return from_call(error, where=str(self._way))
+        found = from_call(error, where=str(self.way))
+        is_unheard = isinstance(found, UnreachableError)
+        return (self.way.why_not() if is_unheard else None) or found

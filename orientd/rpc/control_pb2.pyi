@@ -40,6 +40,13 @@ class Fault(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     FAULT_INTERNAL: _ClassVar[Fault]
     FAULT_SERVO_STALLED: _ClassVar[Fault]
 
+class PointingAxis(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    POINTING_AXIS_UNSPECIFIED: _ClassVar[PointingAxis]
+    POINTING_AXIS_X: _ClassVar[PointingAxis]
+    POINTING_AXIS_Y: _ClassVar[PointingAxis]
+    POINTING_AXIS_Z: _ClassVar[PointingAxis]
+
 class Duration(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
     DURATION_UNSPECIFIED: _ClassVar[Duration]
@@ -59,6 +66,7 @@ class EventKind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     EVENT_KIND_SERVO_DIED: _ClassVar[EventKind]
     EVENT_KIND_RECORDED: _ClassVar[EventKind]
     EVENT_KIND_RECORDING_FAILED: _ClassVar[EventKind]
+    EVENT_KIND_MOTION_PASSED: _ClassVar[EventKind]
 
 class Outcome(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
@@ -68,6 +76,7 @@ class Outcome(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     OUTCOME_FAULT: _ClassVar[Outcome]
     OUTCOME_REPLACED: _ClassVar[Outcome]
     OUTCOME_UNSETTLED: _ClassVar[Outcome]
+    OUTCOME_PASSED: _ClassVar[Outcome]
 FRAME_UNSPECIFIED: Frame
 FRAME_BODY: Frame
 FRAME_WORLD: Frame
@@ -88,6 +97,10 @@ FAULT_HEARTBEAT_LOST: Fault
 FAULT_SERVO_DIED: Fault
 FAULT_INTERNAL: Fault
 FAULT_SERVO_STALLED: Fault
+POINTING_AXIS_UNSPECIFIED: PointingAxis
+POINTING_AXIS_X: PointingAxis
+POINTING_AXIS_Y: PointingAxis
+POINTING_AXIS_Z: PointingAxis
 DURATION_UNSPECIFIED: Duration
 DURATION_MINIMUM: Duration
 EVENT_KIND_UNSPECIFIED: EventKind
@@ -102,12 +115,14 @@ EVENT_KIND_FAULT: EventKind
 EVENT_KIND_SERVO_DIED: EventKind
 EVENT_KIND_RECORDED: EventKind
 EVENT_KIND_RECORDING_FAILED: EventKind
+EVENT_KIND_MOTION_PASSED: EventKind
 OUTCOME_UNSPECIFIED: Outcome
 OUTCOME_DONE: Outcome
 OUTCOME_STOPPED: Outcome
 OUTCOME_FAULT: Outcome
 OUTCOME_REPLACED: Outcome
 OUTCOME_UNSETTLED: Outcome
+OUTCOME_PASSED: Outcome
 
 class Vector3(_message.Message):
     __slots__ = ("x", "y", "z")
@@ -166,25 +181,49 @@ class Limits(_message.Message):
     def __init__(self, velocity: _Optional[float] = ..., acceleration: _Optional[float] = ..., jerk: _Optional[float] = ..., linear_velocity: _Optional[float] = ..., linear_acceleration: _Optional[float] = ..., axis_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., axis_acceleration: _Optional[_Union[Vector3, _Mapping]] = ..., axis_jerk: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
 
 class Keyframe(_message.Message):
-    __slots__ = ("time", "quaternion", "rotation_vector", "euler", "matrix", "position", "turns")
+    __slots__ = ("time", "quaternion", "rotation_vector", "euler", "matrix", "direction", "azimuth_elevation", "look_at", "position", "turns", "free_roll")
     TIME_FIELD_NUMBER: _ClassVar[int]
     QUATERNION_FIELD_NUMBER: _ClassVar[int]
     ROTATION_VECTOR_FIELD_NUMBER: _ClassVar[int]
     EULER_FIELD_NUMBER: _ClassVar[int]
     MATRIX_FIELD_NUMBER: _ClassVar[int]
+    DIRECTION_FIELD_NUMBER: _ClassVar[int]
+    AZIMUTH_ELEVATION_FIELD_NUMBER: _ClassVar[int]
+    LOOK_AT_FIELD_NUMBER: _ClassVar[int]
     POSITION_FIELD_NUMBER: _ClassVar[int]
     TURNS_FIELD_NUMBER: _ClassVar[int]
+    FREE_ROLL_FIELD_NUMBER: _ClassVar[int]
     time: float
     quaternion: Quaternion
     rotation_vector: Vector3
     euler: EulerAngles
     matrix: Matrix
+    direction: Vector3
+    azimuth_elevation: AzimuthElevation
+    look_at: LookAt
     position: Vector3
     turns: int
-    def __init__(self, time: _Optional[float] = ..., quaternion: _Optional[_Union[Quaternion, _Mapping]] = ..., rotation_vector: _Optional[_Union[Vector3, _Mapping]] = ..., euler: _Optional[_Union[EulerAngles, _Mapping]] = ..., matrix: _Optional[_Union[Matrix, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., turns: _Optional[int] = ...) -> None: ...
+    free_roll: bool
+    def __init__(self, time: _Optional[float] = ..., quaternion: _Optional[_Union[Quaternion, _Mapping]] = ..., rotation_vector: _Optional[_Union[Vector3, _Mapping]] = ..., euler: _Optional[_Union[EulerAngles, _Mapping]] = ..., matrix: _Optional[_Union[Matrix, _Mapping]] = ..., direction: _Optional[_Union[Vector3, _Mapping]] = ..., azimuth_elevation: _Optional[_Union[AzimuthElevation, _Mapping]] = ..., look_at: _Optional[_Union[LookAt, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., turns: _Optional[int] = ..., free_roll: bool = ...) -> None: ...
+
+class AzimuthElevation(_message.Message):
+    __slots__ = ("azimuth", "elevation")
+    AZIMUTH_FIELD_NUMBER: _ClassVar[int]
+    ELEVATION_FIELD_NUMBER: _ClassVar[int]
+    azimuth: float
+    elevation: float
+    def __init__(self, azimuth: _Optional[float] = ..., elevation: _Optional[float] = ...) -> None: ...
+
+class LookAt(_message.Message):
+    __slots__ = ("point", "place")
+    POINT_FIELD_NUMBER: _ClassVar[int]
+    PLACE_FIELD_NUMBER: _ClassVar[int]
+    point: Vector3
+    place: Vector3
+    def __init__(self, point: _Optional[_Union[Vector3, _Mapping]] = ..., place: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
 
 class MotionRequest(_message.Message):
-    __slots__ = ("method", "keyframes", "velocity_frame", "start_velocity", "end_velocity", "approach", "limits", "options", "device_options", "duration", "name")
+    __slots__ = ("method", "keyframes", "velocity_frame", "start_velocity", "end_velocity", "approach", "limits", "options", "device_options", "duration", "name", "pointing_axis")
     METHOD_FIELD_NUMBER: _ClassVar[int]
     KEYFRAMES_FIELD_NUMBER: _ClassVar[int]
     VELOCITY_FRAME_FIELD_NUMBER: _ClassVar[int]
@@ -196,6 +235,7 @@ class MotionRequest(_message.Message):
     DEVICE_OPTIONS_FIELD_NUMBER: _ClassVar[int]
     DURATION_FIELD_NUMBER: _ClassVar[int]
     NAME_FIELD_NUMBER: _ClassVar[int]
+    POINTING_AXIS_FIELD_NUMBER: _ClassVar[int]
     method: str
     keyframes: _containers.RepeatedCompositeFieldContainer[Keyframe]
     velocity_frame: Frame
@@ -207,17 +247,20 @@ class MotionRequest(_message.Message):
     device_options: _struct_pb2.Struct
     duration: Duration
     name: str
-    def __init__(self, method: _Optional[str] = ..., keyframes: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., start_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., end_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., approach: bool = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., device_options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., duration: _Optional[_Union[Duration, str]] = ..., name: _Optional[str] = ...) -> None: ...
+    pointing_axis: PointingAxis
+    def __init__(self, method: _Optional[str] = ..., keyframes: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., start_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., end_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., approach: bool = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., device_options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., duration: _Optional[_Union[Duration, str]] = ..., name: _Optional[str] = ..., pointing_axis: _Optional[_Union[PointingAxis, str]] = ...) -> None: ...
 
 class Peak(_message.Message):
-    __slots__ = ("value", "time", "limit")
+    __slots__ = ("value", "time", "limit", "on_records")
     VALUE_FIELD_NUMBER: _ClassVar[int]
     TIME_FIELD_NUMBER: _ClassVar[int]
     LIMIT_FIELD_NUMBER: _ClassVar[int]
+    ON_RECORDS_FIELD_NUMBER: _ClassVar[int]
     value: float
     time: float
     limit: float
-    def __init__(self, value: _Optional[float] = ..., time: _Optional[float] = ..., limit: _Optional[float] = ...) -> None: ...
+    on_records: float
+    def __init__(self, value: _Optional[float] = ..., time: _Optional[float] = ..., limit: _Optional[float] = ..., on_records: _Optional[float] = ...) -> None: ...
 
 class Figure(_message.Message):
     __slots__ = ("name", "value", "unit", "limit", "time")
@@ -402,30 +445,34 @@ class DeviceReport(_message.Message):
     def __init__(self, device: _Optional[_Union[Device, _Mapping]] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., fault_text: _Optional[str] = ..., is_paused: bool = ..., speed: _Optional[float] = ..., motion_number: _Optional[int] = ..., motion_id: _Optional[str] = ..., path_time: _Optional[float] = ..., duration: _Optional[float] = ..., servo_pid: _Optional[int] = ..., scheduling: _Optional[str] = ..., is_memory_locked: bool = ..., cycle: _Optional[_Union[Cycle, _Mapping]] = ..., motion_name: _Optional[str] = ...) -> None: ...
 
 class LeaseReport(_message.Message):
-    __slots__ = ("holder", "remaining", "identity")
+    __slots__ = ("holder", "remaining", "identity", "devices")
     HOLDER_FIELD_NUMBER: _ClassVar[int]
     REMAINING_FIELD_NUMBER: _ClassVar[int]
     IDENTITY_FIELD_NUMBER: _ClassVar[int]
+    DEVICES_FIELD_NUMBER: _ClassVar[int]
     holder: str
     remaining: float
     identity: str
-    def __init__(self, holder: _Optional[str] = ..., remaining: _Optional[float] = ..., identity: _Optional[str] = ...) -> None: ...
+    devices: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, holder: _Optional[str] = ..., remaining: _Optional[float] = ..., identity: _Optional[str] = ..., devices: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class DaemonReport(_message.Message):
-    __slots__ = ("version", "pid", "uptime", "socket", "configuration", "lease")
+    __slots__ = ("version", "pid", "uptime", "socket", "configuration", "lease", "leases")
     VERSION_FIELD_NUMBER: _ClassVar[int]
     PID_FIELD_NUMBER: _ClassVar[int]
     UPTIME_FIELD_NUMBER: _ClassVar[int]
     SOCKET_FIELD_NUMBER: _ClassVar[int]
     CONFIGURATION_FIELD_NUMBER: _ClassVar[int]
     LEASE_FIELD_NUMBER: _ClassVar[int]
+    LEASES_FIELD_NUMBER: _ClassVar[int]
     version: str
     pid: int
     uptime: float
     socket: str
     configuration: str
     lease: LeaseReport
-    def __init__(self, version: _Optional[str] = ..., pid: _Optional[int] = ..., uptime: _Optional[float] = ..., socket: _Optional[str] = ..., configuration: _Optional[str] = ..., lease: _Optional[_Union[LeaseReport, _Mapping]] = ...) -> None: ...
+    leases: _containers.RepeatedCompositeFieldContainer[LeaseReport]
+    def __init__(self, version: _Optional[str] = ..., pid: _Optional[int] = ..., uptime: _Optional[float] = ..., socket: _Optional[str] = ..., configuration: _Optional[str] = ..., lease: _Optional[_Union[LeaseReport, _Mapping]] = ..., leases: _Optional[_Iterable[_Union[LeaseReport, _Mapping]]] = ...) -> None: ...
 
 class GetStateRequest(_message.Message):
     __slots__ = ("device",)
@@ -600,7 +647,7 @@ class GetPlanResponse(_message.Message):
     def __init__(self, plan: _Optional[_Union[Plan, _Mapping]] = ..., samples: _Optional[_Iterable[_Union[MotionSample, _Mapping]]] = ...) -> None: ...
 
 class MoveRequest(_message.Message):
-    __slots__ = ("lease_token", "device", "motion", "motion_id", "progress_rate_hz", "queue", "blend_tolerance", "start_time", "on_target", "plan_timeout")
+    __slots__ = ("lease_token", "device", "motion", "motion_id", "progress_rate_hz", "queue", "blend_tolerance", "start_time", "on_target", "plan_timeout", "lease_sequence")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     MOTION_FIELD_NUMBER: _ClassVar[int]
@@ -611,6 +658,7 @@ class MoveRequest(_message.Message):
     START_TIME_FIELD_NUMBER: _ClassVar[int]
     ON_TARGET_FIELD_NUMBER: _ClassVar[int]
     PLAN_TIMEOUT_FIELD_NUMBER: _ClassVar[int]
+    LEASE_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
     motion: MotionRequest
@@ -621,7 +669,8 @@ class MoveRequest(_message.Message):
     start_time: _timestamp_pb2.Timestamp
     on_target: OnTarget
     plan_timeout: float
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., motion: _Optional[_Union[MotionRequest, _Mapping]] = ..., motion_id: _Optional[str] = ..., progress_rate_hz: _Optional[float] = ..., queue: bool = ..., blend_tolerance: _Optional[float] = ..., start_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., on_target: _Optional[_Union[OnTarget, _Mapping]] = ..., plan_timeout: _Optional[float] = ...) -> None: ...
+    lease_sequence: int
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., motion: _Optional[_Union[MotionRequest, _Mapping]] = ..., motion_id: _Optional[str] = ..., progress_rate_hz: _Optional[float] = ..., queue: bool = ..., blend_tolerance: _Optional[float] = ..., start_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., on_target: _Optional[_Union[OnTarget, _Mapping]] = ..., plan_timeout: _Optional[float] = ..., lease_sequence: _Optional[int] = ...) -> None: ...
 
 class OnTarget(_message.Message):
     __slots__ = ("tolerance", "rate", "settle_time", "timeout")
@@ -648,14 +697,16 @@ class MoveTiming(_message.Message):
     def __init__(self, planning: _Optional[float] = ..., splicing: _Optional[float] = ..., received_ns: _Optional[int] = ..., attempts: _Optional[int] = ...) -> None: ...
 
 class MoveStarted(_message.Message):
-    __slots__ = ("motion_number", "plan", "timing")
+    __slots__ = ("motion_number", "plan", "timing", "speed")
     MOTION_NUMBER_FIELD_NUMBER: _ClassVar[int]
     PLAN_FIELD_NUMBER: _ClassVar[int]
     TIMING_FIELD_NUMBER: _ClassVar[int]
+    SPEED_FIELD_NUMBER: _ClassVar[int]
     motion_number: int
     plan: Plan
     timing: MoveTiming
-    def __init__(self, motion_number: _Optional[int] = ..., plan: _Optional[_Union[Plan, _Mapping]] = ..., timing: _Optional[_Union[MoveTiming, _Mapping]] = ...) -> None: ...
+    speed: float
+    def __init__(self, motion_number: _Optional[int] = ..., plan: _Optional[_Union[Plan, _Mapping]] = ..., timing: _Optional[_Union[MoveTiming, _Mapping]] = ..., speed: _Optional[float] = ...) -> None: ...
 
 class MoveProgress(_message.Message):
     __slots__ = ("path_time", "duration", "state", "is_paused", "speed", "orientation", "omega_body", "position", "lateness", "tracking_error", "overruns")
@@ -752,12 +803,14 @@ class MoveResponse(_message.Message):
     def __init__(self, started: _Optional[_Union[MoveStarted, _Mapping]] = ..., progress: _Optional[_Union[MoveProgress, _Mapping]] = ..., summary: _Optional[_Union[MoveSummary, _Mapping]] = ...) -> None: ...
 
 class StopRequest(_message.Message):
-    __slots__ = ("device", "caller")
+    __slots__ = ("device", "caller", "motion_number")
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     CALLER_FIELD_NUMBER: _ClassVar[int]
+    MOTION_NUMBER_FIELD_NUMBER: _ClassVar[int]
     device: str
     caller: str
-    def __init__(self, device: _Optional[str] = ..., caller: _Optional[str] = ...) -> None: ...
+    motion_number: int
+    def __init__(self, device: _Optional[str] = ..., caller: _Optional[str] = ..., motion_number: _Optional[int] = ...) -> None: ...
 
 class StopResponse(_message.Message):
     __slots__ = ("devices",)
@@ -780,30 +833,34 @@ class HaltResponse(_message.Message):
     def __init__(self, devices: _Optional[_Iterable[_Union[DeviceReport, _Mapping]]] = ...) -> None: ...
 
 class TrackStart(_message.Message):
-    __slots__ = ("lease_token", "device", "limits", "report_rate_hz")
+    __slots__ = ("lease_token", "device", "limits", "report_rate_hz", "lease_sequence")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     LIMITS_FIELD_NUMBER: _ClassVar[int]
     REPORT_RATE_HZ_FIELD_NUMBER: _ClassVar[int]
+    LEASE_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
     limits: Limits
     report_rate_hz: float
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., report_rate_hz: _Optional[float] = ...) -> None: ...
+    lease_sequence: int
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., report_rate_hz: _Optional[float] = ..., lease_sequence: _Optional[int] = ...) -> None: ...
 
 class TrackTarget(_message.Message):
-    __slots__ = ("orientation", "angular_velocity", "velocity_frame", "time_ns", "time_to_live")
+    __slots__ = ("orientation", "angular_velocity", "velocity_frame", "time_ns", "time_to_live", "position")
     ORIENTATION_FIELD_NUMBER: _ClassVar[int]
     ANGULAR_VELOCITY_FIELD_NUMBER: _ClassVar[int]
     VELOCITY_FRAME_FIELD_NUMBER: _ClassVar[int]
     TIME_NS_FIELD_NUMBER: _ClassVar[int]
     TIME_TO_LIVE_FIELD_NUMBER: _ClassVar[int]
+    POSITION_FIELD_NUMBER: _ClassVar[int]
     orientation: Quaternion
     angular_velocity: Vector3
     velocity_frame: Frame
     time_ns: int
     time_to_live: float
-    def __init__(self, orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., angular_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., time_ns: _Optional[int] = ..., time_to_live: _Optional[float] = ...) -> None: ...
+    position: Vector3
+    def __init__(self, orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., angular_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., time_ns: _Optional[int] = ..., time_to_live: _Optional[float] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
 
 class TrackRequest(_message.Message):
     __slots__ = ("start", "target")
@@ -836,12 +893,14 @@ class TrackResponse(_message.Message):
     def __init__(self, state: _Optional[_Union[State, str]] = ..., orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., time_ns: _Optional[int] = ..., targets: _Optional[int] = ..., left_out: _Optional[int] = ..., refused: _Optional[int] = ..., refusal: _Optional[str] = ..., error: _Optional[float] = ...) -> None: ...
 
 class PauseRequest(_message.Message):
-    __slots__ = ("lease_token", "device")
+    __slots__ = ("lease_token", "device", "lease_sequence")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
+    LEASE_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ...) -> None: ...
+    lease_sequence: int
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., lease_sequence: _Optional[int] = ...) -> None: ...
 
 class PauseResponse(_message.Message):
     __slots__ = ("device",)
@@ -850,12 +909,14 @@ class PauseResponse(_message.Message):
     def __init__(self, device: _Optional[_Union[DeviceReport, _Mapping]] = ...) -> None: ...
 
 class ResumeRequest(_message.Message):
-    __slots__ = ("lease_token", "device")
+    __slots__ = ("lease_token", "device", "lease_sequence")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
+    LEASE_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ...) -> None: ...
+    lease_sequence: int
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., lease_sequence: _Optional[int] = ...) -> None: ...
 
 class ResumeResponse(_message.Message):
     __slots__ = ("device",)
@@ -864,14 +925,16 @@ class ResumeResponse(_message.Message):
     def __init__(self, device: _Optional[_Union[DeviceReport, _Mapping]] = ...) -> None: ...
 
 class SetSpeedRequest(_message.Message):
-    __slots__ = ("lease_token", "device", "speed")
+    __slots__ = ("lease_token", "device", "speed", "lease_sequence")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     SPEED_FIELD_NUMBER: _ClassVar[int]
+    LEASE_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
     speed: float
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., speed: _Optional[float] = ...) -> None: ...
+    lease_sequence: int
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., speed: _Optional[float] = ..., lease_sequence: _Optional[int] = ...) -> None: ...
 
 class SetSpeedResponse(_message.Message):
     __slots__ = ("device",)
@@ -880,12 +943,14 @@ class SetSpeedResponse(_message.Message):
     def __init__(self, device: _Optional[_Union[DeviceReport, _Mapping]] = ...) -> None: ...
 
 class EnableRequest(_message.Message):
-    __slots__ = ("lease_token", "device")
+    __slots__ = ("lease_token", "device", "lease_sequence")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
+    LEASE_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ...) -> None: ...
+    lease_sequence: int
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., lease_sequence: _Optional[int] = ...) -> None: ...
 
 class EnableResponse(_message.Message):
     __slots__ = ("device",)
@@ -894,12 +959,14 @@ class EnableResponse(_message.Message):
     def __init__(self, device: _Optional[_Union[DeviceReport, _Mapping]] = ...) -> None: ...
 
 class DisableRequest(_message.Message):
-    __slots__ = ("lease_token", "device")
+    __slots__ = ("lease_token", "device", "lease_sequence")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
+    LEASE_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ...) -> None: ...
+    lease_sequence: int
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., lease_sequence: _Optional[int] = ...) -> None: ...
 
 class DisableResponse(_message.Message):
     __slots__ = ("device",)
@@ -908,12 +975,14 @@ class DisableResponse(_message.Message):
     def __init__(self, device: _Optional[_Union[DeviceReport, _Mapping]] = ...) -> None: ...
 
 class ResetRequest(_message.Message):
-    __slots__ = ("lease_token", "device")
+    __slots__ = ("lease_token", "device", "lease_sequence")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
+    LEASE_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ...) -> None: ...
+    lease_sequence: int
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., lease_sequence: _Optional[int] = ...) -> None: ...
 
 class ResetResponse(_message.Message):
     __slots__ = ("device",)
@@ -922,20 +991,26 @@ class ResetResponse(_message.Message):
     def __init__(self, device: _Optional[_Union[DeviceReport, _Mapping]] = ...) -> None: ...
 
 class Lease(_message.Message):
-    __slots__ = ("token", "holder", "seconds")
+    __slots__ = ("token", "holder", "seconds", "devices")
     TOKEN_FIELD_NUMBER: _ClassVar[int]
     HOLDER_FIELD_NUMBER: _ClassVar[int]
     SECONDS_FIELD_NUMBER: _ClassVar[int]
+    DEVICES_FIELD_NUMBER: _ClassVar[int]
     token: str
     holder: str
     seconds: float
-    def __init__(self, token: _Optional[str] = ..., holder: _Optional[str] = ..., seconds: _Optional[float] = ...) -> None: ...
+    devices: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, token: _Optional[str] = ..., holder: _Optional[str] = ..., seconds: _Optional[float] = ..., devices: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class AcquireLeaseRequest(_message.Message):
-    __slots__ = ("holder",)
+    __slots__ = ("holder", "devices", "share_token")
     HOLDER_FIELD_NUMBER: _ClassVar[int]
+    DEVICES_FIELD_NUMBER: _ClassVar[int]
+    SHARE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     holder: str
-    def __init__(self, holder: _Optional[str] = ...) -> None: ...
+    devices: _containers.RepeatedScalarFieldContainer[str]
+    share_token: str
+    def __init__(self, holder: _Optional[str] = ..., devices: _Optional[_Iterable[str]] = ..., share_token: _Optional[str] = ...) -> None: ...
 
 class AcquireLeaseResponse(_message.Message):
     __slots__ = ("lease",)
@@ -980,12 +1055,14 @@ class TransferLeaseResponse(_message.Message):
     def __init__(self, seconds: _Optional[float] = ...) -> None: ...
 
 class SeizeLeaseRequest(_message.Message):
-    __slots__ = ("holder", "reason")
+    __slots__ = ("holder", "reason", "devices")
     HOLDER_FIELD_NUMBER: _ClassVar[int]
     REASON_FIELD_NUMBER: _ClassVar[int]
+    DEVICES_FIELD_NUMBER: _ClassVar[int]
     holder: str
     reason: str
-    def __init__(self, holder: _Optional[str] = ..., reason: _Optional[str] = ...) -> None: ...
+    devices: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, holder: _Optional[str] = ..., reason: _Optional[str] = ..., devices: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class SeizeLeaseResponse(_message.Message):
     __slots__ = ("lease",)

@@ -214,7 +214,8 @@ class ControlServicer(object):
     def Move(self, request, context):
         """Start a motion and report until it ends. A motion that runs is replaced from a point a little
         ahead, without a step in orientation, velocity or acceleration, or is followed, as the request
-        says. To cancel the call is to stop the device on its path, unless the motion has ended.
+        says. To cancel the call is to stop the device on its path, unless the motion has ended, or waits
+        for its turn: then it is taken out, and what runs goes on.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -286,7 +287,7 @@ class ControlServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def AcquireLease(self, request, context):
-        """Take the lease if it is free.
+        """Take the lease of devices if all of them are free.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')

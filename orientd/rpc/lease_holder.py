@@ -1,6 +1,11 @@
-"""The lease of a client: taken by its first command, kept, lent, handed over, given back."""
+"""The leases of a client: those of the devices that it commands, kept, shared, given back."""
 
 from __future__ import annotations
+
+import threading
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable
+from typing import Any
 
 from orientd.errors import LeaseError
 from orientd.rpc import control_pb2 as pb
@@ -8,79 +13,86 @@ from orientd.rpc.connection import Connection
 from orientd.rpc.lease_keeper import LeaseKeeper
 
 _RELEASE_TIMEOUT = 2.0
-"""How long the daemon may take to hear that the lease is given back, s."""
+"""How long the daemon may take to hear that a lease is given back, s."""
 
 
 class LeaseHolder:
-    """A client of the daemon that holds the lease while it commands.
+    """A client of the daemon that holds the leases of the devices it commands.
 
     Attributes:
         holder: what others are told when they are refused because of it.
     """
 
-    def __init__(self, connection: Connection, *, holder: str) -> None:
-        """Hold nothing until the first command over *connection*."""
+    def __init__(self, connection: Connection, *, holder: str, share: str = "") -> None:
+        """Hold nothing until the first command over *connection*.
+
+        Args:
+            connection: to the daemon.
+            holder: what others are told.
+            share: the token of a lease to command beside; see :meth:`borrow_lease`.
+        """
         self.holder = holder
         self._connection = connection
         self._stub = connection.stub
-        self._borrowed = ""
-        self._keeper = LeaseKeeper(acquire=self._acquire, renew=self._renew, release=self._release)
+        self._share = share
+        self._lock = threading.Lock()
+        self._keepers: list[LeaseKeeper] = []
+        self._numbers: Counter[tuple[str, str]] = Counter()
+        self._names: tuple[str, ...] = ()
 
     @property
     def lease_token(self) -> str:
-        """The token of the lease that is held; empty before the first command."""
-        return self._keeper.token() if self._keeper.is_held else ""
+        """The token of the first lease that is held; empty before the first command."""
+        return next((keeper.token() for keeper in self._keepers if keeper.is_held), "")
 
-    def acquire_lease(self) -> None:
-        """Take the lease now, rather than with the first command.
+    def holds_lease(self, device: str = "") -> bool:
+        """Whether a lease of *device* is held."""
+        name = self.device_name(device)
+        return any(keeper.is_held and keeper.covers(name) for keeper in self._keepers)
+
+    def acquire_lease(self, *devices: str) -> None:
+        """Take the lease of *devices* now, rather than with the first command to each.
+
+        Args:
+            devices: all of them, or none; every device of the daemon where none are named.
 
         Raises:
-            LeaseError: somebody else holds it.
+            LeaseError: somebody else holds one of them.
         """
-        self._token()
+        names = [self.device_name(device) for device in devices or self._names]
+        missing = [name for name in names if not self.holds_lease(name)]
+        if missing or not names:
+            self._keep(self._keeper(missing))
 
     def borrow_lease(self, token: str) -> bool:
-        """Command under a lease that somebody else keeps; return whether it is the present one.
+        """Command beside a lease of the same user; return whether there is such a lease.
+
+        What this client gives back, or loses, ends its own motions alone.
 
         Args:
-            token: from :attr:`lease_token` of whoever keeps it.
+            token: from :attr:`lease_token` of whoever holds it.
         """
+        before, self._share = self._share, token
         try:
-            self._renew(token)
+            self._keep(self._keeper(()))
         except LeaseError:
-            return False
-        self._borrowed = token
-        return True
-
-    def adopt_lease(self, token: str) -> bool:
-        """Keep a lease in the place of whoever keeps it; return whether it is the present one.
-
-        Args:
-            token: from :attr:`lease_token` of whoever keeps it.
-        """
-        try:
-            self._keeper.adopt(token)
-        except LeaseError:
+            self._share = before
             return False
         return True
-
-    def forsake_lease(self) -> None:
-        """Leave the lease, and what was started with it, to whoever has adopted it."""
-        self._keeper.forsake()
 
     def release_lease(self) -> None:
-        """Give the lease back now, rather than at the end; what still runs is stopped.
+        """Give the leases back now, rather than at the end; what runs under them is stopped."""
+        with self._lock:
+            keepers, self._keepers = self._keepers, []
+        for keeper in keepers:
+            keeper.release()
 
-        One that is borrowed is left to whoever keeps it.
-        """
-        self._borrowed = ""
-        self._keeper.release()
-
-    def transfer_lease(self, to: str) -> float:
-        """Hand the lease, and what runs under it, over to somebody else.
+    def transfer_lease(self, to: str, device: str = "") -> float:
+        """Hand the lease of *device*, and what runs under it, over to somebody else.
 
         Args:
             to: a user's name or number, or ``certificate:NAME``; they acquire the lease.
+            device: the devices that share a lease with it are handed over too.
 
         Returns:
             For how many seconds it waits for them.
@@ -89,31 +101,80 @@ class LeaseHolder:
             RequestError: nobody is called so who may command.
             LeaseError: this client does not hold the lease.
         """
-        request = pb.TransferLeaseRequest(token=self._token(), to=to)
+        keeper = self._keeper_of(self.device_name(device))
+        request = pb.TransferLeaseRequest(token=keeper.token(), to=to)
         seconds: float = self._connection.ask(self._stub.TransferLease, request).seconds
-        self._keeper.forsake()
-        self._borrowed = ""
+        keeper.forsake()
         return seconds
 
-    def seize_lease(self, reason: str) -> None:
+    def seize_lease(self, reason: str, *devices: str) -> None:
         """Take the lease whoever holds it; motions that run under it are stopped.
 
         Args:
             reason: why; it is recorded, and told to whoever runs a motion.
+            devices: of which; every device of the daemon where none are named.
 
         Raises:
             AccessError: that is for administrators.
         """
-        request = pb.SeizeLeaseRequest(holder=self.holder, reason=reason)
-        self._keeper.hold(self._connection.ask(self._stub.SeizeLease, request).lease)
+        request = pb.SeizeLeaseRequest(holder=self.holder, reason=reason, devices=devices)
+        keeper = self._keeper(devices)
+        keeper.hold(self._connection.ask(self._stub.SeizeLease, request).lease)
+        with self._lock:
+            self._keepers.append(keeper)
 
-    def _token(self) -> str:
-        return self._borrowed or self._keeper.token()
+    def _know(self, names: Iterable[str]) -> None:
+        """Note which devices there are."""
+        self._names = tuple(names)
 
-    def _acquire(self) -> pb.Lease:
-        request = pb.AcquireLeaseRequest(holder=self.holder)
-        lease: pb.Lease = self._connection.ask(self._stub.AcquireLease, request).lease
-        return lease
+    def device_name(self, device: str) -> str:
+        """Return the name of *device*, where an empty one is that of the only one there is."""
+        return self._names[0] if not device and len(self._names) == 1 else device
+
+    def _command_of(self, device: str, begin: Callable[[str, int], Any]) -> Any:  # noqa: ANN401
+        """Begin a command to *device* under its lease, and return what *begin* does.
+
+        Commands are begun in the order of their numbers, whichever threads they come from.
+
+        Args:
+            device: what is commanded.
+            begin: is told the token, and the number of the command under it.
+
+        Raises:
+            LeaseError: somebody else holds the lease.
+        """
+        name = self.device_name(device)
+        token = self._keeper_of(name).token()
+        with self._lock:
+            self._numbers[token, name] += 1
+            return begin(token, self._numbers[token, name])
+
+    def _keeper_of(self, name: str) -> LeaseKeeper:
+        with self._lock:
+            for keeper in self._keepers:
+                if keeper.covers(name):
+                    return keeper
+            keeper = self._keeper((name,))
+            self._keepers.append(keeper)
+            return keeper
+
+    def _keep(self, keeper: LeaseKeeper) -> None:
+        """Have *keeper* take its lease, and keep it for the devices that it is of."""
+        keeper.token()
+        with self._lock:
+            self._keepers.append(keeper)
+
+    def _keeper(self, devices: Collection[str]) -> LeaseKeeper:
+        def acquire() -> pb.Lease:
+            request = pb.AcquireLeaseRequest(
+                holder=self.holder, devices=devices, share_token=self._share
+            )
+            lease: pb.Lease = self._connection.ask(self._stub.AcquireLease, request).lease
+            return lease
+
+        return LeaseKeeper(
+            acquire=acquire, renew=self._renew, release=self._release, devices=devices
+        )
 
     def _renew(self, token: str) -> pb.Lease:
         request = pb.RenewLeaseRequest(token=token)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from orientd.errors import LeaseError, OrientdError
 from orientd.rpc import control_pb2 as pb
@@ -21,6 +21,7 @@ class LeaseKeeper:
         acquire: Callable[[], pb.Lease],
         renew: Callable[[str], pb.Lease],
         release: Callable[[str], object],
+        devices: Iterable[str] = (),
     ) -> None:
         """Hold nothing yet.
 
@@ -28,7 +29,9 @@ class LeaseKeeper:
             acquire: asks the daemon for the lease.
             renew: renews the one of a token, and returns it.
             release: gives the one of a token back.
+            devices: that it will be of; empty for all there are.
         """
+        self._devices = tuple(devices)
         self._acquire = acquire
         self._renew = renew
         self._release = release
@@ -41,6 +44,10 @@ class LeaseKeeper:
     def is_held(self) -> bool:
         """Whether the lease is held."""
         return bool(self._token)
+
+    def covers(self, device: str) -> bool:
+        """Whether the lease is, or will be, of *device*."""
+        return not self._devices or device in self._devices
 
     def token(self) -> str:
         """Return the token of the lease, which is taken if it is not held yet.
@@ -58,15 +65,6 @@ class LeaseKeeper:
                 self._hold(self._acquire())
             return self._token
 
-    def adopt(self, token: str) -> None:
-        """Keep the lease of *token* from now on, in the place of whoever has kept it so far.
-
-        Raises:
-            LeaseError: it is not the present one.
-            DaemonError: the daemon does not answer.
-        """
-        self.hold(self._renew(token))
-
     def hold(self, lease: pb.Lease) -> None:
         """Keep *lease*, which somebody has asked for, from now on."""
         with self._lock:
@@ -75,13 +73,15 @@ class LeaseKeeper:
             self._hold(lease)
 
     def forsake(self) -> None:
-        """Leave the lease to whoever has adopted it."""
+        """Leave the lease to whom it was handed over."""
         with self._lock:
             self._token = ""
             self._done.set()
 
     def _hold(self, lease: pb.Lease) -> None:
         self._token = lease.token
+        # Whoever names no device, of one there is, has the lease of that.
+        self._devices = tuple(lease.devices) + tuple(name for name in self._devices if not name)
         self._done = threading.Event()
         threading.Thread(
             target=self._keep,

@@ -21,7 +21,7 @@ from orientd.rotation import Quaternion, is_rotation
 
 EXPECTED = (
     "expected a scipy Rotation, Quaternion(w=, x=, y=, z=), or a mapping with quaternion, "
-    "rotation_vector, euler or matrix"
+    "rotation_vector, euler, matrix, direction, azimuth_elevation or look_at"
 )
 
 
@@ -44,6 +44,7 @@ class Wishes(TypedDict, total=False):
         options: of the method.
         device_options: of the device's driver, for this motion.
         name: what to call the motion in reports and logs.
+        pointing_axis: axis of the tool that points where a keyframe says with a free roll.
     """
 
     times: ArrayLike
@@ -58,6 +59,7 @@ class Wishes(TypedDict, total=False):
     options: Mapping[str, Any]
     device_options: Mapping[str, Any]
     name: str
+    pointing_axis: Literal["x", "y", "z"]
 
 
 def motion_request(

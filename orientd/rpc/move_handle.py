@@ -35,6 +35,7 @@ class MoveHandle:
         plan: what is run.
         motion_number: 1 for the first motion of the device.
         timing: what passed before its first setpoint.
+        speed: of the device when it began, which somebody may have set before; 1 is as planned.
     """
 
     def __init__(
@@ -42,14 +43,14 @@ class MoveHandle:
         stream: Stream,
         *,
         explain: Callable[[grpc.RpcError], OrientdError],
-        stop: Callable[[], object],
+        stop: Callable[[int], object],
     ) -> None:
         """Wait until the motion has begun.
 
         Args:
             stream: the call, whose messages are read here.
             explain: makes an exception of a failed call.
-            stop: stops the device on its path.
+            stop: ends the motion of a number, on its path if it runs.
 
         Raises:
             OrientdError: the motion was refused.
@@ -72,6 +73,7 @@ class MoveHandle:
         self.plan: Plan = plan_from_message(first.plan)
         self.motion_number: int = first.motion_number
         self.timing: MoveTiming = timing_from_message(first.timing)
+        self.speed: float = first.speed
         self._reader = threading.Thread(target=self._read, name="orientd move", daemon=True)
         self._reader.start()
 
@@ -107,11 +109,13 @@ class MoveHandle:
     def cancel(self) -> None:
         """Stop the motion on its path; :meth:`wait` says when it has come to rest.
 
+        One that waits for its turn is taken out, and what runs goes on.
+
         Raises:
             DaemonError: the daemon or the servo does not answer.
         """
         if not self.is_done:
-            self._stop()
+            self._stop(self.motion_number)
 
     def abandon(self) -> None:
         """Hear no more of the motion, which makes the daemon stop it on its path."""

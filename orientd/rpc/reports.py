@@ -30,13 +30,22 @@ def titled(number: int, name: str) -> str:
 
 
 class Outcome(Enum):
-    """How a motion ended."""
+    """How a motion ended.
+
+    ``done`` is said of what arrived, ``passed`` of what was blended into the motion after it.
+    """
 
     DONE = "done"
+    PASSED = "passed"
     STOPPED = "stopped"
     FAULT = "fault"
     REPLACED = "replaced"
     UNSETTLED = "unsettled"
+
+    @property
+    def is_as_asked(self) -> bool:
+        """Whether the motion went as it was asked for."""
+        return self in (Outcome.DONE, Outcome.PASSED)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -306,6 +315,23 @@ class DeviceReport:
 
 
 @dataclass(frozen=True, slots=True)
+class LeaseReport:
+    """A lease, to those who do not hold it.
+
+    Attributes:
+        holder: who holds it, as they named themselves; empty when it is free.
+        remaining: how long it lasts unless renewed, s.
+        identity: whose it is as the daemon knows them, for example ``user:1000``.
+        devices: that it is of.
+    """
+
+    holder: str
+    remaining: float
+    identity: str = ""
+    devices: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class DaemonReport:
     """The daemon as it is.
 
@@ -315,9 +341,11 @@ class DaemonReport:
         uptime: s since it started.
         socket: where it listens.
         configuration: path of its file; empty for the built-in one.
-        lease_holder: who holds the lease; empty when it is free.
-        lease_remaining: how long the lease lasts unless renewed, s.
-        lease_identity: whose the lease is as the daemon knows them, for example ``user:1000``.
+        lease_holder: who holds the first lease; empty when there is none.
+        lease_remaining: how long that lasts unless renewed, s.
+        lease_identity: whose it is as the daemon knows them, for example ``user:1000``.
+        lease_devices: the devices that it is of.
+        leases: all that are held.
     """
 
     version: str
@@ -328,6 +356,12 @@ class DaemonReport:
     lease_holder: str
     lease_remaining: float
     lease_identity: str = ""
+    lease_devices: tuple[str, ...] = ()
+    leases: tuple[LeaseReport, ...] = ()
+
+    def lease_of(self, device: str) -> LeaseReport:
+        """Return the lease of *device*; one without a holder where that is free."""
+        return next((one for one in self.leases if device in one.devices), LeaseReport("", 0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -341,45 +375,3 @@ class CellReport:
 
     daemon: DaemonReport
     devices: Mapping[str, DeviceReport]
-
-
-@dataclass(frozen=True, slots=True)
-class Device:
-    """A device of the configuration.
-
-    Attributes:
-        name: what requests call it.
-        driver: name of its driver.
-        rate_hz: cycles a second.
-        limits: what no motion of it may exceed.
-        lead: how long before its time each setpoint is sent, s; 0 for a device that is not led.
-        phase: where in a period of the monotonic clock its cycles begin, as a share of it.
-    """
-
-    name: str
-    driver: str
-    rate_hz: float
-    limits: Limits
-    lead: float = 0.0
-    phase: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class Method:
-    """A family of curves.
-
-    Attributes:
-        name: what a request calls it.
-        summary: one line.
-        source: where the mathematics is from.
-        interpolates: whether it passes through the keyframes.
-        is_local: whether a keyframe moves only the part of the curve near it.
-        meets_end_velocities: whether velocities asked for at the ends are met.
-    """
-
-    name: str
-    summary: str
-    source: str
-    interpolates: bool
-    is_local: bool
-    meets_end_velocities: bool

@@ -75,17 +75,20 @@ class Tracking:
         velocity_frame: Frame = "body",
         time_ns: int = 0,
         time_to_live: float = 0.0,
+        position: Vector3 | None = None,
     ) -> None:
         """Hand a target over; returns at once.
 
         Args:
             target: a ``Rotation`` of SciPy, a :class:`~orientd.Quaternion`, or a mapping with an
                 orientation as in a motion file.
-            angular_velocity: of the target there, rad/s; ``None`` if it stands still.
+            angular_velocity: of the target there, rad/s; zero if it stands still, ``None`` for as
+                the targets up to now tell.
             velocity_frame: the frame of that.
             time_ns: when the target is there, on the monotonic clock of the daemon's machine
                 (:func:`time.monotonic_ns`); 0 for when the message arrives.
             time_to_live: how long after that it counts, s; 0 for half a second.
+            position: where it is there, m; ``None`` for a position that comes to rest.
 
         Raises:
             RequestError: the target is not well formed.
@@ -103,10 +106,11 @@ class Tracking:
             raise RequestError("target.time_to_live", f"expected a number, got {time_to_live!r}")
         message = target_to_message(
             _orientation(target),
-            None if angular_velocity is None else _velocity(angular_velocity),
+            None if angular_velocity is None else _vector("angular_velocity", angular_velocity),
             is_world=velocity_frame == "world",
             time_ns=time_ns,
             time_to_live=time_to_live,
+            position=None if position is None else _vector("position", position),
         )
         self._outgoing.put(pb.TrackRequest(target=message))
 
@@ -134,13 +138,11 @@ class Tracking:
             self._ended.set()
 
 
-def _velocity(angular_velocity: object) -> Vector3:
+def _vector(name: str, given: object) -> Vector3:
     try:
-        x, y, z = map(float, angular_velocity)  # type: ignore[call-overload] # whatever came
+        x, y, z = map(float, given)  # type: ignore[call-overload] # whatever came
     except (TypeError, ValueError):
-        raise RequestError(
-            "target.angular_velocity", f"expected three numbers, got {angular_velocity!r}"
-        ) from None
+        raise RequestError(f"target.{name}", f"expected three numbers, got {given!r}") from None
     return (x, y, z)
 
 

@@ -47,13 +47,16 @@ def text_fields(*fields: str) -> bytes:
     return message
 
 
-def begin_call(path: str, method: str, message: bytes) -> socket.socket | None:
+def begin_call(
+    path: str, method: str, message: bytes, *, timeout: float = TIMEOUT
+) -> socket.socket | None:
     """Send *message* and return the connection that the answer comes by, if it was sent.
 
     Args:
         path: of the Unix socket.
         method: ``package.Service/Method``.
         message: as it is serialised.
+        timeout: how long the next part of the answer may take, s.
     """
     headers = (
         _POST
@@ -64,7 +67,7 @@ def begin_call(path: str, method: str, message: bytes) -> socket.socket | None:
         + (_NEW_NAME + _literal(b"te") + _literal(b"trailers"))
     )
     connection = socket.socket(socket.AF_UNIX)
-    connection.settimeout(TIMEOUT)
+    connection.settimeout(timeout)
     try:
         connection.connect(path)
         connection.sendall(

@@ -9,6 +9,6 @@ from orientd.lazy import lazily
 if TYPE_CHECKING:
     from orientd.schema.fields import KEYFRAME, MOTION, Field, Kind, attribute_lines
     from orientd.schema.json_schema import motion_schema
-    from orientd.schema.orientations import FORMS, Written, quaternions, the_only
+    from orientd.schema.orientations import FORMS, Written, implied, quaternions, the_only
 
 __getattr__ = lazily(__name__)

@@ -31,6 +31,15 @@ _FORMS: dict[str, dict[str, Any]] = {
         "maxItems": 3,
         "description": "rotation matrix for column vectors, row by row",
     },
+    "direction": {**_TRIPLE, "description": "where to point, of any length; the roll is free"},
+    "azimuth_elevation": {
+        "$ref": "#/$defs/AzimuthElevation",
+        "description": "where to point, as angles; the roll is free",
+    },
+    "look_at": {
+        "anyOf": [_TRIPLE, {"$ref": "#/$defs/LookAt"}],
+        "description": "a point to look at, m, from the origin or from a place; the roll is free",
+    },
 }
 
 _KINDS: dict[Kind, dict[str, Any]] = {
@@ -67,6 +76,15 @@ def motion_schema() -> dict[str, Any]:
             },
             "Quaternion": _table(dict.fromkeys("wxyz", _NUMBER), *"wxyz"),
             "Euler": _table({"axes": axes, "degrees": degrees}, "axes", "degrees"),
+            "AzimuthElevation": _table(
+                {
+                    "azimuth": {**_NUMBER, "description": "about z, from x towards y, degrees"},
+                    "elevation": {**_NUMBER, "description": "above the plane of x and y, degrees"},
+                },
+                "azimuth",
+                "elevation",
+            ),
+            "LookAt": _table({"point": _TRIPLE, "place": _TRIPLE}, "point"),
             "Limits": _table(limits),
         },
     }

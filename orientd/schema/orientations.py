@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -31,6 +32,22 @@ def _angles(content: object) -> list[float]:
     return plain.each(content, plain.number)
 
 
+def _azimuth_elevation(content: object) -> tuple[float, float]:
+    read = plain.keys(content, _AZIMUTH_ELEVATION, tuple(_AZIMUTH_ELEVATION))
+    return read["azimuth"], read["elevation"]
+
+
+def _look_at(content: object) -> list[float]:
+    """Return the direction of a point, seen from the origin or from a place."""
+    if not isinstance(content, Mapping):
+        return list(plain.vector(content))
+    read = plain.keys(content, _LOOK_AT, ("point",))
+    return [a - b for a, b in zip(read["point"], read.get("place", (0.0, 0.0, 0.0)), strict=True)]
+
+
+_AZIMUTH_ELEVATION: dict[str, plain.Reader] = {"azimuth": plain.number, "elevation": plain.number}
+_LOOK_AT: dict[str, plain.Reader] = {"point": plain.vector, "place": plain.vector}
+
 _EULER: dict[str, plain.Reader] = {"axes": plain.text, "degrees": _angles}
 
 FORMS: dict[str, plain.Reader] = {
@@ -38,8 +55,18 @@ FORMS: dict[str, plain.Reader] = {
     "rotation_vector": plain.vector,
     "euler": _euler,
     "matrix": plain.rows,
+    "direction": plain.vector,
+    "azimuth_elevation": _azimuth_elevation,
+    "look_at": _look_at,
 }
 """How each form is read from plain values."""
+
+_DIRECTIONS = ("direction", "azimuth_elevation", "look_at")
+
+
+def implied(written: Written) -> dict[str, bool]:
+    """Return what else holds of a keyframe that gives its orientation so."""
+    return {"free_roll": True} if written[0] in _DIRECTIONS else {}
 
 
 def the_only(given: Mapping[str, Any]) -> Written:
@@ -62,12 +89,40 @@ def quaternions(written: Sequence[Written]) -> list[Quaternion]:
         RequestError: one is none, for example a matrix that is no rotation.
     """
     found: list[Any] = [q for _, q in written]
+    for index, (form, given) in enumerate(written):
+        if form == "rotation_vector" and math.hypot(*given) > 2.0 * math.pi:
+            warnings.warn(_beyond_a_turn(index, given), stacklevel=2)
     _convert(found, written, "rotation_vector", from_rotation_vector)
     _convert(found, written, "matrix", from_matrix)
     for index, (form, euler) in enumerate(written):
         if form == "euler":
             found[index] = _from_euler(euler[0], euler[1], f"[{index}].euler")
+        elif form in _DIRECTIONS:
+            found[index] = _level(form, euler, f"[{index}].{form}")
     return found
+
+
+def _level(form: str, given: Sequence[float], place: str) -> Quaternion:
+    """Return the orientation without roll whose x axis points somewhere."""
+    if form == "azimuth_elevation":
+        azimuth, elevation = map(math.radians, given)
+    else:
+        x, y, z = given
+        if not x * x + y * y + z * z > 0.0:
+            raise RequestError(place, "expected a direction, got none: the vector is zero")
+        azimuth, elevation = math.atan2(y, x), math.atan2(z, math.hypot(x, y))
+    # A turn about z, then one about the new y, by minus the elevation.
+    c, s, b, d = (f(0.5 * a) for a in (azimuth, elevation) for f in (math.cos, math.sin))
+    return c * b, s * d, -c * d, s * b
+
+
+def _beyond_a_turn(index: int, vector: Sequence[float]) -> str:
+    angle = math.hypot(*vector)
+    rest = math.degrees(math.remainder(angle, 2.0 * math.pi))
+    return (
+        f"keyframes[{index}].rotation_vector is {angle:.6g} rad long, more than a whole turn, and "
+        f"taken for {rest:.4g} deg: its unit is rad; `euler` takes degrees, `turns` whole turns"
+    )
 
 
 def _convert(

@@ -9,6 +9,7 @@ from orientd.lazy import lazily
 if TYPE_CHECKING:
     from orientd.servo.path.path_follower import FINAL_WORD, TAIL_WORD
     from orientd.servo.process import ProcessSettings
+    from orientd.servo.realtime import set_scheduling
     from orientd.servo.servo import Servo
     from orientd.servo.tracking.target_follower import LEFT_OUT_WORD
     from orientd.servo.watchdog import WatchdogTimeouts

@@ -19,6 +19,7 @@ from typing import Any
 
 from orientd.clock import MonotonicClock
 from orientd.driver import Driver
+from orientd.errors import DeviceFaultError, Fault, FeedbackError, LinkError
 from orientd.servo.realtime import DeadlineTimer, freeze_garbage, lock_memory, set_scheduling
 from orientd.servo.servo import Servo
 from orientd.servo.stall import SHORTEST_NS
@@ -70,6 +71,14 @@ class ProcessSettings:
         return json.dumps(asdict(self))
 
 
+_FAULTS = (
+    (FeedbackError, Fault.FEEDBACK_STALE),
+    (LinkError, Fault.LINK_LOST),
+    (DeviceFaultError, Fault.DEVICE_FAULT),
+)
+"""What it is that keeps a device from being opened."""
+
+
 def load_driver(target: str) -> type[Driver]:
     """Import the class that *target*, ``module:Class``, names."""
     module, _, name = target.partition(":")
@@ -93,7 +102,8 @@ def run(descriptor: int, settings: ProcessSettings) -> int:
         driver.open()
     except Exception as error:  # noqa: BLE001 - whatever it is, the daemon must hear of it
         text = f"{type(error).__name__}: {error}"
-        memory.notes.publish(*pack_note(0, NoteKind.ENDING, 1, text))
+        fault = next((f for kind, f in _FAULTS if isinstance(error, kind)), Fault.SERVO_DIED)
+        memory.notes.publish(*pack_note(0, NoteKind.ENDING, fault, text))
         return 1
     servo = Servo(
         driver,

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from orientd.clock import Clock
 from orientd.driver import IDENTITY, Driver, Feedback, Setpoint
 from orientd.errors import (
+    AxisFaultError,
     DeviceFaultError,
     Fault,
     FeedbackError,
@@ -28,9 +29,13 @@ from orientd.servo.watchdog import ServoWatchdog, WatchdogTimeouts
 from orientd.stream import (
     CYCLE_RECORD,
     GIVEN_UP_WORD,
+    HALTS_WORD,
     HEAD,
     JOINTS,
     NO_JOINTS,
+    STOPS_WORD,
+    TAKEN_AT_WORD,
+    TAKEN_WORD,
     Answer,
     Command,
     CycleFlag,
@@ -39,6 +44,7 @@ from orientd.stream import (
     SharedMemory,
     State,
     pack_note,
+    taken_at,
 )
 
 # Looking a member up in its enumeration takes longer than comparing it.
@@ -103,6 +109,7 @@ class Servo:
         self._feedback: Feedback | None = None
         self._enabled_ns = 0
         self._taken = 0  # what was asked for before the process was ready counts
+        self._stops = 0
         self._cycle_count = 0
 
     @property
@@ -129,12 +136,18 @@ class Servo:
             self._take_fault(error)
         if self._taken != self._memory.commands.words[HEAD]:
             self._take_command()
+        if self._stops != self._memory.pulse[STOPS_WORD]:
+            self._take_stops()
         self._look_for_life(deadline_ns)
         point = self.setpoints.step(deadline_ns, self._clock.now_ns())
         is_written = self._is_enabled
         if is_written:
             try:
-                self._driver.write(tuple.__new__(Setpoint, (deadline_ns, *point)))
+                setpoint = tuple.__new__(Setpoint, (deadline_ns, *point))
+                if self.setpoints.is_following:
+                    point = self.setpoints.confine(self._driver.follow(setpoint))
+                else:
+                    self._driver.write(setpoint)
             except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
                 self._take_fault(error)
                 is_written = False
@@ -196,6 +209,8 @@ class Servo:
             self.setpoints.brake(Fault.FEEDBACK_STALE, str(error))
         elif isinstance(error, LinkError):
             self._fail(Fault.LINK_LOST, str(error))
+        elif isinstance(error, AxisFaultError):
+            self.setpoints.brake(Fault.DEVICE_FAULT, str(error))
         elif isinstance(error, DeviceFaultError):
             self._fail(Fault.DEVICE_FAULT, str(error))
         else:
@@ -222,6 +237,17 @@ class Servo:
         except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
             answer, text = Answer.FAILED, str(error) or type(error).__name__
         self._memory.notes.publish(*pack_note(index, NoteKind.ANSWER, answer, text))
+
+    def _take_stops(self) -> None:
+        """Stop as was asked for beside the daemon, and say what that met."""
+        pulse, setpoints = self._memory.pulse, self.setpoints
+        before, self._stops = self._stops, pulse[STOPS_WORD]
+        pulse[TAKEN_AT_WORD] = taken_at(setpoints.state, setpoints.motion)
+        if pulse[HALTS_WORD] > before:
+            setpoints.halt()
+        else:
+            setpoints.stop(Event.STOP)
+        pulse[TAKEN_WORD] = self._stops
 
     def _obey(self, command: Command, leg: PathPart, speed: float, start_ns: int) -> str:
         """Carry out one command; return why it was refused, or nothing."""
@@ -301,7 +327,9 @@ class Servo:
         if self._is_enabled and setpoints.fault is Fault.NONE:
             problem = watchdog.complain_of_device(max(measured_ns, self._enabled_ns), now_ns)
             if problem:
-                setpoints.brake(Fault.FEEDBACK_STALE, problem)
+                reason = self._driver.why_stale()
+                text = f"{problem}; {reason}" if reason else problem
+                setpoints.brake(Fault.FEEDBACK_STALE, text)
 
     def _fail(self, fault: Fault, text: str) -> None:
         """Be in *fault* now; nothing more is written to the device."""
@@ -314,6 +342,7 @@ class Servo:
 
     def _tell_fault(self, fault: Fault, text: str) -> None:
         self._memory.notes.publish(*pack_note(0, NoteKind.FAULT, fault, text))
+        self._driver.rest_in_fault()
         if self._driver.is_spent:
             self.request_end(text)
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from orientd.driver import IDENTITY, ZERO, Driver, Quaternion, Vector3
 from orientd.errors import Fault, NotYetError
-from orientd.floats import difference, norm
+from orientd.floats import combine, difference, norm
 from orientd.servo.guard import Guard
 from orientd.servo.path import (
     BrakeLaw,
@@ -90,7 +90,7 @@ class SetpointGenerator:
         self._start_ns = UNKNOWN
         self._is_waiting = False
         self._escape: Iterator[tuple[Quaternion, Vector3]] | None = None
-        self._moved_ns = 0
+        self._moved_ns, self._sent, self._is_there = 0, IDENTITY, False
 
     @property
     def is_moving(self) -> bool:
@@ -123,6 +123,17 @@ class SetpointGenerator:
         self.last = PathPoint(q, ZERO, ZERO, position, ZERO)
         self._guard.anchor(q, position)
         self.path_clock.halt()
+
+    @property
+    def is_following(self) -> bool:
+        """Whether targets are followed, or their following comes to rest."""
+        return self._pursuit.is_on
+
+    def confine(self, q: Quaternion) -> PathPoint:
+        """Take note that *q* was sent in place of the last setpoint; return what was sent."""
+        self._is_there, self._sent = norm(difference(q, self._sent)) < _START_TOLERANCE, q
+        self.last = self.last._replace(q=q)
+        return self.last
 
     # What the daemon asks for
 
@@ -194,6 +205,7 @@ class SetpointGenerator:
             replace(leg.servo_limits, linear_velocity=speed),
             leg.number,
         )
+        self._sent, self._is_there = guard.q, False
         self._pursuit.begin(guard.q, guard.omega, guard.alpha, leg.servo_limits)
         self.state = following
 
@@ -276,10 +288,10 @@ class SetpointGenerator:
         change = (rate - before) / clock.period
         return PathPoint(
             path.q,
-            _combine(path.omega_body, rate, path.omega_body, 0.0),
-            _combine(path.alpha_body, rate * rate, path.omega_body, change),
+            combine(path.omega_body, rate, path.omega_body, 0.0),
+            combine(path.alpha_body, rate * rate, path.omega_body, change),
             path.position,
-            _combine(path.velocity, rate, path.velocity, 0.0),
+            combine(path.velocity, rate, path.velocity, 0.0),
         )
 
     def _share_run(self, deadline_ns: int) -> float:
@@ -339,12 +351,19 @@ class SetpointGenerator:
         pursuit, guard = self._pursuit, self._guard
         if self.state is _TRACKING:
             pursuit.aim(deadline_ns)
-        point, position = pursuit.step(deadline_ns), guard.braked_position(self._servo_limits)
+        point = pursuit.step(deadline_ns)
+        position = pursuit.position(guard.position, guard.velocity, self._servo_limits)
+        if position is None:
+            position = guard.braked_position(self._servo_limits)
         problem = guard.admit(point.q, position, self._servo_limits)
         if problem:
             return self._leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")
-        if self.state is _STOPPING and pursuit.is_at_rest and guard.velocity == ZERO:
+        is_at_rest = pursuit.is_at_rest and guard.velocity == ZERO
+        if self.state is _STOPPING and is_at_rest and self._is_there:
             self._finish(Event.REST)
+            # Axes that could not get there hold where they could.
+            guard.anchor(self._sent, position)
+            return PathPoint(self._sent, ZERO, ZERO, position, ZERO)
         return PathPoint(point.q, point.omega_body, point.alpha_body, position, guard.velocity)
 
     def _leave_path(self, fault: Fault, text: str) -> PathPoint:
@@ -378,7 +397,3 @@ class SetpointGenerator:
         self.motion = leg.number
         if self.path_clock.is_steady and not self.follower.is_spliced:
             self.path_clock.brake_rate = leg.servo_limits.brake_rate
-
-
-def _combine(a: Vector3, s: float, b: Vector3, t: float) -> Vector3:
-    return (a[0] * s + b[0] * t, a[1] * s + b[1] * t, a[2] * s + b[2] * t)

@@ -1,10 +1,20 @@
 """What crosses the boundary between the daemon and a servo process, over shared memory."""
 
-from orientd.stream.memory import GIVEN_UP_WORD, SharedMemory
+from orientd.stream.memory import (
+    GIVEN_UP_WORD,
+    HALTS_WORD,
+    PAGE,
+    STOPS_WORD,
+    TAKEN_AT_WORD,
+    TAKEN_WORD,
+    SharedMemory,
+    taken_at,
+)
 from orientd.stream.records import (
     CYCLE_RECORD,
     JOINTS,
     NO_JOINTS,
+    NOT_GIVEN,
     PATH_FLOATS,
     UNKNOWN,
     Answer,

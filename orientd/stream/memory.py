@@ -28,6 +28,18 @@ TUNINGS = 4
 DIRECTORY = "/dev/shm"
 
 
+STOPS_WORD, HALTS_WORD, TAKEN_WORD, TAKEN_AT_WORD = 1, 2, 3, 4
+"""Words of the pulse, by which stops come to the servo beside the daemon.
+
+How many were asked for, and which of them was the newest halt; how many the servo has taken, and
+:func:`taken_at` that."""
+
+
+def taken_at(state: int, motion: int) -> int:
+    """Return one word for the state and the motion that a stop met."""
+    return state << 32 | motion
+
+
 GIVEN_UP_WORD = 1
 """Word of the ring of commands: one more than the index of the newest whose sender has given up
 waiting for an answer.  Only stops are still carried out then."""
@@ -49,7 +61,8 @@ class SharedMemory:
 
     Attributes:
         descriptor: the file; pass it to the servo process.
-        pulse: one word: when the daemon last said that it is alive, monotonic clock, ns.
+        pulse: its first word is when the daemon last said that it is alive, monotonic clock, ns;
+            the next ones are about stops, see :data:`STOPS_WORD`.
     """
 
     def __init__(self, descriptor: int, path_capacity: int, cycle_capacity: int) -> None:

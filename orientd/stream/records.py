@@ -75,8 +75,10 @@ COMMAND_RECORD = struct.Struct(f"@QIIQqqq{1 + TERMS_FLOATS}d")
 UNKNOWN = -1
 """Index of a record that is not yet known."""
 
-# index, time_ns, expires_ns | q(4), omega_body(3)
-TARGET_RECORD = struct.Struct("@Qqq7d")
+# index, time_ns, expires_ns | q(4), omega_body(3), position(3)
+TARGET_RECORD = struct.Struct("@Qqq10d")
+NOT_GIVEN: Vector3 = (math.nan, math.nan, math.nan)
+"""The velocity, or position, of a target that comes without."""
 
 # index, command index, kind, code, length of the text, text
 NOTE_TEXT_BYTES = 400

@@ -18,7 +18,7 @@ from orientd.viewer.proposal import Proposal
 from orientd.viewer.watcher import Sight, Watcher
 
 Act = Callable[[Robot, str], object]
-Borrow = Callable[[Robot], bool]
+Borrow = Callable[[Robot, str], bool]
 
 STOP, HALT = "■ Stop", "▼ Halt: quickest, off the path"
 TAKE, GIVE_BACK = "Take the lease", "Give the lease back"
@@ -35,8 +35,8 @@ class StopButtons:
         """Put them on the page."""
         stop = server.gui.add_button(STOP, color=_RED, hint="Come to rest on the path.")
         halt = server.gui.add_button(HALT, color="gray", hint="Leave the path where that helps.")
-        stop.on_click(lambda event: attempt(watcher, event, lambda robot, _: robot.stop()))
-        halt.on_click(lambda event: attempt(watcher, event, lambda robot, _: robot.halt()))
+        stop.on_click(lambda event: _attempt(event, lambda: watcher.stopping().stop()))
+        halt.on_click(lambda event: _attempt(event, lambda: watcher.stopping().halt()))
 
 
 class Controls:
@@ -48,14 +48,14 @@ class Controls:
         Args:
             server: of the page.
             watcher: has the connection.
-            borrow: commands under the lease that the same user holds elsewhere, if there is one.
+            borrow: commands beside whatever of the same user's holds the lease of a device, if
+                that is asked for and there is such a thing.
         """
         self.proposal = Proposal()
         self._watcher = watcher
         self._borrow = borrow
-        self._borrowed: tuple[Robot, str] | None = None
         gui = server.gui
-        self._lease = gui.add_button(TAKE, hint="Commands need it; there is one for the daemon.")
+        self._lease = gui.add_button(TAKE, hint="Commands need it; each device has one.")
         self._lease.on_click(lambda event: attempt(watcher, event, self._take_or_give))
         self._pause = gui.add_button("Ⅱ Pause", hint="Come to rest on the path, to be resumed.")
         self._pause.on_click(lambda event: self._command(event, self._pause_or_resume))
@@ -82,11 +82,7 @@ class Controls:
     def is_ours(self, sight: Sight) -> bool:
         """Whether this view may command."""
         robot = self._watcher.connection
-        if robot is None or sight.cell is None:
-            return False
-        # A lease that is borrowed is over when its keeper gives it back.
-        holder = sight.cell.daemon.lease_holder
-        return bool(robot.lease_token) or (holder != "" and self._borrowed == (robot, holder))
+        return robot is not None and sight.cell is not None and robot.holds_lease(sight.device)
 
     def show(self, sight: Sight) -> None:
         """Make the buttons say what they do now, and lock those that can do nothing."""
@@ -117,23 +113,20 @@ class Controls:
     def give_up(self) -> None:
         """Give the lease back, for nobody is left to command; what it started stops."""
         robot = self._watcher.connection
-        if robot is not None and (robot.lease_token or self._borrowed is not None):
+        if robot is not None:
             robot.release_lease()
-        self._borrowed = None
 
     def _follow_speed(self, report: DeviceReport) -> None:
         percent = round(100.0 * report.speed)
         _set(self._speed, value=percent)
 
-    def _take_or_give(self, robot: Robot, _: str) -> None:
+    def _take_or_give(self, robot: Robot, device: str) -> None:
         is_given_back = self.is_ours(self._watcher.sight)
         self.give_up()
         if is_given_back:
             return
-        if self._borrow(robot):
-            self._borrowed = (robot, robot.state().daemon.lease_holder)
-        else:
-            robot.acquire_lease()
+        if not self._borrow(robot, device):
+            robot.acquire_lease(device)
 
     def _pause_or_resume(self, robot: Robot, device: str) -> None:
         report = self._watcher.sight.report
@@ -174,8 +167,12 @@ class Controls:
 
 def attempt(watcher: Watcher, event: Any, act: Act) -> None:  # noqa: ANN401 - the library's own
     """Do *act* for whoever pressed, and tell them why not."""
+    _attempt(event, lambda: act(watcher.robot(), watcher.sight.device))
+
+
+def _attempt(event: Any, act: Callable[[], object]) -> None:  # noqa: ANN401 - the library's own
     try:
-        act(watcher.robot(), watcher.sight.device)
+        act()
     except OrientdError as error:
         if event.client is not None:
             event.client.add_notification(

@@ -53,7 +53,7 @@ class Page:
 
         Args:
             connect: makes a connection to the daemon.
-            borrow: commands under the lease that the same user holds elsewhere, if there is one.
+            borrow: commands beside the lease that the same user holds elsewhere, if there is one.
             host: where to serve.
             port: where to serve; 0 for any.
             may_command: whether the page has more than stop and halt.

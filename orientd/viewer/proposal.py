@@ -97,6 +97,8 @@ def _ending(handle: MoveHandle) -> str:
         return f"{motion}: {error}"
     if summary.outcome is Outcome.DONE:
         return f"{motion} was run to its end."
+    if summary.outcome is Outcome.PASSED:
+        return f"{motion} went over into the next: {summary.text}"
     return f"{motion} was {_OUTCOMES[summary.outcome]}: {summary.text or 'no reason given'}"
 
 

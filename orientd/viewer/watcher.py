@@ -93,6 +93,7 @@ class Watcher:
         self._lock = threading.Lock()
         self._sight = Sight()
         self._robot: Robot | None = None
+        self._met: Robot | None = None
         self._observer: Observer | None = None
         self._streaming: threading.Thread | None = None
         self._is_watched = False
@@ -126,6 +127,14 @@ class Watcher:
         if robot is None:
             raise DaemonError(self._sight.problem or "no daemon answers")
         return robot
+
+    def stopping(self) -> Robot:
+        """Return what stops devices, whether or not the daemon answers.
+
+        Raises:
+            DaemonError: there never was a connection.
+        """
+        return self._met if self._met is not None else self.robot()
 
     def start(self) -> None:
         """Connect now, and look from now on.
@@ -173,7 +182,7 @@ class Watcher:
             self._wake.clear()
 
     def _meet(self, robot: Robot) -> None:
-        self._robot = robot
+        self._robot = self._met = robot
         self._look(robot)
 
     def _part(self) -> None:

@@ -43,13 +43,12 @@ def state(device: DeviceReport) -> tuple[str, str, str]:
     return _STATES[device.state]
 
 
-def lease(daemon: DaemonReport, *, is_ours: bool) -> str:
-    """Return who may command."""
+def lease(device: DeviceReport, daemon: DaemonReport, *, is_ours: bool) -> str:
+    """Return who may command a device."""
     if is_ours:
         return "held by this view"
-    if not daemon.lease_holder:
-        return "free"
-    return f"held by {daemon.lease_holder}"
+    held = daemon.lease_of(device.name)
+    return f"held by {held.holder}" if held.holder else "free"
 
 
 def status(device: DeviceReport, daemon: DaemonReport, *, is_ours: bool, problem: str = "") -> str:
@@ -71,7 +70,7 @@ def status(device: DeviceReport, daemon: DaemonReport, *, is_ours: bool, problem
         lines.append(_banner(f"⚠ {FAULTS[device.fault]}", device.fault_text))
     lines.append(
         _row("Device", f"{device.name} ({device.driver}, {device.rate_hz:g} Hz)")
-        + _row("Lease", lease(daemon, is_ours=is_ours))
+        + _row("Lease", lease(device, daemon, is_ours=is_ours))
     )
     return _page(*lines)
 

@@ -14,7 +14,15 @@ from pathlib import Path
 
 DOCS = Path(__file__).parents[2] / "docs"
 OWN_TERMINAL = "In a terminal of its own"
-REASONS = {"a real device", "root", "systemd", "an authority", "another user"}
+REASONS = {
+    "a real device",
+    "root",
+    "systemd",
+    "an authority",
+    "another user",
+    "another terminal",
+    "a cluster",
+}
 
 _BLOCK = re.compile(
     r"(?:^% checked: (?P<why>[^\n]*)\n)?"

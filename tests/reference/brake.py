@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from orientd.planner.certify.brake import FASTEST_BRAKE_RATE, LAW
@@ -16,10 +18,29 @@ def brake_rate(
     velocity: Floats, acceleration: Floats, jerk: Floats, most: float, most_jerk: float
 ) -> tuple[float, int]:
     """Return what :func:`orientd.planner.certify.brake.brake_rate` does, looking at every point."""
-    if not len(jerk):
-        return FASTEST_BRAKE_RATE, 0
     speed, size = np.linalg.norm(velocity, axis=1), np.linalg.norm(acceleration, axis=1)
     along = np.abs(np.sum(velocity * acceleration, axis=1))
+    return _least(np.stack([speed, size, along, jerk]), most, most_jerk)
+
+
+def least_brake_rate(columns: Sequence[Floats], limits: Limits) -> tuple[float, int]:
+    """Return the largest brake rate that keeps the limits of the norms and of the axes.
+
+    Args:
+        columns: of the norm, then of each axis that is limited: sizes of velocity, acceleration,
+            their product and jerk of the points of a path, shape ``(4, n)``.
+        limits: what the device may see.
+    """
+    most = [limits.acceleration, *limits.axis_acceleration]
+    most_jerk = [limits.jerk, *limits.axis_jerk]
+    found = [_least(rows, *each) for rows, *each in zip(columns, most, most_jerk, strict=False)]
+    return min(found, key=lambda each: each[0])
+
+
+def _least(rows: Floats, most: float, most_jerk: float) -> tuple[float, int]:
+    speed, size, along, jerk = rows
+    if not len(jerk):
+        return FASTEST_BRAKE_RATE, 0
     rates = np.full(speed.shape, FASTEST_BRAKE_RATE / _MARGIN)
     square = _SIGMA**2
     # P x^2 + 2 H x <= R: the root in the form that does not cancel.
@@ -34,27 +55,6 @@ def brake_rate(
     return (
         (float(safe[index]), index) if safe[index] < FASTEST_BRAKE_RATE else (FASTEST_BRAKE_RATE, 0)
     )
-
-
-def limited_brake_rate(
-    omega: Floats, alpha: Floats, jerk: Floats, limits: Limits
-) -> tuple[float, int]:
-    """Return the largest brake rate that keeps the limits of the norms and of the axes.
-
-    Args:
-        omega: angular velocities of the path, rad/s, shape ``(n, 3)``.
-        alpha: angular accelerations, rad/s^2, shape ``(n, 3)``.
-        jerk: angular jerks, rad/s^3, shape ``(n, 3)``.
-        limits: what the device may see.
-    """
-    sizes = np.linalg.norm(jerk, axis=1)
-    found = [brake_rate(omega, alpha, sizes, limits.acceleration, limits.jerk)]
-    for axis in range(3 if limits.has_axes else 0):
-        one = slice(axis, axis + 1)
-        most, most_jerk = limits.axis_acceleration[axis], limits.axis_jerk[axis]
-        size = np.abs(jerk[:, axis])
-        found.append(brake_rate(omega[:, one], alpha[:, one], size, most, most_jerk))
-    return min(found, key=lambda each: each[0])
 
 
 def _root(rest: Floats, half: Floats, leading: Floats) -> Floats:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from reference.brake import limited_brake_rate
+from reference.brake import least_brake_rate
+from reference.drawn import drawn
 
 from orientd.planner.certify.differences import OFF_GRID, Extremes, Rough
 from orientd.planner.limits import Limits
@@ -39,27 +40,76 @@ def extremes(
     brake_limits: Limits | None = None,
 ) -> Extremes:
     """Return what :func:`orientd.planner.certify.differences.extremes` does."""
-    rates = omega, alpha, jerk = differences(q)
     with_axes = with_axes or (brake_limits is not None and brake_limits.has_axes)
-    found = Extremes([[0.0] * 4 for _ in rates], [[0] * 4 for _ in rates])
+    known = int(np.sum(np.isnan(q[:3, 4]))) if q.shape[1] == 10 else 0
+    phases = [differences(q[:, :4])]
+    for share in (0.25, 0.5, 0.75) if q.shape[1] == 10 else ():
+        between = differences(drawn(q[known:], period, share))
+        empty = np.full((known, 3), np.nan)
+        phases.append(tuple(np.concatenate([empty, part]) for part in between))
+    found = Extremes([[0.0] * 4 for _ in range(6)], [[0] * 4 for _ in range(3)])
     for order, first in enumerate((2 * past, past, 0)):
-        squares = np.sum(rates[order] ** 2, axis=1)
-        columns = [squares, *(rates[order].T ** 2 if with_axes else ())]
-        for column, values in enumerate(columns):
-            if len(values) > first:
-                place = first + int(np.argmax(values[first:]))
-                found.largest[order][column] = float(values[place])
-                found.places[order][column] = place
-    if brake_limits is None or not len(jerk):
+        for column in range(4 if with_axes else 1):
+            squares = [_squares(rates[order], column)[first:] for rates in phases]
+            if len(squares[0]):
+                tops = _tops(squares)
+                found.largest[order][column] = float(tops.max())
+                found.largest[3 + order][column] = float(squares[0].max())
+                found.places[order][column] = first + int(np.argmax(tops)) // len(phases)
+    if brake_limits is None or not len(phases[0][2]):
         return found
-    times = start + period * np.arange(len(jerk))
-    bends, twists = np.ones((2, len(jerk)))
+    rate, place = _slowest(phases, period, start, rough, brake_limits)
+    return replace(found, rate=rate, rate_place=place)
+
+
+def _squares(vectors: Floats, column: int) -> Floats:
+    squares: Floats = vectors[:, column - 1] ** 2 if column else np.sum(vectors**2, axis=1)
+    return squares
+
+
+def _tops(phases: list[Floats]) -> Floats:
+    """Return squares in order of time, with those of vertices where there is one between three."""
+    if len(phases) == 1:
+        return phases[0]
+    padded = [np.append(some, [np.nan] * (len(phases[0]) - len(some))) for some in phases]
+    squares = np.stack(padded, axis=1).ravel()
+    tops = np.where(np.isnan(squares), -1.0, squares)
+    left, here, right = squares[:-2], squares[1:-1], squares[2:]
+    bend = 2.0 * here - left - right
+    is_top = (here >= left) & (here >= right) & (bend > 0.0)
+    tops[1:-1][is_top] += (right - left)[is_top] ** 2 / (8.0 * bend[is_top])
+    return tops
+
+
+def _slowest(
+    phases: list[tuple[Floats, Floats, Floats]],
+    period: float,
+    start: float,
+    rough: Rough | None,
+    limits: Limits,
+) -> tuple[float, int]:
+    """Return the least brake rate at and after every record, and which third difference sets it."""
+    count = len(phases[0][2])
+    times = start + period * np.arange(count)
+    bends, twists = np.ones((2, count))
     if rough is not None:
         is_rough = (times >= rough.begin) & (times < rough.end + HISTORY * period)
         bends[is_rough], twists[is_rough] = OFF_GRID[rough.continuity]
-    velocity = omega[2:] / period
-    acceleration = bends[:, None] * alpha[1:] / period**2
-    rate, place = limited_brake_rate(
-        velocity, acceleration, twists[:, None] * jerk / period**3, brake_limits
-    )
-    return replace(found, rate=rate, rate_place=place)
+    columns = []
+    for column in range(4 if limits.has_axes else 1):
+        rows = np.zeros((4, count))
+        for omega, alpha, jerk in phases:
+            parts = [
+                part[..., column - 1 : column] if column else part for part in (omega, alpha, jerk)
+            ]
+            v, a, j = parts[0][2:], parts[1][1:], parts[2]
+            found = [
+                np.linalg.norm(v, axis=1) / period,
+                np.linalg.norm(a, axis=1) / period**2,
+                np.abs(np.sum(v * a, axis=1)) / period**3,
+                np.linalg.norm(j, axis=1) / period**3,
+            ]
+            rows[:, : len(j)] = np.fmax(rows[:, : len(j)], found)
+        rows *= np.stack([np.ones(count), bends, bends, twists])
+        columns.append(rows)
+    return least_brake_rate(columns, limits)

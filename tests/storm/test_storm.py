@@ -188,6 +188,8 @@ class Pilot:
         if self.chance.random() < 0.3:
             shift = self.chance.uniform(-0.6, 0.2)
             more["time_ns"] = time.monotonic_ns() + round(shift * 1e9)
+        if self.chance.random() < 0.3:
+            more["position"] = [self.chance.uniform(-0.2, 0.2) for _ in range(3)]
         if self.chance.random() < 0.2:
             more["time_to_live"] = 10.0 ** self.chance.uniform(-3.0, 0.5)
         tracking.aim(target, **more)

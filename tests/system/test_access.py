@@ -256,8 +256,54 @@ def test_tls_is_1_3_and_nothing_before(cell):
 
 def test_a_client_takes_no_daemon_of_another_authority(cell):
     files = cell.files("pendant") | {"ca": cell.folder / "other/ca.pem"}
-    with pytest.raises(DaemonError, match="or not to this certificate"):
+    with pytest.raises(DaemonError, match=r"the daemon at .* is signed by another authority"):
         orientd.connect(address=cell.address, **files)
+
+
+@pytest.mark.parametrize(
+    ("name", "folder", "told"),
+    [
+        ("pendant", "other", "refuses this certificate: it is signed by another authority"),
+        ("expired", "ca", "refuses this certificate: it has expired"),
+        ("revoked", "ca", "refuses this certificate: it is revoked"),
+        ("server", "ca", r"refuses this certificate: it is not one for clients"),
+        ("listed", "ca", "does not admit this certificate"),
+        ("unknown", "ca", "does not admit this certificate"),
+    ],
+)
+def test_whoever_does_not_get_in_is_told_why(cell, name, folder, told):
+    files = cell.files(name, folder) | {"ca": cell.folder / "ca/ca.pem"}
+    with pytest.raises(DaemonError, match=told):
+        orientd.connect(address=cell.address, **files)
+
+
+def test_silent_handshakes_keep_nobody_out(cell):
+    silent = [socket.create_connection(("127.0.0.1", cell.port)) for _ in range(200)]
+    try:
+        with cell.robot("watcher", timeout=10.0) as robot:
+            assert robot.state().daemon.pid == cell.daemon.process.pid
+    finally:
+        for one in silent:
+            one.close()
+
+
+def test_a_wrong_name_and_no_daemon_are_told_apart(cell):
+    with pytest.raises(DaemonError, match=r"the certificate of the daemon at .* is for another"):
+        orientd.connect(address=f"127.1:{cell.port}", **cell.files("pendant"))
+    with pytest.raises(DaemonError, match=r"no daemon listens at 127.0.0.1:.*refused"):
+        orientd.connect(address=f"127.0.0.1:{free_port()}", **cell.files("pendant"))
+
+
+@needs_root
+def test_a_user_who_is_not_admitted_is_told_so(cell):
+    program = (
+        "import os, orientd; from orientd.rpc import client, stop_call\n"
+        "import orientd.rpc.trust, orientd.rpc.wire\n"
+        f"os.setgroups([]); os.setgid({STRANGER}); os.setuid({STRANGER})\n"
+        f"orientd.connect({str(cell.daemon.socket)!r})"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert f"user {STRANGER} is not admitted" in done.stderr.splitlines()[-1]
 
 
 def test_a_missing_certificate_is_said_before_connecting(cell):
@@ -289,8 +335,18 @@ def test_a_token_is_of_no_use_to_others(cell, free):
     with cell.robot("pendant") as robot, cell.robot("chief") as chief:
         robot.acquire_lease()
         assert not chief.borrow_lease(robot.lease_token)
-        assert not chief.adopt_lease(robot.lease_token)
+        with pytest.raises(LeaseError, match="its token is of no use to certificate:chief"):
+            chief._renew(robot.lease_token)
         robot.enable()
+
+    def is_told():
+        return [
+            record
+            for record in cell.audit()
+            if (record.get("method"), record.get("identity")) == ("RenewLease", "certificate:chief")
+        ]
+
+    assert until(is_told, "the record")[-1]["outcome"] == "FAILED_PRECONDITION"
 
 
 def test_a_motion_goes_on_under_whom_it_is_handed_over_to(cell, free):
@@ -331,7 +387,8 @@ def test_an_administrator_seizes_the_lease_and_what_ran_stops(cell, free):
         summary = motion.wait(20.0)
         assert (summary.outcome.name, summary.text) == (
             "STOPPED",
-            "the lease of 'pendant' was seized by chief: arm in the way",
+            "the lease of pendant (certificate:pendant) was seized by chief (certificate:chief): "
+            "arm in the way",
         )
         chief.enable()
     records = [record for record in cell.audit() if record.get("method") == "SeizeLease"]
@@ -413,7 +470,7 @@ def test_a_view_with_an_observers_certificate_shows_and_stops_and_commands_nothi
         watcher.watch(True)
         until(lambda: watcher.is_streaming and watcher.sight.cycle is not None, "cycles")
         asked = [
-            lambda robot, device: borrow(robot) or robot.acquire_lease(),
+            lambda robot, device: borrow(robot, device) or robot.acquire_lease(),
             lambda robot, device: robot.move([{"rotation_vector": [0.1, 0.0, 0.0]}], device=device),
             lambda robot, device: robot.set_speed(0.5, device),
             lambda robot, device: robot.pause(device),
@@ -453,7 +510,7 @@ def test_the_view_reaches_a_daemon_over_tcp_with_a_certificate_alone(cell):
     done = orientd_command(
         "view", *there, "--cert", revoked["certificate"], "--key", revoked["key"]
     )
-    assert_refused(done, "no daemon answers")
+    assert_refused(done, "refuses this certificate: it is revoked")
 
 
 def test_a_revocation_counts_at_once_and_for_the_one_revoked_alone(cell):

@@ -9,7 +9,7 @@ import subprocess
 
 import numpy as np
 import pytest
-from command_line import COMMAND, begin, environment, inside, orientd
+from command_line import COMMAND, assert_refused, begin, environment, inside, orientd
 from harness import DEVICE, DaemonProcess, is_alive, until
 
 from orientd import rotation
@@ -189,13 +189,16 @@ def test_a_move_on_a_terminal_is_a_live_line(daemon, motion):
 def test_a_second_terminal_commands_what_a_move_runs(daemon, slow):
     process = begin("move", slow, "--socket", daemon.socket, "--json")
     until(lambda: is_moving(daemon.device()), "motion")
+    beside = ("--lease", "--socket", daemon.socket)
     try:
-        assert "paused" in inside("pause", "--socket", daemon.socket).stdout
+        refused = inside("pause", "--socket", daemon.socket)
+        assert_refused(refused, "is held by 'orientd move", "with --lease, this commands beside it")
+        assert "paused" in inside("pause", "--lease", "--socket", daemon.socket).stdout
         until(lambda: daemon.device().cycle.speed == 0.0, "rest on the path")
-        assert told(inside("resume", "--socket", daemon.socket, "--json"))["is_paused"] is False
-        assert told(inside("speed", "0.25", "--socket", daemon.socket, "--json"))["speed"] == 0.25
+        assert told(inside("resume", *beside, "--json"))["is_paused"] is False
+        assert told(inside("speed", "0.25", *beside, "--json"))["speed"] == 0.25
         until(lambda: daemon.device().cycle.speed == 0.25, "a quarter of the speed")
-        inside("speed", "1", "--socket", daemon.socket)
+        inside("speed", "1", *beside)
         stopped = told(inside("stop", "--socket", daemon.socket, "--json"))
         assert [device["name"] for device in stopped["devices"]] == [DEVICE]
     finally:
@@ -203,7 +206,7 @@ def test_a_second_terminal_commands_what_a_move_runs(daemon, slow):
     assert process.returncode == 1
     assert json.loads(output)["summary"]["outcome"] == "stopped"
     message = json.loads(errors)["error"]["message"]
-    assert "stopped by orientd stop, process" in message
+    assert f"(user:{os.getuid()})" in message.partition("stopped by")[2]
 
 
 def test_a_move_that_was_killed_does_not_keep_others_from_commanding(daemon, slow):
@@ -284,7 +287,9 @@ def test_a_demo_that_is_killed_leaves_no_process(tmp_path):
 
 
 def test_the_doctor_measures_and_says_how_to_mend():
-    found = told(orientd("doctor", "--json"))
+    done = orientd("doctor", "--json")
+    found = json.loads(done.stdout)
+    assert done.returncode == (1 if found["counts"]["problem"] else 0)
     names = [finding["name"] for finding in found["findings"]]
     for name in ("scheduling", "memory lock", "lateness", "kernel", "cores", "shared memory"):
         assert name in names
@@ -292,6 +297,15 @@ def test_the_doctor_measures_and_says_how_to_mend():
         assert finding["verdict"] in ("ok", "improve", "problem")
         assert bool(finding["mend"]) == (finding["verdict"] != "ok")
     assert sum(found["counts"].values()) == len(names)
+
+
+def test_the_doctor_that_finds_a_problem_ends_with_1(tmp_path):
+    pytest.importorskip("rtde_control")
+    text = '[devices.arm]\ndriver = "ur"\n[devices.arm.options]\nhost = "127.0.0.253"\n'
+    (tmp_path / "absent.toml").write_text(text)
+    done = orientd("doctor", "--json", "--config", tmp_path / "absent.toml")
+    assert json.loads(done.stdout)["counts"]["problem"] > 0, done
+    assert done.returncode == 1
 
 
 def test_the_version_is_told():

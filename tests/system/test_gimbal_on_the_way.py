@@ -2,6 +2,7 @@
 
 import contextlib
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -254,3 +255,23 @@ def test_kept_plan_is_refused_where_the_gimbal_is_on_another_turn_by_now(gimbal)
     assert np.rad2deg(axes_of(gimbal.sent())[-1, 0]) == pytest.approx(190, abs=0.1)
     turn(190, 60, -60, -170)
     assert gimbal.robot.move(kept).wait(30.0).outcome is Outcome.DONE
+
+
+def test_gimbal_follows_targets_and_says_how_far_it_is_from_them(gimbal):
+    began = time.monotonic()
+    with gimbal.robot.track() as tracking:
+        while (elapsed := time.monotonic() - began) < 2.0:
+            omega = [0.0, 0.0, 0.5]
+            q = rotation.exp(np.multiply(omega, elapsed))
+            w, x, y, z = q.tolist()
+            tracking.aim(orientd.Quaternion(w=w, x=x, y=y, z=z), angular_velocity=omega,
+                         time_to_live=0.2)  # fmt: skip
+            time.sleep(1 / 60)
+        assert tracking.report.error is not None
+    until(lambda: gimbal.report.state is State.HOLDING, "rest")
+    assert gimbal.report.fault_text == ""
+    cycles = gimbal.sent()
+    assert_smooth(cycles)
+    assert 0.9 < axes_of(cycles)[-1, 0] < 1.1
+    move = gimbal.robot.move([key(0, 0, 0)], approach=True)
+    assert move.wait(30.0).outcome is Outcome.DONE

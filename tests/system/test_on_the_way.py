@@ -132,14 +132,32 @@ def test_a_blended_corner_is_not_a_stop_and_stays_within_its_tolerance(daemon, r
     corner = np.array([0.0, 0.0, 1.0])
     first = turn(robot, 1.0)
     second = robot.move([key(0.8, 0, 1.0)], approach=True, queue=True, blend_tolerance=0.1)
-    assert (first.wait(20.0).outcome, second.wait(20.0).outcome) == (Outcome.DONE, Outcome.DONE)
+    passed, done = first.wait(20.0), second.wait(20.0)
+    assert (passed.outcome, done.outcome) == (Outcome.PASSED, Outcome.DONE)
     sent = daemon.sent()
     gaps = rotation.angle(sent, rotation.exp(corner))
     nearest = int(np.argmin(gaps))
     assert gaps[nearest] < 0.1
+    said = float(passed.text.removesuffix(" deg from its end"))
+    assert said == pytest.approx(np.degrees(gaps[nearest]), rel=0.02)
     speed = rotation.angle(sent[:-1], sent[1:]) / daemon.period
     assert speed[nearest - 20 : nearest + 20].min() > 0.05
     assert_limits_kept(sent, daemon.period)
+
+
+def test_a_motion_that_is_stopped_between_its_blend_and_its_corner_says_so(daemon, robot):
+    slow = {"limits": {"velocity": 0.2}}
+    first = turn(robot, 1.0, **slow)
+    blended = {"queue": True, "blend_tolerance": 0.05, **slow}
+    second = robot.move([key(0.8, 0, 1.0)], approach=True, **blended)
+    number = second.motion_number
+    until(lambda: state(robot).cycle.motion == number, "a blend under way")
+    robot.stop()
+    ended = first.wait(20.0), second.wait(20.0)
+    assert [summary.outcome for summary in ended] == [Outcome.STOPPED] * 2
+    assert "left for motion" in ended[0].text
+    assert "stopped by" in ended[0].text
+    assert_limits_kept(daemon.sent(), daemon.period)
 
 
 def test_a_stop_ends_what_runs_and_what_was_to_follow(daemon, robot):
@@ -176,6 +194,17 @@ def test_targets_are_followed_from_rest_and_from_motion(daemon, robot):
     assert state(robot).state is State.HOLDING
     assert turn(robot, 0.1).wait(10.0).outcome is Outcome.DONE
     assert_limits_kept(daemon.sent(), daemon.period)
+
+
+def test_positions_of_targets_are_followed(robot):
+    with robot.track() as tracking:
+        with pytest.raises(RequestError, match=r"target\.position"):
+            tracking.aim(key(0, 0, 0), position=(0.1, 0.2))
+        tracking.aim(key(0, 0, 0.1), position=(0.02, 0, -0.01), time_to_live=9.0)
+        until(
+            lambda: state(robot).cycle.position == pytest.approx((0.02, 0, -0.01), abs=1e-5),
+            "the position",
+        )
 
 
 def test_a_target_that_is_none_is_told_of_and_left_out(robot):

@@ -1,5 +1,7 @@
 """The Python client and the control socket, against a daemon in a process of its own."""
 
+import os
+import pwd
 import signal
 import subprocess
 import sys
@@ -135,17 +137,23 @@ def test_a_motion_can_be_paused_and_resumed_and_slowed(robot):
     until(lambda: robot.state().devices[DEVICE].cycle.speed == 0.0, "rest on the path")
     assert not handle.is_done
     assert not robot.resume().is_paused
+    assert handle.speed == 1.0
     assert robot.set_speed(0.5).speed == 0.5
     until(lambda: handle.is_done or handle.progress.speed == 0.5, "half the speed")
     assert robot.set_speed(1.0).speed == 1.0
     assert handle.wait(30.0).outcome is Outcome.DONE
 
 
+def me():
+    """Return who this is, as the daemon knows it; not as the client calls itself."""
+    return f"{pwd.getpwuid(os.getuid()).pw_name} (user:{os.getuid()})"
+
+
 def test_a_cancelled_motion_stops_on_its_path(daemon, robot):
     handle = long_motion(robot)
     handle.cancel()
     summary = handle.wait(10.0)
-    assert (summary.outcome, summary.text) == (Outcome.STOPPED, "stopped by ana")
+    assert (summary.outcome, summary.text) == (Outcome.STOPPED, f"stopped by {me()}")
     assert state(robot) is State.HOLDING
     assert summary.statistics.path_error < 1e-6
     assert_limits_kept(daemon.sent()[-5000:], daemon.period)
@@ -155,7 +163,7 @@ def test_anybody_may_stop_and_is_named(daemon, robot):
     handle = long_motion(robot)
     with orientd.connect(daemon.socket, holder="ben") as other:
         other.stop()
-    assert handle.wait(10.0).text == "stopped by ben"
+    assert handle.wait(10.0).text == f"stopped by {me()}"
 
 
 def test_a_motion_ends_with_the_client_that_began_it(daemon):
@@ -206,7 +214,9 @@ def test_a_taken_lease_is_refused_but_not_a_look(daemon, robot):
     robot.acquire_lease()
     with orientd.connect(daemon.socket, holder="ben") as other:
         assert other.state().daemon.lease_holder == "ana"
-        with pytest.raises(LeaseError, match=r"held by 'ana', for another [0-3]\.\d s"):
+        with pytest.raises(
+            LeaseError, match=r"held by 'ana' \(user:\d+\), for another [0-3]\.\d s"
+        ):
             other.enable()
         robot.release_lease()
         assert other.enable().state is State.HOLDING
@@ -225,7 +235,7 @@ def test_a_lease_that_is_not_renewed_stops_its_motion(daemon):
     daemon.token = answer.lease.token
     *_, last = daemon.move(spin(10.0))
     assert last.summary.outcome == pb.OUTCOME_STOPPED
-    assert last.summary.text == "the lease of 'ana' has expired"
+    assert last.summary.text == f"the lease of {me()} has expired"
     request = pb.EnableRequest(lease_token=answer.lease.token)
     with pytest.raises(grpc.RpcError) as caught:
         daemon.stub.Enable(request)

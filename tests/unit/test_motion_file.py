@@ -115,7 +115,7 @@ def test_euler_angles_take_any_order_fixed_or_turning():
             "keyframes:\n  - {tme: 1, quaternion: {w: 1, x: 0, y: 0, z: 0}}\n" + SECOND,
             "keyframes[0].tme",
             "unknown key; did you mean 'time'?; known are time, quaternion, rotation_vector, "
-            "euler, matrix, position, turns",
+            "euler, matrix, direction, azimuth_elevation, look_at, position, turns, free_roll",
         ),
         (
             "keyframes:\n  - {quaternion: {w: 1, x: 0, y: 0, q: 0}}\n" + SECOND,
@@ -196,7 +196,8 @@ def test_euler_angles_take_any_order_fixed_or_turning():
         (
             KEYFRAMES + "  - {rotation_vector: [0, 0, 1], euler: {axes: x, degrees: [1]}}",
             "keyframes[2]",
-            "expected one of quaternion, rotation_vector, euler, matrix; got rotation_vector and "
+            "expected one of quaternion, rotation_vector, euler, matrix, direction, "
+            "azimuth_elevation, look_at; got rotation_vector and "
             "euler",
         ),
         (KEYFRAMES + "  - {position: [0, 0, 1]}", "keyframes[2]", "got none of them"),
@@ -384,3 +385,9 @@ def test_the_schema_admits_three_limits_where_the_reader_does():
     for name in ("velocity", "acceleration", "jerk"):
         assert sum("array" in str(kind) for kind in kinds[name]["anyOf"]) == 1
     assert "array" not in str(kinds["linear_velocity"])
+
+
+def test_a_rotation_vector_longer_than_a_turn_is_taken_with_a_word_about_degrees():
+    keyframes = [{"rotation_vector": [0, 0, 1]}, {"rotation_vector": [0, 0, 90]}]
+    with pytest.warns(UserWarning, match=r"keyframes\[1\].*rad.*`euler`.*`turns`"):
+        parse({"keyframes": keyframes})

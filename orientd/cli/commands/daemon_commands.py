@@ -110,10 +110,11 @@ def status(socket: Socket = None, as_json: AsJson = False) -> None:
         f"daemon  orientd {daemon.version}, process {daemon.pid}, up {texts.clock(daemon.uptime)}, "
         f"at {daemon.socket}"
     )
-    if daemon.lease_holder:
-        whose = f" ({daemon.lease_identity})" if daemon.lease_identity else ""
-        say(f"lease   {daemon.lease_holder}{whose}, for another {daemon.lease_remaining:.1f} s")
-    else:
+    for one in daemon.leases:
+        of = f"of {', '.join(one.devices)}: " if len(report.devices) > 1 else ""
+        whose = f" ({one.identity})" if one.identity else ""
+        say(f"lease   {of}{one.holder}{whose}, for another {one.remaining:.1f} s")
+    if not daemon.leases:
         say("lease   free")
     for device in report.devices.values():
         say("")

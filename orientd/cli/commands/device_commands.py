@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, DeviceName, Socket, command
+from orientd.cli.command import AsJson, Beside, DeviceName, Socket, command
 from orientd.cli.output import say, say_json
 
 if TYPE_CHECKING:
@@ -37,15 +37,25 @@ def halt(device: DeviceName = "", socket: Socket = None, as_json: AsJson = False
 
 
 @command
-def pause(device: DeviceName = "", socket: Socket = None, as_json: AsJson = False) -> None:
+def pause(
+    device: DeviceName = "",
+    lease: Beside = False,
+    socket: Socket = None,
+    as_json: AsJson = False,
+) -> None:
     """Come to rest on the path, to be resumed."""
-    _command("pause", socket, as_json, lambda robot: robot.pause(device))
+    _command("pause", socket, device, lease, as_json, lambda robot: robot.pause(device))
 
 
 @command
-def resume(device: DeviceName = "", socket: Socket = None, as_json: AsJson = False) -> None:
+def resume(
+    device: DeviceName = "",
+    lease: Beside = False,
+    socket: Socket = None,
+    as_json: AsJson = False,
+) -> None:
     """Go on with a paused motion."""
-    _command("resume", socket, as_json, lambda robot: robot.resume(device))
+    _command("resume", socket, device, lease, as_json, lambda robot: robot.resume(device))
 
 
 @command
@@ -54,29 +64,45 @@ def speed(
         float, typer.Argument(metavar="X", help="More than 0, at most 1, which is as planned.")
     ],
     device: DeviceName = "",
+    lease: Beside = False,
     socket: Socket = None,
     as_json: AsJson = False,
 ) -> None:
     """Run motions X times as fast as planned, now and from now on."""
-    _command("speed", socket, as_json, lambda robot: robot.set_speed(factor, device))
+    _command("speed", socket, device, lease, as_json, lambda robot: robot.set_speed(factor, device))
 
 
 @command
-def enable(device: DeviceName = "", socket: Socket = None, as_json: AsJson = False) -> None:
+def enable(
+    device: DeviceName = "",
+    lease: Beside = False,
+    socket: Socket = None,
+    as_json: AsJson = False,
+) -> None:
     """Make a device follow; it does not move by this."""
-    _command("enable", socket, as_json, lambda robot: robot.enable(device))
+    _command("enable", socket, device, lease, as_json, lambda robot: robot.enable(device))
 
 
 @command
-def disable(device: DeviceName = "", socket: Socket = None, as_json: AsJson = False) -> None:
+def disable(
+    device: DeviceName = "",
+    lease: Beside = False,
+    socket: Socket = None,
+    as_json: AsJson = False,
+) -> None:
     """Leave a device at rest, no longer following."""
-    _command("disable", socket, as_json, lambda robot: robot.disable(device))
+    _command("disable", socket, device, lease, as_json, lambda robot: robot.disable(device))
 
 
 @command
-def reset(device: DeviceName = "", socket: Socket = None, as_json: AsJson = False) -> None:
+def reset(
+    device: DeviceName = "",
+    lease: Beside = False,
+    socket: Socket = None,
+    as_json: AsJson = False,
+) -> None:
     """Clear a fault; starts the servo process anew if it has ended."""
-    _command("reset", socket, as_json, lambda robot: robot.reset(device))
+    _command("reset", socket, device, lease, as_json, lambda robot: robot.reset(device))
 
 
 def _bring_to_rest(
@@ -91,12 +117,17 @@ def _bring_to_rest(
 
 
 def _command(
-    name: str, socket: Path | None, as_json: bool, act: Callable[[Robot], DeviceReport]
+    name: str,
+    socket: Path | None,
+    device: str,
+    is_beside: bool,
+    as_json: bool,
+    act: Callable[[Robot], DeviceReport],
 ) -> None:
     from orientd.cli import texts
     from orientd.cli.shared_lease import commander
 
-    with commander(socket, holder(name)) as robot:
+    with commander(socket, holder(name), device, is_beside=is_beside) as robot:
         report = act(robot)
     if as_json:
         say_json(report)

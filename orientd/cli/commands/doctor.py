@@ -46,6 +46,7 @@ def doctor(
     """Show what stands in the way of real time, and how to mend it.
 
     Everything is measured; that takes two seconds for the machine. Nothing moves without --latency.
+    The exit status is 1 where there is a problem.
     """
     from orientd.cli.machine import findings
 
@@ -61,6 +62,8 @@ def doctor(
             with working(f"moving {latency}", is_silent=as_json):
                 found.append(latency_finding(settings.devices[latency]))
     _report(found, as_json=as_json)
+    if any(one.verdict is Verdict.PROBLEM for one in found):
+        raise typer.Exit(1)
 
 
 def _settings(config: Path | None, latency: str) -> Settings | None:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, Socket, command
+from orientd.cli.command import AsJson, DeviceName, Socket, command
 from orientd.cli.commands.device_commands import holder
 from orientd.cli.output import say, say_json
 
@@ -21,6 +21,7 @@ def give(
     to: Annotated[
         str, typer.Argument(metavar="WHOM", help="A user's name or number, or certificate:NAME.")
     ],
+    device: DeviceName = "",
     socket: Socket = None,
     as_json: AsJson = False,
 ) -> None:
@@ -31,8 +32,8 @@ def give(
     """
     from orientd.cli.shared_lease import commander
 
-    with commander(socket, holder("lease give")) as robot:
-        seconds = robot.transfer_lease(to)
+    with commander(socket, holder("lease give"), device, is_beside=True) as robot:
+        seconds = robot.transfer_lease(to, device)
     if as_json:
         say_json({"to": to, "seconds": seconds})
     else:
@@ -43,20 +44,23 @@ def give(
 @command
 def seize(
     reason: Annotated[str, typer.Option("--reason", help="Recorded, and told to the holder.")],
+    device: DeviceName = "",
     socket: Socket = None,
     as_json: AsJson = False,
 ) -> None:
     """Take the lease from whoever holds it, and free it.
 
-    What runs under it stops.  For administrators.
+    Of a device, or of all of them; what runs under it stops.  For administrators.
     """
-    from orientd.rpc import connect
+    from orientd.rpc import LeaseReport, connect
 
     with connect(socket, holder=holder("lease seize")) as robot:
-        before = robot.state().daemon
-        robot.seize_lease(reason)
+        leases = robot.state().daemon.leases
+        before = [one for one in leases if not device or device in one.devices]
+        robot.seize_lease(reason, *filter(None, [device]))
     if as_json:
-        say_json({"holder": before.lease_holder, "identity": before.lease_identity})
+        first = before[0] if before else LeaseReport("", 0.0)
+        say_json({"holder": first.holder, "identity": first.identity, "leases": before})
     else:
-        whose = f"{before.lease_holder} ({before.lease_identity})" if before.lease_holder else ""
+        whose = ", ".join(f"{one.holder} ({one.identity})" for one in before)
         say(f"taken from {whose}; it is free now" if whose else "nobody held it; it is free")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, DeviceName, Socket, command
+from orientd.cli.command import AsJson, Beside, DeviceName, Socket, command
 from orientd.cli.commands.daemon_commands import ConfigFile
 from orientd.cli.commands.device_commands import holder
 from orientd.cli.completion import MOTIONS, files
@@ -20,6 +20,8 @@ from orientd.errors import OrientdError, RequestError
 
 if TYPE_CHECKING:
     from orientd.config import DeviceSettings
+    from orientd.driver import Feedback
+    from orientd.planner import MotionRequest, State
     from orientd.rpc import MoveHandle, OnTarget, Summary
 
 MotionFile = Annotated[
@@ -48,15 +50,19 @@ def plan(
     ] = None,
     config: ConfigFile = None,
     device: DeviceName = "",
+    from_robot: Annotated[
+        bool, typer.Option("--from-robot", help="Ask the device where it stands; nothing moves.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Plan the motion of FILE, without a daemon.
 
-    The device is taken to stand at the first keyframe.
+    The device is taken to stand at the first keyframe; an arm, where its options or --from-robot
+    say.
     Rate and limits are those of the device in the configuration; the samples are what its servo
     would send, along the path that its driver makes of the motion where its axes need another.
     """
-    from orientd import motion_file, planner
+    from orientd import motion_file
     from orientd.cli import sample_files, texts
     from orientd.daemon import plan_of, samples_of
     from orientd.driver import make_driver
@@ -68,27 +74,30 @@ def plan(
             param_hint="--output",
         )
     request = motion_file.load(file)
-    if len(request.keyframes) == 1:
-        raise RequestError(
-            "keyframes",
-            "a single one says where to go from wherever the device is, which is not known "
-            "without a daemon; expected at least 2",
-        )
     if plot is not None:
         from orientd import plots
 
         plots.check_format(plot)
     settings = device_settings(config, device)
-    first = request.keyframes[0]
-    start = planner.State.at_rest(request.keys[0], first.position or (0.0, 0.0, 0.0))
-    # The driver is asked as in the daemon, but not for where its axes are: then it chooses.
+    driver = make_driver(settings.name, settings.driver, settings.options, settings.period_ns)
+    stands = driver.offline_start(from_device=from_robot)
+    if len(request.keyframes) == 1 and stands is None:
+        raise RequestError(
+            "keyframes",
+            "a single one says where to go from wherever the device is, which is not known "
+            "without a daemon; expected at least 2",
+        )
+    # Where nothing says where the axes are, the driver chooses.
     device_planner = DevicePlanner(
-        make_driver(settings.name, settings.driver, settings.options, settings.period_ns),
-        limits=settings.limits.to_limits(),
-        period=settings.period_ns * 1e-9,
+        driver, limits=settings.limits.to_limits(), period=settings.period_ns * 1e-9
     )
     with working(f"planning {file.name}", is_silent=as_json):
-        motion = device_planner.plan(request, start=start, joints=())
+        motion = device_planner.plan(
+            request,
+            start=_offline_start(request, stands),
+            joints=stands.joints if stands else (),
+            is_offline=not from_robot,
+        )
     samples = samples_of(motion, settings.rate_hz)
     if output is not None:
         sample_files.write(output, samples, motion.certificate)
@@ -103,6 +112,17 @@ def plan(
     for written in (output, plot):
         if written is not None:
             say(f"wrote {written}")
+
+
+def _offline_start(request: MotionRequest, stands: Feedback | None) -> State:
+    """Return where an offline plan begins: where the device stands, else at the first keyframe."""
+    from orientd.planner import State
+
+    first = request.keyframes[0]
+    if stands is not None and (request.approach or len(request.keyframes) == 1):
+        return State.at_rest(stands.q, stands.position)
+    nowhere = stands.position if stands is not None else (0.0, 0.0, 0.0)
+    return State.at_rest(request.keys[0], first.position or nowhere)
 
 
 @command
@@ -131,6 +151,7 @@ def move(
             "no faster than so many degrees a second, for so long; then how long to wait for it.",
         ),
     ] = "",
+    lease: Beside = False,
     socket: Socket = None,
     as_json: AsJson = False,
 ) -> None:
@@ -138,12 +159,12 @@ def move(
 
     A motion that runs already is replaced on its way, without a step.  Ctrl-C stops the device on
     its path.  Meanwhile `orientd pause`, `resume`, `speed` and another `move` work from another
-    terminal.
+    terminal with `--lease`; without it they are refused.
     """
     from orientd import motion_file
     from orientd.cli import texts
-    from orientd.cli.shared_lease import shared
-    from orientd.rpc import connect, titled
+    from orientd.cli.shared_lease import commander
+    from orientd.rpc import titled
 
     if blend and not queue:
         raise typer.BadParameter("needs --queue", param_hint="--blend")
@@ -156,7 +177,7 @@ def move(
         )
     gate = _gate(on_target) if on_target else None
     request = motion_file.load(file)
-    with connect(socket, holder=holder("move")) as robot, shared(robot):
+    with commander(socket, holder("move"), device, is_beside=lease, is_shared=True) as robot:
         handle = robot.move(
             request,
             device=device,
@@ -174,14 +195,21 @@ def move(
             f"{texts.count(len(request.keyframes), 'keyframe')}, "
             f"{plan.duration:.3f} s with a lead-in of {plan.certificate.lead_in:.3f} s and a "
             f"lead-out of {plan.certificate.lead_out:.3f} s",
-            notes=plan.certificate.notes,
+            notes=(*_speed_note(handle.speed), *plan.certificate.notes),
             is_silent=as_json,
         )
     if as_json:
-        say_json({"plan": handle.plan, "summary": summary})
+        say_json({"plan": handle.plan, "summary": summary, "speed": handle.speed})
     else:
         say(*texts.summary(summary, handle.plan))
     raise_unless_done(summary)
+
+
+def _speed_note(speed: float) -> tuple[str, ...]:
+    """Return a line about a speed that was left by whoever set it."""
+    if speed == 1.0:
+        return ()
+    return (f"runs at speed {speed:g}, as it was set before; `orientd speed 1` is as planned",)
 
 
 def _gate(text: str) -> OnTarget:
@@ -238,9 +266,8 @@ def follow(
 def raise_unless_done(summary: Summary) -> None:
     """Raise what makes a command fail after a motion that was not run to its end."""
     from orientd.cli import texts
-    from orientd.rpc import Outcome
 
-    if summary.outcome is not Outcome.DONE:
+    if not summary.outcome.is_as_asked:
         raise OrientdError(f"motion {summary.motion_number} {texts.ending(summary)}")
 
 

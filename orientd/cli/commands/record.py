@@ -51,6 +51,10 @@ def record(
             "--seconds", "-s", metavar="SECONDS", help="For how long; default: until Ctrl-C."
         ),
     ] = None,
+    scalars: Annotated[
+        bool,
+        typer.Option("--scalars", help="Plain numbers of every cycle too, for tools that plot."),
+    ] = False,
     socket: Socket = None,
     as_json: AsJson = False,
 ) -> None:
@@ -72,7 +76,7 @@ def record(
     from orientd.rpc import connect
 
     with connect(socket, holder=holder("record")) as robot:
-        session = Session(robot, file, device or ())
+        session = Session(robot, file, device or (), has_scalars=scalars)
         before = {
             number: signal.signal(number, lambda *_: session.end())
             for number in (signal.SIGINT, signal.SIGTERM)

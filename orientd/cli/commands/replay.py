@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from orientd.cli.command import AsJson, DeviceName, Socket, command
+from orientd.cli.command import AsJson, Beside, DeviceName, Socket, command
 from orientd.cli.commands.daemon_commands import ConfigFile
 from orientd.cli.commands.device_commands import holder
 from orientd.cli.commands.record import need_record
@@ -67,6 +67,7 @@ def replay(
     ] = False,
     config: ConfigFile = None,
     device: DeviceName = "",
+    lease: Beside = False,
     socket: Socket = None,
     as_json: AsJson = False,
 ) -> None:
@@ -104,7 +105,7 @@ def replay(
     if dry_run:
         _plan_offline(fit, told, pace, config, device, output, as_json=as_json)
     else:
-        _move(fit, told, pace, device, socket, output, as_json=as_json)
+        _move(fit, told, pace, device, lease, socket, output, as_json=as_json)
 
 
 def _told(topic: str, fit: Fit) -> dict[str, Any]:
@@ -174,6 +175,7 @@ def _move(
     told: dict[str, Any],
     pace: Pace,
     device: str,
+    lease: bool,
     socket: Path | None,
     output: Path | None,
     *,
@@ -181,10 +183,9 @@ def _move(
 ) -> None:
     from orientd.cli import texts
     from orientd.cli.commands.motion_commands import follow, raise_unless_done
-    from orientd.cli.shared_lease import shared
-    from orientd.rpc import connect
+    from orientd.cli.shared_lease import commander
 
-    with connect(socket, holder=holder("replay")) as robot, shared(robot):
+    with commander(socket, holder("replay"), device, is_beside=lease, is_shared=True) as robot:
         plan, request, slower = _paced(
             fit, pace, lambda request: robot.plan(request, device=device)
         )

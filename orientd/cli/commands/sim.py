@@ -23,15 +23,27 @@ sim = typer.Typer(
 @command
 def ur(
     host: Annotated[str, typer.Option(help="An address of this machine; each robot needs one.")],
+    model: Annotated[str, typer.Option(help="Which arm: ur3 to ur10, ur3e to ur30.")] = "ur5e",
+    polyscope: Annotated[
+        str, typer.Option(help="Its software, as in 5.12.6; by default what suits the model.")
+    ] = "",
 ) -> None:
-    """Run an emulated UR5e.
+    """Run an emulated UR arm.
 
-    RTDE on 30004, dashboard on 29999, script port 30003.  Prints a line that begins with `ready`
-    when it can be used.  Any address of 127.0.0.0/8 serves.
+    RTDE on 30004, dashboard on 29999, script port 30003, state on 30001 and 30002.  Prints a line
+    that begins with `ready` when it can be used.  Any address of 127.0.0.0/8 serves.
     """
     emulator: Any = importlib.import_module("orientd_sim.ur")
+    if model not in emulator.MODELS:
+        known = ", ".join(emulator.MODELS)
+        raise typer.BadParameter(f"expected one of {known}, got {model!r}", param_hint="--model")
+    arm = emulator.MODELS[model]
     try:
-        emulator.serve(host)
+        version = emulator.version_of(arm, polyscope)
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="--polyscope") from error
+    try:
+        emulator.serve(host, emulator.Behaviour(model=arm, version=version))
     except OSError as error:
         raise DaemonError(f"cannot serve an emulated UR at {host}: {error.strerror}") from error
 

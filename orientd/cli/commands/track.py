@@ -9,12 +9,12 @@ from typing import Annotated, Any
 
 import typer
 
-from orientd.cli.command import AsJson, DeviceName, Socket, command
+from orientd.cli.command import AsJson, Beside, DeviceName, Socket, command
 from orientd.cli.commands.device_commands import holder
 from orientd.cli.output import say, say_json
 from orientd.errors import RequestError
 
-_KEYS = ("angular_velocity", "velocity_frame", "time_ns", "time_to_live")
+_KEYS = ("angular_velocity", "velocity_frame", "time_ns", "time_to_live", "position")
 
 
 @command
@@ -24,6 +24,7 @@ def track(
         float,
         typer.Option(metavar="SECONDS", help="How long a target counts that does not say so."),
     ] = 0.5,
+    lease: Beside = False,
     socket: Socket = None,
     as_json: AsJson = False,
 ) -> None:
@@ -31,15 +32,14 @@ def track(
 
     Each is one JSON object on one line; the device comes to rest when there are no more.
     A target has an orientation as in a motion file, and may have `angular_velocity` (rad/s) with
-    `velocity_frame`, `time_ns` (monotonic clock) and `time_to_live` (s):
+    `velocity_frame`, `position` (m), `time_ns` (monotonic clock) and `time_to_live` (s):
 
     {"rotation_vector": [0, 0, 0.3], "angular_velocity": [0, 0, 1], "time_to_live": 0.2}
     """
     from orientd.cli import texts
-    from orientd.cli.shared_lease import shared
-    from orientd.rpc import connect
+    from orientd.cli.shared_lease import commander
 
-    with connect(socket, holder=holder("track")) as robot, shared(robot):
+    with commander(socket, holder("track"), device, is_beside=lease, is_shared=True) as robot:
         with robot.track(device=device) as tracking:
             for target, wishes in _targets():
                 tracking.aim(target, **{"time_to_live": time_to_live, **wishes})

@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, Socket, command
+from orientd.cli.command import AsJson, Beside, Socket, command
 from orientd.cli.commands.device_commands import holder
 from orientd.cli.output import say, say_json
 from orientd.errors import OrientdError
@@ -32,6 +32,7 @@ def view(
     ] = None,
     no_open: Annotated[bool, typer.Option("--no-open", help="Open no browser.")] = False,
     dark: Annotated[bool, typer.Option("--dark", help="Begin with dark pages.")] = False,
+    lease: Beside = False,
     socket: Socket = None,
     as_json: AsJson = False,
 ) -> None:
@@ -48,7 +49,7 @@ def view(
 
     page = Page(
         lambda: connect(socket, holder=holder("view")),
-        borrow,
+        borrow if lease else lambda *_: False,
         host=host,
         port=port,
         may_command=is_loopback(host) if control is None else control,

@@ -63,14 +63,14 @@ class BezierCatmullRom(TriangleCurve):
         before, here, after = padded[:-2], padded[1:-1], padded[2:]
         if is_reversed:
             ahead = multiply(here, multiply(conjugate(before), after))
-            behind = multiply(here, multiply(conjugate(after), before))
         else:
             ahead = multiply(after, multiply(conjugate(before), here))
-            behind = multiply(before, multiply(conjugate(after), here))
+        # L_i is R_i reflected.  Said so, both lie on one arc where keyframes half a turn apart
+        # leave open which way round it goes.
         super().__init__(
             knots=instants,
             points=cubic_bezier_points(
-                q, slerp(here, ahead, 1.0 / 6.0)[:-1], slerp(here, behind, 1.0 / 6.0)[1:]
+                q, slerp(here, ahead, 1.0 / 6.0)[:-1], slerp(here, ahead, -1.0 / 6.0)[1:]
             ),
             intervals=bezier_intervals(instants[:-1], instants[1:], 3),
             continuity=bezier_continuity(instants),

@@ -7,11 +7,12 @@ import logging
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from orientd.daemon.access.audit import AuditLog
 from orientd.daemon.access.authorization import Authorization
 from orientd.daemon.access.identity import Identity, Policy
+from orientd.daemon.access.peer import Process
 from orientd.daemon.access.peer_credentials import PeerListener
 from orientd.daemon.access.throttle import Throttle
 from orientd.daemon.devices import report_directory
@@ -99,6 +100,20 @@ class Admission:
         self._throttle.at_once = access.streams
         self.checkpoint.keyframes = access.keyframes
         self._door.change(self._policy, self._context)
+
+    def tables(self) -> dict[str, list[int]]:
+        """Return who may come in by the Unix socket; see :meth:`Policy.tables`."""
+        return self._policy.tables()
+
+    def who(self, process: Process) -> str:
+        """Return who *process* is, for people."""
+        return str(self._policy.identify(process) or f"user {process.uid}")
+
+    def record_stop(self, process: Process, **what: Any) -> None:  # noqa: ANN401 - as JSON holds
+        """Record what *process* has stopped beside the daemon."""
+        origin = f"unix, process {process.pid}"
+        identity = f"user:{process.uid}"
+        self._audit.record(event="stopped", identity=identity, origin=origin, **what)
 
     def named(self, name: str) -> Identity:
         """Return who is called *name*; see :meth:`Policy.named`."""

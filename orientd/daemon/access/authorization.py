@@ -212,7 +212,9 @@ class Authorization(Interceptor):
         story = about(**call.who(), outcome=code, **call.result)
         detail = f": {text}" if text else ""
         _log.log(level, "call %d: %s: %s%s", call.number, call.name, code, detail, extra=story)
-        if call.rule.is_command or code in ("PERMISSION_DENIED", "RESOURCE_EXHAUSTED"):
+        is_refused = code in ("PERMISSION_DENIED", "RESOURCE_EXHAUSTED")
+        is_foreign = call.name == "RenewLease" and code == "FAILED_PRECONDITION"
+        if call.rule.is_command or is_refused or is_foreign:
             self._audit.record(
                 event="answered", **call.who(), outcome=code, text=text[:400], **call.result
             )

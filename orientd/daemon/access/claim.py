@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from orientd.errors import DaemonError
+from orientd.rpc import check_folder
 
 
 @contextlib.contextmanager
@@ -42,11 +43,9 @@ def claimed(path: Path) -> Iterator[None]:
 def _make_directory(directory: Path) -> None:
     try:
         directory.mkdir(mode=0o700, parents=True, exist_ok=True)
-        owner = directory.stat().st_uid
     except OSError as error:
         raise DaemonError(f"cannot make {directory}: {error.strerror}") from error
-    if owner not in (os.getuid(), 0):
-        raise DaemonError(f"{directory} belongs to another user (uid {owner})")
+    check_folder(directory)
 
 
 def _lock(lock_path: Path, path: Path) -> int:

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass
 
+from orientd.daemon.access.peer import Process
 from orientd.errors import ConfigError, RequestError
 from orientd.operation_settings import AccessSettings, Role
 
@@ -29,20 +30,8 @@ class Identity:
     name: str
     role: Role
 
-
-@dataclass(frozen=True)
-class Process:
-    """What the kernel says of the process at the other end of a Unix socket.
-
-    Attributes:
-        pid: of the process that connected.
-        uid: its effective user.
-        gids: its groups, all of them.
-    """
-
-    pid: int
-    uid: int
-    gids: tuple[int, ...]
+    def __str__(self) -> str:
+        return f"{self.name} ({self.key})"
 
 
 @dataclass(frozen=True)
@@ -66,10 +55,13 @@ CALLER: ContextVar[Identity | None] = ContextVar("CALLER", default=None)
 """Whose call is being handled."""
 
 
-def caller_key() -> str:
-    """Return the key of whose call is being handled; empty where nobody calls."""
-    identity = CALLER.get()
-    return "" if identity is None else identity.key
+NOBODY = Identity("", "", Role.OBSERVER)
+"""Who calls where nobody does."""
+
+
+def present_caller() -> Identity:
+    """Return whose call is being handled."""
+    return CALLER.get() or NOBODY
 
 
 class Policy:
@@ -95,6 +87,10 @@ class Policy:
     def admits_others(self) -> bool:
         """Whether anybody but the daemon's own user may come in by the Unix socket."""
         return bool(self._groups) or set(self._users) != {0, os.geteuid()}
+
+    def tables(self) -> dict[str, list[int]]:
+        """Return the numbers of the users, and of the groups, that may come in."""
+        return {"users": list(self._users), "groups": list(self._groups)}
 
     def identify(self, credentials: Credentials) -> Identity | None:
         """Return who has these *credentials*; ``None`` for nobody who may do anything."""

@@ -11,20 +11,19 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import errno
 import logging
 import os
 import secrets
 import socket
 import ssl
-import struct
 from collections import Counter
 from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from orientd.daemon.access.identity import Certificate, Credentials, Identity, Policy, Process
+from orientd.daemon.access.identity import Certificate, Credentials, Identity, Policy
+from orientd.daemon.access.peer import peer_process
 from orientd.daemon.access.tls import peer_certificate
 from orientd.errors import DaemonError
 
@@ -34,12 +33,9 @@ HANDSHAKE_TIMEOUT = 5.0
 """How long a TLS handshake may take, s."""
 
 MOST_HANDSHAKES = 32
-"""TLS handshakes at the same time."""
+"""TLS handshakes at the same time; for one more, the oldest of the busiest address is given up."""
 
 _CHUNK = 256 * 1024
-_SO_PEERGROUPS = 59
-_GROUPS_BYTES = 1024  # as much as Python asks the kernel for: 256 groups
-_UCRED = struct.Struct("iII")
 
 Refused = Callable[[str, str], None]
 """Called with where somebody came from and why they were turned away."""
@@ -88,7 +84,7 @@ class PeerListener:
         self._listeners: list[asyncio.Server] = []
         self._visits: set[asyncio.Task[None]] = set()
         self._context: ssl.SSLContext | None = None
-        self._handshakes = 0
+        self._handshakes: dict[asyncio.Task[Any], str] = {}
         self._path: Path | None = None
 
     # In and out
@@ -195,22 +191,38 @@ class PeerListener:
     async def _from_tcp(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         host, port, *_ = writer.get_extra_info("peername") or ("?", 0)
         origin = f"tcp, {host}:{port}"
-        context = self._context
-        if context is None or self._handshakes >= MOST_HANDSHAKES:
-            self._refused(origin, "too many handshakes at the same time")
+        context, task = self._context, asyncio.current_task()
+        if context is None or task is None:
             writer.close()
             return
-        self._handshakes += 1
+        self._make_room()
+        self._handshakes[task] = host
+        spare = writer.get_extra_info("socket").dup()
         try:
             await writer.start_tls(context, ssl_handshake_timeout=HANDSHAKE_TIMEOUT)
             certificate = peer_certificate(writer.get_extra_info("ssl_object"))
         except (OSError, ValueError, EOFError) as error:
             self._refused(origin, f"handshake: {_reason(error)}")
+            with contextlib.suppress(OSError):
+                spare.send(getattr(error, "alert", b""))
             writer.transport.abort()
             return
+        except asyncio.CancelledError:
+            writer.transport.abort()
+            self._refused(origin, "handshake: given up for others that came later")
+            raise
         finally:
-            self._handshakes -= 1
+            spare.close()
+            self._handshakes.pop(task, None)
         await self._admit(certificate, origin, reader, writer)
+
+    def _make_room(self) -> None:
+        """Give up a handshake where there are too many: whoever says nothing keeps nobody out."""
+        if len(self._handshakes) >= MOST_HANDSHAKES:
+            ((busiest, _),) = Counter(self._handshakes.values()).most_common(1)
+            oldest = next(task for task, host in self._handshakes.items() if host == busiest)
+            del self._handshakes[oldest]
+            oldest.cancel()
 
     async def _admit(
         self,
@@ -280,26 +292,6 @@ async def _pour(source: asyncio.StreamReader, into: asyncio.StreamWriter) -> Non
         while chunk := await source.read(_CHUNK):
             into.write(chunk)
             await into.drain()
-
-
-def peer_process(connected: socket.socket) -> Process:
-    """Return what the kernel says of who connected: ``SO_PEERCRED`` and ``SO_PEERGROUPS``, unix(7).
-
-    Of somebody in more than 256 groups only the first one counts.
-
-    Raises:
-        OSError: the kernel does not say.
-    """
-    credentials = connected.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _UCRED.size)
-    pid, uid, gid = _UCRED.unpack(credentials)
-    try:
-        listed = connected.getsockopt(socket.SOL_SOCKET, _SO_PEERGROUPS, _GROUPS_BYTES)
-    except OSError as error:
-        if error.errno != errno.ERANGE:
-            raise
-        listed = b""
-    gids = struct.unpack(f"{len(listed) // 4}I", listed)
-    return Process(pid, uid, (gid, *gids))
 
 
 def _reason(error: Exception) -> str:

@@ -12,7 +12,7 @@ from google.protobuf.message import DecodeError, Message
 
 from orientd.rpc import control_pb2 as pb
 
-SECRETS = ("lease_token", "token")
+SECRETS = ("lease_token", "token", "share_token")
 """Fields that are nobody's business, wherever they are."""
 
 MOST_BYTES = 4096

@@ -3,11 +3,45 @@
 from __future__ import annotations
 
 import ssl
+from collections.abc import Iterator
 from typing import Any
 
 from orientd.daemon.access.identity import Certificate
 from orientd.errors import ConfigError
 from orientd.operation_settings import TcpSettings
+
+
+class _Handshake(ssl.SSLObject):
+    """A handshake whose failure brings the alert that tells the other end of it.
+
+    asyncio hangs up without sending that, and whoever is refused would not know why.
+    """
+
+    outgoing: ssl.MemoryBIO
+
+    def do_handshake(self) -> None:
+        """Do the handshake; an error of it has the bytes to send in its attribute ``alert``."""
+        try:
+            super().do_handshake()
+        except (ssl.SSLWantReadError, ssl.SSLWantWriteError):
+            raise
+        except ssl.SSLError as error:
+            error.alert = self.outgoing.read()  # type: ignore[attr-defined] # as is said above
+            raise
+
+
+class _Context(ssl.SSLContext):
+    def wrap_bio(
+        self,
+        incoming: ssl.MemoryBIO,
+        outgoing: ssl.MemoryBIO,
+        *rest: Any,  # noqa: ANN401 - as in the library
+        **more: Any,  # noqa: ANN401
+    ) -> Any:  # noqa: ANN401
+        made = super().wrap_bio(incoming, outgoing, *rest, **more)
+        if isinstance(made, _Handshake):
+            made.outgoing = outgoing
+        return made
 
 
 def server_context(settings: TcpSettings) -> ssl.SSLContext:
@@ -19,7 +53,8 @@ def server_context(settings: TcpSettings) -> ssl.SSLContext:
     Raises:
         ConfigError: a file of *settings* cannot be read or does not fit.
     """
-    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context = _Context(ssl.PROTOCOL_TLS_SERVER)
+    context.sslobject_class = _Handshake
     context.minimum_version = ssl.TLSVersion.TLSv1_3
     context.verify_mode = ssl.CERT_REQUIRED
     context.set_alpn_protocols(["h2"])
@@ -43,8 +78,10 @@ def peer_certificate(transport: ssl.SSLObject) -> Certificate:
     """Return the certificate at the other end, which has been verified.
 
     Raises:
-        ValueError: it has not exactly one common name.
+        ValueError: it has not exactly one common name, or is not one for clients.
     """
+    if not _is_for_clients(transport.getpeercert(binary_form=True) or b""):
+        raise ValueError("the certificate is not one for clients (extended key usage clientAuth)")
     found: dict[str, Any] = dict(transport.getpeercert() or {})
     fields = [pair for part in found.get("subject", ()) for pair in part]
     names = [value for key, value in fields if key == "commonName"]
@@ -55,3 +92,43 @@ def peer_certificate(transport: ssl.SSLObject) -> Certificate:
         serial=str(found["serialNumber"]).upper().lstrip("0"),
         expires=ssl.cert_time_to_seconds(str(found["notAfter"])),
     )
+
+
+_EXTENDED_KEY_USAGE = bytes.fromhex("551d25")
+_CLIENT_AUTH = bytes.fromhex("2b06010505070302")
+_EXTENSIONS = 0xA3
+
+
+def _is_for_clients(certificate: bytes) -> bool:
+    """Whether a certificate has the extended key usage clientAuth (RFC 5280, 4.2.1.12).
+
+    OpenSSL refuses one whose usages are others, but lets one pass that has none.
+
+    Args:
+        certificate: DER, well formed: it has been verified.
+    """
+    (whole,) = [inner for _, inner in _parts(certificate)]
+    signed = next(_parts(whole))[1]
+    for tag, inner in _parts(signed):
+        if tag != _EXTENSIONS:
+            continue
+        for _, extension in _parts(next(_parts(inner))[1]):
+            (_, name), *_, (_, content) = _parts(extension)
+            if name == _EXTENDED_KEY_USAGE:
+                usages = next(_parts(content))[1]
+                return any(usage == _CLIENT_AUTH for _, usage in _parts(usages))
+    return False
+
+
+def _parts(content: bytes) -> Iterator[tuple[int, bytes]]:
+    """Yield tag and content of each element of DER (X.690, 8.1)."""
+    begin = 0
+    while begin < len(content):
+        tag, length = content[begin], content[begin + 1]
+        begin += 2
+        if length & 0x80:
+            count = length & 0x7F
+            length = int.from_bytes(content[begin : begin + count], "big")
+            begin += count
+        yield tag, content[begin : begin + length]
+        begin += length

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
+from orientd.daemon.access import present_caller
 from orientd.daemon.calls.calls import Calls, Context, device_message, refuse
 from orientd.daemon.calls.pausing import pause, resume
 from orientd.daemon.device import Device
@@ -21,24 +22,29 @@ class _CommandRequest(Protocol):
     @property
     def device(self) -> str: ...
 
+    @property
+    def lease_sequence(self) -> int: ...
+
 
 class CommandingCalls(Calls):
     """Calls that command a device; all but those that stop it need the lease."""
 
     async def Stop(self, request: pb.StopRequest, context: Context) -> pb.StopResponse:
         """Stop devices on their paths."""
+        caller = _caller(request.caller)
 
         def work() -> pb.StopResponse:
-            devices = self._cell.stop(request.device, request.caller)
+            devices = self._cell.stop(request.device, caller, motion=request.motion_number)
             return pb.StopResponse(devices=[device_message(device) for device in devices])
 
         return await self._do(context, work)
 
     async def Halt(self, request: pb.HaltRequest, context: Context) -> pb.HaltResponse:
         """Stop devices as quickly as the limits allow."""
+        caller = _caller(request.caller)
 
         def work() -> pb.HaltResponse:
-            devices = self._cell.stop(request.device, request.caller, is_quickest=True)
+            devices = self._cell.stop(request.device, caller, is_quickest=True)
             return pb.HaltResponse(devices=[device_message(device) for device in devices])
 
         return await self._do(context, work)
@@ -87,7 +93,15 @@ class CommandingCalls(Calls):
         act: Callable[[Device], None],
     ) -> pb.DeviceReport:
         def work() -> pb.DeviceReport:
-            device = self._cell.command(request.lease_token, request.device, what, act)
+            device = self._cell.command(
+                request.lease_token, request.lease_sequence, request.device, what, act
+            )
             return device_message(device)
 
         return await self._do(context, work)
+
+
+def _caller(named: str) -> str:
+    """Return who calls, as was checked; as they name themselves only where nothing was."""
+    caller = present_caller()
+    return str(caller) if caller.key else named

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from orientd.daemon.access import caller_key
+from orientd.daemon.access import present_caller
 from orientd.daemon.calls.calls import Calls, Context, refuse
 from orientd.daemon.leases import Lease
 from orientd.errors import OrientdError
@@ -15,10 +15,17 @@ class LeasingCalls(Calls):
     async def AcquireLease(
         self, request: pb.AcquireLeaseRequest, context: Context
     ) -> pb.AcquireLeaseResponse:
-        """Take the lease if it is free."""
-        owner = caller_key()
+        """Take the lease of devices that are free."""
+        caller = present_caller()
         lease = await self._do(
-            context, lambda: self._cell.lease_manager.acquire(request.holder, owner)
+            context,
+            lambda: self._cell.lease_manager.acquire(
+                request.holder,
+                caller.key,
+                name=caller.name,
+                devices=self._cell.named(request.devices),
+                share=request.share_token,
+            ),
         )
         return pb.AcquireLeaseResponse(lease=self._lease_message(lease))
 
@@ -56,13 +63,23 @@ class LeasingCalls(Calls):
         self, request: pb.SeizeLeaseRequest, context: Context
     ) -> pb.SeizeLeaseResponse:
         """Take the lease whoever holds it."""
-        owner = caller_key()
+        caller = present_caller()
         lease = await self._do(
-            context, lambda: self._cell.lease_manager.seize(request.holder, owner, request.reason)
+            context,
+            lambda: self._cell.lease_manager.seize(
+                request.holder,
+                caller.key,
+                request.reason,
+                name=caller.name,
+                devices=self._cell.named(request.devices),
+            ),
         )
         return pb.SeizeLeaseResponse(lease=self._lease_message(lease))
 
     def _lease_message(self, lease: Lease) -> pb.Lease:
         return pb.Lease(
-            token=lease.token, holder=lease.holder, seconds=self._cell.leases.remaining(lease)
+            token=lease.token,
+            holder=lease.holder,
+            seconds=self._cell.leases.remaining(lease),
+            devices=lease.devices,
         )

@@ -86,7 +86,7 @@ class MovingCalls(Calls):
         try:
             pause = interval("progress_rate_hz", request.progress_rate_hz)
             device = self._cell.device(request.device)
-            self._cell.leases.check(request.lease_token)
+            self._cell.check(request.lease_token, device, request.lease_sequence)
             move_options = self._move_options(request)
             stops = self._cell.runs.stops(device)
             run, timing = await self._start(
@@ -184,6 +184,7 @@ def _started(run: ActiveMotion, timing: MoveTiming) -> pb.MoveResponse:
             motion_number=run.number,
             plan=pb.Plan.FromString(run.motion.plan),
             timing=timing_to_message(timing),
+            speed=run.device.snapshot().speed,
         )
     )
 

@@ -36,6 +36,7 @@ CALL_BUCKETS = (1e-3, 3e-3, 1e-2, 3e-2, 1e-1, 3e-1, 1.0, 3.0, 10.0, 100.0)
 
 _OUTCOMES = {
     EventKind.MOTION_DONE: "done",
+    EventKind.MOTION_PASSED: "passed",
     EventKind.MOTION_STOPPED: "stopped",
     EventKind.MOTION_REPLACED: "replaced",
     EventKind.MOTION_UNSETTLED: "unsettled",

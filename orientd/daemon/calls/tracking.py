@@ -31,6 +31,7 @@ class TrackingCalls(Calls):
             pause = interval("start.report_rate_hz", begin.report_rate_hz)
             device = self._cell.device(begin.device)
             limits = limits_to_wish(begin.limits)
+            self._cell.check(begin.lease_token, device, begin.lease_sequence)
             stops = self._cell.runs.stops(device)
             run = await self._in_worker(
                 lambda: starter.track(begin.lease_token, device, limits, stops=stops)

@@ -13,12 +13,17 @@ if TYPE_CHECKING:
     from orientd.daemon.planners import PlannedMotion
 
 
+STOPPED = "stopped on its path"
+"""Text of a motion that was stopped, where there is no more to say of it than why."""
+
+
 class EventKind(Enum):
     """What the daemon reports of a device."""
 
     READY = "ready"
     MOTION_STARTED = "motion started"
     MOTION_DONE = "motion done"
+    MOTION_PASSED = "motion passed"
     MOTION_STOPPED = "motion stopped"
     MOTION_REPLACED = "motion replaced"
     MOTION_UNSETTLED = "motion unsettled"

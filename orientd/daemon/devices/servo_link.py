@@ -14,9 +14,9 @@ import threading
 import time
 from collections import deque
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
-from orientd.errors import DaemonError, NotYetError, StateError
+from orientd.errors import DaemonError, NotYetError, PendingError, StateError
 from orientd.planner import Limits
 from orientd.servo import ProcessSettings
 from orientd.stream import (
@@ -37,14 +37,28 @@ from orientd.stream import (
 ANSWER_TIMEOUT = 0.5
 """How long an ordinary command may take, s."""
 
-SLOW_ANSWER_TIMEOUT = 20.0
-"""How long a command may take for which the driver talks to the device at length, s."""
+SLOW_ANSWER_TIMEOUT = 0.9
+"""How long a command is waited for for which the driver talks to the device at length, s.
+
+Such a command goes on; whoever gives it again later has the answer to the first one.
+"""
+_LATE_ANSWER = 10.0
+"""How long the answer to a slow command is kept for whoever gives it again, s."""
 
 _SLOW = (Command.ENABLE, Command.DISABLE, Command.RESET)
+_STOPPING = (Command.STOP, Command.HALT, Command.SHUTDOWN)
 _POLL = 0.0005
 _LOOK = 0.05
 _LOOK_FOR_END = 0.005
 _NO_TERMS = ServoLimits(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+class SlowCommand(NamedTuple):
+    """A command that the servo may be busy with: its number, what it is, and since when, s."""
+
+    number: int
+    command: Command
+    begun: float
 
 
 class ServoLink:
@@ -70,6 +84,7 @@ class ServoLink:
         self._note_index = 0
         self._answers: dict[int, Note] = {}
         self._reset = UNKNOWN
+        self._slow: SlowCommand | None = None
         self._words: deque[Note] = deque(maxlen=256)
         self._is_closed = False
         try:
@@ -92,6 +107,12 @@ class ServoLink:
     def is_alive(self) -> bool:
         """Whether the process runs."""
         return self.process.poll() is None
+
+    @property
+    def busy_with(self) -> Command | None:
+        """The slow command that was given last and whose answer nobody has had."""
+        slow = self._slow
+        return None if slow is None else slow.command
 
     @property
     def is_stopped(self) -> bool:
@@ -117,33 +138,55 @@ class ServoLink:
         start_ns: int = 0,
         speed: float = 0.0,
         servo_limits: ServoLimits = _NO_TERMS,
+        patience: float = SLOW_ANSWER_TIMEOUT,
     ) -> None:
         """Send a command and wait until the servo has taken it.
 
-        One that this has given up waiting for is not carried out later, unless it stops something.
+        One that this has given up waiting for is not carried out later, unless it stops something,
+        or is one for which the driver talks to the device at length: it goes on.  While it does
+        nothing moves, and a stop is not waited for.
+
+        Args:
+            command: what to do.
+            motion, path_index, leave_index, final_index, start_ns, speed, servo_limits: see
+                :class:`~orientd.stream.Command`.
+            patience: how long to wait for such a command, s.
 
         Raises:
+            PendingError: the servo is still busy with this command, or with another.
             NotYetError: not while the speed is changing.
             StateError: the servo's state does not allow it, or it was refused.
             DaemonError: the servo does not answer, or is not there.
         """
-        index = self._post(
-            command,
-            motion,
-            path_index,
-            leave_index,
-            final_index,
-            start_ns,
-            speed,
-            *servo_limits.floats(),
-        )
-        timeout = SLOW_ANSWER_TIMEOUT if command in _SLOW else ANSWER_TIMEOUT
         begun = time.monotonic()
+        slow = self._under_way(command, begun)
+        index = (
+            slow.number
+            if slow is not None and slow.command is command
+            else self._post(
+                command,
+                motion,
+                path_index,
+                leave_index,
+                final_index,
+                start_ns,
+                speed,
+                *servo_limits.floats(),
+            )
+        )
+        if command in _STOPPING and (slow is not None or not self.memory.cycles.head):
+            return  # it stops what does not move
+        is_slow = command in _SLOW
+        if is_slow and slow is None:
+            slow = self._slow = SlowCommand(index, command, begun)
+        timeout = patience if is_slow else ANSWER_TIMEOUT
         end, look = begun + timeout, begun + ANSWER_TIMEOUT
         while True:
             self._hear()
             answer = self._answers.pop(index, None)
             if answer is not None:
+                if is_slow:
+                    self._slow = None
                 break
             if not self.is_alive:
                 raise DaemonError(f"the servo process has ended, it cannot {command.name.lower()}")
@@ -151,11 +194,14 @@ class ServoLink:
             if now > look:
                 look = now + _LOOK
                 if self.is_stopped:
+                    self._slow = None
                     self.memory.commands.words[GIVEN_UP_WORD] = index + 1
                     raise DaemonError(
                         f"the servo process {self.process.pid} is stopped (SIGSTOP or a debugger), "
                         f"it cannot {command.name.lower()}"
                     )
+            if now > end and slow is not None:
+                raise PendingError(_progress(slow))
             if now > end:
                 self.memory.commands.words[GIVEN_UP_WORD] = index + 1
                 raise DaemonError(
@@ -168,6 +214,27 @@ class ServoLink:
             raise StateError(answer.text)
         if answer.code != Answer.DONE:
             raise DaemonError(f"{command.name.lower()} failed: {answer.text}")
+
+    def _under_way(self, command: Command, now: float) -> SlowCommand | None:
+        """Return the slow command that the servo is busy with, if any.
+
+        Raises:
+            PendingError: *command* would have to wait for it.
+        """
+        self._hear()
+        slow = self._slow
+        if slow is None:
+            return None
+        is_again = command is slow.command
+        if slow.number in self._answers and now - slow.begun > _LATE_ANSWER:
+            self._answers.pop(slow.number)
+            self._slow = None
+            return None
+        if slow.number in self._answers and not is_again:
+            return None
+        if is_again or command in _STOPPING:
+            return slow
+        raise PendingError(_progress(slow))
 
     def stop(self) -> None:
         """Have the servo stop on its path as soon as it hears of it; waits for no answer."""
@@ -268,6 +335,14 @@ class ServoLink:
                         self._words = deque(left, self._words.maxlen)
                 else:
                     self._words.append(note)
+
+
+def _progress(slow: SlowCommand) -> str:
+    taken = time.monotonic() - slow.begun
+    return (
+        f"{slow.command.name.lower()} is under way, for {taken:.1f} s so far: the device takes its "
+        "time; ask again"
+    )
 
 
 def report_directory() -> str:

@@ -6,21 +6,29 @@ import contextlib
 import json
 import os
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 
 from orientd.config import DeviceSettings
 from orientd.daemon.devices.device_report import EventKind
-from orientd.daemon.devices.servo_link import ServoLink, report_directory
+from orientd.daemon.devices.servo_link import (
+    SLOW_ANSWER_TIMEOUT,
+    ServoLink,
+    report_directory,
+)
 from orientd.driver import driver_target
-from orientd.errors import GOING_DOWN, DaemonError, Fault, StateError
+from orientd.errors import GOING_DOWN, DaemonError, Fault, PendingError, StateError
 from orientd.servo import ProcessSettings
 from orientd.stream import Command, Cycle, NoteKind, State
 
 _LONGEST_END = 30.0
 """How long a servo may take to stop on its path and to park its device, s."""
 
+_JUST_NOW = 0.5
+
 Tell = Callable[[EventKind, str], None]
+Explain = Callable[[int], str]
 
 
 class ServoSupervisor:
@@ -37,13 +45,16 @@ class ServoSupervisor:
         memory_locked: whether its memory is locked.
     """
 
-    def __init__(self, settings: DeviceSettings, *, read_ahead: int, tell: Tell) -> None:
+    def __init__(
+        self, settings: DeviceSettings, *, read_ahead: int, tell: Tell, why_ended: Explain
+    ) -> None:
         """Start nothing yet.
 
         Args:
             settings: the device's part of the configuration.
             read_ahead: path records that are kept ahead of the servo, a power of two.
             tell: is told of a servo that is ready, in a fault, or has ended.
+            why_ended: says what the driver knows of a signal that has ended the process.
 
         Raises:
             ConfigError: the driver is not installed.
@@ -52,8 +63,10 @@ class ServoSupervisor:
         self._target = driver_target(settings.driver)
         self._read_ahead = read_ahead
         self._tell = tell
+        self._why_ended = why_ended
         self._ready = threading.Event()
         self._has_ended = False
+        self._failed = 0.0
         self.link: ServoLink | None = None
         self._forget()
 
@@ -62,9 +75,10 @@ class ServoSupervisor:
         self.fault = Fault.NONE
         self.fault_text = ""
         self.failure = ""
-        self._last_words = ""
+        self._last_words, self._last_fault = "", Fault.NONE
         self.scheduling = ""
         self.memory_locked = False
+        self._is_starting = False
 
     # The process
 
@@ -180,14 +194,25 @@ class ServoSupervisor:
                 self.fault_text = note.text or name
                 self._tell(EventKind.FAULT, f"{name}: {self.fault_text}")
             elif note.kind is NoteKind.ENDING:
-                self._last_words = note.text
+                self._last_words, self._last_fault = note.text, Fault(note.code)
+        if self._is_starting:
+            self._enable_at_start(link, patience=0.0)
 
     def _become_ready(self, link: ServoLink, text: str) -> None:
+        self._last_fault = Fault.NONE
         got = json.loads(text)
         self.scheduling, self.memory_locked = got["scheduling"], got["memory_locked"]
+        self._enable_at_start(link)
+
+    def _enable_at_start(self, link: ServoLink, patience: float = SLOW_ANSWER_TIMEOUT) -> None:
+        """Enable the device if so configured, and be ready once that is done."""
+        self._is_starting = False
         if self._settings.auto_enable:
             try:
-                link.ask(Command.ENABLE)
+                link.ask(Command.ENABLE, patience=patience)
+            except PendingError:
+                self._is_starting = True
+                return
             except (StateError, DaemonError) as error:
                 self.fault, self.fault_text = Fault.DEVICE_FAULT, str(error)
                 self._tell(EventKind.FAULT, self.fault_text)
@@ -200,10 +225,12 @@ class ServoSupervisor:
         """Say that the process has ended, whatever ended it."""
         code = link.process.returncode
         ended = f"by signal {-code}" if code < 0 else f"with status {code}"
-        self.failure = self._last_words or f"the servo process was ended {ended}"
+        reason = self._why_ended(-code) if code < 0 else ""
+        died = f"the servo process was ended {ended}" + (f": {reason}" if reason else "")
+        self.failure = self._last_words or died
         if self.fault is not Fault.LINK_LOST:
             # A driver whose link is spent takes its process with it; the link is the reason.
-            self._fail(Fault.SERVO_DIED, self.failure)
+            self._fail(self._last_fault or Fault.SERVO_DIED, self.failure)
         self._ready.set()
         self._tell(EventKind.SERVO_DIED, self.failure)
 
@@ -211,20 +238,36 @@ class ServoSupervisor:
         """Do without a servo that could not be watched because of *error*."""
         self._fail(Fault.INTERNAL, f"{type(error).__name__}: {error}")
 
+    @property
+    def has_just_failed(self) -> bool:
+        """Whether it is a moment ago that the servo was lost."""
+        return bool(self.failure) and time.monotonic() - self._failed < _JUST_NOW
+
     def _fail(self, fault: Fault, failure: str) -> None:
+        self._failed = time.monotonic()
         self.failure = self.fault_text = failure
         self.fault = fault
 
-    def leave_fault(self, link: ServoLink) -> None:
+    def leave_fault(self, link: ServoLink, ends: float) -> None:
         """Have the servo leave its fault; enable the device if so configured.
 
+        Args:
+            link: to the servo.
+            ends: until when to wait for it, s of the monotonic clock.
+
         Raises:
+            PendingError: the device takes its time; to be called again.
             StateError: the driver cannot, or the device is not one to be enabled.
             DaemonError: the servo does not answer, or is not there.
         """
         cycle = link.newest()
+        if self._settings.auto_enable and link.busy_with is Command.ENABLE:
+            # What is left of a reset that took its time.
+            link.ask(Command.ENABLE, patience=max(ends - time.monotonic(), 0.05))
+            return
         if not (self.failure and cycle is not None and cycle.state is State.HOLDING):
-            link.ask(Command.RESET)  # else the failure was the daemon's own
+            # Else the failure was the daemon's own.
+            link.ask(Command.RESET, patience=max(ends - time.monotonic(), 0.05))
         self.fault, self.fault_text, self.failure = Fault.NONE, "", ""
         if self._settings.auto_enable:
-            link.ask(Command.ENABLE)
+            link.ask(Command.ENABLE, patience=max(ends - time.monotonic(), 0.05))

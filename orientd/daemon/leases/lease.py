@@ -1,13 +1,16 @@
-"""The lease: who may command the daemon, and for how long.
+"""Leases: who may command which device, and for how long.
 
-There is one lease for the whole daemon, not one for each device: two arms that work together then
-have one commander, and "who is in control" has one answer.
+A lease is of one device or of several, and a device is in the leases of one commander alone.  A
+commander may share: then each program of theirs has a lease of its own, with a token of its own,
+and what one of them gives back, or loses, leaves the others, and their motions, alone.
 """
 
 from __future__ import annotations
 
 import secrets
 import threading
+from collections import OrderedDict
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from orientd.clock import Clock
@@ -15,179 +18,296 @@ from orientd.errors import LeaseError
 
 NANOSECONDS = 1_000_000_000
 
+_KEPT = 64
+"""Leases that have ended of which their holders are still told that."""
+
 
 @dataclass(frozen=True)
 class Lease:
-    """The right to command.
+    """The right to command devices.
 
     Attributes:
         token: secret of the holder; goes into every command.
-        holder: who holds it, as they named themselves.
+        holder: what holds it, as it named itself.
         expires_ns: when it ends unless it is renewed, monotonic clock.
+        devices: which may be commanded with it, in the order of the table.
         owner: whose it is, as the daemon knows them; empty where it knows nobody.
+        name: of the owner, for people.
         is_offered: whether it was handed over to the owner, who has not taken it yet.
+        commander: the same for leases that are shared; the token of the first of them.
     """
 
     token: str
     holder: str
     expires_ns: int
+    devices: tuple[str, ...] = ()
     owner: str = ""
+    name: str = ""
     is_offered: bool = False
+    commander: str = ""
+
+    @property
+    def who(self) -> str:
+        """Whose it is, as far as that was checked."""
+        return f"{self.name} ({self.owner})" if self.owner and self.name else repr(self.holder)
+
+    def without(self, devices: Collection[str]) -> Lease:
+        """Return what is left of the lease once *devices* are somebody else's."""
+        return replace(self, devices=tuple(name for name in self.devices if name not in devices))
 
 
 class LeaseTable:
-    """Hand out the lease to one holder at a time.  Safe to call from any thread."""
+    """Hand out leases, each device to one commander at a time.  Safe to call from any thread."""
 
-    def __init__(self, *, seconds: float, clock: Clock) -> None:
-        """Open with nobody holding the lease.
+    def __init__(self, devices: Sequence[str], *, seconds: float, clock: Clock) -> None:
+        """Open with nobody holding a lease.
 
         Args:
+            devices: all there are.
             seconds: how long a lease lasts from its acquisition or renewal, s.
             clock: tells when it has run out.
         """
         self.seconds = seconds
+        self._devices = tuple(devices)
         self._span_ns = round(seconds * NANOSECONDS)
         self._clock = clock
         self._lock = threading.Lock()
-        self._lease: Lease | None = None
-        self._ended: Lease | None = None
+        self._leases: dict[str, Lease] = {}
+        self._ended: OrderedDict[str, Lease] = OrderedDict()
+        self._numbers: dict[tuple[str, str], int] = {}
 
-    def current(self) -> Lease | None:
-        """Return the lease if somebody holds it now."""
+    def held(self) -> list[Lease]:
+        """Return the leases that are held now, in the order in which they were taken."""
         with self._lock:
-            return self._valid()
+            return list(self._valid())
 
     @property
     def has_expired(self) -> bool:
         """Whether there is a lease for :meth:`collect_expired`."""
         with self._lock:
-            return self._lease is not None and self._valid() is None
+            return len(list(self._valid())) < len(self._leases)
 
     def remaining(self, lease: Lease) -> float:
         """Return for how many seconds *lease* still lasts; never negative."""
         return max(0, lease.expires_ns - self._clock.now_ns()) / NANOSECONDS
 
-    def owner(self, token: str) -> str | None:
-        """Return whose the lease of *token* is; ``None`` if that is not the present one."""
+    def owner(self, token: str, device: str = "") -> str | None:
+        """Return whose the lease of *token*, of *device* if one is named, is; ``None`` if none."""
         with self._lock:
-            held = self._valid()
-            return held.owner if held is not None and _is_same(held.token, token) else None
+            lease = self._find(token)
+            is_held = lease is not None and (not device or device in lease.devices)
+            return lease.owner if lease is not None and is_held else None
 
-    def acquire(self, holder: str, owner: str = "") -> Lease:
-        """Give the lease to *holder*, if it is free or was handed over to *owner*.
+    def acquire(
+        self,
+        holder: str,
+        owner: str = "",
+        *,
+        name: str = "",
+        devices: Collection[str] = (),
+        share: str = "",
+    ) -> Lease:
+        """Give a lease of *devices* to *holder*, of all of them or of none.
+
+        Args:
+            holder: what it calls itself.
+            owner: whose it will be.
+            name: of the owner, for people.
+            devices: which; all there are if empty, or those of *share*.
+            share: the token of a lease to command beside; it is left as it is.
 
         Raises:
-            LeaseError: somebody holds it; the message names them and the time that is left.
+            LeaseError: another commander has one of them; the message names them and the time that
+                is left; or *share* is not the token of a lease.
         """
         with self._lock:
-            held = self._valid()
-            if held is None:
-                self._lease = self._new(holder, owner)
-            elif held.is_offered and held.owner == owner:
-                self._lease = replace(
-                    held, holder=holder, is_offered=False, expires_ns=self._deadline()
+            shared = self._check(share) if share else None
+            wanted = self._in_order(devices or (shared.devices if shared else ()))
+            commander = shared.commander if shared else ""
+            others = [
+                lease
+                for lease in self._valid()
+                if lease.commander != commander and set(wanted) & set(lease.devices)
+            ]
+            offered = [lease for lease in others if lease.is_offered and lease.owner == owner]
+            refusing = [lease for lease in others if lease not in offered]
+            if refusing:
+                raise LeaseError(self._taken(refusing[0]))
+            if len(offered) == 1 and not shared:
+                # The motions that run under it know it by its token.
+                known = offered[0]
+                lease = replace(
+                    known,
+                    holder=holder,
+                    devices=self._in_order({*wanted, *known.devices}),
+                    is_offered=False,
+                    expires_ns=self._deadline(),
                 )
+            elif offered:
+                raise LeaseError("several leases were handed over: take each by itself")
             else:
-                raise LeaseError(self._taken(held))
-            return self._lease
+                lease = self._new(holder, owner, name, wanted, commander)
+            self._leases[lease.token] = lease
+            return lease
 
-    def transfer(self, token: str, owner: str, name: str) -> tuple[Lease, Lease]:
+    def transfer(self, token: str, owner: str, name: str) -> tuple[list[Lease], Lease]:
         """Hand the lease over to *owner*, called *name*, who has its full time to acquire it.
 
         Returns:
-            The lease before and after; the token of the former is worthless from now on.
+            The leases that are over, or are of fewer devices now: it, and what it shared them with;
+            and the one in their place.
 
         Raises:
-            LeaseError: *token* is not that of the present holder.
+            LeaseError: *token* is not that of a lease.
         """
         with self._lock:
-            held = self._check(token)
-            self._ended = held
-            self._lease = replace(self._new(name, owner), is_offered=True)
-            return held, self._lease
+            devices = self._check(token).devices
+            before = self._take_away(devices)
+            after = replace(self._new(name, owner, name, devices), is_offered=True)
+            self._leases[after.token] = after
+            return before, after
 
-    def seize(self, holder: str, owner: str) -> tuple[Lease | None, Lease]:
-        """Give the lease to *holder* whoever has it.
+    def seize(
+        self, holder: str, owner: str, *, name: str = "", devices: Collection[str] = ()
+    ) -> tuple[list[Lease], Lease]:
+        """Give a lease of *devices*, all there are if empty, to *holder* whoever has them.
 
         Returns:
-            The lease before, if there was one, and the one now.
+            The leases that are over, or of fewer devices now, as they were; and the new one.
         """
         with self._lock:
-            before = self._valid()
-            if before is not None:
-                self._ended = before
-            self._lease = self._new(holder, owner)
-            return before, self._lease
+            wanted = self._in_order(devices)
+            before = self._take_away(wanted)
+            after = self._new(holder, owner, name, wanted)
+            self._leases[after.token] = after
+            return before, after
 
     def renew(self, token: str) -> Lease:
         """Let the lease of *token* last its full time from now.
 
         Raises:
-            LeaseError: *token* is not that of the present holder.
+            LeaseError: *token* is not that of a lease.
         """
         with self._lock:
-            held = self._check(token)
-            self._lease = replace(held, expires_ns=self._deadline())
-            return self._lease
+            lease = replace(self._check(token), expires_ns=self._deadline())
+            self._leases[lease.token] = lease
+            return lease
 
     def release(self, token: str) -> Lease:
         """Take the lease back from its holder and return it as it was.
 
         Raises:
-            LeaseError: *token* is not that of the present holder.
+            LeaseError: *token* is not that of a lease.
         """
         with self._lock:
-            held = self._check(token)
-            self._lease, self._ended = None, held
-            return held
+            lease = self._check(token)
+            self._end(lease)
+            return lease
 
-    def check(self, token: str) -> Lease:
+    def check(self, token: str, device: str = "", number: int = 0) -> Lease:
         """Return the lease of *token*.
 
+        Args:
+            token: of a command.
+            device: that is commanded; empty for none in particular.
+            number: of the command, more than that of any before under this lease to this device; 0
+                where nobody counts.
+
         Raises:
-            LeaseError: *token* is not that of the present holder.
+            LeaseError: *token* is not that of a lease of the device, or the command is an old one.
         """
         with self._lock:
-            return self._check(token)
+            lease = self._check(token, device)
+            if number:
+                newest = self._numbers.get((token, device), 0)
+                if number <= newest:
+                    raise LeaseError(
+                        f"an old command: number {number} of its lease, "
+                        f"after number {newest} to {device or 'the daemon'}"
+                    )
+                self._numbers[token, device] = number
+            return lease
 
-    def collect_expired(self) -> Lease | None:
-        """Return the lease if it ran out since the last call, and forget it."""
+    def collect_expired(self) -> list[Lease]:
+        """Return the leases that ran out since the last call, and forget them."""
         with self._lock:
-            if self._lease is None or self._valid() is not None:
-                return None
-            self._ended, self._lease = self._lease, None
-            return self._ended
+            valid = list(self._valid())
+            expired = [lease for lease in self._leases.values() if lease not in valid]
+            for lease in expired:
+                self._end(lease)
+            return expired
 
-    def _new(self, holder: str, owner: str) -> Lease:
-        return Lease(secrets.token_hex(16), holder, self._deadline(), owner)
+    # With the lock held
+
+    def _new(
+        self, holder: str, owner: str, name: str, devices: tuple[str, ...], commander: str = ""
+    ) -> Lease:
+        token = secrets.token_hex(16)
+        return Lease(
+            token, holder, self._deadline(), devices, owner, name, commander=commander or token
+        )
+
+    def _end(self, lease: Lease) -> None:
+        self._leases.pop(lease.token, None)
+        self._numbers = {key: last for key, last in self._numbers.items() if key[0] != lease.token}
+        self._ended[lease.token] = lease
+        while len(self._ended) > _KEPT:
+            self._ended.popitem(last=False)
+
+    def _take_away(self, devices: Collection[str]) -> list[Lease]:
+        """Take *devices* out of every lease; return those that had any, as they were."""
+        before = [lease for lease in self._valid() if set(devices) & set(lease.devices)]
+        for lease in before:
+            left = lease.without(devices)
+            if left.devices:
+                self._leases[lease.token] = left
+            else:
+                self._end(lease)
+        return before
+
+    def _in_order(self, devices: Collection[str]) -> tuple[str, ...]:
+        return tuple(name for name in self._devices if not devices or name in devices)
 
     def _deadline(self) -> int:
         return self._clock.now_ns() + self._span_ns
 
-    def _valid(self) -> Lease | None:
-        lease = self._lease
-        return lease if lease is not None and self._clock.now_ns() < lease.expires_ns else None
+    def _valid(self) -> Iterator[Lease]:
+        now = self._clock.now_ns()
+        return (lease for lease in self._leases.values() if now < lease.expires_ns)
 
-    def _check(self, token: str) -> Lease:
+    def _find(self, token: str) -> Lease | None:
+        # In a time that does not tell how much of a token was right.
+        given = token.encode()
+        return next(
+            (one for one in self._valid() if secrets.compare_digest(one.token.encode(), given)),
+            None,
+        )
+
+    def _check(self, token: str, device: str = "") -> Lease:
         if not token:
             raise LeaseError("a command needs the lease: acquire it and send its token")
-        held = self._valid()
-        if held is not None and _is_same(held.token, token):
-            return held
-        if held is not None:
-            raise LeaseError(self._taken(held))
-        for ended in (self._lease, self._ended):
-            if ended is not None and ended.token == token:
-                raise LeaseError(
-                    f"the lease of {ended.holder!r} has expired or was released: acquire it again"
-                )
+        lease = self._find(token)
+        if lease is not None and (not device or device in lease.devices):
+            return lease
+        before = lease or self._leases.get(token) or self._ended.get(token)
+        names = {device} if device else set(before.devices if before else self._devices)
+        for held in self._valid():
+            if held is not lease and names & set(held.devices):
+                raise LeaseError(self._taken(held))
+        if lease is not None:
+            raise LeaseError(f"the lease is of {_listed(lease)}, not of {device}: acquire that too")
+        if before is not None:
+            raise LeaseError(
+                f"the lease of {before.holder!r} has expired or was released: acquire it again"
+            )
         raise LeaseError("this is not the token of any lease: acquire the lease first")
 
     def _taken(self, held: Lease) -> str:
+        of = f" of {_listed(held)}" if len(self._devices) > 1 else ""
+        whose = f"{held.holder!r} ({held.owner})" if held.owner else repr(held.holder)
         remaining = self.remaining(held)
-        return f"the lease is held by {held.holder!r}, for another {remaining:.1f} s if not renewed"
+        return f"the lease{of} is held by {whose}, for another {remaining:.1f} s if not renewed"
 
 
-def _is_same(token: str, other: str) -> bool:
-    """Compare in a time that does not tell how much of it was right."""
-    return secrets.compare_digest(token.encode(), other.encode())
+def _listed(lease: Lease) -> str:
+    return ", ".join(lease.devices)

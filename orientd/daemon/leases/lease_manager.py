@@ -6,6 +6,7 @@ What was started under a lease stops when the lease is lost, and goes on when it
 from __future__ import annotations
 
 import logging
+from collections.abc import Collection
 
 from orientd.daemon.leases.lease import Lease, LeaseTable
 from orientd.daemon.motions import ActiveMotions
@@ -15,15 +16,23 @@ _log = logging.getLogger(__name__)
 
 
 class LeaseManager:
-    """The lease of a cell, with the motions that belong to it."""
+    """The leases of a cell, with the motions that belong to them."""
 
     def __init__(self, leases: LeaseTable, runs: ActiveMotions) -> None:
-        """Let *desk* say who holds the lease, and stop *runs* that have lost theirs."""
+        """Let *leases* say who commands what, and stop *runs* that have lost theirs."""
         self._leases = leases
         self._runs = runs
 
-    def acquire(self, holder: str, owner: str = "") -> Lease:
-        """Give the lease to *holder*, who is *owner*, if it is free or was handed over to them.
+    def acquire(
+        self,
+        holder: str,
+        owner: str = "",
+        *,
+        name: str = "",
+        devices: Collection[str] = (),
+        share: str = "",
+    ) -> Lease:
+        """Give a lease of *devices* to *holder*; see :meth:`LeaseTable.acquire`.
 
         Raises:
             RequestError: the holder has no name.
@@ -31,8 +40,8 @@ class LeaseManager:
         """
         holder = _holder(holder)
         self.expire()
-        lease = self._leases.acquire(holder, owner)
-        _log.info("lease: acquired by %r", holder)
+        lease = self._leases.acquire(holder, owner, name=name, devices=devices, share=share)
+        _log.info("lease: %s by %s", "shared" if share else "acquired", lease.who)
         return lease
 
     def transfer(self, token: str, owner: str, name: str) -> Lease:
@@ -42,12 +51,21 @@ class LeaseManager:
             LeaseError: it is not held with *token*.
         """
         before, lease = self._leases.transfer(token, owner, name)
-        self._runs.reassign(before.token, lease.token)
-        _log.info("lease: %r hands it over to %r", before.holder, name)
+        for one in before:
+            self._runs.reassign(one.token, lease.token, lease.devices)
+        _log.info("lease: %s hands it over to %s", before[0].who, lease.who)
         return lease
 
-    def seize(self, holder: str, owner: str, reason: str) -> Lease:
-        """Give the lease to *holder* whoever has it; a motion that was started with it stops.
+    def seize(
+        self,
+        holder: str,
+        owner: str,
+        reason: str,
+        *,
+        name: str = "",
+        devices: Collection[str] = (),
+    ) -> Lease:
+        """Give a lease of *devices* to *holder* whoever has them; motions under those stop.
 
         Raises:
             RequestError: the holder has no name, or there is no reason.
@@ -55,33 +73,33 @@ class LeaseManager:
         holder, reason = _holder(holder), " ".join(reason.split())[:200]
         if not reason:
             raise RequestError("reason", "expected why the lease is seized, got nothing")
-        before, lease = self._leases.seize(holder, owner)
-        whose = "nobody" if before is None else repr(before.holder)
-        _log.warning("lease: %r seizes it from %s: %s", holder, whose, reason)
-        if before is not None:
-            self._disown(before, f"was seized by {holder}: {reason}")
+        before, lease = self._leases.seize(holder, owner, name=name, devices=devices)
+        whose = ", ".join(one.who for one in before) or "nobody"
+        _log.warning("lease: %s seizes it from %s: %s", lease.who, whose, reason)
+        for one in before:
+            self._disown(one, lease.devices, f"was seized by {lease.who}: {reason}")
         return lease
 
     def release(self, token: str) -> None:
-        """Take the lease back; a motion that was started with it stops.
+        """Take the lease back; motions that were started with it stop.
 
         Raises:
             LeaseError: it is not held with *token*.
         """
         lease = self._leases.release(token)
-        _log.info("lease: released by %r", lease.holder)
-        self._disown(lease, "was released")
+        _log.info("lease: released by %s", lease.who)
+        self._disown(lease, lease.devices, "was released")
 
     def expire(self) -> None:
-        """Take the lease back if it has run out; a motion that was started with it stops."""
-        lease = self._leases.collect_expired()
-        if lease is not None:
-            _log.warning("lease: that of %r has expired", lease.holder)
-            self._disown(lease, "has expired")
+        """Take leases back that have run out; motions that were started with them stop."""
+        for lease in self._leases.collect_expired():
+            _log.warning("lease: that of %s has expired", lease.who)
+            self._disown(lease, lease.devices, "has expired")
 
-    def _disown(self, lease: Lease, what: str) -> None:
-        owned = [run.device for run in self._runs.unfinished(lease.token)]
-        self._runs.halt(owned, f"the lease of {lease.holder!r} {what}")
+    def _disown(self, lease: Lease, devices: Collection[str], what: str) -> None:
+        for run in self._runs.unfinished(lease.token):
+            if run.device.name in devices:
+                self._runs.abandon(run, f"the lease of {lease.who} {what}")
 
 
 def _holder(name: str) -> str:

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from orientd.daemon.devices import DeviceEvent, EventKind
+from orientd.daemon.devices import STOPPED, DeviceEvent, EventKind
 from orientd.daemon.observe import about
 from orientd.errors import Fault, OrientdError, StateError
 from orientd.rpc import Outcome, titled
@@ -31,6 +31,7 @@ Ended = tuple[Outcome, str]
 
 _OUTCOMES = {
     EventKind.MOTION_DONE: Outcome.DONE,
+    EventKind.MOTION_PASSED: Outcome.PASSED,
     EventKind.MOTION_REPLACED: Outcome.REPLACED,
     EventKind.MOTION_UNSETTLED: Outcome.UNSETTLED,
 }
@@ -52,6 +53,7 @@ class ActiveMotion:
         motion: what is run; ``None`` where the device follows targets.
         token: the lease that it was started with.
         start_ns: when it was to begin, if that was asked for.
+        reason: why it was told to end; empty while it was not, or together with the whole device.
         ended: how it ended and why, once it has.
     """
 
@@ -60,11 +62,17 @@ class ActiveMotion:
     motion: PlannedMotion | None
     token: str
     start_ns: int = UNKNOWN
+    reason: str = ""
     ended: Future[Ended] = field(default_factory=Future)
 
 
 class ActiveMotions:
-    """The motions of every device that have not ended."""
+    """The motions of every device that have not ended.
+
+    Attributes:
+        hear_stops: called before anybody is told why a motion was stopped: has :meth:`note_stop`
+            called for stops beside the daemon that it has not heard of yet.
+    """
 
     def __init__(self, devices: Mapping[str, Device]) -> None:
         """Know of no motion yet.
@@ -80,11 +88,12 @@ class ActiveMotions:
         self._stops: dict[str, int] = {}
         self._reasons: dict[str, str] = {}
         self._timed: list[ActiveMotion] = []
+        self.hear_stops: Callable[[], object] = lambda: None
 
     def stops(self, device: Device) -> int:
         """Return how often *device* was told to stop, to give to :meth:`begin` later on."""
         with self._lock:
-            return self._stops.get(device.name, 0)
+            return self._stops.get(device.name, 0) + device.stops_beside
 
     def unfinished(self, token: str | None = None) -> list[ActiveMotion]:
         """Return the motions under way: all of them, or those that were started with *token*."""
@@ -95,12 +104,27 @@ class ActiveMotions:
                 if not run.ended.done() and token in (None, run.token)
             ]
 
-    def reassign(self, before: str, token: str) -> None:
-        """Have the motions under the lease of token *before* go on under that of *token*."""
+    def reassign(self, before: str, token: str, devices: Collection[str]) -> None:
+        """Have motions of *devices* under the lease of token *before* go on under *token*."""
         with self._lock:
             for run in self._runs.values():
-                if run.token == before:
+                if run.token == before and run.device.name in devices:
                     run.token = token
+
+    def find(self, device: Device, number: int) -> ActiveMotion | None:
+        """Return motion *number* of *device*, if it has not ended."""
+        with self._lock:
+            return self._runs.get((device.name, number))
+
+    def abandon(self, run: ActiveMotion, reason: str) -> list[OrientdError]:
+        """End *run*, and nothing that runs before it; return what failed.
+
+        One that waits for its turn is taken out; else the device is stopped on its path.
+        """
+        if run.ended.done():
+            return []
+        run.reason = reason
+        return [] if run.device.withdraw(run.number, reason) else self.halt([run.device], reason)
 
     def begin(
         self,
@@ -130,14 +154,14 @@ class ActiveMotions:
             StateError: the device is not ready to move, or was stopped meanwhile.
         """
         with self._lock:
-            if self._stops.get(device.name, 0) != stops:
+            if self._stops.get(device.name, 0) + device.stops_beside != stops:
                 reason = self._reasons.get(device.name, "stopped")
                 raise StateError(f"device {device.name} was stopped before it began: {reason}")
             self._reasons.pop(device.name, None)
         number = start()
         run = ActiveMotion(device, number, motion, token, start_ns)
         with self._lock:
-            is_stopped = self._stops.get(device.name, 0) != stops
+            is_stopped = self._stops.get(device.name, 0) + device.stops_beside != stops
             ended = self._ends.get(device.name, {}).get(number)
             if ended is not None:
                 run.ended.set_result(ended)
@@ -145,9 +169,11 @@ class ActiveMotions:
                 self._runs[device.name, number] = run
             if start_ns != UNKNOWN:
                 self._timed = [*self._timed[1 - _KEPT_STARTS :], run]
-        if not run.ended.done() and (is_stopped or not is_owned()):
-            # Told to stop, or disowned, between the checks and the start.
+        # Told to stop, or disowned, between the checks and the start.
+        if not run.ended.done() and is_stopped:
             device.stop()
+        elif not is_owned():
+            self.abandon(run, "the lease was lost before it began")
         return run
 
     def starts(self, run: ActiveMotion) -> tuple[float | None, float | None]:
@@ -184,6 +210,11 @@ class ActiveMotions:
                 _log.warning("%s: stop failed: %s", device.name, error)
                 failures.append(error)
         return failures
+
+    def note_stop(self, devices: Iterable[str], reason: str) -> None:
+        """Note that *devices* were stopped beside the daemon, and why."""
+        with self._lock:
+            self._reasons.update(dict.fromkeys(devices, reason))
 
     def conclude(self, run: ActiveMotion, ended: Ended) -> None:
         """Note how *run* ended, unless that is known."""
@@ -239,8 +270,13 @@ class ActiveMotions:
         snapshot = self._devices[event.device].snapshot()
         if snapshot.fault is not Fault.NONE:
             return Outcome.FAULT, snapshot.fault_text or event.text
+        self.hear_stops()
         with self._lock:
-            return Outcome.STOPPED, self._reasons.get(event.device, event.text)
+            run = self._runs.get((event.device, event.motion_number))
+            reason = (run.reason if run is not None else "") or self._reasons.get(event.device)
+        if not reason or event.text == STOPPED:
+            return Outcome.STOPPED, reason or event.text
+        return Outcome.STOPPED, f"{event.text}: {reason}"
 
     def _end(self, event: DeviceEvent, ended: Ended) -> None:
         with self._lock:

@@ -9,16 +9,16 @@ is told of the splice.
 from __future__ import annotations
 
 from collections import OrderedDict
-from dataclasses import dataclass
 
 from orientd.daemon.devices import ServoLink, servo_limits_of
 from orientd.daemon.motions.feeder import BLOCK, Feeder
 from orientd.daemon.motions.meter import MotionMeter, MotionStatistics
+from orientd.daemon.motions.queued_motion import QueuedMotion, SplicePoint
 from orientd.daemon.planners import PlannedMotion
 from orientd.errors import LateError, NotYetError, StateError
 from orientd.planner import MotionFacts
 from orientd.servo import TAIL_WORD
-from orientd.stream import UNKNOWN, Command, Cycle, record_index
+from orientd.stream import UNKNOWN, Command, Cycle, State, record_index
 
 MEASURED = 16
 """Motions that have ended whose measurements are kept."""
@@ -28,46 +28,6 @@ _METER_BLOCK = 256
 
 _FEED_TIME = 0.25
 """How much of a motion is fed before the servo is told of it, beyond what a stop takes; s."""
-
-
-@dataclass(eq=False)
-class QueuedMotion:
-    """One motion of a queue.
-
-    Attributes:
-        motion: what is run.
-        number: of the motion.
-        is_replaced: whether the next queued motion replaces the rest of it, rather than follows.
-        leave: record of this motion at which the next queued motion begins; ``None`` for the last
-        queued motion.
-        feeder: puts it into the ring; ``None`` until its turn has come.
-        is_running: whether the servo knows of it.
-    """
-
-    motion: PlannedMotion
-    number: int
-    is_replaced: bool = False
-    leave: int | None = None
-    feeder: Feeder | None = None
-    is_running: bool = False
-
-    @property
-    def last_record(self) -> int:
-        """The record at which the queued motion ends."""
-        return self.motion.last_record if self.leave is None else self.leave
-
-
-@dataclass(frozen=True, slots=True)
-class SplicePoint:
-    """Where a motion leaves the one before it.
-
-    Attributes:
-        number: of the motion that is left.
-        record: at which.
-    """
-
-    number: int
-    record: int
 
 
 class MotionQueue:
@@ -127,7 +87,16 @@ class MotionQueue:
         return SplicePoint(queued.number, record)
 
     def end(self, record: int) -> SplicePoint:
-        """Return the last queued motion at *record*."""
+        """Return the last queued motion at *record*.
+
+        Raises:
+            StateError: it is not to be run to its end.
+        """
+        if self.last.withdrawn:
+            raise StateError(
+                f"motion {self.last.number}, which this was to follow, ends early: "
+                f"{self.last.withdrawn}"
+            )
         return SplicePoint(self.last.number, record)
 
     def statistics(self, number: int) -> MotionStatistics | None:
@@ -242,12 +211,34 @@ class MotionQueue:
         left = self._queued_motions[place - 1]
         if left.leave == left.motion.last_record:
             return []  # it begins when the one before has come to rest
-        missed, self._queued_motions = self._queued_motions[place:], self._queued_motions[:place]
-        self._let_go(missed)
+        return self._take_out(place)
+
+    def withdraw(self, number: int, reason: str) -> list[QueuedMotion] | None:
+        """Take out motion *number*, which waits for its turn, and what follows it.
+
+        One that the servo has heard of is left, to be stopped once the one before is behind.
+
+        Returns:
+            What was taken out; ``None`` where it is that motion's turn already, or it has ended.
+        """
+        place = next((k for k, s in enumerate(self._queued_motions) if s.number == number), 0)
+        if not place:
+            return None
+        if self._queued_motions[place].is_running:
+            for queued in self._queued_motions[place:]:
+                queued.withdrawn = reason
+            return []
+        return self._take_out(place)
+
+    def _take_out(self, place: int) -> list[QueuedMotion]:
+        """Take out the motions from *place* on, so that the one before runs to its end."""
+        left = self._queued_motions[place - 1]
+        out, self._queued_motions = self._queued_motions[place:], self._queued_motions[:place]
+        self._let_go(out)
         left.leave = None
         if left.feeder is not None:
             left.feeder.leave_at(left.motion.last_record)
-        return missed
+        return out
 
     def resume(self, queued_motions: list[QueuedMotion], *, speed: float) -> None:
         """Begin with the first of *queued_motions* on a device at rest; others follow it.
@@ -284,6 +275,8 @@ class MotionQueue:
             self.measure()
         passed, self._queued_motions = self._queued_motions[:place], self._queued_motions[place:]
         self._let_go(passed)
+        if self.first.withdrawn and cycle.state is State.STREAMING:
+            self._link.stop()
         return passed
 
     def clear(self) -> list[QueuedMotion]:

@@ -13,12 +13,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from orientd.daemon.devices import EventKind, ServoLink
+from orientd.daemon.devices import STOPPED, EventKind, ServoLink
 from orientd.daemon.motions.arrivals import Arrivals
+from orientd.daemon.motions.coming_to_rest import await_rest, stop_on_path
+from orientd.daemon.motions.corners import Corners
 from orientd.daemon.motions.horizon import ReplanningHorizon
 from orientd.daemon.motions.meter import MotionStatistics
-from orientd.daemon.motions.motion_queue import MotionQueue, QueuedMotion, SplicePoint
+from orientd.daemon.motions.motion_queue import MotionQueue
 from orientd.daemon.motions.options import Kind, MoveOptions, Prepared
+from orientd.daemon.motions.queued_motion import QueuedMotion, SplicePoint
 from orientd.daemon.planners import Continuation, PlanCall, PlanInput, PlannedMotion, Planners, Rank
 from orientd.errors import LateError, NotYetError, PlanError, StateError
 from orientd.planner import HISTORY, Joints, RecordedMotion
@@ -28,21 +31,14 @@ from orientd.stream import UNKNOWN, Command, Cycle, State
 _SHAPED_ATTEMPTS = 3
 """How often a path that the driver shapes is planned from on the way before it begins at rest."""
 
-_LATER = (0.0, 0.15, 0.3)
-"""How much later on the way than as soon as possible axes are tried that cannot go on there, s."""
-
-LONGEST_STOP = 30.0
-"""How long a stop on the path may take, s."""
+_LATER = ((0.0,), (0.15, 0.3))
+"""How much later on the way axes are tried that cannot go on there, s; a row is side by side."""
 
 Tell = Callable[[EventKind, int, str], None]
 
 
 class Motions:
-    """What one servo process runs, and is to run.
-
-    Attributes:
-        is_paused: whether the present motion stands on its path, to be resumed.
-    """
+    """What one servo process runs, and is to run; *is_paused* where that stands on its path."""
 
     def __init__(
         self,
@@ -71,7 +67,9 @@ class Motions:
         self._name, self._planners = name, planners
         self._period = period
         self._queue = MotionQueue(link, lead=lead, read_ahead=read_ahead)
+        self.withdraw = self._queue.withdraw  # of what waits for its turn
         self._arrivals = Arrivals(link, tell)
+        self._corners = Corners(tell)
         self._tell = tell
         self._tuned: Mapping[str, Any] = {}
         self._horizon = ReplanningHorizon()
@@ -132,7 +130,7 @@ class Motions:
                 leave, motion = taking_over
         if motion is None:
             if leave is not None:
-                await self._stop_on_path()
+                await stop_on_path(self._link, self._period)
                 leave = None
             job = self._job(order, self.held(), self._joints())
             motion = await self._planners.plan(job, order)
@@ -182,7 +180,7 @@ class Motions:
         if move_options.start_ns != UNKNOWN:
             raise StateError("the device is moving: a start time needs one at rest")
         if cycle.state is State.STOPPING:
-            await self._await_rest()
+            await await_rest(self._link, self._period)
             return None
         if not motion_queue.is_active:
             return None
@@ -211,22 +209,27 @@ class Motions:
         if not joints:
             job = self._job(order, state)
             return leave, await self._planners.plan(job, order, rank=Rank.URGENT)
-        for later in _LATER if attempt < _SHAPED_ATTEMPTS else ():
-            record = leave.record + round(later / self._period)
-            if record >= min(left.last_record, left.at_hand[1]):
-                break
-            start = left.state_at(record)
-            before = () if start.is_at_rest else left.joints_before(record)
-            job = self._job(order, start, left.joints_at(record), before)
-            try:
-                motion = await self._planners.plan(job, order, rank=Rank.URGENT)
-            except PlanError:
-                continue
-            return replace(leave, record=record), motion
+        for together in _LATER if attempt < _SHAPED_ATTEMPTS else ():
+            ahead = [leave.record + round(seconds / self._period) for seconds in together]
+            records = [one for one in ahead if one < min(left.last_record, left.at_hand[1])]
+            trials = [self._trial(order, left, record) for record in records]
+            ended = await asyncio.gather(*trials, return_exceptions=True)
+            for record, found in zip(records, ended, strict=True):
+                if isinstance(found, PlannedMotion):
+                    return replace(leave, record=record), found
+                if not isinstance(found, PlanError):
+                    raise found
         # What cannot be planned from rest near there is not worth a stop.
         rest = PlannedState.at_rest(state.q, state.position)
         await self._planners.plan(self._job(order, rest, joints), order)
         return None
+
+    async def _trial(self, order: PlanCall, left: PlannedMotion, record: int) -> PlannedMotion:
+        """Plan a motion from a record of one whose axes are known."""
+        state, joints = left.state_at(record), left.joints_at(record)
+        before = () if state.is_at_rest else left.joints_before(record)
+        job = self._job(order, state, joints, before)
+        return await self._planners.plan(job, order, rank=Rank.URGENT)
 
     def _left(self, leave: SplicePoint) -> PlannedMotion:
         queued = self._queue.queued(leave.number)
@@ -234,26 +237,8 @@ class Motions:
             raise LateError(f"motion {leave.number} has ended")
         return queued.motion
 
-    async def _stop_on_path(self) -> None:
-        """Have what runs stop on its path, and wait for that."""
-        cycle = self._link.newest()
-        if cycle is not None and cycle.state is State.STREAMING:
-            await asyncio.to_thread(self._link.ask, Command.STOP)
-        await self._await_rest()
-
-    async def _await_rest(self) -> None:
-        """Wait until a stop has come to its end."""
-        end = time.monotonic() + LONGEST_STOP
-        while time.monotonic() < end:
-            cycle = self._link.newest()
-            if cycle is None or cycle.state not in (State.STREAMING, State.STOPPING):
-                return
-            await asyncio.sleep(self._period)
-        raise StateError("the device does not come to rest")
-
     def _joints(self) -> tuple[float, ...]:
-        cycle = self._link.newest()
-        return () if cycle is None else cycle.joints
+        return () if (cycle := self._link.newest()) is None else cycle.joints
 
     # Running
 
@@ -291,7 +276,8 @@ class Motions:
                 self.is_paused = False
         if move_options.gate is not None:
             self._arrivals.expect(number, move_options.gate)
-        self._tell(EventKind.MOTION_STARTED, number, f"{motion.facts.duration:.3f} s")
+        at_speed = "" if speed == 1.0 else f" at speed {speed:g}"
+        self._tell(EventKind.MOTION_STARTED, number, f"{motion.facts.duration:.3f} s{at_speed}")
 
     def tend(self, fault_text: str, *, speed: float) -> None:
         """Feed what runs, measure it, and note what has ended; to be called every few cycles.
@@ -317,10 +303,8 @@ class Motions:
         cycle = self._link.newest()
         motion_queue.measure_some()
         if cycle is None or (cycle.state is State.FAULT and not fault_text):
-            return  # of a fault of this very moment the reason is heard before the next look
-        for queued in motion_queue.passed(cycle):
-            kind = EventKind.MOTION_REPLACED if queued.is_replaced else EventKind.MOTION_DONE
-            self._tell(kind, queued.number, "")
+            return  # the reason for a fault of this very moment comes before the next look
+        self._corners.look(motion_queue.passed(cycle), motion_queue.first, cycle)
         is_moving = cycle.state in (State.STREAMING, State.STOPPING)
         if cycle.motion == motion_queue.first.number and not is_moving:
             self._conclude(cycle, fault_text, speed)
@@ -331,8 +315,10 @@ class Motions:
         ended, *following = self._queue.clear()
         is_fault = cycle.state is State.FAULT
         is_at_end = ended.feeder is not None and cycle.path_index == ended.feeder.final_index
+        self._corners.end(fault_text if is_fault else "")
         if is_fault or not is_at_end:
-            self._stop((ended, *following), fault_text if is_fault else "stopped on its path")
+            text = fault_text if is_fault else ended.withdrawn or STOPPED
+            self._stop((ended, *following), text)
             return
         self._arrivals.arrive(ended.number, cycle)
         if following:
@@ -345,6 +331,7 @@ class Motions:
     def drop(self, text: str, *, kind: EventKind = EventKind.MOTION_STOPPED) -> None:
         """Say of every motion that it has ended."""
         self._arrivals.end(text)
+        self._corners.end(text, kind)
         self._stop(tuple(self._queue.clear()), text, kind)
 
     def _stop(

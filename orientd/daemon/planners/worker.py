@@ -79,7 +79,7 @@ class Work:
         for planner in self._planners.values():
             request = MotionRequest([Keyframe(one) for one in q])
             try:
-                planner.plan(request, start=State.at_rest(q[0]), joints=())
+                planner.plan(request, start=State.at_rest(q[0]), joints=(), is_offline=True)
             except (OrientdError, ValueError):
                 continue  # not every device can do that; what it loads is loaded
 

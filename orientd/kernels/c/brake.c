@@ -116,62 +116,73 @@ int least_rate(matrix_t velocity, matrix_t acceleration, row_t jerk, double most
  * part of the path. */
 typedef struct { double unit, unit2, unit3, start, period, begin, end, more, most; } scale_t;
 
-INLINE void scales(scale_t s, index_t i, double *bends, double *twists) {
-    double time = s.start + s.period * (double)i;
-    bool is_rough = (s.begin <= time) & (time < s.end);
-    *bends = is_rough ? s.unit2 * s.more : s.unit2;
-    *twists = is_rough ? s.unit3 * s.most : s.unit3;
-}
+INLINE double larger(double a, double b) { return a > b ? a : b; }
 
-/* Write the points of a block; those of all three components together. */
-static void put_norms(const block_t *block, index_t points, scale_t s,
+/* Write the largest squares of velocity, acceleration and jerk of the setpoints at and after each
+ * record, and the largest product of the first two, of all three components together. */
+static void put_norms(const seen_t *seen, index_t points, bool is_first,
                       double (*restrict to)[BLOCK]) {
-    const double (*v)[BLOCK] = block->rates[0], (*a)[BLOCK] = block->rates[1];
-    const double (*squares)[BLOCK] = block->squares;
+    const double (*v)[BLOCK] = seen->rates[0], (*a)[BLOCK] = seen->rates[1];
+    const double (*squares)[BLOCK] = seen->squares;
+    const double least = is_first ? 0.0 : 1.0;
     INDEPENDENT
     for (index_t i = 0; i < points; i++) {
-        double bends, twists;
-        scales(s, i, &bends, &twists);
-        double along = v[0][i + 2] * a[0][i + 1] + v[1][i + 2] * a[1][i + 1]
-                     + v[2][i + 2] * a[2][i + 1];
-        to[0][i] = s.unit * sqrt(squares[0][i + 2]);
-        to[1][i] = bends * sqrt(squares[1][i + 1]);
-        to[2][i] = s.unit * bends * fabs(along);
-        to[3][i] = twists * sqrt(squares[2][i]);
+        double along = fabs(v[0][i + 2] * a[0][i + 1] + v[1][i + 2] * a[1][i + 1]
+                            + v[2][i + 2] * a[2][i + 1]);
+        to[0][i] = larger(squares[0][i + 2], least * to[0][i]);
+        to[1][i] = larger(squares[1][i + 1], least * to[1][i]);
+        to[2][i] = larger(along, least * to[2][i]);
+        to[3][i] = larger(squares[2][i], least * to[3][i]);
     }
 }
 
-/* Write the points of a block; those of one component. */
-static void put_component(const block_t *block, index_t axis, index_t points, scale_t s,
+/* Write the same of one component. */
+static void put_component(const seen_t *seen, index_t axis, index_t points, bool is_first,
                           double (*restrict to)[BLOCK]) {
-    const double *v = block->rates[0][axis], *a = block->rates[1][axis];
-    const double *jerk = block->rates[2][axis];
+    const double *v = seen->rates[0][axis], *a = seen->rates[1][axis];
+    const double *jerk = seen->rates[2][axis];
+    const double least = is_first ? 0.0 : 1.0;
     INDEPENDENT
     for (index_t i = 0; i < points; i++) {
-        double bends, twists;
-        scales(s, i, &bends, &twists);
-        double speed = s.unit * fabs(v[i + 2]), size = bends * fabs(a[i + 1]);
-        to[0][i] = speed, to[1][i] = size, to[2][i] = speed * size;
-        to[3][i] = twists * fabs(jerk[i]);
+        double speed = v[i + 2], size = a[i + 1], twist = jerk[i];
+        to[0][i] = larger(speed * speed, least * to[0][i]);
+        to[1][i] = larger(size * size, least * to[1][i]);
+        to[2][i] = larger(fabs(speed * size), least * to[2][i]);
+        to[3][i] = larger(twist * twist, least * to[3][i]);
     }
 }
 
-slowest_t slower(const block_t *block, index_t shift, double start, const measure_t *how,
+/* Turn squares of differences into rates. */
+static void put_rates(scale_t s, index_t points, double (*restrict to)[BLOCK]) {
+    INDEPENDENT
+    for (index_t i = 0; i < points; i++) {
+        double time = s.start + s.period * (double)i;
+        bool is_rough = (s.begin <= time) & (time < s.end);
+        double bends = is_rough ? s.unit2 * s.more : s.unit2;
+        double twists = is_rough ? s.unit3 * s.most : s.unit3;
+        to[0][i] = s.unit * sqrt(to[0][i]), to[1][i] = bends * sqrt(to[1][i]);
+        to[2][i] = s.unit * bends * to[2][i], to[3][i] = twists * sqrt(to[3][i]);
+    }
+}
+
+slowest_t slower(const sight_t *sight, index_t shift, double start, const measure_t *how,
                  slowest_t before) {
-    index_t points = block->count - HISTORY;
+    index_t points = sight->at->count - HISTORY;
     if (points <= 0)
         return before;
-    double rows[5][BLOCK], period = how->period;
+    double rows[5][BLOCK] = {{0.0}}, period = how->period;
     const double *rough = how->rough;
     points_t at = {rows[0], rows[1], rows[2], rows[3], rows[4], points};
     scale_t s = {1.0 / period, 1.0 / (period * period), 1.0 / (period * period * period),
                  start + period * (double)shift, period, rough[0], rough[1], rough[2], rough[3]};
     /* The norm, then the components where they are limited. */
     for (index_t column = 0; column < (how->with_axes ? 4 : 1); column++) {
-        if (column)
-            put_component(block, column - 1, points, s, rows);
-        else
-            put_norms(block, points, s, rows);
+        for (int p = 0; p < sight->phases; p++)
+            if (column)
+                put_component(sight->at + p, column - 1, points - (p > 0), !p, rows);
+            else
+                put_norms(sight->at + p, points - (p > 0), !p, rows);
+        put_rates(s, points, rows);
         before = least_of(at, how->most[column], how->most[4 + column], how->law, shift, before);
     }
     return before;

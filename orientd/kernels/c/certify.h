@@ -12,7 +12,8 @@ enum { HISTORY = 3 };
 enum { NO_PATH = -3 };
 
 /* The largest backward differences: squares, in units of rad a period, and where they are.  Rows
- * are velocity, acceleration and jerk; columns the norm and the three components, shape (3, 4). */
+ * are velocity, acceleration and jerk, then those on the records alone; columns the norm and the three
+ * components, shape (6, 4).  Places are of the first three rows, shape (12,). */
 typedef struct { double *squares; int64_t *places; } extremes_t;
 
 /* What the brake rate follows from; orientd.planner.certify.brake has the mathematics.
@@ -57,12 +58,13 @@ int least_rate(matrix_t velocity, matrix_t acceleration, row_t jerk, double most
 
 /* Write the largest backward differences of setpoints, and return the least brake rate.
  *
- * q: setpoints, shape (4, n).
+ * q: orientations, shape (4, n); with angular velocities and accelerations, shape (10, n), what the
+ *     servo draws between them counts, too.
  * past: how many accelerations, and twice as many velocities, are not to count as largest.
  * start: path time of the fourth setpoint, s.
  * found: zeros, where the differences go. */
-slowest_t setpoint_extremes(matrix_t q, index_t past, double start, measure_t how,
-                            extremes_t found);
+int setpoint_extremes(matrix_t q, index_t past, double start, measure_t how, extremes_t found,
+                      slowest_t *slowest);
 
 /* path.c */
 
@@ -83,7 +85,8 @@ int farthest_from_path(row_t path, row_t times, matrix_t keys, double *angle);
  * least brake rate.
  *
  * records: how many there are.
- * before: setpoints before the first, shape (3, 4), or (0, 4) if they are not known.
+ * before: the records before the first, shape (3, 10), whose velocities and accelerations are not
+ *     numbers if they are not known; or (0, 10) if nothing is.
  * found: as in setpoint_extremes; places count from the first of all setpoints. */
 int path_extremes(row_t path, index_t records, matrix_t before, measure_t how, extremes_t found,
                   slowest_t *slowest);
@@ -132,9 +135,10 @@ typedef struct { row_t curve; double rate, duration, period; bool is_held[2]; } 
  *
  * ranges: first and last records of some parts, one part after the other, shape (2 n,).
  * limits: as in put_factors.
+ * tolerance: factor by which what is drawn between the records may exceed them.
  * more: how much larger acceleration and jerk may be between the records.
  * is_smooth: whether jerks fall with the third power of the duration, or with the second. */
-int look_at(indices_t ranges, look_t motion, matrix_t limits, const double more[2], bool is_smooth,
-            double *factor);
+int look_at(indices_t ranges, look_t motion, matrix_t limits, double tolerance,
+            const double more[2], bool is_smooth, double *factor);
 
 #endif

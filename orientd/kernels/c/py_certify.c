@@ -27,7 +27,7 @@ static brake_law_t law_of(const argument_t *a) {
 }
 
 /* Where differences go: squares and places. */
-static bool is_room(const argument_t *a) { return a[0].m.n == 3 && a[0].m.m == 4 && a[1].x.n == 12; }
+static bool is_room(const argument_t *a) { return a[0].m.n == 6 && a[0].m.m == 4 && a[1].x.n == 12; }
 
 static extremes_t room_of(const argument_t *a) { return (extremes_t){a[0].m.v, a[1].x.v}; }
 
@@ -45,12 +45,13 @@ KERNEL(least_rate) {
 /* q, past, with_axes, period, start, rough, with_rate, most, the law, squares, places */
 KERNEL(setpoint_extremes) {
     TAKE("mipddvpmmvdddMX");
-    CHECK(a[0].m.n == 4 && a[1].i >= 0 && a[1].i <= 1 && a[5].v.n == 4);
+    CHECK((a[0].m.n == 4 || a[0].m.n == 10) && a[1].i >= 0 && a[1].i <= 1 && a[5].v.n == 4);
     CHECK(is_table(a[7].m, 2) && is_law(a + 8) && is_room(a + 13));
     measure_t how = {a[2].p, a[6].p, a[3].d, a[5].v.v, a[7].m.v, law_of(a + 8)};
     slowest_t found;
-    RUN(found = setpoint_extremes(a[0].m, a[1].i, a[4].d, how, room_of(a + 13)));
-    return answer(0, found.rate, found.place);
+    int failed;
+    RUN(failed = setpoint_extremes(a[0].m, a[1].i, a[4].d, how, room_of(a + 13), &found));
+    return answer(failed, found.rate, found.place);
 }
 
 KERNEL(sample_path) {
@@ -76,7 +77,7 @@ KERNEL(farthest_from_path) {
 KERNEL(path_extremes) {
     TAKE("vidmpvmmvdddMX");
     CHECK(a[1].i >= 1 && (double)a[1].i <= MOST_RECORDS && a[5].v.n == 4);
-    CHECK(a[3].m.m == 4 && (a[3].m.n == 0 || a[3].m.n == HISTORY));
+    CHECK(a[3].m.m == 10 && (a[3].m.n == 0 || a[3].m.n == HISTORY));
     CHECK(is_table(a[6].m, 2) && is_law(a + 7) && is_room(a + 12));
     measure_t how = {a[4].p, true, a[2].d, a[5].v.v, a[6].m.v, law_of(a + 7)};
     slowest_t found = {0.0, 0};
@@ -112,17 +113,18 @@ KERNEL(put_spots) {
     return PyLong_FromLongLong(found);
 }
 
-/* ranges, curve, rate, duration, period, held before and after, limits, bends, twists, is_smooth */
+/* ranges, curve, rate, duration, period, held before and after, limits, tolerance, bends, twists,
+ * is_smooth */
 KERNEL(look_at) {
-    TAKE("xvdddppmddp");
+    TAKE("xvdddppmdddp");
     CHECK(a[0].x.n % 2 == 0 && is_table(a[7].m, 3));
     CHECK(a[4].d > 0.0 && a[3].d >= 0.0 && a[3].d / a[4].d <= MOST_RECORDS);
     for (index_t i = 0; i < a[0].x.n; i++)
         CHECK(a[0].x.v[i] >= 0 && (double)a[0].x.v[i] <= MOST_RECORDS);
     look_t motion = {a[1].v, a[2].d, a[3].d, a[4].d, {a[5].p, a[6].p}};
-    double more[2] = {a[8].d, a[9].d}, factor = 0.0;
+    double more[2] = {a[9].d, a[10].d}, factor = 0.0;
     int failed;
-    RUN(failed = look_at(a[0].x, motion, a[7].m, more, a[10].p, &factor));
+    RUN(failed = look_at(a[0].x, motion, a[7].m, a[8].d, more, a[11].p, &factor));
     return answer(failed, factor, -1);
 }
 

@@ -79,10 +79,9 @@ index_t put_spots(row_t instants, row_t factors, double hot, matrix_t ends, matr
 
 /* What is looked at in the end: some records, and what the device holds before and after them. */
 static int see_records(look_t motion, curve_t curve, index_t first, index_t last, index_t final,
-                       bool with_axes, extremes_t found, scratch_t *scratch) {
+                       bool with_axes, extremes_t found, scratch_t *scratch, sight_t *sight) {
     double low = curve.numbers[0], high = curve.numbers[curve.spans];
-    block_t block;
-    block.count = 0;
+    block_t block = {.has_rates = true};
     index_t read = first - (first == 0 && motion.is_held[0] ? HISTORY : 0);
     index_t end = last + 1 + (last == final && motion.is_held[1] ? HISTORY : 0);
     while (read < end) {
@@ -97,35 +96,40 @@ static int see_records(look_t motion, curve_t curve, index_t first, index_t last
                                   (matrix_t){scratch->samples, 10, more});
         if (failed)
             return failed;
-        for (index_t row = 0; row < 4; row++)
+        for (index_t row = 0; row < 10; row++) {
+            double factor = row < 4 ? 1.0 : row < 7 ? motion.rate : motion.rate * motion.rate;
             for (index_t i = 0; i < more; i++)
-                block.q[row][known + i] = scratch->samples[row * more + i];
+                block.rows[row][known + i] = factor * scratch->samples[row * more + i];
+        }
         block.count += more;
         read += more;
-        take_differences(&block, 0, with_axes, 0, found);
+        take_differences(&block, motion.period, 0, with_axes, 0, sight, found);
         keep_last(&block);
     }
     return 0;
 }
 
 /* Return by which factor a motion should take longer to just keep its limits. */
-static double excess(const double *squares, double period, matrix_t limits, const double more[2],
-                     bool is_smooth) {
-    double shares[3] = {0.0, 0.0, 0.0}, unit = 1.0;
+static double excess(const double *squares, double period, matrix_t limits, double tolerance,
+                     const double more[2], bool is_smooth) {
+    double shares[6] = {0.0}, unit = 1.0;
     for (index_t order = 0; order < 3; order++) {
         unit *= period;
-        for (index_t c = 0; c < 4; c++)
-            shares[order] = fmax(shares[order],
-                                 sqrt(squares[4 * order + c]) / unit / row_of(limits, order)[c]);
+        for (index_t row = order; row < 6; row += 3)
+            for (index_t c = 0; c < 4; c++)
+                shares[row] = fmax(shares[row], sqrt(squares[4 * row + c]) / unit
+                                                / row_of(limits, order)[c]);
     }
-    double twist = more[1] * shares[2];
-    return fmax(fmax(shares[0], sqrt(more[0] * shares[1])), is_smooth ? cbrt(twist) : sqrt(twist));
+    double turn = fmax(shares[3], shares[0] / tolerance);
+    double bend = fmax(more[0] * shares[4], shares[1] / tolerance);
+    double twist = fmax(more[1] * shares[5], shares[2] / tolerance);
+    return fmax(fmax(turn, sqrt(bend)), is_smooth ? cbrt(twist) : sqrt(twist));
 }
 
-int look_at(indices_t ranges, look_t motion, matrix_t limits, const double more[2], bool is_smooth,
-            double *factor) {
+int look_at(indices_t ranges, look_t motion, matrix_t limits, double tolerance,
+            const double more[2], bool is_smooth, double *factor) {
     curve_t curve;
-    double squares[12] = {0.0};
+    double squares[24] = {0.0};
     int64_t places[12];
     bool with_axes = false;
     for (index_t i = 0; i < 12; i++)
@@ -133,14 +137,14 @@ int look_at(indices_t ranges, look_t motion, matrix_t limits, const double more[
     if (!read_curve(motion.curve, &curve))
         return NO_PATH;
     scratch_t *scratch = malloc(sizeof *scratch);
-    if (scratch == NULL)
-        return OUT_OF_MEMORY;
+    sight_t *sight = malloc(sizeof *sight);
+    int failed = scratch == NULL || sight == NULL ? OUT_OF_MEMORY : 0;
     index_t final = (index_t)nearbyint(motion.duration / motion.period);
-    int failed = 0;
     for (index_t i = 0; i < ranges.n && !failed; i += 2)
         failed = see_records(motion, curve, ranges.v[i], ranges.v[i + 1], final, with_axes,
-                             (extremes_t){squares, places}, scratch);
+                             (extremes_t){squares, places}, scratch, sight);
+    free(sight);
     free(scratch);
-    *factor = excess(squares, motion.period, limits, more, is_smooth);
+    *factor = excess(squares, motion.period, limits, tolerance, more, is_smooth);
     return failed;
 }

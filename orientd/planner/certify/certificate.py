@@ -15,16 +15,24 @@ class Peak:
         value: in SI units.
         time: path time of the record where it occurs, s.
         limit: what was allowed.
+        on_records: the largest of a motion that runs as planned, where that is less: off its
+            records, after a pause, a stop or another speed, it may be somewhat more.
     """
 
     value: float
     time: float
     limit: float
+    on_records: float | None = None
 
     @property
     def ratio(self) -> float:
         """The value as a share of the limit."""
         return self.value / self.limit
+
+    @property
+    def planned_ratio(self) -> float:
+        """The same of what runs as planned."""
+        return self.ratio if self.on_records is None else self.on_records / self.limit
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +55,8 @@ class Certificate:
         keyframe_error: largest angle between a keyframe and the motion at its time, rad; not small
             for methods that do not interpolate.
         brake_rate: how fast the servo may change speed on the path, 1/s.
-        stop_time: how long a stop from full speed takes then, s.
+        stop_time: how long a stop on the path from full speed takes at the most: until the device
+            rests, or until the motion ends by itself, s.
         figures: what is certified beyond that: of the body's axes where they have limits of
             their own, and what the device's driver adds, of its own axes for example.
         notes: what the driver has to say of the motion, a line each.

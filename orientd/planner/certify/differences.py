@@ -2,7 +2,10 @@
 
 A device knows setpoints, not derivatives.  It takes the rotation vector from one setpoint to the
 next over a period for the velocity, the change of that for the acceleration and the change of that
-for the jerk, so this is what is held against the limits, on the very records that are sent.
+for the jerk, so this is what is held against the limits: on the very records that are sent while a
+motion runs as planned, and at shares of a period after these on what the servo draws between them,
+which is sent after a pause, a stop or another speed.  (At constant rates below 1 nothing was found
+to have larger differences than the largest of all phases at rate 1.)
 """
 
 from __future__ import annotations
@@ -14,7 +17,7 @@ import numpy as np
 from orientd import kernels
 from orientd.planner.certify.brake import FASTEST_BRAKE_RATE, LAW
 from orientd.planner.certify.limit_tables import limit_table
-from orientd.planner.limits import Limits
+from orientd.planner.limits import ANGULAR, Limits
 from orientd.planner.recorded import HISTORY
 from orientd.rotation import Floats
 
@@ -48,7 +51,8 @@ class Extremes:
 
     Attributes:
         largest: squares of the largest backward differences, in units of rad a period: of the
-            norm, and of the components where they are wanted, shape ``(3, 4)``.
+            norm, and of the components where they are wanted, shape ``(6, 4)``; the last three rows
+            are those on the records alone.
         places: where these are, shape ``(3, 4)``.
         rate: the least brake rate, 1/s, where it is wanted.
         rate_place: which third difference sets it.
@@ -62,6 +66,10 @@ class Extremes:
     def peak(self, order: int, column: int, first: int) -> tuple[float, int]:
         """Return the largest square, and its record where that of the first setpoint is *first*."""
         return self.largest[order][column], first + order + 1 + self.places[order][column]
+
+    def on_records(self, order: int, column: int) -> float:
+        """Return the largest square on the records alone."""
+        return self.largest[len(ANGULAR) + order][column]
 
 
 def extremes(
@@ -77,7 +85,9 @@ def extremes(
     """Return the largest backward differences of orientations, and the least brake rate.
 
     Args:
-        q: setpoints, shape ``(n, 4)``.
+        q: orientations on the records, shape ``(n, 4)``; or with angular velocities, rad/s, and
+            accelerations, rad/s^2, shape ``(n, 10)``, where what is drawn between the records is to
+            count, too.  The first records may have no velocities, which are not numbers then.
         past: how many accelerations, and twice as many velocities, do not count as largest.
         with_axes: whether the largest components are wanted, too.
         period: from one setpoint to the next, s.
@@ -85,7 +95,7 @@ def extremes(
         rough: where the brake rate must expect more between the records than on them.
         brake_limits: limits for the brake rate; ``None`` leaves it out.
     """
-    squares, places = np.zeros((3, 4)), np.zeros(12, dtype=np.int64)
+    squares, places = np.zeros((6, 4)), np.zeros(12, dtype=np.int64)
     rate, place = kernels.setpoint_extremes(
         np.ascontiguousarray(q.T),
         past,
@@ -120,12 +130,12 @@ def path_extremes(
         path: from :func:`orientd.planner.path.plain_path.plain_path`; at multiples of the period.
         records: how many there are.
         period: from one to the next, s.
-        before: the setpoints before the first, shape ``(3, 4)``, or ``(0, 4)`` if not known.
+        before: the records before the first, shape ``(3, 10)``, or ``(0, 10)`` if not known.
         with_axes: as for :func:`extremes`, like all that have the same name.
         rough: likewise.
         brake_limits: likewise.
     """
-    squares, places = np.zeros((3, 4)), np.zeros(12, dtype=np.int64)
+    squares, places = np.zeros((6, 4)), np.zeros(12, dtype=np.int64)
     rate, place = kernels.path_extremes(
         path,
         records,

@@ -17,8 +17,11 @@ CHUNK = 8192
 """Records looked at in one go, so that a long motion needs no more memory than a short one."""
 
 Setpoints = Callable[[int, int], tuple[Floats, Floats]]
-"""Gives orientations ``(m, 4)`` and positions ``(m, 3)`` of *m* records from an index on; positions
-that are all the same come as one, ``(1, 3)``."""
+"""Gives orientations, angular velocities and accelerations ``(m, 10)`` and positions ``(m, 3)`` of
+*m* records from an index on; positions that are all the same come as one, ``(1, 3)``.  With
+orientations alone, ``(m, 4)``, only differences on the records are looked at."""
+
+_KEPT = HISTORY + 2  # so that every difference is seen with those before and after it
 
 
 def measure(
@@ -47,17 +50,21 @@ def measure(
     """
     tally = Tally(period, limits)
     q_tail, p_tail = before if before is not None else (np.empty((0, 4)), np.empty((0, 3)))
+    earlier = q_tail
     for first in range(0, count, CHUNK):
         size = min(CHUNK, count - first)
         q, p = setpoints(first, size)
+        if first == 0 and q.shape[1] > earlier.shape[1]:
+            q_tail = _with_rates(earlier)
         held = HISTORY if holds_after and first + size == count else 0
         # A device that keeps its place is the ordinary case.
         is_still = len(p) == 1 and bool((p_tail == p).all())
         q = _padded(q_tail, q, size, held)
+        q[len(q) - held :, 4:] = 0.0
         p = p if is_still else _padded(p_tail, p, size, held)
         index = first - len(q_tail)
-        q_tail = q[-HISTORY:]
-        p_tail = np.repeat(p[-1:], len(q_tail), axis=0) if is_still else p[-HISTORY:]
+        q_tail = q[-_KEPT:]
+        p_tail = np.repeat(p[-1:], len(q_tail), axis=0) if is_still else p[-_KEPT:]
 
         # What ends before the first record is the past, which nothing can change.
         past = 1 if first == 0 and before is not None else 0
@@ -104,7 +111,7 @@ def measure_path(
             plain,
             count,
             period,
-            before=q,
+            before=_with_rates(q),
             with_axes=limits.has_axes,
             rough=rough,
             brake_limits=brake_limits,
@@ -126,6 +133,15 @@ def measure_path(
         brake_limits=brake_limits,
         rough=rough,
     )
+
+
+def _with_rates(q: Floats) -> Floats:
+    """Return orientations before a path with velocities and accelerations, where they are known.
+
+    They are where the device was held; else its motion of before knows them.
+    """
+    rates = 0.0 if bool((q == q[:1]).all()) else np.nan
+    return np.concatenate([q, np.full((len(q), 6), rates)], axis=1)
 
 
 def _padded(before: Floats, rows: Floats, size: int, held: int) -> Floats:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -50,17 +50,32 @@ class Peaks:
     @property
     def spins(self) -> float:
         """The largest angular velocity as a share of its limits, of the norm and of the axes."""
-        return max(peak.ratio for peak in (self.velocity, *self.axis_velocity))
+        return _share((self.velocity, *self.axis_velocity))
 
     @property
     def bends(self) -> float:
         """The same of the angular acceleration."""
-        return max(peak.ratio for peak in (self.acceleration, *self.axis_acceleration))
+        return _share((self.acceleration, *self.axis_acceleration))
 
     @property
     def twists(self) -> float:
         """The same of the angular jerk."""
-        return max(peak.ratio for peak in (self.jerk, *self.axis_jerk))
+        return _share((self.jerk, *self.axis_jerk))
+
+    @property
+    def drawn(self) -> tuple[float, float, float]:
+        """The same three shares of what the servo draws between the records."""
+        groups = (
+            (self.velocity, *self.axis_velocity),
+            (self.acceleration, *self.axis_acceleration),
+            (self.jerk, *self.axis_jerk),
+        )
+        spins, bends, twists = (max(peak.ratio for peak in group) for group in groups)
+        return spins, bends, twists
+
+
+def _share(peaks: tuple[Peak, ...]) -> float:
+    return max(peak.planned_ratio for peak in peaks)
 
 
 class Tally:
@@ -76,6 +91,7 @@ class Tally:
         # In units of rad or m a period: the powers of the period come in once, at the end.
         columns = 4 if limits.has_axes else 1
         self._turns = [[_NONE] * columns for _ in ANGULAR]
+        self._planned = [[0.0] * columns for _ in ANGULAR]
         self._move, self._push = _NONE, _NONE
         self._slowest, self._slowest_record = FASTEST_BRAKE_RATE, 0
 
@@ -84,6 +100,9 @@ class Tally:
         for order, row in enumerate(self._turns):
             for column, largest in enumerate(row):
                 row[column] = _larger(largest, found.peak(order, column, first))
+                planned = self._planned[order][column], 0
+                planned = _larger(planned, (found.on_records(order, column), 0))
+                self._planned[order][column] = planned[0]
         self._note_rate(found.rate, first + HISTORY + found.rate_place)
 
     def note_moves(
@@ -116,9 +135,9 @@ class Tally:
         limits = self._limits
         (turn, *turns), (bend, *bends), (twist, *twists) = self._turns
         return Peaks(
-            self._peak(turn, limits.velocity, 1),
-            self._peak(bend, limits.acceleration, 2),
-            self._peak(twist, limits.jerk, 3),
+            self._turn(turn, 0, limits.velocity, 1),
+            self._turn(bend, 0, limits.acceleration, 2),
+            self._turn(twist, 0, limits.jerk, 3),
             self._peak(self._move, limits.linear_velocity, 1),
             self._peak(self._push, limits.linear_acceleration, 2),
             self._slowest,
@@ -133,7 +152,14 @@ class Tally:
         return Peak(math.sqrt(square) / self._period**power, record * self._period, limit)
 
     def _peaks(self, row: list[Largest], limits: tuple[float, ...], power: int) -> tuple[Peak, ...]:
-        return tuple(self._peak(one, limit, power) for one, limit in zip(row, limits, strict=False))
+        return tuple(
+            self._turn(one, column, limit, power)
+            for column, (one, limit) in enumerate(zip(row, limits, strict=False), 1)
+        )
+
+    def _turn(self, largest: Largest, column: int, limit: float, power: int) -> Peak:
+        planned = math.sqrt(self._planned[power - 1][column]) / self._period**power
+        return replace(self._peak(largest, limit, power), on_records=planned)
 
 
 _NONE: Largest = (0.0, 0)

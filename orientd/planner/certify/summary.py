@@ -50,7 +50,8 @@ def summed_up(
         end_velocity_error=_miss(path, end, request.omega_end),
         keyframe_error=path.farthest_from(request.keys, keyframe_times),
         brake_rate=peaks.brake_rate,
-        stop_time=1.0 / peaks.brake_rate if peaks.brake_rate > 0.0 else math.inf,
+        # No stop lasts longer than what is left of the motion.
+        stop_time=min(1.0 / peaks.brake_rate, path.duration) if peaks.brake_rate else math.inf,
         figures=tuple(_axis_figures(peaks)),
     )
 

@@ -236,14 +236,14 @@ class Path:
         return self.positions.push(times)
 
     def setpoints(self, first: int, size: int, period: float) -> tuple[Floats, Floats]:
-        """Return orientations and positions at multiples of a period from the *first* one on.
+        """Return rows and positions at multiples of a period from the *first* one on.
 
         Returns:
-            Shapes ``(size, 4)`` and ``(size, 3)``; positions that are all the same come as one,
-            ``(1, 3)``.
+            Orientations, velocities and accelerations, shape ``(size, 10)``, and positions, shape
+            ``(size, 3)``; positions that are all the same come as one, ``(1, 3)``.
         """
         times = period * np.arange(first, first + size, dtype=np.float64)
-        q = self.orientations(times)
+        q = self._rows(times, 10).T
         if self.positions.is_held:
             return q, self.positions.first[None]
         position, _ = self.positions.sample(times)

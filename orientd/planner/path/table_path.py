@@ -90,7 +90,7 @@ class TablePath:
         is_paced = np.abs(pace - 1.0) > _ON_RECORD
         is_other = (angle(q, given.q) > SAME_ANGLE) | is_paced[:-1] | is_paced[1:]
         # A difference reaches two records far.
-        is_same = np.convolve(is_other, np.ones(5), mode="same") < 0.5
+        is_same = np.convolve(is_other, np.ones(5))[2:-2] < 0.5
         omega[is_same], alpha[is_same] = given.omega_body[is_same], given.alpha_body[is_same]
         # It takes over from what the device does, and held means held: no velocity where it stands.
         omega[0], alpha[0] = given.omega_body[0], given.alpha_body[0]

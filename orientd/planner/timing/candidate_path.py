@@ -103,7 +103,7 @@ class KeyframePath:
         def setpoints(begin: int, size: int) -> tuple[Floats, Floats]:
             indices = np.arange(first + begin, first + begin + size, dtype=np.float64)
             times = np.minimum(period * indices, self.duration)
-            q, _, _ = self.segment.sample(times)
+            q = np.concatenate(self.segment.sample(times), axis=1)
             if self.positions.is_held:
                 return q, self.positions.first[None]
             return q, self.positions.sample(times)[0]
@@ -113,7 +113,7 @@ class KeyframePath:
             is_held, holds_after = self.held_ends(limits)
             if first == 0 and is_held:
                 q, p = setpoints(0, 1)
-                before = np.repeat(q, HISTORY, axis=0), np.repeat(p, HISTORY, axis=0)
+                before = np.repeat(q[:, :4], HISTORY, axis=0), np.repeat(p, HISTORY, axis=0)
             holds_after = last == final and holds_after
         return measure(
             setpoints,

@@ -20,6 +20,7 @@ from orientd.planner.path import plain_curve
 from orientd.planner.timing.candidate_path import KeyframePath
 from orientd.planner.timing.timing import excess
 from orientd.rotation import Floats
+from orientd.tolerances import GUARD_TOLERANCE
 
 PIECES = 64
 """That a curve of fewer pieces is cut into."""
@@ -126,6 +127,7 @@ class Survey:
                 period,
                 *(self.is_held or keyframe_path.held_ends(limits)),
                 limit_table(limits),
+                GUARD_TOLERANCE,
                 *OFF_GRID[keyframe_path.continuity],
                 keyframe_path.continuity >= 2,
             )

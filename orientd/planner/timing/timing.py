@@ -22,6 +22,7 @@ from orientd.planner.certify import OFF_GRID, Peaks
 from orientd.planner.limits import LONGEST, Limits
 from orientd.planner.request import MotionRequest
 from orientd.rotation import Floats, angle
+from orientd.tolerances import GUARD_TOLERANCE
 
 LONGER = 1.02
 """What an attempt returns where the rates are not known: how much longer to try."""
@@ -167,10 +168,12 @@ def excess(peaks: Peaks, continuity: int) -> float:
         continuity: of the curve.
     """
     bend, twist = OFF_GRID[continuity]
+    spins, bends, twists = (share / GUARD_TOLERANCE for share in peaks.drawn)
     return max(
         peaks.spins,
-        math.sqrt(bend * peaks.bends),
-        (math.cbrt if continuity >= 2 else math.sqrt)(twist * peaks.twists),
+        spins,
+        math.sqrt(max(bend * peaks.bends, bends)),
+        (math.cbrt if continuity >= 2 else math.sqrt)(max(twist * peaks.twists, twists)),
         peaks.linear_velocity.ratio,
         math.sqrt(peaks.linear_acceleration.ratio),
     )

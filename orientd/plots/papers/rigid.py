@@ -99,18 +99,6 @@ class RigidMotion:
         instants = np.atleast_1d(np.asarray(times, dtype=np.float64))
         return Poses(*self.orientation.evaluate(instants), *self.position.evaluate(instants))
 
-    def sweep(self, outline: ArrayLike, times: ArrayLike) -> Floats:
-        """Return the surface a cross-section sweeps: its points at every instant.
-
-        Args:
-            outline: points of the cross-section in the body frame, m, shape ``(k, 3)``.
-            times: instants, shape ``(n,)``.
-
-        Returns:
-            World points, shape ``(n, k, 3)``: rows along the motion, columns along the outline.
-        """
-        return self.evaluate(times).placed(outline)
-
 
 def hermite_motion(
     *,

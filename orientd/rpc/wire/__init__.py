@@ -24,7 +24,7 @@ if TYPE_CHECKING:
         method_from_message,
         outline_from_messages,
     )
-    from orientd.rpc.wire.status import from_call
+    from orientd.rpc.wire.status import UnreachableError, from_call
     from orientd.rpc.wire.track import report_from_message, target_to_message
 
 __getattr__ = lazily(__name__)

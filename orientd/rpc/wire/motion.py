@@ -26,6 +26,7 @@ from orientd.schema import (
     Field,
     Kind,
     Written,
+    implied,
     quaternions,
     the_only,
 )
@@ -82,7 +83,7 @@ def _keyframes(messages: Iterable[pb.Keyframe]) -> list[Keyframe]:
     try:
         for message in messages:
             written.append(_orientation(message))
-            others.append(_taken(message, _BESIDE_ORIENTATION))
+            others.append(_taken(message, _BESIDE_ORIENTATION) | implied(written[-1]))
     except RequestError as error:
         raise plain.placed(f"[{len(others)}]", error) from None
     found = quaternions(written)
@@ -125,11 +126,24 @@ def _matrix(message: pb.Matrix) -> Any:  # noqa: ANN401 - as its reader returns 
     return FORMS["matrix"]([elements[k : k + 3] for k in range(0, len(elements), 3)])
 
 
+def _azimuth_elevation(message: pb.AzimuthElevation) -> Any:  # noqa: ANN401 - as its reader returns it
+    angles = {"azimuth": message.azimuth, "elevation": message.elevation}
+    return FORMS["azimuth_elevation"](angles)
+
+
+def _look_at(message: pb.LookAt) -> Any:  # noqa: ANN401 - as its reader returns it
+    given = {"point": _vector(message.point), "place": _vector(message.place)}
+    return FORMS["look_at"]({name: list(vector) for name, vector in given.items()})
+
+
 _FORMS: dict[str, Taker] = {
     "quaternion": _quaternion,
     "rotation_vector": _vector,
     "euler": _euler,
     "matrix": _matrix,
+    "direction": _vector,
+    "azimuth_elevation": _azimuth_elevation,
+    "look_at": _look_at,
 }
 
 

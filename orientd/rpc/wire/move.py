@@ -18,7 +18,7 @@ from orientd.rpc.reports import (
     Summary,
 )
 from orientd.rpc.wire.codec import Codec
-from orientd.rpc.wire.values import RATES, quaternion, to_quaternion, to_vector, vector
+from orientd.rpc.wire.values import RATES, to_quaternion, to_vector
 
 FIGURE = Codec(Figure, pb.Figure)
 PEAK = Codec(Peak, pb.Peak)
@@ -48,30 +48,6 @@ timing_to_message, timing_from_message = TIMING.to_message, TIMING.from_message
 def plan_from_message(message: pb.Plan, samples: Samples | None = None) -> Plan:
     """Return the plan that *message* was made of, with its samples where there are any."""
     return PLAN.from_message(message, samples=samples)
-
-
-def samples_to_messages(samples: Samples) -> list[pb.MotionSample]:
-    """Return one message for each instant."""
-    columns = zip(
-        samples.times.tolist(),
-        samples.q.tolist(),
-        samples.omega_body.tolist(),
-        samples.alpha_body.tolist(),
-        samples.position.tolist(),
-        samples.velocity.tolist(),
-        strict=True,
-    )
-    return [
-        pb.MotionSample(
-            path_time=time,
-            orientation=quaternion(q),
-            omega_body=vector(omega),
-            alpha_body=vector(alpha),
-            position=vector(position),
-            velocity=vector(velocity),
-        )
-        for time, q, omega, alpha, position, velocity in columns
-    ]
 
 
 def samples_from_messages(messages: list[pb.MotionSample]) -> Samples:

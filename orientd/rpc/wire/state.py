@@ -9,7 +9,8 @@ from orientd.errors import Fault
 from orientd.floats import difference, norm
 from orientd.planner import ANGULAR, NO_AXES, Limits
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.reports import DaemonReport, Device, DeviceReport, Method, Outline
+from orientd.rpc.descriptions import Device, Method
+from orientd.rpc.reports import DaemonReport, DeviceReport, LeaseReport, Outline
 from orientd.rpc.wire.codec import FAULTS, Codec
 from orientd.rpc.wire.values import (
     RATES,
@@ -123,10 +124,12 @@ DEVICE_REPORT = Codec(
         "servo_pid": (int, lambda pid: pid or None),
     },
 )
+LEASE = Codec(LeaseReport, pb.LeaseReport)
 DAEMON = Codec(
     DaemonReport,
     pb.DaemonReport,
     names={f"lease_{name}": f"lease.{name}" for name in pb.LeaseReport.DESCRIPTOR.fields_by_name},
+    kinds={"leases": LEASE.kind},
 )
 METHOD = Codec(Method, pb.Method)
 

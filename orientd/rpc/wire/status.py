@@ -19,6 +19,7 @@ from orientd.errors import (
     LeaseError,
     LimitError,
     OrientdError,
+    PendingError,
     PlanError,
     RequestError,
     StartError,
@@ -37,6 +38,7 @@ _PRECONDITIONS: Mapping[str, type[OrientdError]] = {
     "LIMIT": LimitError,
     "START": StartError,
     "PLAN": PlanError,
+    "PENDING": PendingError,
     "STATE": StateError,
     "LEASE": LeaseError,
 }
@@ -48,6 +50,10 @@ _CODES: Mapping[type[OrientdError], int] = {
     AccessError: code_pb2.PERMISSION_DENIED,
     TooMuchError: code_pb2.RESOURCE_EXHAUSTED,
 }
+
+
+class UnreachableError(DaemonError):
+    """No call got through to a daemon."""
 
 
 def to_status(error: OrientdError) -> status_pb2.Status:
@@ -110,8 +116,8 @@ def from_call(error: grpc.RpcError, *, where: str) -> OrientdError:
     code, text = error.code(), " ".join((error.details() or "").split())
     if code is grpc.StatusCode.UNAVAILABLE:
         if "/" not in where:
-            return DaemonError(f"no daemon answers at {where}, or not to this certificate")
-        return DaemonError(f"no daemon answers at {where}; start one with `orientd run`")
+            return UnreachableError(f"no daemon answers at {where}, or not to this certificate")
+        return UnreachableError(f"no daemon answers at {where}; start one with `orientd run`")
     if code is grpc.StatusCode.DEADLINE_EXCEEDED:
         return DaemonError(f"the daemon at {where} did not answer in time")
     if code is grpc.StatusCode.CANCELLED:

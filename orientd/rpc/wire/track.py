@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from orientd.driver import ZERO, Quaternion, Vector3
+from orientd.driver import Quaternion, Vector3
 from orientd.errors import RequestError
 from orientd.floats import rotate_back
 from orientd.rpc import control_pb2 as pb
@@ -27,15 +27,17 @@ class AimedAt(NamedTuple):
 
     Attributes:
         q: orientation ``(w, x, y, z)``, tool to world.
-        omega_body: its angular velocity, rad/s.
+        omega_body: its angular velocity, rad/s, if that is given.
         time_ns: when, monotonic clock.
         expires_ns: until when it counts.
+        position: its position, m, if it has one.
     """
 
     q: Quaternion
-    omega_body: Vector3
+    omega_body: Vector3 | None
     time_ns: int
     expires_ns: int
+    position: Vector3 | None
 
 
 def target_from_message(message: pb.TrackTarget, now_ns: int) -> AimedAt:
@@ -50,7 +52,7 @@ def target_from_message(message: pb.TrackTarget, now_ns: int) -> AimedAt:
         raise RequestError(
             "target.orientation", f"norm must be 1 within {NORM_TOLERANCE:g}, got {size:.9g}"
         )
-    omega = ZERO
+    omega = position = None
     if message.HasField("angular_velocity"):
         omega = to_vector(message.angular_velocity)
         if not all(map(math.isfinite, omega)):
@@ -59,6 +61,10 @@ def target_from_message(message: pb.TrackTarget, now_ns: int) -> AimedAt:
             raise RequestError("target.velocity_frame", "expected body or world")
         if message.velocity_frame == pb.FRAME_WORLD:
             omega = rotate_back(q, omega)
+    if message.HasField("position"):
+        position = to_vector(message.position)
+        if not all(map(math.isfinite, position)):
+            raise RequestError("target.position", f"expected finite numbers, got {position}")
     life = message.time_to_live or TIME_TO_LIVE
     if not 0.0 < life <= LONGEST_LIFE:
         raise RequestError(
@@ -66,7 +72,7 @@ def target_from_message(message: pb.TrackTarget, now_ns: int) -> AimedAt:
             f"expected more than 0 and at most {LONGEST_LIFE:g} s, got {life}",
         )
     time_ns = message.time_ns or now_ns
-    return AimedAt(q, omega, time_ns, time_ns + round(life * 1e9))
+    return AimedAt(q, omega, time_ns, time_ns + round(life * 1e9), position)
 
 
 def target_to_message(
@@ -76,12 +82,15 @@ def target_to_message(
     is_world: bool,
     time_ns: int,
     time_to_live: float,
+    position: Vector3 | None = None,
 ) -> pb.TrackTarget:
     """Return a target as a message."""
     message = pb.TrackTarget(orientation=quaternion(q), time_ns=time_ns, time_to_live=time_to_live)
     if angular_velocity is not None:
         message.angular_velocity.CopyFrom(vector(angular_velocity))
         message.velocity_frame = pb.FRAME_WORLD if is_world else pb.FRAME_BODY
+    if position is not None:
+        message.position.CopyFrom(vector(position))
     return message
 
 

@@ -10,8 +10,9 @@ other state is ever chosen (:mod:`orientd.servo.tracking.law`), and ruckig is th
 about one axis its duration is the least there is.
 """
 
+from orientd.servo.tracking.approach import approach
+from orientd.servo.tracking.knot import Target
 from orientd.servo.tracking.law import halt, quickest_stop
 from orientd.servo.tracking.law_bounds import bounds, loosened
-from orientd.servo.tracking.reference import Target
 from orientd.servo.tracking.target_follower import TargetFollower
 from orientd.servo.tracking.tracker import Tracker, TrackPoint

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from orientd.driver import Quaternion, Vector3
-from orientd.servo.tracking.reference import Target
+from orientd.servo.tracking.approach import approach
+from orientd.servo.tracking.knot import Target
 from orientd.servo.tracking.tracker import Tracker, TrackPoint
 from orientd.stream import RecordRing, ServoLimits
 
@@ -25,6 +28,7 @@ class TargetFollower:
         """Follow nothing yet; cycles are *period* seconds apart."""
         self.is_on = False
         self._ring = ring
+        self._period = period
         self._tracker = Tracker(period)
         self._next = ring.head
         self._left_out = 0
@@ -65,6 +69,31 @@ class TargetFollower:
         """Return the setpoint of the cycle that is due at *now_ns*."""
         return self._tracker.step(now_ns)
 
+    def position(
+        self, position: Vector3, velocity: Vector3, servo_limits: ServoLimits
+    ) -> Vector3 | None:
+        """Return the next position, m; ``None`` if it is to come to rest, wherever that is.
+
+        Args:
+            position: last commanded, m.
+            velocity: of the step to it, m/s.
+            servo limits: limits.
+        """
+        if self._tracker.place is None:
+            return None
+        (a, b, c), goal_velocity = self._tracker.place
+        x, y, z = position
+        h = self._period
+        u, v, w = approach(
+            (a - x, b - y, c - z),
+            velocity,
+            goal_velocity,
+            fastest=servo_limits.linear_velocity,
+            acceleration=servo_limits.linear_acceleration,
+            period=h,
+        )
+        return (x + h * u, y + h * v, z + h * w)
+
     def aim(self, now_ns: int) -> None:
         """Take the targets that have arrived."""
         ring = self._ring
@@ -78,9 +107,16 @@ class TargetFollower:
                 return  # still being written
             self._next = index + 1
             if fields is not None:
-                _, time_ns, expires_ns, w, x, y, z, *omega = fields
-                target = Target((w, x, y, z), (omega[0], omega[1], omega[2]), time_ns, expires_ns)
+                _, time_ns, expires_ns, w, x, y, z, *more = fields
+                omega, position = _given(more[:3]), _given(more[3:])
+                target = Target((w, x, y, z), omega, time_ns, expires_ns, position)
                 if not self._tracker.take(target, now_ns):
                     continue
             self._left_out += 1
             ring.words[LEFT_OUT_WORD] = self._left_out
+
+
+def _given(vector: Sequence[float]) -> Vector3 | None:
+    """Return a vector of a record; ``None`` for :data:`~orientd.stream.NOT_GIVEN`."""
+    x, y, z = vector
+    return None if x != x and y != y and z != z else (x, y, z)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
 from orientd.floats import difference, exp, multiply, norm, normalize
+from orientd.servo.tracking.knot import Motion, Target
 from orientd.servo.tracking.law import advance, halt, moved
 from orientd.servo.tracking.law_bounds import (
     Bounds,
@@ -17,7 +18,7 @@ from orientd.servo.tracking.law_bounds import (
     softened,
     times,
 )
-from orientd.servo.tracking.reference import Motion, Reference, Target
+from orientd.servo.tracking.reference import Reference
 from orientd.servo.tracking.restraint import Restraint
 from orientd.servo.tracking.steering import steer
 from orientd.stream import ServoLimits
@@ -51,7 +52,8 @@ class Tracker:
     is followed without lag; without a live target the motion comes to rest as soon as it can.
 
     Attributes:
-        is_at_rest: whether nothing moves, no target lives and none waits for its time.
+        is_at_rest: whether nothing turns, no target lives and none waits for its time.
+        place: position and velocity of the target at the last setpoint, m and m/s, if it has any.
     """
 
     def __init__(self, period: float) -> None:
@@ -90,6 +92,7 @@ class Tracker:
         self._reference.clear()
         self._restraint.release()
         self._way = ZERO
+        self.place: tuple[Vector3, Vector3] | None = None
         self.is_at_rest = omega_body == ZERO == alpha_body
         self._soften(0.0)
         self._bounds = loosened(self._limits, self._omega, self._alpha)
@@ -115,6 +118,7 @@ class Tracker:
         units = self._units
         found = self._reference.at(now_ns - self._period_ns)
         if found is None:
+            self.place = None
             self._way = ZERO
             if self._omega == ZERO == self._alpha:
                 self.is_at_rest = not self._reference.awaits
@@ -122,6 +126,7 @@ class Tracker:
             omega, alpha = halt(self._omega, self._alpha, self._bounds)
         else:
             self.is_at_rest = False
+            self.place = self._reference.position_at(now_ns - self._period_ns)
             wish = self._wish(found)
             alpha = advance(self._omega, self._alpha, wish, self._bounds)
             omega = moved(self._omega, alpha, self._period)
@@ -133,7 +138,7 @@ class Tracker:
 
     def _wish(self, found: Motion) -> Vector3:
         """Return the acceleration to wish for, to follow the target, in the law's units."""
-        q, omega, alpha = found
+        q, omega, alpha, (i, j, k) = found
         units, restraint = self._units, self._restraint
         # The velocity of a step is that of its middle.
         half, (u, v, w), (x, y, z) = 0.5 * self._period, omega, alpha
@@ -148,6 +153,9 @@ class Tracker:
         if self._reference.is_disturbed:
             needed = limits.settle * max(limits.approach * norm(turn), norm((a - d, b - e, c - f)))
         room = restraint.room(alpha, needed, limits.acceleration)
+        x, y, z = alpha
+        i, j, k = divided((i, j, k), units)
+        alpha = (x + i, y + j, z + k)
         wish, is_linear = steer(turn, self._omega, self._alpha, middle, alpha, limits, room)
         return restraint.held(wish, is_linear=is_linear)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 EEPROM_END = 64
 TICKS_PER_TURN = 4096
@@ -191,5 +191,28 @@ XL330_M288 = Model(
     _XL330_INDIRECT, 103 * 2 * math.pi / 60, 50, 1.0,
 )  # fmt: skip
 
-MODELS: Mapping[str, Model] = {"xm430": XM430_W350, "xl330": XL330_M288}
+
+def _like(base: Model, name: str, number: int, rpm: float) -> Model:
+    """Return a model that has the control table of *base*."""
+    numbers = {
+        0: Register("model number", 0, 2, number, writable=False),
+        44: Register("velocity limit", 44, 4, math.ceil(rpm / 0.229), 0, 2047),
+    }
+    registers = {**base.registers, **numbers}
+    speed = rpm * 2 * math.pi / 60
+    return replace(base, name=name, number=number, registers=registers, no_load_speed=speed)
+
+
+MODELS: Mapping[str, Model] = {
+    "xm430": XM430_W350,
+    "xl330": XL330_M288,
+    "xm540-w270": _like(XM430_W350, "XM540-W270", 1120, 30),
+    "xm540-w150": _like(XM430_W350, "XM540-W150", 1130, 53),
+    "xw540-t260": _like(XM430_W350, "XW540-T260", 1170, 40),
+    "xw540-t140": _like(XM430_W350, "XW540-T140", 1180, 72),
+    "xl430-w250": _like(XM430_W350, "XL430-W250", 1060, 61),
+    "xc430-w240": _like(XM430_W350, "XC430-W240", 1080, 70),
+    "xc330-m181": _like(XL330_M288, "XC330-M181", 1230, 129),
+    "xc330-m288": _like(XL330_M288, "XC330-M288", 1240, 81),
+}
 """By the short names of the command line."""

@@ -1,11 +1,11 @@
-"""Run an emulated UR5e: ``python -m orientd_sim.ur --host 127.0.0.2``."""
+"""Run an emulated UR arm: ``python -m orientd_sim.ur --host 127.0.0.2``."""
 
 from __future__ import annotations
 
 import argparse
 import sys
 
-from orientd_sim.ur.controller import Behaviour
+from orientd_sim.ur.models import MODELS, Behaviour, version_of
 from orientd_sim.ur.server import serve
 from orientd_sim.ur.variables import RuntimeState
 
@@ -14,6 +14,8 @@ def main() -> int:
     """Read the command line and serve; return the process's exit code."""
     parser = argparse.ArgumentParser(prog="python -m orientd_sim.ur", description=__doc__)
     parser.add_argument("--host", default="127.0.0.2", help="an address of this machine")
+    parser.add_argument("--model", choices=sorted(MODELS), default="ur5e")
+    parser.add_argument("--polyscope", metavar="VERSION", help="as in 5.12.6")
     parser.add_argument(
         "--protective-stop-leaves", choices=("paused", "playing", "stopped"), default="paused",
         help="what a protective stop makes of the program",
@@ -24,7 +26,10 @@ def main() -> int:
         "--end-with-input", action="store_true", help="end when standard input does"
     )
     arguments = parser.parse_args()
+    model = MODELS[arguments.model]
     behaviour = Behaviour(
+        model=model,
+        version=version_of(model, arguments.polyscope),
         protective_stop_leaves=RuntimeState[arguments.protective_stop_leaves.upper()],
         unlock_after=arguments.unlock_after,
         stops_on_breach=not arguments.no_breach_stop,

@@ -19,7 +19,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 
-from orientd_sim.ur.kinematics import JOINT_RANGE, JOINT_SPEED, Joints
+from orientd_sim.ur.kinematics import Joints, Kinematics
+from orientd_sim.ur.models import MODELS, Model
 
 TICK = 0.002
 """The controller's cycle, s."""
@@ -58,19 +59,27 @@ class Breach:
 class Arm:
     """Six joints, advanced once a tick.
 
+    Args:
+        q: where its joints are, rad.
+        model: which arm it is.
+
     Attributes:
+        model: which arm it is.
+        kinematics: of the model.
         target_q, target_qd, target_qdd: what the controller commands; rad, rad/s, rad/s^2.
         actual_q, actual_qd: what the encoders say.
         speed_limits: rad/s for each joint; a test may lower them.
     """
 
-    def __init__(self, q: Sequence[float] = HOME) -> None:
+    def __init__(self, q: Sequence[float] = HOME, model: Model = MODELS["ur5e"]) -> None:
+        self.model = model
+        self.kinematics = Kinematics(model)
         self.target_q: Joints = tuple(q)
         self.target_qd: Joints = (0.0,) * 6
         self.target_qdd: Joints = (0.0,) * 6
         self.actual_q: Joints = tuple(q)
         self.actual_qd: Joints = (0.0,) * 6
-        self.speed_limits: list[float] = [JOINT_SPEED] * 6
+        self.speed_limits: list[float] = list(model.speeds)
         self.mode = Mode.HOLD
         self._goal: Joints = tuple(q)
         self._lookahead = 0.1
@@ -133,9 +142,9 @@ class Arm:
         self.target_q = tuple(
             q + rate * TICK for q, rate in zip(self.target_q, speeds, strict=True)
         )
-        for joint, q in enumerate(self.target_q):
-            if abs(q) > JOINT_RANGE:
-                breach = breach or Breach(joint, "angle", abs(q), JOINT_RANGE)
+        for joint, (q, most) in enumerate(zip(self.target_q, self.model.ranges, strict=True)):
+            if abs(q) > most:
+                breach = breach or Breach(joint, "angle", abs(q), most)
         if self.mode is Mode.BRAKE and self.is_still:
             self.mode = Mode.HOLD
             self.target_qd = (0.0,) * 6

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
-from orientd_sim.ur.transforms import from_pose, multiply, rotation_between, to_pose
+from orientd_sim.ur.programs import (
+    Ticks,
+    UnknownStatementError,
+    jog,
+    move_joints,
+    move_line,
+    perform,
+    stop,
+    touch,
+)
+from orientd_sim.ur.transforms import from_pose, multiply, to_pose
 
 if TYPE_CHECKING:
     from orientd_sim.ur.script import ControlScript
-
-Path = Callable[[float], tuple[float, ...]]
 
 STOP_DECELERATION = 10.0
 
@@ -26,12 +33,19 @@ class Command(IntEnum):
     MOVE_L = 3
     MOVE_L_FK = 4
     FORCE_MODE = 6
+    FORCE_STOP = 7
+    ZERO_FT = 8
     SPEED_J = 9
     SPEED_L = 10
     SERVO_J = 11
+    SERVO_C = 12
     SPEED_STOP = 15
     SERVO_STOP = 16
     SET_PAYLOAD = 17
+    TEACH_MODE = 18
+    END_TEACH_MODE = 19
+    FORCE_DAMPING = 20
+    FORCE_GAIN = 21
     SERVO_L = 24
     TOOL_CONTACT = 25
     STEP_TIME = 26
@@ -48,18 +62,40 @@ class Command(IntEnum):
     JOINT_TORQUES = 38
     POSE_PRODUCT = 39
     TCP_OFFSET = 40
+    JOG_START = 41
+    JOG_STOP = 42
     FORWARD = 43
     FORWARD_OF = 44
+    MOVE_PATH = 45
     INVERSE = 46
     IS_STEADY = 47
+    MOVE_UNTIL_CONTACT = 51
+    FREEDRIVE = 52
+    END_FREEDRIVE = 53
     FREEDRIVE_STATUS = 54
+    FT_INPUT = 56
+    FT_SENSOR = 57
     FLANGE_POSE = 58
     SET_GRAVITY = 59
     HAS_INVERSE = 60
     HAS_INVERSE_NEAR = 61
+    CONTACT_START = 62
+    CONTACT_END = 63
+    CONTACT_READ = 64
     SET_TARGET_PAYLOAD = 65
+    DIRECT_TORQUE = 66
     STOP_SCRIPT = 255
 
+
+_MOTIONS = frozenset(
+    {Command.MOVE_J, Command.MOVE_J_IK, Command.MOVE_L, Command.MOVE_L_FK, Command.MOVE_PATH}
+)
+_WITHOUT_EFFECT = frozenset(
+    {Command.ZERO_FT, Command.TEACH_MODE, Command.END_TEACH_MODE, Command.FORCE_DAMPING,
+     Command.FORCE_GAIN, Command.FREEDRIVE, Command.END_FREEDRIVE, Command.FT_INPUT,
+     Command.FT_SENSOR, Command.CONTACT_START}
+)  # fmt: skip
+"""What an arm without sensors, and without anybody to push it, has nothing to do for."""
 
 REAL_TIME = frozenset({6, 9, 10, 11, 24, 25, 26, 27, 38, 58, *range(66, 72)})
 """Commands that are carried out at every tick they stay, and never answered with done."""
@@ -78,26 +114,45 @@ def execute_now(script: ControlScript, number: int) -> None:
         script.start_speed(script.numbers(0, 6), script.numbers(6, 1)[0], number == Command.SPEED_L)
     elif number == Command.STEP_TIME:
         script.answer((0.002,))
+    elif number == Command.FORCE_MODE:
+        given = (script.numbers(0, 6), tuple(script.command_int(2 + axis) for axis in range(6)))
+        script.start_force(*given, script.numbers(6, 6), script.numbers(12, 6))
     elif number == Command.TOOL_CONTACT:
-        script.answer_int(1, 0)
+        script.answer_int(1, int(robot.is_touching))
     elif number == Command.JOINT_HISTORY:
         script.answer(robot.arm.actual_q)
     elif number == Command.JOINT_TORQUES:
         script.answer((0.0,) * 6)
     elif number == Command.FLANGE_POSE:
         script.answer(to_pose(robot.tool.actual_flange()))
+    elif number == Command.DIRECT_TORQUE:
+        raise UnknownStatementError("direct_torque: needs PolyScope 5.23, and is not emulated")
 
 
-def execute(script: ControlScript, number: int) -> Generator[None, None, None]:
+def execute(script: ControlScript, number: int) -> Ticks:
     """Carry out a command that is answered with done; yield once a tick while it lasts."""
     robot = script.robot
-    if number in (Command.MOVE_J, Command.MOVE_J_IK, Command.MOVE_L, Command.MOVE_L_FK):
-        yield from _move(script, number)
-    elif number in (Command.SERVO_STOP, Command.SPEED_STOP, Command.STOP_L, Command.STOP_J):
+    if number in _MOTIONS or number in (Command.STOP_L, Command.STOP_J):
+        is_stop = number not in _MOTIONS
+        script.end_move()
+        motion = stop(robot, script.numbers(0, 1)[0]) if is_stop else _motion(script, number)
+        if script.command_int(1) == 1:
+            script.start_move(motion)
+        else:
+            yield from motion
+    elif number in (Command.SERVO_STOP, Command.SPEED_STOP, Command.JOG_STOP, Command.FORCE_STOP):
         script.end_thread()
-        robot.arm.brake(script.numbers(0, 1)[0])
-        while not robot.arm.is_still:
-            yield
+        own = number in (Command.SERVO_STOP, Command.SPEED_STOP)
+        yield from stop(robot, script.numbers(0, 1)[0] if own else STOP_DECELERATION)
+    elif number == Command.JOG_START:
+        script.start_thread(
+            jog(robot, script.numbers(0, 6), _frame(script), script.numbers(7, 1)[0])
+        )
+    elif number == Command.SERVO_C:
+        pose, (speed, rate) = script.numbers(0, 6), script.numbers(6, 2)
+        script.start_thread(move_line(robot, pose, speed, rate))
+    elif number == Command.MOVE_UNTIL_CONTACT:
+        yield from touch(robot, script.numbers(0, 6), script.numbers(12, 1)[0])
     elif number == Command.SET_WATCHDOG:
         robot.set_watchdog(script.command_register, script.numbers(0, 1)[0])
     elif number == Command.PROTECTIVE_STOP:
@@ -116,7 +171,11 @@ def execute(script: ControlScript, number: int) -> Generator[None, None, None]:
 
 
 def _compute(script: ControlScript, number: int) -> None:
-    """Answer a question; commands the emulator does not know are answered by silence."""
+    """Answer a question.
+
+    Raises:
+        UnknownStatementError: the emulator does not know the command.
+    """
     robot = script.robot
     if number == Command.TCP_OFFSET:
         script.answer(robot.tool.offset)
@@ -138,37 +197,28 @@ def _compute(script: ControlScript, number: int) -> None:
         script.answer(to_pose(multiply(a, b)))
     elif number == Command.IS_STEADY:
         script.answer_int(1, int(robot.arm.is_still))
-    elif number == Command.FREEDRIVE_STATUS:
-        script.answer_int(1, 0)
+    elif number in (Command.FREEDRIVE_STATUS, Command.CONTACT_END, Command.CONTACT_READ):
+        is_contact = number != Command.FREEDRIVE_STATUS
+        script.answer_int(1, int(is_contact and robot.is_touching))
+    elif number not in _WITHOUT_EFFECT:
+        raise UnknownStatementError(f"the control script's command {number} is not emulated")
 
 
-def _move(script: ControlScript, number: int) -> Generator[None, None, None]:
+def _motion(script: ControlScript, number: int) -> Ticks:
     robot = script.robot
-    target, (speed, acceleration) = script.numbers(0, 6), script.numbers(6, 2)
-    start = robot.arm.target_q
-    if number in (Command.MOVE_J, Command.MOVE_J_IK):
-        goal = target if number == Command.MOVE_J else robot.tool.joints_at(target)
-        length = max(abs(b - a) for a, b in zip(start, goal, strict=True))
+    target, (speed, rate) = script.numbers(0, 6), script.numbers(6, 2)
+    if number == Command.MOVE_J:
+        return move_joints(robot, target, speed, rate)
+    if number == Command.MOVE_J_IK:
+        return move_joints(robot, robot.tool.joints_at(target), speed, rate)
+    if number == Command.MOVE_PATH:
+        return perform(robot, script.path, script.tell_progress)
+    return move_line(robot, target, speed, rate, is_joints=number == Command.MOVE_L_FK)
 
-        def along_joints(s: float) -> tuple[float, ...]:
-            share = s / length
-            return tuple(a + (b - a) * share for a, b in zip(start, goal, strict=True))
 
-        yield from script.move(length, along_joints, speed, acceleration)
-        return
-    begin = robot.tool.at(start)
-    end = from_pose(target)
-    if number == Command.MOVE_L_FK:
-        end = robot.tool.at(target)
-    turn = rotation_between(begin, end)
-    shift = (end[3] - begin[3], end[7] - begin[7], end[11] - begin[11])
-    length = max(math.hypot(*shift), math.hypot(*turn))
-
-    def along_line(s: float) -> tuple[float, ...]:
-        share = s / length
-        turned = multiply(from_pose((0.0, 0.0, 0.0, *(share * r for r in turn))), begin)
-        at = tuple(p + share * d for p, d in zip(begin[3::4], shift, strict=True))
-        placed = (*turned[0:3], at[0], *turned[4:7], at[1], *turned[8:11], at[2])
-        return robot.tool.joints_at(to_pose(placed))
-
-    yield from script.move(length, along_line, speed, acceleration)
+def _frame(script: ControlScript) -> tuple[float, ...]:
+    """Return the frame in which to jog: of the base, of the tool, or one that is given."""
+    feature = round(script.numbers(6, 1)[0])
+    if feature == 1:
+        return script.robot.tool.pose("actual_TCP_pose")
+    return script.numbers(8, 6) if feature == 2 else (0.0,) * 6

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 from orientd_sim.ur.arm import TICK, Arm, Mode
+from orientd_sim.ur.models import Behaviour
 from orientd_sim.ur.outputs import OUTPUT_GETTERS
-from orientd_sim.ur.script import SIGNATURE, ControlScript, PlainProgram
+from orientd_sim.ur.programs import UnknownStatementError, parse
+from orientd_sim.ur.script import SIGNATURE, ControlScript, PlainProgram, StatementProgram
 from orientd_sim.ur.tool import Tool, UnreachableError
 from orientd_sim.ur.variables import REGISTERS, RobotMode, RuntimeState, SafetyMode
 from orientd_sim.ur.wire import Value
@@ -30,33 +31,20 @@ _STOPPED_BY_SAFETY = frozenset(
     }
 )
 _HARD_DECELERATION = 30.0
+_INJECTED = "# inject move path\n"
+
+Program = ControlScript | PlainProgram | StatementProgram
 
 
 class RefusedError(Exception):
     """A request that the robot's present state does not allow; the text is what it answers."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Behaviour:
-    """What differs between robots, or is not known of real ones.
-
-    Attributes:
-        version: of the software; major, minor, bugfix, build.
-        serial: digits only, as clients insist.
-        protective_stop_leaves: runtime state a protective stop leaves the program in.
-        unlock_after: s after which a protective stop may be unlocked.
-        power_up: s from one robot mode to the next when powering on.
-        program_start: s from the upload of a program until it plays.
-        stops_on_breach: whether a joint over its limits stops the robot, or is merely clamped.
-    """
-
-    version: tuple[int, int, int, int] = (5, 12, 6, 1102099)
-    serial: str = "20235500123"
-    protective_stop_leaves: RuntimeState = RuntimeState.PAUSED
-    unlock_after: float = 5.0
-    power_up: float = 0.1
-    program_start: float = 0.02
-    stops_on_breach: bool = True
+def _injected(text: str) -> str:
+    """Return the motions that a client has put into the text of the control script."""
+    _, _, after = text.partition(_INJECTED)
+    lines = after.splitlines()
+    return "\n".join(lines[: next((n for n, one in enumerate(lines) if one.strip() == "end"), 0)])
 
 
 class Controller:
@@ -64,7 +52,7 @@ class Controller:
 
     def __init__(self, behaviour: Behaviour | None = None) -> None:
         self.behaviour = behaviour or Behaviour()
-        self.arm = Arm()
+        self.arm = Arm(model=self.behaviour.model)
         self.ticks = 0
         # Clients take a clock that starts at zero for a controller that is still booting.
         self.timestamp = 100.0
@@ -72,6 +60,7 @@ class Controller:
         self.safety_mode = SafetyMode.NORMAL
         self.runtime_state = RuntimeState.STOPPED
         self.is_remote = True
+        self.is_touching = False
         self.loaded_program = ""
         self.speed_slider = 1.0
         self.speed_fraction = 1.0
@@ -89,8 +78,9 @@ class Controller:
         self.output_doubles = [0.0] * REGISTERS
         self.log: list[str] = []
         self.on_message: Callable[[str], None] = lambda _text: None
-        self.program: ControlScript | PlainProgram | None = None
-        self._next_program: ControlScript | PlainProgram | None = None
+        self.program: Program | None = None
+        self._next_program: Program | None = None
+        self._written: list[tuple[Sequence[str], Sequence[Value]]] = []
         self._due: list[tuple[int, Callable[[], None]]] = []
         self._watchdog: tuple[str, int] | None = None
         self._watchdog_fed = 0
@@ -103,6 +93,10 @@ class Controller:
         self.ticks += 1
         self.timestamp += TICK
         self.tool.forget_poses()
+        if self.ticks % self.behaviour.cycle_ticks == 0:
+            written, self._written = self._written, []
+            for names, values in written:
+                self._apply(names, values)
         while self._due and self._due[0][0] <= self.ticks:
             self._due.pop(0)[1]()
         self._move_slider()
@@ -139,7 +133,7 @@ class Controller:
             return
         try:
             goes_on = self.program.advance()
-        except UnreachableError as error:
+        except (UnreachableError, UnknownStatementError) as error:
             self._end_program(f"program ended: {error}")
             return
         if not goes_on:
@@ -162,21 +156,32 @@ class Controller:
         if not self.is_remote or not self.can_move:
             self.say("program refused: not in remote control, or stopped")
             return
-        program: ControlScript | PlainProgram
+        program: Program
         if text.lstrip().startswith(SIGNATURE):
             offsets = {"int": 0, "float": 0}
             offsets |= {kind: int(number) for kind, number in _OFFSETS.findall(text)}
-            program = ControlScript(self, int_offset=offsets["int"], double_offset=offsets["float"])
+            try:
+                path = parse(_injected(text))
+            except UnknownStatementError as error:
+                self.say(f"program refused: {error}")
+                return
+            program = ControlScript(
+                self, int_offset=offsets["int"], double_offset=offsets["float"], path=path
+            )
         elif text.lstrip().startswith("sec "):
             return
         else:
-            program = PlainProgram(0.1)
+            try:
+                program = StatementProgram(self, parse(text))
+            except UnknownStatementError as error:
+                self.say(f"program refused: {error}")
+                return
         if self.program is not None:
             self._end_program("replaced by another program")
         self._next_program = program
         self.later(self.behaviour.program_start, lambda: self._start(program))
 
-    def _start(self, program: ControlScript | PlainProgram) -> None:
+    def _start(self, program: Program) -> None:
         if program is not self._next_program or not self.can_move:
             return
         self._next_program = None
@@ -348,7 +353,13 @@ class Controller:
             self.input_doubles[int(name[22:])] = float(value)
 
     def write_package(self, names: Sequence[str], values: Sequence[Value]) -> None:
-        """Take one package of inputs."""
+        """Take one package of inputs, which a program sees from the next cycle on."""
+        if self.behaviour.cycle_ticks == 1:
+            self._apply(names, values)
+        else:
+            self._written.append((names, values))
+
+    def _apply(self, names: Sequence[str], values: Sequence[Value]) -> None:
         for name, value in zip(names, values, strict=True):
             self.write(name, value)
         given = dict(zip(names, values, strict=True))

@@ -10,6 +10,7 @@ from orientd_sim.ur.variables import RuntimeState, SafetyMode
 WELCOME = "Connected: Universal Robots Dashboard Server"
 GOODBYE = "Disconnected"
 
+_NOT_OF_CB3 = ("is in remote control",)
 _SAFETY_NAMES = {
     SafetyMode.SAFEGUARD_STOP: "SAFEGUARD_STOP",
     SafetyMode.SYSTEM_EMERGENCY_STOP: "SYSTEM_EMERGENCY_STOP",
@@ -24,7 +25,7 @@ def reply(robot: Controller, line: str) -> str:
     for start, action in _WITH_ARGUMENT.items():
         if lowered.startswith(start):
             return action(robot, command[len(start) :].strip())
-    if lowered not in _COMMANDS:
+    if lowered not in _COMMANDS or (robot.behaviour.is_cb3 and lowered in _NOT_OF_CB3):
         return f"could not understand: {command}"
     if lowered in _NEEDS_REMOTE and not robot.is_remote:
         return "Command is not allowed due to safety reasons"
@@ -79,7 +80,7 @@ _NEEDS_REMOTE = frozenset(
 _COMMANDS: dict[str, Callable[[Controller], str]] = {
     "polyscopeversion": _version,
     "get serial number": lambda robot: robot.behaviour.serial,
-    "get robot model": lambda _robot: "UR5",
+    "get robot model": lambda robot: robot.behaviour.model.dashboard_name,
     "stop": _after(Controller.stop, "Stopped"),
     "play": _after(Controller.play, "Starting program"),
     "pause": _after(Controller.pause, "Pausing program"),

@@ -16,6 +16,9 @@ Not part of any real robot.  The server answers it at all times, a frozen contro
 ``stop``, ``pause``, ``play``  the buttons of the pendant
 ``slider FRACTION``        the speed slider
 ``limiter FRACTION``       slow programs down as the controller's own limiter does
+``dashboard PACE``         the dashboard server takes PACE s for each byte of an answer
+``contact on|off``         the tool touches something, or nothing any more
+``garbage COUNT [BYTE]``   send COUNT bytes (0) that are no package to every RTDE client
 ``local`` / ``remote``     local or remote control
 ``limit JOINT SPEED``      lower the speed limit of joint 1 to 6, rad/s
 ``record on|off|clear``, ``record write STEM``  see `orientd_sim.ur.recording`
@@ -94,6 +97,10 @@ def _delay(server: Server, words: Sequence[str]) -> None:
     server.delay_in_ns = round(float(words[1]) * 1e9) if len(words) > 1 else 0
 
 
+def _pace_dashboard(server: Server, words: Sequence[str]) -> None:
+    server.dashboard_pace_ns = round(float(words[0]) * 1e9)
+
+
 def _drop(server: Server, words: Sequence[str]) -> str:
     return f"ok {server.drop(words[0])}"
 
@@ -116,6 +123,9 @@ _VERBS: dict[str, Callable[[Server, Sequence[str]], str | None]] = {
     "play": lambda server, _words: server.robot.play(),
     "slider": lambda server, words: server.robot.set_slider(float(words[0])),
     "limiter": _limiter,
+    "dashboard": _pace_dashboard,
+    "contact": lambda server, words: server.touch(words == ["on"]),
+    "garbage": lambda server, words: server.send_garbage(*map(int, words)),
     "local": _set_remote(False),
     "remote": _set_remote(True),
     "limit": _limit,

@@ -7,18 +7,18 @@ thread latches the last target for as long as one servo command lasts.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Generator, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from orientd_sim.ur import commands
 from orientd_sim.ur.arm import TICK
 from orientd_sim.ur.commands import Command
+from orientd_sim.ur.programs import Statement, Ticks, perform, press
 
 if TYPE_CHECKING:
     from orientd_sim.ur.controller import Controller
 
-Ticks = Generator[None, None, None]
+_SHORTEST = 0.1
 
 READY, DONE = 1, 2
 SIGNATURE = "def rtde_control():"
@@ -32,16 +32,28 @@ class ControlScript:
         robot: the controller it runs on.
         int_offset: number of the first integer register it uses.
         double_offset: number of the first double register it uses.
+        path: the motions that were put into its text.
     """
 
-    def __init__(self, robot: Controller, *, int_offset: int = 0, double_offset: int = 0) -> None:
+    def __init__(
+        self,
+        robot: Controller,
+        *,
+        int_offset: int = 0,
+        double_offset: int = 0,
+        path: Sequence[Statement] = (),
+    ) -> None:
         self.robot = robot
         self._ints = int_offset
         self._doubles = double_offset
         self._servo: tuple[tuple[float, ...], float, float, float] | None = None
         self._speed: tuple[tuple[float, ...], float, bool] | None = None
+        self._force: tuple[tuple[float, ...], ...] | None = None
         self._main = self._main_loop()
         self._thread: Ticks | None = None
+        self._move: Ticks | None = None
+        self._progress_count = self._operation = 0
+        self.path = path
 
     @property
     def command_register(self) -> str:
@@ -63,6 +75,11 @@ class ControlScript:
                 break
             else:
                 self._thread = None
+        if self._move is not None:
+            for _ in self._move:
+                break
+            else:
+                self.end_move()
         return True
 
     # What a command finds in the registers and leaves there.
@@ -88,7 +105,7 @@ class ControlScript:
     # What the program does.
 
     def _main_loop(self) -> Ticks:
-        self.answer_int(2, 0)
+        self.tell_progress(-1)
         self.answer_int(0, READY)
         is_executing = False
         while True:
@@ -125,9 +142,23 @@ class ControlScript:
             self._servo = None
             self._thread = self._speed_thread()
 
+    def start_force(
+        self,
+        frame: Sequence[float],
+        selection: Sequence[int],
+        wrench: Sequence[float],
+        limits: Sequence[float],
+    ) -> None:
+        """Give way to forces from now on; the same order again changes nothing."""
+        order = (tuple(frame), tuple(selection), tuple(wrench), tuple(limits))
+        if order != self._force:
+            self.end_thread()
+            self._force = order
+            self._thread = press(self.robot, frame, selection, wrench, limits)
+
     def end_thread(self) -> None:
         """Kill the servo or speed thread; the arm keeps its last order until told otherwise."""
-        self._thread = self._servo = self._speed = None
+        self._thread = self._servo = self._speed = self._force = None
 
     def _servo_thread(self) -> Ticks:
         while self._servo is not None:
@@ -150,18 +181,50 @@ class ControlScript:
                 self.robot.arm.turn(rates, acceleration=acceleration)
             yield
 
-    def move(self, length: float, at: commands.Path, speed: float, acceleration: float) -> Ticks:
-        """Follow *at* over ``0..length`` with a trapezoid of speed, one tick after another."""
-        along = rate = 0.0
-        speed, acceleration = max(speed, 1e-3), max(acceleration, 1e-3)
-        while along < length:
-            dt = TICK * self.robot.speed_scaling
-            brakes = math.sqrt(2.0 * acceleration * max(length - along, 0.0))
-            rate = min(speed, rate + acceleration * dt, max(brakes, acceleration * dt))
-            along = min(length, along + rate * dt)
-            self.robot.arm.follow(at(along))
-            yield
-        self.robot.arm.hold()
+    # Motions that go on while the main loop does, and what is said of them.
+
+    def tell_progress(self, value: int) -> None:
+        """Write how far such a motion is: 0 begins one, -1 ends it."""
+        self._progress_count = (self._progress_count + 1) % 128
+        if value == 0:
+            self._operation = (self._operation + 1) % 128
+        told = min(value, 32767) + 32768 if value >= 0 else 0
+        self.answer_int(2, (self._progress_count << 16) + (self._operation << 24) + told)
+
+    def start_move(self, motion: Ticks) -> None:
+        """Begin a motion that the main loop does not wait for."""
+        self.end_move()
+        self.tell_progress(0)
+        self._move = motion
+
+    def end_move(self) -> None:
+        """Drop the motion that the main loop does not wait for; the arm keeps its last order."""
+        if self._move is not None:
+            self._move = None
+            self.tell_progress(-1)
+
+    def start_thread(self, motion: Ticks) -> None:
+        """Begin what goes on until another command ends it, as jogging does."""
+        self.end_thread()
+        self._thread = motion
+
+
+class StatementProgram:
+    """A program of plain statements, one after the other."""
+
+    command_register = ""
+
+    def __init__(self, robot: Controller, statements: Sequence[Statement]) -> None:
+        self._ticks = perform(robot, statements, lambda _value: None)
+        # A program lasts at least until its client can see that it plays.
+        self._least = _SHORTEST
+
+    def advance(self) -> bool:
+        """Run one tick; return whether the program goes on."""
+        self._least -= TICK
+        for _ in self._ticks:
+            return True
+        return self._least > 0.0
 
 
 class PlainProgram:

@@ -17,10 +17,11 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from orientd_sim.ur import dashboard, faults
+from orientd_sim.ur import dashboard, faults, primary
 from orientd_sim.ur.commands import Command
 from orientd_sim.ur.connection import Connection
-from orientd_sim.ur.controller import Behaviour, Controller
+from orientd_sim.ur.controller import Controller
+from orientd_sim.ur.models import Behaviour
 from orientd_sim.ur.recording import Recording
 from orientd_sim.ur.session import Session
 from orientd_sim.ur.wire import Value, WireError
@@ -28,9 +29,13 @@ from orientd_sim.ur.wire import Value, WireError
 RTDE_PORT = 30004
 DASHBOARD_PORT = 29999
 SCRIPT_PORT = 30003
+PRIMARY_PORT = 30001
+SECONDARY_PORT = 30002
 FAULTS_PORT = 29998
+_SCRIPT_KINDS = ("script", "primary", "secondary")
 
 TICK_NS = 2_000_000
+_PRIORITY = 10
 _LONGEST_CATCH_UP_NS = 250_000_000
 _SCRIPT_END = b"\nend\n"
 
@@ -57,6 +62,8 @@ class Server:
         self.setpoints = 0
         self.overwritten = 0
         self.stalls = 0
+        # How long the dashboard server takes for each byte of an answer.
+        self.dashboard_pace_ns = 0
         self._setpoints_this_tick = 0
         self._frozen_until: float | None = None
         self._is_ending = False
@@ -64,12 +71,15 @@ class Server:
         self._owners: dict[str, Session] = {}
         self._sessions: dict[Connection, Session] = {}
         self._texts: dict[Connection, bytearray] = {}
+        self._informed: set[Connection] = set()
         self._connections: dict[int, Connection] = {}
         self._listeners: dict[int, tuple[socket.socket, str]] = {}
         ports = {
-            RTDE_PORT: "rtde", DASHBOARD_PORT: "dashboard",
+            RTDE_PORT: "rtde", PRIMARY_PORT: "primary", SECONDARY_PORT: "secondary",
             SCRIPT_PORT: "script", FAULTS_PORT: "faults",
         }  # fmt: skip
+        if self.robot.behaviour.has_dashboard:
+            ports[DASHBOARD_PORT] = "dashboard"
         try:
             for port, kind in ports.items():
                 listener = socket.create_server((host, port), backlog=16)
@@ -148,11 +158,20 @@ class Server:
             if not self.is_silent:
                 connection.send(session.outputs(), now_ns, self.delay_out_ns)
             connection.flush(now_ns)
+        if robot.ticks % primary.EVERY_TICKS == 0:
+            self._tell_state(now_ns)
         if self.recording.is_on:
             self.recording.add_arm(
                 now_ns, robot.ticks, robot.tool.pose("target_TCP_pose"),
                 robot.tool.pose("actual_TCP_pose"), robot.arm.actual_q,
             )  # fmt: skip
+
+    def _tell_state(self, now_ns: int) -> None:
+        for connection in self._connections.values():
+            if connection.kind in _SCRIPT_KINDS[1:]:
+                is_first = connection not in self._informed
+                self._informed.add(connection)
+                connection.send(primary.state_message(self.robot, is_first=is_first), now_ns)
 
     # Clients.
 
@@ -169,7 +188,9 @@ class Server:
         else:
             self._texts[connection] = bytearray()
         if kind == "dashboard":
-            connection.send(dashboard.WELCOME.encode() + b"\n", time.monotonic_ns())
+            self._answer(connection, dashboard.WELCOME, time.monotonic_ns())
+        elif kind in _SCRIPT_KINDS[1:]:
+            connection.send(primary.version_message(self.robot), time.monotonic_ns())
 
     def _serve(self, connection: Connection, now_ns: int) -> None:
         if connection.sock.fileno() < 0:
@@ -191,7 +212,7 @@ class Server:
 
     def _read_text(self, connection: Connection, now_ns: int) -> None:
         text = self._texts[connection]
-        if connection.kind == "script":
+        if connection.kind in _SCRIPT_KINDS:
             # The only `end` at the beginning of a line is the program's last.
             while (at := text.find(_SCRIPT_END)) >= 0:
                 program = bytes(text[: at + len(_SCRIPT_END)])
@@ -205,14 +226,25 @@ class Server:
                 answer = faults.carry_out(self, line)
             else:
                 answer = dashboard.reply(self.robot, line)
-            connection.send(answer.encode() + b"\n", now_ns)
+            self._answer(connection, answer, now_ns)
             if answer == dashboard.GOODBYE:
                 connection.is_closed = True
+
+    def _answer(self, connection: Connection, line: str, now_ns: int) -> None:
+        """Send a line, byte by byte where the dashboard server is to be slow."""
+        pace_ns = self.dashboard_pace_ns if connection.kind == "dashboard" else 0
+        encoded = line.encode() + b"\n"
+        if not pace_ns:
+            connection.send(encoded, now_ns)
+            return
+        for number, byte in enumerate(encoded):
+            connection.send(bytes([byte]), now_ns, (number + 1) * pace_ns)
 
     def _forget(self, connection: Connection) -> None:
         fd = connection.sock.fileno()
         self._connections.pop(fd, None)
         self._texts.pop(connection, None)
+        self._informed.discard(connection)
         session = self._sessions.pop(connection, None)
         if session is not None:
             session.close()
@@ -255,7 +287,7 @@ class Server:
         Raises:
             ValueError: *what* names none.
         """
-        known = ("all", "rtde", "control", "receive", "dashboard", "script")
+        known = ("all", "rtde", "control", "receive", "dashboard", "script", "primary")
         if what not in known:
             raise ValueError(f"drop must be one of {', '.join(known)}, got {what}")
         holders = set(self._owners.values())
@@ -267,6 +299,15 @@ class Server:
                 self._forget(connection)
                 dropped += 1
         return dropped
+
+    def touch(self, is_touching: bool) -> None:
+        """Have the tool touch something, or nothing any more."""
+        self.robot.is_touching = is_touching
+
+    def send_garbage(self, count: int, byte: int = 0) -> None:
+        """Send bytes that are no package to every RTDE client."""
+        for connection in self._sessions:
+            connection.send(bytes([byte]) * count, time.monotonic_ns())
 
     def die(self) -> None:
         """End as a process that was killed."""
@@ -309,6 +350,15 @@ class Server:
         )  # fmt: skip
 
 
+def _keep_time() -> str:
+    """Ask for real time, as a controller has; return what came of it."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
+    except OSError:
+        return "at normal priority: on a busy machine it may be late"
+    return f"SCHED_FIFO {_PRIORITY}"
+
+
 def serve(host: str, behaviour: Behaviour | None = None, *, lifeline: int | None = None) -> None:
     """Run an emulated robot until SIGINT or SIGTERM; print a line when it can be used.
 
@@ -321,12 +371,13 @@ def serve(host: str, behaviour: Behaviour | None = None, *, lifeline: int | None
         OSError: its ports cannot be had.
     """
     server = Server(host, behaviour)
+    scheduling = _keep_time()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda _number, _frame: server.end())
     os.write(
         1,
-        f"ready: UR5e at {host} (rtde {RTDE_PORT}, dashboard {DASHBOARD_PORT}, "
-        f"script {SCRIPT_PORT}, faults {FAULTS_PORT})\n".encode(),
+        f"ready: {server.robot.behaviour.model.name} at {host} (rtde {RTDE_PORT}, dashboard "
+        f"{DASHBOARD_PORT}, script {SCRIPT_PORT}, faults {FAULTS_PORT}; {scheduling})\n".encode(),
     )
     with contextlib.closing(server):
         server.run(lifeline)

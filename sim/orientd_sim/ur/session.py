@@ -92,7 +92,8 @@ class Session:
     def _set_up_outputs(self, payload: bytes) -> bytes:
         frequency, names = wire.requested_outputs(payload, self.protocol)
         types = [OUTPUTS.get(name, "NOT_FOUND") for name in names]
-        is_valid = bool(names) and "NOT_FOUND" not in types and 1.0 <= frequency <= 500.0
+        fastest = 1.0 / (TICK * self.robot.behaviour.cycle_ticks)
+        is_valid = bool(names) and "NOT_FOUND" not in types and 1.0 <= frequency <= fastest
         if is_valid:
             self._outputs = Layout(names, types)
             self._getters = [OUTPUT_GETTERS[name] for name in names]

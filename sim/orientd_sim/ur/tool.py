@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from orientd_sim.ur import kinematics
 from orientd_sim.ur.arm import Arm, Mode
-from orientd_sim.ur.kinematics import Joints
+from orientd_sim.ur.kinematics import Joints, speed
 from orientd_sim.ur.transforms import Pose, Transform, from_pose, inverse, multiply, to_pose
 
 
@@ -33,11 +32,11 @@ class Tool:
 
     def at(self, q: Sequence[float]) -> Transform:
         """Return the tool for joint angles *q*."""
-        return multiply(kinematics.forward(q), from_pose(self.offset))
+        return multiply(self._arm.kinematics.forward(q), from_pose(self.offset))
 
     def actual_flange(self) -> Transform:
         """Return where the flange is."""
-        return kinematics.forward(self._arm.actual_q)
+        return self._arm.kinematics.forward(self._arm.actual_q)
 
     def find_joints(
         self, pose: Sequence[float], near: Sequence[float] | None = None
@@ -55,7 +54,7 @@ class Tool:
                     return self._last_solution[2]
                 near = self._last_solution[2]
         flange = multiply(from_pose(pose), inverse(from_pose(self.offset)))
-        q = kinematics.inverse(flange, near)
+        q = self._arm.kinematics.inverse(flange, near)
         self._last_solution = None if q is None else (*key, q)
         return q
 
@@ -88,8 +87,8 @@ class Tool:
             source = which[:6]
             q = self._arm.actual_q if source == "actual" else self._arm.target_q
             qd = self._arm.actual_qd if source == "actual" else self._arm.target_qd
-            chain = kinematics.frames(q)
+            chain = self._arm.kinematics.frames(q)
             tool = multiply(chain[-1], from_pose(self.offset))
             self._poses[f"{source}_TCP_pose"] = to_pose(tool)
-            self._poses[f"{source}_TCP_speed"] = kinematics.speed(chain, qd, tool[3::4])
+            self._poses[f"{source}_TCP_speed"] = speed(chain, qd, tool[3::4])
         return self._poses[which]

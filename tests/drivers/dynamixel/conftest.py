@@ -3,9 +3,14 @@
 import random
 
 import pytest
+from rig import PERIOD_NS
+from rig import Rig as LoopRig
 
 from orientd.clock import ManualClock
 from orientd.driver import Setpoint
+from orientd.servo import Servo as ServoLoop
+from orientd.servo import WatchdogTimeouts
+from orientd.stream import SharedMemory
 from orientd_sim.dynamixel import MODELS, Bus, Line, Servo, VirtualPort
 
 MS = 1_000_000
@@ -47,6 +52,7 @@ class Rig:
 
         self.driver = DynamixelDriver(
             {"port": "virtual", "order": order, "latency_ms": latency_ms,
+             "turns_file": "",
              "axes": axes or axes_for(order, models=models), **options},
             period_ns=self.period_ns, clock=self.clock, open_bus=open_bus,
             sleep=lambda seconds: self.clock.advance(round(seconds * 1e9)),
@@ -95,6 +101,29 @@ class Rig:
         return [self.servo(k + 1).value("goal position") for k in range(len(self.bus.servos))]
 
 
+class GimbalLoop(LoopRig):
+    """The servo loop on an emulated gimbal instead of a loopback."""
+
+    def __post_init__(self):
+        self.gimbal = self.options["gimbal"]
+        self.clock = self.gimbal.clock
+        self.driver = self.gimbal.driver
+        self.memory = SharedMemory.create(self.capacity, 4096)
+        self.driver.open()
+        self.parent_is_alive = self.beats = True
+        self.servo = ServoLoop(
+            self.driver, self.memory, period_ns=PERIOD_NS,
+            watch=WatchdogTimeouts(self.heartbeat_ns, self.feedback_ns), clock=self.clock,
+            parent_is_alive=lambda: True,
+        )  # fmt: skip
+        self.memory.beat(self.clock.now_ns())
+
+
+@pytest.fixture(autouse=True)
+def _turns_of_its_own(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+
+
 @pytest.fixture
 def rig():
     return Rig
@@ -105,3 +134,8 @@ def gimbal():
     it = Rig()
     it.start()
     return it
+
+
+@pytest.fixture
+def gimbal_loop():
+    return lambda gimbal: GimbalLoop(options={"gimbal": gimbal})

@@ -43,7 +43,7 @@ def test_servos_are_set_as_the_sheet_of_settings_says(gimbal):
     for number in (1, 2, 3):
         names = ("return delay time", "operating mode", "drive mode", "profile velocity",
                  "profile acceleration", "status return level", "bus watchdog")  # fmt: skip
-        assert [gimbal.value(number, n) for n in names] == [0, 4, 0, 0, 0, 2, 25]
+        assert [gimbal.value(number, n) for n in names] == [0, 4, 0, 193, 0, 2, 25]
 
 
 def test_settings_that_are_right_are_not_written_again(gimbal):
@@ -163,7 +163,7 @@ def test_step_faster_than_the_axis_is_refused_and_nothing_sent(gimbal):
 
 
 def test_roll_that_two_axes_cannot_make_is_refused(rig):
-    it = rig("ZY")
+    it = rig("ZY", pointing=False)
     it.start()
     with pytest.raises(DeviceFaultError, match=r"misses the orientation by 5\.73 deg"):
         it.cycle(q=(math.cos(0.05), math.sin(0.05), 0.0, 0.0))

@@ -57,3 +57,22 @@ def test_axis_takes_eighty_percent_of_the_speed_without_load():
 def test_what_is_wrong_is_named(change, message):
     with pytest.raises(ValueError, match=message):
         parse({**GOOD, **change})
+
+
+def test_every_model_is_driven_on_a_bus_of_its_own(rig):
+    from orientd_dynamixel.options import MODELS
+    from orientd_sim.dynamixel import MODELS as EMULATED
+
+    assert MODELS.keys() == EMULATED.keys()
+    for name in MODELS:
+        it = rig("ZY", models=[name, name])
+        it.start()
+        it.run(30, lambda k: [0.004 * k, -0.002 * k])
+        it.run(40)
+        assert it.seen[-1].joints == pytest.approx((0.116, -0.058), abs=0.002), name
+
+
+def test_a_limit_of_current_is_for_servos_that_measure_it():
+    axes = [{"id": 1, "model": "xl430-w250", "current_limit": 0.5}, {"id": 2}]
+    with pytest.raises(ValueError, match="XL430-W250 has no limit of its current"):
+        parse({"port": "virtual", "order": "ZY", "axes": axes})

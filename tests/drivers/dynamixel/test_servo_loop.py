@@ -4,37 +4,16 @@ import math
 
 import numpy as np
 import pytest
-from rig import PERIOD, PERIOD_NS
-from rig import Rig as LoopRig
+from rig import PERIOD
 
 from orientd.errors import Fault
-from orientd.servo import Servo, WatchdogTimeouts
-from orientd.stream import Answer, Command, SharedMemory, State
+from orientd.stream import Answer, Command, State
 from orientd_sim.dynamixel import FaultKind, ReplyFault
 
 
-class GimbalLoop(LoopRig):
-    """The servo loop on an emulated gimbal instead of a loopback."""
-
-    def __post_init__(self):
-        self.gimbal = self.options["gimbal"]
-        self.clock = self.gimbal.clock
-        self.driver = self.gimbal.driver
-        self.memory = SharedMemory.create(self.capacity, 4096)
-        self.driver.open()
-        self.parent_is_alive = self.beats = True
-        self.servo = Servo(
-            self.driver, self.memory, period_ns=PERIOD_NS,
-            watch=WatchdogTimeouts(self.heartbeat_ns, self.feedback_ns), clock=self.clock,
-            parent_is_alive=lambda: True,
-        )  # fmt: skip
-        self.memory.beat(self.clock.now_ns())
-
-
 @pytest.fixture
-def loop(rig):
-    gimbal = rig(rate_hz=500, is_paced=False, latency_ms=4.0)
-    return GimbalLoop(options={"gimbal": gimbal})
+def loop(rig, gimbal_loop):
+    return gimbal_loop(rig(rate_hz=500, is_paced=False, latency_ms=4.0))
 
 
 def turning(seconds=2.0):

@@ -1,13 +1,13 @@
 """How the driver looks at a robot, and what it makes of its sockets and of hanging calls."""
 
 import asyncio
-import contextlib
 import os
 import signal
 import socket
 import subprocess
 import sys
-from pathlib import Path
+import threading
+import time
 
 import pytest
 from ur_rig import device_of, is_holding, streaming, swing, swing_motion, until
@@ -19,10 +19,10 @@ from orientd.driver import Setpoint
 from orientd.errors import LimitError, LinkError, PlanError, RequestError, StateError
 from orientd.rpc import control_pb2 as pb
 from orientd_ur import UrDriver
-from orientd_ur.joint_path import tool_in_flange
-from orientd_ur.kinematics import forward, quaternion
+from orientd_ur.arm import MODELS, published
+from orientd_ur.kinematics import quaternion
 from orientd_ur.probe import look, whereabouts
-from orientd_ur.sockets import send_at_once
+from orientd_ur.sockets import Address, are_open, send_at_once
 from orientd_ur.states import RuntimeState
 
 rtde_control = pytest.importorskip("rtde_control")
@@ -67,20 +67,34 @@ def test_look_names_a_controller_that_accepts_and_says_nothing(ur_host):
 def test_library_loses_no_delay_and_it_is_restored(ur_robot):
     client = rtde_control.RTDEControlInterface(ur_robot.host)
     try:
-        ports = send_at_once(ur_robot.host)
-        assert len(ports) == 2
-        undelayed = set()
-        for entry in Path("/proc/self/fd").iterdir():
-            with contextlib.suppress(OSError):
-                if not str(entry.readlink()).startswith("socket:"):
-                    continue
-                with socket.socket(fileno=os.dup(int(entry.name))) as copy:
-                    port = copy.getsockname()[1] if copy.family == socket.AF_INET else 0
-                    if port in ports and copy.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY):
-                        undelayed.add(port)
-        assert undelayed == set(ports)
+        sockets = send_at_once(ur_robot.host)
+        assert len(sockets) == 2
+        for found in sockets:
+            with socket.socket(fileno=os.dup(found.descriptor)) as copy:
+                assert copy.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+        assert are_open(sockets)
     finally:
         client.disconnect()
+    assert not are_open(sockets)
+
+
+def test_name_is_resolved_once_and_a_slow_resolver_waited_for_no_longer(monkeypatch):
+    asked, goes_on = [], threading.Event()
+
+    def slow(host, *_):
+        asked.append(host)
+        goes_on.wait(10.0)
+        return [(socket.AF_INET, socket.SOCK_STREAM, 6, "", ("127.0.0.9", 0))]
+
+    monkeypatch.setattr(socket, "getaddrinfo", slow)
+    address = Address("robot.example")
+    with pytest.raises(LinkError, match=r"robot\.example: the name was not resolved in 0\.05 s"):
+        address.get(0.05)
+    goes_on.set()
+    until(lambda: address.get(5.0) == "127.0.0.9", "the address")
+    known = len(asked)
+    assert [address.get(0.0) for _ in range(3)] == ["127.0.0.9"] * 3
+    assert len(asked) == known
 
 
 def test_tool_and_payload_are_set_when_enabling(ur_robot):
@@ -92,9 +106,9 @@ def test_tool_and_payload_are_set_when_enabling(ur_robot):
         state = ur_robot.state()
         assert state["tcp_offset"] == tool
         assert (state["payload"], state["payload_cog"]) == (1.2, [0.0, 0.0, 0.04])
-        joints, pose = whereabouts(ur_robot.host)
-        assert tool_in_flange(joints, pose) == pytest.approx(tool, abs=1e-9)
-        assert start.position == pytest.approx(pose[:3], abs=1e-9)
+        place = whereabouts(ur_robot.host)
+        assert place.tcp_offset == pytest.approx(tool, abs=1e-9)
+        assert start.position == pytest.approx(place.pose[:3], abs=1e-9)
     finally:
         driver.close()
 
@@ -127,7 +141,8 @@ def test_program_ends_with_the_driver(ur_robot):
 
 def test_path_is_examined_from_where_the_arm_is(ur_robot):
     driver = driver_of(ur_robot)
-    joints, _ = whereabouts(ur_robot.host)
+    joints = whereabouts(ur_robot.host).joints
+    forward = published(MODELS["ur5e"]).kinematics.forward
 
     def turn_of_wrist_3(rate):
         times = [0.008 * k for k in range(100)]
@@ -211,3 +226,36 @@ def test_motion_with_options_that_are_not_allowed_is_refused(ur_robot):
 def test_hanging_call_ends_the_process(code, status):
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=20.0)
     assert ended.returncode == status
+
+
+def test_no_resolver_and_no_file_is_asked_for_in_a_cycle(ur_robot, monkeypatch):
+    asked, resolve_numbers = [], socket.getaddrinfo
+
+    def resolve(host, *rest):
+        if host == ur_robot.host:
+            return resolve_numbers(host, *rest)
+        asked.append(host)
+        return [(socket.AF_INET, socket.SOCK_STREAM, 6, "", (ur_robot.host, 0))]
+
+    monkeypatch.setattr(socket, "getaddrinfo", resolve)
+    driver = UrDriver({"host": "arm.example"}, period_ns=2_000_000, clock=MonotonicClock())
+    try:
+        driver.open()
+        start = driver.enable()
+        assert asked == ["arm.example"]
+
+        def forbidden(*_):
+            raise AssertionError("asked for in a cycle")
+
+        ends = ur_robot.state()["ticks"] + 600  # more than a second: every kind of cycle
+        monkeypatch.setattr(socket, "getaddrinfo", forbidden)
+        for name in ("listdir", "readlink", "open"):
+            monkeypatch.setattr(os, name, forbidden)
+        while ur_robot.state()["ticks"] < ends:
+            driver.read()
+            driver.write(Setpoint(0, start.q, position=start.position))
+            driver.deadline_shift_ns(0)
+            time.sleep(0.002)
+    finally:
+        monkeypatch.undo()
+        driver.close()

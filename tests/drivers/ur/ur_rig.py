@@ -11,7 +11,7 @@ from orientd import rotation
 from orientd.config import DeviceSettings
 from orientd.daemon.device import Device
 from orientd.daemon.motions.options import Prepared
-from orientd.errors import Fault
+from orientd.errors import Fault, PendingError
 from orientd.planner import Keyframe, MotionRequest
 from orientd.stream import State
 
@@ -93,9 +93,19 @@ def fault_of(device, seconds=2.0):
     return snapshot.fault, snapshot.fault_text, took
 
 
+def reset(device, seconds=20.0):
+    """Reset, asked for again while the device takes its time."""
+    ends = time.monotonic() + seconds
+    while True:
+        try:
+            return device.reset()
+        except PendingError:
+            assert time.monotonic() < ends, "the reset never ends"
+
+
 def recover(device):
     """Reset, then move again."""
-    device.reset()
+    reset(device)
     until(lambda: is_holding(device), lambda: f"holding after the reset {device.snapshot()}")
     swing(device, angle=0.05, seconds=0.6)
     streaming(device)

@@ -94,10 +94,11 @@ def test_interpolated_motion_meets_every_pose(random_keys):
     assert np.abs(poses.position - POINTS).max() < 1e-12
 
 
-def test_a_sweep_has_a_row_for_each_instant(random_keys):
+def test_an_outline_is_placed_at_each_instant(random_keys):
     motion = blended_motion(control=random_keys(7), positions=POINTS)
     times = np.linspace(*motion.domain, 40)
-    surface, poses = motion.sweep(OUTLINE, times), motion.evaluate(times)
+    poses = motion.evaluate(times)
+    surface = poses.placed(OUTLINE)
     assert surface.shape == (40, 3, 3)
     assert np.abs(surface[7] - poses.position[7] - rotate(poses.q[7], OUTLINE)).max() < 1e-14
 

@@ -185,3 +185,13 @@ def test_antipodal_control_quaternions_are_said_to_have_no_arc():
     curve = METHODS["de_casteljau"](control=points)
     with pytest.raises(PlanError, match="antipodal"):
         curve.evaluate(np.linspace(0.0, 1.0, 21))
+
+
+@pytest.mark.parametrize("order", ["hamilton", "reversed"])
+def test_keyframes_half_a_turn_apart_are_passed_without_a_step_of_the_velocity(order):
+    # The neighbours of the one in the middle are a whole turn apart: either way round is as short.
+    keys = [[1, 0, 0, 0], [0, 0, 0, 1], [-1, 0, 0, 0]]
+    curve = METHODS["bezier_catmull_rom"](keys=keys, times=[0.0, 1.0, 2.0], order=order)
+    assert curve.continuity == 1
+    before, after = curve.evaluate(np.array([1.0 - 1e-9, 1.0 + 1e-9]))[1]
+    assert np.abs(after - before).max() < 1e-6

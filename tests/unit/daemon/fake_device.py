@@ -51,6 +51,7 @@ class FakeDevice:
         self.lateness = 0
         self.began = {}
         self.during_start = lambda: None
+        self.stops_beside = 0
 
     def launch(self):
         self.calls.append("launch")
@@ -91,6 +92,9 @@ class FakeDevice:
 
     def halt(self):
         self.calls.append("halt")
+
+    def withdraw(self, number, reason):
+        return False
 
     def settled_after(self, number):
         return None

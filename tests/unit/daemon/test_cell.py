@@ -161,6 +161,17 @@ def test_a_stop_while_a_motion_is_planned_keeps_it_from_beginning(cell, arm):
     assert "start 1" not in arm.calls
 
 
+def test_a_stop_beside_the_daemon_keeps_what_is_planned_from_beginning(cell, arm):
+    token = cell.lease_manager.acquire("ana").token
+    stops = cell.runs.stops(arm)
+    motion = plan(cell, arm)
+    arm.stops_beside += 1
+    cell.runs.note_stop(["arm"], "stopped by ben")
+    with pytest.raises(StateError, match="stopped before it began: stopped by ben"):
+        start(cell, token, arm, motion, stops=stops)
+    start(cell, token, arm, motion, stops=cell.runs.stops(arm))
+
+
 def test_a_stop_while_a_motion_is_started_stops_it(cell, arm):
     # The stop finds the device still at rest.
     arm.during_start = lambda: cell.runs.halt([cell.device("arm")], "stopped by ben")
@@ -271,9 +282,9 @@ def test_a_name_may_be_left_out_where_there_is_one_device(cell):
 
 def test_commands_need_the_lease(cell, arm):
     with pytest.raises(LeaseError):
-        cell.command("", "arm", "enable", lambda device: device.enable())
+        cell.command("", 0, "arm", "enable", lambda device: device.enable())
     token = cell.lease_manager.acquire("ana").token
-    assert cell.command(token, "arm", "enable", lambda device: device.enable()) is arm
+    assert cell.command(token, 0, "arm", "enable", lambda device: device.enable()) is arm
     assert arm.calls == ["enable"]
 
 
@@ -303,7 +314,7 @@ def test_shutdown_stops_what_runs_and_takes_no_more(cell, arm):
     with pytest.raises(DaemonError, match="going down"):
         start(cell, token, arm, motion, stops=cell.runs.stops(arm))
     with pytest.raises(DaemonError, match="going down"):
-        cell.command(token, "arm", "enable", lambda device: device.enable())
+        cell.command(token, 0, "arm", "enable", lambda device: device.enable())
 
 
 def test_shutdown_ends_what_a_dead_servo_cannot(cell, arm):

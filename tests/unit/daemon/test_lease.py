@@ -1,4 +1,4 @@
-"""The lease: one holder, a token, an end."""
+"""Leases: one commander for each device, a token for each holder, an end."""
 
 import pytest
 
@@ -16,13 +16,13 @@ def clock():
 
 @pytest.fixture
 def leases(clock):
-    return LeaseTable(seconds=5.0, clock=clock)
+    return LeaseTable(["arm"], seconds=5.0, clock=clock)
 
 
 def test_a_free_lease_goes_to_who_asks(leases):
     lease = leases.acquire("ana")
     assert leases.check(lease.token) == lease
-    assert leases.current() == lease
+    assert leases.held() == [lease]
     assert leases.remaining(lease) == 5.0
 
 
@@ -50,7 +50,7 @@ def test_a_renewed_lease_lasts_its_full_time_again(leases, clock):
 def test_an_expired_lease_is_free_and_its_token_worthless(leases, clock):
     lease = leases.acquire("ana")
     clock.advance(5 * SECOND)
-    assert leases.current() is None
+    assert leases.held() == []
     for use in (leases.check, leases.renew, leases.release):
         with pytest.raises(LeaseError, match="lease of 'ana' has expired or was released"):
             use(lease.token)
@@ -59,10 +59,10 @@ def test_an_expired_lease_is_free_and_its_token_worthless(leases, clock):
 
 def test_an_expired_lease_is_collected_once(leases, clock):
     lease = leases.acquire("ana")
-    assert leases.collect_expired() is None
+    assert leases.collect_expired() == []
     clock.advance(5 * SECOND)
-    assert leases.collect_expired() == lease
-    assert leases.collect_expired() is None
+    assert leases.collect_expired() == [lease]
+    assert leases.collect_expired() == []
     with pytest.raises(LeaseError, match="has expired"):
         leases.check(lease.token)
 
@@ -70,7 +70,7 @@ def test_an_expired_lease_is_collected_once(leases, clock):
 def test_a_released_lease_is_free(leases):
     lease = leases.acquire("ana")
     assert leases.release(lease.token) == lease
-    assert leases.current() is None
+    assert leases.held() == []
     with pytest.raises(LeaseError, match="was released"):
         leases.check(lease.token)
 
@@ -94,7 +94,7 @@ def test_a_lease_that_is_handed_over_waits_for_its_new_owner_alone(leases, clock
     lease = leases.acquire("ana", "user:1")
     clock.advance(4 * SECOND)
     before, after = leases.transfer(lease.token, "user:2", "ben")
-    assert before == lease
+    assert before == [lease]
     assert leases.remaining(after) == 5.0
     with pytest.raises(LeaseError, match="held by 'ben'"):
         leases.check(lease.token)
@@ -109,15 +109,15 @@ def test_a_lease_that_is_handed_over_waits_for_its_new_owner_alone(leases, clock
 def test_a_lease_that_is_handed_over_and_not_taken_runs_out(leases, clock):
     _, after = leases.transfer(leases.acquire("ana", "user:1").token, "user:2", "ben")
     clock.advance(5 * SECOND)
-    assert leases.collect_expired() == after
+    assert leases.collect_expired() == [after]
     assert leases.acquire("ana", "user:1").owner == "user:1"
 
 
 def test_a_lease_is_seized_whoever_holds_it(leases):
     before, first = leases.seize("chief", "user:0")
-    assert before is None
+    assert before == []
     held, second = leases.seize("other", "user:9")
-    assert held == first
+    assert held == [first]
     assert leases.check(second.token).owner == "user:9"
     with pytest.raises(LeaseError, match="held by 'other'"):
         leases.check(first.token)
@@ -165,3 +165,83 @@ def test_seizing_what_nobody_holds_leaves_the_lease_before_that_worthless(leases
 
 def test_a_token_is_of_16_random_bytes(leases):
     assert len(bytes.fromhex(leases.acquire("ana").token)) == 16
+
+
+@pytest.fixture
+def pair(clock):
+    return LeaseTable(["arm", "leg"], seconds=5.0, clock=clock)
+
+
+def test_each_device_has_its_commander(pair):
+    ana, ben = pair.acquire("ana", devices=["arm"]), pair.acquire("ben", devices=["leg"])
+    pair.check(ana.token, "arm")
+    pair.check(ben.token, "leg")
+    with pytest.raises(LeaseError, match=r"lease of leg is held by 'ben', for another 5\.0 s"):
+        pair.check(ana.token, "leg")
+
+
+def test_several_devices_are_had_all_or_none_in_a_fixed_order(pair):
+    ben = pair.acquire("ben", devices=["leg"])
+    for devices in (["leg", "arm"], []):
+        with pytest.raises(LeaseError, match="lease of leg is held by 'ben'"):
+            pair.acquire("ana", devices=devices)
+    assert pair.held() == [ben]
+    pair.release(ben.token)
+    assert pair.acquire("ana", devices=["leg", "arm"]).devices == ("arm", "leg")
+
+
+def test_a_lease_of_another_device_is_said_to_be_one(pair):
+    ana = pair.acquire("ana", devices=["arm"])
+    with pytest.raises(LeaseError, match="the lease is of arm, not of leg: acquire that too"):
+        pair.check(ana.token, "leg")
+
+
+def test_a_lease_that_is_shared_is_given_back_by_each_alone(pair, clock):
+    first = pair.acquire("ana", "user:1", devices=["arm"])
+    second = pair.acquire("ana too", "user:1", share=first.token)
+    assert (second.devices, second.token != first.token) == (("arm",), True)
+    pair.release(second.token)
+    assert pair.check(first.token, "arm") == first
+    third = pair.acquire("ana again", "user:1", share=first.token)
+    pair.release(first.token)
+    assert pair.check(third.token, "arm") == third
+    with pytest.raises(LeaseError, match="held by 'ana again'"):
+        pair.acquire("ben", devices=["arm"])
+
+
+def test_nobody_shares_what_is_not_held(pair):
+    first = pair.acquire("ana", devices=["arm"])
+    pair.release(first.token)
+    for token in (first.token, "nonsense"):
+        with pytest.raises(LeaseError):
+            pair.acquire("ben", share=token)
+    assert pair.held() == []
+
+
+def test_a_shared_lease_is_handed_over_and_seized_as_one(pair):
+    first = pair.acquire("ana", "user:1", devices=["arm"])
+    second = pair.acquire("ana too", "user:1", share=first.token)
+    before, after = pair.transfer(second.token, "user:2", "ben")
+    assert (before, pair.held()) == ([first, second], [after])
+    assert pair.seize("chief", "user:0")[0] == [after]
+
+
+def test_of_several_devices_one_is_seized_and_the_others_are_left(pair):
+    both = pair.acquire("ana", "user:1")
+    before, after = pair.seize("chief", "user:0", devices=["leg"])
+    assert (before, after.devices) == ([both], ("leg",))
+    pair.check(both.token, "arm")
+    with pytest.raises(LeaseError, match="lease of leg is held by 'chief'"):
+        pair.check(both.token, "leg")
+
+
+def test_a_command_that_was_overtaken_is_refused(pair):
+    token = pair.acquire("ana").token
+    pair.check(token, "arm", 1)
+    pair.check(token, "arm", 3)
+    for old in (1, 2, 3):
+        with pytest.raises(LeaseError, match=f"an old command: number {old} of its lease"):
+            pair.check(token, "arm", old)
+    pair.check(token, "leg", 1)
+    pair.check(token, "arm")  # of a client that does not count
+    pair.check(token, "arm", 4)

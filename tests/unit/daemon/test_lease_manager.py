@@ -20,13 +20,19 @@ class FakeRuns:
         self.tokens, self.halted = {}, []
 
     def unfinished(self, token):
-        return [SimpleNamespace(device=name) for name, of in self.tokens.items() if of == token]
+        return [
+            SimpleNamespace(device=SimpleNamespace(name=name))
+            for name, of in self.tokens.items()
+            if of == token
+        ]
 
-    def halt(self, devices, reason):
-        self.halted.append((devices, reason))
+    def abandon(self, run, reason):
+        self.halted.append(([run.device.name], reason))
 
-    def reassign(self, before, token):
-        self.tokens = {k: token if of == before else of for k, of in self.tokens.items()}
+    def reassign(self, before, token, devices):
+        for name in devices:
+            if self.tokens.get(name) == before:
+                self.tokens[name] = token
 
 
 @pytest.fixture
@@ -42,7 +48,7 @@ def runs():
 @pytest.fixture
 def lease_manager(clock, runs, caplog):
     caplog.set_level(logging.INFO, "orientd.daemon.leases.lease_manager")
-    return LeaseManager(LeaseTable(seconds=5.0, clock=clock), runs)
+    return LeaseManager(LeaseTable(["arm", "leg"], seconds=5.0, clock=clock), runs)
 
 
 @pytest.fixture
@@ -91,13 +97,13 @@ def test_what_is_handed_over_goes_on_under_the_new_lease(lease_manager, runs, le
     assert (after.owner, after.holder, after.is_offered) == ("user:2", "ben", True)
     assert runs.tokens == {"arm": after.token, "leg": "another"}
     assert runs.halted == []
-    assert caplog.messages[-1] == "lease: 'ana' hands it over to 'ben'"
+    assert caplog.messages[-1] == "lease: 'ana' hands it over to ben (user:2)"
 
 
 def test_what_was_under_a_seized_lease_stops_with_the_reason(lease_manager, runs, lease, caplog):
     after = lease_manager.seize(" chief ", "user:0", " arm \n in the way ")
     assert (after.holder, after.owner) == ("chief", "user:0")
-    assert runs.halted == [(["arm"], "the lease of 'ana' was seized by chief: arm in the way")]
+    assert runs.halted == [(["arm"], "the lease of 'ana' was seized by 'chief': arm in the way")]
     assert caplog.messages[-1] == "lease: 'chief' seizes it from 'ana': arm in the way"
 
 
@@ -122,3 +128,20 @@ def test_nobody_without_a_name_or_a_reason_gets_the_lease(lease_manager, runs, l
 def test_names_and_reasons_are_cut_to_200_characters(lease_manager, caplog):
     lease_manager.seize("x" * 300, "user:0", "y" * 300)
     assert caplog.messages[-1] == f"lease: {'x' * 200!r} seizes it from nobody: {'y' * 200}"
+
+
+def test_what_was_checked_of_a_holder_is_what_others_are_told(lease_manager, runs, caplog):
+    lease = lease_manager.acquire("root", "user:7", name="eve", devices=["arm"])
+    runs.tokens = {"arm": lease.token}
+    lease_manager.release(lease.token)
+    assert runs.halted == [(["arm"], "the lease of eve (user:7) was released")]
+    assert caplog.messages[-1] == "lease: released by eve (user:7)"
+
+
+def test_a_share_that_is_given_back_stops_what_was_started_with_it_alone(
+    lease_manager, runs, lease
+):
+    share = lease_manager.acquire("ana too", "user:1", share=lease.token)
+    runs.tokens["leg"] = share.token
+    lease_manager.release(share.token)
+    assert runs.halted == [(["leg"], "the lease of 'ana too' was released")]

@@ -62,9 +62,9 @@ def measure(motion, cycles, sizes=(64,)):
 def test_what_was_sent_as_planned_measures_as_certified(motion):
     found, certificate = measure(motion, sent(motion)), motion.certificate
     assert found.cycles == motion.record_count - 1
-    assert found.velocity == pytest.approx(certificate.peak_velocity.value, rel=1e-9)
-    assert found.acceleration == pytest.approx(certificate.peak_acceleration.value, rel=1e-7)
-    assert found.jerk == pytest.approx(certificate.peak_jerk.value, rel=1e-5)
+    assert found.velocity == pytest.approx(certificate.peak_velocity.on_records, rel=1e-9)
+    assert found.acceleration == pytest.approx(certificate.peak_acceleration.on_records, rel=1e-7)
+    assert found.jerk == pytest.approx(certificate.peak_jerk.on_records, rel=1e-5)
     assert found.path_error < 1e-12
     assert found.tracking_error < 1e-12
 

@@ -12,7 +12,8 @@ import pytest
 
 from orientd import config
 from orientd.floats import exp, multiply
-from orientd_ur import kinematics, options, rtde, states
+from orientd_ur import options, rtde, states
+from orientd_ur.arm import MODELS, published
 from orientd_ur.controller_clock import ControllerClock
 from orientd_ur.pose import LONGEST, continued, shortest
 
@@ -147,8 +148,12 @@ def test_packages_are_taken_one_by_one():
 def test_sample_and_place_are_read_as_they_were_asked_for():
     sample = struct.pack(">BdiiI", 1, 100.5, 7, 1, 2)
     assert rtde.sample(sample) == (100.5, 7, 1, 2)
-    numbers = tuple(float(n) for n in range(12))
-    assert rtde.place(struct.pack(">B12d", 1, *numbers)) == (numbers[:6], numbers[6:])
+    numbers = tuple(float(n) for n in range(18))
+    assert rtde.place(struct.pack(">B18d", 1, *numbers)) == (
+        numbers[:6],
+        numbers[6:12],
+        numbers[12:],
+    )
     with pytest.raises(ValueError, match="21 bytes"):
         rtde.sample(b"")
 
@@ -174,7 +179,8 @@ def test_example_configuration_is_whole():
     path = Path(__file__).parents[3] / "config" / "ur.toml"
     device = config.load(path).devices["arm"]
     checked = options.check(device.options, period=device.period_ns * 1e-9)
-    assert checked == options.check({"host": "127.0.0.2"}, period=0.002)
+    # The model is named, so that motions can be planned without the robot.
+    assert checked == options.check({"host": "127.0.0.2", "model": "ur5e"}, period=0.002)
     mentioned = set(re.findall(r"^#? ?(\w+) = ", path.read_text(), re.MULTILINE))
     assert {field.name for field in fields(options.UrOptions)} <= mentioned
 
@@ -188,7 +194,7 @@ def test_example_configuration_is_whole():
     ],
 )
 def test_frames_are_where_the_published_table_says(joints, elbow, flange):
-    origins = kinematics.frames(joints)
+    origins = published(MODELS["ur5e"]).kinematics.frames(joints)
     assert origins[2] == pytest.approx(elbow, abs=1e-12)
     assert origins[-1] == pytest.approx(flange, abs=1e-12)
 
@@ -196,6 +202,8 @@ def test_frames_are_where_the_published_table_says(joints, elbow, flange):
 def test_links_keep_their_lengths():
     generator = random.Random(4)
     for _ in range(50):
-        origins = kinematics.frames([generator.uniform(-6.0, 6.0) for _ in range(6)])
+        origins = published(MODELS["ur5e"]).kinematics.frames(
+            [generator.uniform(-6.0, 6.0) for _ in range(6)]
+        )
         lengths = [math.dist(a, b) for a, b in pairwise(origins)]
         assert lengths == pytest.approx([0.1625, 0.425, 0.3922, 0.1333, 0.0997, 0.0996])

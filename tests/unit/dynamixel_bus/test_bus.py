@@ -3,6 +3,7 @@
 import random
 
 import pytest
+from fast_status import fast_blocks
 
 from orientd_sim.dynamixel import Bus, FaultKind, Line, ReplyFault, Servo
 from orientd_sim.dynamixel.packet import (
@@ -12,7 +13,6 @@ from orientd_sim.dynamixel.packet import (
     Packet,
     Parser,
     encode,
-    fast_blocks,
 )
 
 S = 1_000_000_000

@@ -3,6 +3,7 @@
 import random
 
 import pytest
+from fast_status import fast_blocks
 
 from orientd_sim.dynamixel.packet import (
     Damaged,
@@ -11,7 +12,6 @@ from orientd_sim.dynamixel.packet import (
     Parser,
     crc16,
     encode,
-    fast_blocks,
     fast_status,
     status,
     stuff,

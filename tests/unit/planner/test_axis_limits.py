@@ -78,7 +78,9 @@ def test_motions_with_leads_keep_the_limits_of_every_axis(seed):
     peaks = {figure.name: figure.value for figure in motion.certificate.figures}
     for rate, name in zip(components(q, PERIOD), ("velocity", "acceleration", "jerk"), strict=True):
         for axis, largest in zip("xyz", np.abs(rate).max(axis=0), strict=True):
-            assert peaks[f"angular {name} about {axis}"] == pytest.approx(largest, rel=1e-6)
+            certified = peaks[f"angular {name} about {axis}"]
+            # Between the records somewhat more, of the jerk of curves without a fourth derivative.
+            assert largest * (1 - 1e-6) <= certified <= 1.1 * largest
 
 
 def test_times_of_the_users_are_refused_for_the_axis_they_are_too_fast_for():

@@ -51,7 +51,7 @@ def test_a_certificate_tells_the_motion_it_is_of():
         (0.0, 0.0), abs=1e-9
     )
     assert certificate.brake_rate > 0.0
-    assert certificate.stop_time == pytest.approx(1.0 / certificate.brake_rate)
+    assert certificate.stop_time == min(1.0 / certificate.brake_rate, motion.duration)
     assert certificate.notes == ()
     names = [figure.name for figure in certificate.figures]
     assert names == [
@@ -64,8 +64,10 @@ def test_a_certificate_tells_the_motion_it_is_of():
     q = motion.sample(times_of(motion)).q
     rates = np.abs(angle_rates(q))
     for figure, axis in zip(certificate.figures[:2], (0, 2), strict=True):
-        assert figure.value == pytest.approx(rates[:, axis].max(), rel=1e-6)
-        assert figure.time == pytest.approx((np.argmax(rates[:, axis]) + 1) * PERIOD)
+        # Somewhat more between the records than on them.
+        assert rates[:, axis].max() * (1 - 1e-6) <= figure.value <= 1.01 * rates[:, axis].max()
+        time = (np.argmax(rates[:, axis]) + 1) * PERIOD
+        assert figure.time == pytest.approx(time, abs=1.01 * PERIOD)
 
 
 def angle_rates(q):
@@ -122,14 +124,10 @@ def test_the_last_record_is_at_the_end_or_within_a_period_behind_it(duration, re
     assert motion.duration == duration
 
 
-@pytest.mark.parametrize(
-    ("request_", "has_tolerance"), [(asked(), False), (asked([0.0, 1.0, 2.0, 3.0]), True)]
-)
-def test_times_of_the_users_may_use_the_tolerance_of_the_guard_to_brake(
-    measured, request_, has_tolerance
-):
+@pytest.mark.parametrize("request_", [asked(), asked([0.0, 1.0, 2.0, 3.0])])
+def test_motions_may_use_the_tolerance_of_the_guard_to_brake(measured, request_):
     made(request_)
-    assert measured()["brake_limits"] == (ARM.scaled(1.001) if has_tolerance else ARM)
+    assert measured()["brake_limits"] == ARM.scaled(1.001)
     q, p = measured()["before"]
     np.testing.assert_array_equal(q, np.tile(HERE.q, (3, 1)))
     np.testing.assert_array_equal(p, np.zeros((3, 3)))

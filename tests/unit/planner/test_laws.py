@@ -39,7 +39,8 @@ def test_the_certificate_tells_the_peaks_of_the_records(motions):
             (1e-9, 1e-6, 1e-3),
             strict=True,
         ):
-            assert peak.value == pytest.approx(rates.max(), rel=1e-6, abs=digits)
+            assert peak.on_records == pytest.approx(rates.max(), rel=1e-6, abs=digits)
+            assert peak.value >= peak.on_records
 
 
 def test_the_servos_guard_lets_every_record_pass(motions):

@@ -182,3 +182,31 @@ def test_tables_of_something_else_are_refused(tmp_path, text, problem):
     (tmp_path / "a.csv").write_text(text)
     with pytest.raises(RecordingError, match=problem):
         read_orientations(tmp_path / "a.csv")
+
+
+def test_a_topic_of_one_frame_needs_no_name_of_the_frame(tmp_path):
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        channel = writer.register_channel("/tf", "json", 0)
+        for time, q in zip(TIMES, Q, strict=True):
+            stamp = {"sec": int(time), "nsec": round((time - int(time)) * 1e9)}
+            one = {"timestamp": stamp, "child_frame_id": "tool", "rotation": named(q)}
+            content = json.dumps({"transforms": [one]}).encode()
+            writer.add_message(channel, log_time=3, data=content, publish_time=3)
+        writer.finish()
+    check(read_orientations(path, "/tf"))
+
+
+@pytest.mark.parametrize("unit", ["ns", "us"])
+def test_times_that_cannot_be_seconds_are_refused(tmp_path, unit):
+    per_second = {"ns": 1e9, "us": 1e6}[unit]
+    rows = [
+        f"{t * per_second:.0f},{w},{x},{y},{z}" for t, (w, x, y, z) in zip(TIMES, Q, strict=True)
+    ]
+    (tmp_path / "a.csv").write_text("\n".join(["t,qw,qx,qy,qz", *rows]))
+    with pytest.raises(
+        RecordingError, match=r"'t' is in seconds, and rows are .* s apart; call it"
+    ):
+        read_orientations(tmp_path / "a.csv")

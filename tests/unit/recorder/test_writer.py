@@ -1,5 +1,6 @@
 """Recordings as others see them: the reader of the MCAP project, by the schemas in the file."""
 
+import json
 import resource
 import subprocess
 import sys
@@ -9,10 +10,18 @@ import numpy as np
 import pytest
 from recorded import OFFSET_NS, RATE_HZ, decoded, moving, validated
 
+from orientd import rotation
 from orientd.recorder import reader
 from orientd.recorder.cycle_table import QUANTA
-from orientd.recorder.writer import BLOCK, RecordingError, RecordingWriter
+from orientd.recorder.recording_pb2 import Scalars
+from orientd.recorder.writer import (
+    BLOCK,
+    LIVE_CHUNK_BYTES,
+    RecordingError,
+    RecordingWriter,
+)
 from orientd.rpc import control_pb2 as pb
+from orientd.stream import CycleFlag
 
 
 def write(path, table, *, events=(), **options):
@@ -151,3 +160,59 @@ def test_ten_minutes_validate(tmp_path):
     np.testing.assert_array_equal(
         reader.load_recording(path).cycles["arm"]["index"], table["index"]
     )
+
+
+def test_every_cycle_is_there_in_plain_numbers_where_they_are_asked_for(table, tmp_path):
+    blind = table[:300].copy()
+    blind["flags"][100:] = CycleFlag.WRITTEN
+    path = write(tmp_path / "a.mcap", blind, has_scalars=True)
+    found = [(time, told) for topic, _, time, told in decoded(path) if topic == "/arm/scalars"]
+    assert [time for time, _ in found] == (blind["deadline_ns"] + OFFSET_NS).tolist()
+    told = [one for _, one in found]
+    for name, quantity, scale in (
+        ("omega", "sent_omega_body", 1.0), ("alpha", "sent_alpha_body", 1.0), ("q", "sent_q", 1.0),
+    ):  # fmt: skip
+        axes = "wxyz" if name == "q" else [f"_{axis}" for axis in "xyz"]
+        rows = [[getattr(one.sent, f"{name}{axis}") for axis in axes] for one in told]
+        np.testing.assert_array_equal(rows, blind[quantity] * scale)
+    speeds = [one.sent.speed for one in told]
+    np.testing.assert_allclose(speeds, np.linalg.norm(blind["sent_omega_body"], axis=1), rtol=1e-15)
+    np.testing.assert_allclose([one.lateness for one in told], blind["lateness_ns"] * 1e-9)
+    assert [one.HasField("measured") for one in told] == 100 * [True] + 200 * [False]
+    errors = rotation.angle(blind["sent_q"], blind["measured_q"])[:100]
+    np.testing.assert_allclose([one.tracking_error for one in told[:100]], errors, atol=1e-12)
+    q = [[getattr(one.measured, f"q{axis}") for axis in "wxyz"] for one in told[:100]]
+    assert rotation.angle(np.array(q), blind["measured_q"][:100]).max() < 1e-12
+    ages = [one.measured.age for one in told[:100]]
+    behind = (blind["deadline_ns"] - blind["feedback_time_ns"])[:100] * 1e-9
+    np.testing.assert_allclose(ages, behind, rtol=1e-12)
+
+
+@pytest.mark.parametrize("step", [1, 5, 20], ids=["500 Hz", "100 Hz", "25 Hz"])
+def test_what_is_recorded_live_is_in_the_file_within_a_second(table, tmp_path, step):
+    cycles, path = table[::step], tmp_path / "a.mcap"
+    at_a_time = max(1, 50 // step)
+    with RecordingWriter(path, offset_ns=OFFSET_NS, chunk_bytes=LIVE_CHUNK_BYTES) as writer:
+        writer.add_device("arm", RATE_HZ / step)
+        writer.add_configuration('{"devices": {}}', {})
+        for begin in range(0, len(cycles), at_a_time):
+            writer.add_cycles("arm", cycles[begin : begin + at_a_time])
+            newest = cycles["deadline_ns"][begin : begin + at_a_time][-1]
+            if begin * step % 500 == 0 and begin * step >= 1000:
+                there = reader.load_recording(path).cycles["arm"]
+                # Beside this, cycles are held for up to 0.4 s before they are handed to the writer.
+                assert newest - there["deadline_ns"][-1] < 0.55e9
+
+
+def test_the_layout_for_foxglove_plots_what_is_in_a_recording():
+    layout = json.loads((Path(__file__).parents[3] / "config" / "foxglove-layout.json").read_text())
+    plots = [one for name, one in layout["configById"].items() if name.startswith("Plot!")]
+    paths = [path["value"] for one in plots for path in one["paths"]]
+    assert len(paths) > 10
+    for path in paths:
+        topic, *names = path.split(".")
+        assert topic == "/arm/scalars"
+        of = Scalars.DESCRIPTOR
+        for name in names:
+            of = of.fields_by_name[name].message_type or of.fields_by_name[name]
+        assert of.type == of.TYPE_DOUBLE

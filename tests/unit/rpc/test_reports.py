@@ -9,11 +9,12 @@ import pytest
 from orientd.driver import IDENTITY, ZERO
 from orientd.errors import Fault
 from orientd.planner import DEFAULT_LIMITS, Certificate, Peak
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc.descriptions import Method
 from orientd.rpc.reports import (
     DaemonReport,
     DeviceReport,
     Durations,
-    Method,
     Outcome,
     Plan,
     Progress,
@@ -27,7 +28,6 @@ from orientd.rpc.wire.move import (
     progress_from_message,
     progress_to_message,
     samples_from_messages,
-    samples_to_messages,
     summary_from_message,
     summary_to_message,
 )
@@ -42,6 +42,7 @@ from orientd.rpc.wire.state import (
     method_to_message,
     tracking_error,
 )
+from orientd.rpc.wire.values import quaternion, vector
 from orientd.stream import Cycle, CycleFlag, State
 
 QUARTER = (math.cos(0.1), 0.0, 0.0, math.sin(0.1))
@@ -196,6 +197,30 @@ def test_every_state_survives_the_wire(state):
 @pytest.mark.parametrize("fault", Fault)
 def test_every_fault_survives_the_wire(fault):
     assert device_from_message(device_to_message(replace(DEVICE, fault=fault))).fault is fault
+
+
+def samples_to_messages(samples):
+    """Return one message for each instant."""
+    columns = zip(
+        samples.times.tolist(),
+        samples.q.tolist(),
+        samples.omega_body.tolist(),
+        samples.alpha_body.tolist(),
+        samples.position.tolist(),
+        samples.velocity.tolist(),
+        strict=True,
+    )
+    return [
+        pb.MotionSample(
+            path_time=time,
+            orientation=quaternion(q),
+            omega_body=vector(omega),
+            alpha_body=vector(alpha),
+            position=vector(position),
+            velocity=vector(velocity),
+        )
+        for time, q, omega, alpha, position, velocity in columns
+    ]
 
 
 def test_samples_survive_the_wire():

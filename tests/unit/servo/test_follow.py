@@ -10,14 +10,14 @@ from rig import PERIOD_NS, TERMS, Rig, peaks, turn
 from orientd import rotation
 from orientd.errors import Fault
 from orientd.servo.tracking.target_follower import LEFT_OUT_WORD
-from orientd.stream import Answer, Command, State
+from orientd.stream import NOT_GIVEN, Answer, Command, State
 
 LIMITS = (2.5, 17.0, 8500.0)
 
 
-def aim(rig, q, omega=(0.0, 0.0, 0.0), *, time_ns=None, lives_ns=500_000_000):
+def aim(rig, q, omega=(0.0, 0.0, 0.0), *, position=NOT_GIVEN, time_ns=None, lives_ns=500_000_000):
     time_ns = rig.clock.now_ns() if time_ns is None else time_ns
-    rig.memory.targets.publish(time_ns, time_ns + lives_ns, *q, *omega)
+    rig.memory.targets.publish(time_ns, time_ns + lives_ns, *q, *omega, *position)
 
 
 def tracking():

@@ -85,7 +85,7 @@ def test_whatever_is_commanded_the_limits_are_kept_and_the_path_is_not_left(seed
             if random.random() < 0.15:
                 rig.ask(Command.STOP)
                 took = rig.run_until(lambda servo: servo.state is State.HOLDING)
-                assert took * PERIOD <= 2.0 * motion.certificate.stop_time + 3 * PERIOD
+                assert took * PERIOD <= 2.0 / motion.certificate.brake_rate + 3 * PERIOD
             else:
                 speed = float(random.choice([0.0, 1.0, 1.0, random.random()]))
                 rig.ask(Command.SPEED, speed=speed)

@@ -7,7 +7,7 @@ from rig import PERIOD, PERIOD_NS, TERMS, Rig, peaks, turn
 from orientd import rotation
 from orientd.errors import Fault
 from orientd.servo.stall import SHORTEST_NS, Stalls
-from orientd.stream import GIVEN_UP_WORD, UNKNOWN, Answer, Command, NoteKind, State
+from orientd.stream import GIVEN_UP_WORD, NOT_GIVEN, UNKNOWN, Answer, Command, NoteKind, State
 
 LIMITS = (TERMS.velocity, TERMS.acceleration, TERMS.jerk)
 
@@ -123,7 +123,7 @@ def follow(rig, vector):
     if rig.servo.state is not State.TRACKING:
         assert rig.ask(Command.TRACK)[0] is Answer.DONE
     now = rig.clock.now_ns()
-    rig.memory.targets.publish(now, now + 10**12, *rotation.exp(vector), 0.0, 0.0, 0.0)
+    rig.memory.targets.publish(now, now + 10**12, *rotation.exp(vector), *([0.0] * 3), *NOT_GIVEN)
 
 
 def test_following_goes_on_from_rest_to_the_same_target():

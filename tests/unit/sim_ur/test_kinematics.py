@@ -5,8 +5,11 @@ import random
 
 import pytest
 
-from orientd_sim.ur import kinematics
+from orientd_sim.ur.kinematics import Kinematics, speed
+from orientd_sim.ur.models import MODELS
 from orientd_sim.ur.transforms import from_pose, inverse, multiply, rotation_between, to_pose
+
+kinematics = Kinematics(MODELS["ur5e"])
 
 
 def furthest(a, b):
@@ -61,7 +64,7 @@ def test_speed_is_the_central_difference_of_the_pose():
     here = kinematics.frames(q)
     expected = [(b - a) / (2 * h) for a, b in zip(before[3::4], after[3::4], strict=True)]
     expected += [r / (2 * h) for r in rotation_between(before, after)]
-    assert kinematics.speed(here, qd, here[-1][3::4]) == pytest.approx(expected, abs=1e-8)
+    assert speed(here, qd, here[-1][3::4]) == pytest.approx(expected, abs=1e-8)
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-13, 1e-9, 1e-3, 1.0, math.pi - 1e-9, math.pi])

@@ -6,7 +6,7 @@ import pytest
 
 from orientd.errors import Fault
 from orientd.planner import DEFAULT_LIMITS
-from orientd.rpc.reports import DaemonReport, DeviceReport
+from orientd.rpc.reports import DaemonReport, DeviceReport, LeaseReport
 from orientd.stream import State
 from orientd.viewer import words
 
@@ -55,14 +55,15 @@ def test_a_slow_motion_is_told_with_its_speed():
     [("", False, "free"), ("ana", False, "held by ana"), ("it", True, "held by this view")],
 )
 def test_who_may_command_is_said(holder, is_ours, said):
-    daemon = replace(DAEMON, lease_holder=holder)
+    leases = (LeaseReport(holder, 1.0, devices=(DEVICE.name,)),) if holder else ()
+    daemon = replace(DAEMON, leases=leases)
     assert said in words.status(DEVICE, daemon, is_ours=is_ours)
 
 
 def test_what_others_wrote_is_no_markup():
     evil = "<img src=x onerror=alert(1)>"
     device = replace(DEVICE, state=State.FAULT, fault_text=evil, fault=Fault.DEVICE_FAULT)
-    daemon = replace(DAEMON, lease_holder=evil)
+    daemon = replace(DAEMON, leases=(LeaseReport(evil, 1.0, devices=(DEVICE.name,)),))
     page = words.status(device, daemon, is_ours=False, problem=evil)
     for html in (page, words.trouble(evil), words.refusal(evil), words.note(evil)):
         assert "<img" not in html

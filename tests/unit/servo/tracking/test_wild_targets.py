@@ -62,7 +62,8 @@ def wild(rng, world):
         ]
     )
     live_ns = rng.choice([10**6, 10**8, 10**8, 10**9, -5, 2**62])
-    return Target(q, omega, time_ns, world.now_ns + live_ns)
+    position = rng.choice([None, (0.1, 0.0, -0.2), rng.choice(VELOCITIES)])
+    return Target(q, omega, time_ns, world.now_ns + live_ns, position)
 
 
 def some_axes(rng, limit):

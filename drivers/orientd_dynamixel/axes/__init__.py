@@ -1,0 +1,19 @@
+"""What the axes of a running gimbal are told, and what is made of what they report."""
+
+from __future__ import annotations
+
+from orientd_dynamixel.axes.following import Following
+from orientd_dynamixel.axes.standing import Standing
+from orientd_dynamixel.axes.supervisor import Supervisor, check_angle, check_rate
+from orientd_dynamixel.axes.turns import Turns
+from orientd_dynamixel.axes.ways import way
+
+__all__ = [
+    "Following",
+    "Standing",
+    "Supervisor",
+    "Turns",
+    "check_angle",
+    "check_rate",
+    "way",
+]

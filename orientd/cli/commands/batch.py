@@ -1,0 +1,90 @@
+"""Plan a file of many requests."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from orientd.cli.command import AsJson, DeviceName, command
+from orientd.cli.commands.daemon_commands import ConfigFile
+from orientd.cli.output import is_terminal, say, say_json
+from orientd.errors import OrientdError
+
+if TYPE_CHECKING:
+    from orientd.batch import Progress
+
+_INTERVAL = 5.0
+"""Seconds between two plain lines."""
+
+
+@command
+def batch(
+    file: Annotated[
+        Path, typer.Argument(metavar="REQUESTS", help="A .jsonl, .csv or .parquet file.")
+    ],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where the plans go.")
+    ],
+    records: Annotated[
+        bool, typer.Option("--records", help="Write every setpoint too, in the folder `records`.")
+    ] = False,
+    backend: Annotated[
+        str, typer.Option("--backend", help="`loky`: this machine; `ray` or `dask`: a cluster.")
+    ] = "loky",
+    cluster: Annotated[
+        str | None, typer.Option("--cluster", metavar="ADDRESS", help="Of the cluster, if any.")
+    ] = None,
+    jobs: Annotated[
+        int, typer.Option("--jobs", "-j", help="How many at a time; -1: one on each core.")
+    ] = -1,
+    config: ConfigFile = None,
+    device: DeviceName = "",
+    as_json: AsJson = False,
+) -> None:
+    """Plan every motion in REQUESTS, without a daemon, into FOLDER/plans.parquet.
+
+    A line of a .jsonl file is a motion file; in a table rows with the same `motion` are one motion,
+    a keyframe each.  Each row of the result is a certificate, or why the request was refused.
+    The same command goes on where one was ended.
+    """
+    from orientd.batch import Batch, Settings, open_requests
+    from orientd.cli.commands.motion_commands import device_settings
+
+    if jobs == 0 or jobs < -1:
+        raise typer.BadParameter(f"expected -1 or at least 1, got {jobs}", param_hint="--jobs")
+    settings = Settings(device_settings(config, device), records, backend, jobs, cluster)
+    run = Batch(open_requests(file), output, settings)
+    began, shown, progress = time.monotonic(), 0.0, None
+    try:
+        for progress in run.run():
+            now = time.monotonic()
+            if not as_json and (is_terminal() or now >= shown + _INTERVAL):
+                shown = now
+                _show(progress, now - began)
+    except KeyboardInterrupt:
+        done = 0 if progress is None else progress.done
+        raise OrientdError(
+            f"interrupted with {done:,} requests done; the same command goes on from there"
+        ) from None
+    if as_json:
+        say_json({"plans": run.table, "count": progress and progress.count})
+        return
+    if is_terminal():
+        say("")
+    say(f"wrote {run.table}")
+
+
+def _show(progress: Progress, seconds: float) -> None:
+    share = progress.done / max(1, progress.count)
+    text = f"{progress.done:,} of {progress.count:,} requests ({share:.0%})"
+    rate = (progress.done - progress.begun_with) / max(1e-9, seconds)
+    if rate > 0.0:
+        left = (progress.count - progress.done) / rate
+        text += f", {rate:,.0f} a second, {left:,.0f} s left"
+    if is_terminal():
+        print(f"\r{text}\x1b[K", end="", flush=True)  # noqa: T201
+    else:
+        say(text)

@@ -1,0 +1,40 @@
+"""Wait for a device to come to rest, as a motion must that can be begun from rest only."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+
+from orientd.daemon.devices import ServoLink
+from orientd.errors import StateError
+from orientd.stream import Command, State
+
+LONGEST_STOP = 30.0
+"""How long a stop on the path may take, s."""
+
+
+async def stop_on_path(link: ServoLink, period: float) -> None:
+    """Have what runs stop on its path, and wait for that.
+
+    Args:
+        link: to the servo.
+        period: of the device, s.
+
+    Raises:
+        StateError: it does not come to rest.
+    """
+    cycle = link.newest()
+    if cycle is not None and cycle.state is State.STREAMING:
+        await asyncio.to_thread(link.ask, Command.STOP)
+    await await_rest(link, period)
+
+
+async def await_rest(link: ServoLink, period: float) -> None:
+    """Wait until a stop has come to its end; arguments and errors as of :func:`stop_on_path`."""
+    end = time.monotonic() + LONGEST_STOP
+    while time.monotonic() < end:
+        cycle = link.newest()
+        if cycle is None or cycle.state not in (State.STREAMING, State.STOPPING):
+            return
+        await asyncio.sleep(period)
+    raise StateError("the device does not come to rest")

@@ -1,0 +1,49 @@
+"""What there is: devices of a configuration, families of curves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from orientd.planner import Limits
+
+
+@dataclass(frozen=True, slots=True)
+class Device:
+    """A device of the configuration.
+
+    Attributes:
+        name: what requests call it.
+        driver: name of its driver.
+        rate_hz: cycles a second.
+        limits: what no motion of it may exceed.
+        lead: how long before its time each setpoint is sent, s; 0 for a device that is not led.
+        phase: where in a period of the monotonic clock its cycles begin, as a share of it.
+    """
+
+    name: str
+    driver: str
+    rate_hz: float
+    limits: Limits
+    lead: float = 0.0
+    phase: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """A family of curves.
+
+    Attributes:
+        name: what a request calls it.
+        summary: one line.
+        source: where the mathematics is from.
+        interpolates: whether it passes through the keyframes.
+        is_local: whether a keyframe moves only the part of the curve near it.
+        meets_end_velocities: whether velocities asked for at the ends are met.
+    """
+
+    name: str
+    summary: str
+    source: str
+    interpolates: bool
+    is_local: bool
+    meets_end_velocities: bool

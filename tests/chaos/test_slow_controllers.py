@@ -1,0 +1,83 @@
+"""A UR controller that is slow, silent, frozen, locked or lies, mid-motion; `make chaos`.
+
+Each round: the motion ends in a fault in words, no call takes longer than a second while it lasts,
+stops are answered, and a motion is made afterwards.
+"""
+
+import contextlib
+import time
+
+import pytest
+from device_stage import DeviceStage
+from harness import until
+from ledger import Tally, rounds_of
+
+from orientd.errors import OrientdError, PendingError
+from orientd.rpc import control_pb2 as pb
+from orientd.stream import State
+
+pytestmark = [pytest.mark.chaos, pytest.mark.timeout(7200)]
+
+HARMS = {
+    "a dashboard server that trickles": (("dashboard 0.3", "protective_stop"), "dashboard 0"),
+    "a silent dashboard server": (("dashboard 1000", "protective_stop"), "dashboard 0"),
+    "a protective stop locked for 5 s": (("protective_stop",), ""),
+    "a frozen controller": (("freeze",), "thaw"),
+    "no data packages": (("silence",), "speak"),
+    "garbage on the link": (("garbage 7",), ""),
+    "closed connections": (("drop all",), ""),
+}
+
+
+def each_call_once(stage):
+    """Measure every command, as a client that has no patience gives it."""
+    robot = stage.robot
+    for name in ("Reset", "Stop", "Halt", "Enable", "Disable", "Enable", "Stop", "Reset", "Stop"):
+
+        def call(name=name):
+            request = getattr(pb, f"{name}Request")(device=stage.device)
+            if name not in ("Stop", "Halt"):
+                request.lease_token = robot._token()
+            robot._connection.ask(getattr(robot._stub, name), request)
+
+        # What it says is looked at in the tests of the driver; here it is that it is said.
+        with contextlib.suppress(OrientdError):
+            stage.calls.measure(name, call)
+
+
+@pytest.mark.parametrize("harm", HARMS)
+def test_a_controller_takes_its_time(tmp_path, harm):
+    ur = pytest.importorskip("orientd_sim.ur")
+    pytest.importorskip("rtde_control")
+    orders, mend = HARMS[harm]
+    tally = Tally(f"a UR arm: {harm}", 65, "fault in words, every call within 1 s, a motion")
+
+    def one(_number, generator):
+        with stage.round():
+            handle = stage.turn()
+            time.sleep(generator.uniform(0.2, 1.5))
+            robot = ur.EmulatedRobot(stage.words[2])
+            for order in orders:
+                robot.ask(order)
+            try:
+                until(lambda: stage.state().state is State.FAULT, "the fault", 4.0)
+                until(lambda: stage.state().fault_text, "the fault in words", 1.0)
+                stage.tally.met[stage.state().fault.name.lower()] += 1
+                handle.wait(5.0)
+                each_call_once(stage)
+            finally:
+                if mend:
+                    robot.ask(mend)
+                robot.end()
+            until(lambda: _recovered(stage), "recovery", 30.0)
+
+    with DeviceStage(tmp_path, tally, "ur") as stage:
+        rounds_of("ur-" + harm.replace(" ", "-"), tally, one)
+
+
+def _recovered(stage):
+    try:
+        stage.recover()
+    except PendingError:
+        return False
+    return True

@@ -1,0 +1,76 @@
+"""A gimbal is slow where its axes need it, and a refusal names the duration that would do."""
+
+import re
+
+import numpy as np
+import pytest
+
+from orientd import motion_file
+from orientd.clock import ManualClock
+from orientd.errors import LimitError
+from orientd.planner import DevicePlanner, Limits, State
+from orientd.rotation import angle, rotate
+from orientd_dynamixel import DynamixelDriver
+
+LIMITS = Limits(1.5, 8.0, 1500.0, 1.0, 10.0)
+AXES = [
+    {"id": k + 1, "name": name, "limits_deg": [-270, 270], "velocity_deg": 220}
+    for k, name in enumerate(("yaw", "pitch", "roll"))
+]
+
+
+def planned(mapping, order="ZYX"):
+    driver = DynamixelDriver(
+        {"port": "virtual", "order": order, "axes": AXES[: len(order)]},
+        period_ns=10_000_000, clock=ManualClock(1),
+    )  # fmt: skip
+    start = State.at_rest([1.0, 0.0, 0.0, 0.0])
+    planner = DevicePlanner(driver, limits=LIMITS, period=0.01)
+    return planner.plan(motion_file.parse(mapping), start=start, joints=(0.0,) * len(order))
+
+
+def over_the_top(miss_deg):
+    miss = np.deg2rad(miss_deg)
+    axis = np.array([0, -np.cos(miss), np.sin(miss)])
+    sweeps = np.deg2rad(np.linspace(0, 150, 7))
+    return {"keyframes": [{"rotation_vector": (s * axis).tolist()} for s in sweeps],
+            "approach": True}  # fmt: skip
+
+
+@pytest.mark.parametrize(("miss", "longest"), [(0.1, 12.0), (1.0, 5.5), (2.0, 4.8)])
+def test_passage_by_the_pole_is_slow_there_and_nowhere_else(miss, longest):
+    motion = planned(over_the_top(miss))
+    assert motion.duration < longest
+    rates = np.diff(motion.path.joints, axis=0) / 0.01
+    assert np.max(np.abs(rates)) <= np.deg2rad(220) * 1.001
+    assert np.max(np.abs(np.diff(rates, axis=0))) / 0.01 <= 40.0 * 1.001
+    # Off the pole the tool is as quick as without axes.
+    q = motion.path.sample(0.01 * np.arange(motion.record_count)).q
+    assert np.max(angle(q[1:], q[:-1])) / 0.01 > 1.2
+
+
+def sky_pass(top_deg, seconds):
+    """Return a straight pass overhead, as azimuth, elevation and time."""
+    place = np.linspace(-4.0, 4.0, 121)
+    height, aside = 1.0, 1.0 / np.tan(np.deg2rad(top_deg))
+    azimuth = np.rad2deg(np.arctan2(aside, place))
+    elevation = np.rad2deg(np.arctan2(height, np.hypot(place, aside)))
+    times = np.linspace(0.0, seconds, len(place))
+    rows = zip(azimuth.tolist(), elevation.tolist(), times.tolist(), strict=True)
+    return {"approach": True, "keyframes": [
+        {"azimuth_elevation": {"azimuth": a, "elevation": e}, "time": t} for a, e, t in rows
+    ]}  # fmt: skip
+
+
+@pytest.mark.parametrize("top", [60, 89.5])
+def test_pass_of_a_satellite_is_planned_or_says_how_long_would_do(top):
+    seconds, pattern = 20.0, r"([\d.]+) s in place of ([\d.]+) s would do"
+    try:
+        motion = planned(sky_pass(top, seconds), "ZY")
+    except LimitError as error:
+        seconds = float(re.search(pattern, str(error))[1])
+        motion = planned(sky_pass(top, seconds), "ZY")
+    assert motion.end_time - motion.start_time == pytest.approx(seconds, abs=0.02)
+    points = rotate(motion.sample(motion.keyframe_times).q, np.array([1.0, 0.0, 0.0]))
+    asked = rotate(motion.request.keys, np.array([1.0, 0.0, 0.0]))
+    assert np.max(np.linalg.norm(points - asked, axis=1)) < 0.02

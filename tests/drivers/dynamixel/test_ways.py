@@ -1,0 +1,64 @@
+"""The way back is the way that the axes have turned: windings, and home."""
+
+import numpy as np
+import pytest
+
+from orientd.clock import ManualClock
+from orientd.errors import LimitError, StartError
+from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
+from orientd.rotation import exp
+from orientd_dynamixel import DynamixelDriver
+
+LIMITS = Limits(1.5, 8.0, 1500.0, 1.0, 10.0)
+AXES = [
+    {"id": 1, "name": "yaw", "limits_deg": [-270, 270]},
+    {"id": 2, "name": "pitch", "limits_deg": [-100, 100]},
+    {"id": 3, "name": "roll", "limits_deg": [-120, 120]},
+]
+
+
+def plan(begin_deg, *keyframes, **wishes):
+    """Return the axis angles of the motion to *keyframes*, deg."""
+    driver = DynamixelDriver(
+        {"port": "virtual", "axes": AXES}, period_ns=10_000_000, clock=ManualClock(1)
+    )
+    joints = tuple(np.deg2rad(begin_deg))
+    motion = DevicePlanner(driver, limits=LIMITS, period=0.01).plan(
+        MotionRequest(keyframes, **wishes),
+        start=State.at_rest(driver._tracker.forward(joints)), joints=joints,
+    )  # fmt: skip
+    return np.rad2deg(motion.path.joints)
+
+
+def yaw(degrees, turns=0):
+    return Keyframe(tuple(exp([0.0, 0.0, np.deg2rad(degrees)]).tolist()), turns=turns)
+
+
+@pytest.mark.parametrize(("begin", "end"), [(210, 0), (265, -60), (-250, 60), (210, 90)])
+def test_single_keyframe_is_reached_by_the_turn_that_the_limits_leave(begin, end):
+    angles = plan([begin, 0, 0], yaw(end))
+    assert angles[-1] == pytest.approx([end, 0, 0], abs=1e-3)
+    assert np.max(np.abs(angles[:, 0])) < 270.5
+
+
+@pytest.mark.parametrize(("turns", "end"), [(0, 90), (-1, -270)])
+def test_single_keyframe_may_have_turns(turns, end):
+    assert plan([0, 0, 0], yaw(90, turns))[-1] == pytest.approx([end, 0, 0], abs=1e-3)
+
+
+def test_turns_that_no_limit_permits_are_refused():
+    with pytest.raises(LimitError, match="yaw"):
+        plan([0, 0, 0], yaw(90, 1))
+
+
+def test_turns_on_the_spot_have_no_axis():
+    with pytest.raises(StartError, match="about which axis"):
+        plan([30, 0, 0], yaw(30, 1))
+
+
+@pytest.mark.parametrize("begin", [(210, 0, 0), (-265, 30, -20), (20, 80, -100), (0, 0, 0)])
+def test_home_is_all_axes_at_zero_without_a_turn_too_many(begin):
+    angles = plan(begin, yaw(77), device_options={"home": True})
+    assert angles[-1] == pytest.approx([0, 0, 0], abs=1e-3)
+    travel = np.abs(np.diff(angles, axis=0)).sum(axis=0)
+    assert travel == pytest.approx(np.abs(begin), abs=8)

@@ -1,0 +1,160 @@
+"""Every arm at the driver: what its controller says, what it can and cannot follow."""
+
+import math
+import random
+import time
+
+import pytest
+from ur_rig import until
+
+from orientd.clock import MonotonicClock
+from orientd.driver import Setpoint
+from orientd.errors import DeviceFaultError, LinkError, PlanError
+from orientd.floats import exp, multiply
+from orientd_sim.ur import EmulatedRobot
+from orientd_sim.ur.kinematics import Kinematics
+from orientd_sim.ur.models import MODELS
+from orientd_sim.ur.transforms import from_pose, inverse
+from orientd_sim.ur.transforms import multiply as times
+from orientd_ur import UrDriver
+from orientd_ur.arm import ask
+from orientd_ur.pose import shortest
+from orientd_ur.probe import whereabouts
+
+STEP = 0.008
+
+
+def driver_of(host, **options):
+    return UrDriver({"host": host, **options}, period_ns=8_000_000, clock=MonotonicClock())
+
+
+def random_turn(generator, pose):
+    """A turn about the tool's tip from rest to rest, up to 1.5 rad/s at its peak."""
+    axis = [generator.gauss(0, 1) for _ in range(3)]
+    length = math.hypot(*axis)
+    angle, peak = generator.uniform(0.2, 2.8), generator.uniform(0.3, 1.5)
+    duration = 1.875 * angle / peak
+    path, start = [], exp(pose[3:])
+    count = math.ceil(duration / STEP)
+    for k in range(count + 1):
+        s = k / count
+        turned = angle * (10 * s**3 - 15 * s**4 + 6 * s**5)
+        q = multiply(start, exp(tuple(turned * a / length for a in axis)))
+        path.append((q, tuple(pose[:3])))
+    return [k * duration / count for k in range(count + 1)], path
+
+
+def follows(model, joints, tcp_offset, times_s, path):
+    """How hard it is by the emulator's own kinematics: beyond 1 the arm cannot."""
+    kinematics, back, near = Kinematics(model), inverse(from_pose(tcp_offset)), joints
+    worst, before = 0.0, None
+    for at, (q, position) in zip(times_s, path, strict=True):
+        found = kinematics.inverse(times(from_pose((*position, *shortest(q))), back), near)
+        if found is None or any(abs(a - b) > 0.5 for a, b in zip(found, near, strict=True)):
+            return math.inf
+        if before is not None:
+            for a, b, most in zip(found, near, model.speeds, strict=True):
+                worst = max(worst, abs(a - b) / (at - before) / most)
+        worst = max(worst, *(abs(a) / most for a, most in zip(found, model.ranges, strict=True)))
+        near, before = found, at
+    return worst
+
+
+def decisions(robot, model, count):
+    """For each of some random turns whether the driver takes it, and how hard it is."""
+    driver, place = driver_of(robot.host), whereabouts(robot.host)
+    for number in range(count):
+        times_s, path = random_turn(random.Random(number), place.pose)
+        worst = follows(model, place.joints, place.tcp_offset, times_s, path)
+        try:
+            driver.examine(times_s, path)
+            refusal = ""
+        except PlanError as error:
+            refusal = str(error)
+        yield worst, refusal
+
+
+def assert_decided_as_published(host, name, count):
+    with EmulatedRobot(host, "--model", name) as robot:
+        for worst, refusal in decisions(robot, MODELS[name], count):
+            if not 0.98 <= worst <= 1.02:
+                assert (worst > 1.0) == bool(refusal), (name, worst, refusal)
+
+
+@pytest.mark.parametrize("name", ["ur3e", "ur20"])
+def test_turns_are_taken_and_refused_as_by_the_published_kinematics(ur_host, name):
+    assert_decided_as_published(ur_host, name, 8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(MODELS))
+def test_sixty_turns_of_every_arm_are_decided_as_published(ur_host, name):
+    assert_decided_as_published(ur_host, name, 60)
+
+
+def test_controller_is_asked_for_its_arm_and_its_limits(ur_host):
+    with EmulatedRobot(ur_host, "--model", "ur20"):
+        arm = ask(ur_host, 5.0)
+    assert (arm.name, arm.links.upper_arm) == ("ur20", 0.862)
+    assert [round(math.degrees(speed)) for speed in arm.speeds] == [120, 120, 150, 210, 210, 210]
+
+
+def test_another_arm_than_the_named_one_is_refused_in_words(ur_host):
+    with EmulatedRobot(ur_host, "--model", "ur10e"):
+        path = [((0.0, 1.0, 0.0, 0.0), (0.4, 0.1, 0.3))]
+        with pytest.raises(PlanError, match=r"has a ur10e, `model` says ur3"):
+            driver_of(ur_host, model="ur3").examine([0.0], path)
+        driver_of(ur_host, model="ur3", check_joints=False).examine([0.0], path)
+
+
+def test_model_is_looked_at_before_anything_is_connected(ur_host):
+    with (
+        EmulatedRobot(ur_host, "--model", "ur10e"),
+        pytest.raises(LinkError, match=r"has a ur10e, `model` says ur5e"),
+    ):
+        driver_of(ur_host, model="ur5e").open()
+
+
+def test_cb3_is_driven_at_its_own_rate_without_remote_control(ur_host):
+    with EmulatedRobot(ur_host, "--model", "ur10") as robot:
+        fast = UrDriver({"host": ur_host}, period_ns=2_000_000, clock=MonotonicClock())
+        with pytest.raises(LinkError, match=r"every 8 ms: `rate_hz` must be 125 at the most"):
+            fast.open()
+        driver = driver_of(ur_host, model="ur10")
+        try:
+            driver.open()
+            start = driver.enable()
+            x, y, z = start.position
+            for step in range(30):
+                driver.read()
+                driver.write(Setpoint(0, start.q, position=(x, y, z - 1e-5 * step)))
+                time.sleep(0.008)
+            robot.wait_until(lambda state: state["actual_pose"][2] < z - 1e-4)
+        finally:
+            driver.close()
+
+
+def test_polyscope_x_moves_without_a_dashboard_and_says_what_it_lacks(ur_host, caplog):
+    with EmulatedRobot(ur_host, "--polyscope", "10.10.0") as robot:
+        driver = driver_of(ur_host)
+        try:
+            driver.open()
+            assert "PolyScope X has no dashboard server: unlock protective stops" in caplog.text
+            driver.enable()
+            robot.ask("protective_stop")
+            robot.wait_until(lambda state: state["safety_mode"] == "PROTECTIVE_STOP")
+            until(lambda: driver._link.modes()[1] == 3, "the stop")
+            with pytest.raises(DeviceFaultError, match="protective stop: look for its cause"):
+                driver.reset()
+        finally:
+            driver.close()
+        (row,) = (one for one in driver.diagnose() if one.name == "remote control")
+        assert "on the pendant" in row.mend
+
+
+def test_arm_is_drawn_as_the_model_that_the_controller_has(ur_host):
+    with EmulatedRobot(ur_host, "--model", "ur20"):
+        driver, stretched = driver_of(ur_host), (0.0,) * 6
+        assert driver.outline(stretched) == ()  # asked for aside: whoever draws does not wait
+        (line,) = until(lambda: driver.outline(stretched), "the outline")
+    assert line[-1] == pytest.approx((-0.862 - 0.7287, -0.201 - 0.1543, 0.2363 - 0.1593))

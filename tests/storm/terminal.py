@@ -1,0 +1,80 @@
+"""A terminal: one client of a daemon that does as it is told on standard input, a JSON list a line.
+
+``python terminal.py SOCKET UID``.
+"""
+
+import contextlib
+import json
+import os
+import sys
+
+import orientd
+from orientd.errors import OrientdError
+from orientd.rpc import client, move_handle, stop_call, tls_problem, trust  # noqa: F401 - see below
+
+
+class Terminal:
+    """What can be told to it; every answer is a JSON value."""
+
+    def __init__(self, robot):
+        self.robot, self.moves = robot, {}
+
+    def move(self, device, seconds, queue, angle):
+        keyframes = [
+            {"time": 0.0, "rotation_vector": [0.0, 0.0, angle]},
+            {"time": seconds, "rotation_vector": [0.3, 0.0, -angle]},
+        ]
+        handle = self.robot.move(keyframes, device=device, queue=queue, approach=True)
+        self.moves[device, handle.motion_number] = handle
+        return handle.motion_number
+
+    def refused(self, device, queue):
+        self.robot.move([{"rotation_vector": [0.0, 0.0, 1.0]}], device=device, queue=queue,
+                        limits={"velocity": 1e9})  # fmt: skip
+
+    def cancel(self, device, number):
+        handle = self.moves.get((device, number))  # else of what was killed in its place
+        if handle is not None:
+            handle.cancel()
+
+    def token(self):
+        return self.robot.lease_token
+
+    def share(self, token):
+        return self.robot.borrow_lease(token)
+
+    def give(self, to, device):
+        return self.robot.transfer_lease(to, device)
+
+    def seize(self, device):
+        self.robot.seize_lease("a storm", device)
+
+    def release(self):
+        self.robot.release_lease()
+
+    def stop(self, device):
+        return [report.name for report in self.robot.stop(device)]
+
+
+def main(socket, uid):
+    # Whoever is somebody else by now may not be able to load what is missing.
+    with contextlib.suppress(OrientdError), orientd.connect(socket) as robot:
+        robot.plan([{"rotation_vector": [0.1, 0.0, 0.0]}], device=robot.devices()[0].name)
+    if uid:
+        os.setgroups([])
+        os.setgid(uid)
+        os.setuid(uid)
+    with orientd.connect(socket) as robot:
+        terminal = Terminal(robot)
+        print(json.dumps("ready"), flush=True)
+        for line in sys.stdin:
+            name, *arguments = json.loads(line)
+            try:
+                answer = {"is": getattr(terminal, name)(*arguments)}
+            except OrientdError as error:
+                answer = {"error": str(error)}
+            print(json.dumps(answer), flush=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], int(sys.argv[2]))

@@ -1,0 +1,234 @@
+"""Whose motion it is: two users, four terminals and two devices at random.
+
+``ORIENTD_STORM_SEQUENCES`` is how many sequences there are (500), ``ORIENTD_STORM_SEED`` the first.
+Run by ``make storm``, or: ``python -m pytest tests/storm/test_leases.py -m storm --timeout=0 -s``.
+"""
+
+import json
+import os
+import random
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+
+import pytest
+from harness import DEVICE, DaemonProcess, until
+
+from orientd.rpc import control_pb2 as pb
+
+pytestmark = [
+    pytest.mark.storm,
+    pytest.mark.skipif(os.getuid() != 0, reason="becomes another user, which root may"),
+]
+
+SEQUENCES = int(os.environ.get("ORIENTD_STORM_SEQUENCES", "500"))
+SEED = int(os.environ.get("ORIENTD_STORM_SEED", "1"))
+ACTS = 8
+KINDS = [
+    *(6 * ["move"] + 4 * ["queue"] + 3 * ["share"] + 2 * ["refused"]),
+    *("cancel", "kill", "give", "seize", "release", "stop"),
+]
+DEVICES = (DEVICE, "leg")
+OTHER = 54302
+LEASE = 2.0
+ENDED = re.compile(r"(\w+): motion (done|stopped|replaced|unsettled) (\d+)(?:: (.*))?$")
+BEGUN = re.compile(r"(\w+): motion (\d+) is commanded by .* \(user:(\d+)\)$")
+
+
+class Terminal:
+    """A process of one user that does as it is told."""
+
+    def __init__(self, name, daemon, uid):
+        self.name, self.daemon, self.uid = name, daemon, uid
+        self.share = ""
+        self._begin()
+
+    def _begin(self):
+        program = Path(__file__).with_name("terminal.py")
+        self.process = subprocess.Popen(
+            [sys.executable, str(program), str(self.daemon.socket), str(self.uid)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        assert json.loads(self.process.stdout.readline()) == "ready"
+
+    def do(self, *asked):
+        print(json.dumps(asked), file=self.process.stdin, flush=True)
+        return json.loads(self.process.stdout.readline())
+
+    def end(self):
+        self.process.kill()
+        self.process.communicate()
+
+    def again(self):
+        self.end()
+        self._begin()
+
+
+class Storm:
+    """What is done, and what may therefore end."""
+
+    def __init__(self, daemon, terminals, generator):
+        self.daemon, self.terminals, self.any = daemon, terminals, generator
+        self.owner = {}  # the terminal of each motion
+        self.reasons = {}  # what may end a motion: by (device, number), or by device
+        self.tally = Counter()
+
+    def permit(self, key, text):
+        self.reasons.setdefault(key, []).append(text)
+
+    def act(self):
+        one, device = self.any.choice(self.terminals), self.any.choice(DEVICES)
+        kind = self.any.choice(KINDS)
+        self.tally[kind] += 1
+        user = f"(user:{one.uid})"
+        mine = [key for key, owner in self.owner.items() if owner is one]
+        if kind in ("move", "queue"):
+            seconds, angle = self.any.uniform(0.3, 1.5), self.any.uniform(0.05, 0.3)
+            answer = one.do("move", device, seconds, kind == "queue", angle)
+            if "is" in answer:
+                self.owner[device, answer["is"]] = one
+            else:
+                self.tally["refused by the lease"] += "lease" in answer["error"]
+        elif kind == "refused":
+            assert "error" in one.do("refused", device, self.any.random() < 0.5)
+        elif kind == "cancel" and mine:
+            key = self.any.choice(mine)
+            self.permit(key, f"stopped by .*{re.escape(user)}")
+            one.do("cancel", *key)
+        elif kind == "kill":
+            for key in mine:
+                self.permit(key, "its caller has gone away|the lease of .* has expired")
+            self.permit(one, "")
+            one.again()
+        elif kind == "seize":
+            self.permit(device, f"the lease of .* was seized by .*{re.escape(user)}: a storm")
+            one.do("seize", device)
+        elif kind == "release":
+            for key in mine:
+                self.permit(key, "the lease of .* was released")
+            one.do("release")
+        elif kind == "stop":
+            self.permit(device, f"stopped by .*{re.escape(user)}")
+            one.do("stop", device)
+        elif kind == "give":
+            # Whoever does not take it up in time loses what was handed over.
+            to = OTHER if one.uid == 0 else 0
+            if "is" in one.do("give", str(to), device):
+                self.permit(device, rf"the lease of .*\(user:{to}\) (has expired|was released)")
+        elif kind == "share":
+            others = [two for two in self.terminals if two.uid == one.uid and two is not one]
+            token = others[0].do("token")["is"]
+            if token:
+                one.do("share", token)
+
+    def judge(self, log):
+        """Check that everything in *log* that ended did so by somebody who may end it."""
+        ends = {}
+        for line in log.splitlines():
+            begun, ended = BEGUN.search(line), ENDED.search(line)
+            if begun:
+                device, number, uid = begun.groups()
+                owner = self.owner.get((device, int(number)))
+                assert owner is None or owner.uid == int(uid), line
+            if ended:
+                device, kind, number, text = ended.groups()
+                ends[device, int(number)] = kind, text or "", line
+        for (device, number), (kind, text, line) in ends.items():
+            self.tally[kind] += 1
+            owner = self.owner.get((device, number))
+            if kind == "replaced" and owner is not None:
+                # By another motion of the same commander.
+                by = [
+                    two
+                    for (of, later), two in self.owner.items()
+                    if of == device and later > number
+                ]
+                assert not by or any(two.uid == owner.uid for two in by), line
+            if kind != "stopped":
+                continue
+            # What waits behind a motion that is withdrawn goes with it.
+            behind = [key for key in self.owner if key[0] == device and key[1] <= number]
+            may = [*self.reasons.get(device, ())]
+            for key in [(device, number), *behind]:
+                may += self.reasons.get(key, ())
+            is_killed = (device, number) not in self.owner and "gone away" in text
+            assert is_killed or any(re.match(reason, text) for reason in may), (line, may)
+
+
+@pytest.fixture
+def daemon():
+    # Others cannot look into the folders that pytest makes.
+    folder = Path(tempfile.mkdtemp(prefix="orientd-"))
+    folder.chmod(0o755)
+    process = DaemonProcess(folder, lease=LEASE)
+    text = process.config.read_text()
+    patience = "stall_timeout = 30.0\nheartbeat_timeout = 30.0\nfeedback_timeout = 30.0\n"
+    text = text.replace(f"[devices.{DEVICE}]\n", f"[devices.{DEVICE}]\n{patience}")
+    process.config.write_text(
+        f"[access.users]\n{OTHER} = 'administrator'\n{text}\n"
+        f"[devices.leg]\ndriver = 'loopback'\n{patience}"
+    )
+    with process:
+        process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))
+        yield process
+    shutil.rmtree(folder)
+
+
+def test_no_motion_ends_but_by_whom_it_may_be_ended(daemon):
+    terminals = [Terminal(f"t{k}", daemon, uid) for k, uid in enumerate((0, 0, OTHER, OTHER))]
+    tally, path = Counter(), daemon.folder / "log"
+    try:
+        for sequence in range(SEED, SEED + SEQUENCES):
+            read = path.stat().st_size
+            storm = Storm(daemon, terminals, random.Random(sequence))
+            for _ in range(ACTS):
+                storm.act()
+                time.sleep(storm.any.uniform(0.0, 0.3))
+            until(lambda: all(at_rest(daemon)), "rest")
+            for one in terminals:
+                one.do("release")
+            if found := mended(daemon):
+                tally["faults"] += found
+                print(f"\nsequence {sequence}: {found} faults")
+                continue
+            with path.open() as log:
+                log.seek(read)
+                try:
+                    storm.judge(log.read())
+                except AssertionError as error:
+                    raise AssertionError(f"sequence {sequence}: {error}") from error
+            tally += storm.tally
+    finally:
+        for one in terminals:
+            one.end()
+    print(f"\n{SEQUENCES} sequences: {dict(tally)}")
+
+
+def at_rest(daemon):
+    return [
+        report.state in (pb.STATE_HOLDING, pb.STATE_FAULT)
+        for report in daemon.stub.GetState(pb.GetStateRequest()).devices
+    ]
+
+
+def mended(daemon):
+    """Have devices leave a fault, which is the machine's that stood still; return how many."""
+    faults = [
+        report
+        for report in daemon.stub.GetState(pb.GetStateRequest()).devices
+        if report.state == pb.STATE_FAULT
+    ]
+    for report in faults:
+        assert report.fault == pb.FAULT_PATH_STARVED, report.fault_text
+        asked = pb.SeizeLeaseRequest(holder="test", reason="a fault", devices=[report.device.name])
+        token = daemon.stub.SeizeLease(asked).lease.token
+        daemon.stub.Reset(pb.ResetRequest(lease_token=token, device=report.device.name))
+        daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=token))
+    return len(faults)

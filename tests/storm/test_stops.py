@@ -1,0 +1,180 @@
+"""How soon a stop reaches the servo while its daemon is attacked.
+
+``ORIENTD_STORM_STOPS`` is the number of stops under each attack (100).  Run by ``make storm``, or:
+``python -m pytest tests/storm/test_stops.py -m storm --timeout=0 -s``.
+"""
+
+import contextlib
+import itertools
+import os
+import resource
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+
+import grpc
+import pytest
+from authority import OPENSSL, Authority
+from harness import DEVICE, DaemonProcess, spin, until
+
+from orientd.rpc import ask_to_stop
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc.control_pb2_grpc import ControlStub
+
+pytestmark = [
+    pytest.mark.storm,
+    pytest.mark.skipif(OPENSSL is None, reason="there is no openssl here"),
+]
+
+ROUNDS = int(os.environ.get("ORIENTD_STORM_STOPS", "100"))
+BOUND = 0.05
+"""From the call to the first cycle that brakes, s."""
+
+
+def free_port():
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        return listener.getsockname()[1]
+
+
+@pytest.fixture(scope="module")
+def daemon(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("daemon")
+    authority = Authority(folder / "ca")
+    authority.issue("server", hosts="IP:127.0.0.1")
+    process = DaemonProcess(folder, lease=3600.0)
+    process.port = free_port()
+    text = process.config.read_text()
+    patience = "stall_timeout = 30.0\nheartbeat_timeout = 30.0\n"
+    text = text.replace(f"[devices.{DEVICE}]\n", f"[devices.{DEVICE}]\n{patience}")
+    ca = folder / "ca"
+    process.config.write_text(
+        f"[tcp]\nlisten = '127.0.0.1:{process.port}'\ncertificate = '{ca}/server.pem'\n"
+        f"key = '{ca}/server.key'\nca = '{ca}/ca.pem'\n{text}"
+    )
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+    with process:
+        yield process
+    resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
+
+@contextlib.contextmanager
+def nothing(daemon):
+    yield
+
+
+@contextlib.contextmanager
+def hanging(daemon):
+    """Stop the whole daemon, as a debugger does; it goes on to tell of the stop."""
+    daemon.process.send_signal(signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        daemon.process.send_signal(signal.SIGCONT)
+
+
+@contextlib.contextmanager
+def connections(daemon, count=1000, family=socket.AF_UNIX):
+    """Have so many connections that say nothing."""
+    at = str(daemon.socket) if family == socket.AF_UNIX else ("127.0.0.1", daemon.port)
+    with contextlib.ExitStack() as stack:
+        for _ in range(count):
+            one = stack.enter_context(socket.socket(family))
+            one.setblocking(False)
+            with contextlib.suppress(BlockingIOError):
+                one.connect(at)
+        yield
+
+
+def handshakes(daemon):
+    return connections(daemon, 400, socket.AF_INET)
+
+
+@contextlib.contextmanager
+def plans(daemon):
+    """Have 100 large plans wait."""
+    motion = spin(8000.0)
+    with grpc.insecure_channel(f"unix:{daemon.socket}") as channel:
+        stub = ControlStub(channel)
+        asked = [stub.Plan.future(pb.PlanRequest(motion=motion)) for _ in range(100)]
+        yield
+        for one in asked:
+            one.cancel()
+
+
+@contextlib.contextmanager
+def watchers(daemon):
+    """Have 120 watchers that do not read, in a process of their own."""
+    program = (
+        "import sys, grpc; from orientd.rpc import control_pb2 as pb\n"
+        "from orientd.rpc.control_pb2_grpc import ControlStub\n"
+        "stub = ControlStub(grpc.insecure_channel('unix:' + sys.argv[1]))\n"
+        "kept = [stub.WatchState(pb.WatchStateRequest(rate_hz=100.0)) for _ in range(120)]\n"
+        "print('ready', flush=True); sys.stdin.read()"
+    )
+    command = [sys.executable, "-c", program, str(daemon.socket)]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with subprocess.Popen(command, **pipes) as process:
+        assert process.stdout.readline() == b"ready\n"
+        yield
+        process.kill()
+
+
+@contextlib.contextmanager
+def without_descriptors(daemon):
+    pid = daemon.process.pid
+    before = resource.prlimit(pid, resource.RLIMIT_NOFILE)
+    resource.prlimit(pid, resource.RLIMIT_NOFILE, (8, before[1]))
+    try:
+        yield
+    finally:
+        resource.prlimit(pid, resource.RLIMIT_NOFILE, before)
+
+
+class Cycles:
+    """The newest cycles of the device, from before an attack on."""
+
+    def __init__(self, daemon):
+        self.stream = daemon.stub.WatchState(pb.WatchStateRequest(rate_hz=50.0))
+        self.seen = []
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def _read(self):
+        with contextlib.suppress(grpc.RpcError):
+            for batch in self.stream:
+                self.seen = (self.seen + list(batch.cycles))[-5000:]
+
+    def braking(self, since_ns):
+        """Return when the first cycle since then was due that brakes, monotonic clock, ns."""
+        after = [one for one in self.seen if one.deadline_ns > since_ns - 10_000_000]
+        return next((one.deadline_ns for one in after if one.state == pb.STATE_STOPPING), None)
+
+
+ATTACKS = [nothing, hanging, connections, handshakes, plans, watchers, without_descriptors]
+
+
+@pytest.mark.parametrize("attack", ATTACKS, ids=lambda attack: attack.__name__)
+def test_a_stop_reaches_the_servo_under_attack(daemon, attack):
+    cycles, took = Cycles(daemon), []
+    kinds = itertools.cycle(["stop", "halt"])
+    for _ in range(ROUNDS):
+        daemon.move(spin(60.0))
+        until(lambda: daemon.device().path_time > 0.05, "motion")
+        with attack(daemon):
+            asked = time.monotonic_ns()
+            (met,) = ask_to_stop(daemon.socket, next(kinds))
+        assert met["state"] == "STREAMING"
+        *_, last = daemon.stream
+        assert last.summary.text.startswith("stopped by "), last.summary
+        took.append((until(lambda: cycles.braking(asked), "braking") - asked) * 1e-6)  # noqa: B023
+    cycles.stream.cancel()
+    took.sort()
+    print(
+        f"\n{attack.__name__}: {len(took)} stops, median {took[len(took) // 2]:.1f} ms, "
+        f"slowest {took[-1]:.1f} ms"
+    )
+    assert took[-1] <= BOUND * 1e3

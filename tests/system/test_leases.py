@@ -1,0 +1,121 @@
+"""Whose motion it is: terminals, users and devices at one daemon, through real processes."""
+
+import json
+import os
+import signal
+
+import pytest
+from command_line import assert_refused, begin, environment, inside, orientd
+from harness import DEVICE, DaemonProcess, until
+
+import orientd as package
+from orientd.errors import LeaseError
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc.reports import Outcome
+
+LEG = "leg"
+TURN = [{"rotation_vector": [0.0, 0.0, 0.1]}]
+LONG = [
+    {"time": 0.0, "rotation_vector": [0.0, 0.0, 0.1]},
+    {"time": 3.0, "rotation_vector": [0.3, 0.0, 0.1]},
+]
+
+
+@pytest.fixture(scope="module")
+def daemon(tmp_path_factory):
+    process = DaemonProcess(tmp_path_factory.mktemp("daemon"), lease=30.0)
+    text = process.config.read_text()
+    # A machine that stands still for a second is not what is tested here.
+    patience = "stall_timeout = 5.0\nheartbeat_timeout = 5.0\nfeedback_timeout = 5.0\n"
+    text = text.replace(f"[devices.{DEVICE}]\n", f"[devices.{DEVICE}]\n{patience}")
+    process.config.write_text(f"{text}\n[devices.{LEG}]\ndriver = 'loopback'\n{patience}")
+    with process:
+        process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))
+        yield process
+
+
+@pytest.fixture
+def ana(daemon):
+    with package.connect(daemon.socket, holder="ana") as robot:
+        yield robot
+
+
+@pytest.fixture
+def ben(daemon):
+    with package.connect(daemon.socket, holder="ben") as robot:
+        yield robot
+
+
+@pytest.fixture
+def files(tmp_path):
+    paths = tmp_path / "long.json", tmp_path / "bad.json"
+    paths[0].write_text(json.dumps({"keyframes": LONG, "approach": True}))
+    paths[1].write_text(json.dumps({"keyframes": [*TURN, *TURN], "limits": {"velocity": 1e9}}))
+    return paths
+
+
+def test_two_people_command_two_devices(ana, ben):
+    ours = ana.move(LONG, device=DEVICE, approach=True)
+    theirs = ben.move(TURN, device=LEG)
+    with pytest.raises(LeaseError, match="the lease of leg is held by 'ben'"):
+        ana.pause(LEG)
+    assert theirs.wait(20.0).outcome is Outcome.DONE
+    assert ours.wait(20.0).outcome is Outcome.DONE
+    held = {one.holder: one.devices for one in ana.state().daemon.leases}
+    assert held == {"ana": (DEVICE,), "ben": (LEG,)}
+
+
+def test_a_move_of_no_device_in_particular_takes_no_lease(ana):
+    with pytest.raises(package.errors.RequestError, match="expected one of arm, leg, got nothing"):
+        ana.move(TURN)
+    assert ana.state().daemon.leases == ()
+
+
+def test_without_names_a_client_takes_every_device_as_it_always_did(daemon):
+    lease = daemon.stub.AcquireLease(pb.AcquireLeaseRequest(holder="old")).lease
+    assert list(lease.devices) == [DEVICE, LEG]
+    for name in (DEVICE, LEG):
+        daemon.stub.Enable(pb.EnableRequest(lease_token=lease.token, device=name))
+    daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=lease.token))
+
+
+def test_refused_terminals_leave_the_holders_motion_alone(daemon, ana, files):
+    slow, bad = files
+    motion = ana.move(LONG, device=DEVICE, approach=True)
+    at = ("--device", DEVICE, "--socket", daemon.socket)
+    shared = environment(ORIENTD_LEASE=ana.lease_token)
+    assert_refused(inside("move", slow, *at), "the lease of arm is held by 'ana'")
+    assert_refused(inside("move", slow, "--queue", *at), "the lease of arm is held by 'ana'")
+    assert_refused(inside("move", slow, "--lease", *at), "no command of yours here holds the lease")
+    assert_refused(orientd("move", bad, *at, env=shared), "velocity")
+    assert motion.wait(20.0).outcome is Outcome.DONE
+
+
+@pytest.mark.parametrize("seconds", [3.0, 30.0], ids=["in the ring", "not in the ring yet"])
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
+def test_a_queued_move_that_ends_early_leaves_the_holders_motion_alone(
+    daemon, ana, files, how, seconds
+):
+    keyframes = [LONG[0], {**LONG[1], "time": seconds}]
+    motion = ana.move(keyframes, device=DEVICE, approach=True)
+    ana.pause(DEVICE)
+    at = ("--device", DEVICE, "--socket", daemon.socket)
+    shared = environment(ORIENTD_LEASE=ana.lease_token)
+    queued = begin("move", files[0], "--queue", *at, env=shared)
+    assert queued.stdout.readline().startswith(f"motion {motion.motion_number + 1}")
+    queued.send_signal(how)
+    if how is signal.SIGKILL or seconds > 8.0:
+        _, errors = queued.communicate(timeout=20)
+    ana.resume(DEVICE)
+    if seconds > 8.0:
+        until(lambda: daemon.device().path_time > 0.1, "the motion to go on")
+        ana.stop(DEVICE)
+        assert motion.wait(20.0).text.startswith("stopped by ")
+    else:
+        assert motion.wait(20.0).outcome is Outcome.DONE
+        until(lambda: daemon.device().state == pb.STATE_HOLDING, "rest")
+        _, errors = queued.communicate(timeout=20)
+    if how is signal.SIGINT:
+        assert f"(user:{os.getuid()})" in errors.partition("stopped by")[2]
+    else:
+        ana.seize_lease("whoever shared it was killed")

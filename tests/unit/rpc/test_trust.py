@@ -1,0 +1,176 @@
+"""Whose socket it is: what others own, can write or have put there is refused, with the reason."""
+
+import contextlib
+import os
+import socket
+from pathlib import Path
+
+import pytest
+
+from orientd.errors import DaemonError
+from orientd.rpc import ask_to_stop, trust
+from orientd.rpc.channel import Way
+from orientd.rpc.trust import check_folder, check_socket
+
+OTHER = 54321
+
+needs_root = pytest.mark.skipif(os.getuid() != 0, reason="gives files to others, which root may")
+
+
+@pytest.fixture
+def folder(tmp_path):
+    made = tmp_path / "folder"
+    made.mkdir(mode=0o700)
+    return made
+
+
+@pytest.fixture
+def listening(folder):
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(folder / "control.sock"))
+        listener.listen(20)
+        yield folder / "control.sock"
+
+
+def refused(path, reason):
+    """Check that nobody talks to what is at *path*."""
+    with pytest.raises(DaemonError, match=reason):
+        check_socket(path)
+    with pytest.raises(DaemonError, match=reason):
+        Way(path).open()
+
+
+def test_ones_own_socket_in_ones_own_folder_is_taken(listening):
+    check_socket(listening)
+
+
+def test_where_there_is_nothing_nothing_is_refused(folder):
+    check_socket(folder / "none.sock")
+    check_socket(folder / "none" / "at" / "all.sock")
+
+
+@pytest.mark.parametrize("mode", [0o702, 0o777, 0o1777, 0o703])
+def test_a_folder_that_others_can_write_is_refused(listening, folder, mode):
+    folder.chmod(mode)
+    refused(listening, rf"others can write {folder} \(mode {mode:o}\)")
+
+
+@needs_root
+def test_a_folder_that_a_group_of_others_can_write_is_refused(listening, folder):
+    os.chown(folder, 0, OTHER)
+    folder.chmod(0o770)
+    refused(listening, "others can write")
+
+
+@needs_root
+def test_a_folder_of_others_is_refused(listening, folder):
+    os.chown(folder, OTHER, OTHER)
+    refused(listening, rf"{folder} belongs to another user \(user {OTHER}\)")
+
+
+@needs_root
+@pytest.mark.parametrize("mode", [0o700, 0o777])
+def test_a_folder_on_the_way_is_looked_at_too(tmp_path, mode):
+    inner = tmp_path / "a" / "b" / "c"
+    inner.mkdir(parents=True)
+    if mode == 0o700:
+        os.chown(tmp_path / "a", OTHER, OTHER)
+    else:
+        (tmp_path / "a").chmod(mode)
+    with pytest.raises(DaemonError, match=f"{tmp_path / 'a'}"):
+        check_folder(inner)
+
+
+def test_a_folder_of_ones_own_below_a_sticky_one_is_taken(tmp_path):
+    (tmp_path / "common").mkdir()
+    (tmp_path / "common").chmod(0o1777)
+    (tmp_path / "common" / "mine").mkdir(mode=0o700)
+    check_folder(tmp_path / "common" / "mine")
+
+
+def test_a_link_of_ones_own_is_followed_and_its_end_is_looked_at(tmp_path, folder):
+    link = tmp_path / "link"
+    link.symlink_to(folder)
+    check_folder(link)
+    folder.chmod(0o777)
+    with pytest.raises(DaemonError, match="others can write"):
+        check_folder(link)
+
+
+@needs_root
+def test_a_link_of_others_is_refused(tmp_path, folder):
+    link = tmp_path / "link"
+    link.symlink_to(folder)
+    os.lchown(link, OTHER, OTHER)
+    with pytest.raises(DaemonError, match=f"{link} belongs to another user"):
+        check_folder(link)
+
+
+@pytest.mark.parametrize("kind", ["file", "folder", "fifo", "link"])
+def test_what_is_no_socket_is_refused(folder, listening, kind):
+    path = folder / "fake"
+    make = {
+        "file": path.touch,
+        "folder": path.mkdir,
+        "fifo": lambda: os.mkfifo(path),
+        "link": lambda: path.symlink_to(listening),
+    }
+    make[kind]()
+    refused(path, "is a symbolic link" if kind == "link" else "is no socket")
+
+
+def serve_as_other(path):
+    """Have a process of another user listen at *path* in one's own folder; return its number."""
+    ready, is_ready = os.pipe()
+    pid = os.fork()
+    if not pid:
+        listener = socket.socket(socket.AF_UNIX)
+        os.setgroups([])
+        os.setgid(OTHER)
+        os.setuid(OTHER)
+        listener.bind(str(path))
+        listener.listen(20)
+        os.write(is_ready, b"x")
+        while True:
+            with contextlib.suppress(OSError), listener.accept()[0] as caller:
+                caller.sendall(b'{"devices": []}\n')
+    os.read(ready, 1)
+    return pid
+
+
+@needs_root
+@pytest.mark.parametrize("name", ["control.sock", "control.sock.stop"])
+def test_a_daemon_of_others_is_refused_unless_it_is_named(tmp_path, monkeypatch, name):
+    for place in [tmp_path, *tmp_path.parents]:
+        if place not in (Path("/"), Path("/tmp")):
+            place.chmod(place.stat().st_mode | 0o011)
+    shared = tmp_path / "shared"
+    shared.mkdir()
+    shared.chmod(0o777)
+    pid = serve_as_other(shared / name)
+    shared.chmod(0o755)
+    try:
+        talk = {
+            "control.sock": lambda: check_socket(shared / "control.sock"),
+            "control.sock.stop": lambda: ask_to_stop(shared / "control.sock", "stop"),
+        }[name]
+        with pytest.raises(DaemonError, match=rf"is user {OTHER}'s, and no daemon of yours"):
+            talk()
+        monkeypatch.setenv(trust.DAEMON_USER, str(OTHER))
+        talk()
+    finally:
+        os.kill(pid, 9)
+        os.waitpid(pid, 0)
+
+
+def test_a_user_that_there_is_not_is_no_daemon_user(folder, monkeypatch):
+    monkeypatch.setenv(trust.DAEMON_USER, "nobody-of-that-name")
+    with pytest.raises(DaemonError, match="there is no user 'nobody-of-that-name'"):
+        check_folder(folder)
+
+
+@needs_root
+def test_the_folder_of_the_system_is_whose_root_says(folder, monkeypatch):
+    os.chown(folder, OTHER, OTHER)
+    monkeypatch.setattr(trust, "SYSTEM_FOLDER", folder)
+    check_folder(folder)
