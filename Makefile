@@ -8,7 +8,7 @@ BIN = $(VENV)/bin
 ROUNDS ?= 50
 SEED ?= 1
 
-.PHONY: demo test check bench peers soak events chaos storm standard proto clean
+.PHONY: demo test check docs follow bench peers soak events chaos storm standard proto clean
 
 demo: $(VENV)/.user
 	$(BIN)/orientd demo
@@ -16,7 +16,7 @@ demo: $(VENV)/.user
 # What only calculates is tested on every core; what runs real processes to a clock, one by one.  A
 # machine that stands still for half a second fails some of these: what failed is run again by itself,
 # a few times, and must pass once.
-CALCULATES = tests/unit orientd drivers sim
+CALCULATES = tests/unit tests/docs orientd drivers sim
 RUNS = tests/system tests/drivers tests/chaos tests/storm tests/bench
 
 test: check
@@ -31,10 +31,20 @@ check: $(VENV)/.dev
 	$(BIN)/lint-imports --no-cache
 	$(BIN)/python tests/structure.py
 
+# The site, with its warnings as errors, into build/docs.
+docs: $(VENV)/.docs
+	$(BIN)/python -m sphinx -W --keep-going -q -j auto -b html docs build/docs
+	@echo "open build/docs/index.html"
+
+# Every page and example, word by word, with real daemons; the first three tutorials in a new environment.
+follow: $(VENV)/.dev
+	$(BIN)/python -m pytest tests/docs -m follow --timeout=1200 || { for again in 1 2 3; do \
+	    $(BIN)/python -m pytest tests/docs -m follow --timeout=1200 --last-failed && exit 0; done; exit 1; }
+
 bench: $(VENV)/.dev
 	$(BIN)/python -m pytest tests/bench -m bench -s
 
-# The tables of the README's "How it compares"; a peer that cannot be installed says so there.
+# The tables of docs/explanation/comparison.md; a peer that cannot be installed says so there.
 PEERS = ruckig toppra splines drake
 
 peers:
@@ -90,6 +100,10 @@ $(VENV)/.user: pyproject.toml $(KERNELS) $(VENV)/.pip
 $(VENV)/.dev: pyproject.toml $(KERNELS) $(VENV)/.pip
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[all,dev]"
 	@touch $@ $(VENV)/.user
+
+$(VENV)/.docs: pyproject.toml $(VENV)/.user
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[plot,metrics,ur,dynamixel,docs]"
+	@touch $@
 
 clean:
 	rm -rf $(VENV) dist build .mypy_cache .ruff_cache .pytest_cache .hypothesis

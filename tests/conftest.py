@@ -26,5 +26,6 @@ for folder in (
     "drivers/ur",
     "data/standard",
     "bench",
+    "docs",
 ):
     sys.path.insert(0, str(Path(__file__).parent / folder))

@@ -321,7 +321,7 @@ def _sdk() -> ModuleType:
         import dynamixel_sdk
     except ImportError as error:
         raise LinkError(
-            "the Dynamixel SDK is not installed; try: pip install 'orientd[dynamixel]'"
+            "the Dynamixel SDK is not installed; try: pip install 'orientd-motion[dynamixel]'"
         ) from error
     module: ModuleType = dynamixel_sdk
     return module

@@ -67,7 +67,7 @@ class UrDriver(Driver):
         self._options = ur_options.check(options, period=period_ns * 1e-9)
         self._tuned = self._options
         if importlib.util.find_spec("rtde_control") is None:
-            raise ValueError("the driver needs the package ur-rtde: pip install 'orientd[ur]'")
+            raise ValueError("the driver needs ur-rtde: pip install 'orientd-motion[ur]'")
         self._address = Address(self._options.host)
         self._prediction = Prediction(self._options, self._address)
         self._link = Link(self._options.host)

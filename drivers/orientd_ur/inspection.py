@@ -60,7 +60,7 @@ def _library() -> Finding:
             "client library",
             "ur-rtde is not installed",
             Verdict.PROBLEM,
-            "pip install 'orientd[ur]'",
+            "pip install 'orientd-motion[ur]'",
         )
 
 

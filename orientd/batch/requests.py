@@ -104,7 +104,9 @@ def _batches(path: Path) -> Iterator[Sequence[Row]]:
         import pyarrow as arrow
         from pyarrow import csv, parquet
     except ImportError as error:
-        raise OrientdError("tables need the extra `batch`: pip install 'orientd[batch]'") from error
+        raise OrientdError(
+            "tables need the extra `batch`: pip install 'orientd-motion[batch]'"
+        ) from error
     floats = dict.fromkeys(_FLOATS, arrow.float64())
     types = {**floats, **dict.fromkeys(("motion", *_TEXTS), arrow.string()), "turns": arrow.int64()}
     try:

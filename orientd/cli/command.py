@@ -16,6 +16,7 @@ from typing import Annotated, Any, ParamSpec
 
 import typer
 
+from orientd.cli.completion import devices
 from orientd.cli.output import close_output, plain
 from orientd.errors import LimitError, OrientdError, RequestError
 
@@ -25,7 +26,10 @@ Socket = Annotated[
     typer.Option("--socket", help="Where the daemon listens.", envvar="ORIENTD_SOCKET"),
 ]
 DeviceName = Annotated[
-    str, typer.Option("--device", "-d", help="Which device, where there are several.")
+    str,
+    typer.Option(
+        "--device", "-d", help="Which device, where there are several.", autocompletion=devices
+    ),
 ]
 
 Beside = Annotated[

@@ -74,7 +74,6 @@ app = typer.Typer(
     cls=LazyCommands,
     help="Plan smooth orientation motion and stream it to robots.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )

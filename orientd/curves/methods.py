@@ -56,3 +56,4 @@ class Families(Mapping[str, type[Curve]]):
 
 
 METHODS: Mapping[str, type[Curve]] = Families()
+"""Every family by its name, imported when it is first asked for."""

@@ -19,10 +19,14 @@ from orientd.driver.finding import Finding
 from orientd.errors import PlanError
 
 Vector3 = tuple[float, float, float]
+"""``(x, y, z)``; its frame and unit are in the name of what holds it."""
 Quaternion = tuple[float, float, float, float]
+"""``(w, x, y, z)`` of norm 1, tool to world."""
 
 ZERO: Vector3 = (0.0, 0.0, 0.0)
+"""No velocity, or the origin."""
 IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
+"""The orientation of the world itself."""
 
 
 class Setpoint(NamedTuple):

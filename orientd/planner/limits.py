@@ -29,6 +29,7 @@ UNITS = {
     "linear_velocity": "m/s",
     "linear_acceleration": "m/s^2",
 }
+"""Of each quantity that is limited."""
 
 ANGULAR = ("velocity", "acceleration", "jerk")
 """The quantities that can be limited axis by axis, lowest derivative first."""
@@ -41,6 +42,7 @@ Rate = float | Sequence[float]
 """A limit as it is written: of a norm, or of the x, y and z components in the body frame."""
 
 NO_AXES: Triple = (math.inf, math.inf, math.inf)
+"""Limits of three components of which none is limited by itself."""
 
 
 @dataclass(frozen=True, slots=True)

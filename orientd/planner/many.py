@@ -38,7 +38,7 @@ _ROUNDS = 8
 """Parts that each worker of Ray is handed before what has been done is returned."""
 
 _NEEDED = {
-    "loky": ("joblib", "orientd[batch]"),
+    "loky": ("joblib", "orientd-motion[batch]"),
     "ray": ("ray", "ray"),
     "dask": ("distributed", "dask[distributed]"),
 }

@@ -37,6 +37,7 @@ _ON_RECORD = 1e-9
 """Share of a period within which an instant is that of a record."""
 
 Joints = tuple[float, ...]
+"""Angles of a device's axes, rad."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

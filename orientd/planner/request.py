@@ -33,9 +33,12 @@ LONGEST_NAME = 80
 """Characters."""
 
 DEFAULT_METHOD = "c2_cumulative"
+"""The family of curves of a request that names none."""
 
 Vector3 = tuple[float, float, float]
+"""``(x, y, z)``; its frame and unit are in the name of what holds it."""
 Quaternion = tuple[float, float, float, float]
+"""``(w, x, y, z)`` of norm 1, tool to world."""
 Turns = np.ndarray[Any, np.dtype[np.int64]]
 VelocityFrame = Literal["body", "world"]
 Duration = Literal["minimum"]

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import signal
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +28,9 @@ from orientd.plots.paper import check_format
 from orientd.plots.sampling import traces_of
 from orientd.plots.sheet import draw_sheet
 from orientd.rotation import from_euler
+
+WORTH_PROCESSES = 4
+"""Pictures from which on they are drawn on every core."""
 
 _DEGREES = [
     [0.0, 0.0, 0.0],
@@ -117,11 +124,35 @@ def draw_gallery(directory: Path, ending: str = "svg") -> Iterator[Path]:
         directory.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OrientdError(f"cannot make the folder {directory}: {error.strerror}") from error
-    for name in METHODS:
-        path = directory / f"{name}.{ending}"
-        draw_family(path, name)
-        yield path
-    path = directory / f"all.{ending}"
+    pictures = {directory / f"{name}.{ending}": name for name in METHODS}
+    sheet = directory / f"all.{ending}"
+    if len(pictures) < WORTH_PROCESSES:
+        for path, name in pictures.items():
+            draw_family(path, name)
+            yield path
+        _draw_sheet(sheet)
+    else:
+        # Not forked: whoever draws may have threads.
+        pool = ProcessPoolExecutor(
+            len(os.sched_getaffinity(0)), get_context("spawn"), _leave_interrupts
+        )
+        try:
+            last = pool.submit(_draw_sheet, sheet)
+            drawn = {path: pool.submit(draw_family, path, name) for path, name in pictures.items()}
+            for path, done in drawn.items():
+                done.result()
+                yield path
+            last.result()
+        finally:
+            pool.shutdown(cancel_futures=True)
+    yield sheet
+
+
+def _draw_sheet(path: Path) -> None:
     task = example()
     draw_sheet(path, task, ranked(compare(task)), title="Every family on six orientations")
-    yield path
+
+
+def _leave_interrupts() -> None:
+    """Leave Ctrl-C to the process that has started this one."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -98,7 +98,7 @@ def new_figure(width: float, height: float, title: str = "", *, is_laid_out: boo
         from matplotlib.figure import Figure
     except ImportError as error:
         raise OrientdError(
-            "pictures need Matplotlib, which is not installed: pip install 'orientd[plot]'"
+            "pictures need Matplotlib, which is not installed: pip install 'orientd-motion[plot]'"
         ) from error
     layout: Any = "constrained" if is_laid_out else "none"
     figure = Figure(figsize=(width, height), layout=layout, facecolor=PAPER)

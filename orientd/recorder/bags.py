@@ -36,7 +36,7 @@ def messages(path: Path) -> Iterator[tuple[str, int, Any]]:
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         raise OrientdError(
-            "ROS 2 bags need the extra `bags`: pip install 'orientd[bags]'"
+            "ROS 2 bags need the extra `bags`: pip install 'orientd-motion[bags]'"
         ) from error
     try:
         known = get_typestore(Stores.ROS2_HUMBLE)

@@ -101,6 +101,6 @@ def _write_parquet(path: Path, table: dict[str, Floats]) -> None:
         import pyarrow as arrow
         from pyarrow import parquet
     except ImportError as error:
-        problem = "parquet needs the extra `parquet`: pip install 'orientd[parquet]'"
+        problem = "parquet needs the extra `parquet`: pip install 'orientd-motion[parquet]'"
         raise OrientdError(problem) from error
     parquet.write_table(arrow.table(dict(table)), path)

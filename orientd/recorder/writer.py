@@ -27,7 +27,6 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Iterator
-from importlib.metadata import version
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -37,6 +36,7 @@ from google.protobuf.message import Message
 from mcap.writer import CompressionType, Writer
 from mcap_protobuf.schema import register_schema
 
+from orientd import __version__
 from orientd.errors import OrientdError
 from orientd.recorder import foxglove
 from orientd.recorder.cycle_table import Table, to_block
@@ -130,7 +130,7 @@ class RecordingWriter:
             self._writer: Any = Writer(
                 sink, chunk_size=chunk_bytes, compression=CompressionType.ZSTD
             )
-            self._writer.start(library=f"orientd {version('orientd')}")
+            self._writer.start(library=f"orientd {__version__}")
 
     def __enter__(self) -> Self:
         return self

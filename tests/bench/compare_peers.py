@@ -1,4 +1,4 @@
-"""Write the tables of README's section "How it compares", every cell from a run.
+"""Write the tables of the page "How it compares", every cell from a run.
 
 ``make peers`` makes an environment with the peers and runs this file in it.  What cannot be
 imported there says so in its cells.
@@ -12,7 +12,7 @@ from pathlib import Path
 import peer_curves
 import peer_timing
 
-README = Path(__file__).parents[2] / "README.md"
+PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "comparison.md"
 BEGIN, END = "<!-- peers:begin -->", "<!-- peers:end -->"
 PACKAGES = ("numpy", "scipy", "splines", "drake", "ruckig", "toppra")
 
@@ -57,10 +57,10 @@ def main():
         "",
         f"Measured with {versions()}.",
     ]
-    text = README.read_text()
+    text = PAGE.read_text()
     before, rest = text.split(BEGIN)
     _, after = rest.split(END)
-    README.write_text(before + BEGIN + "\n" + "\n".join(lines) + "\n" + END + after)
+    PAGE.write_text(before + BEGIN + "\n" + "\n".join(lines) + "\n" + END + after)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
-"""What was tried and what came of it: one file for each fault, and the table of the README.
+"""What was tried and what came of it: one file for each fault, and the table of the documentation.
 
 ``python tests/chaos/ledger.py`` gathers what `make chaos` has left in ``build/chaos`` into
-``tests/chaos/results.json`` and writes the table between the markers of the README.
+``tests/chaos/results.json`` and writes the table between its markers.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 FOLDER = Path(os.environ.get("ORIENTD_CHAOS_DIR", ROOT / "build" / "chaos"))
 RESULTS = Path(__file__).with_name("results.json")
-README = ROOT / "README.md"
+PAGE = ROOT / "docs" / "explanation" / "faults.md"
 BEGIN, END = "<!-- chaos:begin -->", "<!-- chaos:end -->"
 
 ROUNDS = int(os.environ.get("ORIENTD_CHAOS_ROUNDS", "50"))
@@ -111,7 +111,7 @@ def rounds_of(
 
 
 def table(results: list[dict]) -> str:
-    """Return the table of the README."""
+    """Return the table of `docs/explanation/faults.md`."""
     lines = [
         "| fault | how often | what held | what did not |",
         "|---|---|---|---|",
@@ -148,10 +148,10 @@ def main() -> None:
         known[result["fault"]] = result
     results = sorted(known.values(), key=lambda result: (result["order"], result["fault"]))
     RESULTS.write_text(json.dumps(results, indent=1) + "\n")
-    text = README.read_text()
+    text = PAGE.read_text()
     before, rest = text.split(BEGIN)
     _, after = rest.split(END)
-    README.write_text(f"{before}{BEGIN}\n{table(results)}\n{END}{after}")
+    PAGE.write_text(f"{before}{BEGIN}\n{table(results)}\n{END}{after}")
 
 
 if __name__ == "__main__":

@@ -55,12 +55,17 @@ def run(script, *arguments, cwd):
 def test_the_wheel_holds_every_package_with_its_types_and_nothing_else(wheel):
     names = zipfile.ZipFile(wheel).namelist()
     tops = {name.split("/")[0] for name in names}
-    packages = {top for top in tops if not top.endswith(".dist-info")}
+    packages = {top for top in tops if not top.endswith((".dist-info", ".data"))}
     assert {"orientd", "orientd_loopback", "orientd_sim"} <= packages
     assert all(package.startswith("orientd") for package in packages)
     assert {f"{package}/py.typed" for package in packages} <= set(names)
     assert "orientd/rpc/control.proto" in names
     assert "orientd/bench/loop.c" in names
+    assert {name.rpartition("/share/")[2] for name in names if "/share/" in name} == {
+        "bash-completion/completions/orientd",
+        "fish/vendor_completions.d/orientd.fish",
+        "zsh/site-functions/_orientd",
+    }
 
 
 def test_the_wheel_holds_the_kernels_of_every_level_and_nothing_that_they_are_built_of(wheel):

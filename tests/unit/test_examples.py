@@ -18,10 +18,6 @@ def run(path, folder, *names):
     )
 
 
-def test_every_example_is_run_here():
-    assert sorted(EXAMPLES.glob("*.py")) == [LIBRARY]
-
-
 def test_curves_are_a_library_of_a_few_lines(tmp_path):
     pytest.importorskip("matplotlib")
     assert len(LIBRARY.read_text().splitlines()) <= 15

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,6 +14,7 @@ import typer
 from orientd.cli.command import AsJson, command
 from orientd.cli.commands.motion_commands import MotionFile
 from orientd.cli.output import say, say_json, table
+from orientd.cli.waiting import counted, working
 from orientd.errors import RequestError
 
 if TYPE_CHECKING:
@@ -111,14 +113,18 @@ def compare(
     request = motion_file.load(file)
     need_two(request)
     task = task_of(request, times.value, ends.value)
-    candidates = ranked(
-        compared(task, inertia=moments, options={request.method: dict(request.options)}),
-        sort.value,
+    options = {request.method: dict(request.options)}
+    tried = compared(
+        task,
+        inertia=moments,
+        options=options,
+        watch=partial(counted, "comparing", is_silent=as_json),
     )
+    candidates = ranked(tried, sort.value)
     if plot is not None:
-        plots.draw_sheet(
-            plot, task, candidates, limits=request.limits, title=f"{file.name}: every family"
-        )
+        title = f"{file.name}: every family"
+        with working(f"drawing {plot}", is_silent=as_json):
+            plots.draw_sheet(plot, task, candidates, limits=request.limits, title=title)
     if as_json:
         rows = [_row(candidate) for candidate in candidates]
         say_json({"times": task.times, "families": rows, "plot": plot})

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from orientd.cli.command import AsJson, Socket, command
+from orientd.cli.completion import SETTINGS, files
 from orientd.cli.output import say, say_json, table
 from orientd.daemon import LogFormat
 
@@ -26,6 +27,7 @@ ConfigFile = Annotated[
         "-c",
         help="The configuration; default: $ORIENTD_CONFIG, ~/.config/orientd/orientd.toml, or "
         "one loopback device.",
+        autocompletion=files(*SETTINGS),
     ),
 ]
 

@@ -188,7 +188,7 @@ def _draw(path: Path, cycles: list[Cycle], plan: Plan) -> dict[str, str | None]:
     from orientd import plots
 
     if not plots.is_available():
-        return {"path": None, "why_not": "none: pip install 'orientd[plot]' for one"}
+        return {"path": None, "why_not": "none: pip install 'orientd-motion[plot]' for one"}
     import numpy as np
 
     from orientd.rpc import tracking_error

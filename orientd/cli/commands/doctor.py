@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from orientd.cli.command import AsJson, command
+from orientd.cli.completion import SETTINGS, devices, files
 from orientd.cli.output import say, say_json, table
+from orientd.cli.waiting import working
 from orientd.driver import Finding, Verdict
 from orientd.errors import OrientdError
 
@@ -24,13 +26,19 @@ SLOW_LATENCY = 0.02
 def doctor(
     config: Annotated[
         Path | None,
-        typer.Option("--config", "-c", help="Look at the devices of this configuration too."),
+        typer.Option(
+            "--config",
+            "-c",
+            help="Look at the devices of this configuration too.",
+            autocompletion=files(*SETTINGS),
+        ),
     ] = None,
     latency: Annotated[
         str,
         typer.Option(
             metavar="DEVICE",
             help="MOVE this device by 0.2 rad and back; find how far it is behind its setpoints.",
+            autocompletion=devices,
         ),
     ] = "",
     as_json: AsJson = False,
@@ -43,14 +51,16 @@ def doctor(
     from orientd.cli.machine import findings
 
     settings = _settings(config, latency)
-    found = findings()
+    with working("measuring this machine", is_silent=as_json):
+        found = findings()
     if settings is not None:
         for device in settings.devices.values():
-            found += [
-                replace(one, name=f"{device.name}: {one.name}") for one in device_findings(device)
-            ]
+            with working(f"looking at {device.name}", is_silent=as_json):
+                seen = device_findings(device)
+            found += [replace(one, name=f"{device.name}: {one.name}") for one in seen]
         if latency:
-            found.append(latency_finding(settings.devices[latency]))
+            with working(f"moving {latency}", is_silent=as_json):
+                found.append(latency_finding(settings.devices[latency]))
     _report(found, as_json=as_json)
     if any(one.verdict is Verdict.PROBLEM for one in found):
         raise typer.Exit(1)

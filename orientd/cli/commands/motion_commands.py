@@ -13,7 +13,9 @@ import typer
 from orientd.cli.command import AsJson, Beside, DeviceName, Socket, command
 from orientd.cli.commands.daemon_commands import ConfigFile
 from orientd.cli.commands.device_commands import holder
+from orientd.cli.completion import MOTIONS, files
 from orientd.cli.output import say, say_json
+from orientd.cli.waiting import working
 from orientd.errors import OrientdError, RequestError
 
 if TYPE_CHECKING:
@@ -22,7 +24,12 @@ if TYPE_CHECKING:
     from orientd.planner import MotionRequest, State
     from orientd.rpc import MoveHandle, OnTarget, Summary
 
-MotionFile = Annotated[Path, typer.Argument(metavar="FILE", help="A motion file, YAML or JSON.")]
+MotionFile = Annotated[
+    Path,
+    typer.Argument(
+        metavar="FILE", help="A motion file, YAML or JSON.", autocompletion=files(*MOTIONS)
+    ),
+]
 
 LATEST_START = 3600.0
 """Seconds ahead of now up to which the daemon takes a start time."""
@@ -81,19 +88,22 @@ def plan(
             "without a daemon; expected at least 2",
         )
     # Where nothing says where the axes are, the driver chooses.
-    motion = DevicePlanner(
+    device_planner = DevicePlanner(
         driver, limits=settings.limits.to_limits(), period=settings.period_ns * 1e-9
-    ).plan(
-        request,
-        start=_offline_start(request, stands),
-        joints=stands.joints if stands else (),
-        is_offline=not from_robot,
     )
+    with working(f"planning {file.name}", is_silent=as_json):
+        motion = device_planner.plan(
+            request,
+            start=_offline_start(request, stands),
+            joints=stands.joints if stands else (),
+            is_offline=not from_robot,
+        )
     samples = samples_of(motion, settings.rate_hz)
     if output is not None:
         sample_files.write(output, samples, motion.certificate)
     if plot is not None:
-        plots.draw_motion(plot, motion, title=f"{file.name}: {request.method}")
+        with working(f"drawing {plot}", is_silent=as_json):
+            plots.draw_motion(plot, motion, title=f"{file.name}: {request.method}")
     if as_json:
         say_json({"plan": plan_of(motion), "output": output, "plot": plot})
         return

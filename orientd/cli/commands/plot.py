@@ -10,7 +10,9 @@ import typer
 
 from orientd.cli.command import AsJson, DeviceName, command
 from orientd.cli.commands.compare import Ends, KeyframeTimes, OpenEnds, Times, need_two
+from orientd.cli.completion import drawable
 from orientd.cli.output import say, say_json, table
+from orientd.cli.waiting import working
 from orientd.errors import OrientdError, RequestError
 
 
@@ -31,6 +33,7 @@ def plot(
             metavar="FILE|NAME",
             help="A motion file, a recording (.mcap), or a family or figure by its name; without "
             "it, the names.",
+            autocompletion=drawable,
         ),
     ] = None,
     output: Annotated[
@@ -62,16 +65,19 @@ def plot(
         return
     path = output or Path(f"{Path(what).stem}.svg")
     plots.check_format(path)
-    if what in METHODS:
-        plots.draw_family(path, what)
-    elif what in plots.FIGURES:
-        plots.draw_figure(path, what)
-    elif Path(what).suffix == ".mcap" and Path(what).exists():
-        _draw_recording(Path(what), path, device)
-    elif Path(what).exists():
-        _draw_file(Path(what), path, show, times, ends)
-    else:
-        raise OrientdError(f"{what!r} is neither a file nor a name; `orientd plot` lists the names")
+    with working(f"drawing {path}", is_silent=as_json):
+        if what in METHODS:
+            plots.draw_family(path, what)
+        elif what in plots.FIGURES:
+            plots.draw_figure(path, what)
+        elif Path(what).suffix == ".mcap" and Path(what).exists():
+            _draw_recording(Path(what), path, device)
+        elif Path(what).exists():
+            _draw_file(Path(what), path, show, times, ends)
+        else:
+            raise OrientdError(
+                f"{what!r} is neither a file nor a name; `orientd plot` lists the names"
+            )
     if as_json:
         say_json({"plot": path})
     else:

@@ -12,6 +12,7 @@ import typer
 
 from orientd.cli.command import AsJson, DeviceName, Socket, command
 from orientd.cli.commands.device_commands import holder
+from orientd.cli.completion import devices, files
 from orientd.cli.output import say, say_json
 from orientd.errors import OrientdError
 
@@ -28,7 +29,7 @@ def need_record() -> None:
         OrientdError: it is not.
     """
     if any(find_spec(name) is None for name in NEEDED):
-        raise OrientdError("recordings need the extra `record`: pip install 'orientd[record]'")
+        raise OrientdError("recordings need an extra: pip install 'orientd-motion[record]'")
 
 
 @command
@@ -36,7 +37,13 @@ def record(
     file: Annotated[Path, typer.Argument(metavar="OUT.mcap", help="The file to write.")],
     device: Annotated[
         list[str] | None,
-        typer.Option("--device", "-d", metavar="DEVICE", help="Which devices; default: all."),
+        typer.Option(
+            "--device",
+            "-d",
+            metavar="DEVICE",
+            help="Which devices; default: all.",
+            autocompletion=devices,
+        ),
     ] = None,
     seconds: Annotated[
         float | None,
@@ -114,7 +121,12 @@ ENDINGS = (".csv", ".npz", ".parquet")
 
 @command
 def export(
-    file: Annotated[Path, typer.Argument(metavar="RECORDING", help="A recording of orientd.")],
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RECORDING", help="A recording of orientd.", autocompletion=files(".mcap")
+        ),
+    ],
     output: Annotated[
         Path, typer.Option("--output", "-o", help="A .csv, .npz or .parquet file to write.")
     ],

@@ -14,7 +14,9 @@ from orientd.cli.command import AsJson, Beside, DeviceName, Socket, command
 from orientd.cli.commands.daemon_commands import ConfigFile
 from orientd.cli.commands.device_commands import holder
 from orientd.cli.commands.record import need_record
+from orientd.cli.completion import TAKES, files
 from orientd.cli.output import say, say_json
+from orientd.cli.waiting import working
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
@@ -38,6 +40,7 @@ def replay(
         typer.Argument(
             metavar="RECORDING",
             help="A .mcap (ours or not) or .csv file, or a ROS 2 bag: its folder or .db3 file.",
+            autocompletion=files(*TAKES),
         ),
     ],
     topic: Annotated[
@@ -86,8 +89,10 @@ def replay(
         raise typer.BadParameter(
             f"expected a name that ends in .json, got {output.name!r}", param_hint="--output"
         )
-    found = read_orientations(file, topic)
-    fit = fit_orientations(found.times, found.q, tolerance=math.radians(error))
+    with working(f"reading {file}", is_silent=as_json):
+        found = read_orientations(file, topic)
+    with working(f"fitting {len(found.times)} samples", is_silent=as_json):
+        fit = fit_orientations(found.times, found.q, tolerance=math.radians(error))
     told = _told(found.topic, fit)
     if not as_json:
         say(

@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from orientd.cli.command import AsJson, command
+from orientd.cli.completion import SETTINGS, files
 from orientd.cli.output import say, say_json
 from orientd.errors import ConfigError
 
@@ -117,7 +118,15 @@ def unit(*, python: str, config: Path, user: str | None) -> str:
 @service.command()
 @command
 def install(
-    config: Annotated[Path, typer.Option("--config", "-c", help="What the daemon runs with.")],
+    config: Annotated[
+        Path,
+        typer.Option(
+            "--config",
+            "-c",
+            help="What the daemon runs with.",
+            autocompletion=files(*SETTINGS),
+        ),
+    ],
     for_user: Annotated[
         bool, typer.Option("--user", help="A unit of this user, rather than of the system.")
     ] = False,

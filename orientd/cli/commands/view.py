@@ -42,7 +42,7 @@ def view(
     what moves; who takes the lease there can move it.
     """
     if find_spec("viser") is None:
-        raise OrientdError("the view needs the extra `view`: pip install 'orientd[view]'")
+        raise OrientdError("the view needs the extra `view`: pip install 'orientd-motion[view]'")
     from orientd.cli.shared_lease import borrow
     from orientd.rpc import connect
     from orientd.viewer import Page, is_loopback

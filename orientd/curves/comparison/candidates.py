@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -26,6 +26,7 @@ PATIENCE = 1.0
 """Seconds after which no further run is made, the first apart, which may load and compile."""
 
 Timer = Callable[[], float]
+Watch = Callable[[Sequence[str]], Iterable[str]]
 Made = TypeVar("Made")
 
 
@@ -57,6 +58,7 @@ def compare(
     options: Mapping[str, Mapping[str, Any]] | None = None,
     families: Mapping[str, type[Curve]] = METHODS,
     timer: Timer = time.perf_counter,
+    watch: Watch = iter,
 ) -> list[Candidate]:
     """Return every family on *task*, in the order of *families*.
 
@@ -66,10 +68,11 @@ def compare(
         options: by family, further keyword arguments.
         families: which.
         timer: tells seconds.
+        watch: passes the names on, each when the one before is done, to show how far it is.
     """
     return [
-        _tried(name, family, task, inertia, (options or {}).get(name, {}), timer)
-        for name, family in families.items()
+        _tried(name, families[name], task, inertia, (options or {}).get(name, {}), timer)
+        for name in watch(list(families))
     ]
 
 

@@ -17,6 +17,7 @@ from orientd.kernels import fill_basis
 from orientd.rotation import Floats
 
 Indices = NDArray[np.intp]
+"""Whole numbers that count places in an array."""
 
 
 @dataclass(frozen=True)

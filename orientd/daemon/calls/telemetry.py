@@ -56,7 +56,7 @@ class Telemetry:
             import prometheus_client as prometheus
         except ImportError as error:
             raise ConfigError(
-                "metrics need the package `prometheus-client`: pip install 'orientd[metrics]'"
+                "metrics need `prometheus-client`: pip install 'orientd-motion[metrics]'"
             ) from error
         self._prometheus = prometheus
         self.registry = prometheus.CollectorRegistry()

@@ -2,7 +2,7 @@
 
 import pytest
 
-from orientd.cli import progress
+from orientd.cli import progress, waiting
 from orientd.rpc.reports import Progress
 from orientd.stream import State
 
@@ -53,3 +53,13 @@ def test_what_is_not_as_planned_is_said(capsys, speed, is_paused):
     assert f"speed {speed:.2f}" in line
     assert ("paused" in line) == is_paused
     assert "tracking unknown" in line
+
+
+def test_what_is_counted_is_passed_on_and_shown_on_a_terminal_alone(capsys, monkeypatch):
+    assert list(waiting.counted("comparing", ["squad", "slerp"])) == ["squad", "slerp"]
+    assert capsys.readouterr() == ("", "")
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    assert list(waiting.counted("comparing", ["squad", "slerp"])) == ["squad", "slerp"]
+    with waiting.working("planning"):
+        pass
+    assert capsys.readouterr().out == ""

@@ -58,7 +58,7 @@ def test_parquet_holds_the_same_table(recording, tmp_path):
 def test_parquet_without_pyarrow_is_refused_in_one_line(recording, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     done = inside("export", recording, "-o", tmp_path / "a.parquet")
-    assert_refused(done, "pip install 'orientd[parquet]'")
+    assert_refused(done, "pip install 'orientd-motion[parquet]'")
 
 
 def test_an_ending_that_is_not_known_is_a_mistake_of_usage(recording, tmp_path):

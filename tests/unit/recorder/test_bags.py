@@ -157,5 +157,5 @@ def test_a_damaged_message_is_refused_in_one_line(tmp_path):
 
 def test_without_the_library_the_extra_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
-    with pytest.raises(OrientdError, match=r"pip install 'orientd\[bags\]'"):
+    with pytest.raises(OrientdError, match=r"pip install 'orientd-motion\[bags\]'"):
         read_orientations(tmp_path)

@@ -1,0 +1,1 @@
+complete --command orientd --no-files --arguments "(env _ORIENTD_COMPLETE=complete_fish _TYPER_COMPLETE_FISH_ACTION=get-args _TYPER_COMPLETE_ARGS=(commandline -cp) orientd)" --condition "env _ORIENTD_COMPLETE=complete_fish _TYPER_COMPLETE_FISH_ACTION=is-args _TYPER_COMPLETE_ARGS=(commandline -cp) orientd"

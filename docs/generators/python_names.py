@@ -1,0 +1,140 @@
+"""The reference of Python names: one page for each of a package's public names."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+from collections.abc import Iterable, Iterator
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from sphinx.pycode import ModuleAnalyzer
+
+from generators.words import first, said
+from orientd.errors import OrientdError
+
+FRONTS = {
+    "orientd": "What most programs need.",
+    "orientd.rpc": "What `orientd.connect` returns, and what its calls return.",
+    "orientd.curves": "Every family of curves, behind one contract, and what they are made of.",
+    "orientd.planner": "From a request to an immutable motion with its certificate.",
+    "orientd.driver": "What a device must do for the servo, and how it is found.",
+    "orientd.testing": "A conformance suite for drivers.",
+    "orientd.errors": "Every error that orientd raises, and the kinds of fault of a device.",
+}
+CHOSEN = {
+    "orientd.rpc": [
+        "Robot",
+        "MoveHandle",
+        "Tracking",
+        "Wishes",
+        "Plan",
+        "Progress",
+        "Summary",
+        "Statistics",
+        "Durations",
+        "Outcome",
+        "MoveTiming",
+        "CellReport",
+        "DaemonReport",
+        "DeviceReport",
+        "LeaseReport",
+        "Device",
+        "Method",
+        "Samples",
+        "TrackReport",
+        "Observer",
+    ],
+    "orientd.testing": ["DriverConformance"],
+}
+HOMES = {
+    "Tracking": "orientd.rpc.tracking",
+    "Wishes": "orientd.rpc.motion_request",
+    "Device": "orientd.rpc.descriptions",
+}
+"""Modules of what the front of the client does not offer by itself and its calls return."""
+
+
+def pages(source: Path) -> Iterator[tuple[str, str]]:
+    """Yield a page for each public name, and one for each package."""
+    del source
+    for front, says in FRONTS.items():
+        module = import_module(front)
+        names = _names(module, front)
+        listed = []
+        for name in names:
+            found, home = _find(module, name)
+            line, text = _page(front, name, found, home)
+            yield f"reference/python/{front}.{name}.rst", text
+            listed.append(f"| [`{name}`]({front}.{name}.rst) | {line} |")
+        doc = "" if front in ("orientd", "orientd.errors") else first(module, front)
+        tree = ["```{eval-rst}", inspect.getdoc(module) or "", "```", ""]
+        parts = [f"# `{front}`", "", says, "", doc, "", *(tree if "errors" in front else ())]
+        parts += ["| name | what it is |", "|---|---|", *listed, ""]
+        parts += _contents(f"{front}.{name}" for name in names)
+        yield f"reference/python/{front}.md", "\n".join(parts)
+    listed = [f"| [`{front}`]({front}.md) | {says} |" for front, says in FRONTS.items()]
+    parts = ["# Python", "", "| package | holds |", "|---|---|", *listed, "", *_contents(FRONTS)]
+    yield "reference/python/index.md", "\n".join(parts)
+
+
+def _names(module: Any, front: str) -> list[str]:  # noqa: ANN401 - a module
+    if front in CHOSEN:
+        return CHOSEN[front]
+    if front == "orientd.errors":
+        return [
+            name
+            for name, one in vars(module).items()
+            if inspect.isclass(one) and (issubclass(one, OrientdError) or name == "Fault")
+        ]
+    return [
+        name
+        for name in module.__all__
+        if name != "__version__" and not inspect.ismodule(getattr(module, name))
+    ]
+
+
+def _contents(names: Iterable[str]) -> list[str]:
+    return ["```{toctree}", ":hidden:", "", *names, "```", ""]
+
+
+def _find(module: Any, name: str) -> tuple[Any, str]:  # noqa: ANN401 - whatever the name stands for
+    """Return what a name stands for, and the module that documents it."""
+    home = HOMES.get(name) if module.__name__ == "orientd.rpc" else None
+    home = home or module.__name__
+    return getattr(import_module(home), name), home
+
+
+def _page(front: str, name: str, found: Any, home: str) -> tuple[str, str]:  # noqa: ANN401
+    title = f"{name}\n{'=' * len(name)}\n\n.. py:currentmodule:: {front}\n\n"
+    if inspect.isclass(found) and not hasattr(found, "__origin__"):
+        return first(found, f"{front}.{name}"), f"{title}.. autoclass:: {home}.{name}\n"
+    if inspect.isroutine(found):
+        return first(found, f"{front}.{name}"), f"{title}.. autofunction:: {home}.{name}\n"
+    text = _comment(front, name)
+    value = repr(found)
+    shown = f"   :value: {value}\n" if len(value) < 60 else ""
+    body = text.replace("\n", "\n   ")
+    return said(text.split("\n\n")[0]), f"{title}.. py:data:: {name}\n{shown}\n   {body}\n"
+
+
+def _comment(front: str, name: str) -> str:
+    """Return what the module that a constant is from says below it.
+
+    Raises:
+        ValueError: it says nothing; so the build fails.
+    """
+    home = dict(_homes(front))[name]
+    comments = ModuleAnalyzer.for_module(home).find_attr_docs().get(("", name))
+    if not comments:
+        raise ValueError(f"{home}.{name} is public and nothing says what it is")
+    return "\n".join(comments).strip()
+
+
+def _homes(front: str) -> Iterator[tuple[str, str]]:
+    """Yield the names that a front imports, with the modules that they are from."""
+    source = Path(str(import_module(front).__file__)).read_text(encoding="utf-8")
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            yield from ((one.asname or one.name, node.module) for one in node.names)

@@ -1,0 +1,21 @@
+"""A pass that climbs to 80 degrees and sinks again, as a satellite's, by a gimbal of three axes.
+
+Before: orientd sim dynamixel --link /tmp/gimbal, and orientd run --config config/gimbal.toml.
+"""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+import orientd
+
+share = np.linspace(0.0, 1.0, 9)
+azimuth = np.degrees(np.arctan2(np.sin(np.pi * (share - 0.5)), 0.3 + np.cos(np.pi * (share - 0.5))))
+elevation = 80.0 * np.sin(np.pi * share)
+angles = np.column_stack([azimuth, -elevation, np.zeros_like(share)])
+
+with orientd.connect() as robot:
+    plan = robot.plan(Rotation.from_euler("ZYX", angles, degrees=True), approach=True)
+    for figure in plan.certificate.figures:
+        limit = "" if figure.limit is None else f" of {figure.limit:.4g}"
+        print(f"{figure.name}: {figure.value:.4g}{limit} {figure.unit}")
+    print(robot.move(plan).wait().outcome.value)

@@ -1,0 +1,75 @@
+"""What a shell is told when somebody presses Tab."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from orientd.cli.main import app
+from orientd.curves import METHODS
+
+SCRIPTS = Path(__file__).parents[3] / "config" / "completion"
+
+
+@pytest.fixture
+def completed(folder, monkeypatch, capsys):
+    """What bash would be offered for the last of some words."""
+
+    def complete(*words, **more):
+        environment = {
+            "XDG_RUNTIME_DIR": str(folder),
+            "XDG_CONFIG_HOME": str(folder),
+            "_ORIENTD_COMPLETE": "complete_bash",
+            "COMP_WORDS": " ".join(("orientd", *words)),
+            "COMP_CWORD": str(len(words)),
+            **more,
+        }
+        for name, value in environment.items():
+            monkeypatch.setenv(name, value)
+        monkeypatch.chdir(folder)
+        with pytest.raises(SystemExit) as ended:
+            app(prog_name="orientd")
+        assert ended.value.code in (0, None)
+        return capsys.readouterr().out.split()
+
+    return complete
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name in ("turn.yaml", "notes.txt", "cell.toml", ".hidden.yaml"):
+        (tmp_path / name).touch()
+    (tmp_path / "more").mkdir()
+    (tmp_path / "two.toml").write_text(
+        '[devices.left]\ndriver = "loopback"\n[devices.right]\ndriver = "loopback"\n'
+    )
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("words", "offered"),
+    [
+        (["mo"], ["move"]),
+        (["move", ""], ["more/", "turn.yaml"]),
+        (["run", "--config", "c"], ["cell.toml"]),
+        (["plan", "--config", "two.toml", "--device", ""], ["left", "right"]),
+        (["plot", "kks_h"], [name for name in METHODS if name.startswith("kks_h")]),
+    ],
+)
+def test_commands_files_devices_and_families_complete(completed, words, offered):
+    assert sorted(completed(*words)) == sorted(offered)
+
+
+def test_devices_are_those_of_the_configuration_where_no_daemon_answers(folder, completed):
+    named = str(folder / "two.toml")
+    assert completed("stop", "--device", "r", ORIENTD_CONFIG=named) == ["right"]
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_a_packaged_file_is_what_the_shell_reads(shell):
+    (script,) = (one for one in SCRIPTS.iterdir() if one.suffix == f".{shell}")
+    text = script.read_text()
+    assert f"_ORIENTD_COMPLETE=complete_{shell}" in text
+    if shutil.which(shell):
+        subprocess.run([shell, "-n", script], check=True)
