@@ -120,7 +120,7 @@ class RecordingWriter:
         self._rates: dict[str, float] = {}
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
-        self._is_broken = False
+        self._ended = ""
         try:
             self._sink = _Sink(path)
         except OSError as error:
@@ -207,10 +207,10 @@ class RecordingWriter:
         Raises:
             RecordingError: it cannot be completed.
         """
-        if not self._is_broken:
+        if not self._ended:
             with self._guarded():
                 self._writer.finish()
-            self._is_broken = True
+            self._ended = f"the recording {self.path} has ended"
             self._sink.close()
 
     def _add(self, topic: str, time_ns: int, message: Message) -> None:
@@ -233,13 +233,13 @@ class RecordingWriter:
     @contextlib.contextmanager
     def _guarded(self) -> Iterator[None]:
         """Turn the end of the disk into the end of the recording."""
-        if self._is_broken:
-            raise RecordingError(f"the recording {self.path} has ended")
+        if self._ended:
+            raise RecordingError(self._ended)
         try:
             yield
         except OSError as error:
-            self._is_broken = True
-            self._sink.close()
-            raise RecordingError(
+            self._ended = (
                 f"the recording {self.path} ends after {self._sink.tell()} bytes: {error.strerror}"
-            ) from error
+            )
+            self._sink.close()
+            raise RecordingError(self._ended) from error

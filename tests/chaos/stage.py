@@ -289,26 +289,29 @@ class Stage:
         return fault in STARVED and longest_wait(self.daemon.process.pid, waited) > LONGEST
 
     def check_clean(self) -> None:
-        """See that there is the daemon, its planners, one servo, and nothing in /dev/shm."""
+        """See that there is the daemon, its planners, what takes stops, one servo, and no more."""
         expected = {self.daemon.process.pid, self.servo}
         end = time.monotonic() + FLIGHT_RECORDER
         # The flight recorder ends by itself once it has written its file.
         while orphans := {
             pid: words
             for pid, words in self.family().items()
-            if pid not in expected and not self._is_planner(pid, words)
+            if pid not in expected and not self._is_of_daemon(pid, words)
         }:
             assert time.monotonic() < end, f"still there: {orphans}"
             time.sleep(0.005)
         new = set(os.listdir("/dev/shm")) - self.shared
         assert not {name for name in new if "orientd" in name}, new
 
-    def _is_planner(self, pid: int, words: str) -> bool:
-        """Whether a process plans for the daemon that runs, or is what planners are forked from."""
-        if "orientd.daemon.planners" not in words:
-            return False
+    def _is_of_daemon(self, pid: int, words: str) -> bool:
+        """Whether a process plans or takes stops for the daemon that runs."""
         parent = parent_of(pid)
-        return self.daemon.process.pid in (parent, parent_of(parent))
+        if "orientd.daemon.stops" in words:
+            return parent == self.daemon.process.pid
+        # A planner, or what planners are forked from.
+        return "orientd.daemon.planners" in words and self.daemon.process.pid in (
+            parent, parent_of(parent),
+        )  # fmt: skip
 
     def move_once(self) -> None:
         """Make a small motion and see that it is done."""

@@ -44,8 +44,9 @@ def batch(
     device: DeviceName = "",
     as_json: AsJson = False,
 ) -> None:
-    """Plan every motion in REQUESTS, without a daemon, into FOLDER/plans.parquet.
+    """Plan a file of many motions, without a daemon.
 
+    The plans go into FOLDER/plans.parquet.
     A line of a .jsonl file is a motion file; in a table rows with the same `motion` are one motion,
     a keyframe each.  Each row of the result is a certificate, or why the request was refused.
     The same command goes on where one was ended.

@@ -12,7 +12,7 @@ from orientd.cli.output import say, say_json
 def home(
     device: DeviceName = "", lease: Beside = False, socket: Socket = None, as_json: AsJson = False
 ) -> None:
-    """Turn every axis of a gimbal to zero, the way back that it has turned: unwind its cables.
+    """Turn every axis of a gimbal to zero, the way back it came.
 
     Ctrl-C stops it on its path.
     """

@@ -7,7 +7,7 @@ import pytest
 
 from orientd.driver import Setpoint
 from orientd.rotation import angle, exp, from_euler
-from orientd.stream import Command, ServoLimits, State
+from orientd.stream import NOT_GIVEN, Command, ServoLimits, State
 
 PERIOD = 0.01
 VELOCITY, ACCELERATION = math.radians(220), 40.0
@@ -98,7 +98,7 @@ def test_a_stop_amid_following_ends_where_the_axes_are(rig, gimbal_loop):
     loop.ask(Command.TRACK, motion=1, servo_limits=limits)
     now = loop.clock.now_ns()
     target = exp([0.0, 0.0, 1.0]).tolist()
-    loop.memory.targets.publish(now, now + 10**10, *target, 0.0, 0.0, 0.0)
+    loop.memory.targets.publish(now, now + 10**10, *target, *([0.0] * 3), *NOT_GIVEN)
     loop.run(400)
     assert loop.cycle.state is State.TRACKING
     assert math.degrees(gimbal.driver._tracker.angles[0]) == pytest.approx(57.3, abs=0.1)
