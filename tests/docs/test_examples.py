@@ -35,7 +35,7 @@ SAYS = {
     "track_target.py": "targets, at the end",
     "gimbal_pass.py": "done",
 }
-ELSEWHERE = {"curves_as_a_library.py", "own_driver.py"}
+ELSEWHERE = ("curves_as_a_library.py", "own_driver.py")
 NOTEBOOKS = sorted(path.name for path in EXAMPLES.glob("*.ipynb"))
 
 
