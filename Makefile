@@ -13,15 +13,15 @@ SEED ?= 1
 demo: $(VENV)/.user
 	$(BIN)/orientd demo
 
-# What only calculates is handed out test by test, what runs real processes to a clock file by file.  A
+# What only calculates is tested on every core; what runs real processes to a clock, one by one.  A
 # machine that stands still for half a second fails some of these: what failed is run again by itself,
-# one by one, a few times, and must pass once.
+# a few times, and must pass once.
 CALCULATES = tests/unit tests/docs orientd drivers sim
 RUNS = tests/system tests/drivers tests/chaos tests/storm tests/bench
 
 test: check
 	$(BIN)/python -m pytest -n logical $(CALCULATES)
-	$(BIN)/python -m pytest -n logical --dist loadfile $(RUNS) || { for again in 1 2 3 4; do \
+	$(BIN)/python -m pytest $(RUNS) || { for again in 1 2 3 4; do \
 	    $(BIN)/python -m pytest $(RUNS) --last-failed && exit 0; done; exit 1; }
 
 check: $(VENV)/.dev

@@ -2,6 +2,7 @@
 
 import base64
 import io
+import os
 import shutil
 
 import numpy as np
@@ -103,7 +104,7 @@ def test_the_stop_button_stops_a_motion_of_somebody_else(daemon, page):
     press(page, "Stop")
     *_, last = stream
     assert last.summary.outcome == pb.OUTCOME_STOPPED
-    assert "orientd view" in last.summary.text
+    assert f"(user:{os.getuid()})" in last.summary.text.partition("stopped by")[2]
     page.get_by_text("Holding").wait_for()
     daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))
 
