@@ -32,6 +32,8 @@ _BEYOND = 0.1
 """How far beyond a lead-in its pace is looked for, s."""
 _FINEST, _MOST_SAMPLES = 16, 40_000
 """Samples in a cycle on which a pace is looked for, and in all: near a pole axes turn quickly."""
+_LONG = 1.5
+"""How much longer a pace may make a motion before all of it is tried slower, too."""
 _CLOSE = 1.02
 """How near the slowest speed refused and the one that fits come to each other."""
 _GIVEN = 0.2
@@ -83,13 +85,38 @@ def plan_to_fit(
                 motion_id=motion_id,
             )  # fmt: skip
         paced = _paced(driver, motion, joints, before)
-        if paced is not None:
+        is_fixed = request.times is not None or error.unit not in _POWERS
+        is_given = not start.is_at_rest and error.time < _GIVEN
+        if paced is not None and (is_fixed or is_given or paced.duration < _LONG * motion.duration):
             return paced
-        if request.times is not None or error.unit not in _POWERS:
-            raise
-        if not start.is_at_rest and error.time < _GIVEN:
+        if is_fixed or is_given:
             raise
         refusal = error
+    # A pace keeps to the path exactly: where the axes may miss it, all of it slower may be quicker.
+    least = _SLOWEST if paced is None else max(_SLOWEST, motion.duration / paced.duration)
+    try:
+        evenly = _slowed(driver, motion, start, joints, before, refusal, least)
+    except PlanError:
+        if paced is None:
+            raise
+        return paced
+    return evenly if paced is None or evenly.duration < paced.duration else paced
+
+
+def _slowed(
+    driver: Driver,
+    motion: Motion,
+    start: State,
+    joints: tuple[float, ...],
+    before: Sequence[tuple[float, ...]],
+    refusal: LimitError,
+    least: float,
+) -> Motion:
+    """Return *motion* planned with less of the device's speed, down to *least*, for its axes.
+
+    Raises:
+        PlanError: the axes cannot follow, however slowly.
+    """
     own, speed, worst = motion.limits, 1.0, refusal
     fitted: Motion | None = None
     refused, fits = 1.0, 0.0
@@ -97,7 +124,7 @@ def plan_to_fit(
         if fitted is None:
             need = (worst.limit / worst.value) ** (1.0 / _POWERS[worst.unit])
             speed *= max(min(need, _STEP), 0.5)
-            if speed < _SLOWEST:
+            if speed < least:
                 raise refusal
         elif refused > _CLOSE * fits:
             speed = math.sqrt(refused * fits)
@@ -105,11 +132,11 @@ def plan_to_fit(
             break
         try:
             slow = plan(
-                request,
+                motion.request,
                 start=start,
                 limits=own.slowed(speed),
-                period=period,
-                motion_id=motion_id,
+                period=motion.period,
+                motion_id=motion.id,
             )
             # Certified against the limits themselves: only the planning aimed below them.
             faster = _fitted(driver, replace(slow, limits=own), joints, before)
