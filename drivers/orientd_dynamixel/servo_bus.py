@@ -22,6 +22,8 @@ from orientd.errors import DeviceFaultError, LinkError
 BROADCAST = 0xFE
 PING, READ, WRITE, REBOOT = 0x01, 0x02, 0x03, 0x08
 ALERT = 0x80
+ATTEMPTS = 4
+"""How often a servo is asked, outside the cycle, before it is said not to answer."""
 READ_WAIT_S = 0.002
 """How long one read of the port may wait; the SDK asks again until its timeout."""
 
@@ -113,11 +115,11 @@ class ServoBus:
         """Return a register of *servo*.
 
         Raises:
-            LinkError: no answer, after one more attempt.
+            LinkError: no answer, at any attempt.
             DeviceFaultError: it answered that it cannot.
         """
         request = address.to_bytes(2, "little") + count.to_bytes(2, "little")
-        for _ in range(2):
+        for _ in range(ATTEMPTS):
             answer = self._transact(servo, READ, request, count)
             if answer is not None:
                 return int.from_bytes(answer.content, "little", signed=is_signed)
@@ -127,11 +129,11 @@ class ServoBus:
         """Write a register of *servo* and wait for its answer.
 
         Raises:
-            LinkError: no answer, after one more attempt.
+            LinkError: no answer, at any attempt.
             DeviceFaultError: it answered that it cannot.
         """
         content = value.to_bytes(count, "little", signed=value < 0)
-        for _ in range(2):
+        for _ in range(ATTEMPTS):
             answer = self._transact(servo, WRITE, address.to_bytes(2, "little") + content, 0)
             if answer is not None:
                 return

@@ -21,7 +21,7 @@ from orientd_dynamixel.reading import (
     WATCHDOG_TRIPPED,
     explain_error,
 )
-from orientd_dynamixel.servo_bus import ServoBus
+from orientd_dynamixel.servo_bus import ATTEMPTS, ServoBus
 
 RETURN_DELAY, DRIVE_MODE, OPERATING_MODE, HOMING_OFFSET, CURRENT_LIMIT = 9, 10, 11, 20, 38
 VELOCITY_LIMIT = 44
@@ -47,7 +47,7 @@ def identify(bus: ServoBus, axis: AxisOptions) -> int:
         LinkError: it does not answer.
         DeviceFaultError: it is another model.
     """
-    found = bus.ping(axis.id) or bus.ping(axis.id)
+    found = next(filter(None, (bus.ping(axis.id) for _ in range(ATTEMPTS))), None)
     if found is None:
         raise LinkError(
             f"servo {axis.id} ({axis.name}) does not answer; look at its cable, its supply, its id "

@@ -84,12 +84,13 @@ def plan_to_fit(
                 driver, other, start=start, joints=joints, limits=limits, period=period,
                 motion_id=motion_id,
             )  # fmt: skip
-        paced = _paced(driver, motion, joints, before)
         is_fixed = request.times is not None or error.unit not in _POWERS
-        is_given = not start.is_at_rest and error.time < _GIVEN
-        if paced is not None and (is_fixed or is_given or paced.duration < _LONG * motion.duration):
+        # No pace changes what the motion before leaves; whether one would do later is long to find.
+        is_given = not start.is_at_rest and error.time < _GIVEN and not is_fixed
+        paced = None if is_given else _paced(driver, motion, joints, before)
+        if paced is not None and (is_fixed or paced.duration < _LONG * motion.duration):
             return paced
-        if is_fixed or is_given:
+        if is_fixed:
             raise
         refusal = error
     # A pace keeps to the path exactly: where the axes may miss it, all of it slower may be quicker.

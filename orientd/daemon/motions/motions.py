@@ -6,11 +6,11 @@ planning, which takes its time.
 
 from __future__ import annotations
 
-import asyncio
 import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from orientd.daemon.devices import STOPPED, EventKind, ServoLink
@@ -22,17 +22,12 @@ from orientd.daemon.motions.meter import MotionStatistics
 from orientd.daemon.motions.motion_queue import MotionQueue
 from orientd.daemon.motions.options import Kind, MoveOptions, Prepared
 from orientd.daemon.motions.queued_motion import QueuedMotion, SplicePoint
+from orientd.daemon.motions.takeover import Takeover
 from orientd.daemon.planners import Continuation, PlanCall, PlanInput, PlannedMotion, Planners, Rank
-from orientd.errors import LateError, NotYetError, PlanError, StateError
+from orientd.errors import LateError, NotYetError, StateError
 from orientd.planner import HISTORY, Joints, RecordedMotion
 from orientd.planner import State as PlannedState
 from orientd.stream import UNKNOWN, Command, Cycle, State
-
-_SHAPED_ATTEMPTS = 3
-"""How often a path that the driver shapes is planned from on the way before it begins at rest."""
-
-_LATER = ((0.0,), (0.15, 0.3))
-"""How much later on the way axes are tried that cannot go on there, s; a row is side by side."""
 
 Tell = Callable[[EventKind, int, str], None]
 
@@ -67,6 +62,7 @@ class Motions:
         self._name, self._planners = name, planners
         self._period = period
         self._queue = MotionQueue(link, lead=lead, read_ahead=read_ahead)
+        self._takeover = Takeover(link, name, planners, self._queue, period)
         self.withdraw = self._queue.withdraw  # of what waits for its turn
         self._arrivals = Arrivals(link, tell)
         self._corners = Corners(tell)
@@ -119,15 +115,16 @@ class Motions:
         chosen = time.monotonic()
         motion: PlannedMotion | None = None
         if leave is not None and move_options.is_queued:
-            left = self._left(leave)
+            left = self._takeover.left(leave)
             tail = await self._tail(left, leave.record)
             job = self._job(order, after=Continuation(tail, move_options.blend, leave.record))
             motion = await self._planners.plan(job, order, rank=Rank.URGENT)
             leave = replace(leave, record=motion.leave)
         elif leave is not None:
-            taking_over = await self._taking_over(order, leave, attempt)
-            if taking_over is not None:
-                leave, motion = taking_over
+            choose = partial(self._leave, move_options, kind, attempt)
+            successor = await self._takeover.plan(order, leave, choose, attempt)
+            if successor is not None:
+                leave, motion, chosen = successor
         if motion is None:
             if leave is not None:
                 await stop_on_path(self._link, self._period)
@@ -142,12 +139,9 @@ class Motions:
         order: PlanCall,
         start: PlannedState | None = None,
         joints: Joints = (),
-        before: tuple[Joints, ...] = (),
         after: Continuation | None = None,
     ) -> PlanInput:
-        return PlanInput(
-            self._name, order.motion, start=start, joints=joints, before=before, after=after
-        )
+        return PlanInput(self._name, order.motion, start=start, joints=joints, after=after)
 
     async def _tail(self, motion: PlannedMotion, earliest: int) -> RecordedMotion:
         """Return the end of a motion, as far as one that follows it may need it."""
@@ -191,51 +185,6 @@ class Motions:
         if move_options.is_queued and ahead.number != motion_queue.last.number:
             return motion_queue.end(record=0)
         return ahead
-
-    async def _taking_over(
-        self, order: PlanCall, leave: SplicePoint, attempt: int
-    ) -> tuple[SplicePoint, PlannedMotion] | None:
-        """Plan a motion from *leave* on; ``None`` where the axes can begin it at rest only.
-
-        Where the axes could not go on from there, as in the midst of a passage near a singularity,
-        it is tried a little later on the way.
-
-        Raises:
-            LateError: what it was to replace has ended.
-            PlanError: it cannot be planned, at rest neither; nothing has changed.
-        """
-        left = self._left(leave)
-        state, joints = left.state_at(leave.record), left.joints_at(leave.record)
-        if not joints:
-            job = self._job(order, state)
-            return leave, await self._planners.plan(job, order, rank=Rank.URGENT)
-        for together in _LATER if attempt < _SHAPED_ATTEMPTS else ():
-            ahead = [leave.record + round(seconds / self._period) for seconds in together]
-            records = [one for one in ahead if one < min(left.last_record, left.at_hand[1])]
-            trials = [self._trial(order, left, record) for record in records]
-            ended = await asyncio.gather(*trials, return_exceptions=True)
-            for record, found in zip(records, ended, strict=True):
-                if isinstance(found, PlannedMotion):
-                    return replace(leave, record=record), found
-                if not isinstance(found, PlanError):
-                    raise found
-        # What cannot be planned from rest near there is not worth a stop.
-        rest = PlannedState.at_rest(state.q, state.position)
-        await self._planners.plan(self._job(order, rest, joints), order)
-        return None
-
-    async def _trial(self, order: PlanCall, left: PlannedMotion, record: int) -> PlannedMotion:
-        """Plan a motion from a record of one whose axes are known."""
-        state, joints = left.state_at(record), left.joints_at(record)
-        before = () if state.is_at_rest else left.joints_before(record)
-        job = self._job(order, state, joints, before)
-        return await self._planners.plan(job, order, rank=Rank.URGENT)
-
-    def _left(self, leave: SplicePoint) -> PlannedMotion:
-        queued = self._queue.queued(leave.number)
-        if queued is None:
-            raise LateError(f"motion {leave.number} has ended")
-        return queued.motion
 
     def _joints(self) -> tuple[float, ...]:
         return () if (cycle := self._link.newest()) is None else cycle.joints
