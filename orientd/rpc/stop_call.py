@@ -65,8 +65,10 @@ def refusal(socket_path: Path) -> str:
     """Return why this user is not admitted to the daemon at *socket_path*; empty if they are."""
     try:
         answer = _answer(stop_socket(socket_path), {"kind": "hello"}) or {}
-    except (AccessError, DaemonError) as error:
+    except AccessError as error:
         return str(error)
+    except DaemonError:
+        return ""  # it is going away itself
     return str(answer.get("refused", ""))
 
 

@@ -142,17 +142,22 @@ class DaemonProcess:
         """Hold the lease for its full time again."""
         self.stub.RenewLease(pb.RenewLeaseRequest(token=self.token))
 
-    def stretches(self) -> list[np.ndarray]:
-        """Return what was sent, cut where the servo process has not run for a while.
+    def stretches(self, begin: int = 0) -> list[np.ndarray]:
+        """Return what was sent from setpoint *begin* on, cut where the servo process did not run.
 
         The device has come to rest then, and each stretch begins where the one before ends.
         """
-        setpoints = read_recording(self.recording)
+        setpoints = read_recording(self.recording)[begin:]
         q = np.array([setpoint.q for setpoint in setpoints])
         gaps = np.diff([setpoint.time_ns for setpoint in setpoints])
         cuts = np.flatnonzero(gaps > SHORTEST_NS).tolist()
         ends = [cut + 1 for cut in cuts] + [len(q)]
         return [q[a:b] for a, b in zip([0, *cuts], ends, strict=True)]
+
+    def assert_limits_kept(self, begin: int = 0) -> None:
+        """Check that what was sent from setpoint *begin* on kept the default limits."""
+        for stretch in self.stretches(begin):
+            assert_limits_kept(stretch, self.period)
 
     def sent(self) -> np.ndarray:
         """Return the orientations the driver has recorded so far, shape (n, 4)."""

@@ -16,7 +16,7 @@ from grpc_health.v1 import health_pb2, health_pb2_grpc
 from grpc_reflection.v1alpha.proto_reflection_descriptor_database import (
     ProtoReflectionDescriptorDatabase,
 )
-from harness import DEVICE, DaemonProcess, assert_limits_kept, is_alive, resident_kib, spin, until
+from harness import DEVICE, DaemonProcess, is_alive, resident_kib, spin, until
 
 from orientd import __version__, processor
 from orientd.rpc import control_pb2 as pb
@@ -131,7 +131,7 @@ def test_a_signal_stops_the_motion_on_its_path_and_leaves_nothing(tmp_path, numb
         assert not daemon.socket.exists()
         assert not daemon.socket.with_name("control.sock.lock").exists()
         sent = daemon.sent()
-        assert_limits_kept(sent, daemon.period)
+        daemon.assert_limits_kept()
         assert (sent[-1] == sent[-2]).all()
         assert "Traceback" not in log(daemon)
 

@@ -84,7 +84,7 @@ def test_a_killed_daemon_leaves_a_stop_on_the_path_and_nothing_else(tmp_path, mo
         assert report["state"] == "holding"
         assert set(os.listdir("/dev/shm")) == shared_before
         sent = daemon.sent()
-        assert_limits_kept(sent, daemon.period)
+        daemon.assert_limits_kept()
         assert np.array_equal(sent[-1], sent[-2])  # it ends at rest
         path = moving_part(sent)
         motion = planned_path(daemon, request)
@@ -153,7 +153,7 @@ def test_sigterm_stops_on_the_path_before_the_daemon_leaves(tmp_path):
         assert not is_alive(servo)
         assert not daemon.socket.exists()
         sent = daemon.sent()
-        assert_limits_kept(sent, daemon.period)
+        daemon.assert_limits_kept()
         assert np.array_equal(sent[-1], sent[-2])
 
 

@@ -9,7 +9,6 @@ from harness import (
     DEVICE,
     JERK,
     DaemonProcess,
-    assert_limits_kept,
     until,
 )
 
@@ -40,6 +39,9 @@ class Daemon:
 
     def sent(self):
         return self._process.sent()[self._before :]
+
+    def assert_limits_kept(self):
+        self._process.assert_limits_kept(self._before)
 
 
 @pytest.fixture
@@ -86,7 +88,7 @@ def test_a_motion_is_replaced_on_its_way_without_a_step(daemon, robot):
     assert first.wait(5.0).outcome is Outcome.REPLACED
     sent = daemon.sent()
     assert rotation.angle(sent[-1], rotation.exp([0.4, 0.3, 0.0])) < 1e-9
-    assert_limits_kept(sent, daemon.period)
+    daemon.assert_limits_kept()
     assert second.timing.attempts >= 1
     measured = second.wait().statistics
     assert measured.acceleration <= ACCELERATION * 1.001
@@ -104,7 +106,7 @@ def test_it_may_be_replaced_again_and_again(daemon, robot):
     assert {handle.wait(5.0).outcome for handle in handles[:-1]} == {Outcome.REPLACED}
     sent = daemon.sent()
     assert rotation.angle(sent[-1], rotation.exp(target)) < 1e-9
-    assert_limits_kept(sent, daemon.period)
+    daemon.assert_limits_kept()
 
 
 @pytest.mark.parametrize("what", ["pause", "speed"])
@@ -114,7 +116,7 @@ def test_it_may_be_replaced_while_paused_or_slowed(daemon, robot, what):
     until(lambda: state(robot).is_paused if what == "pause" else state(robot).speed == 0.4, "it")
     second = robot.move([key(0.4, 0, 0)], approach=True)
     assert second.wait(20.0).outcome is Outcome.DONE
-    assert_limits_kept(daemon.sent(), daemon.period)
+    daemon.assert_limits_kept()
 
 
 def test_queued_motions_follow_one_another(daemon, robot):
@@ -125,7 +127,7 @@ def test_queued_motions_follow_one_another(daemon, robot):
     sent = daemon.sent()
     for target in targets:
         assert rotation.angle(sent, rotation.exp(np.array(target, float))).min() < 1e-9
-    assert_limits_kept(sent, daemon.period)
+    daemon.assert_limits_kept()
 
 
 def test_a_blended_corner_is_not_a_stop_and_stays_within_its_tolerance(daemon, robot):
@@ -142,7 +144,7 @@ def test_a_blended_corner_is_not_a_stop_and_stays_within_its_tolerance(daemon, r
     assert said == pytest.approx(np.degrees(gaps[nearest]), rel=0.02)
     speed = rotation.angle(sent[:-1], sent[1:]) / daemon.period
     assert speed[nearest - 20 : nearest + 20].min() > 0.05
-    assert_limits_kept(sent, daemon.period)
+    daemon.assert_limits_kept()
 
 
 def test_a_motion_that_is_stopped_between_its_blend_and_its_corner_says_so(daemon, robot):
@@ -157,7 +159,7 @@ def test_a_motion_that_is_stopped_between_its_blend_and_its_corner_says_so(daemo
     assert [summary.outcome for summary in ended] == [Outcome.STOPPED] * 2
     assert "left for motion" in ended[0].text
     assert "stopped by" in ended[0].text
-    assert_limits_kept(daemon.sent(), daemon.period)
+    daemon.assert_limits_kept()
 
 
 def test_a_stop_ends_what_runs_and_what_was_to_follow(daemon, robot):
@@ -165,7 +167,7 @@ def test_a_stop_ends_what_runs_and_what_was_to_follow(daemon, robot):
     robot.stop()
     assert {handle.wait(10.0).outcome for handle in handles} == {Outcome.STOPPED}
     assert state(robot).state is State.HOLDING
-    assert_limits_kept(daemon.sent(), daemon.period)
+    daemon.assert_limits_kept()
 
 
 def test_a_halt_is_quicker_than_a_stop_and_keeps_the_limits(daemon, robot):
@@ -175,7 +177,7 @@ def test_a_halt_is_quicker_than_a_stop_and_keeps_the_limits(daemon, robot):
     assert summary.outcome is Outcome.STOPPED
     assert "stopped by" in summary.text
     assert turn(robot, 0.1).wait(10.0).outcome is Outcome.DONE
-    assert_limits_kept(daemon.sent(), daemon.period)
+    daemon.assert_limits_kept()
 
 
 def test_targets_are_followed_from_rest_and_from_motion(daemon, robot):
@@ -193,7 +195,7 @@ def test_targets_are_followed_from_rest_and_from_motion(daemon, robot):
     assert first.wait(5.0).outcome is Outcome.REPLACED
     assert state(robot).state is State.HOLDING
     assert turn(robot, 0.1).wait(10.0).outcome is Outcome.DONE
-    assert_limits_kept(daemon.sent(), daemon.period)
+    daemon.assert_limits_kept()
 
 
 def test_positions_of_targets_are_followed(robot):

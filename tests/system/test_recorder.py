@@ -10,7 +10,7 @@ import pytest
 from command_line import assert_refused, begin, environment, orientd
 from hand_held import recorded as hand_held
 from hand_held import truth
-from harness import DEVICE, DaemonProcess, assert_limits_kept, spin, until
+from harness import DEVICE, DaemonProcess, spin, until
 
 from orientd import rotation
 from orientd.recorder import reader
@@ -185,7 +185,7 @@ def test_a_replay_moves_the_device_through_what_was_recorded(daemon, tmp_path):
     told = json.loads(done.stdout)
     assert told["slower"] == pytest.approx(1.0)
     sent = daemon.sent()
-    assert_limits_kept(sent, daemon.period)
+    daemon.assert_limits_kept()
     # Every tenth of a second of the turning is passed, in its order.
     place = 0
     for t in np.arange(0.4, 3.6, 0.1):
