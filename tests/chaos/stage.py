@@ -132,7 +132,7 @@ class Stage:
         self.mark = f"{os.getpid()}-{next(_marks)}"
         self.tally = tally
         self.calls = Calls(tally, lambda: self.daemon.process.pid)
-        self.daemon = DaemonProcess(folder, lease=lease_seconds)
+        self.daemon = DaemonProcess(folder, lease=lease_seconds, patience=None)
         self.daemon.prefix = tuple(prefix)
         self.daemon.environment = {_MARK: self.mark, **(environment or {})}
         self.streams: list = []

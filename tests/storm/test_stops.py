@@ -18,7 +18,7 @@ import time
 import grpc
 import pytest
 from authority import OPENSSL, Authority
-from harness import DEVICE, DaemonProcess, spin, until
+from harness import DaemonProcess, spin, until
 
 from orientd.rpc import ask_to_stop
 from orientd.rpc import control_pb2 as pb
@@ -45,11 +45,9 @@ def daemon(tmp_path_factory):
     folder = tmp_path_factory.mktemp("daemon")
     authority = Authority(folder / "ca")
     authority.issue("server", hosts="IP:127.0.0.1")
-    process = DaemonProcess(folder, lease=3600.0)
+    process = DaemonProcess(folder, lease=3600.0, patience=30.0)
     process.port = free_port()
     text = process.config.read_text()
-    patience = "stall_timeout = 30.0\nheartbeat_timeout = 30.0\n"
-    text = text.replace(f"[devices.{DEVICE}]\n", f"[devices.{DEVICE}]\n{patience}")
     ca = folder / "ca"
     process.config.write_text(
         f"[tcp]\nlisten = '127.0.0.1:{process.port}'\ncertificate = '{ca}/server.pem'\n"

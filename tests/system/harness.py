@@ -58,7 +58,14 @@ class DaemonProcess:
         arguments: Sequence[str] = (),
         memory: float = 60.0,
         lease: float = 120.0,
+        patience: float | None = 5.0,
+        others: Sequence[str] = (),
     ) -> None:
+        """Configure a daemon in *folder*.
+
+        A machine that stands still for a second is no fault before *patience* s; ``None`` leaves
+        that to the daemon.  *others* are loopback devices beside the one that records.
+        """
         folder.mkdir(exist_ok=True)
         self.arguments = ["--config", str(folder / "config.toml"), *arguments]
         self.folder = folder
@@ -66,11 +73,14 @@ class DaemonProcess:
         self.recording = folder / "sent"
         self.report = folder / "state" / "orientd" / f"servo-{DEVICE}.json"
         self.config = folder / "config.toml"
+        names = () if patience is None else ("stall", "heartbeat", "feedback")
+        patient = "".join(f"{name}_timeout = {patience!r}\n" for name in names)
         self.config.write_text(
             f'[daemon]\nsocket = "{self.socket}"\nlease_seconds = {lease!r}\n'
             f"[recorder]\nseconds = {memory!r}\n"
-            f'[devices.{DEVICE}]\ndriver = "loopback"\nrate_hz = {rate_hz!r}\n'
+            f'[devices.{DEVICE}]\ndriver = "loopback"\nrate_hz = {rate_hz!r}\n{patient}'
             f'[devices.{DEVICE}.options]\nrecord = "{self.recording}"\n{options}\n'
+            + "".join(f'[devices.{name}]\ndriver = "loopback"\n{patient}' for name in others)
         )
         self.period = round(1e9 / rate_hz) * 1e-9
         self.prefix: tuple[str, ...] = ()

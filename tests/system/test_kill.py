@@ -69,7 +69,7 @@ def moving_part(sent):
 @pytest.mark.parametrize("moment", MOMENTS)
 def test_a_killed_daemon_leaves_a_stop_on_the_path_and_nothing_else(tmp_path, moment):
     shared_before = set(os.listdir("/dev/shm"))
-    with DaemonProcess(tmp_path) as daemon:
+    with DaemonProcess(tmp_path, patience=None) as daemon:
         request = spin(3.0)
         daemon.move(request)
         servo = daemon.device().servo_pid
@@ -116,7 +116,7 @@ def _shifted(motion, begin):
 
 
 def test_a_killed_servo_is_told_and_reset_brings_it_back(tmp_path):
-    with DaemonProcess(tmp_path) as daemon:
+    with DaemonProcess(tmp_path, patience=None) as daemon:
         stream = daemon.move(spin(12.0))
         servo = daemon.device().servo_pid
         until(lambda: is_moving(daemon.sent()), "the motion")
@@ -138,7 +138,7 @@ def test_a_killed_servo_is_told_and_reset_brings_it_back(tmp_path):
 
 
 def test_sigterm_stops_on_the_path_before_the_daemon_leaves(tmp_path):
-    with DaemonProcess(tmp_path) as daemon:
+    with DaemonProcess(tmp_path, patience=None) as daemon:
         stream = daemon.move(spin(12.0))
         servo = daemon.device().servo_pid
         until(lambda: is_moving(daemon.sent()), "the motion")
@@ -159,7 +159,7 @@ def test_sigterm_stops_on_the_path_before_the_daemon_leaves(tmp_path):
 
 def test_a_stopped_daemon_process_is_a_lost_heartbeat(tmp_path):
     """SIGSTOP: the daemon is there but does nothing; when it goes on, it tells the fault."""
-    with DaemonProcess(tmp_path) as daemon:
+    with DaemonProcess(tmp_path, patience=None) as daemon:
         daemon.move(spin(12.0))
         until(lambda: is_moving(daemon.sent()), "the motion")
         daemon.process.send_signal(signal.SIGSTOP)

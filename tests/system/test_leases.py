@@ -23,13 +23,7 @@ LONG = [
 
 @pytest.fixture(scope="module")
 def daemon(tmp_path_factory):
-    process = DaemonProcess(tmp_path_factory.mktemp("daemon"), lease=30.0)
-    text = process.config.read_text()
-    # A machine that stands still for a second is not what is tested here.
-    patience = "stall_timeout = 5.0\nheartbeat_timeout = 5.0\nfeedback_timeout = 5.0\n"
-    text = text.replace(f"[devices.{DEVICE}]\n", f"[devices.{DEVICE}]\n{patience}")
-    process.config.write_text(f"{text}\n[devices.{LEG}]\ndriver = 'loopback'\n{patience}")
-    with process:
+    with DaemonProcess(tmp_path_factory.mktemp("daemon"), lease=30.0, others=[LEG]) as process:
         process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))
         yield process
 

@@ -22,12 +22,9 @@ STRANGER = 54304
 
 @pytest.fixture(scope="module")
 def daemon(tmp_path_factory):
-    process = DaemonProcess(tmp_path_factory.mktemp("daemon"), lease=600.0)
-    text = process.config.read_text()
     # Else the servo would stop by itself once its daemon does not answer.
-    patience = "stall_timeout = 30.0\nheartbeat_timeout = 30.0\n"
-    text = text.replace(f"[devices.{DEVICE}]\n", f"[devices.{DEVICE}]\n{patience}")
-    process.config.write_text(f"[access]\nconnections = 8\n{text}")
+    process = DaemonProcess(tmp_path_factory.mktemp("daemon"), lease=600.0, patience=30.0)
+    process.config.write_text(f"[access]\nconnections = 8\n{process.config.read_text()}")
     with process:
         yield process
 
