@@ -6,6 +6,7 @@ from pathlib import Path
 
 from orientd.driver import Finding, Verdict
 from orientd.errors import DeviceError, LinkError
+from orientd_dynamixel.bus import READ_WAIT_S, OpenBus
 from orientd_dynamixel.doctor import (
     SCAN_WAIT_MS,
     Servo,
@@ -18,7 +19,6 @@ from orientd_dynamixel.doctor import (
     scan,
 )
 from orientd_dynamixel.options import BAUD_RATES, GimbalOptions
-from orientd_dynamixel.servo_bus import READ_WAIT_S, OpenBus
 
 _IDS = 21
 """Numbers asked besides those configured: 0 to 20."""

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from orientd.errors import DeviceError, LinkError
+from orientd_dynamixel.bus import BLOCK, READ_WAIT_S, OpenBus, ServoBus, explain_error, open_bus
 from orientd_dynamixel.options import BAUD_RATES, MODELS, ServoModel
-from orientd_dynamixel.reading import BLOCK, explain_error
-from orientd_dynamixel.servo_bus import READ_WAIT_S, OpenBus, ServoBus, open_bus
 
 SCAN_WAIT_MS = 4.0
 ATTEMPTS = 4

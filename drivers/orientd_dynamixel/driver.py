@@ -3,8 +3,8 @@
 A cycle takes in the answers to the read of the cycle before, then sends one write of all goals and
 the next read.  Nothing in it waits for a servo.
 
-Readings are believed only where they can be (:mod:`orientd_dynamixel.group`), and a write of goals
-is never acknowledged, so torque, hardware error, watchdog and the distance between goal and
+Readings are believed only where they can be (:mod:`orientd_dynamixel.bus`), and a write of goals is
+never acknowledged, so torque, hardware error, watchdog and the distance between goal and
 position are watched instead.
 """
 
@@ -40,10 +40,16 @@ from orientd_dynamixel.axes import (
     way,
 )
 from orientd_dynamixel.axis import Axis
-from orientd_dynamixel.group import Group, Losses, listen
+from orientd_dynamixel.bus import (
+    READ_WAIT_S,
+    Group,
+    OpenBus,
+    ServoBus,
+    explain_error,
+    listen,
+    open_bus,
+)
 from orientd_dynamixel.options import GimbalOptions, parse
-from orientd_dynamixel.reading import explain_error
-from orientd_dynamixel.servo_bus import READ_WAIT_S, OpenBus, ServoBus, open_bus
 from orientd_dynamixel.tracker import Tracker
 
 
@@ -83,11 +89,6 @@ class DynamixelDriver(Driver):
         self._turns = Turns(self.settings, self._axes)
         self._following = Following(self.settings, self._tracker, period_ns * 1e-9)
         self._unknown = ""
-
-    @property
-    def losses(self) -> Losses:
-        """What was not answered since the bus was opened."""
-        return self._group.losses if self._group else Losses(0, 0, {}, "")
 
     def shape(
         self,

@@ -13,15 +13,16 @@ from collections.abc import Callable, Sequence
 
 from orientd.errors import DeviceError, DeviceFaultError, LinkError
 from orientd_dynamixel.axis import Axis, sendable
-from orientd_dynamixel.options import AxisOptions, GimbalOptions
-from orientd_dynamixel.reading import (
+from orientd_dynamixel.bus import (
+    ATTEMPTS,
     BLOCK,
     RETURN_LEVEL,
     VELOCITY_UNIT,
     WATCHDOG_TRIPPED,
+    ServoBus,
     explain_error,
 )
-from orientd_dynamixel.servo_bus import ATTEMPTS, ServoBus
+from orientd_dynamixel.options import AxisOptions, GimbalOptions
 
 RETURN_DELAY, DRIVE_MODE, OPERATING_MODE, HOMING_OFFSET, CURRENT_LIMIT = 9, 10, 11, 20, 38
 VELOCITY_LIMIT = 44

@@ -13,8 +13,7 @@ from collections.abc import Sequence
 from orientd.errors import LinkError
 from orientd_dynamixel import startup
 from orientd_dynamixel.axis import TICKS, Axis, sendable
-from orientd_dynamixel.group import Group
-from orientd_dynamixel.servo_bus import ServoBus
+from orientd_dynamixel.bus import Group, ServoBus
 
 _KEPT_TICKS = round(0.5 / 360 * TICKS)
 """A goal this close to the position is kept: the load hangs on the difference."""

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 from orientd.errors import DeviceFaultError
 from orientd_dynamixel.axis import TICKS, Axis
+from orientd_dynamixel.bus import WATCHDOG_TRIPPED, Reading, explain_error
 from orientd_dynamixel.options import GimbalOptions
-from orientd_dynamixel.reading import WATCHDOG_TRIPPED, Reading, explain_error
 
 _LIMIT_SLACK = math.radians(0.5)
 _RATE_SLACK = 1.05

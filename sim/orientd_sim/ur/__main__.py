@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 
-from orientd_sim.ur.models import MODELS, Behaviour, version_of
+from orientd_sim.ur.arm import MODELS, Behaviour, version_of
 from orientd_sim.ur.server import serve
 from orientd_sim.ur.variables import RuntimeState
 

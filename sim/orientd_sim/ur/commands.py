@@ -6,6 +6,7 @@ import math
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
+from orientd_sim.ur.arm import from_pose, multiply, to_pose
 from orientd_sim.ur.programs import (
     Ticks,
     UnknownStatementError,
@@ -16,7 +17,6 @@ from orientd_sim.ur.programs import (
     stop,
     touch,
 )
-from orientd_sim.ur.transforms import from_pose, multiply, to_pose
 
 if TYPE_CHECKING:
     from orientd_sim.ur.script import ControlScript

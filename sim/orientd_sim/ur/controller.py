@@ -9,12 +9,10 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 
-from orientd_sim.ur.arm import TICK, Arm, Mode
-from orientd_sim.ur.models import Behaviour
+from orientd_sim.ur.arm import TICK, Arm, Behaviour, Mode, Tool, UnreachableError
 from orientd_sim.ur.outputs import OUTPUT_GETTERS
 from orientd_sim.ur.programs import UnknownStatementError, parse
 from orientd_sim.ur.script import SIGNATURE, ControlScript, PlainProgram, StatementProgram
-from orientd_sim.ur.tool import Tool, UnreachableError
 from orientd_sim.ur.variables import REGISTERS, RobotMode, RuntimeState, SafetyMode
 from orientd_sim.ur.wire import Value
 

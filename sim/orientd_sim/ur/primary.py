@@ -10,8 +10,8 @@ import struct
 from collections.abc import Sequence
 from itertools import chain
 
+from orientd_sim.ur.arm import TWISTS
 from orientd_sim.ur.controller import Controller
-from orientd_sim.ur.kinematics import TWISTS
 from orientd_sim.ur.variables import RobotMode, RuntimeState, SafetyMode
 
 EVERY_TICKS = 50

@@ -18,10 +18,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from orientd_sim.ur import dashboard, faults, primary
+from orientd_sim.ur.arm import Behaviour
 from orientd_sim.ur.commands import Command
 from orientd_sim.ur.connection import Connection
 from orientd_sim.ur.controller import Controller
-from orientd_sim.ur.models import Behaviour
 from orientd_sim.ur.recording import Recording
 from orientd_sim.ur.session import Session
 from orientd_sim.ur.wire import Value, WireError

@@ -8,9 +8,9 @@ from dynamixel_sdk import Protocol2PacketHandler
 
 from orientd.clock import ManualClock
 from orientd_dynamixel import doctor
+from orientd_dynamixel.bus.servo_bus import ServoBus
 from orientd_dynamixel.diagnosis import diagnose
 from orientd_dynamixel.options import parse
-from orientd_dynamixel.servo_bus import ServoBus
 from orientd_sim.dynamixel import XL330_M288, Bus, FaultKind, Line, ReplyFault, VirtualPort
 from orientd_sim.dynamixel import Servo as EmulatedServo
 

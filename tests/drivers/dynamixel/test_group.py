@@ -2,8 +2,8 @@
 
 import pytest
 
-from orientd_dynamixel.group import STALE_MS, ServoClock
-from orientd_dynamixel.reading import behind_ms
+from orientd_dynamixel.bus.group import STALE_MS, ServoClock
+from orientd_dynamixel.bus.reading import behind_ms
 
 MS = 1_000_000
 

@@ -12,10 +12,10 @@ from orientd.driver import Setpoint
 from orientd.errors import DeviceFaultError, LinkError, PlanError
 from orientd.floats import exp, multiply
 from orientd_sim.ur import EmulatedRobot
-from orientd_sim.ur.kinematics import Kinematics
-from orientd_sim.ur.models import MODELS
-from orientd_sim.ur.transforms import from_pose, inverse
-from orientd_sim.ur.transforms import multiply as times
+from orientd_sim.ur.arm.kinematics import Kinematics
+from orientd_sim.ur.arm.models import MODELS
+from orientd_sim.ur.arm.transforms import from_pose, inverse
+from orientd_sim.ur.arm.transforms import multiply as times
 from orientd_ur import UrDriver
 from orientd_ur.arm import ask
 from orientd_ur.pose import shortest

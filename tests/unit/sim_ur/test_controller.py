@@ -5,7 +5,7 @@ import math
 import pytest
 
 from orientd_sim.ur import dashboard
-from orientd_sim.ur.arm import HOME, Arm, Breach, Mode
+from orientd_sim.ur.arm.arm import HOME, Arm, Breach, Mode
 from orientd_sim.ur.commands import Command
 from orientd_sim.ur.controller import Behaviour, Controller, RefusedError
 from orientd_sim.ur.script import SIGNATURE

@@ -10,8 +10,7 @@ import math
 from collections.abc import Callable, Generator, Sequence
 from typing import TYPE_CHECKING
 
-from orientd_sim.ur.arm import TICK
-from orientd_sim.ur.transforms import from_pose, multiply, rotation_between, to_pose
+from orientd_sim.ur.arm import TICK, from_pose, multiply, rotation_between, to_pose
 
 if TYPE_CHECKING:
     from orientd_sim.ur.controller import Controller

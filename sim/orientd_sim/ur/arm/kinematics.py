@@ -11,10 +11,10 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from orientd_sim.ur.transforms import Transform, multiply
+from orientd_sim.ur.arm.transforms import Transform, multiply
 
 if TYPE_CHECKING:
-    from orientd_sim.ur.models import Model
+    from orientd_sim.ur.arm.models import Model
 
 Joints = tuple[float, ...]
 

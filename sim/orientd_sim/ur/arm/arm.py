@@ -19,8 +19,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 
-from orientd_sim.ur.kinematics import Joints, Kinematics
-from orientd_sim.ur.models import MODELS, Model
+from orientd_sim.ur.arm.kinematics import Joints, Kinematics
+from orientd_sim.ur.arm.models import MODELS, Model
 
 TICK = 0.002
 """The controller's cycle, s."""

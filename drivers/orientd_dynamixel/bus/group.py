@@ -16,8 +16,7 @@ from itertools import permutations
 
 from orientd.errors import DeviceFaultError, FeedbackError, LinkError
 from orientd_dynamixel.axis import TICKS, Axis
-from orientd_dynamixel.options import GimbalOptions
-from orientd_dynamixel.reading import (
+from orientd_dynamixel.bus.reading import (
     BLOCK,
     REALTIME_TICK,
     TICK_RANGE,
@@ -25,7 +24,8 @@ from orientd_dynamixel.reading import (
     behind_ms,
     decode,
 )
-from orientd_dynamixel.servo_bus import ALERT, ServoBus
+from orientd_dynamixel.bus.servo_bus import ALERT, ServoBus
+from orientd_dynamixel.options import GimbalOptions
 
 STALE_MS = 8.0
 """A block measured so much before it was asked for answers an earlier question."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from orientd_sim.ur.arm import Arm, Mode
-from orientd_sim.ur.kinematics import Joints, speed
-from orientd_sim.ur.transforms import Pose, Transform, from_pose, inverse, multiply, to_pose
+from orientd_sim.ur.arm.arm import Arm, Mode
+from orientd_sim.ur.arm.kinematics import Joints, speed
+from orientd_sim.ur.arm.transforms import Pose, Transform, from_pose, inverse, multiply, to_pose
 
 
 class UnreachableError(Exception):

@@ -1,0 +1,30 @@
+"""The servos' bus: the vendor's SDK, what servos answer, and all of them read at once."""
+
+from __future__ import annotations
+
+from orientd_dynamixel.bus.group import Group, listen
+from orientd_dynamixel.bus.reading import (
+    BLOCK,
+    RETURN_LEVEL,
+    VELOCITY_UNIT,
+    WATCHDOG_TRIPPED,
+    Reading,
+    explain_error,
+)
+from orientd_dynamixel.bus.servo_bus import ATTEMPTS, READ_WAIT_S, OpenBus, ServoBus, open_bus
+
+__all__ = [
+    "ATTEMPTS",
+    "BLOCK",
+    "READ_WAIT_S",
+    "RETURN_LEVEL",
+    "VELOCITY_UNIT",
+    "WATCHDOG_TRIPPED",
+    "Group",
+    "OpenBus",
+    "Reading",
+    "ServoBus",
+    "explain_error",
+    "listen",
+    "open_bus",
+]
