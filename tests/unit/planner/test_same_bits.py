@@ -13,6 +13,7 @@ from bits import FAMILIES
 PROGRAM = Path(__file__).with_name("bits.py")
 
 
+@pytest.mark.timeout(600)
 @pytest.mark.parametrize(
     "count", [60, pytest.param(300, marks=[pytest.mark.slow, pytest.mark.timeout(3000)])]
 )
