@@ -53,6 +53,8 @@ class RequestError(OrientdError, ValueError):
     """
 
     def __init__(self, field: str, problem: str) -> None:
+        # A key that somebody else has written may be of any length.
+        field = field if len(field) <= 200 else f"{field[:197]}..."
         super().__init__(f"{field}: {problem}" if field else problem)
         self.field = field
         self.problem = problem

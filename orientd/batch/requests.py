@@ -16,8 +16,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from orientd.bounded_file import check_regular
 from orientd.errors import OrientdError, RequestError
 from orientd.schema import MOTION, Kind
+from orientd.structured_text import MOST_BYTES
 
 _Q = ("qw", "qx", "qy", "qz")
 _POSITION = ("x", "y", "z")
@@ -56,6 +58,7 @@ def open_requests(path: Path) -> Requests:
         OrientdError: the file cannot be read, is of another kind, or lacks a column.
     """
     try:
+        check_regular(path)
         with path.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
@@ -75,7 +78,11 @@ def open_requests(path: Path) -> Requests:
 def _lines(path: Path) -> Iterator[str]:
     try:
         with path.open(encoding="utf-8") as file:
-            yield from (line for line in file if not line.isspace())
+            while line := file.readline(MOST_BYTES + 1):
+                if len(line) > MOST_BYTES:
+                    raise OrientdError(f"{path}: a line of more than {MOST_BYTES} characters")
+                if not line.isspace():
+                    yield line
     except (OSError, UnicodeDecodeError) as error:
         raise OrientdError(f"cannot read {path}: {error}") from error
 
@@ -119,7 +126,7 @@ def _batches(path: Path) -> Iterator[Sequence[Row]]:
         _check_columns(path, names, tuple(types))
         for batch in batches:
             yield batch.to_pylist()
-    except (OSError, arrow.ArrowException) as error:
+    except (OSError, ValueError, arrow.ArrowException) as error:
         raise OrientdError(f"cannot read {path}: {error}") from error
 
 

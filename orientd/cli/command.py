@@ -19,6 +19,7 @@ import typer
 from orientd.cli.completion import devices
 from orientd.cli.output import close_output, plain
 from orientd.errors import LimitError, OrientdError, RequestError
+from orientd.one_line import one_line
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 Socket = Annotated[
@@ -94,8 +95,7 @@ def fail(error: OrientdError, *, as_json: bool) -> None:
     if as_json:
         print(json.dumps({"error": describe(error)}), file=sys.stderr)  # noqa: T201
     else:
-        text = " ".join(str(error).split())
-        print(f"orientd: {text}", file=sys.stderr)  # noqa: T201
+        print(f"orientd: {one_line(str(error))}", file=sys.stderr)  # noqa: T201
     raise typer.Exit(1) from None
 
 

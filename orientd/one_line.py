@@ -1,0 +1,18 @@
+"""What others have written, as one line that does nothing to a terminal."""
+
+from __future__ import annotations
+
+MOST = 1000
+"""Characters of a line that is told."""
+
+
+def one_line(text: str, most: int = MOST) -> str:
+    r"""Return *text* on one line of at most *most* characters, with escapes where it is not shown.
+
+    >>> one_line("a\x1b[2J\nb \u202egnp.exe")
+    'a\\x1b[2J b \\u202egnp.exe'
+    """
+    line = " ".join(text[: 4 * most].split())
+    if not line.isprintable():
+        line = "".join(one if one.isprintable() else ascii(one)[1:-1] for one in line)
+    return line if len(line) <= most else f"{line[: most - 3]}..."
