@@ -18,6 +18,7 @@ from typing import Any
 
 from orientd.bounded_file import check_regular
 from orientd.errors import OrientdError, RequestError
+from orientd.one_line import one_line
 from orientd.schema import MOTION, Kind
 from orientd.structured_text import MOST_BYTES
 
@@ -84,7 +85,7 @@ def _lines(path: Path) -> Iterator[str]:
                 if not line.isspace():
                     yield line
     except (OSError, UnicodeDecodeError) as error:
-        raise OrientdError(f"cannot read {path}: {error}") from error
+        raise OrientdError(f"cannot read {path}: {one_line(str(error), 300)}") from error
 
 
 def mapping_of(line: str) -> Any:  # noqa: ANN401 - whatever JSON holds
@@ -127,7 +128,7 @@ def _batches(path: Path) -> Iterator[Sequence[Row]]:
         for batch in batches:
             yield batch.to_pylist()
     except (OSError, ValueError, arrow.ArrowException) as error:
-        raise OrientdError(f"cannot read {path}: {error}") from error
+        raise OrientdError(f"cannot read {path}: {one_line(str(error), 300)}") from error
 
 
 def _check_columns(path: Path, names: Sequence[str], known: Sequence[str]) -> None:

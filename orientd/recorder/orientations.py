@@ -79,7 +79,8 @@ def read_orientations(path: Path, topic: str = "") -> Orientations:
         raise RecordingError(f"{path}: no orientations in {topic!r}, there is {_listed(tables)}")
     name = topic if topic in tables else _meant(path, tables)
     times, q = tables[name]
-    return Orientations(name, times - (times[0] if len(times) else 0.0), q)
+    with np.errstate(invalid="ignore"):  # a time out of all range becomes no number
+        return Orientations(name, times - (times[0] if len(times) else 0.0), q)
 
 
 Tables = dict[str, tuple[Floats, Floats]]
@@ -309,6 +310,7 @@ class _Lines:
 
 def _number(row: Sequence[str], place: int) -> float:
     try:
-        return float(row[place])
+        number = float(row[place])
     except (ValueError, IndexError):
         return math.nan
+    return number if math.isfinite(number) else math.nan

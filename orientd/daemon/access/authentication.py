@@ -40,6 +40,11 @@ def inner_socket(socket: Path) -> Iterator[str]:
         os.close(directory)
 
 
+def audit_path(access: AccessSettings) -> Path:
+    """Return where commands are recorded."""
+    return access.audit or Path(report_directory()) / "audit.jsonl"
+
+
 class Admission:
     """Everything that stands between a caller and the service."""
 
@@ -57,7 +62,7 @@ class Admission:
         self._tcp = tcp
         self._policy, self._context = _checked(access, tcp)
         self._revocations = _revocations(tcp)
-        path = access.audit or Path(report_directory()) / "audit.jsonl"
+        path = audit_path(access)
         self._audit = AuditLog(path, most_bytes=access.audit_bytes, most_files=access.audit_files)
         self._throttle = Throttle(per_second=access.requests_per_second, at_once=access.streams)
         self._door = PeerListener(
