@@ -135,9 +135,11 @@ def _check_columns(path: Path, names: Sequence[str], known: Sequence[str]) -> No
     missing = [name for name in ("motion", *_Q) if name not in names]
     strange = [name for name in names if name not in known]
     if missing:
-        raise OrientdError(f"{path}: expected a column {missing[0]!r}, got {', '.join(names)}")
+        came = one_line(", ".join(names), 300)
+        raise OrientdError(f"{path}: expected a column {missing[0]!r}, got {came}")
     if strange:
-        raise OrientdError(f"{path}: unknown column {strange[0]!r}; known: {', '.join(known)}")
+        came = one_line(strange[0], 100)
+        raise OrientdError(f"{path}: unknown column {came!r}; known: {', '.join(known)}")
 
 
 def motion_of_rows(rows: Sequence[Row]) -> dict[str, Any]:
