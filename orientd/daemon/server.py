@@ -127,7 +127,9 @@ class _Daemon:
                 await checks.set(name, health_pb2.HealthCheckResponse.SERVING)
             cell, service = await asyncio.to_thread(self._load, entry)
             cell.planners.start()
-            entry.checkpoint.guard_leases(cell.leases.owner)
+            entry.guard_leases(
+                cell.leases.owner, lambda: {lease.owner for lease in cell.leases.held()}
+            )
             watchdog = Watchdog(cell.devices)
             try:
                 self._measure(cell, entry)

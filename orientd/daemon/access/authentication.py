@@ -5,12 +5,12 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from orientd.daemon.access.audit import AuditLog
-from orientd.daemon.access.authorization import Authorization
+from orientd.daemon.access.authorization import Authorization, OwnerOf
 from orientd.daemon.access.identity import Identity, Policy
 from orientd.daemon.access.peer import Process
 from orientd.daemon.access.peer_credentials import PeerListener
@@ -105,6 +105,16 @@ class Admission:
         self._throttle.at_once = access.streams
         self.checkpoint.keyframes = access.keyframes
         self._door.change(self._policy, self._context)
+
+    def guard_leases(self, owner_of: OwnerOf, owners: Callable[[], Collection[str]]) -> None:
+        """Refuse tokens of others from now on, and keep room for whoever holds a lease.
+
+        Args:
+            owner_of: returns whose a lease is by its token.
+            owners: returns who holds any.
+        """
+        self.checkpoint.guard_leases(owner_of)
+        self._door.has_lease = lambda key: key in owners()
 
     def tables(self) -> dict[str, list[int]]:
         """Return who may come in by the Unix socket; see :meth:`Policy.tables`."""
