@@ -77,6 +77,9 @@ def command(run: Callable[Parameters, None]) -> Callable[Parameters, None]:
         except BrokenPipeError:
             close_output()
             raise typer.Exit(1) from None
+        except OSError as error:  # of a name that no file can have, where nobody else has looked
+            what = f"{one_line(str(error.filename), 100)}: " if error.filename else ""
+            fail(OrientdError(f"{what}{error.strerror or error}"), as_json=as_json)
 
     signature = inspect.signature(run, eval_str=True)
     if "socket" in signature.parameters:
