@@ -51,7 +51,9 @@ def lease(device: DeviceReport, daemon: DaemonReport, *, is_ours: bool) -> str:
     if is_ours:
         return "held by this view"
     held = daemon.lease_of(device.name)
-    return f"held by {held.holder}" if held.holder else "free"
+    # What it calls itself, and who that is as the daemon knows them.
+    whose = f"{held.holder} ({held.identity})" if held.identity else held.holder
+    return f"held by {whose}" if held.holder else "free"
 
 
 def status(device: DeviceReport, daemon: DaemonReport, *, is_ours: bool, problem: str = "") -> str:
