@@ -24,6 +24,9 @@ WINDOW = 30.0
 BURST_BYTES, BYTES_PER_SECOND = 256 * 1024, 2048.0
 """Of one identity, written in full: at once, and over time."""
 
+LINK_BYTES = 110
+"""Of a line, what makes it one of the chain."""
+
 MOST_KINDS = 4096
 """Kinds that are told apart at one time; further ones of an identity are one."""
 
@@ -88,7 +91,7 @@ class Repeats:
         who = _who(record)
         room, before = self._room.get(who, (float(BURST_BYTES), now))
         room = min(BURST_BYTES, room + BYTES_PER_SECOND * (now - before))
-        size = len(json.dumps(record, default=str))
+        size = LINK_BYTES + len(json.dumps(record, default=str))
         self._room[who] = (room - size if room >= size else room, now)
         return room >= size
 
