@@ -103,9 +103,9 @@ class SharedMemory:
         size = cls.size(path_capacity, cycle_capacity)
         descriptor = os.memfd_create("orientd-servo", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
         try:
-            # What the machine has set aside for shared memory bounds this too, which is not in it.
+            # This is not in there; but what the machine sets aside for shared memory bounds it too.
             room = os.statvfs(DIRECTORY)
-            if size > room.f_bavail * room.f_frsize:
+            if size > room.f_blocks * room.f_frsize:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             # All of it now: a page that is not to be had later kills whoever touches it.
             os.posix_fallocate(descriptor, 0, size)
