@@ -35,7 +35,7 @@ def rehearse(folder, count, seed):
 
 
 def test_some_damaged_files_are_refused_in_one_line(tmp_path):
-    found = rehearse(tmp_path, 300, SEED)
+    found = rehearse(tmp_path, 200, SEED)
     assert {is_read for _, is_read in found} == {False, True}
 
 

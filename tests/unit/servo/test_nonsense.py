@@ -13,7 +13,7 @@ from orientd.stream.records import PATH_RECORD
 
 WILD = (0, 1, 2**31, 2**63, 2**64 - 1)
 FLOATS = (float("nan"), float("inf"), -1e308, 1e-310, 0.0, 3.0)
-ROUNDS = 60
+ROUNDS = 32
 
 
 def scribble(memory, chance):
