@@ -32,8 +32,10 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
+from orientd.bounded_file import MEBIBYTE, read_bounded
 from orientd.errors import ConfigError
 from orientd.limit_field import AngularLimit, LinearLimit
+from orientd.one_line import one_line
 from orientd.operation_settings import AccessSettings, MetricsSettings, SomePath, Table, TcpSettings
 from orientd.spelling import unknown_key
 
@@ -307,15 +309,18 @@ def load(path: Path) -> Settings:
             one line names the file, the key, what was expected and what came.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_bounded(path, MEBIBYTE).decode("utf-8")
     except OSError as error:
         raise ConfigError(f"cannot read {path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: not UTF-8 text (byte {error.start})") from error
     try:
         table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    # Numbers and dates out of range are a ValueError of another kind.
+    except ValueError as error:
         raise ConfigError(f"{path}: not TOML: {error}") from error
+    except RecursionError as error:
+        raise ConfigError(f"{path}: not TOML: nested too deeply") from error
     return parse(table, source=str(path))
 
 
@@ -328,7 +333,7 @@ def parse(table: Mapping[str, Any], *, source: str) -> Settings:
     try:
         return Settings.model_validate(table)
     except ValidationError as error:
-        raise ConfigError(f"{source}: {_describe(error)}") from error
+        raise ConfigError(one_line(f"{source}: {_describe(error)}")) from error
 
 
 def _known_keys(table: Sequence[str]) -> list[str]:
@@ -345,16 +350,21 @@ def _known_keys(table: Sequence[str]) -> list[str]:
     return list(model.model_fields)
 
 
+_LONGEST_KEY = 60
+"""Characters of a key that are shown."""
+
+
 def _describe(error: ValidationError) -> str:
     """Return the first complaint on one line: key, what was expected, what came."""
     first, *others = error.errors(include_url=False)
     if first["type"] == "missing":
         # A misspelt key says more than that the right one is missing.
         first = next((one for one in others if one["type"] == "extra_forbidden"), first)
-    key = ".".join(str(part) for part in first["loc"] if part != "[key]")
+    place = [str(part)[:_LONGEST_KEY] for part in first["loc"] if part != "[key]"]
+    key = ".".join(place)
     came = first["input"]
     if first["type"] == "extra_forbidden":
-        *table, last = (str(part) for part in first["loc"])
+        *table, last = place
         return f"{key}: {unknown_key(last, _known_keys(table))}"
     if first["type"] == "missing":
         return f"{key}: missing"

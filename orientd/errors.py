@@ -53,6 +53,9 @@ class RequestError(OrientdError, ValueError):
     """
 
     def __init__(self, field: str, problem: str) -> None:
+        # Keys and values that somebody else has written may be of any length.
+        field = field if len(field) <= 200 else f"{field[:197]}..."
+        problem = problem if len(problem) <= 700 else f"{problem[:697]}..."
         super().__init__(f"{field}: {problem}" if field else problem)
         self.field = field
         self.problem = problem

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import Field, PlainValidator, WithJsonSchema
+from pydantic import Field, PlainSerializer, PlainValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
 from orientd.plain_values import angular_rate
@@ -29,6 +29,8 @@ _POSITIVE: dict[str, Any] = {"type": "number", "exclusiveMinimum": 0}
 AngularLimit = Annotated[
     float | tuple[float, float, float],
     PlainValidator(_angular_limit),
+    # By itself pydantic takes three numbers for a list that should be a tuple, and warns.
+    PlainSerializer(lambda limit: limit, return_type=Any),
     WithJsonSchema(
         {
             "anyOf": [

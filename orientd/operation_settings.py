@@ -98,9 +98,10 @@ class AccessSettings(Table):
         audit_files: how many of those before it are kept.
         message_bytes: the largest message.
         keyframes: the most of one motion.
-        requests_per_second: of one connection, over time; stops do not count.
-        streams: calls of one identity at the same time.
-        connections: of one identity at the same time.
+        requests_per_second: of one connection, over time, and a quarter of those of one identity
+            over all of its connections; stops do not count.
+        streams: calls of one identity at the same time; 16 more under a lease of its own.
+        connections: of one identity, and from one address, at the same time.
     """
 
     users: dict[str, SomeRole] = Field(default_factory=dict)

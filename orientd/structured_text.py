@@ -22,6 +22,7 @@ from typing import Any, NoReturn
 
 import yaml
 
+from orientd.bounded_file import MEBIBYTE, read_bounded
 from orientd.errors import RequestError
 
 Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -29,8 +30,14 @@ Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 DEEPEST = 64
 """Levels of nesting that are read; a motion file has five."""
 
-LARGEST = 20_000_000
-"""Values that are read, those repeated by aliases included."""
+MOST_BYTES = 8 * MEBIBYTE
+"""Of a file; a keyframe takes about a hundred."""
+
+MOST_VALUES = 1_000_000
+"""Values that are read, those repeated by aliases included; each takes up to a hundred bytes."""
+
+FREE_VALUES = 100_000
+"""Of a short file, whose aliases may repeat more values than it has bytes."""
 
 _INT = re.compile(r"[-+]?(0|[1-9][0-9]*)\Z")
 _FLOAT = re.compile(r"[-+]?([0-9]+\.[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?\Z")
@@ -49,10 +56,11 @@ def read_structured(path: Path) -> object:
     """Return the content of a YAML or JSON file.
 
     Raises:
-        RequestError: it cannot be read, is neither YAML nor JSON, is empty, or has a key twice.
+        RequestError: it cannot be read, has more than :data:`MOST_BYTES`, is neither YAML nor JSON,
+            is empty, or has a key twice.
     """
     try:
-        content = path.read_bytes()
+        content = read_bounded(path, MOST_BYTES)
     except OSError as error:
         raise RequestError("", f"cannot read {path}: {error.strerror}") from error
     return parse_structured(content, str(path))
@@ -66,8 +74,11 @@ def parse_structured(content: bytes, source: str) -> object:
         source: the file's name, for errors; one that ends in ``.json`` must be JSON.
 
     Raises:
-        RequestError: it is neither YAML nor JSON, is empty, or has a key twice.
+        RequestError: it is neither YAML nor JSON, is empty, has a key twice, or more values than
+            are read.
     """
+    if len(content) > MOST_BYTES:
+        raise RequestError("", f"{source}: more than {MOST_BYTES // MEBIBYTE} MiB")
     try:
         text = content.decode("utf-8")
     except UnicodeDecodeError as error:
@@ -76,8 +87,13 @@ def parse_structured(content: bytes, source: str) -> object:
         raise RequestError("", f"{source}: the file is empty")
     # YAML reads JSON too, a hundred times as slowly.
     if text.lstrip().startswith("{"):
+        # Before there are any: each but the first follows one of these.
+        if sum(map(text.count, ",[{")) > MOST_VALUES:
+            raise RequestError("", f"{source}: more than {MOST_VALUES} values")
         try:
             return json.loads(text, object_pairs_hook=_once)
+        except RequestError:
+            raise
         except RecursionError as error:
             raise RequestError("", f"{source}: nested too deeply") from error
         except json.JSONDecodeError as error:
@@ -85,15 +101,19 @@ def parse_structured(content: bytes, source: str) -> object:
                 raise RequestError(
                     "", f"{source}: line {error.lineno}: not JSON: {error.msg}"
                 ) from error
+        except ValueError as error:  # a whole number of thousands of digits
+            raise RequestError("", f"{source}: not JSON: {error}") from error
     return _read_yaml(text, source)
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     mapping = dict(pairs)
     if len(mapping) < len(pairs):
-        names = [name for name, _ in pairs]
-        twice = next(name for name in names if names.count(name) > 1)
-        raise RequestError(twice, "the key is given twice")
+        seen: set[str] = set()
+        for name, _ in pairs:
+            if name in seen:
+                raise RequestError(name, "the key is given twice")
+            seen.add(name)
     return mapping
 
 
@@ -103,7 +123,8 @@ def _read_yaml(text: str, source: str) -> object:
     except yaml.YAMLError as error:
         raise RequestError("", f"{source}: not YAML: {' '.join(str(error).split())}") from error
     try:
-        return _Reader(source).read(iter(loader.get_event, None))
+        most = min(MOST_VALUES, max(FREE_VALUES, len(text)))
+        return _Reader(source, most).read(iter(loader.get_event, None))
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = f"line {mark.line + 1}: " if mark else ""
@@ -128,8 +149,9 @@ class _Level:
 class _Reader:
     """Puts the events of one YAML document together to plain values."""
 
-    def __init__(self, source: str) -> None:
+    def __init__(self, source: str, most_values: int) -> None:
         self._source = source
+        self._most_values = most_values
         self._levels: list[_Level] = []
         self._anchors: dict[str, tuple[Any, int]] = {}
         self._roots: list[Any] = []
@@ -187,8 +209,8 @@ class _Reader:
             return
         level = self._levels[-1]
         level.size += size
-        if level.size > LARGEST:
-            raise RequestError("", f"{self._source}: more than {LARGEST} values")
+        if level.size > self._most_values:
+            raise RequestError("", f"{self._source}: more than {self._most_values} values")
         if isinstance(level.content, list):
             level.content.append(content)
         else:

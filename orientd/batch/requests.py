@@ -16,8 +16,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from orientd.bounded_file import check_regular
 from orientd.errors import OrientdError, RequestError
+from orientd.one_line import one_line
 from orientd.schema import MOTION, Kind
+from orientd.structured_text import MOST_BYTES
 
 _Q = ("qw", "qx", "qy", "qz")
 _POSITION = ("x", "y", "z")
@@ -56,6 +59,7 @@ def open_requests(path: Path) -> Requests:
         OrientdError: the file cannot be read, is of another kind, or lacks a column.
     """
     try:
+        check_regular(path)
         with path.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
@@ -75,9 +79,13 @@ def open_requests(path: Path) -> Requests:
 def _lines(path: Path) -> Iterator[str]:
     try:
         with path.open(encoding="utf-8") as file:
-            yield from (line for line in file if not line.isspace())
+            while line := file.readline(MOST_BYTES + 1):
+                if len(line) > MOST_BYTES:
+                    raise OrientdError(f"{path}: a line of more than {MOST_BYTES} characters")
+                if not line.isspace():
+                    yield line
     except (OSError, UnicodeDecodeError) as error:
-        raise OrientdError(f"cannot read {path}: {error}") from error
+        raise OrientdError(f"cannot read {path}: {one_line(str(error), 300)}") from error
 
 
 def mapping_of(line: str) -> Any:  # noqa: ANN401 - whatever JSON holds
@@ -119,17 +127,19 @@ def _batches(path: Path) -> Iterator[Sequence[Row]]:
         _check_columns(path, names, tuple(types))
         for batch in batches:
             yield batch.to_pylist()
-    except (OSError, arrow.ArrowException) as error:
-        raise OrientdError(f"cannot read {path}: {error}") from error
+    except (OSError, ValueError, arrow.ArrowException) as error:
+        raise OrientdError(f"cannot read {path}: {one_line(str(error), 300)}") from error
 
 
 def _check_columns(path: Path, names: Sequence[str], known: Sequence[str]) -> None:
     missing = [name for name in ("motion", *_Q) if name not in names]
     strange = [name for name in names if name not in known]
     if missing:
-        raise OrientdError(f"{path}: expected a column {missing[0]!r}, got {', '.join(names)}")
+        came = one_line(", ".join(names), 300)
+        raise OrientdError(f"{path}: expected a column {missing[0]!r}, got {came}")
     if strange:
-        raise OrientdError(f"{path}: unknown column {strange[0]!r}; known: {', '.join(known)}")
+        came = one_line(strange[0], 100)
+        raise OrientdError(f"{path}: unknown column {came!r}; known: {', '.join(known)}")
 
 
 def motion_of_rows(rows: Sequence[Row]) -> dict[str, Any]:

@@ -20,6 +20,7 @@ import numpy as np
 
 from orientd.batch.requests import Requests
 from orientd.batch.rows import FLOATS, RECORD, TEXTS, Outcomes, Part, plan_part
+from orientd.bounded_file import MEBIBYTE, read_bounded
 from orientd.config import DeviceSettings
 from orientd.errors import OrientdError
 from orientd.planner import in_parallel, need_backend
@@ -93,10 +94,11 @@ class Batch:
             self._parts.mkdir(parents=True, exist_ok=True)
             if not label.exists():
                 _write(label, lambda path: path.write_text(json.dumps(asked, indent=1)))
-            found = json.loads(label.read_text())
-        except (OSError, ValueError) as error:
+            found = json.loads(read_bounded(label, MEBIBYTE))
+        except (OSError, ValueError, RecursionError) as error:
             raise OrientdError(f"cannot use {folder}: {error}") from error
-        differing = [name for name in asked if found.get(name) != asked[name]]
+        known = found if isinstance(found, dict) else {}
+        differing = [name for name in asked if known.get(name) != asked[name]]
         if differing:
             raise OrientdError(
                 f"{folder} holds a batch with other {' and '.join(differing)}; expected a new "

@@ -19,6 +19,7 @@ import typer
 from orientd.cli.completion import devices
 from orientd.cli.output import close_output, plain
 from orientd.errors import LimitError, OrientdError, RequestError
+from orientd.one_line import one_line
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 Socket = Annotated[
@@ -76,6 +77,9 @@ def command(run: Callable[Parameters, None]) -> Callable[Parameters, None]:
         except BrokenPipeError:
             close_output()
             raise typer.Exit(1) from None
+        except OSError as error:  # of a name that no file can have, where nobody else has looked
+            what = f"{one_line(str(error.filename), 100)}: " if error.filename else ""
+            fail(OrientdError(f"{what}{error.strerror or error}"), as_json=as_json)
 
     signature = inspect.signature(run, eval_str=True)
     if "socket" in signature.parameters:
@@ -94,8 +98,7 @@ def fail(error: OrientdError, *, as_json: bool) -> None:
     if as_json:
         print(json.dumps({"error": describe(error)}), file=sys.stderr)  # noqa: T201
     else:
-        text = " ".join(str(error).split())
-        print(f"orientd: {text}", file=sys.stderr)  # noqa: T201
+        print(f"orientd: {one_line(str(error))}", file=sys.stderr)  # noqa: T201
     raise typer.Exit(1) from None
 
 

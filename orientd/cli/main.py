@@ -43,6 +43,7 @@ _HOMES = {
     "sim": "sim",
     "service": "service",
     "lease": "lease",
+    "audit": "audit",
 }
 """The module of each command, or group of commands, in the order of the help."""
 

@@ -15,13 +15,15 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
+from orientd.one_line import shown
+
 _QUATERNIONS = {"q", "feedback_q"}
 
 
 def say(*lines: str) -> None:
     """Print lines for people, at once: a pipe shows them as they come, like a terminal."""
     if lines:
-        print(*lines, sep="\n", flush=True)  # noqa: T201
+        print("\n".join(map(shown, lines)), flush=True)  # noqa: T201
 
 
 def say_json(content: object) -> None:

@@ -128,9 +128,21 @@ def certificate(of: Certificate) -> list[str]:
     return lines
 
 
-def summary(of: Summary, plan: Plan) -> list[str]:
-    """Return how a motion went, line by line."""
+def speed_left(speed: float) -> list[str]:
+    """Return a line about a speed that was left by whoever set it; none where it is as planned.
+
+    >>> speed_left(1.0), speed_left(0.5)
+    ([], ['runs at speed 0.5, as it was set before; `orientd speed 1` is as planned'])
+    """
+    said = f"runs at speed {speed:g}, as it was set before; `orientd speed 1` is as planned"
+    return [] if speed == 1.0 else [said]
+
+
+def summary(of: Summary, plan: Plan, *, speed: float = 1.0) -> list[str]:
+    """Return how a motion went that began at a *speed*, line by line."""
     lines = [f"motion {titled(of.motion_number, plan.name)}: {ending(of)}"]
+    if speed != 1.0:
+        lines.append(f"  speed                {speed:g} when it began, as it was set before")
     if of.statistics is not None:
         lines += [f"  {line}" for line in statistics(of.statistics, plan)]
     if of.settled_after is not None:
@@ -183,6 +195,6 @@ def rate(omega: Sequence[float]) -> float:
 def motion(device: DeviceReport) -> str:
     """Return which motion a device runs, or ran last."""
     if device.motion_number == 0:
-        return "none yet"
+        return "none yet" if device.speed == 1.0 else f"none yet; speed {device.speed:g} is set"
     of = titled(device.motion_number, device.motion_name)
     return f"{of}: {device.path_time:.3f} of {device.duration:.3f} s, speed {device.speed:g}"

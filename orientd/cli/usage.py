@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
+import traceback
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import typer
 from typer.core import TyperGroup
+
+from orientd.one_line import one_line
 
 # Typer brings its own copy of Click, or depends on Click, by its version; these are its classes.
 _USAGE_ERROR, _CLICK_ERROR = typer.BadParameter.__mro__[1:3]
 
 INTERRUPTED = 130
 """What Typer makes of Ctrl-C before a command of ours has begun."""
+
+
+TRACEBACK = "ORIENTD_TRACEBACK"
+"""Variable of the environment with which a mistake of ours shows where it was made."""
 
 
 class Commands(TyperGroup):
@@ -38,10 +47,13 @@ class Commands(TyperGroup):
         except (typer.Abort, KeyboardInterrupt):
             status = INTERRUPTED
         except Exception as error:
-            if not isinstance(error, _CLICK_ERROR):
+            if isinstance(error, _CLICK_ERROR):
+                _tell(error, as_json=as_json)
+                sys.exit(2)
+            if TRACEBACK in os.environ:
                 raise
-            _tell(error, as_json=as_json)
-            sys.exit(2)
+            _say({"kind": "InternalError", "message": _mistake(error)}, as_json=as_json)
+            sys.exit(1)
         if status == INTERRUPTED:
             _say({"kind": "OrientdError", "message": "interrupted"}, as_json=as_json)
             sys.exit(1)
@@ -61,6 +73,17 @@ def _tell(error: Any, *, as_json: bool) -> None:  # noqa: ANN401 - a ClickExcept
     _say({"kind": "UsageError", "message": message}, as_json=as_json)
 
 
+def _mistake(error: Exception) -> str:
+    """Return what is said of an error that nobody has foreseen."""
+    if isinstance(error, MemoryError):
+        return "there is not enough memory for this"
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    return (
+        f"a mistake of orientd's own, {type(error).__name__} at {Path(last.filename).name}:"
+        f"{last.lineno}: {str(error)[:300]}; {TRACEBACK}=1 shows more"
+    )
+
+
 def _say(error: dict[str, str], *, as_json: bool) -> None:
-    text = json.dumps({"error": error}) if as_json else f"orientd: {error['message']}"
+    text = json.dumps({"error": error}) if as_json else f"orientd: {one_line(error['message'])}"
     print(text, file=sys.stderr)  # noqa: T201

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 from orientd.lazy import lazily
 
 if TYPE_CHECKING:
+    from orientd.daemon.access.audit_chain import verify_audit
+    from orientd.daemon.access.authentication import audit_path
     from orientd.daemon.calls.latency_identification import measure_latency
     from orientd.daemon.observe.structured_log import LogFormat, set_up_log
     from orientd.daemon.planners.reporting import known_methods, plan_of, samples_of

@@ -37,6 +37,7 @@ from orientd.errors import (
     RequestError,
     UnknownNameError,
 )
+from orientd.one_line import one_line
 from orientd.rpc import Outcome
 
 if TYPE_CHECKING:
@@ -233,7 +234,7 @@ class Cell:
             DaemonError: a servo does not answer.
         """
         devices = [self.device(name)] if name else list(self.devices.values())
-        caller = " ".join(caller.split())[:200] or "somebody"
+        caller = one_line(caller, 200) or "somebody"
         reason = f"stopped by {caller}"
         if motion:
             found = [self.runs.find(device, motion) for device in devices]

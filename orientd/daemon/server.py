@@ -41,6 +41,9 @@ SERVICE = control_pb2.DESCRIPTOR.services_by_name["Control"].full_name
 READY_TIMEOUT = 15.0
 """How long devices may take to be ready before the daemon says what is wrong with them, s."""
 
+FIRST_PAUSE, LONGEST_PAUSE = 2.0, 60.0
+"""How long a device that was not ready is left alone before it is started again, s."""
+
 GRACE = 1.0
 """How long calls may take to end once everything stands still, s."""
 
@@ -54,25 +57,33 @@ def run(
     configuration: str = "",
     reread: Callable[[], Settings] | None = None,
     on_ready: Callable[[DaemonReport, list[str]], None],
+    needs_devices: bool = False,
 ) -> None:
     """Be the daemon until SIGTERM or SIGINT.
+
+    A device that is not ready when the daemon is, is started again every now and then.
 
     Args:
         settings: devices and lease.
         socket: where to listen.
         configuration: where the settings are from, for those who ask.
         reread: returns the settings as they are now, for SIGHUP; ``None`` where there is no file.
-        on_ready: called once commands are taken, with what is wrong with the devices, if anything.
+        on_ready: called once commands are taken, with what is wrong with the devices, if anything;
+            and again once nothing is.
+        needs_devices: whether to end where a device is not ready.
 
     Raises:
         ConfigError: a device of the settings is not possible here.
+        DaemonError: a device is not ready, and is needed.
         DaemonError: there is a daemon at *socket* already, or it cannot be listened at.
         KernelsError: nothing could be planned, for want of compiled kernels that this machine runs.
     """
     processor.library()
     target(socket)  # whether the path can be that of a socket
     with claimed(socket), inner_socket(socket) as inner:
-        asyncio.run(_Daemon(settings, socket, configuration, reread, on_ready).run(inner))
+        asyncio.run(
+            _Daemon(settings, socket, configuration, reread, on_ready, needs_devices).run(inner)
+        )
 
 
 class _Daemon:
@@ -83,7 +94,9 @@ class _Daemon:
         configuration: str,
         reread: Callable[[], Settings] | None,
         on_ready: Callable[[DaemonReport, list[str]], None],
+        needs_devices: bool,
     ) -> None:
+        self._needs_devices = needs_devices
         self._settings = self._initial = settings
         self._socket = socket
         self._configuration = configuration
@@ -114,7 +127,9 @@ class _Daemon:
                 await checks.set(name, health_pb2.HealthCheckResponse.SERVING)
             cell, service = await asyncio.to_thread(self._load, entry)
             cell.planners.start()
-            entry.checkpoint.guard_leases(cell.leases.owner)
+            entry.guard_leases(
+                cell.leases.owner, lambda: {lease.owner for lease in cell.leases.held()}
+            )
             watchdog = Watchdog(cell.devices)
             try:
                 self._measure(cell, entry)
@@ -208,21 +223,41 @@ class _Daemon:
         return cell, ControlService(cell, lambda: self._describe(cell), who=entry.named)
 
     async def _serve(self, cell: Cell) -> None:
-        expiry = asyncio.create_task(_expire_leases(cell))
+        tasks = [asyncio.create_task(_expire_leases(cell))]
         problems = await asyncio.to_thread(
             cell.wait_ready, READY_TIMEOUT, is_cancelled=self._stopping.is_set
         )
         if not self._stopping.is_set():
             for problem in problems:
                 _log.error("%s", problem)
+            if problems and self._needs_devices:
+                raise DaemonError("; ".join(problems))
             self._on_ready(self._describe(cell), problems)
             notify("READY=1")
+            if problems:
+                tasks.append(asyncio.create_task(self._start_again(cell)))
             # What was loaded stays for good; every full collection would take 20 ms over it.
             gc.collect()
             gc.freeze()
         await self._stopping.wait()
         notify("STOPPING=1")
-        expiry.cancel()
+        for task in tasks:
+            task.cancel()
+
+    async def _start_again(self, cell: Cell) -> None:
+        """Start again what is not ready, ever more rarely, and say so once everything is."""
+        pause = FIRST_PAUSE
+        waiting = {name for name, device in cell.devices.items() if not device.wait_ready(0.0)}
+        while waiting:
+            await asyncio.sleep(pause)
+            pause = min(2.0 * pause, LONGEST_PAUSE)
+            for name in sorted(waiting):
+                device = cell.devices[name]
+                if device.failure:
+                    await cell.in_worker(device.try_again)
+                if device.wait_ready(0.0):
+                    waiting.discard(name)
+        self._on_ready(self._describe(cell), [])
 
     def _describe(self, cell: Cell) -> DaemonReport:
         """Return what there is to say about the daemon itself."""

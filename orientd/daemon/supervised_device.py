@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from orientd.config import DeviceSettings
 from orientd.daemon.devices import DeviceEvent, EventKind, ServoLink, ServoSupervisor
-from orientd.errors import DaemonError, Fault, PendingError
+from orientd.errors import DaemonError, Fault, PendingError, StateError
 from orientd.stream import STOPS_WORD, State
 
 if TYPE_CHECKING:
@@ -166,6 +166,11 @@ class SupervisedDevice:
             # The new servo found the device as stopped as the old one left it.
             with self._lock:
                 self._leave_fault(ends)
+
+    def try_again(self) -> None:
+        """Start the servo again where the device did not answer; it may take its time, or fail."""
+        with contextlib.suppress(DaemonError, PendingError, StateError):
+            self.reset()
 
     def _leave_fault(self, ends: float) -> bool:
         """Have the servo leave its fault by *ends*; return whether there was a servo to do it."""

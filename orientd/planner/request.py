@@ -286,7 +286,8 @@ def _vector(components: ArrayLike, name: str) -> Vector3:
 
 def _orientations(keyframes: Sequence[Keyframe]) -> Floats:
     keys = _table([k.q for k in keyframes], 4, "quaternion", "four numbers w, x, y, z")
-    norm = np.sqrt(np.sum(keys * keys, axis=-1))
+    with np.errstate(over="ignore"):
+        norm = np.sqrt(np.sum(keys * keys, axis=-1))
     error = np.abs(norm - 1.0)
     largest = float(error.max())
     if largest > NORM_TOLERANCE:

@@ -9,12 +9,15 @@ between two records it is a cubic.
 from __future__ import annotations
 
 import json
+import struct
 import zipfile
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 
 import numpy as np
 
+from orientd.bounded_file import check_regular
 from orientd.driver import Figure
 from orientd.errors import OrientdError
 from orientd.planner.certify import Certificate, Peak, Rough
@@ -27,6 +30,12 @@ from orientd.planner.saving import FORMAT, VERSION
 
 _AXES = ("axis_velocity", "axis_acceleration", "axis_jerk")
 
+_DAMAGES = (
+    *(zipfile.BadZipFile, struct.error, EOFError, RuntimeError, SyntaxError, TokenError),
+    *(ValueError, LookupError, TypeError, AttributeError, ArithmeticError, MemoryError),
+)
+"""What archive and arrays make of damaged bytes."""
+
 
 def load_motion(path: str | Path) -> Motion:
     """Return the motion in a file, which is equal to the one that was saved.
@@ -35,10 +44,14 @@ def load_motion(path: str | Path) -> Motion:
         OrientdError: the file cannot be read, is none of a motion, or of a later version.
     """
     try:
+        check_regular(Path(path))
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()
+            packed = any(part.compress_type != zipfile.ZIP_STORED for part in archive.infolist())
         if "header.npy" not in names:
             raise ValueError("no header")
+        if packed:
+            raise ValueError("compressed, which could hold more than there is memory for")
         with np.load(path, allow_pickle=False) as archive:
             arrays = dict(archive)
         header = json.loads(str(arrays["header"]))
@@ -47,7 +60,7 @@ def load_motion(path: str | Path) -> Motion:
         version = header["version"]
     except OSError as error:
         raise OrientdError(f"cannot read {path}: {error.strerror or error}") from error
-    except (zipfile.BadZipFile, EOFError, ValueError, KeyError, TypeError) as error:
+    except _DAMAGES as error:
         raise OrientdError(f"{path} is not a motion saved by orientd: {error}") from error
     if version != VERSION:
         raise OrientdError(
@@ -55,7 +68,7 @@ def load_motion(path: str | Path) -> Motion:
         )
     try:
         return _motion(header, arrays)
-    except (ValueError, KeyError, TypeError) as error:
+    except _DAMAGES as error:
         raise OrientdError(f"{path} is damaged: {error}") from error
 
 

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from orientd.bounded_file import MEBIBYTE, check_regular
 from orientd.errors import OrientdError
 from orientd.recorder.writer import RecordingError
 
@@ -30,15 +31,16 @@ def messages(path: Path) -> Iterator[tuple[str, int, Any]]:
         RecordingError: there is no bag at *path*, or it is damaged.
     """
     try:
-        import apsw
-        from rosbags.highlevel import AnyReader, AnyReaderError
-        from rosbags.rosbag2 import ReaderError
+        from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         raise OrientdError(
             "ROS 2 bags need the extra `bags`: pip install 'orientd-motion[bags]'"
         ) from error
     try:
+        for file in path.iterdir() if path.is_dir() else (path,):
+            if not file.is_dir():
+                check_regular(file, most_bytes=MEBIBYTE if file.suffix == ".yaml" else 0)
         known = get_typestore(Stores.ROS2_HUMBLE)
         with AnyReader([path], default_typestore=known) as reader:
             types = reader.typestore.fielddefs
@@ -46,6 +48,7 @@ def messages(path: Path) -> Iterator[tuple[str, int, Any]]:
             # An empty list would mean all of them.
             for connection, time, content in reader.messages(readable) if readable else ():
                 yield connection.topic, time, reader.deserialize(content, connection.msgtype)
-    except (AnyReaderError, ReaderError, apsw.Error, OSError) as error:
-        text = " ".join(str(error).split())
+    # What comes of damage is a matter of four libraries.
+    except Exception as error:
+        text = " ".join(str(error).split())[:200] or type(error).__name__
         raise RecordingError(f"{path}: not a ROS 2 bag that can be read: {text}") from error

@@ -89,7 +89,11 @@ def to_block(table: Table) -> pb.CycleBlock:
 
 
 def from_block(block: pb.CycleBlock) -> Table:
-    """Return the table that *block* was made of."""
+    """Return the table that *block* was made of.
+
+    Raises:
+        ValueError: it is not one that :func:`to_block` makes.
+    """
     table = np.zeros(block.count, dtype=CYCLES)
     for name in CYCLES.names or ():
         if name == "feedback_time_ns":
@@ -143,6 +147,8 @@ def _cost(steps: NDArray[np.int64]) -> float:
 def _content(column: pb.Column, count: int) -> NDArray[Any]:
     if column.raw:
         return np.array(column.raw).reshape(column.width, count).T
+    if column.order > MOST_DIFFERENCES:
+        raise ValueError(f"differences of order {column.order}")
     steps = np.array(column.steps, dtype=np.int64).reshape(column.width, count).T
     for _ in range(column.order):
         steps = np.cumsum(steps, axis=0)

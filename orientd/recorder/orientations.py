@@ -10,15 +10,17 @@ from __future__ import annotations
 import csv
 import json
 import math
+from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 
+from orientd.bounded_file import MEBIBYTE, check_regular
 from orientd.recorder import bags
-from orientd.recorder.reader import load_recording, records
+from orientd.recorder.reader import load_recording, reading, records
 from orientd.recorder.writer import RecordingError
 from orientd.rotation import Floats
 from orientd.stream import CycleFlag
@@ -58,10 +60,11 @@ def read_orientations(path: Path, topic: str = "") -> Orientations:
     Raises:
         RecordingError: the file cannot be read, or has no such topic, or several.
     """
-    if path.suffix == ".csv":
-        tables = _from_csv(path)
-    else:
-        tables = _from_bag(path) if bags.is_bag(path) else _from_mcap(path)
+    with reading(path):
+        if path.suffix == ".csv":
+            tables = _from_csv(path)
+        else:
+            tables = _from_bag(path) if bags.is_bag(path) else _from_mcap(path)
     if not tables:
         raise RecordingError(f"{path}: no orientations in it")
     if topic and list(tables) == [""]:
@@ -76,11 +79,13 @@ def read_orientations(path: Path, topic: str = "") -> Orientations:
         raise RecordingError(f"{path}: no orientations in {topic!r}, there is {_listed(tables)}")
     name = topic if topic in tables else _meant(path, tables)
     times, q = tables[name]
-    return Orientations(name, times - (times[0] if len(times) else 0.0), q)
+    with np.errstate(invalid="ignore"):  # a time out of all range becomes no number
+        return Orientations(name, times - (times[0] if len(times) else 0.0), q)
 
 
 Tables = dict[str, tuple[Floats, Floats]]
-Rows = dict[str, list[tuple[float, ...]]]
+Rows = dict[str, "array[float]"]
+"""Time and orientation of each sample, one after the other, by topic."""
 
 
 def _meant(path: Path, tables: Mapping[str, object]) -> str:
@@ -157,13 +162,13 @@ def _add(rows: Rows, topic: str, time_ns: int, message: object) -> None:
     """Add what a message has of orientations; *time_ns* counts where it has no time of its own."""
     for child, stamp, q in _orientations(message):
         name = f"{topic}#{child}" if child else topic
-        rows.setdefault(name, []).append((time_ns * 1e-9 if stamp is None else stamp, *q))
+        rows.setdefault(name, array("d")).extend((time_ns * 1e-9 if stamp is None else stamp, *q))
 
 
 def _tables(rows: Rows) -> Tables:
     tables: Tables = {}
     for name, found in rows.items():
-        table = np.array(found)
+        table = np.array(found).reshape(-1, 5)
         tables[name] = (table[:, 0], table[:, 1:])
     return tables
 
@@ -225,43 +230,87 @@ def _field(message: object, name: str) -> Any:  # noqa: ANN401 - whatever a mess
     return getattr(message, name, None)
 
 
+_LONGEST_ROW = MEBIBYTE
+"""Bytes of a row of a table; of a wide one, some thousand."""
+
+
 def _from_csv(path: Path) -> Tables:
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            rows = csv.reader(stream)
-            header = [name.strip() for name in next(rows, [])]
-            body = [row for row in rows if row]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise RecordingError(f"cannot read {path}: {error}") from error
-    places = {name: place for place, name in enumerate(header)}
-    clock = next((name for name in _TIMES if name in places), None)
-    if clock is None:
-        raise RecordingError(f"{path}: no column of times; expected {', '.join(_TIMES)}")
-    times = _column(body, places[clock]) * _TIMES[clock]
+    check_regular(path)
+    with path.open(newline="", encoding="utf-8-sig") as stream:
+        lines = _Lines(path, stream)
+        rows = csv.reader(lines)
+        header = [name.strip() for name in next(rows, [])]
+        places = {name: place for place, name in enumerate(header)}
+        clock = next((name for name in _TIMES if name in places), None)
+        if clock is None:
+            raise RecordingError(f"{path}: no column of times; expected {', '.join(_TIMES)}")
+        found = list(_quaternion_columns(header, places))
+        used = {clock, *(name for _, q, own in found for name in (*q, *own))}
+        read = {name: array("d") for name in used}
+        for row in rows:
+            lines.begin_row()
+            if row:
+                for name, column in read.items():
+                    column.append(_number(row, places[name]))
+    columns = {name: np.array(column) for name, column in read.items()}
+    times = columns[clock] * _TIMES[clock]
     apart = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     if apart > _FAR_APART:
         raise RecordingError(
             f"{path}: the column {clock!r} is in seconds, and rows are {apart:g} s apart; "
             "call it 'time_ns' if it holds nanoseconds"
         )
-    tables: Tables = {}
+    return {
+        topic: (
+            columns[own[0]] if own else times,
+            np.stack([columns[name] for name in q], axis=-1),
+        )
+        for topic, q, own in found
+    }
+
+
+def _quaternion_columns(
+    header: Sequence[str], places: Mapping[str, int]
+) -> Iterator[tuple[str, tuple[str, ...], tuple[str, ...]]]:
+    """Yield topic, columns of the quaternion and, where it has one, that of its own times."""
     for name in header:
         if not name.endswith("w"):
             continue
         prefix = name[:-1]
         if all(prefix + axis in places for axis in "xyz"):
-            q = np.stack([_column(body, places[prefix + axis]) for axis in "wxyz"], axis=-1)
             topic = prefix.removesuffix("q").rstrip("_.")
-            own = places.get(f"{topic}_time_s")
-            tables[topic] = (times if own is None else _column(body, own), q)
-    return tables
+            own = f"{topic}_time_s"
+            q = tuple(prefix + axis for axis in "wxyz")
+            yield topic, q, ((own,) if own in places else ())
 
 
-def _column(body: list[list[str]], place: int) -> Floats:
-    def number(row: list[str]) -> float:
-        try:
-            return float(row[place])
-        except (ValueError, IndexError):
-            return math.nan
+class _Lines:
+    """The lines of a file, as long as those of one row are no longer than a row may be."""
 
-    return np.array([number(row) for row in body])
+    def __init__(self, path: Path, stream: TextIO) -> None:
+        self._path = path
+        self._stream = stream
+        self._room = _LONGEST_ROW
+
+    def begin_row(self) -> None:
+        self._room = _LONGEST_ROW
+
+    def __iter__(self) -> Iterator[str]:
+        return self
+
+    def __next__(self) -> str:
+        line = self._stream.readline(self._room)
+        self._room -= len(line)
+        if self._room <= 0:
+            raise RecordingError(f"{self._path}: a row of more than {_LONGEST_ROW} characters")
+        if not line:
+            raise StopIteration
+        return line
+
+
+def _number(row: Sequence[str], place: int) -> float:
+    try:
+        number = float(row[place])
+    except (ValueError, IndexError):
+        return math.nan
+    return number if math.isfinite(number) else math.nan

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
-import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mcap.exceptions import McapError
+from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, McapRecord, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.stream_reader import StreamReader, get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
-from zstandard import ZstdError
+from zstandard import get_frame_parameters
 
+from orientd.bounded_file import MEBIBYTE, check_regular
+from orientd.errors import OrientdError
 from orientd.recorder import recording_pb2
 from orientd.recorder.cycle_table import CYCLES, Table, from_block
 from orientd.recorder.writer import RecordingError
@@ -25,6 +27,19 @@ from orientd.rpc import control_pb2 as pb
 _CYCLES = recording_pb2.CycleBlock.DESCRIPTOR.full_name
 _EVENT = pb.Event.DESCRIPTOR.full_name
 _STATE = pb.GetStateResponse.DESCRIPTOR.full_name
+
+LARGEST_CHUNK = 64 * MEBIBYTE
+"""Of a file, once it is decompressed; others write chunks of a few MiB, or of one image."""
+
+MOST_TIMES = 100
+"""How many times as large as a file its chunks may become together, beyond the first
+:data:`LARGEST_CHUNK`: what is much more was made to be so."""
+
+FEWEST_CYCLE_BYTES = 4
+"""Of a file for each of its cycles, whose lateness alone takes two."""
+
+_FREE_CYCLES = 50_000
+_MOST_CYCLES_OF_BLOCK = 65_536
 
 
 @dataclass(eq=False)
@@ -71,16 +86,38 @@ class Recording:
         return 1e9 / float(np.median(np.diff(self.cycles[device]["deadline_ns"])))
 
 
+@contextlib.contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Make a :class:`RecordingError` of whatever goes wrong with the content of *path*."""
+    try:
+        yield
+    except OrientdError:
+        raise
+    except OSError as error:
+        raise RecordingError(f"cannot read {path}: {error.strerror or error}") from error
+    # What decoders of others make of damaged bytes is told nowhere.
+    except Exception as error:
+        text = " ".join(str(error).split())[:200]
+        named = f"{type(error).__name__}: {text}" if text else type(error).__name__
+        raise RecordingError(f"{path}: a damaged recording: {named}") from error
+
+
 def load_recording(path: Path) -> Recording:
     """Read a recording of ours.
 
     Raises:
         RecordingError: it cannot be read, or is not one of ours.
     """
+    with reading(path):
+        return _load(path)
+
+
+def _load(path: Path) -> Recording:
     recording = Recording()
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
     blocks: dict[str, list[Table]] = {}
+    room = _FREE_CYCLES + path.stat().st_size // FEWEST_CYCLE_BYTES
     for record in records(path, recording):
         if isinstance(record, Schema):
             schemas[record.id] = record
@@ -97,6 +134,9 @@ def load_recording(path: Path) -> Recording:
             if kind == _CYCLES:
                 device = channel.topic.split("/")[1]
                 block = recording_pb2.CycleBlock.FromString(record.data)
+                room -= block.count
+                if room < 0 or block.count > _MOST_CYCLES_OF_BLOCK:
+                    raise ValueError("more cycles than it has bytes for")
                 blocks.setdefault(device, []).append(from_block(block))
             elif kind == _EVENT:
                 recording.events.append(pb.Event.FromString(record.data))
@@ -118,27 +158,59 @@ def records(path: Path, recording: Recording | None = None) -> Iterator[McapReco
         recording: is told where the end is missing.
 
     Raises:
-        RecordingError: the file cannot be read, or is no MCAP file.
+        OSError: the file cannot be read.
+        RecordingError: it is no MCAP file, or one whose chunks grow beyond all measure.
+        Exception: whatever the decoder makes of damage; see :func:`reading`.
     """
+    check_regular(path)
     is_complete = False
-    try:
-        with path.open("rb") as stream:
-            if stream.seek(0, os.SEEK_END) > 2 * len(MCAP0_MAGIC):
-                stream.seek(-len(MCAP0_MAGIC), os.SEEK_END)
-                is_complete = stream.read() == MCAP0_MAGIC
-            stream.seek(0)
-            if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
-                raise RecordingError(f"{path}: not an MCAP file")
-            stream.seek(0)
-            if recording is not None:
-                recording.is_complete = is_complete
-            for record in StreamReader(stream, emit_chunks=True).records:
-                if isinstance(record, Chunk):
-                    yield from breakup_chunk(record, validate_crc=True)
-                else:
+    with path.open("rb") as stream:
+        size = stream.seek(0, os.SEEK_END)
+        if size > 2 * len(MCAP0_MAGIC):
+            stream.seek(-len(MCAP0_MAGIC), os.SEEK_END)
+            is_complete = stream.read() == MCAP0_MAGIC
+        stream.seek(0)
+        if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
+            raise RecordingError(f"{path}: not an MCAP file")
+        stream.seek(0)
+        if recording is not None:
+            recording.is_complete = is_complete
+        room = LARGEST_CHUNK + MOST_TIMES * size
+        try:
+            reader = StreamReader(stream, emit_chunks=True, record_size_limit=size)
+            for record in reader.records:
+                if not isinstance(record, Chunk):
                     yield record
-    except OSError as error:
-        raise RecordingError(f"cannot read {path}: {error.strerror}") from error
-    except (McapError, ValueError, struct.error, ZstdError) as error:
-        if is_complete:
-            raise RecordingError(f"{path}: a damaged MCAP file: {error}") from error
+                    continue
+                grown = _grown(record)
+                room -= grown
+                if grown > LARGEST_CHUNK or room < 0:
+                    raise RecordingError(f"{path}: a chunk becomes {grown / MEBIBYTE:.0f} MiB")
+                yield from _inside(record)
+        except RecordingError:
+            raise
+        except Exception:
+            if is_complete:
+                raise
+
+
+def _grown(chunk: Chunk) -> int:
+    """Return how large a chunk is once it is decompressed, as it says and as its content does."""
+    if chunk.compression == "zstd":
+        return max(chunk.uncompressed_size, get_frame_parameters(chunk.data).content_size)
+    return max(chunk.uncompressed_size, len(chunk.data))
+
+
+def _inside(chunk: Chunk) -> Iterator[McapRecord]:
+    """Yield the records of a chunk one by one, where the library's own way makes a list of all."""
+    stream, size = get_chunk_data_stream(chunk, validate_crc=True)
+    while stream.count < size:
+        opcode, length = stream.read1(), stream.read8()
+        if opcode == Opcode.CHANNEL:
+            yield Channel.read(stream)
+        elif opcode == Opcode.MESSAGE:
+            yield Message.read(stream, length)
+        elif opcode == Opcode.SCHEMA:
+            yield Schema.read(stream)
+        else:
+            stream.read(length)

@@ -57,6 +57,8 @@ def target(socket: Path) -> str:
         DaemonError: the path is too long for a socket.
     """
     path = socket.absolute()
+    if not path.as_posix().isprintable():
+        raise DaemonError(f"the path of a socket must be text that is shown, got {str(path)!r}")
     size = len(os.fsencode(path))
     if size > MAX_PATH_BYTES:
         raise DaemonError(

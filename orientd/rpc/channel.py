@@ -9,6 +9,7 @@ from typing import Self
 
 import grpc
 
+from orientd.bounded_file import MEBIBYTE, read_bounded
 from orientd.errors import AccessError, DaemonError, OrientdError
 from orientd.rpc.address import found_socket, runtime_directory, target
 from orientd.rpc.channel_options import CLIENT_OPTIONS
@@ -104,7 +105,7 @@ class Way:
         contents = []
         for path in (self.ca, self.key, self.certificate):
             try:
-                contents.append(path.read_bytes() if path is not None else None)
+                contents.append(read_bounded(path, MEBIBYTE) if path is not None else None)
             except OSError as error:
                 raise DaemonError(f"cannot read {path}: {error.strerror}") from error
         credentials = grpc.ssl_channel_credentials(*contents)

@@ -133,7 +133,10 @@ def _convert(
         return
     given = np.array([found[index] for index in indices], dtype=np.float64)
     try:
-        for index, q in zip(indices, converted(given).tolist(), strict=True):
+        # What is out of all range becomes no number, which is refused as such.
+        with np.errstate(over="ignore", invalid="ignore"):
+            turned = converted(given).tolist()
+        for index, q in zip(indices, turned, strict=True):
             found[index] = tuple(q)
     except ValueError:
         # Once more, one by one, to find the one that is wrong.

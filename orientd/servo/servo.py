@@ -139,7 +139,10 @@ class Servo:
         if self._stops != self._memory.pulse[STOPS_WORD]:
             self._take_stops()
         self._look_for_life(deadline_ns)
-        point = self.setpoints.step(deadline_ns, self._clock.now_ns())
+        try:
+            point = self.setpoints.step(deadline_ns, self._clock.now_ns())
+        except Exception as error:  # noqa: BLE001 - what others may write must not end the servo
+            point = self._lose_path(error)
         is_written = self._is_enabled
         if is_written:
             try:
@@ -200,6 +203,15 @@ class Servo:
             "orientation": dict(zip("wxyz", setpoints.last.q, strict=True)),
             "position": list(setpoints.last.position),
         }
+
+    def _lose_path(self, error: Exception) -> PathPoint:
+        """Come to rest: what there is to follow makes no sense, as *error* says."""
+        text = f"what the servo reads makes no sense: {type(error).__name__}: {error}"
+        try:
+            self.setpoints.last = self.setpoints.leave_path(Fault.INTERNAL, text)
+        except Exception:  # noqa: BLE001 - nor do the limits
+            self._fail(Fault.INTERNAL, text)
+        return self.setpoints.last
 
     # The device
 
@@ -359,7 +371,7 @@ class Servo:
         setpoints, ring = self.setpoints, self._memory.cycles
         follower = setpoints.follower
         record = CYCLE_RECORD.pack(
-            ring.words[HEAD],
+            ring.next,
             deadline_ns,
             lateness_ns,
             self.work_ns,

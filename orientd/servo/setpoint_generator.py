@@ -271,12 +271,12 @@ class SetpointGenerator:
             if problem and not clock.is_led and (rate != 1.0 or follower.fraction):
                 path, place, rate, problem = self._ease(path, place, rate, problem)
         except StarvedError as error:
-            return self._leave_path(Fault.PATH_STARVED, str(error))
+            return self.leave_path(Fault.PATH_STARVED, str(error))
         follower.move(place)
         if follower.leg is not leg:
             self._adopt(follower.leg)
         if problem:
-            return self._leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")
+            return self.leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")
         if follower.is_at_end:
             clock.halt()
             self._finish(Event.FINISH if self.state is _STREAMING else Event.REST)
@@ -357,7 +357,7 @@ class SetpointGenerator:
             position = guard.braked_position(self._servo_limits)
         problem = guard.admit(point.q, position, self._servo_limits)
         if problem:
-            return self._leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")
+            return self.leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")
         is_at_rest = pursuit.is_at_rest and guard.velocity == ZERO
         if self.state is _STOPPING and is_at_rest and self._is_there:
             self._finish(Event.REST)
@@ -366,7 +366,7 @@ class SetpointGenerator:
             return PathPoint(self._sent, ZERO, ZERO, position, ZERO)
         return PathPoint(point.q, point.omega_body, point.alpha_body, position, guard.velocity)
 
-    def _leave_path(self, fault: Fault, text: str) -> PathPoint:
+    def leave_path(self, fault: Fault, text: str) -> PathPoint:
         """Begin to come to rest without the path."""
         self.brake(fault, text)
         self._escape = self._guard.soft_stop(self._servo_limits)

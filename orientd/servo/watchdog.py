@@ -8,6 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+FUTURE_NS = 1_000_000_000
+"""How far ahead of the present a sign of life may be dated: nobody's is, unless it was forged."""
+
 
 @dataclass(frozen=True, slots=True)
 class WatchdogTimeouts:
@@ -56,10 +59,13 @@ class ServoWatchdog:
         return (
             deadline_ns - heartbeat_ns > self._heartbeat_ns
             or deadline_ns - measured_ns > self._feedback_ns
+            or heartbeat_ns - deadline_ns > FUTURE_NS
         )
 
     def complain_of_daemon(self, heartbeat_ns: int, now_ns: int) -> str:
         """Return what is wrong with the daemon's heartbeat, or nothing."""
+        if heartbeat_ns - now_ns > FUTURE_NS:
+            return "a heartbeat of the daemon from the future"
         silence_ns = self._silence_ns(heartbeat_ns, now_ns)
         if silence_ns <= self._heartbeat_ns:
             return ""

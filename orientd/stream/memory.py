@@ -1,11 +1,15 @@
-"""The shared memory between the daemon and one servo process: a file in /dev/shm with no name.
+"""The shared memory between the daemon and one servo process: a sealed file with no name.
 
 A file that never had a name cannot be left behind: whichever way the two processes end, the kernel
-frees it.  The daemon creates it and hands the servo its descriptor.
+frees it.  The daemon creates it and hands the servo its descriptor.  Its length is sealed: a
+program of the same user that opens it through ``/proc`` could else cut it short, and whoever
+touches a page that is gone is killed.
 """
 
 from __future__ import annotations
 
+import errno
+import fcntl
 import mmap
 import os
 from struct import Struct
@@ -26,6 +30,7 @@ NOTES = 64
 TARGETS = 64
 TUNINGS = 4
 DIRECTORY = "/dev/shm"
+SEALS = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL
 
 
 STOPS_WORD, HALTS_WORD, TAKEN_WORD, TAKEN_AT_WORD = 1, 2, 3, 4
@@ -96,10 +101,15 @@ class SharedMemory:
             OSError: there is no room for it, or too many files are open.
         """
         size = cls.size(path_capacity, cycle_capacity)
-        descriptor = os.open(DIRECTORY, os.O_TMPFILE | os.O_RDWR | os.O_CLOEXEC, 0o600)
+        descriptor = os.memfd_create("orientd-servo", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
         try:
+            # This is not in there; but what the machine sets aside for shared memory bounds it too.
+            room = os.statvfs(DIRECTORY)
+            if size > room.f_blocks * room.f_frsize:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             # All of it now: a page that is not to be had later kills whoever touches it.
             os.posix_fallocate(descriptor, 0, size)
+            fcntl.fcntl(descriptor, fcntl.F_ADD_SEALS, SEALS)
         except OSError as error:
             os.close(descriptor)
             raise OSError(

@@ -30,6 +30,7 @@ class RecordRing:
 
     Attributes:
         words: the head, and seven more for whoever uses the ring; each is written in one piece.
+        next: the head as the writer knows it, whatever has become of the shared one.
     """
 
     def __init__(self, view: memoryview, layout: struct.Struct, capacity: int) -> None:
@@ -40,6 +41,7 @@ class RecordRing:
         self._slots = view[HEADER_BYTES : HEADER_BYTES + capacity * self._stride]
         self._size = layout.size
         self._end = layout.size + _CHECK.size
+        self.next = self.words[HEAD]
 
     @staticmethod
     def stride(layout: struct.Struct) -> int:
@@ -68,18 +70,18 @@ class RecordRing:
 
     def publish(self, *fields: Any) -> None:  # noqa: ANN401 - whatever the layout holds
         """Write the next record; *fields* are those of the layout after the index."""
-        self.append(self.layout.pack(self.words[HEAD], *fields))
+        self.append(self.layout.pack(self.next, *fields))
 
     def append(self, record: bytes) -> None:
         """Write the next record, whose index, the head, is in it."""
-        index = self.words[HEAD]
+        index = self.next
         offset = index % self.capacity * self._stride
         self._slots[offset : offset + self._end] = record + _CHECK.pack(crc32(record))
-        self.words[HEAD] = index + 1
+        self.words[HEAD] = self.next = index + 1
 
     def advance(self, head: int) -> None:
         """Publish everything that was put below *head*."""
-        self.words[HEAD] = head
+        self.words[HEAD] = self.next = head
 
     def read_bytes(self, index: int) -> bytes | None:
         """Return the bytes of record *index*, or ``None`` where it is not (or no longer) there."""

@@ -40,7 +40,10 @@ def state(device: DeviceReport) -> tuple[str, str, str]:
         sign, word = ("Ⅱ", "Paused") if device.is_paused else ("▶", "Moving")
         speed = "" if device.speed == 1.0 else f", at {100.0 * device.speed:.0f} % speed"
         return sign, word, where + speed
-    return _STATES[device.state]
+    sign, word, what = _STATES[device.state]
+    if device.state is State.HOLDING and device.speed != 1.0:
+        what += f" at {100.0 * device.speed:.0f} % speed"
+    return sign, word, what
 
 
 def lease(device: DeviceReport, daemon: DaemonReport, *, is_ours: bool) -> str:
@@ -48,7 +51,9 @@ def lease(device: DeviceReport, daemon: DaemonReport, *, is_ours: bool) -> str:
     if is_ours:
         return "held by this view"
     held = daemon.lease_of(device.name)
-    return f"held by {held.holder}" if held.holder else "free"
+    # What it calls itself, and who that is as the daemon knows them.
+    whose = f"{held.holder} ({held.identity})" if held.identity else held.holder
+    return f"held by {whose}" if held.holder else "free"
 
 
 def status(device: DeviceReport, daemon: DaemonReport, *, is_ours: bool, problem: str = "") -> str:

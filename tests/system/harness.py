@@ -109,7 +109,7 @@ class DaemonProcess:
         )
         try:
             line = self.process.stdout.readline()
-            assert line.startswith("ready"), (line, (self.folder / "log").read_text())
+            assert "ready at" in line, (line, (self.folder / "log").read_text())
             self.channel = channel_to(self.socket)
             self.stub = ControlStub(self.channel)
             self.token = self.stub.AcquireLease(pb.AcquireLeaseRequest(holder="test")).lease.token

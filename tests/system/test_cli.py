@@ -211,6 +211,25 @@ def test_a_second_terminal_commands_what_a_move_runs(daemon, slow):
     assert f"(user:{os.getuid()})" in message.partition("stopped by")[2]
 
 
+def test_a_speed_that_was_left_is_told_wherever_a_motion_starts_and_is_reported(daemon, tmp_path):
+    path = tmp_path / "there.yaml"
+    path.write_text(
+        "approach: true\n"
+        "keyframes: [{rotation_vector: [0, 0, 0.2]}, {rotation_vector: [0, 0.3, 0]}]"
+    )
+    at = ("--socket", daemon.socket)
+    inside("speed", "0.5", *at)
+    try:
+        assert "speed 0.5" in inside("status", *at).stdout
+        done = inside("move", path, *at)
+        assert "runs at speed 0.5, as it was set before" in done.stdout
+        assert "  speed                0.5 when it began" in done.stdout
+        assert told(inside("move", path, *at, "--json"))["speed"] == 0.5
+    finally:
+        inside("speed", "1", *at)
+    assert "speed" not in inside("move", path, *at).stdout
+
+
 def test_a_move_that_was_killed_does_not_keep_others_from_commanding(daemon, slow):
     process = begin("move", slow, "--socket", daemon.socket)
     until(lambda: is_moving(daemon.device()), "motion")

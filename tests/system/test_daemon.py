@@ -18,8 +18,10 @@ from grpc_reflection.v1alpha.proto_reflection_descriptor_database import (
 )
 from harness import DEVICE, DaemonProcess, is_alive, resident_kib, spin, until
 
+import orientd as package
 from orientd import __version__, processor
 from orientd.rpc import control_pb2 as pb
+from orientd.stream import State
 
 SERVICE = "orientd.v1.Control"
 MOST_KIB = 80 * 1024
@@ -80,7 +82,8 @@ def test_the_socket_is_for_its_user_alone(tmp_path):
         env=environment(XDG_RUNTIME_DIR=str(tmp_path), XDG_CONFIG_HOME=str(tmp_path)),
     )
     path = tmp_path / "orientd" / "control.sock"
-    assert process.stdout.readline() == f"ready at {path}: arm (loopback, 500 Hz)\n"
+    simulated = "no configuration: a simulated device, no robot"
+    assert process.stdout.readline() == f"ready at {path}: arm (loopback, 500 Hz); {simulated}\n"
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
     assert stat.S_IMODE(path.parent.stat().st_mode) == 0o700
     process.terminate()
@@ -260,3 +263,37 @@ def test_a_log_that_nobody_reads_holds_nothing_up(tmp_path):
         assert daemon.process.returncode == 0
     finally:
         os.close(reader)
+
+
+@pytest.fixture
+def unanswered(tmp_path):
+    """Return a daemon's settings of which one device cannot be opened, for want of a folder."""
+    config = tmp_path / "orientd.toml"
+    config.write_text(
+        f'[devices.arm]\ndriver = "loopback"\noptions = {{ record = "{tmp_path}/there/sent" }}\n'
+        '[devices.leg]\ndriver = "loopback"\n'
+    )
+    return config
+
+
+def test_a_device_that_does_not_answer_is_named_and_tried_again(unanswered, tmp_path):
+    run = [*COMMAND, "run", "--config", str(unanswered), "--socket", str(tmp_path / "s")]
+    with subprocess.Popen(run, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as one:
+        line = one.stdout.readline()
+        assert line.startswith(f"not ready at {tmp_path}/s: device arm: LinkError: cannot record")
+        with package.connect(tmp_path / "s") as robot:
+            robot.enable("leg")
+            assert robot.state().devices["leg"].state is State.HOLDING
+            (tmp_path / "there").mkdir()
+            assert one.stdout.readline().startswith(f"ready at {tmp_path}/s: arm")
+            assert robot.state().devices["arm"].state is State.HOLDING
+        one.terminate()
+    assert one.returncode == 0
+
+
+def test_a_device_that_does_not_answer_ends_a_daemon_that_requires_it(unanswered, tmp_path):
+    arguments = ("run", "--require-devices", "--config", unanswered, "--socket", tmp_path / "s")
+    done = orientd(*arguments)
+    assert (done.returncode, done.stdout) == (1, "")
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith("orientd: device arm: LinkError: cannot record")

@@ -272,3 +272,14 @@ def test_every_table_tells_its_keys_to_who_misspells_one(tmp_path, name):
     path = write(tmp_path, f"[{name}]\nxyz = 1\n[devices.arm]\ndriver = 'x'")
     with pytest.raises(ConfigError, match=rf"{name}\.xyz: unknown key; known are \w+"):
         config.load(path)
+
+
+def test_limits_by_axis_are_written_down_as_they_were_given():
+    # Warnings are errors here: a user would see them at every start.
+    limits = {"velocity": [2.0, 1.0, 2.5], "acceleration": 5.0}
+    settings = config.parse(
+        {"devices": {"arm": {"driver": "loopback", "limits": limits}}}, source="test"
+    )
+    told = json.loads(settings.model_dump_json())["devices"]["arm"]["limits"]
+    assert {name: told[name] for name in limits} == limits
+    assert settings.model_dump()["devices"]["arm"]["limits"]["velocity"] == (2.0, 1.0, 2.5)

@@ -50,11 +50,16 @@ def run(
     log_format: Annotated[
         LogFormat, typer.Option("--log-format", help="auto: json where journald reads, or text.")
     ] = LogFormat.AUTO,
+    require_devices: Annotated[
+        bool, typer.Option("--require-devices", help="End where a device is not ready.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Be the daemon, in the foreground, until SIGTERM or Ctrl-C.
 
     Prints one line beginning "ready" once commands are taken; what happens goes to standard error.
+    Where a device does not answer the line begins "not ready" and says why; it is tried again, and
+    the line "ready" comes once it does.
     """
     from orientd import config as configuration
     from orientd.daemon import run as serve
@@ -75,7 +80,11 @@ def run(
                 f"{device.name} ({device.driver}, {device.rate_hz:g} Hz)"
                 for device in settings.devices.values()
             )
-            say(f"ready at {report.socket}: {devices}")
+            if problems:
+                say(f"not ready at {report.socket}: {'; '.join(problems)}; tried again")
+                return
+            simulated = "" if path else "; no configuration: a simulated device, no robot"
+            say(f"ready at {report.socket}: {devices}{simulated}")
 
     serve(
         settings,
@@ -83,6 +92,7 @@ def run(
         configuration=str(path.absolute()) if path else "",
         reread=(lambda: configuration.load(path)) if path else None,
         on_ready=ready,
+        needs_devices=require_devices,
     )
 
 

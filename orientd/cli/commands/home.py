@@ -24,7 +24,7 @@ def home(
         notes = handle.plan.certificate.notes
         summary = follow(handle, title="home", notes=notes, is_silent=as_json)
     if as_json:
-        say_json({"plan": handle.plan, "summary": summary})
+        say_json({"plan": handle.plan, "summary": summary, "speed": handle.speed})
     else:
-        say(*texts.summary(summary, handle.plan))
+        say(*texts.summary(summary, handle.plan, speed=handle.speed))
     raise_unless_done(summary)

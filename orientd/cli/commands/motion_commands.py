@@ -195,21 +195,14 @@ def move(
             f"{texts.count(len(request.keyframes), 'keyframe')}, "
             f"{plan.duration:.3f} s with a lead-in of {plan.certificate.lead_in:.3f} s and a "
             f"lead-out of {plan.certificate.lead_out:.3f} s",
-            notes=(*_speed_note(handle.speed), *plan.certificate.notes),
+            notes=plan.certificate.notes,
             is_silent=as_json,
         )
     if as_json:
         say_json({"plan": handle.plan, "summary": summary, "speed": handle.speed})
     else:
-        say(*texts.summary(summary, handle.plan))
+        say(*texts.summary(summary, handle.plan, speed=handle.speed))
     raise_unless_done(summary)
-
-
-def _speed_note(speed: float) -> tuple[str, ...]:
-    """Return a line about a speed that was left by whoever set it."""
-    if speed == 1.0:
-        return ()
-    return (f"runs at speed {speed:g}, as it was set before; `orientd speed 1` is as planned",)
 
 
 def _gate(text: str) -> OnTarget:
@@ -244,13 +237,13 @@ def follow(
     Raises:
         OrientdError: the daemon was lost, or the motion did not come to rest.
     """
-    from orientd.cli import progress
+    from orientd.cli import progress, texts
 
     try:
         if introduction and not is_silent:
             say(introduction)
         if not is_silent:
-            say(*notes)
+            say(*texts.speed_left(handle.speed), *notes)
         with progress.view(title, is_silent=is_silent) as view:
             for report in handle:
                 view.show(report)

@@ -195,9 +195,10 @@ def _move(
         handle = robot.move(plan, device=device)
         summary = follow(handle, title=f"motion {handle.motion_number}", is_silent=as_json)
     if as_json:
-        say_json({"fit": told, "slower": slower, "plan": handle.plan, "summary": summary})
+        moved = {"plan": handle.plan, "summary": summary, "speed": handle.speed}
+        say_json({"fit": told, "slower": slower, **moved})
     else:
-        say(*texts.summary(summary, handle.plan))
+        say(*texts.summary(summary, handle.plan, speed=handle.speed))
     raise_unless_done(summary)
 
 

@@ -53,6 +53,9 @@ LockPersonality=yes
 RestrictAddressFamilies=AF_UNIX AF_INET AF_INET6 AF_NETLINK
 SystemCallArchitectures=native
 UMask=0077
+# Far beyond what it needs; whatever goes wrong in it leaves the machine to others.
+MemoryMax=4G
+TasksMax=2048
 {sandbox}
 [Install]
 WantedBy={target}
@@ -64,7 +67,10 @@ RuntimeDirectory=orientd
 RuntimeDirectoryMode=0755
 StateDirectory=orientd
 StateDirectoryMode=0700
+CacheDirectory=orientd
+CacheDirectoryMode=0700
 Environment=ORIENTD_SOCKET=/run/orientd/control.sock XDG_STATE_HOME=/var/lib
+Environment=XDG_CACHE_HOME=/var/cache
 """
 
 _SYSTEM_CAPABILITIES = """\

@@ -5,12 +5,12 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from orientd.daemon.access.audit import AuditLog
-from orientd.daemon.access.authorization import Authorization
+from orientd.daemon.access.authorization import Authorization, OwnerOf
 from orientd.daemon.access.identity import Identity, Policy
 from orientd.daemon.access.peer import Process
 from orientd.daemon.access.peer_credentials import PeerListener
@@ -40,6 +40,11 @@ def inner_socket(socket: Path) -> Iterator[str]:
         os.close(directory)
 
 
+def audit_path(access: AccessSettings) -> Path:
+    """Return where commands are recorded."""
+    return access.audit or Path(report_directory()) / "audit.jsonl"
+
+
 class Admission:
     """Everything that stands between a caller and the service."""
 
@@ -57,7 +62,7 @@ class Admission:
         self._tcp = tcp
         self._policy, self._context = _checked(access, tcp)
         self._revocations = _revocations(tcp)
-        path = access.audit or Path(report_directory()) / "audit.jsonl"
+        path = audit_path(access)
         self._audit = AuditLog(path, most_bytes=access.audit_bytes, most_files=access.audit_files)
         self._throttle = Throttle(per_second=access.requests_per_second, at_once=access.streams)
         self._door = PeerListener(
@@ -100,6 +105,16 @@ class Admission:
         self._throttle.at_once = access.streams
         self.checkpoint.keyframes = access.keyframes
         self._door.change(self._policy, self._context)
+
+    def guard_leases(self, owner_of: OwnerOf, owners: Callable[[], Collection[str]]) -> None:
+        """Refuse tokens of others from now on, and keep room for whoever holds a lease.
+
+        Args:
+            owner_of: returns whose a lease is by its token.
+            owners: returns who holds any.
+        """
+        self.checkpoint.guard_leases(owner_of)
+        self._door.has_lease = lambda key: key in owners()
 
     def tables(self) -> dict[str, list[int]]:
         """Return who may come in by the Unix socket; see :meth:`Policy.tables`."""

@@ -121,8 +121,9 @@ class Authorization(Interceptor):
         is_counted = False
         try:
             try:
-                connection = self._admit(call, found, connection)
-                is_counted = self._throttle.begins(key)
+                has_lease = isinstance(asked, Message) and self._has_lease(asked, key)
+                connection = self._admit(call, found, connection, has_lease=has_lease)
+                is_counted = self._throttle.begins(key, has_lease=has_lease)
                 if not is_counted and found.is_limited:
                     raise TooMuchError(f"at most {self._throttle.at_once} calls at the same time")
                 if isinstance(asked, Message | Illegible):
@@ -150,7 +151,14 @@ class Authorization(Interceptor):
             if is_counted:
                 self._throttle.ends(key)
 
-    def _admit(self, call: _Call, found: Rule, connection: Connection | None) -> Connection:
+    def _has_lease(self, request: Message, key: str) -> bool:
+        """Whether a request names a lease that is its caller's own."""
+        token = request_text.token(request)
+        return bool(token and key) and self._owner_of(token) == key
+
+    def _admit(
+        self, call: _Call, found: Rule, connection: Connection | None, *, has_lease: bool
+    ) -> Connection:
         """Return who calls, if they may.
 
         Raises:
@@ -165,7 +173,9 @@ class Authorization(Interceptor):
                 f"{call.name} needs the role {found.role.name.lower()}, "
                 f"{identity.name} ({identity.key}) is {identity.role.name.lower()}"
             )
-        if found.is_limited and not self._throttle.takes(connection, time.monotonic()):
+        if found.is_limited and not self._throttle.takes(
+            connection, identity.key, time.monotonic(), has_lease=has_lease
+        ):
             raise TooMuchError(
                 f"more than {self._throttle.per_second} requests a second over one connection"
             )

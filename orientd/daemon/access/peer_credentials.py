@@ -13,11 +13,12 @@ import asyncio
 import contextlib
 import logging
 import os
+import resource
 import secrets
 import socket
 import ssl
 from collections import Counter
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Collection, Coroutine
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -35,6 +36,13 @@ HANDSHAKE_TIMEOUT = 5.0
 MOST_HANDSHAKES = 32
 """TLS handshakes at the same time; for one more, the oldest of the busiest address is given up."""
 
+RESERVED = 8
+"""One in so many connections is kept for whoever commands a device."""
+
+_DESCRIPTORS, _OTHER_DESCRIPTORS = 3, 200
+"""Files that a connection takes, and those that are kept for everything else."""
+
+_ALL = "all"
 _CHUNK = 256 * 1024
 
 Refused = Callable[[str, str], None]
@@ -62,7 +70,12 @@ class Connection:
 
 
 class PeerListener:
-    """Let in whom the policy admits, and know who they are."""
+    """Let in whom the policy admits, and know who they are.
+
+    Attributes:
+        has_lease: whether an identity, by its key, commands a device at present; for whom does,
+            some of the room there is for everybody is kept.
+    """
 
     def __init__(
         self, policy: Policy, inner: str, *, most_connections: int, refused: Refused
@@ -72,13 +85,14 @@ class PeerListener:
         Args:
             policy: who somebody is.
             inner: path of the socket that the server listens at.
-            most_connections: of one identity at the same time.
+            most_connections: of one identity at the same time, and from one address.
             refused: told of everybody who is turned away.
         """
         self._policy = policy
         self._inner = inner
         self._most = most_connections
         self._refused = refused
+        self.has_lease: Callable[[str], bool] = lambda _: False
         self._connections: dict[str, Connection] = {}
         self._counts: Counter[str] = Counter()
         self._listeners: list[asyncio.Server] = []
@@ -232,23 +246,38 @@ class PeerListener:
         writer: asyncio.StreamWriter,
     ) -> None:
         identity = self._policy.identify(credentials)
+        # All processes of one user come from the same place; addresses from theirs.
+        counted = {origin.rpartition(":")[0] or "unix", _ALL}
         problem = ""
         if identity is None:
             problem = f"nobody admits {credentials}"
-        elif self._counts[identity.key] >= self._most:
-            problem = f"{identity.name} has {self._most} connections already"
+        else:
+            counted.add(identity.key)
+            problem = self._why_full(identity, counted)
         if identity is None or problem:
             self._refused(origin, problem)
             writer.transport.abort()
             return
         connection = Connection(credentials, origin, identity, writer.transport.abort)
-        self._counts[identity.key] += 1
+        self._counts.update(counted)
         try:
             await self._carry(connection, reader, writer)
         finally:
-            self._counts[identity.key] -= 1
-            if not self._counts[identity.key]:
-                del self._counts[identity.key]
+            self._counts -= Counter(counted)  # without those of whom there is none any more
+
+    def _why_full(self, identity: Identity, counted: Collection[str]) -> str:
+        """Return why there is no room for one more connection, or nothing."""
+        for key in counted:
+            if key not in (_ALL, "unix") and self._counts[key] >= self._most:
+                whose = identity.name if key == identity.key else key
+                return f"{whose} has {self._most} connections already"
+        most = most_together()
+        kept = 0 if self.has_lease(identity.key) else most // RESERVED
+        if self._counts[_ALL] >= most - kept:
+            return (
+                f"there are {most - kept} connections already, and {kept} are kept for commanders"
+            )
+        return ""
 
     async def _carry(
         self, connection: Connection, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
@@ -292,6 +321,12 @@ async def _pour(source: asyncio.StreamReader, into: asyncio.StreamWriter) -> Non
         while chunk := await source.read(_CHUNK):
             into.write(chunk)
             await into.drain()
+
+
+def most_together() -> int:
+    """Return how many connections there may be of all together: as many as there are files for."""
+    files, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    return max(2 * RESERVED, (files - _OTHER_DESCRIPTORS) // _DESCRIPTORS)
 
 
 def _reason(error: Exception) -> str:

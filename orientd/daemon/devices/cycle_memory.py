@@ -47,6 +47,11 @@ class CycleMemory:
             self._append(piece)
         self._next = head
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether the device has run no cycle yet."""
+        return not self._written
+
     def _append(self, piece: memoryview) -> None:
         piece = piece[-self._size :]
         at = self._written % self._size

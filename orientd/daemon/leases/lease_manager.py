@@ -11,6 +11,7 @@ from collections.abc import Collection
 from orientd.daemon.leases.lease import Lease, LeaseTable
 from orientd.daemon.motions import ActiveMotions
 from orientd.errors import RequestError
+from orientd.one_line import one_line
 
 _log = logging.getLogger(__name__)
 
@@ -70,7 +71,7 @@ class LeaseManager:
         Raises:
             RequestError: the holder has no name, or there is no reason.
         """
-        holder, reason = _holder(holder), " ".join(reason.split())[:200]
+        holder, reason = _holder(holder), one_line(reason, 200)
         if not reason:
             raise RequestError("reason", "expected why the lease is seized, got nothing")
         before, lease = self._leases.seize(holder, owner, name=name, devices=devices)
@@ -103,7 +104,7 @@ class LeaseManager:
 
 
 def _holder(name: str) -> str:
-    name = " ".join(name.split())[:200]
+    name = one_line(name, 200)
     if not name:
         raise RequestError("holder", "expected a name to tell others, got nothing")
     return name

@@ -83,7 +83,9 @@ class FlightRecorder:
 
     def hear(self, event: DeviceEvent) -> None:
         """Take note of what happened to a device; waits for nothing."""
-        if event.kind in _FAULTS:
+        memory = self._memories.get(event.device)
+        # A device that was never there has nothing to tell, however often it is started again.
+        if event.kind in _FAULTS and memory is not None and not memory.is_empty:
             self._faults.put(event)
 
     def close(self) -> None:

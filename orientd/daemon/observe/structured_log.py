@@ -16,6 +16,7 @@ from enum import StrEnum
 from typing import Any
 
 from orientd.daemon.observe.log_writer import LogWriter
+from orientd.one_line import one_line
 
 _FIELD = "about"
 
@@ -61,7 +62,27 @@ class JsonFormatter(logging.Formatter):
         if record.exc_info:
             told["error"] = self.formatException(record.exc_info)
         line = json.dumps(told, ensure_ascii=False, default=str)
+        if not line.isprintable():
+            # Nothing that a terminal would do something about.
+            line = json.dumps(told, default=str)
         return f"<{_priority(record.levelno)}>{line}" if self._has_priority else line
+
+
+class LineFormatter(logging.Formatter):
+    """One line for people, whatever others have written into it."""
+
+    def __init__(self) -> None:
+        """Begin each line with the time and the level."""
+        super().__init__("%(asctime)s %(levelname)s %(message)s")
+
+    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - the library's name
+        """Return *record* as a line."""
+        record.message = one_line(record.message, MOST)
+        return super().formatMessage(record)
+
+
+MOST = 4000
+"""Characters of a message."""
 
 
 def set_up_log(chosen: LogFormat, level: str = "info") -> None:
@@ -76,7 +97,7 @@ def set_up_log(chosen: LogFormat, level: str = "info") -> None:
     if chosen is LogFormat.JSON or (chosen is LogFormat.AUTO and is_journal):
         handler.setFormatter(JsonFormatter(has_priority=is_journal))
     else:
-        handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
+        handler.setFormatter(LineFormatter())
     logging.basicConfig(handlers=[handler], level=level.upper(), force=True)
 
 

@@ -33,6 +33,7 @@ TAIL_WORD = 2
 MOST_LEGS = 16
 """Legs ahead of the one that the servo is on."""
 
+_NORM_TOLERANCE = 1e-6
 _SAME_Q = 1e-9  # rad
 _SAME_RATE = 1e-6  # of 1 + the rate itself; rad/s and rad/s^2
 _SAME_POSITION = 1e-9  # m
@@ -250,6 +251,9 @@ class PathFollower:
         point = self.peek(index)
         if point is None:
             raise StarvedError(f"path record {index} is not in the ring")
+        w, x, y, z = point.q
+        if abs(w * w + x * x + y * y + z * z - 1.0) > _NORM_TOLERANCE:  # no number: the guard's
+            raise StarvedError(f"path record {index} is no orientation")
         self._loaded = index
         self._point = point
         self._segment = None

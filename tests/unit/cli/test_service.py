@@ -42,5 +42,9 @@ def test_it_is_told_when_it_is_ready_and_asks_for_real_time_not_for_root(user):
     assert any(line.startswith("LimitRTPRIO=") for line in lines)
     assert any(line.startswith("WatchdogSec=") for line in lines)
     assert "NoNewPrivileges=yes" in lines
+    for setting in ("MemoryMax", "TasksMax"):
+        assert any(line.startswith(f"{setting}=") for line in lines)
+    for setting in ("CacheDirectory", "StateDirectory", "RuntimeDirectory"):
+        assert (f"{setting}=orientd" in lines) == (user is not None)
     assert ("AmbientCapabilities=" in lines) == (user is not None)
     assert not [line for line in lines if line.startswith("RestrictRealtime")]

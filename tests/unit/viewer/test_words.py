@@ -48,6 +48,8 @@ def test_a_fault_is_told_with_what_the_device_said():
 def test_a_slow_motion_is_told_with_its_speed():
     device = replace(DEVICE, state=State.STREAMING, speed=0.5)
     assert words.state(device)[2] == "motion 3, 1.2 of 8.0 s, at 50 % speed"
+    ready = replace(DEVICE, state=State.HOLDING, speed=0.5)
+    assert words.state(ready)[2] == "at rest, ready to move at 50 % speed"
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 from orientd.daemon.access import request_text
 from orientd.daemon.access.audit import AuditLog
 from orientd.daemon.access.legible import Illegible, legible
-from orientd.daemon.access.throttle import BURST, Throttle
+from orientd.daemon.access.throttle import BURST, CONNECTIONS, Throttle
 from orientd.rpc import control_pb2 as pb
 
 
@@ -139,15 +139,27 @@ def test_requests_are_counted_over_time_by_connection():
     throttle = Throttle(per_second=10, at_once=1)
     one, other = Somebody(), Somebody()
     burst = round(BURST * 10)
-    assert sum(throttle.takes(one, 5.0) for _ in range(100)) == burst
-    assert throttle.takes(other, 5.0)
-    assert sum(throttle.takes(one, 6.0) for _ in range(100)) == 10
-    assert sum(throttle.takes(one, 1e6) for _ in range(100)) == burst
+    assert sum(throttle.takes(one, "ana", 5.0) for _ in range(100)) == burst
+    assert throttle.takes(other, "ana", 5.0)
+    assert sum(throttle.takes(one, "ana", 6.0) for _ in range(100)) == 10
+    assert sum(throttle.takes(one, "ana", 1e6) for _ in range(100)) == burst
+
+
+def test_many_connections_of_one_identity_get_a_few_times_as_much():
+    throttle = Throttle(per_second=10, at_once=1)
+    crowd = [Somebody() for _ in range(50)]
+    taken = sum(throttle.takes(one, "ana", 5.0) for one in crowd for _ in range(100))
+    assert taken == CONNECTIONS * round(BURST * 10)
+    # Who commands is not kept out by a crowd of the same user, nor is another user.
+    assert throttle.takes(Somebody(), "ana", 5.0, has_lease=True)
+    assert throttle.takes(Somebody(), "ben", 5.0)
 
 
 def test_calls_are_counted_at_one_time_by_identity():
     throttle = Throttle(per_second=10, at_once=2)
     assert [throttle.begins("ana") for _ in range(3)] == [True, True, False]
     assert throttle.begins("ben")
+    assert throttle.begins("ana", has_lease=True)
+    throttle.ends("ana")
     throttle.ends("ana")
     assert throttle.begins("ana")

@@ -1,0 +1,73 @@
+"""Read a file that somebody names, whatever it is: at most so many bytes, and never for ever.
+
+A device such as ``/dev/zero`` has no end, a pipe may have no writer, and what is larger than it may
+be is refused before it is read.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import select
+import stat
+from pathlib import Path
+
+MEBIBYTE = 1024 * 1024
+SILENCE = 5.0
+"""How long a pipe may say nothing, s."""
+
+_PIECE = 256 * 1024
+
+
+def read_bounded(path: Path, most_bytes: int) -> bytes:
+    """Return the content of a file, or of a pipe until its writer closes it.
+
+    Raises:
+        OSError: it cannot be read, holds more than *most_bytes*, is neither file nor pipe, or is a
+            pipe that says nothing for :data:`SILENCE`; ``strerror`` says which.
+    """
+    # Without waiting: to open a pipe that nobody writes to would take for ever.
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY)
+    try:
+        found = os.fstat(descriptor)
+        is_pipe = stat.S_ISFIFO(found.st_mode)
+        if not is_pipe:
+            check_regular(path, found, most_bytes)
+        pieces: list[bytes] = []
+        size = 0
+        while size <= most_bytes:
+            if is_pipe and not select.select([descriptor], [], [], SILENCE)[0]:
+                raise OSError(errno.ETIMEDOUT, f"nothing came through this pipe for {SILENCE:g} s")
+            piece = os.read(descriptor, min(_PIECE, most_bytes + 1 - size))
+            if not piece:
+                return b"".join(pieces)
+            pieces.append(piece)
+            size += len(piece)
+        raise _too_large(most_bytes)
+    finally:
+        os.close(descriptor)
+
+
+def check_regular(path: Path, found: os.stat_result | None = None, most_bytes: int = 0) -> None:
+    """Check that there is a regular file at *path*, which can be read in pieces from its start.
+
+    Args:
+        path: of the file.
+        found: what is known of it, if that is known.
+        most_bytes: that it may hold; 0 for any number.
+
+    Raises:
+        OSError: there is none, or it is something else or larger; ``strerror`` says which.
+    """
+    found = path.stat() if found is None else found
+    if stat.S_ISDIR(found.st_mode):
+        raise OSError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError(errno.EINVAL, "not a regular file")
+    if most_bytes and found.st_size > most_bytes:
+        raise _too_large(most_bytes, found.st_size)
+
+
+def _too_large(most_bytes: int, size: int | None = None) -> OSError:
+    came = "more" if size is None else f"{size / MEBIBYTE:.1f} MiB"
+    return OSError(errno.EFBIG, f"expected at most {most_bytes / MEBIBYTE:g} MiB, got {came}")

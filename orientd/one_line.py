@@ -1,0 +1,27 @@
+"""What others have written, as one line that does nothing to a terminal."""
+
+from __future__ import annotations
+
+MOST = 1000
+"""Characters of a line that is told."""
+
+
+def shown(text: str) -> str:
+    r"""Return *text* with escapes for what a terminal would obey; lines and tabs stay.
+
+    >>> shown("a\x1b[2J\n\tb \xfc")
+    'a\\x1b[2J\n\tb \xfc'
+    """
+    if text.isprintable():
+        return text
+    return "".join(one if one.isprintable() or one in "\n\t" else ascii(one)[1:-1] for one in text)
+
+
+def one_line(text: str, most: int = MOST) -> str:
+    r"""Return *text* on one line of at most *most* characters, with escapes where it is not shown.
+
+    >>> one_line("a\x1b[2J\nb \u202egnp.exe")
+    'a\\x1b[2J b \\u202egnp.exe'
+    """
+    line = shown(" ".join(text[: 4 * most].split()))
+    return line if len(line) <= most else f"{line[: most - 3]}..."
