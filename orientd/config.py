@@ -32,13 +32,13 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from orientd.errors import ConfigError
+from orientd.errors import ConfigError, RequestError
 from orientd.limit_field import AngularLimit, LinearLimit
 from orientd.operation_settings import AccessSettings, MetricsSettings, SomePath, Table, TcpSettings
 from orientd.spelling import unknown_key
 
 if TYPE_CHECKING:
-    from orientd.planner import Limits
+    from orientd.planner import Frame, Limits
 
 NANOSECONDS = 1_000_000_000
 MAX_RATE_HZ = 4000.0
@@ -170,6 +170,7 @@ class DeviceSettings(Table):
             device is where the plan says; ``true`` for *latency*.
         latency: s that the device is behind its setpoints, as `orientd doctor` has found it.
         limits: what no motion of this device may exceed.
+        frames: that motions may name, each with ``base`` and ``tool`` as in a motion file.
         options: the driver's own table.
     """
 
@@ -186,6 +187,7 @@ class DeviceSettings(Table):
     compensate_latency: bool | float = False
     latency: float | None = None
     limits: LimitSettings = LimitSettings()
+    frames: dict[str, Any] = Field(default_factory=dict)
     options: dict[str, Any] = Field(default_factory=dict)
 
     @field_validator("compensate_latency", "latency", mode="before")
@@ -212,6 +214,30 @@ class DeviceSettings(Table):
                 f"`orientd doctor --config FILE --latency {self.name}` finds it"
             )
         return self
+
+    @model_validator(mode="after")
+    def _read_frames(self) -> DeviceSettings:
+        try:
+            self.to_frames()
+        except RequestError as error:
+            where = f"devices.{self.name}.frames"
+            place = ".".join(filter(None, (where, error.field.removeprefix("frames"))))
+            raise ValueError(f"{place}: {error.problem}") from error
+        return self
+
+    def to_frames(self) -> Mapping[str, Frame]:
+        """Return the frames as the planner has them.
+
+        Raises:
+            RequestError: one is not well formed.
+        """
+        if not self.frames:
+            return {}
+        # As with the limits, what needs NumPy is loaded when there is something for it.
+        from orientd.planner import named_frames
+        from orientd.schema import read_frames
+
+        return dict(named_frames(read_frames(self.frames)))
 
     @property
     def lead(self) -> float:
