@@ -42,7 +42,6 @@ from orientd_dynamixel.axes import (
 from orientd_dynamixel.axis import Axis
 from orientd_dynamixel.group import Group, Losses, listen
 from orientd_dynamixel.options import GimbalOptions, parse
-from orientd_dynamixel.reading import explain_error
 from orientd_dynamixel.servo_bus import READ_WAIT_S, OpenBus, ServoBus, open_bus
 from orientd_dynamixel.tracker import Tracker
 
@@ -74,7 +73,7 @@ class DynamixelDriver(Driver):
             self.settings.order, self.settings.mount, self.settings.tool,
             is_pointing=self.settings.pointing,
         )  # fmt: skip
-        self._is_enabled = self._is_homing = False
+        self._is_enabled = self._is_homing = self._is_free = False
         self._feedback: Feedback | None = None
         self._is_out_of_reach = False
         self._written_ns = 0
@@ -156,18 +155,9 @@ class DynamixelDriver(Driver):
             raise DeviceFaultError(self._unknown)
         self._settle(group)
         for axis in self._axes:
-            servo = axis.options.id
-            if bits := bus.read(servo, startup.HARDWARE_ERROR, 1):
-                raise DeviceFaultError(
-                    f"servo {servo} ({axis.options.name}) reports {explain_error(bits)}; reset it"
-                )
-            position = bus.read(servo, startup.POSITION, 4, is_signed=True)
-            check_angle(axis, axis.angle(position))
-        begun: list[Axis] = []
+            check_angle(axis, axis.angle(startup.sound_position(bus, axis)))
+        begun = startup.engage_all(bus, self._axes)
         try:
-            # One at a time: what was begun has to be known when the next one fails.
-            for axis in self._axes:
-                begun += [axis] if startup.engage(bus, axis) else []
             group.forget()
             group.synchronise(self.clock.now_ns)
             startup.arm_watchdogs(bus, self._axes, self.settings.watchdog_ms)
@@ -178,12 +168,19 @@ class DynamixelDriver(Driver):
         angles = tuple(axis.angle(axis.goal) for axis in self._axes)
         self._tracker.angles = angles
         self._following.rest()
-        self._is_enabled = True
+        self._is_enabled, self._is_free = True, False
         self._written_ns = self.clock.now_ns()
         self._standing = Standing(self._axes)
         self._supervisor = Supervisor(self.settings, self._axes)
         self._feedback = Feedback(self.clock.now_ns(), self._tracker.forward(angles), joints=angles)
         return self._feedback
+
+    def free(self) -> None:
+        """Switch the torque off, so that the gimbal can be turned by hand; it may sink."""
+        bus, group = self._connected()
+        self._settle(group)
+        startup.let_go(bus, self._axes)
+        self._is_free = True
 
     def read(self) -> Feedback | None:
         """Take in the answers to the last request.
@@ -281,6 +278,9 @@ class DynamixelDriver(Driver):
             return
         try:
             self._hold(bus, group)
+            if self._is_free:
+                startup.engage_all(bus, self._axes)
+                self._is_free = False
         except DeviceError:
             # The watchdogs stop what cannot be reached; asking again would only take time.
             self._is_out_of_reach = True

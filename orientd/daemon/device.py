@@ -226,9 +226,9 @@ class Device(SupervisedDevice):
         """Make the device follow; it holds where it is."""
         self._servo.running().ask(Command.ENABLE)
 
-    def disable(self) -> None:
-        """Let the device no longer follow; it must be holding."""
-        self._servo.running().ask(Command.DISABLE)
+    def disable(self, *, is_freed: bool = False) -> None:
+        """Let the device no longer follow; it must be holding, and may be moved by hand then."""
+        self._servo.running().ask(Command.FREE if is_freed else Command.DISABLE)
 
     def stop(self) -> None:
         """Stop on the path; nothing happens to a device at rest."""

@@ -59,6 +59,7 @@ class Keyframe:
         free_roll: whether it only says where to point: to where the first axis of *q* does.
         frame: name of the frame that it is given in; empty for the one of the request.
         relative: whether it is seen from where the tool is when the motion begins.
+        name: what people call it; at most 80 printable characters.
     """
 
     q: Quaternion
@@ -68,6 +69,7 @@ class Keyframe:
     free_roll: bool = False
     frame: str = ""
     relative: bool = False
+    name: str = ""
 
 
 _ZERO: list[float] = [0.0, 0.0, 0.0]
@@ -186,9 +188,11 @@ class MotionRequest:
             raise RequestError("pointing_axis", f"expected x, y or z, got {self.pointing_axis!r}")
         if self.duration not in (None, "minimum"):
             raise RequestError("duration", f"expected 'minimum', got {self.duration!r}")
-        if len(self.name) > LONGEST_NAME or not self.name.isprintable():
-            expected = f"expected at most {LONGEST_NAME} printable characters"
-            raise RequestError("name", f"{expected}, got {len(self.name)}: {self.name[:20]!r}")
+        named = {f"keyframes[{k}].name": one.name for k, one in enumerate(keyframes) if one.name}
+        for name, text in {"name": self.name, **named}.items():
+            if len(text) > LONGEST_NAME or not text.isprintable():
+                expected = f"expected at most {LONGEST_NAME} printable characters"
+                raise RequestError(name, f"{expected}, got {len(text)}: {text[:20]!r}")
         for name in ("start_velocity", "end_velocity"):
             velocity = getattr(self, name)
             if velocity is not None:

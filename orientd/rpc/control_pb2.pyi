@@ -181,7 +181,7 @@ class Limits(_message.Message):
     def __init__(self, velocity: _Optional[float] = ..., acceleration: _Optional[float] = ..., jerk: _Optional[float] = ..., linear_velocity: _Optional[float] = ..., linear_acceleration: _Optional[float] = ..., axis_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., axis_acceleration: _Optional[_Union[Vector3, _Mapping]] = ..., axis_jerk: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
 
 class Keyframe(_message.Message):
-    __slots__ = ("time", "quaternion", "rotation_vector", "euler", "matrix", "direction", "azimuth_elevation", "look_at", "position", "turns", "free_roll", "frame", "relative")
+    __slots__ = ("time", "quaternion", "rotation_vector", "euler", "matrix", "direction", "azimuth_elevation", "look_at", "position", "turns", "free_roll", "frame", "relative", "name")
     TIME_FIELD_NUMBER: _ClassVar[int]
     QUATERNION_FIELD_NUMBER: _ClassVar[int]
     ROTATION_VECTOR_FIELD_NUMBER: _ClassVar[int]
@@ -195,6 +195,7 @@ class Keyframe(_message.Message):
     FREE_ROLL_FIELD_NUMBER: _ClassVar[int]
     FRAME_FIELD_NUMBER: _ClassVar[int]
     RELATIVE_FIELD_NUMBER: _ClassVar[int]
+    NAME_FIELD_NUMBER: _ClassVar[int]
     time: float
     quaternion: Quaternion
     rotation_vector: Vector3
@@ -208,7 +209,8 @@ class Keyframe(_message.Message):
     free_roll: bool
     frame: str
     relative: bool
-    def __init__(self, time: _Optional[float] = ..., quaternion: _Optional[_Union[Quaternion, _Mapping]] = ..., rotation_vector: _Optional[_Union[Vector3, _Mapping]] = ..., euler: _Optional[_Union[EulerAngles, _Mapping]] = ..., matrix: _Optional[_Union[Matrix, _Mapping]] = ..., direction: _Optional[_Union[Vector3, _Mapping]] = ..., azimuth_elevation: _Optional[_Union[AzimuthElevation, _Mapping]] = ..., look_at: _Optional[_Union[LookAt, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., turns: _Optional[int] = ..., free_roll: bool = ..., frame: _Optional[str] = ..., relative: bool = ...) -> None: ...
+    name: str
+    def __init__(self, time: _Optional[float] = ..., quaternion: _Optional[_Union[Quaternion, _Mapping]] = ..., rotation_vector: _Optional[_Union[Vector3, _Mapping]] = ..., euler: _Optional[_Union[EulerAngles, _Mapping]] = ..., matrix: _Optional[_Union[Matrix, _Mapping]] = ..., direction: _Optional[_Union[Vector3, _Mapping]] = ..., azimuth_elevation: _Optional[_Union[AzimuthElevation, _Mapping]] = ..., look_at: _Optional[_Union[LookAt, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., turns: _Optional[int] = ..., free_roll: bool = ..., frame: _Optional[str] = ..., relative: bool = ..., name: _Optional[str] = ...) -> None: ...
 
 class Pose(_message.Message):
     __slots__ = ("quaternion", "position")
@@ -990,14 +992,16 @@ class EnableResponse(_message.Message):
     def __init__(self, device: _Optional[_Union[DeviceReport, _Mapping]] = ...) -> None: ...
 
 class DisableRequest(_message.Message):
-    __slots__ = ("lease_token", "device", "lease_sequence")
+    __slots__ = ("lease_token", "device", "lease_sequence", "by_hand")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     LEASE_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    BY_HAND_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
     lease_sequence: int
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., lease_sequence: _Optional[int] = ...) -> None: ...
+    by_hand: bool
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., lease_sequence: _Optional[int] = ..., by_hand: bool = ...) -> None: ...
 
 class DisableResponse(_message.Message):
     __slots__ = ("device",)

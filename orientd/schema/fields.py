@@ -6,7 +6,7 @@ docstring.  From these follow the keys of a motion file and how they are read, i
 the way to a message and back (:mod:`orientd.rpc.wire.motion`).
 
 >>> [field.name for field in KEYFRAME]
-['time', 'q', 'position', 'turns', 'free_roll', 'frame', 'relative']
+['time', 'q', 'position', 'turns', 'free_roll', 'frame', 'relative', 'name']
 """
 
 from __future__ import annotations

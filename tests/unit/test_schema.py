@@ -105,7 +105,7 @@ def test_every_field_survives_the_file_the_wire_and_the_client(field):
 
 
 def test_every_field_of_a_keyframe_survives_the_file_and_the_wire():
-    others = {"turns": -2, "free_roll": True, "frame": "camera", "relative": True}
+    others = {"turns": -2, "free_roll": True, "frame": "camera", "relative": True, "name": "grasp"}
     whole = Keyframe(TURNED, time=1.5, position=(1.0, 2.0, 3.0), **others)
     assert all(getattr(whole, field.name) != field.default for field in KEYFRAME)
     request = MotionRequest([Keyframe((1.0, 0.0, 0.0, 0.0), time=0.0), whole])
