@@ -34,7 +34,6 @@ if TYPE_CHECKING:
         titled,
     )
     from orientd.rpc.stop_call import ask_to_stop, stop_socket
-    from orientd.rpc.teaching import MeasuredPose, Teaching
     from orientd.rpc.trust import check_folder
     from orientd.rpc.urgent import begin_call, read_answer, text_fields
     from orientd.rpc.wire.limits import limits_to_wish

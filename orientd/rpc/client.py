@@ -38,8 +38,8 @@ if TYPE_CHECKING:
     from orientd.planner import MotionRequest
     from orientd.rpc.motion_request import Wishes
     from orientd.rpc.move_handle import MoveHandle
-    from orientd.rpc.teaching import Teaching
     from orientd.rpc.tracking import Tracking
+    from orientd.teaching import Teaching
 
 
 def connect(
@@ -338,7 +338,7 @@ class Robot(Commands):
             StateError: the device moves, or is in a fault.
             OrientdError: it cannot be moved by hand.
         """
-        from orientd.rpc.teaching import Teaching
+        from orientd.teaching import Teaching
 
         return Teaching(self, device, by_hand=by_hand)
 

@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import pty
 import signal
 import subprocess
 import threading
@@ -215,6 +216,31 @@ def test_a_signal_takes_a_keyframe_and_a_keyframe_can_be_removed(loopback, teach
     output, _ = teaching.communicate(timeout=30)
     assert f"wrote {file}: 1 keyframes" in output
     assert motion_file.load(file).name == "seen"
+
+
+def test_keys_on_a_terminal_take_name_remove_and_end(loopback, tmp_path):
+    file = tmp_path / "keys.yaml"
+    main, side = pty.openpty()
+    command = [*COMMAND, "teach", str(file), "--watch", "--socket", str(loopback.socket)]
+    with subprocess.Popen(command, stdin=side, stdout=side, stderr=side) as process:
+        os.close(side)
+        for keys, said in (
+            ("", "q ends"),
+            (" ", "1 at 0.00 s"),
+            ("\n", "2 at"),
+            ("n", "name: "),
+            ("grasp\n", "2 is called 'grasp'"),
+            (" ", "3 at"),
+            ("\x7f", "removed 3"),
+            ("q", "2 keyframes"),
+        ):
+            os.write(main, keys.encode())
+            printed = ""
+            while said not in printed:
+                printed += os.read(main, 4096).decode()
+        assert process.wait() == 0
+    os.close(main)
+    assert [one.name for one in motion_file.load(file).keyframes] == ["", "grasp"]
 
 
 def test_an_old_file_is_not_written_over_and_nothing_taken_writes_none(loopback, tmp_path):

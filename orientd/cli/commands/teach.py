@@ -22,7 +22,7 @@ from orientd.errors import DeviceError, OrientdError, StateError
 
 if TYPE_CHECKING:
     from orientd.planner import Keyframe
-    from orientd.rpc import Teaching
+    from orientd.teaching import Teaching
 
 ENDINGS = (".yaml", ".yml", ".json")
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from typing import Self
 
     from orientd.planner import Quaternion, Vector3
-    from orientd.rpc.client import Robot
+    from orientd.rpc import Robot
 
 OLDEST_FEEDBACK = 0.5
 """Older feedback does not say where a device is that is being moved, s."""
