@@ -250,19 +250,20 @@ def _line(event: Any) -> int:  # noqa: ANN401 - PyYAML has no types
 def write_structured(path: Path, mapping: Mapping[str, Any]) -> None:
     """Write a mapping of plain values as YAML, or as JSON where the name ends in ``.json``.
 
-    Of a list of mappings each stands on a line of its own.
-
     Raises:
         OrientdError: the file cannot be written.
     """
-    if path.suffix == ".json":
-        text = json.dumps(mapping, indent=1) + "\n"
-    else:
-        text = "".join(map(_in_yaml, mapping.items()))
+    is_json = path.suffix == ".json"
+    text = json.dumps(mapping, indent=1) + "\n" if is_json else structured(mapping)
     try:
         path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise OrientdError(f"cannot write {path}: {error.strerror}") from error
+
+
+def structured(mapping: Mapping[str, Any]) -> str:
+    """Return a mapping of plain values as YAML, each of a list of mappings on a line of its own."""
+    return "".join(map(_in_yaml, mapping.items()))
 
 
 def _in_yaml(entry: tuple[str, Any]) -> str:
