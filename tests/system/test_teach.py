@@ -88,7 +88,7 @@ def seldom(condition):
 
 
 def await_hold(daemon, device):
-    """Wait until a device holds; on a busy machine an emulated one may be found at the second go."""
+    """Wait until a device holds: on a busy machine an emulated one may answer too late at first."""
     with connect(daemon.socket) as robot:
 
         def holds():
@@ -206,7 +206,7 @@ def test_a_gimbal_without_torque_is_taught_by_the_command_and_passes_every_pose_
         state = watching.state
         teaching = teach(file, "--socket", daemon.socket)
         line = teaching.stdout.readline()
-        assert "can be moved by hand" in line, (line, teaching.stderr.read())
+        assert "can be moved by hand" in line, state().devices["gimbal"].fault_text
         taken, taught = [], []
         for servo, turn in TURNS:
             assert bus.state(servo)["torque"] == 0
@@ -227,8 +227,8 @@ def test_a_gimbal_without_torque_is_taught_by_the_command_and_passes_every_pose_
         teaching.stdin.write("name corner\nend\n")
         teaching.stdin.flush()
         assert "is called 'corner'" in teaching.stdout.readline()
-        output, _ = teaching.communicate(timeout=30)
-        assert f"wrote {file}: 4 keyframes" in output
+        output, errors = teaching.communicate(timeout=30)
+        assert f"wrote {file}: 4 keyframes" in output, errors
     assert bus.state(1)["torque"] == 1
     assert motion_file.load(file).keyframes[-1].name == "corner"
     with connect(daemon.socket) as robot:

@@ -76,6 +76,16 @@ def teach(
                 say(f"{teaching.device}: {'watched' if watch else 'can be moved by hand'}")
                 say(*([_HELP] if orders.is_terminal else ()))
             _follow(teaching, orders, file, name, is_silent=as_json)
+            # Told before the device holds again: whether or not it does, the file is there.
+            _conclude(teaching, file, name, as_json=as_json)
+
+
+def _conclude(teaching: Teaching, file: Path, name: str, *, as_json: bool) -> None:
+    """Write what was taken, and say so.
+
+    Raises:
+        OrientdError: nothing was.
+    """
     if not teaching.keyframes:
         file.unlink(missing_ok=True)
         raise OrientdError("no keyframe was taken; nothing is written")
