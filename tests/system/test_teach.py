@@ -31,6 +31,12 @@ JOINTS = [
     [0.03, -1.5708, 1.3963, -1.2, -1.4, 0.2],
     [0.05, -1.55, 1.3963, -1.3, -1.45, -0.1],
 ]
+# A busy machine wakes the emulator late, by more than a controller would be.
+SLOW_MACHINE = (
+    ("feedback_timeout = 0.1 ", "feedback_timeout = 1.0 "),
+    ("link_timeout = 0.5 ", "link_timeout = 2.0 "),
+    ("watchdog_hz = 10 ", "watchdog_hz = 1 "),
+)
 TURNS = [(1, 200), (2, 150), (3, -120), (1, -90)]
 
 
@@ -63,7 +69,8 @@ def cycles_of(daemon):
 def replay(daemon, robot, file):
     """Run a motion file; return what was sent of it."""
     with cycles_of(daemon) as cycles:
-        assert robot.move(motion_file.load(file)).wait().outcome is Outcome.DONE
+        summary = robot.move(motion_file.load(file)).wait()
+        assert summary.outcome is Outcome.DONE, summary
     last = max(cycle.motion for cycle in cycles)
     return [cycle for cycle in cycles if cycle.motion == last]
 
@@ -119,7 +126,7 @@ def arm(tmp_path_factory):
     host = f"127.{1 + run // 200 % 250}.{1 + run % 200}.252"
     with EmulatedRobot(host) as robot:
         folder = tmp_path_factory.mktemp("arm")
-        daemon = ExampleDaemon(folder, "ur.toml", ("127.0.0.2", host)).start()
+        daemon = ExampleDaemon(folder, "ur.toml", ("127.0.0.2", host), *SLOW_MACHINE).start()
         await_hold(daemon, "arm")
         yield robot, daemon
         daemon.end()
