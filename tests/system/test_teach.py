@@ -127,9 +127,11 @@ def arm(tmp_path_factory):
     with EmulatedRobot(host) as robot:
         folder = tmp_path_factory.mktemp("arm")
         daemon = ExampleDaemon(folder, "ur.toml", ("127.0.0.2", host), *SLOW_MACHINE).start()
-        await_hold(daemon, "arm")
-        yield robot, daemon
-        daemon.end()
+        try:
+            await_hold(daemon, "arm")
+            yield robot, daemon
+        finally:
+            daemon.end()
 
 
 def test_an_arm_in_freedrive_is_taught_and_passes_every_pose_again(arm, tmp_path):
@@ -197,11 +199,15 @@ def test_the_page_teaches_and_holds_the_arm_when_it_gives_up(arm):
 def gimbal(tmp_path):
     pytest.importorskip("dynamixel_sdk")
     bus = EmulatedGimbal(tmp_path / "bus")
-    daemon = GimbalDaemon(tmp_path, bus.link).start()
-    await_hold(daemon, "gimbal")
-    yield bus, daemon
-    daemon.end()
-    bus.end()
+    daemon = None
+    try:
+        daemon = GimbalDaemon(tmp_path, bus.link).start()
+        await_hold(daemon, "gimbal")
+        yield bus, daemon
+    finally:
+        if daemon is not None:
+            daemon.end()
+        bus.end()
 
 
 def test_a_gimbal_without_torque_is_taught_by_the_command_and_passes_every_pose_again(
