@@ -33,14 +33,21 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from orientd.bounded_file import MEBIBYTE, read_bounded
-from orientd.errors import ConfigError
+from orientd.errors import ConfigError, RequestError
 from orientd.limit_field import AngularLimit, LinearLimit
 from orientd.one_line import one_line
-from orientd.operation_settings import AccessSettings, MetricsSettings, SomePath, Table, TcpSettings
+from orientd.operation_settings import (
+    AccessSettings,
+    MetricsSettings,
+    PlannerSettings,
+    SomePath,
+    Table,
+    TcpSettings,
+)
 from orientd.spelling import unknown_key
 
 if TYPE_CHECKING:
-    from orientd.planner import Limits
+    from orientd.planner import Frame, Limits
 
 NANOSECONDS = 1_000_000_000
 MAX_RATE_HZ = 4000.0
@@ -96,18 +103,6 @@ class RecorderSettings(Table):
     seconds: Annotated[float, Field(ge=0.0, le=600.0)] = 60.0
     keep_files: Annotated[int, Field(ge=1, le=100_000)] = 20
     keep_megabytes: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] = 200.0
-
-
-class PlannerSettings(Table):
-    """The table ``[planner]``: the processes that plan.
-
-    Attributes:
-        processes: how many; ``None`` is one for each core, from 3 to 6.
-        plan_timeout: how long a plan may take at the most, waiting for its turn included, s.
-    """
-
-    processes: Annotated[int, Field(ge=1, le=64)] | None = None
-    plan_timeout: Annotated[float, Field(ge=0.05, le=3600.0)] = 10.0
 
 
 class LimitSettings(Table):
@@ -172,6 +167,7 @@ class DeviceSettings(Table):
             device is where the plan says; ``true`` for *latency*.
         latency: s that the device is behind its setpoints, as `orientd doctor` has found it.
         limits: what no motion of this device may exceed.
+        frames: that motions may name, each with ``base`` and ``tool`` as in a motion file.
         options: the driver's own table.
     """
 
@@ -188,6 +184,7 @@ class DeviceSettings(Table):
     compensate_latency: bool | float = False
     latency: float | None = None
     limits: LimitSettings = LimitSettings()
+    frames: dict[str, Any] = Field(default_factory=dict)
     options: dict[str, Any] = Field(default_factory=dict)
 
     @field_validator("compensate_latency", "latency", mode="before")
@@ -214,6 +211,30 @@ class DeviceSettings(Table):
                 f"`orientd doctor --config FILE --latency {self.name}` finds it"
             )
         return self
+
+    @model_validator(mode="after")
+    def _read_frames(self) -> DeviceSettings:
+        try:
+            self.to_frames()
+        except RequestError as error:
+            raise ValueError(
+                f"devices.{self.name}.frames.{error.field}: {error.problem}"
+            ) from error
+        return self
+
+    def to_frames(self) -> Mapping[str, Frame]:
+        """Return the frames as the planner has them.
+
+        Raises:
+            RequestError: one is not well formed.
+        """
+        if not self.frames:
+            return {}
+        # As with the limits, what needs NumPy is loaded when there is something for it.
+        from orientd.planner import named_frames
+        from orientd.schema import read_frames
+
+        return dict(named_frames(read_frames(self.frames)))
 
     @property
     def lead(self) -> float:

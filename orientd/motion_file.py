@@ -29,7 +29,9 @@ from orientd.schema import (
     implied,
     motion_schema,
     quaternions,
+    read_frames,
     the_only,
+    written_frames,
 )
 from orientd.structured_text import parse_structured, read_structured
 
@@ -112,6 +114,7 @@ _READERS: dict[Kind, plain.Reader] = {
     Kind.OPTIONS: plain.options,
     Kind.LIMITS: _limits,
     Kind.KEYFRAMES: _keyframes,
+    Kind.FRAMES: read_frames,
 }
 _LIMITS = {
     name: _or_nothing(plain.angular_limit if name in ANGULAR else plain.linear_limit)
@@ -134,6 +137,8 @@ def _written(fields: tuple[Field, ...], of: object) -> dict[str, Any]:
             mapping["quaternion"] = dict(zip("wxyz", value, strict=True))
         elif field.kind is Kind.KEYFRAMES:
             mapping[field.name] = [_written(KEYFRAME, keyframe) for keyframe in value]
+        elif field.kind is Kind.FRAMES:
+            mapping |= {field.name: written_frames(value)} if value else {}
         elif value != field.default:
             mapping[field.name] = _plain(field.kind, value)
     return mapping

@@ -151,3 +151,15 @@ class TcpSettings(Table):
         """Where to listen."""
         host, _, port = self.listen.rpartition(":")
         return host.removeprefix("[").removesuffix("]"), int(port)
+
+
+class PlannerSettings(Table):
+    """The table ``[planner]``: the processes that plan.
+
+    Attributes:
+        processes: how many; ``None`` is one for each core, from 3 to 6.
+        plan_timeout: how long a plan may take at the most, waiting for its turn included, s.
+    """
+
+    processes: Annotated[int, Field(ge=1, le=64)] | None = None
+    plan_timeout: Annotated[float, Field(ge=0.05, le=3600.0)] = 10.0

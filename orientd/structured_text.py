@@ -1,4 +1,4 @@
-"""Read YAML or JSON strictly: plain values only, every key once, and errors with their line.
+"""Read YAML or JSON strictly, and write it: plain values only, every key once, errors with lines.
 
 PyYAML's own safe loader lets the later of two equal keys win, reads ``1:30`` as ninety and ``010``
 as eight, and with libyaml a deeply nested file takes the whole process down.  Here values are put
@@ -15,7 +15,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
@@ -23,7 +23,7 @@ from typing import Any, NoReturn
 import yaml
 
 from orientd.bounded_file import MEBIBYTE, read_bounded
-from orientd.errors import RequestError
+from orientd.errors import OrientdError, RequestError
 
 Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -267,3 +267,37 @@ def _whole(text: str) -> int | float:
 
 def _line(event: Any) -> int:  # noqa: ANN401 - PyYAML has no types
     return int(event.start_mark.line) + 1
+
+
+def write_structured(path: Path, mapping: Mapping[str, Any]) -> None:
+    """Write a mapping of plain values as YAML, or as JSON where the name ends in ``.json``.
+
+    Raises:
+        OrientdError: the file cannot be written.
+    """
+    is_json = path.suffix == ".json"
+    text = json.dumps(mapping, indent=1) + "\n" if is_json else structured(mapping)
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise OrientdError(f"cannot write {path}: {error.strerror}") from error
+
+
+def structured(mapping: Mapping[str, Any]) -> str:
+    """Return a mapping of plain values as YAML, each of a list of mappings on a line of its own."""
+    return "".join(map(_in_yaml, mapping.items()))
+
+
+def _in_yaml(entry: tuple[str, Any]) -> str:
+    key, value = entry
+    if isinstance(value, list) and value and isinstance(value[0], dict):
+        return f"{key}:\n" + "".join(f"  - {_on_one_line(one)}\n" for one in value)
+    return f"{key}: {_on_one_line(value)}\n"
+
+
+def _on_one_line(value: object) -> str:
+    written: str = yaml.safe_dump(
+        value, default_flow_style=True, sort_keys=False, width=math.inf, allow_unicode=True
+    )
+    # A value that is no list and no mapping is a document of its own, with its end.
+    return written.removesuffix("\n").removesuffix("\n...")

@@ -22,7 +22,7 @@ from collections.abc import Iterator
 
 from orientd.clock import Clock, MonotonicClock
 from orientd.driver import Driver, Feedback, Setpoint
-from orientd.errors import DeviceError
+from orientd.errors import DeviceError, DeviceFaultError
 from orientd.floats import difference, exp, multiply, norm
 
 _FORBIDDEN = ("numpy", "scipy", "asyncio", "grpc", "pydantic", "orientd.kernels")
@@ -164,6 +164,23 @@ class DriverConformance(ABC):
             driver.enable()
             driver.disable()
             driver.disable()
+            again = driver.enable()
+            self.hold(driver, Setpoint(self.clock.now_ns(), again.q, position=again.position), 3)
+
+    def test_it_can_be_let_go_and_enabled_again(self) -> None:
+        """Where it can be moved by hand it goes on saying where it is; where not, it says so."""
+        with self.opened() as driver:
+            driver.enable()
+            driver.disable()
+            try:
+                driver.free()
+            except DeviceFaultError:
+                pass
+            else:
+                for _ in range(self.settle_cycles):
+                    self.pass_cycle(driver)
+                    feedback = driver.read()
+                assert feedback is not None, "it does not say where it is"
             again = driver.enable()
             self.hold(driver, Setpoint(self.clock.now_ns(), again.q, position=again.position), 3)
 

@@ -28,6 +28,8 @@ CHOSEN = {
         "Robot",
         "MoveHandle",
         "Tracking",
+        "Teaching",
+        "MeasuredPose",
         "Wishes",
         "Plan",
         "Progress",
@@ -49,6 +51,8 @@ CHOSEN = {
     "orientd.testing": ["DriverConformance"],
 }
 HOMES = {
+    "MeasuredPose": "orientd.teaching",
+    "Teaching": "orientd.teaching",
     "Tracking": "orientd.rpc.tracking",
     "Wishes": "orientd.rpc.motion_request",
     "Device": "orientd.rpc.descriptions",

@@ -105,6 +105,8 @@ def _kind(schema: Mapping[str, Any]) -> str:
         return " or ".join(_kind(one) for one in schema["anyOf"] if one != {"type": "null"})
     if "enum" in schema:
         return " or ".join(f"`{one}`" for one in schema["enum"] if one is not None)
+    if isinstance(schema.get("additionalProperties"), Mapping):
+        return f"{_kind(schema['additionalProperties'])} by name"
     if schema["type"] == "array":
         inner = schema["items"]
         if schema.get("minItems") == 3:

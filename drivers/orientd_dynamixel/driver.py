@@ -45,7 +45,6 @@ from orientd_dynamixel.bus import (
     Group,
     OpenBus,
     ServoBus,
-    explain_error,
     listen,
     open_bus,
 )
@@ -80,7 +79,7 @@ class DynamixelDriver(Driver):
             self.settings.order, self.settings.mount, self.settings.tool,
             is_pointing=self.settings.pointing,
         )  # fmt: skip
-        self._is_enabled = self._is_homing = False
+        self._is_enabled = self._is_homing = self._is_free = False
         self._feedback: Feedback | None = None
         self._is_out_of_reach = False
         self._written_ns = 0
@@ -157,18 +156,9 @@ class DynamixelDriver(Driver):
             raise DeviceFaultError(self._unknown)
         self._settle(group)
         for axis in self._axes:
-            servo = axis.options.id
-            if bits := bus.read(servo, startup.HARDWARE_ERROR, 1):
-                raise DeviceFaultError(
-                    f"servo {servo} ({axis.options.name}) reports {explain_error(bits)}; reset it"
-                )
-            position = bus.read(servo, startup.POSITION, 4, is_signed=True)
-            check_angle(axis, axis.angle(position))
-        begun: list[Axis] = []
+            check_angle(axis, axis.angle(startup.sound_position(bus, axis)))
+        begun = startup.engage_all(bus, self._axes)
         try:
-            # One at a time: what was begun has to be known when the next one fails.
-            for axis in self._axes:
-                begun += [axis] if startup.engage(bus, axis) else []
             group.forget()
             group.synchronise(self.clock.now_ns)
             startup.arm_watchdogs(bus, self._axes, self.settings.watchdog_ms)
@@ -179,12 +169,19 @@ class DynamixelDriver(Driver):
         angles = tuple(axis.angle(axis.goal) for axis in self._axes)
         self._tracker.angles = angles
         self._following.rest()
-        self._is_enabled = True
+        self._is_enabled, self._is_free = True, False
         self._written_ns = self.clock.now_ns()
         self._standing = Standing(self._axes)
         self._supervisor = Supervisor(self.settings, self._axes)
         self._feedback = Feedback(self.clock.now_ns(), self._tracker.forward(angles), joints=angles)
         return self._feedback
+
+    def free(self) -> None:
+        """Switch the torque off, so that the gimbal can be turned by hand; it may sink."""
+        bus, group = self._connected()
+        self._settle(group)
+        startup.let_go(bus, self._axes)
+        self._is_free = True
 
     def read(self) -> Feedback | None:
         """Take in the answers to the last request.
@@ -282,6 +279,9 @@ class DynamixelDriver(Driver):
             return
         try:
             self._hold(bus, group)
+            if self._is_free:
+                startup.engage_all(bus, self._axes)
+                self._is_free = False
         except DeviceError:
             # The watchdogs stop what cannot be reached; asking again would only take time.
             self._is_out_of_reach = True

@@ -155,6 +155,20 @@ def quiet_watchdog(bus: ServoBus, servo: int) -> int | None:
     return goal
 
 
+def sound_position(bus: ServoBus, axis: Axis) -> int:
+    """Return where a servo is, in ticks.
+
+    Raises:
+        DeviceFaultError: it reports a hardware error.
+    """
+    servo = axis.options.id
+    if bits := bus.read(servo, HARDWARE_ERROR, 1):
+        raise DeviceFaultError(
+            f"servo {servo} ({axis.options.name}) reports {explain_error(bits)}; reset it"
+        )
+    return bus.read(servo, POSITION, 4, is_signed=True)
+
+
 def engage(bus: ServoBus, axis: Axis) -> bool:
     """Switch the torque on with the goal where the servo is; return whether it had been off.
 
@@ -179,6 +193,35 @@ def engage(bus: ServoBus, axis: Axis) -> bool:
             )
     axis.goal = goal
     return not was_on
+
+
+def engage_all(bus: ServoBus, axes: Sequence[Axis]) -> list[Axis]:
+    """Switch the torque of all on where they stand, or of none; return which had it off.
+
+    Raises:
+        DeviceError: one does not; those that held before go on holding.
+    """
+    begun: list[Axis] = []
+    try:
+        # One at a time: what was begun has to be known when the next one fails.
+        for axis in axes:
+            begun += [axis] if engage(bus, axis) else []
+    except DeviceError:
+        drop(bus, begun)
+        raise
+    return begun
+
+
+def let_go(bus: ServoBus, axes: Sequence[Axis]) -> None:
+    """Switch the torque of all off, so that they can be turned by hand, watchdogs off.
+
+    Raises:
+        DeviceError: one could not be reached.
+    """
+    for axis in axes:
+        servo = axis.options.id
+        bus.write(servo, WATCHDOG, 0, 1)
+        bus.write(servo, TORQUE, 0, 1)
 
 
 def arm_watchdogs(bus: ServoBus, axes: Sequence[Axis], milliseconds: int) -> None:

@@ -18,6 +18,7 @@ from orientd.driver import Driver, Feedback, Finding, Quaternion, Setpoint, Vect
 from orientd.errors import DeviceFaultError, FeedbackError, LinkError
 from orientd.floats import exp, rotate_back
 from orientd_ur import options as ur_options
+from orientd_ur.control_program import ControlProgram
 from orientd_ur.controller_clock import ControllerClock
 from orientd_ur.deadline import arm, disarm
 from orientd_ur.inspection import inspect
@@ -28,7 +29,7 @@ from orientd_ur.prediction import Prediction
 from orientd_ur.probe import look
 from orientd_ur.recovery import NO_DASHBOARD, Recovery
 from orientd_ur.sockets import Address
-from orientd_ur.states import RuntimeState, interruption, obstacle
+from orientd_ur.states import RuntimeState, obstacle
 from orientd_ur.tick_listener import TickListener
 from orientd_ur.tick_phase import TickPhase, tick_ns
 
@@ -72,6 +73,7 @@ class UrDriver(Driver):
         self._prediction = Prediction(self._options, self._address)
         self._link = Link(self._options.host)
         self._recovery = Recovery(self._link, self._options)
+        self._program = ControlProgram(self._link, self._recovery, self._options)
         self._clock = ControllerClock()
         self._is_enabled = False
         self._timestamp = -1.0
@@ -179,22 +181,9 @@ class UrDriver(Driver):
             LinkError: the link is lost, or another client holds the robot.
         """
         self._forget_age()
-        self._link.require()
-        self._link.require_same()
-        self._recovery.require_readiness()
-        if not self._link.has_control:
-            self._link.take_control()
-            self._recovery.await_runtime(RuntimeState.PLAYING)
-        elif self._link.modes()[2] != RuntimeState.PLAYING:
-            self._link.play()
-        chosen = self._options
-        if chosen.tcp_offset is not None:
-            self._order("setTcp", list(chosen.tcp_offset))
-        if chosen.payload_mass is not None:
-            self._order("setPayload", chosen.payload_mass, list(chosen.payload_cog))
-        self._order("setWatchdog", chosen.watchdog_hz)
+        self._program.play()
         self._clock.reset()
-        self._await_package(FeedbackError(f"{chosen.host} sends no data packages"))
+        self._await_package(FeedbackError(f"{self._options.host} sends no data packages"))
         # Where the controller commands the arm to be: what it measures differs by the arm's load.
         pose = self._link.target_pose()
         self._rotation = (pose[3], pose[4], pose[5])
@@ -206,6 +195,18 @@ class UrDriver(Driver):
         )
         self._is_enabled, self._is_muted = True, False
         return self._feedback
+
+    def free(self) -> None:
+        """Switch the controller's freedrive on; the payload must be right, or the arm sinks.
+
+        Raises:
+            DeviceFaultError: as for :meth:`enable`.
+            LinkError: as for :meth:`enable`.
+        """
+        self._forget_age()
+        self._program.free()
+        self._clock.reset()
+        self._await_package(FeedbackError(f"{self._options.host} sends no data packages"))
 
     def read(self) -> Feedback | None:
         """Return what the controller measured last.
@@ -248,7 +249,7 @@ class UrDriver(Driver):
             self._compared_ns = now_ns
             link.require_same()
         if self._is_enabled:
-            reason = self._reason()
+            reason = self._program.reason()
             if reason:
                 # The library stops the program itself when it connects anew.
                 link.require_same()
@@ -274,7 +275,7 @@ class UrDriver(Driver):
             return
         # The program's end is known here before the state that explains it has arrived.
         ends = time.monotonic() + _REASON_TIMEOUT
-        while not (reason := self._reason()) and time.monotonic() < ends:
+        while not (reason := self._program.reason()) and time.monotonic() < ends:
             self._link.require()
             time.sleep(0.001)
         self._link.require_same()
@@ -293,11 +294,13 @@ class UrDriver(Driver):
         """Leave servo mode, the arm standing still, where there is still somebody to tell."""
         was_enabled, self._is_enabled = self._is_enabled, False
         link = self._link
-        if not was_enabled or not link.has_control or link.problem() or self._is_stale():
+        is_to_stop = was_enabled or self._program.is_free
+        if not is_to_stop or not link.has_control or link.problem() or self._is_stale():
             return
         robot_mode, safety_mode, runtime_state = link.modes()
         if obstacle(robot_mode, safety_mode) or runtime_state != RuntimeState.PLAYING:
             return
+        self._program.hold()
         link.order("servoStop", self._options.stop_deceleration, limit=_LONGEST_CYCLE)
         # That has fed the watchdog too; a kick now could meet a program that is just being stopped.
         self._kicked_ns = self.clock.now_ns()
@@ -366,10 +369,6 @@ class UrDriver(Driver):
             return False
         return (self.clock.now_ns() - self._changed_ns) * 1e-9 > self._options.feedback_timeout
 
-    def _reason(self) -> str:
-        robot_mode, safety_mode, runtime_state = self._link.modes()
-        return obstacle(robot_mode, safety_mode) or interruption(runtime_state)
-
     def _await_package(self, error: LinkError | FeedbackError) -> None:
         """Wait until the controller's clock has moved twice, then take that as the newest."""
         ends = time.monotonic() + _FIRST_PACKAGES
@@ -389,11 +388,3 @@ class UrDriver(Driver):
     def _forget_age(self) -> None:
         """Count the age of feedback from now: nobody has looked for as long as a call took."""
         self._timestamp, self._changed_ns, self._looks = -1.0, self.clock.now_ns(), 0
-
-    # Parts of enabling and resetting
-
-    def _order(self, name: str, *arguments: Any) -> None:  # noqa: ANN401 - the library's own
-        if not self._link.order(name, *arguments):
-            raise DeviceFaultError(
-                self._reason() or f"{self._options.host} did not carry out {name}"
-            )

@@ -77,6 +77,7 @@ def _planner(pickled: bytes) -> DevicePlanner:
         make_driver(device.name, device.driver, device.options, device.period_ns),
         limits=device.limits.to_limits(),
         period=device.period_ns * 1e-9,
+        frames=device.to_frames(),
     )
 
 
@@ -111,6 +112,7 @@ def _plan(planner: DevicePlanner, request: MotionRequest) -> Motion:
         raise RequestError(
             "keyframes", "expected at least 2: where a single one is gone to from is not known"
         )
+    request = planner.placed(request, None)
     position = request.keyframes[0].position or (0.0, 0.0, 0.0)
     return planner.plan(request, start=State.at_rest(request.keys[0], position), joints=())
 

@@ -23,6 +23,7 @@ _HOMES = {
     "move": "motion_commands",
     "home": "home",
     "track": "track",
+    "teach": "teach",
     "batch": "batch",
     "compare": "compare",
     "plot": "plot",

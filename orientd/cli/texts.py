@@ -59,6 +59,8 @@ def state(device: DeviceReport) -> str:
         return f"fault {device.fault.name.lower()}: {device.fault_text}"
     if device.is_paused:
         return "paused"
+    if device.is_free:
+        return "can be moved by hand"
     return device.state.name.lower()
 
 

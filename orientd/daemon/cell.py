@@ -291,4 +291,5 @@ def planner_device(settings: DeviceSettings) -> PlannerDevice:
         settings.options,
         settings.period_ns,
         settings.limits.to_limits(),
+        settings.to_frames(),
     )

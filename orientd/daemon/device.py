@@ -33,7 +33,10 @@ _SAME_BRANCH = 0.5
 class Device(SupervisedDevice):
     """A device and what can be asked of it, from any thread.
 
-    Its attributes are those of :class:`~orientd.daemon.supervised_device.SupervisedDevice`.
+    Its attributes are those of :class:`~orientd.daemon.supervised_device.SupervisedDevice`, and:
+
+    Attributes:
+        is_free: whether it was let go when it was disabled, to be moved by hand.
     """
 
     def __init__(
@@ -61,6 +64,7 @@ class Device(SupervisedDevice):
         self._limits, self._planners = settings.limits, planners
         self._lead_cycles = round(settings.lead * settings.rate_hz)
         self._has_no_outline = False
+        self.is_free = False
 
     @functools.cached_property
     def limits(self) -> Limits:
@@ -225,10 +229,17 @@ class Device(SupervisedDevice):
     def enable(self) -> None:
         """Make the device follow; it holds where it is."""
         self._servo.running().ask(Command.ENABLE)
+        self.is_free = False
 
-    def disable(self) -> None:
-        """Let the device no longer follow; it must be holding."""
-        self._servo.running().ask(Command.DISABLE)
+    def reset(self) -> None:
+        """See :meth:`.SupervisedDevice.reset`; whatever a fault leaves is held from then on."""
+        super().reset()
+        self.is_free = False
+
+    def disable(self, *, is_freed: bool = False) -> None:
+        """Let the device no longer follow; it must be holding, and may be moved by hand then."""
+        self._servo.running().ask(Command.FREE if is_freed else Command.DISABLE)
+        self.is_free = is_freed
 
     def stop(self) -> None:
         """Stop on the path; nothing happens to a device at rest."""

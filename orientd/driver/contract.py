@@ -16,7 +16,7 @@ from typing import Any, ClassVar, NamedTuple
 
 from orientd.clock import Clock
 from orientd.driver.finding import Finding
-from orientd.errors import PlanError
+from orientd.errors import DeviceFaultError, PlanError
 
 Vector3 = tuple[float, float, float]
 """``(x, y, z)``; its frame and unit are in the name of what holds it."""
@@ -333,6 +333,16 @@ class Driver(ABC):
         Returns:
             Where the device is; the first setpoint will be exactly this.
         """
+
+    def free(self) -> None:
+        """Let the device be moved by hand, until it is enabled or disabled again.
+
+        Called after :meth:`disable`; feedback goes on.
+
+        Raises:
+            DeviceFaultError: it cannot be.
+        """
+        raise DeviceFaultError(f"a device of the driver {self.name!r} cannot be moved by hand")
 
     @abstractmethod
     def read(self) -> Feedback | None:

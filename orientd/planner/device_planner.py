@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
@@ -10,6 +11,8 @@ from orientd.driver import Driver
 from orientd.errors import RequestError
 from orientd.planner.blending import blend
 from orientd.planner.fitting import plan_to_fit
+from orientd.planner.frames import Frame
+from orientd.planner.keyframes import in_device_coordinates, report_frame, with_frames
 from orientd.planner.limits import Limits
 from orientd.planner.motion import Motion
 from orientd.planner.recorded import RecordedMotion
@@ -20,6 +23,9 @@ _EXAMINED_EVERY = 0.008
 """How far apart in path time the poses are that a driver looks at, s."""
 
 
+NO_FRAMES: Mapping[str, Frame] = MappingProxyType({})
+
+
 class DevicePlanner:
     """Plan motions that a device's driver agrees to.
 
@@ -27,12 +33,29 @@ class DevicePlanner:
         examiner: a driver of the device, which need not be open.
         limits: the device's.
         period: its cycle, s.
+        frames: that requests may name, by name.
     """
 
-    def __init__(self, examiner: Driver, *, limits: Limits, period: float) -> None:
+    def __init__(
+        self,
+        examiner: Driver,
+        *,
+        limits: Limits,
+        period: float,
+        frames: Mapping[str, Frame] = NO_FRAMES,
+    ) -> None:
         self._examiner = examiner
         self._limits = limits
         self._period = period
+        self._frames = frames
+
+    def placed(self, request: MotionRequest, start: State | None) -> MotionRequest:
+        """Return *request* in the coordinates of the device; see :func:`in_device_coordinates`."""
+        return in_device_coordinates(with_frames(request, self._frames), start)
+
+    def report_frame(self, request: MotionRequest) -> Frame | None:
+        """Return the frame that reports of *request* are in; see :func:`.report_frame`."""
+        return report_frame(with_frames(request, self._frames))
 
     def plan(
         self,
@@ -59,6 +82,7 @@ class DevicePlanner:
             PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
         """
         self._check_options(request)
+        request = self.placed(request, start)
         motion = plan_to_fit(
             self._examiner,
             request,
@@ -104,7 +128,7 @@ class DevicePlanner:
             return record, motion
         record, motion = blend(
             first,
-            request,
+            self.placed(request, first.state_at(first.last_record)),
             tolerance=tolerance,
             limits=self._limits,
             period=self._period,

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.errors import RequestError
+from orientd.planner.keyframes import in_device_coordinates
 from orientd.planner.limits import DEFAULT_LIMITS, Limits, Rate
 from orientd.planner.motion import Motion
 from orientd.planner.planning import plan
@@ -39,7 +40,8 @@ def plan_offline(
         period: of the device, s.
         start: where it is; by default at rest at the first keyframe.
         wishes: further arguments of :class:`.MotionRequest`: ``method``, ``start_velocity``,
-            ``end_velocity``, ``velocity_frame``, ``approach``, ``duration``, ``options``.
+            ``end_velocity``, ``velocity_frame``, ``approach``, ``duration``, ``options``,
+            ``frame``, ``frames``.
 
     Raises:
         RequestError: something is not well formed, or not possible with the method.
@@ -49,6 +51,7 @@ def plan_offline(
         request = keys
     else:
         request = MotionRequest(_keyframes(keys, times, positions, turns), **wishes)
+    request = in_device_coordinates(request, start)
     if start is None:
         start = State.at_rest(request.keys[0], request.keyframes[0].position or (0.0, 0.0, 0.0))
     if not isinstance(limits, Limits):

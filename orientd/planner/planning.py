@@ -15,7 +15,7 @@ from orientd.planner import refusal
 from orientd.planner.candidate import CandidateMotion, to_single, with_leads
 from orientd.planner.certifying import certified
 from orientd.planner.connect import Caution, LeadIn, lead_in, position_lead
-from orientd.planner.keyframes import with_least_roll, wound
+from orientd.planner.keyframes import in_device_coordinates, with_least_roll, wound
 from orientd.planner.limits import LONGEST, Limits
 from orientd.planner.methods import Ends, check_method
 from orientd.planner.motion import Motion
@@ -81,6 +81,7 @@ def plan(
     """
     if not (math.isfinite(period) and period > 0.0):
         raise ValueError(f"period must be positive, got {period} s")
+    request = in_device_coordinates(request, start)
     request = with_least_roll(wound(request, start), start)
     job = _Job.of(request, start, limits.narrowed(request.limits), period)
     name = motion_id or os.urandom(6).hex()

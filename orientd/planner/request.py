@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from orientd.curves import is_same
 from orientd.errors import RequestError
+from orientd.planner.frames import Frame, named_frames
 from orientd.planner.limits import Limits
 from orientd.rotation import ROUNDING, Floats, check_unit, conjugate, rotate
 from orientd.tolerances import NORM_TOLERANCE
@@ -56,6 +57,9 @@ class Keyframe:
         turns: whole turns to make on the way from the previous keyframe to this one, or from where
             the device is to the only one.
         free_roll: whether it only says where to point: to where the first axis of *q* does.
+        frame: name of the frame that it is given in; empty for the one of the request.
+        relative: whether it is seen from where the tool is when the motion begins.
+        name: what people call it; at most 80 printable characters.
     """
 
     q: Quaternion
@@ -63,6 +67,9 @@ class Keyframe:
     position: Vector3 | None = None
     turns: int = 0
     free_roll: bool = False
+    frame: str = ""
+    relative: bool = False
+    name: str = ""
 
 
 _ZERO: list[float] = [0.0, 0.0, 0.0]
@@ -134,6 +141,9 @@ class MotionRequest:
             at every point of it; ``None`` keeps the method's own timing.
         name: what people call the motion, in reports and logs; at most 80 printable characters.
         pointing_axis: axis of the tool that points where keyframes with a free roll say.
+        frame: name of the frame of keyframes that name none, of the velocities at these, and of
+            reports; empty for the device's own coordinates.
+        frames: by name, besides those of the device's configuration, which give way to these.
         keys: the orientations, unit to rounding, shape ``(n, 4)``.
         times: the keyframes' times in seconds, shape ``(n,)``, or ``None``.
         positions: shape ``(n, 3)``, not a number where a keyframe has none; or ``None``.
@@ -155,6 +165,8 @@ class MotionRequest:
     duration: Duration | None = None
     name: str = ""
     pointing_axis: PointingAxis = "x"
+    frame: str = ""
+    frames: Mapping[str, Frame] = field(default_factory=dict)
 
     keys: Floats = field(init=False, repr=False)
     times: Floats | None = field(init=False, repr=False)
@@ -176,9 +188,11 @@ class MotionRequest:
             raise RequestError("pointing_axis", f"expected x, y or z, got {self.pointing_axis!r}")
         if self.duration not in (None, "minimum"):
             raise RequestError("duration", f"expected 'minimum', got {self.duration!r}")
-        if len(self.name) > LONGEST_NAME or not self.name.isprintable():
-            expected = f"expected at most {LONGEST_NAME} printable characters"
-            raise RequestError("name", f"{expected}, got {len(self.name)}: {self.name[:20]!r}")
+        named = {f"keyframes[{k}].name": one.name for k, one in enumerate(keyframes) if one.name}
+        for name, text in {"name": self.name, **named}.items():
+            if len(text) > LONGEST_NAME or not text.isprintable():
+                expected = f"expected at most {LONGEST_NAME} printable characters"
+                raise RequestError(name, f"{expected}, got {len(text)}: {text[:20]!r}")
         for name in ("start_velocity", "end_velocity"):
             velocity = getattr(self, name)
             if velocity is not None:
@@ -187,6 +201,7 @@ class MotionRequest:
         object.__setattr__(self, "keyframes", keyframes)
         for name in ("options", "device_options"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+        object.__setattr__(self, "frames", named_frames(self.frames))
         object.__setattr__(self, "keys", _orientations(keyframes))
         object.__setattr__(self, "times", _times(keyframes))
         if self.duration is not None and self.times is not None:

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from orientd.rpc.motion_request import Wishes
     from orientd.rpc.move_handle import MoveHandle
     from orientd.rpc.tracking import Tracking
+    from orientd.teaching import Teaching
 
 
 def connect(
@@ -321,6 +322,25 @@ class Robot(Commands):
         """Bring the axes of a gimbal home, unwinding them; raises as :meth:`move`."""
         anywhere = {"quaternion": {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}}
         return self.move([anywhere], device=device, device_options={"home": True}, name="home")
+
+    def teach(self, *, device: str = "", by_hand: bool = True) -> Teaching:
+        """Let a device be moved by hand, and take poses of it as keyframes; a context manager.
+
+        An arm is in freedrive meanwhile, a gimbal without torque.
+
+        Args:
+            device: which one; it must be at rest.
+            by_hand: without it nothing changes, and poses are taken wherever the device is brought
+                otherwise; that needs no lease.
+
+        Raises:
+            LeaseError: somebody else holds the lease.
+            StateError: the device moves, or is in a fault.
+            OrientdError: it cannot be moved by hand.
+        """
+        from orientd.teaching import Teaching
+
+        return Teaching(self, device, by_hand=by_hand)
 
     def track(
         self,

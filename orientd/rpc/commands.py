@@ -82,9 +82,15 @@ class Commands(LeaseHolder):
         """Make a device follow; it does not move by this."""
         return self._command(self._stub.Enable, pb.EnableRequest, device)
 
-    def disable(self, device: str = "") -> DeviceReport:
-        """Leave a device at rest, no longer following."""
-        return self._command(self._stub.Disable, pb.DisableRequest, device)
+    def disable(self, device: str = "", *, by_hand: bool = False) -> DeviceReport:
+        """Leave a device at rest, no longer following.
+
+        Args:
+            device: its name.
+            by_hand: whether it may then be moved by hand, until it is enabled or disabled again:
+                an arm in freedrive, a gimbal without torque.
+        """
+        return self._command(self._stub.Disable, pb.DisableRequest, device, by_hand=by_hand)
 
     def reset(self, device: str = "") -> DeviceReport:
         """Clear a fault, which may take seconds; starts the servo anew if it has ended."""

@@ -181,7 +181,7 @@ class Limits(_message.Message):
     def __init__(self, velocity: _Optional[float] = ..., acceleration: _Optional[float] = ..., jerk: _Optional[float] = ..., linear_velocity: _Optional[float] = ..., linear_acceleration: _Optional[float] = ..., axis_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., axis_acceleration: _Optional[_Union[Vector3, _Mapping]] = ..., axis_jerk: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
 
 class Keyframe(_message.Message):
-    __slots__ = ("time", "quaternion", "rotation_vector", "euler", "matrix", "direction", "azimuth_elevation", "look_at", "position", "turns", "free_roll")
+    __slots__ = ("time", "quaternion", "rotation_vector", "euler", "matrix", "direction", "azimuth_elevation", "look_at", "position", "turns", "free_roll", "frame", "relative", "name")
     TIME_FIELD_NUMBER: _ClassVar[int]
     QUATERNION_FIELD_NUMBER: _ClassVar[int]
     ROTATION_VECTOR_FIELD_NUMBER: _ClassVar[int]
@@ -193,6 +193,9 @@ class Keyframe(_message.Message):
     POSITION_FIELD_NUMBER: _ClassVar[int]
     TURNS_FIELD_NUMBER: _ClassVar[int]
     FREE_ROLL_FIELD_NUMBER: _ClassVar[int]
+    FRAME_FIELD_NUMBER: _ClassVar[int]
+    RELATIVE_FIELD_NUMBER: _ClassVar[int]
+    NAME_FIELD_NUMBER: _ClassVar[int]
     time: float
     quaternion: Quaternion
     rotation_vector: Vector3
@@ -204,7 +207,26 @@ class Keyframe(_message.Message):
     position: Vector3
     turns: int
     free_roll: bool
-    def __init__(self, time: _Optional[float] = ..., quaternion: _Optional[_Union[Quaternion, _Mapping]] = ..., rotation_vector: _Optional[_Union[Vector3, _Mapping]] = ..., euler: _Optional[_Union[EulerAngles, _Mapping]] = ..., matrix: _Optional[_Union[Matrix, _Mapping]] = ..., direction: _Optional[_Union[Vector3, _Mapping]] = ..., azimuth_elevation: _Optional[_Union[AzimuthElevation, _Mapping]] = ..., look_at: _Optional[_Union[LookAt, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., turns: _Optional[int] = ..., free_roll: bool = ...) -> None: ...
+    frame: str
+    relative: bool
+    name: str
+    def __init__(self, time: _Optional[float] = ..., quaternion: _Optional[_Union[Quaternion, _Mapping]] = ..., rotation_vector: _Optional[_Union[Vector3, _Mapping]] = ..., euler: _Optional[_Union[EulerAngles, _Mapping]] = ..., matrix: _Optional[_Union[Matrix, _Mapping]] = ..., direction: _Optional[_Union[Vector3, _Mapping]] = ..., azimuth_elevation: _Optional[_Union[AzimuthElevation, _Mapping]] = ..., look_at: _Optional[_Union[LookAt, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., turns: _Optional[int] = ..., free_roll: bool = ..., frame: _Optional[str] = ..., relative: bool = ..., name: _Optional[str] = ...) -> None: ...
+
+class Pose(_message.Message):
+    __slots__ = ("quaternion", "position")
+    QUATERNION_FIELD_NUMBER: _ClassVar[int]
+    POSITION_FIELD_NUMBER: _ClassVar[int]
+    quaternion: Quaternion
+    position: Vector3
+    def __init__(self, quaternion: _Optional[_Union[Quaternion, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
+
+class NamedFrame(_message.Message):
+    __slots__ = ("base", "tool")
+    BASE_FIELD_NUMBER: _ClassVar[int]
+    TOOL_FIELD_NUMBER: _ClassVar[int]
+    base: Pose
+    tool: Pose
+    def __init__(self, base: _Optional[_Union[Pose, _Mapping]] = ..., tool: _Optional[_Union[Pose, _Mapping]] = ...) -> None: ...
 
 class AzimuthElevation(_message.Message):
     __slots__ = ("azimuth", "elevation")
@@ -223,7 +245,14 @@ class LookAt(_message.Message):
     def __init__(self, point: _Optional[_Union[Vector3, _Mapping]] = ..., place: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
 
 class MotionRequest(_message.Message):
-    __slots__ = ("method", "keyframes", "velocity_frame", "start_velocity", "end_velocity", "approach", "limits", "options", "device_options", "duration", "name", "pointing_axis")
+    __slots__ = ("method", "keyframes", "velocity_frame", "start_velocity", "end_velocity", "approach", "limits", "options", "device_options", "duration", "name", "pointing_axis", "frame", "frames")
+    class FramesEntry(_message.Message):
+        __slots__ = ("key", "value")
+        KEY_FIELD_NUMBER: _ClassVar[int]
+        VALUE_FIELD_NUMBER: _ClassVar[int]
+        key: str
+        value: NamedFrame
+        def __init__(self, key: _Optional[str] = ..., value: _Optional[_Union[NamedFrame, _Mapping]] = ...) -> None: ...
     METHOD_FIELD_NUMBER: _ClassVar[int]
     KEYFRAMES_FIELD_NUMBER: _ClassVar[int]
     VELOCITY_FRAME_FIELD_NUMBER: _ClassVar[int]
@@ -236,6 +265,8 @@ class MotionRequest(_message.Message):
     DURATION_FIELD_NUMBER: _ClassVar[int]
     NAME_FIELD_NUMBER: _ClassVar[int]
     POINTING_AXIS_FIELD_NUMBER: _ClassVar[int]
+    FRAME_FIELD_NUMBER: _ClassVar[int]
+    FRAMES_FIELD_NUMBER: _ClassVar[int]
     method: str
     keyframes: _containers.RepeatedCompositeFieldContainer[Keyframe]
     velocity_frame: Frame
@@ -248,7 +279,9 @@ class MotionRequest(_message.Message):
     duration: Duration
     name: str
     pointing_axis: PointingAxis
-    def __init__(self, method: _Optional[str] = ..., keyframes: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., start_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., end_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., approach: bool = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., device_options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., duration: _Optional[_Union[Duration, str]] = ..., name: _Optional[str] = ..., pointing_axis: _Optional[_Union[PointingAxis, str]] = ...) -> None: ...
+    frame: str
+    frames: _containers.MessageMap[str, NamedFrame]
+    def __init__(self, method: _Optional[str] = ..., keyframes: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., start_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., end_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., approach: bool = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., device_options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., duration: _Optional[_Union[Duration, str]] = ..., name: _Optional[str] = ..., pointing_axis: _Optional[_Union[PointingAxis, str]] = ..., frame: _Optional[str] = ..., frames: _Optional[_Mapping[str, NamedFrame]] = ...) -> None: ...
 
 class Peak(_message.Message):
     __slots__ = ("value", "time", "limit", "on_records")
@@ -411,7 +444,7 @@ class Device(_message.Message):
     def __init__(self, name: _Optional[str] = ..., driver: _Optional[str] = ..., rate_hz: _Optional[float] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., lead: _Optional[float] = ..., phase: _Optional[float] = ...) -> None: ...
 
 class DeviceReport(_message.Message):
-    __slots__ = ("device", "state", "fault", "fault_text", "is_paused", "speed", "motion_number", "motion_id", "path_time", "duration", "servo_pid", "scheduling", "is_memory_locked", "cycle", "motion_name")
+    __slots__ = ("device", "state", "fault", "fault_text", "is_paused", "speed", "motion_number", "motion_id", "path_time", "duration", "servo_pid", "scheduling", "is_memory_locked", "cycle", "motion_name", "is_free")
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     STATE_FIELD_NUMBER: _ClassVar[int]
     FAULT_FIELD_NUMBER: _ClassVar[int]
@@ -427,6 +460,7 @@ class DeviceReport(_message.Message):
     IS_MEMORY_LOCKED_FIELD_NUMBER: _ClassVar[int]
     CYCLE_FIELD_NUMBER: _ClassVar[int]
     MOTION_NAME_FIELD_NUMBER: _ClassVar[int]
+    IS_FREE_FIELD_NUMBER: _ClassVar[int]
     device: Device
     state: State
     fault: Fault
@@ -442,7 +476,8 @@ class DeviceReport(_message.Message):
     is_memory_locked: bool
     cycle: Cycle
     motion_name: str
-    def __init__(self, device: _Optional[_Union[Device, _Mapping]] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., fault_text: _Optional[str] = ..., is_paused: bool = ..., speed: _Optional[float] = ..., motion_number: _Optional[int] = ..., motion_id: _Optional[str] = ..., path_time: _Optional[float] = ..., duration: _Optional[float] = ..., servo_pid: _Optional[int] = ..., scheduling: _Optional[str] = ..., is_memory_locked: bool = ..., cycle: _Optional[_Union[Cycle, _Mapping]] = ..., motion_name: _Optional[str] = ...) -> None: ...
+    is_free: bool
+    def __init__(self, device: _Optional[_Union[Device, _Mapping]] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., fault_text: _Optional[str] = ..., is_paused: bool = ..., speed: _Optional[float] = ..., motion_number: _Optional[int] = ..., motion_id: _Optional[str] = ..., path_time: _Optional[float] = ..., duration: _Optional[float] = ..., servo_pid: _Optional[int] = ..., scheduling: _Optional[str] = ..., is_memory_locked: bool = ..., cycle: _Optional[_Union[Cycle, _Mapping]] = ..., motion_name: _Optional[str] = ..., is_free: bool = ...) -> None: ...
 
 class LeaseReport(_message.Message):
     __slots__ = ("holder", "remaining", "identity", "devices")
@@ -959,14 +994,16 @@ class EnableResponse(_message.Message):
     def __init__(self, device: _Optional[_Union[DeviceReport, _Mapping]] = ...) -> None: ...
 
 class DisableRequest(_message.Message):
-    __slots__ = ("lease_token", "device", "lease_sequence")
+    __slots__ = ("lease_token", "device", "lease_sequence", "by_hand")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     LEASE_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    BY_HAND_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
     lease_sequence: int
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., lease_sequence: _Optional[int] = ...) -> None: ...
+    by_hand: bool
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., lease_sequence: _Optional[int] = ..., by_hand: bool = ...) -> None: ...
 
 class DisableResponse(_message.Message):
     __slots__ = ("device",)

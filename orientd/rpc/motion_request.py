@@ -45,6 +45,9 @@ class Wishes(TypedDict, total=False):
         device_options: of the device's driver, for this motion.
         name: what to call the motion in reports and logs.
         pointing_axis: axis of the tool that points where a keyframe says with a free roll.
+        frame: name of the frame of keyframes that name none, of the velocities, and of reports.
+        frames: by name, each with ``base`` and ``tool`` as in a motion file, besides those of the
+            device's configuration.
     """
 
     times: ArrayLike
@@ -60,6 +63,8 @@ class Wishes(TypedDict, total=False):
     device_options: Mapping[str, Any]
     name: str
     pointing_axis: Literal["x", "y", "z"]
+    frame: str
+    frames: Mapping[str, Any]
 
 
 def motion_request(

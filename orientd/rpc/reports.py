@@ -290,6 +290,7 @@ class DeviceReport:
             What the newest cycle sent is where the device is to be a lead from now.
         phase: where in a period of the monotonic clock its cycles begin, as a share of it.
         motion_name: what the newest motion's request calls it; empty where it does not.
+        is_free: whether it was let go, to be moved by hand.
     """
 
     name: str
@@ -312,6 +313,7 @@ class DeviceReport:
     lead: float = 0.0
     phase: float = 0.0
     motion_name: str = ""
+    is_free: bool = False
 
 
 @dataclass(frozen=True, slots=True)

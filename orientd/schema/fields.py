@@ -6,7 +6,7 @@ docstring.  From these follow the keys of a motion file and how they are read, i
 the way to a message and back (:mod:`orientd.rpc.wire.motion`).
 
 >>> [field.name for field in KEYFRAME]
-['time', 'q', 'position', 'turns', 'free_roll']
+['time', 'q', 'position', 'turns', 'free_roll', 'frame', 'relative', 'name']
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from inspect import cleandoc
 from types import NoneType
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
-from orientd.planner import Keyframe, Limits, MotionRequest, Quaternion, Vector3
+from orientd.planner import Frame, Keyframe, Limits, MotionRequest, Quaternion, Vector3
 
 
 class Kind(Enum):
@@ -35,6 +35,7 @@ class Kind(Enum):
     LIMITS = auto()
     ORIENTATION = auto()
     KEYFRAMES = auto()
+    FRAMES = auto()
 
 
 _KINDS: tuple[tuple[Any, Kind], ...] = (
@@ -47,6 +48,7 @@ _KINDS: tuple[tuple[Any, Kind], ...] = (
     (Limits, Kind.LIMITS),
     (Quaternion, Kind.ORIENTATION),
     (Sequence[Keyframe], Kind.KEYFRAMES),
+    (Mapping[str, Frame], Kind.FRAMES),
 )
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from orientd.planner import ANGULAR, UNITS, Limits
+from orientd.planner import ANGULAR, UNITS, Frame, Limits
 from orientd.schema.fields import KEYFRAME, MOTION, Field, Kind, attribute_lines
+from orientd.schema.frames import POSE_FORMS
 from orientd.schema.orientations import FORMS
 
 _NUMBER = {"type": "number"}
@@ -51,6 +52,7 @@ _KINDS: dict[Kind, dict[str, Any]] = {
     Kind.OPTIONS: {"type": "object"},
     Kind.LIMITS: {"$ref": "#/$defs/Limits"},
     Kind.KEYFRAMES: {"type": "array", "items": {"$ref": "#/$defs/Keyframe"}},
+    Kind.FRAMES: {"type": "object", "additionalProperties": {"$ref": "#/$defs/Frame"}},
 }
 
 
@@ -86,7 +88,20 @@ def motion_schema() -> dict[str, Any]:
             ),
             "LookAt": _table({"point": _TRIPLE, "place": _TRIPLE}, "point"),
             "Limits": _table(limits),
+            "Frame": _table(_poses()),
+            "Pose": _table(
+                {form: _FORMS[form] for form in POSE_FORMS}
+                | {"position": {**_TRIPLE, "description": "of the origin, m", "default": [0, 0, 0]}}
+            ),
         },
+    }
+
+
+def _poses() -> dict[str, Any]:
+    said = attribute_lines(Frame)
+    return {
+        part: {"$ref": "#/$defs/Pose", "description": said[part].replace("``", "")}
+        for part in ("base", "tool")
     }
 
 

@@ -61,12 +61,13 @@ FORMS: dict[str, plain.Reader] = {
 }
 """How each form is read from plain values."""
 
-_DIRECTIONS = ("direction", "azimuth_elevation", "look_at")
+DIRECTIONS = ("direction", "azimuth_elevation", "look_at")
+"""Forms that only say where to point."""
 
 
 def implied(written: Written) -> dict[str, bool]:
     """Return what else holds of a keyframe that gives its orientation so."""
-    return {"free_roll": True} if written[0] in _DIRECTIONS else {}
+    return {"free_roll": True} if written[0] in DIRECTIONS else {}
 
 
 def the_only(given: Mapping[str, Any]) -> Written:
@@ -97,7 +98,7 @@ def quaternions(written: Sequence[Written]) -> list[Quaternion]:
     for index, (form, euler) in enumerate(written):
         if form == "euler":
             found[index] = _from_euler(euler[0], euler[1], f"[{index}].euler")
-        elif form in _DIRECTIONS:
+        elif form in DIRECTIONS:
             found[index] = _level(form, euler, f"[{index}].{form}")
     return found
 

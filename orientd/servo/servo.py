@@ -280,11 +280,13 @@ class Servo:
             return self._tune()
         elif command is Command.ENABLE:
             self._enable()
-        elif command is Command.DISABLE:
+        elif command in (Command.DISABLE, Command.FREE):
             following = advance(setpoints.state, Event.DISABLE)
             self._is_enabled = False
             self._driver.disable()
             setpoints.state = following
+            if command is Command.FREE:
+                self._driver.free()
         elif command is Command.RESET:
             advance(setpoints.state, Event.RESET)
             if self._is_enabled:

@@ -42,6 +42,7 @@ class Command(IntEnum):
     HALT = 9
     TRACK = 10
     TUNE = 11
+    FREE = 12
 
 
 class Answer(IntEnum):

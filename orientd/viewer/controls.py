@@ -5,6 +5,7 @@ What is pressed on one page happens once, and every page shows it.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from typing import Any
 
@@ -14,7 +15,9 @@ from orientd.errors import LeaseError, OrientdError
 from orientd.rpc import DeviceReport, Robot
 from orientd.stream import State
 from orientd.viewer import drop
+from orientd.viewer.handles import set_changed
 from orientd.viewer.proposal import Proposal
+from orientd.viewer.teach_panel import TeachPanel
 from orientd.viewer.watcher import Sight, Watcher
 
 Act = Callable[[Robot, str], object]
@@ -78,6 +81,9 @@ class Controls:
             self._send.on_click(lambda event: self._command(event, self.proposal.send))
             self._discard = gui.add_button("Discard", color="gray", visible=False)
             self._discard.on_click(lambda _: self.proposal.discard())
+        self._teach = TeachPanel(
+            server, self._command, lambda event, act: attempt(watcher, event, act)
+        )
 
     def is_ours(self, sight: Sight) -> bool:
         """Whether this view may command."""
@@ -89,36 +95,40 @@ class Controls:
         self.proposal.look()
         is_ours, report = self.is_ours(sight), sight.report
         is_connected = report is not None and not sight.problem
-        _set(self._lease, label=GIVE_BACK if is_ours else TAKE, disabled=not is_connected)
+        set_changed(self._lease, label=GIVE_BACK if is_ours else TAKE, disabled=not is_connected)
         can_command = is_ours and is_connected
         is_moving = report is not None and report.state is State.STREAMING
         is_paused = report is not None and report.is_paused
-        _set(
+        set_changed(
             self._pause,
             label="▶ Resume" if is_paused else "Ⅱ Pause",
             disabled=not (can_command and is_moving),
         )
-        _set(self._speed, disabled=not can_command)
+        set_changed(self._speed, disabled=not can_command)
         if report is not None and not can_command:
             self._follow_speed(report)
         is_fault = report is not None and report.state is State.FAULT
-        _set(self._reset, disabled=not (can_command and is_fault), visible=is_fault)
+        set_changed(self._reset, disabled=not (can_command and is_fault), visible=is_fault)
         proposal = self.proposal
-        _set(self._file, disabled=not is_connected)
-        _set(self._about, content=proposal.html, visible=bool(proposal.html))
+        set_changed(self._file, disabled=not is_connected)
+        set_changed(self._about, content=proposal.html, visible=bool(proposal.html))
         has_plan = proposal.plan is not None
-        _set(self._send, visible=has_plan, disabled=not can_command)
-        _set(self._discard, visible=bool(proposal.html))
+        set_changed(self._send, visible=has_plan, disabled=not can_command)
+        set_changed(self._discard, visible=bool(proposal.html))
+        self._teach.show(sight, can_command=can_command)
 
     def give_up(self) -> None:
         """Give the lease back, for nobody is left to command; what it started stops."""
         robot = self._watcher.connection
         if robot is not None:
+            # What can be moved by hand must not be left so.
+            with contextlib.suppress(OrientdError):
+                self._teach.give_up()
             robot.release_lease()
 
     def _follow_speed(self, report: DeviceReport) -> None:
         percent = round(100.0 * report.speed)
-        _set(self._speed, value=percent)
+        set_changed(self._speed, value=percent)
 
     def _take_or_give(self, robot: Robot, device: str) -> None:
         is_given_back = self.is_ours(self._watcher.sight)
@@ -178,10 +188,3 @@ def _attempt(event: Any, act: Callable[[], object]) -> None:  # noqa: ANN401 - t
             event.client.add_notification(
                 "Refused", str(error), color="red", auto_close_seconds=_LONG_TEXT
             )
-
-
-def _set(handle: Any, **properties: object) -> None:  # noqa: ANN401 - the library's own
-    """Set what has changed: every setting is sent to every page."""
-    for name, value in properties.items():
-        if getattr(handle, name) != value:
-            setattr(handle, name, value)

@@ -40,6 +40,8 @@ def state(device: DeviceReport) -> tuple[str, str, str]:
         sign, word = ("Ⅱ", "Paused") if device.is_paused else ("▶", "Moving")
         speed = "" if device.speed == 1.0 else f", at {100.0 * device.speed:.0f} % speed"
         return sign, word, where + speed
+    if device.is_free:
+        return "✋", "Free", "can be moved by hand, nothing is sent"
     sign, word, what = _STATES[device.state]
     if device.state is State.HOLDING and device.speed != 1.0:
         what += f" at {100.0 * device.speed:.0f} % speed"

@@ -109,6 +109,15 @@ def test_the_stop_button_stops_a_motion_of_somebody_else(daemon, page):
     daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))
 
 
+def test_a_device_that_cannot_be_let_go_is_refused_in_words(daemon, page):
+    press(page, "Take the lease")
+    page.get_by_text("Teach by hand").click()
+    press(page, "Let go")
+    page.get_by_text("cannot be moved by hand").wait_for()
+    page.get_by_text("Holding").wait_for()
+    press(page, "Give the lease back")
+
+
 def test_a_file_is_shown_with_its_certificate_before_it_is_sent(daemon, page):
     before = daemon.device().motion_number
     page.locator("input[type=file]").set_input_files(

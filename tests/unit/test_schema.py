@@ -13,7 +13,7 @@ import pytest
 from orientd import config, motion_file, operation_settings
 from orientd.daemon.devices.device_report import EventKind
 from orientd.errors import Fault, RequestError
-from orientd.planner import Keyframe, Limits, MotionRequest
+from orientd.planner import Frame, Keyframe, Limits, MotionRequest, Pose
 from orientd.planner.limits import ANGULAR, UNITS
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc import motion_request, reports
@@ -37,6 +37,7 @@ SAMPLES = {
     Kind.VECTOR: (0.1, 0.2, 0.3),
     Kind.OPTIONS: {"align": False},
     Kind.LIMITS: Limits.partial(velocity=(1.0, 2.0, 3.0), linear_velocity=0.5),
+    Kind.FRAMES: {"camera": Frame(Pose((0.8, 0.0, 0.6, 0.0), (1.0, 2.0, 3.0)), Pose())},
 }
 TURNED = (0.8, 0.0, 0.0, 0.6)
 
@@ -104,7 +105,8 @@ def test_every_field_survives_the_file_the_wire_and_the_client(field):
 
 
 def test_every_field_of_a_keyframe_survives_the_file_and_the_wire():
-    whole = Keyframe(TURNED, time=1.5, position=(1.0, 2.0, 3.0), turns=-2, free_roll=True)
+    others = {"turns": -2, "free_roll": True, "frame": "camera", "relative": True, "name": "grasp"}
+    whole = Keyframe(TURNED, time=1.5, position=(1.0, 2.0, 3.0), **others)
     assert all(getattr(whole, field.name) != field.default for field in KEYFRAME)
     request = MotionRequest([Keyframe((1.0, 0.0, 0.0, 0.0), time=0.0), whole])
     assert motion_file.parse(motion_file.written(request)).keyframes[1] == whole

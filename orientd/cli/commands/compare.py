@@ -106,11 +106,11 @@ def compare(
     from orientd import motion_file, plots
     from orientd.curves import compare as compared
     from orientd.curves import ranked
-    from orientd.planner import task_of
+    from orientd.planner import in_device_coordinates, task_of
 
     if plot is not None:
         plots.check_format(plot)
-    request = motion_file.load(file)
+    request = in_device_coordinates(motion_file.load(file), None)
     need_two(request)
     task = task_of(request, times.value, ends.value)
     options = {request.method: dict(request.options)}

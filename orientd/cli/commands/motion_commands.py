@@ -66,7 +66,7 @@ def plan(
     from orientd.cli import sample_files, texts
     from orientd.daemon import plan_of, samples_of
     from orientd.driver import make_driver
-    from orientd.planner import DevicePlanner
+    from orientd.planner import DevicePlanner, State
 
     if output is not None and output.suffix not in sample_files.ENDINGS:
         raise typer.BadParameter(
@@ -89,8 +89,14 @@ def plan(
         )
     # Where nothing says where the axes are, the driver chooses.
     device_planner = DevicePlanner(
-        driver, limits=settings.limits.to_limits(), period=settings.period_ns * 1e-9
+        driver,
+        limits=settings.limits.to_limits(),
+        period=settings.period_ns * 1e-9,
+        frames=settings.to_frames(),
     )
+    frame = device_planner.report_frame(request)
+    at = None if stands is None else State.at_rest(stands.q, stands.position)
+    request = device_planner.placed(request, at)
     with working(f"planning {file.name}", is_silent=as_json):
         motion = device_planner.plan(
             request,
@@ -98,7 +104,7 @@ def plan(
             joints=stands.joints if stands else (),
             is_offline=not from_robot,
         )
-    samples = samples_of(motion, settings.rate_hz)
+    samples = samples_of(motion, settings.rate_hz, frame)
     if output is not None:
         sample_files.write(output, samples, motion.certificate)
     if plot is not None:

@@ -113,9 +113,9 @@ def _draw_file(file: Path, path: Path, show: Show, times: KeyframeTimes, ends: O
     import numpy as np
 
     from orientd import motion_file, plots
-    from orientd.planner import curve_of, distinct, position_path, task_of
+    from orientd.planner import curve_of, distinct, in_device_coordinates, position_path, task_of
 
-    request = motion_file.load(file)
+    request = in_device_coordinates(motion_file.load(file), None)
     need_two(request)
     task = task_of(request, times.value, ends.value)
     curve = curve_of(request, task)

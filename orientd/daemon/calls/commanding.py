@@ -77,7 +77,11 @@ class CommandingCalls(Calls):
 
     async def Disable(self, request: pb.DisableRequest, context: Context) -> pb.DisableResponse:
         """Leave a device at rest, no longer following."""
-        device = await self._command(context, request, "disable", lambda device: device.disable())
+        is_freed = request.by_hand
+        what = "disable, to be moved by hand" if is_freed else "disable"
+        device = await self._command(
+            context, request, what, lambda device: device.disable(is_freed=is_freed)
+        )
         return pb.DisableResponse(device=device)
 
     async def Reset(self, request: pb.ResetRequest, context: Context) -> pb.ResetResponse:

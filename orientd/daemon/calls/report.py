@@ -7,8 +7,9 @@ from typing import TypeVar
 
 from orientd.daemon.device import Device
 from orientd.daemon.motions import ActiveMotion
+from orientd.planner import Frame, Quaternion, Vector3
 from orientd.rpc import DeviceReport, Progress
-from orientd.stream import Cycle, record_index
+from orientd.stream import Cycle, State, record_index
 
 NANOSECONDS = 1e9
 _MOST_CYCLES = 4096
@@ -40,6 +41,7 @@ def device_report(device: Device) -> DeviceReport:
         lead=device.lead,
         phase=device.phase,
         motion_name=now.motion.facts.name if now.motion else "",
+        is_free=device.is_free and now.state is State.IDLE,
     )
 
 
@@ -103,21 +105,35 @@ class ProgressReader:
         now = self._run.device.snapshot()
         if now.cycle is None:
             return None
+        frame = self._run.motion.frame if self._run.motion is not None else None
         duration = self._run.motion.facts.duration if self._run.motion is not None else 0.0
         # A motion that waits for its turn has not begun; one that was left has ended.
         is_present = now.motion_number == self._run.number
         recent, _ = self._cycles.read()
         latest = max((cycle.lateness_ns for cycle in recent), default=now.cycle.lateness_ns)
+        seen = (now.cycle.q, now.cycle.omega_body, now.cycle.position)
+        q, omega_body, position = seen if frame is None else _seen(frame, *seen)
         return Progress(
             path_time=min(now.path_time, duration) if is_present else 0.0,
             duration=duration,
             state=now.state,
             is_paused=now.is_paused,
             speed=now.cycle.speed,
-            q=now.cycle.q,
-            omega_body=now.cycle.omega_body,
-            position=now.cycle.position,
+            q=q,
+            omega_body=omega_body,
+            position=position,
             lateness=latest / NANOSECONDS,
             tracking_error=now.tracking_error,
             overruns=max(0, now.cycle.overruns - self._overruns),
         )
+
+
+def _seen(
+    frame: Frame, q: Quaternion, omega_body: Vector3, position: Vector3
+) -> tuple[Quaternion, Vector3, Vector3]:
+    """Return orientation, angular velocity and position of the tool of a frame, from its base."""
+    seen_q, seen_position = frame.pose(q, position)
+    w, x, y, z = seen_q.tolist()
+    a, b, c = frame.vector(omega_body).tolist()
+    u, v, t = seen_position.tolist()
+    return (w, x, y, z), (a, b, c), (u, v, t)

@@ -45,7 +45,7 @@ Such a command goes on; whoever gives it again later has the answer to the first
 _LATE_ANSWER = 10.0
 """How long the answer to a slow command is kept for whoever gives it again, s."""
 
-_SLOW = (Command.ENABLE, Command.DISABLE, Command.RESET)
+_SLOW = (Command.ENABLE, Command.DISABLE, Command.RESET, Command.FREE)
 _STOPPING = (Command.STOP, Command.HALT, Command.SHUTDOWN)
 _POLL = 0.0005
 _LOOK = 0.05

@@ -15,7 +15,7 @@ from typing import Any
 
 from orientd import errors
 from orientd.errors import OrientdError, PlanError
-from orientd.planner import Joints, Limits, MotionFacts, RecordedMotion, State
+from orientd.planner import Frame, Joints, Limits, MotionFacts, RecordedMotion, State
 
 CHUNK = 65_536
 """Records that are worked out at a time: two minutes at 500 Hz."""
@@ -40,6 +40,7 @@ class PlannerDevice:
         options: of the driver.
         period_ns: of its cycle.
         limits: what no motion may exceed.
+        frames: that motions may name.
     """
 
     name: str
@@ -47,6 +48,7 @@ class PlannerDevice:
     options: Mapping[str, Any]
     period_ns: int
     limits: Limits
+    frames: Mapping[str, Frame] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,6 +166,7 @@ class Planned:
         plan: a serialised ``orientd.v1.Plan``; empty behind the first records.
         response: a serialised ``PlanResponse`` with samples, where these were asked for.
         shape: of the records in the file.
+        frame: in which the motion was asked for; ``None`` for the device's own coordinates.
     """
 
     facts: MotionFacts
@@ -171,6 +174,7 @@ class Planned:
     plan: bytes
     response: bytes
     shape: tuple[int, int]
+    frame: Frame | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -42,6 +42,7 @@ class PlannedMotion(RecordedMotion):
         plan: a serialised ``orientd.v1.Plan``.
         response: a serialised ``PlanResponse`` with samples, where these were asked for.
         leave: record of the motion before at which it begins, of one that follows another.
+        frame: in which it was asked for; ``None`` for the device's own coordinates.
     """
 
     def __init__(
@@ -58,6 +59,7 @@ class PlannedMotion(RecordedMotion):
         """
         super().__init__(planned.facts, np.empty((0, chunk.columns)))
         self.job, self.leave = job, planned.leave
+        self.frame = planned.frame
         self.plan, self.response = planned.plan, planned.response
         self._chunks: tuple[Chunk, ...] = (chunk,)
         self._fetch, self._rest = fetch, rest

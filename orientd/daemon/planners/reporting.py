@@ -10,7 +10,7 @@ import numpy as np
 
 from orientd.curves import METHODS
 from orientd.errors import RequestError
-from orientd.planner import Motion
+from orientd.planner import Frame, Motion
 from orientd.planner import Samples as Sampled
 from orientd.rotation import Floats
 from orientd.rpc import Method, Plan, Samples, from_request, method_to_message, plan_to_message
@@ -40,9 +40,15 @@ def plan_of(motion: Motion) -> Plan:
     )
 
 
-def samples_of(motion: Motion, rate_hz: float) -> Samples:
-    """Return *motion* sampled *rate_hz* times a second, from its beginning to its end."""
-    times, sampled = _sampled(motion, rate_hz)
+def samples_of(motion: Motion, rate_hz: float, frame: Frame | None = None) -> Samples:
+    """Return *motion* sampled *rate_hz* times a second, from its beginning to its end.
+
+    Args:
+        motion: to sample.
+        rate_hz: how often, 1/s.
+        frame: what to see it from; ``None`` for the coordinates of the device.
+    """
+    times, sampled = _sampled(motion, rate_hz, frame)
     return Samples(
         times=times,
         q=sampled.q,
@@ -73,8 +79,10 @@ def plan(motion: Motion) -> pb.Plan:
     return plan_to_message(plan_of(motion))
 
 
-def plan_response(motion: Motion, rate_hz: float) -> bytes:
+def plan_response(motion: Motion, rate_hz: float, frame: Frame | None = None) -> bytes:
     """Return a serialised ``PlanResponse``, or ``GetPlanResponse``, which has the same fields.
+
+    Arguments are those of :func:`samples_of`.
 
     Raises:
         RequestError: these would be too many samples.
@@ -87,7 +95,7 @@ def plan_response(motion: Motion, rate_hz: float) -> bytes:
     response = pb.PlanResponse(plan=plan(motion)).SerializeToString()
     if not rate_hz:
         return response
-    times, samples = _sampled(motion, rate_hz)
+    times, samples = _sampled(motion, rate_hz, frame)
     field = pb.PlanResponse.DESCRIPTOR.fields_by_name["samples"].number
     return response + _samples(field, times, list(samples))
 
@@ -106,13 +114,14 @@ def methods() -> bytes:
     return pb.ListMethodsResponse(methods=found).SerializeToString()
 
 
-def _sampled(motion: Motion, rate_hz: float) -> tuple[Floats, Sampled]:
+def _sampled(motion: Motion, rate_hz: float, frame: Frame | None = None) -> tuple[Floats, Sampled]:
     """Return instants so many times a second, from beginning to end, and the motion there."""
     count = int(np.floor(motion.duration * rate_hz + 1e-9)) + 1
     times = np.append(np.arange(count) / rate_hz, motion.duration)
     if times[-1] - times[-2] < 1e-9:
         times = times[:-1]
-    return times, motion.sample(times)
+    samples = motion.sample(times)
+    return times, samples if frame is None else frame.seen(samples)
 
 
 def _samples(number: int, times: Floats, parts: list[Floats]) -> bytes:

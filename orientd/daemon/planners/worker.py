@@ -42,7 +42,7 @@ from orientd.daemon.planners.jobs import (
 from orientd.daemon.planners.record_file import write
 from orientd.driver import make_driver
 from orientd.errors import OrientdError, PlanError, RequestError
-from orientd.planner import DevicePlanner, Keyframe, Motion, MotionRequest, State
+from orientd.planner import DevicePlanner, Frame, Keyframe, Motion, MotionRequest, State
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc import to_request
 
@@ -67,7 +67,7 @@ class Work:
         self._planners = {device.name: _planner(device) for device in set_up.devices}
         self._periods = {device.name: device.period_ns * 1e-9 for device in set_up.devices}
         self._memory: memoryview | None = None
-        self._known: OrderedDict[str, tuple[Motion, int]] = OrderedDict()
+        self._known: OrderedDict[str, tuple[Motion, int, Frame | None]] = OrderedDict()
 
     def show_stage(self, memory: memoryview) -> None:
         """Write to shared memory what is being done, for whoever gives it up."""
@@ -94,7 +94,7 @@ class Work:
             return reporting.methods()
         if job is None:
             raise ValueError("the question needs a job")
-        motion, leave = self._motion(job, question.most_keyframes)
+        motion, leave, frame = self._motion(job, question.most_keyframes)
         self._say(f"reporting on {motion.record_count} records")
         if not isinstance(what, Records):
             return reporting.plan_response(motion, what.rate_hz)
@@ -105,8 +105,11 @@ class Work:
             facts=motion.facts,
             leave=leave,
             plan=reporting.plan(motion).SerializeToString() if what.is_first else b"",
-            response=reporting.plan_response(motion, what.rate_hz) if what.rate_hz else b"",
+            response=(
+                reporting.plan_response(motion, what.rate_hz, frame) if what.rate_hz else b""
+            ),
             shape=(rows.shape[0], rows.shape[1]),
+            frame=frame,
         )
 
     def rest(self, question: Question, file: int = -1) -> Rest | None:
@@ -114,14 +117,14 @@ class Work:
         what, job = question.what, question.job
         if not isinstance(what, Records) or not what.is_first or job is None:
             return None
-        motion, _ = self._known[job.motion_id]
+        motion, _, _ = self._known[job.motion_id]
         count = min(what.count, motion.record_count)
         for first in range(FIRST, count, _BLOCK):
             write(file, first, motion.rows(first, min(_BLOCK, count - first)))
         return Rest(count, reporting.event(motion))
 
-    def _motion(self, job: PlanInput, most_keyframes: int) -> tuple[Motion, int]:
-        """Return the motion of a job, and where it leaves the one before."""
+    def _motion(self, job: PlanInput, most_keyframes: int) -> tuple[Motion, int, Frame | None]:
+        """Return the motion of a job, where it leaves the one before, and in which frame it is."""
         known = self._known.get(job.motion_id)
         if known is not None:
             return known
@@ -157,10 +160,10 @@ class Work:
             )
         else:
             raise ValueError("the job needs a start")
-        self._known[job.motion_id] = motion, leave
+        known = self._known[job.motion_id] = motion, leave, planner.report_frame(request)
         while len(self._known) > KEPT:
             self._known.popitem(last=False)
-        return motion, leave
+        return known
 
     def _say(self, stage: str) -> None:
         if self._memory is not None:
@@ -170,7 +173,8 @@ class Work:
 
 def _planner(device: PlannerDevice) -> DevicePlanner:
     driver = make_driver(device.name, device.driver, device.options, device.period_ns)
-    return DevicePlanner(driver, limits=device.limits, period=device.period_ns * 1e-9)
+    period = device.period_ns * 1e-9
+    return DevicePlanner(driver, limits=device.limits, period=period, frames=device.frames)
 
 
 def main(channel: int) -> None:

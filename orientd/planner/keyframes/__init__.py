@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
+from orientd.planner.keyframes.placing import in_device_coordinates, report_frame, with_frames
 from orientd.planner.keyframes.pointing import with_least_roll
 from orientd.planner.keyframes.winding import wound
 
-__all__ = ["with_least_roll", "wound"]
+__all__ = [
+    "in_device_coordinates",
+    "report_frame",
+    "with_frames",
+    "with_least_roll",
+    "wound",
+]

@@ -26,12 +26,24 @@ def with_least_roll(request: MotionRequest, start: State) -> MotionRequest:
     for keyframe, key in zip(request.keyframes, request.keys, strict=True):
         given = key
         if keyframe.free_roll:
-            given = multiply(_least_turn(rotate(q, points), rotate(key, np.eye(3)[0])), q)
-            given = given / np.linalg.norm(given)
+            given = pointed(q, points, rotate(key, np.eye(3)[0]))
         q = given
         w, x, y, z = q.tolist()
         keyframes.append(replace(keyframe, q=(w, x, y, z), free_roll=False))
     return replace(request, keyframes=keyframes)
+
+
+def pointed(q: Floats, axis: Floats, direction: Floats) -> Floats:
+    """Return the orientation that the least turn leads to from *q*, with *axis* in a direction.
+
+    Args:
+        q: orientation, tool to world.
+        axis: what is to point, a unit vector in tool coordinates.
+        direction: where to, a unit vector in world coordinates.
+    """
+    turned = multiply(_least_turn(rotate(q, axis), direction), q)
+    found: Floats = turned / np.linalg.norm(turned)
+    return found
 
 
 def _least_turn(a: Floats, b: Floats) -> Floats:

@@ -15,7 +15,16 @@ from google.protobuf.struct_pb2 import Struct
 
 from orientd import plain_values as plain
 from orientd.errors import RequestError
-from orientd.planner import ANGULAR, Keyframe, Limits, MotionRequest, Vector3, check_method
+from orientd.planner import (
+    ANGULAR,
+    Frame,
+    Keyframe,
+    Limits,
+    MotionRequest,
+    Pose,
+    Vector3,
+    check_method,
+)
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.wire.limits import asked_rates, limits_message
 from orientd.rpc.wire.values import RATES, quaternion, vector
@@ -166,6 +175,38 @@ def _to_struct(options: Mapping[str, Any]) -> Struct | None:
     return struct
 
 
+def _frames(messages: Mapping[str, pb.NamedFrame]) -> dict[str, Frame]:
+    found: dict[str, Frame] = {}
+    for name, message in messages.items():
+        try:
+            found[name] = Frame(_pose(message.base, "base"), _pose(message.tool, "tool"))
+        except RequestError as error:
+            raise plain.placed(name, error) from None
+    return found
+
+
+def _pose(message: pb.Pose, place: str) -> Pose:
+    q = message.quaternion
+    position = message.position.x, message.position.y, message.position.z
+    try:
+        if not message.HasField("quaternion"):
+            return Pose(position=position)
+        return Pose((q.w, q.x, q.y, q.z), position)
+    except RequestError as error:
+        raise plain.placed(place, error) from None
+
+
+def _frame_messages(frames: Mapping[str, Frame]) -> dict[str, pb.NamedFrame]:
+    return {
+        name: pb.NamedFrame(base=_pose_message(frame.base), tool=_pose_message(frame.tool))
+        for name, frame in frames.items()
+    }
+
+
+def _pose_message(pose: Pose) -> pb.Pose:
+    return pb.Pose(quaternion=quaternion(pose.q), position=vector(pose.position))
+
+
 _KINDS: dict[Kind, tuple[Taker | None, Giver | None]] = {
     Kind.TEXT: (None, None),
     Kind.FLAG: (None, None),
@@ -176,6 +217,7 @@ _KINDS: dict[Kind, tuple[Taker | None, Giver | None]] = {
     Kind.LIMITS: (_limits, _limits_message),
     Kind.ORIENTATION: (_quaternion, quaternion),
     Kind.KEYFRAMES: (_keyframes, _keyframe_messages),
+    Kind.FRAMES: (_frames, _frame_messages),
 }
 """How a kind is taken from a message and given to one; as it is where nothing is said."""
 

@@ -62,6 +62,12 @@ class Shaft:
         self.load = 0.0
         self.strain_s = 0.0
         self._time_ns = now_ns
+        self._turn_steps = 0
+
+    def turn(self, ticks: float, seconds: float) -> None:
+        """Be turned by hand by so many ticks in so many seconds, while the motor is off."""
+        self._turn_steps = max(1, round(seconds / _STEP_S))
+        self.speed = ticks / (self._turn_steps * _STEP_S)
 
     def settle(self) -> None:
         """Begin the next profile at rest, from where the shaft is."""
@@ -87,9 +93,13 @@ class Shaft:
 
     def _step(self, aim: Aim | None) -> None:
         if aim is None:
-            self.speed = self.strain_s = 0.0
+            self.strain_s = 0.0
+            self.speed = self.speed if self._turn_steps else 0.0
+            self.position += self.speed * _STEP_S
+            self._turn_steps = max(0, self._turn_steps - 1)
             self.settle()
             return
+        self._turn_steps = 0
         self._advance_reference(aim)
         limit = aim.speed_limit * max(0.0, 1.0 - self.load)
         if aim.position is None:

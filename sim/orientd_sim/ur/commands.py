@@ -91,11 +91,10 @@ _MOTIONS = frozenset(
     {Command.MOVE_J, Command.MOVE_J_IK, Command.MOVE_L, Command.MOVE_L_FK, Command.MOVE_PATH}
 )
 _WITHOUT_EFFECT = frozenset(
-    {Command.ZERO_FT, Command.TEACH_MODE, Command.END_TEACH_MODE, Command.FORCE_DAMPING,
-     Command.FORCE_GAIN, Command.FREEDRIVE, Command.END_FREEDRIVE, Command.FT_INPUT,
+    {Command.ZERO_FT, Command.FORCE_DAMPING, Command.FORCE_GAIN, Command.FT_INPUT,
      Command.FT_SENSOR, Command.CONTACT_START}
 )  # fmt: skip
-"""What an arm without sensors, and without anybody to push it, has nothing to do for."""
+"""What an arm without sensors has nothing to do for."""
 
 REAL_TIME = frozenset({6, 9, 10, 11, 24, 25, 26, 27, 38, 58, *range(66, 72)})
 """Commands that are carried out at every tick they stay, and never answered with done."""
@@ -153,6 +152,10 @@ def execute(script: ControlScript, number: int) -> Ticks:
         script.start_thread(move_line(robot, pose, speed, rate))
     elif number == Command.MOVE_UNTIL_CONTACT:
         yield from touch(robot, script.numbers(0, 6), script.numbers(12, 1)[0])
+    elif number in (Command.TEACH_MODE, Command.FREEDRIVE):
+        robot.arm.free()
+    elif number in (Command.END_TEACH_MODE, Command.END_FREEDRIVE):
+        yield from stop(robot, STOP_DECELERATION)
     elif number == Command.SET_WATCHDOG:
         robot.set_watchdog(script.command_register, script.numbers(0, 1)[0])
     elif number == Command.PROTECTIVE_STOP:

@@ -21,6 +21,9 @@ Not part of any real robot.  The server answers it at all times, a frozen contro
 ``garbage COUNT [BYTE]``   send COUNT bytes (0) that are no package to every RTDE client
 ``local`` / ``remote``     local or remote control
 ``limit JOINT SPEED``      lower the speed limit of joint 1 to 6, rad/s
+``push Q1 .. Q6 [SECONDS]``
+                           move the joints by hand to these angles (rad), in so long, while the arm
+                           gives way: in freedrive or teach mode
 ``record on|off|clear``, ``record write STEM``  see `orientd_sim.ur.recording`
 ``state``                  everything worth knowing, as JSON
 =========================  =========================================================================
@@ -72,6 +75,13 @@ def _limit(server: Server, words: Sequence[str]) -> None:
     if not 1 <= joint <= 6:
         raise ValueError(f"joint must be 1 to 6, got {joint}")
     server.robot.arm.speed_limits[joint - 1] = float(words[1])
+
+
+def _push(server: Server, words: Sequence[str]) -> None:
+    *angles, seconds = map(float, words if len(words) > 6 else [*words, "0"])
+    if len(angles) != 6:
+        raise ValueError(f"expected 6 angles and a time, got {len(words)} numbers")
+    server.robot.arm.push(tuple(angles), seconds)
 
 
 def _set_remote(is_remote: bool) -> Callable[[Server, Sequence[str]], None]:
@@ -129,6 +139,7 @@ _VERBS: dict[str, Callable[[Server, Sequence[str]], str | None]] = {
     "local": _set_remote(False),
     "remote": _set_remote(True),
     "limit": _limit,
+    "push": _push,
     "record": lambda server, words: server.record(words),
     "state": lambda server, _words: server.describe(),
 }

@@ -115,10 +115,10 @@ def test_passing_fault_is_ridden_out(rig, name, moments):
         it, servo, moment = started(rig, seed)
         RIDDEN_OUT[name](it, servo)
         it.run(120, path(moment))
-        assert it.driver.losses.total >= 1 or name == "a tenth dropped"
+        assert it.driver._group.losses.total >= 1 or name == "a tenth dropped"
         it.bus.faults.clear()
         it.run(10)
-        assert it.driver.losses.in_a_row == 0
+        assert it.driver._group.losses.in_a_row == 0
         assert it.seen[-1].joints == pytest.approx(it.driver._tracker.angles, abs=0.1)
         assert_sane(it)
 

@@ -96,6 +96,7 @@ DEVICE = DeviceReport(
     is_memory_locked=True,
     cycle=CYCLE,
     lead=0.1,
+    is_free=True,
 )
 CERTIFICATE = Certificate(
     rate_hz=500.0,

@@ -41,6 +41,7 @@ class Mode(Enum):
     SPEED = "speed"
     BRAKE = "brake"
     FOLLOW = "follow"
+    FREE = "free"
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +86,7 @@ class Arm:
         self._lookahead = 0.1
         self._gain = 300.0
         self._rate = 10.0
+        self._pushed_ticks = 0
 
     @property
     def servoing(self) -> tuple[float, float]:
@@ -115,6 +117,21 @@ class Arm:
         """Be at *q* at the next tick: the path and its timing are the caller's."""
         self.mode = Mode.FOLLOW
         self._goal = q
+
+    def free(self) -> None:
+        """Give way to whoever pushes it."""
+        self.mode = Mode.FREE
+        self._pushed_ticks = 0
+
+    def push(self, q: Joints, seconds: float) -> None:
+        """Be moved by hand to *q* in so many seconds; only while it gives way.
+
+        Raises:
+            ValueError: it does not.
+        """
+        if self.mode is not Mode.FREE:
+            raise ValueError("the arm does not give way: freedrive is off")
+        self._goal, self._pushed_ticks = q, max(1, round(seconds / TICK))
 
     def hold(self) -> None:
         """Stay where commanded; only right when already still."""
@@ -175,6 +192,9 @@ class Arm:
                 return [0.0] * 6
             left = 1.0 - self._rate * TICK / fastest
             return [r * left for r in rates]
+        if self.mode is Mode.FREE and self._pushed_ticks:
+            ticks, self._pushed_ticks = self._pushed_ticks, self._pushed_ticks - 1
+            return [(b - a) / (ticks * TICK) for a, b in zip(here, self._goal, strict=True)]
         if self.mode is Mode.FOLLOW:
             return [(b - a) / TICK for a, b in zip(here, self._goal, strict=True)]
         return [0.0] * 6

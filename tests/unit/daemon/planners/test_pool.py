@@ -220,5 +220,5 @@ def test_records_beyond_the_first_chunk_are_asked_for_while_they_are_fed():
 
     fed = run(test)
     work = DirectPlanners([SETTINGS]).work
-    whole, _ = work._motion(one, 1000)
+    whole, *_ = work._motion(one, 1000)
     assert fed.tobytes() == whole.records(0, whole.record_count).tobytes()

@@ -1,0 +1,248 @@
+"""`orientd teach`: move a device by hand and take its poses as the keyframes of a motion."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import signal
+import sys
+import termios
+import tty
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from orientd.cli.command import AsJson, DeviceName, Socket, command
+from orientd.cli.commands.device_commands import holder
+from orientd.cli.output import say, say_json
+from orientd.errors import DeviceError, OrientdError, StateError
+
+if TYPE_CHECKING:
+    from orientd.planner import Keyframe
+    from orientd.teaching import Teaching
+
+ENDINGS = (".yaml", ".yml", ".json")
+
+_REFRESH = 0.1
+"""How often the pose is shown anew, s."""
+
+_KEYS = {" ": "take", "\n": "take", "\r": "take", "\x7f": "remove", "\b": "remove", "x": "remove",
+         "n": "name", "q": "end", "\x04": "end"}  # fmt: skip
+_CLEAR = "\r\x1b[K"
+
+_HELP = "space takes the pose, backspace removes the last, n names it, q ends"
+
+
+@command
+def teach(
+    file: Annotated[
+        Path, typer.Argument(metavar="OUT.yaml", help="The motion file to write, YAML or JSON.")
+    ],
+    device: DeviceName = "",
+    name: Annotated[str, typer.Option("--name", help="What to call the motion.")] = "",
+    watch: Annotated[
+        bool,
+        typer.Option("--watch", help="Leave the device as it is: something else brings it there."),
+    ] = False,
+    socket: Socket = None,
+    as_json: AsJson = False,
+) -> None:
+    """Move a device by hand, and take its poses as the keyframes of a motion file.
+
+    An arm is in freedrive meanwhile, a gimbal without torque: hold it.  At the end it holds where
+    it is, and follows again if it did before.  Keys: space takes the pose, with the time since the
+    first; backspace removes the last keyframe, n names it, q ends.  SIGUSR1 takes one, too.
+    Without a terminal each line of standard input is `take`, `take NAME`, `remove`, `name NAME` or
+    `end`.
+    """
+    if file.suffix not in ENDINGS:
+        raise typer.BadParameter(
+            f"expected a name that ends in {', '.join(ENDINGS)}, got {file.name!r}",
+            param_hint="OUT.yaml",
+        )
+    if file.exists():
+        raise OrientdError(f"cannot write {file}: it is there already")
+    from orientd.rpc import connect
+
+    with connect(socket, holder=holder("teach")) as robot:
+        if not watch:
+            robot.acquire_lease(device)
+        # From here on a signal is an order, and whatever happens the device is held again.
+        with _Orders() as orders, robot.teach(device=device, by_hand=not watch) as teaching:
+            if not as_json:
+                say(f"{teaching.device}: {'watched' if watch else 'can be moved by hand'}")
+                say(*([_HELP] if orders.is_terminal else ()))
+            _follow(teaching, orders, file, name, is_silent=as_json)
+            # Told before the device holds again: whether or not it does, the file is there.
+            _conclude(teaching, file, name, as_json=as_json)
+
+
+def _conclude(teaching: Teaching, file: Path, name: str, *, as_json: bool) -> None:
+    """Write what was taken, and say so.
+
+    Raises:
+        OrientdError: nothing was.
+    """
+    if not teaching.keyframes:
+        file.unlink(missing_ok=True)
+        raise OrientdError("no keyframe was taken; nothing is written")
+    request = teaching.save(file, name)
+    duration = request.keyframes[-1].time or 0.0
+    if as_json:
+        say_json({"file": file, "keyframes": len(request.keyframes), "duration": duration})
+        return
+    say(f"wrote {file}: {len(request.keyframes)} keyframes in {duration:.2f} s")
+
+
+def _follow(teaching: Teaching, orders: _Orders, file: Path, name: str, *, is_silent: bool) -> None:
+    """Do as is told, until that is to end; what was taken is in the file after every order."""
+    while True:
+        order = orders.next(_REFRESH)
+        if order is None:
+            if orders.is_terminal and not is_silent:
+                _show(_live(teaching))
+            continue
+        verb, _, text = order.partition(" ")
+        if verb == "end":
+            return
+        if verb == "name" and not text:
+            text = orders.ask("name: ")
+        try:
+            said = _obey(teaching, verb, text.strip())
+            if teaching.keyframes:
+                teaching.save(file, name)
+        except (DeviceError, StateError, ValueError) as error:
+            said = f"not done: {error}"
+        if not is_silent:
+            say(f"{_CLEAR if orders.is_terminal else ''}{said}")
+
+
+def _obey(teaching: Teaching, verb: str, text: str) -> str:
+    """Carry out one order and return what to say of it.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if verb == "take":
+        return _told(len(teaching.keyframes), teaching.take(text))
+    if verb == "remove":
+        gone = teaching.remove()
+        return "there is none" if gone is None else f"removed {len(teaching.keyframes) + 1}"
+    if verb == "name":
+        teaching.name(text)
+        count = len(teaching.keyframes)
+        return f"{count} is called {text!r}" if count else "there is none"
+    raise ValueError(f"expected take, remove, name or end, got {verb!r}")
+
+
+def _told(number: int, keyframe: Keyframe) -> str:
+    from orientd.cli import texts
+
+    called = f" {keyframe.name!r}" if keyframe.name else ""
+    place = ", ".join(f"{part:.4f}" for part in keyframe.position or ())
+    return (
+        f"{number + 1}{called} at {keyframe.time or 0.0:.2f} s: {texts.orientation(keyframe.q)}, "
+        f"position {place} m"
+    )
+
+
+def _live(teaching: Teaching) -> str:
+    from orientd.cli import texts
+
+    try:
+        here = teaching.pose()
+    except DeviceError as error:
+        return str(error)
+    place = ", ".join(f"{part:.4f}" for part in here.position)
+    return f"{len(teaching.keyframes)} taken; {texts.orientation(here.q)}, position {place} m"
+
+
+def _show(line: str) -> None:
+    sys.stdout.write(f"{_CLEAR}{line}"[: os.get_terminal_size().columns + len(_CLEAR) - 1])
+    sys.stdout.flush()
+
+
+class _Orders:
+    """What is to be done next: keys of a terminal, lines of a pipe, signals."""
+
+    def __init__(self) -> None:
+        self.is_terminal = sys.stdin.isatty() and sys.stdout.isatty()
+        self._pending = b""
+        self._orders: list[str] = []
+        self._cleanup = contextlib.ExitStack()
+
+    def __enter__(self) -> _Orders:
+        if self.is_terminal:
+            self._cleanup.enter_context(_by_key())
+        handlers = {signal.SIGUSR1: "take", signal.SIGINT: "end", signal.SIGTERM: "end"}
+        # A signal wakes who waits in select, too.
+        read, write = os.pipe()
+        os.set_blocking(write, False)
+        self._wake = read
+        self._cleanup.callback(os.close, read)
+        self._cleanup.callback(os.close, write)
+        self._cleanup.callback(signal.set_wakeup_fd, signal.set_wakeup_fd(write))
+        for number, order in handlers.items():
+            before = signal.signal(number, lambda *_, order=order: self._orders.append(order))
+            self._cleanup.callback(signal.signal, number, before)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._cleanup.close()
+
+    def next(self, seconds: float) -> str | None:
+        """Return the next order; ``None`` where there was none for so long."""
+        if not self._orders:
+            ready, _, _ = select.select([sys.stdin.fileno(), self._wake], [], [], seconds)
+            if self._wake in ready:
+                os.read(self._wake, 64)
+            elif ready:
+                self._read()
+        return self._orders.pop(0) if self._orders else None
+
+    def ask(self, prompt: str) -> str:
+        """Return a line that is typed in; empty where there is no terminal."""
+        if not self.is_terminal:
+            return ""
+        with _by_line():
+            sys.stdout.write(f"{_CLEAR}{prompt}")
+            sys.stdout.flush()
+            return sys.stdin.readline().strip()
+
+    def _read(self) -> None:
+        octets = os.read(sys.stdin.fileno(), 4096)
+        if self.is_terminal:
+            keys = octets.decode(errors="replace")
+            self._orders += [_KEYS[key] for key in keys if key in _KEYS]
+            return
+        *lines, self._pending = (self._pending + octets).split(b"\n")
+        self._orders += [line.decode(errors="replace").strip() or "take" for line in lines]
+        if not octets:
+            self._orders.append("end")
+
+
+@contextlib.contextmanager
+def _by_key() -> Iterator[None]:
+    """Have a terminal hand over every key at once, and show none."""
+    before = termios.tcgetattr(sys.stdin)
+    tty.setcbreak(sys.stdin)
+    try:
+        yield
+    finally:
+        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
+
+
+@contextlib.contextmanager
+def _by_line() -> Iterator[None]:
+    """Have it hand over lines again, and show what is typed."""
+    before = termios.tcgetattr(sys.stdin)
+    lines = termios.tcgetattr(sys.stdin)
+    lines[3] |= termios.ICANON | termios.ECHO
+    termios.tcsetattr(sys.stdin, termios.TCSADRAIN, lines)
+    try:
+        yield
+    finally:
+        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)

@@ -1,0 +1,177 @@
+"""Teach-in: poses that a device is brought to by hand become the keyframes of a motion."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from orientd import motion_file
+from orientd.errors import FeedbackError, RequestError, StateError
+from orientd.planner import Keyframe, MotionRequest
+from orientd.stream import UNKNOWN, State
+from orientd.structured_text import write_structured
+
+if TYPE_CHECKING:
+    from types import TracebackType
+    from typing import Self
+
+    from orientd.planner import Quaternion, Vector3
+    from orientd.rpc import Robot
+
+OLDEST_FEEDBACK = 0.5
+"""Older feedback does not say where a device is that is being moved, s."""
+
+_NANO = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredPose:
+    """Where a device is.
+
+    Attributes:
+        q: orientation ``(w, x, y, z)``, tool to world, as measured.
+        position: of the tool in the world, m.
+        time_ns: when that was measured, monotonic clock of the daemon.
+        age: how old it is, s.
+    """
+
+    q: Quaternion
+    position: Vector3
+    time_ns: int
+    age: float
+
+
+class Teaching:
+    """A device that is moved by hand, and the keyframes that were taken so far.
+
+    Made by :meth:`orientd.rpc.client.Robot.teach`; at the end of a ``with`` block the device holds
+    where it is, and follows again if it did before.
+
+    Attributes:
+        device: its name.
+        keyframes: those taken, with times from the first one on, s.
+    """
+
+    def __init__(self, robot: Robot, device: str, *, by_hand: bool) -> None:
+        """Let the device be moved by hand, unless somebody else moves it."""
+        reports = robot.state().devices
+        self.device = device or (next(iter(reports)) if len(reports) == 1 else "")
+        if self.device not in reports:
+            raise RequestError("device", f"expected one of {', '.join(reports)}, got {device!r}")
+        self.keyframes: list[Keyframe] = []
+        self._robot = robot
+        self._first_ns = UNKNOWN
+        self._is_freed = by_hand
+        self._was_enabled = False
+        if by_hand:
+            self._was_enabled = reports[self.device].state is State.HOLDING
+            try:
+                robot.disable(self.device, by_hand=True)
+            except BaseException:
+                self.close()
+                raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def pose(self) -> MeasuredPose:
+        """Return where the device is now.
+
+        Raises:
+            FeedbackError: it does not say, or has not for half a second.
+            DaemonError: the daemon is lost.
+        """
+        report = self._robot.state().devices[self.device]
+        cycle = report.cycle
+        if cycle is None or not cycle.has_feedback:
+            raise FeedbackError(f"{self.device} does not say where it is")
+        age = (cycle.deadline_ns - cycle.feedback_time_ns) * _NANO
+        if age > OLDEST_FEEDBACK:
+            raise FeedbackError(f"{self.device} has not said where it is for {age:.1f} s")
+        return MeasuredPose(cycle.feedback_q, cycle.feedback_position, cycle.feedback_time_ns, age)
+
+    def take(self, name: str = "") -> Keyframe:
+        """Take the pose of now as a keyframe, with the time since the first one, and return it.
+
+        Args:
+            name: what to call it.
+
+        Raises:
+            FeedbackError: as for :meth:`pose`.
+            StateError: nothing new was measured since the last keyframe.
+        """
+        here = self.pose()
+        if not self.keyframes:
+            self._first_ns = here.time_ns
+        time = (here.time_ns - self._first_ns) * _NANO
+        last = self.keyframes[-1].time if self.keyframes else -math.inf
+        if last is not None and not time > last:
+            raise StateError("nothing was measured since the last keyframe")
+        keyframe = Keyframe(here.q, time, here.position, name=name)
+        self.keyframes.append(keyframe)
+        return keyframe
+
+    def remove(self) -> Keyframe | None:
+        """Remove the last keyframe and return it; ``None`` where there is none."""
+        return self.keyframes.pop() if self.keyframes else None
+
+    def name(self, name: str) -> None:
+        """Name the last keyframe; nothing where there is none."""
+        if self.keyframes:
+            self.keyframes[-1] = replace(self.keyframes[-1], name=name)
+
+    def request(self, name: str = "") -> MotionRequest:
+        """Return the motion through what was taken, led in to from wherever the device is.
+
+        Positions are left out where the device has none.
+
+        Args:
+            name: what to call it.
+
+        Raises:
+            RequestError: no keyframe was taken, or a name is none.
+        """
+        has_position = any(any(one.position or ()) for one in self.keyframes)
+        # A removed first keyframe leaves the times to begin later.
+        first = self.keyframes[0].time or 0.0 if self.keyframes else 0.0
+        is_single = len(self.keyframes) == 1
+        keyframes = [
+            replace(
+                one,
+                time=None if is_single else (one.time or 0.0) - first,
+                position=one.position if has_position else None,
+            )
+            for one in self.keyframes
+        ]
+        return MotionRequest(keyframes, approach=True, name=name)
+
+    def save(self, path: str | Path, name: str = "") -> MotionRequest:
+        """Write a motion file, YAML or JSON by its ending, and return what is in it.
+
+        Raises:
+            RequestError: no keyframe was taken, or a name is none.
+            OrientdError: the file cannot be written.
+        """
+        request = self.request(name)
+        write_structured(Path(path), motion_file.written(request))
+        return request
+
+    def close(self) -> None:
+        """Have the device hold where it is, and follow again if it did before."""
+        if not self._is_freed:
+            return
+        self._is_freed = False
+        if self._was_enabled:
+            self._robot.enable(self.device)
+        else:
+            self._robot.disable(self.device)

@@ -1,0 +1,83 @@
+"""The part of the page that teaches: let go, take poses, download the motion file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import viser
+
+from orientd.rpc import Robot
+from orientd.stream import State
+from orientd.viewer.handles import set_changed
+from orientd.viewer.lesson import Lesson
+from orientd.viewer.watcher import Sight
+
+Attempt = Callable[[Any, Callable[[Robot, str], object]], None]
+"""Does something for whoever pressed a button, and tells them why not."""
+
+LET_GO, HOLD = "✋ Let go: move it by hand", "● Hold it again"
+
+
+class TeachPanel:
+    """Teach-in; letting go needs the lease."""
+
+    def __init__(self, server: viser.ViserServer, command: Attempt, attempt: Attempt) -> None:
+        """Put it on the page.
+
+        Args:
+            server: of the page.
+            command: what needs the lease is done by it.
+            attempt: everything else.
+        """
+        self.lesson = Lesson()
+        gui = server.gui
+        with gui.add_folder("Teach by hand", expand_by_default=False):
+            self._hand = gui.add_button(
+                LET_GO, hint="An arm is in freedrive then, a gimbal without torque: hold it."
+            )
+            self._hand.on_click(lambda event: command(event, self._let_go_or_hold))
+            self._name = gui.add_text("Name", "", hint="Of the next pose, or of the file.")
+            self._take = gui.add_button("Take this pose")
+            self._take.on_click(lambda event: attempt(event, lambda *_: self._take_pose()))
+            self._remove = gui.add_button("Remove the last", color="gray")
+            self._remove.on_click(lambda event: attempt(event, lambda *_: self.lesson.remove()))
+            self._about = gui.add_html("", visible=False)
+            self._download = gui.add_button("Download the motion file", visible=False)
+            self._download.on_click(
+                lambda event: attempt(event, lambda *_: self._send_file(event.client))
+            )
+
+    def show(self, sight: Sight, *, can_command: bool) -> None:
+        """Make the buttons say what they do now, and lock those that can do nothing."""
+        lesson, report = self.lesson, sight.report
+        is_at_rest = report is not None and report.state in (State.IDLE, State.HOLDING)
+        has_taken = bool(lesson.count)
+        set_changed(
+            self._hand,
+            label=HOLD if lesson.is_on else LET_GO,
+            disabled=not (can_command and is_at_rest),
+        )
+        set_changed(self._take, disabled=not lesson.is_on)
+        set_changed(self._remove, disabled=not has_taken)
+        set_changed(self._about, content=lesson.html, visible=bool(lesson.html))
+        set_changed(self._download, visible=has_taken)
+
+    def give_up(self) -> None:
+        """Have the device hold, for nobody is left to command it."""
+        self.lesson.end()
+
+    def _let_go_or_hold(self, robot: Robot, device: str) -> None:
+        if self.lesson.is_on:
+            self.lesson.end()
+        else:
+            self.lesson.begin(robot, device)
+
+    def _take_pose(self) -> None:
+        self.lesson.take(self._name.value)
+        set_changed(self._name, value="")
+
+    def _send_file(self, client: viser.ClientHandle | None) -> None:
+        if client is not None:
+            name = self._name.value or "taught"
+            client.send_file_download(f"{name}.yaml", self.lesson.content(name))

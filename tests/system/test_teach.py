@@ -1,0 +1,347 @@
+"""Teach-in: an emulated arm and gimbal, moved by hand, and the motion through what was taken."""
+
+import contextlib
+import json
+import os
+import pty
+import signal
+import subprocess
+import threading
+import time
+
+import numpy as np
+import pytest
+from command_line import COMMAND, begin, orientd
+from gimbal_bench import EmulatedGimbal, ExampleDaemon, GimbalDaemon
+from harness import DaemonProcess, until
+
+from orientd import connect, motion_file
+from orientd.errors import DeviceError, OrientdError, StateError
+from orientd.rotation import angle, from_rotation_vector
+from orientd.rpc import Outcome
+from orientd.rpc import control_pb2 as pb
+from orientd.stream import State, unpack_cycle
+from orientd.stream.records import CYCLE_RECORD
+from orientd_sim.ur import EmulatedRobot, LaunchError
+
+MILLIRADIAN = 1e-3
+
+JOINTS = [
+    [0.0, -1.5708, 1.3963, -1.3963, -1.5708, 0.0],
+    [0.03, -1.5708, 1.3963, -1.2, -1.4, 0.2],
+    [0.05, -1.55, 1.3963, -1.3, -1.45, -0.1],
+]
+# A busy machine wakes the emulator late, by more than a controller would be.
+SLOW_MACHINE = (
+    ("feedback_timeout = 0.1 ", "feedback_timeout = 1.0 "),
+    ("link_timeout = 0.5 ", "link_timeout = 2.0 "),
+    ("watchdog_hz = 10 ", "watchdog_hz = 1 "),
+)
+TURNS = [(1, 200), (2, 150), (3, -120), (1, -90)]
+
+
+@contextlib.contextmanager
+def cycles_of(daemon):
+    """Gather every cycle, by a client of its own."""
+    found = []
+    with connect(daemon.socket) as robot:
+        observer = robot.observe()
+        records = observer.records()
+        found.append(next(records)[0])
+
+        def gather():
+            for record, _ in records:
+                found.append(record)
+
+        thread = threading.Thread(target=gather)
+        thread.start()
+        cycles = []
+        try:
+            yield cycles
+        finally:
+            observer.close()
+            thread.join()
+        packed = b"".join(found)
+        starts = range(0, len(packed), CYCLE_RECORD.size)
+        cycles += [unpack_cycle(packed, start) for start in starts]
+
+
+def replay(daemon, robot, file):
+    """Run a motion file; return what was sent of it."""
+    with cycles_of(daemon) as cycles:
+        summary = robot.move(motion_file.load(file)).wait()
+        assert summary.outcome is Outcome.DONE, summary
+    last = max(cycle.motion for cycle in cycles)
+    return [cycle for cycle in cycles if cycle.motion == last]
+
+
+def assert_passes(sent, q, position=None):
+    """Check that what was sent passes a pose within a milliradian, and a millimetre."""
+    angles = angle(np.array([cycle.q for cycle in sent]), np.array(q))
+    nearest = int(np.argmin(angles))
+    assert angles[nearest] < MILLIRADIAN
+    if position is not None:
+        assert np.linalg.norm(np.subtract(sent[nearest].position, position)) < 1e-3
+
+
+def seldom(condition):
+    """Return the condition as it is looked at 20 times a second: more would keep daemons busy."""
+
+    def look():
+        time.sleep(0.05)
+        return condition()
+
+    return look
+
+
+def await_hold(daemon, device):
+    """Wait until a device holds: on a busy machine an emulated one may answer too late at first."""
+    with connect(daemon.socket) as robot:
+
+        def holds():
+            if robot.state().devices[device].state is State.FAULT:
+                with contextlib.suppress(OrientdError):
+                    robot.reset(device)
+            return robot.state().devices[device].state is State.HOLDING
+
+        until(seldom(holds), f"the {device} to hold")
+
+
+@pytest.fixture
+def teach():
+    """Begin the command, and end it with the test whatever happens."""
+    with contextlib.ExitStack() as stack:
+
+        def begin_one(*arguments):
+            process = stack.enter_context(begin("teach", *arguments, stdin=subprocess.PIPE))
+            stack.callback(process.kill)
+            return process
+
+        yield begin_one
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    run = os.getpid()
+    host = f"127.{1 + run // 200 % 250}.{1 + run % 200}.252"
+    with EmulatedRobot(host) as robot:
+        folder = tmp_path_factory.mktemp("arm")
+        daemon = ExampleDaemon(folder, "ur.toml", ("127.0.0.2", host), *SLOW_MACHINE).start()
+        try:
+            await_hold(daemon, "arm")
+            yield robot, daemon
+        finally:
+            daemon.end()
+
+
+def test_an_arm_in_freedrive_is_taught_and_passes_every_pose_again(arm, tmp_path):
+    emulated, daemon = arm
+    push = "push {} {} {} {} {} {} 0.8"
+    with connect(daemon.socket) as robot:
+        with pytest.raises(LaunchError, match="freedrive is off"):
+            emulated.ask(push.format(*JOINTS[1]))
+        truths = []
+        with robot.teach() as teaching:
+            report = robot.state().devices["arm"]
+            assert (report.state, report.is_free) == (State.IDLE, True)
+            for joints in JOINTS:
+                emulated.ask(push.format(*joints))
+
+                def has_arrived(state, joints=joints):
+                    return np.allclose(state["actual_q"], joints, atol=1e-9)
+
+                truths.append(emulated.wait_until(has_arrived)["actual_pose"])
+                until(
+                    lambda: np.allclose(teaching.pose().position, truths[-1][:3], atol=1e-9),
+                    "feedback",
+                )
+                teaching.take(f"pose {len(truths)}")
+        with pytest.raises(LaunchError, match="freedrive is off"):
+            emulated.ask(push.format(*JOINTS[0]))
+        report = robot.state().devices["arm"]
+        assert (report.state, report.is_free) == (State.HOLDING, False)
+        file = tmp_path / "taught.yaml"
+        request = teaching.save(file, "taught")
+        assert motion_file.load(file) == request
+        assert [one.name for one in request.keyframes] == ["pose 1", "pose 2", "pose 3"]
+        sent = replay(daemon, robot, file)
+    for truth in truths:
+        assert_passes(sent, from_rotation_vector(truth[3:]), truth[:3])
+
+
+def test_the_page_teaches_and_holds_the_arm_when_it_gives_up(arm):
+    pytest.importorskip("viser")
+    from orientd.viewer.lesson import Lesson
+
+    emulated, daemon = arm
+    lesson = Lesson()
+    with connect(daemon.socket) as robot:
+        with pytest.raises(StateError, match="let the device go first"):
+            lesson.take()
+        lesson.begin(robot, "arm")
+        joints = np.add(emulated.state()["actual_q"], [0, 0, 0, 0.1, 0, 0])
+        lesson.take("here & now")
+        before = lesson.html
+        emulated.ask("push " + " ".join(map(repr, joints.tolist())) + " 0.3")
+        emulated.wait_until(lambda state: np.allclose(state["actual_q"], joints, atol=1e-9))
+        lesson.take()
+        lesson.take()
+        lesson.remove()
+        assert (lesson.count, "here &amp; now" in before) == (2, True)
+        lesson.end()
+        assert robot.state().devices["arm"].state is State.HOLDING
+        found = motion_file.loads(lesson.content("seen"), "seen.yaml")
+    assert (found.name, len(found.keyframes)) == ("seen", 2)
+    assert found.keyframes[0].name == "here & now"
+
+
+@pytest.fixture
+def gimbal(tmp_path):
+    pytest.importorskip("dynamixel_sdk")
+    bus = EmulatedGimbal(tmp_path / "bus")
+    daemon = None
+    try:
+        daemon = GimbalDaemon(tmp_path, bus.link).start()
+        await_hold(daemon, "gimbal")
+        yield bus, daemon
+    finally:
+        if daemon is not None:
+            daemon.end()
+        bus.end()
+
+
+def test_a_gimbal_without_torque_is_taught_by_the_command_and_passes_every_pose_again(
+    gimbal, teach, tmp_path
+):
+    bus, daemon = gimbal
+    file = tmp_path / "taught.yaml"
+    with connect(daemon.socket) as watching:
+        state = watching.state
+        teaching = teach(file, "--socket", daemon.socket)
+        line = teaching.stdout.readline()
+        assert "can be moved by hand" in line, state().devices["gimbal"].fault_text
+        taken, taught = [], []
+        for servo, turn in TURNS:
+            assert bus.state(servo)["torque"] == 0
+            goal = bus.state(servo)["position"] + turn
+            bus.tell(f"turn {servo} {turn} 0.5")
+            until(seldom(lambda: bus.state(servo)["position"] == goal), "the turn")  # noqa: B023
+            here = [bus.state(number)["position"] for number in (1, 2, 3)]
+            before = state().devices["gimbal"].cycle.feedback_time_ns
+            until(
+                seldom(lambda: state().devices["gimbal"].cycle.feedback_time_ns > before),  # noqa: B023
+                "feedback",
+            )
+            teaching.stdin.write("take\n")
+            teaching.stdin.flush()
+            assert teaching.stdout.readline().startswith(f"{len(taken) + 1} at ")
+            taken.append(here)
+            taught.append(state().devices["gimbal"].cycle.feedback_q)
+        teaching.stdin.write("name corner\nend\n")
+        teaching.stdin.flush()
+        assert "is called 'corner'" in teaching.stdout.readline()
+        output, errors = teaching.communicate(timeout=30)
+        assert f"wrote {file}: 4 keyframes" in output, errors
+    assert bus.state(1)["torque"] == 1
+    assert motion_file.load(file).keyframes[-1].name == "corner"
+    with connect(daemon.socket) as robot:
+        sent = replay(daemon, robot, file)
+    for q in taught:
+        assert_passes(sent, q)
+    # Where it ends up is where it was turned to, in the servos' own ticks.
+    assert [bus.state(number)["goal"] for number in (1, 2, 3)] == pytest.approx(taken[-1], abs=1)
+
+
+# Without a device that anybody could move.
+
+
+@pytest.fixture(scope="module")
+def loopback(tmp_path_factory):
+    with DaemonProcess(tmp_path_factory.mktemp("daemon"), lease=3.0) as process:
+        process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))
+        yield process
+
+
+def test_a_device_that_cannot_be_moved_by_hand_says_so_and_follows_again(loopback):
+    with connect(loopback.socket) as robot:
+        with pytest.raises(OrientdError, match="'loopback' cannot be moved by hand"):
+            robot.teach()
+        assert robot.state().devices["arm"].state is State.HOLDING
+
+
+def test_a_signal_takes_a_keyframe_and_a_keyframe_can_be_removed(loopback, teach, tmp_path):
+    file = tmp_path / "watched.json"
+    teaching = teach(file, "--watch", "--socket", loopback.socket, "--name", "seen")
+    assert "watched" in teaching.stdout.readline()
+    for number in (1, 2):
+        teaching.send_signal(signal.SIGUSR1)
+        assert teaching.stdout.readline().startswith(f"{number} at ")
+    teaching.stdin.write("remove\njump\n")
+    teaching.stdin.flush()
+    assert teaching.stdout.readline() == "removed 2\n"
+    assert "expected take, remove, name or end, got 'jump'" in teaching.stdout.readline()
+    # What was taken is there at once, and Ctrl-C ends it.
+    assert len(json.loads(file.read_text())["keyframes"]) == 1
+    teaching.send_signal(signal.SIGINT)
+    output, _ = teaching.communicate(timeout=30)
+    assert f"wrote {file}: 1 keyframes" in output
+    assert motion_file.load(file).name == "seen"
+
+
+def test_keys_on_a_terminal_take_name_remove_and_end(loopback, tmp_path):
+    file = tmp_path / "keys.yaml"
+    main, side = pty.openpty()
+    command = [*COMMAND, "teach", str(file), "--watch", "--socket", str(loopback.socket)]
+    with subprocess.Popen(command, stdin=side, stdout=side, stderr=side) as process:
+        os.close(side)
+        for keys, said in (
+            ("", "q ends"),
+            (" ", "1 at 0.00 s"),
+            ("\n", "2 at"),
+            ("n", "name: "),
+            ("grasp\n", "2 is called 'grasp'"),
+            (" ", "3 at"),
+            ("\x7f", "removed 3"),
+            ("q", "2 keyframes"),
+        ):
+            os.write(main, keys.encode())
+            printed = ""
+            while said not in printed:
+                printed += os.read(main, 4096).decode()
+        assert process.wait() == 0
+    os.close(main)
+    assert [one.name for one in motion_file.load(file).keyframes] == ["", "grasp"]
+
+
+def test_an_old_file_is_not_written_over_and_nothing_taken_writes_none(loopback, tmp_path):
+    file = tmp_path / "taught.yaml"
+    arguments = ("teach", file, "--watch", "--socket", loopback.socket)
+    refused = subprocess.run(
+        [*COMMAND, *map(str, arguments)], input="end\n", capture_output=True, text=True, check=False
+    )
+    assert refused.returncode == 1
+    assert "no keyframe was taken" in refused.stderr
+    assert not file.exists()
+    file.write_text("mine")
+    refused = orientd(*arguments)
+    assert "it is there already" in refused.stderr
+    assert file.read_text() == "mine"
+
+
+def test_feedback_that_has_stopped_is_no_pose(loopback):
+    from dataclasses import replace
+
+    with connect(loopback.socket) as robot:
+        teaching = robot.teach(by_hand=False)
+        teaching.take()
+        told = robot.state()
+        report = told.devices["arm"]
+        old = replace(report.cycle, feedback_time_ns=report.cycle.deadline_ns - 600_000_000)
+        teaching._robot = type(
+            "Told",
+            (),
+            {"state": lambda _: replace(told, devices={"arm": replace(report, cycle=old)})},
+        )()
+        with pytest.raises(DeviceError, match=r"has not said where it is for 0\.6 s"):
+            teaching.take()
+        assert len(teaching.keyframes) == 1
