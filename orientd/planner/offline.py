@@ -39,7 +39,8 @@ def plan_offline(
         period: of the device, s.
         start: where it is; by default at rest at the first keyframe.
         wishes: further arguments of :class:`.MotionRequest`: ``method``, ``start_velocity``,
-            ``end_velocity``, ``velocity_frame``, ``approach``, ``duration``, ``options``.
+            ``end_velocity``, ``velocity_frame``, ``approach``, ``duration``, ``pace``,
+            ``options``.
 
     Raises:
         RequestError: something is not well formed, or not possible with the method.

@@ -42,7 +42,9 @@ Quaternion = tuple[float, float, float, float]
 Turns = np.ndarray[Any, np.dtype[np.int64]]
 VelocityFrame = Literal["body", "world"]
 Duration = Literal["minimum"]
+Pace = Literal["even"]
 PointingAxis = Literal["x", "y", "z"]
+_PACES = ("duration", "minimum", math.inf, "seconds"), ("pace", "even", 1.0, "a share up to 1")
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,8 +132,8 @@ class MotionRequest:
         options: of the method.
         device_options: of the device's driver, for this motion; checked where it is planned for a
             device.
-        duration: ``"minimum"`` runs along the method's curve as quickly as the limits permit
-            at every point of it; ``None`` keeps the method's own timing.
+        duration: without times, from first to last keyframe, s; by default ``"minimum"``.
+        pace: without times, a share of the quickest, or ``"even"``, the method's own timing slowed.
         name: what people call the motion, in reports and logs; at most 80 printable characters.
         pointing_axis: axis of the tool that points where keyframes with a free roll say.
         keys: the orientations, unit to rounding, shape ``(n, 4)``.
@@ -152,7 +154,8 @@ class MotionRequest:
     limits: Limits | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
     device_options: Mapping[str, Any] = field(default_factory=dict)
-    duration: Duration | None = None
+    duration: Duration | float | None = None
+    pace: Pace | float | None = None
     name: str = ""
     pointing_axis: PointingAxis = "x"
 
@@ -168,14 +171,11 @@ class MotionRequest:
         if len(keyframes) == 1:
             self._check_single(keyframes[0])
             object.__setattr__(self, "approach", True)
-        if self.velocity_frame not in ("body", "world"):
-            raise RequestError(
-                "velocity_frame", f"expected 'body' or 'world', got {self.velocity_frame!r}"
-            )
+        frame = self.velocity_frame
+        if frame not in ("body", "world"):
+            raise RequestError("velocity_frame", f"expected 'body' or 'world', got {frame!r}")
         if self.pointing_axis not in ("x", "y", "z"):
             raise RequestError("pointing_axis", f"expected x, y or z, got {self.pointing_axis!r}")
-        if self.duration not in (None, "minimum"):
-            raise RequestError("duration", f"expected 'minimum', got {self.duration!r}")
         if len(self.name) > LONGEST_NAME or not self.name.isprintable():
             expected = f"expected at most {LONGEST_NAME} printable characters"
             raise RequestError("name", f"{expected}, got {len(self.name)}: {self.name[:20]!r}")
@@ -189,8 +189,7 @@ class MotionRequest:
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
         object.__setattr__(self, "keys", _orientations(keyframes))
         object.__setattr__(self, "times", _times(keyframes))
-        if self.duration is not None and self.times is not None:
-            raise RequestError("duration", "minimum leaves the times to the planner; give none")
+        self._check_pace()
         object.__setattr__(self, "positions", _positions(keyframes))
         object.__setattr__(self, "turns", _turns(keyframes))
 
@@ -228,9 +227,8 @@ class MotionRequest:
 
     def _is_said(self, name: str) -> bool:
         """Return whether an argument is other than its default; the method always counts."""
-        value = getattr(self, name)
         usual: tuple[object, ...] = (None, False, {}, "body", "", "x")
-        return name == "method" or value not in usual
+        return name == "method" or getattr(self, name) not in usual
 
     @property
     def omega_start(self) -> Floats | None:
@@ -246,6 +244,27 @@ class MotionRequest:
     def is_single(self) -> bool:
         """Whether there is one keyframe only, and so no curve to plan beyond the way there."""
         return len(self.keyframes) == 1
+
+    def _check_pace(self) -> None:
+        for name, word, most, unit in _PACES:
+            value = getattr(self, name)
+            is_text = value is None or isinstance(value, str)
+            if not (value in (None, word) if is_text else 0.0 < value < math.inf and value <= most):
+                raise RequestError(name, f"expected {word!r} or {unit}, got {value!r}")
+            if value is not None and self.times is not None:
+                raise RequestError(name, "leaves the times to the planner; give none")
+        if None not in (self.duration, self.pace) and (self.total is None or self.pace != "even"):
+            raise RequestError("pace", "a share of the quickest has its own duration; give one")
+
+    @property
+    def is_quickest(self) -> bool:
+        """Whether the timing is to be the quickest, or that slowed down."""
+        return self.times is None and self.pace != "even"
+
+    @property
+    def total(self) -> float | None:
+        """The duration in seconds, if one was asked for."""
+        return None if isinstance(self.duration, str) else self.duration
 
     def _check_single(self, keyframe: Keyframe) -> None:
         if keyframe.time is not None:
@@ -274,8 +293,8 @@ def _request(given: Mapping[str, Any]) -> MotionRequest:
 def _vector(components: ArrayLike, name: str) -> Vector3:
     try:
         array = np.asarray(components, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise RequestError(name, f"expected three numbers, got {components!r}") from error
+    except (TypeError, ValueError):
+        array = np.empty(0)
     if array.shape != (3,):
         raise RequestError(name, f"expected three numbers, got {components!r}")
     if not np.all(np.isfinite(array)):
@@ -350,18 +369,16 @@ def _times(keyframes: Sequence[Keyframe]) -> Floats | None:
 
 
 def _positions(keyframes: Sequence[Keyframe]) -> Floats | None:
-    indices = [i for i, k in enumerate(keyframes) if k.position is not None]
-    if not indices:
+    given = [(i, k.position) for i, k in enumerate(keyframes) if k.position is not None]
+    if not given:
         return None
     positions = np.full((len(keyframes), 3), math.nan)
-    for index in indices:
-        position = keyframes[index].position
-        if position is not None:
-            name = f"keyframes[{index}].position"
-            positions[index] = _vector(position, name)
-            farthest = float(np.max(np.abs(positions[index])))
-            if farthest > FARTHEST:
-                raise RequestError(name, f"expected at most {FARTHEST:g} m, got {farthest:g} m")
+    for index, position in given:
+        name = f"keyframes[{index}].position"
+        positions[index] = _vector(position, name)
+        farthest = float(np.max(np.abs(positions[index])))
+        if farthest > FARTHEST:
+            raise RequestError(name, f"expected at most {FARTHEST:g} m, got {farthest:g} m")
     return positions
 
 

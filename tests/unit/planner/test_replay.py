@@ -68,7 +68,7 @@ def test_a_replay_that_would_break_the_limits_is_slowed_down_evenly(fit):
 def test_the_quickest_replay_is_quicker_and_keeps_the_curve(fit):
     plan = planned_for(NARROW)
     slow, _, _ = plan_as_recorded(fit, plan)
-    quick = plan(replay_request(fit, duration="minimum"))
+    quick = plan(replay_request(fit))
     assert quick.duration < slow.duration
     assert peaks(quick)[0] <= NARROW.velocity * 1.001
     curve = fit.curve.evaluate(np.linspace(*fit.curve.domain, 20_000))[0]
