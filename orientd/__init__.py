@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from orientd import curves
     from orientd.planner.offline import plan_offline as plan
-    from orientd.planner.saved import load_motion
+    from orientd.planner.storage import load_motion
     from orientd.rotation.named import Quaternion
     from orientd.rpc.client import connect
     from orientd.rpc.reports import OnTarget
@@ -22,7 +22,7 @@ _HOMES = {
     "connect": ("orientd.rpc.client", "connect"),
     "OnTarget": ("orientd.rpc.reports", "OnTarget"),
     "Quaternion": ("orientd.rotation.named", "Quaternion"),
-    "load_motion": ("orientd.planner.saved", "load_motion"),
+    "load_motion": ("orientd.planner.storage", "load_motion"),
     "plan": ("orientd.planner.offline", "plan_offline"),
 }
 

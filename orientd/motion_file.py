@@ -100,8 +100,21 @@ def _or_nothing(reader: plain.Reader) -> plain.Reader:
     return lambda content: None if content is None else reader(content)
 
 
+def _or_number(reader: plain.Reader) -> plain.Reader:
+    def read(content: object) -> Any:  # noqa: ANN401 - a text or a number
+        is_number = isinstance(content, int | float) and not isinstance(content, bool)
+        return plain.number(content) if is_number else reader(content)
+
+    return read
+
+
 def _reader(field: Field) -> plain.Reader:
-    reader = plain.one_of(field.choices) if field.kind is Kind.CHOICE else _READERS[field.kind]
+    if field.kind is Kind.CHOICE:
+        reader = plain.one_of(field.choices)
+    elif field.kind is Kind.CHOICE_OR_NUMBER:
+        reader = _or_number(plain.one_of(field.choices))
+    else:
+        reader = _READERS[field.kind]
     return _or_nothing(reader) if field.is_nullable else reader
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from orientd.lazy import lazily
 
 if TYPE_CHECKING:
+    from orientd.curves.axis_turn import AxisTurn
     from orientd.curves.comparison.candidates import Candidate, compare, ranked
     from orientd.curves.comparison.measure import MET, Figures, measure
     from orientd.curves.construct.basis import CumulativeBasis, Indices, cumulative_basis
@@ -44,6 +45,6 @@ if TYPE_CHECKING:
         parameters,
         turns_name,
     )
-    from orientd.curves.warped import Retimed, TimeMap, unit_map
+    from orientd.curves.warped import Retimed, TimeMap, places_of
 
 __getattr__ = lazily(__name__)

@@ -1,56 +1,21 @@
 r"""A curve on an uneven clock: the same orientations, at a rate that changes along it.
 
-The curve's own parameter *s* is a function of time in two steps.  The outer one,
-:math:`\sigma(t)`, is a quintic Hermite spline, twice continuously differentiable.  The inner one,
-:math:`s(\sigma)`, is fixed and lets a device leave rest: where the angular velocity of the curve
-falls to zero like *s*, but a motion from rest turns by an angle like :math:`t^3`, *s* must grow
-like :math:`\sigma^{3/2}`.
+The curve's own parameter *s* is a function of time in two steps.  The outer one, :math:`x(t)`, has
+a squared rate :math:`y = \dot x^2` that is a quadratic spline in *x*; the inner one,
+:math:`s(x)`, is fixed and lets a device leave rest.  Both are in ``orientd/kernels/c/clock.h``.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from orientd import kernels
 from orientd.curves.contract import Curve, Samples
 from orientd.rotation import Floats
 
-_NEAREST = 1e-9  # to an end of [0, 1], where the second derivative of the unit map is infinite
-_NEWTON_STEPS = 60
-
-
-def unit_map(u: Floats, powers: tuple[float, float]) -> tuple[Floats, Floats, Floats]:
-    r"""Return a map of [0, 1] onto itself that starts and ends with given powers, and derivatives.
-
-    .. math:: m'(u) \propto u^{p_0 - 1} (1 - u)^{p_1 - 1}
-
-    Args:
-        u: in [0, 1].
-        powers: :math:`p_0` and :math:`p_1`, each 1 or 3/2.
-    """
-    if powers not in ((1.0, 1.0), (1.5, 1.0), (1.0, 1.5), (1.5, 1.5)):
-        raise ValueError(f"powers must each be 1 or 3/2, got {powers}")
-    u = np.clip(u, 0.0, 1.0)
-    v = 1.0 - u
-    if powers == (1.0, 1.0):
-        return u, np.ones_like(u), np.zeros_like(u)
-    if powers == (1.5, 1.0):
-        return u**1.5, 1.5 * np.sqrt(u), 0.75 * _inverse_root(u)
-    if powers == (1.0, 1.5):
-        return 1.0 - v**1.5, 1.5 * np.sqrt(v), -0.75 * _inverse_root(v)
-    phi = np.arcsin(np.sqrt(u))
-    return (
-        2.0 / np.pi * (phi - 0.25 * np.sin(4.0 * phi)),
-        8.0 / np.pi * np.sqrt(u * v),
-        4.0 / np.pi * (v - u) * _inverse_root(u * v),
-    )
-
-
-def _inverse_root(u: Floats) -> Floats:
-    """Return ``u ** -0.5``, or 0 at the end: what it is multiplied by falls to zero faster."""
-    inverse: Floats = np.zeros_like(u)
-    return np.divide(1.0, np.sqrt(u), out=inverse, where=u > _NEAREST)
+_NEWTON_STEPS = 40
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,72 +23,88 @@ class TimeMap:
     """A parameter by time.
 
     Attributes:
-        times: of the nodes, increasing from 0, s, shape ``(n,)``.
-        nodes: of the outer function there, from 0 to 1: value, first and second derivative by
-            time, shape ``(3, n)``.
+        places: of the nodes, increasing from 0, shape ``(n,)``.
+        values: squared rates there, shape ``(n,)``.
+        slopes: of the squared rates by *x*, shape ``(n,)``.
+        leaves: how far *x* goes while the parameter leaves rest, at both ends; 0 where it does not.
         first: parameter at time 0.
-        length: how far the parameter goes.
-        powers: of the inner function at both ends.
+        scale: of the parameter.
+        times: when the nodes are passed, from 0 on, s, shape ``(n,)``.
     """
 
-    times: Floats
-    nodes: Floats
-    first: float
-    length: float
-    powers: tuple[float, float]
+    places: Floats
+    values: Floats
+    slopes: Floats
+    leaves: Floats
+    first: float = 0.0
+    scale: float = 1.0
+    times: Floats = field(init=False)
+
+    def __post_init__(self) -> None:
+        times: Floats = np.empty(len(self.places))
+        kernels.put_node_times(self.places, self.values, self.slopes, times)
+        object.__setattr__(self, "times", times)
+
+    @property
+    def length(self) -> float:
+        """How far the parameter goes."""
+        return self.scale * (float(self.places[-1]) - 0.2 * float(self.leaves.sum()))
 
     def __call__(self, times: Floats) -> tuple[Floats, Floats, Floats]:
         """Return the parameter and its first two derivatives by time."""
-        u, rate, change = self._outer(times)
-        s, slope, bend = unit_map(u, self.powers)
-        return (
-            self.first + self.length * s,
-            self.length * slope * rate,
-            self.length * (bend * rate**2 + slope * change),
-        )
+        out: Floats = np.empty((3, len(times)))
+        instants = np.ascontiguousarray(times)
+        nodes = self.times, self.places, self.values, self.slopes
+        kernels.sample_clock(*nodes, self.leaves, instants, out)
+        if self.scale != 1.0:
+            out *= self.scale
+        if self.first:
+            out[0] += self.first
+        return out[0], out[1], out[2]
 
     def times_of(self, parameters: Floats) -> Floats:
-        """Return when the parameter has given values, by bisection and Newton's method."""
-        goal = (parameters - self.first) / self.length
-        at_nodes = unit_map(self.nodes[0], self.powers)[0]
-        where = np.clip(np.searchsorted(at_nodes, goal, side="right") - 1, 0, len(self.times) - 2)
-        low, high = self.times[where].copy(), self.times[where + 1].copy()
-        t = 0.5 * (low + high)
-        for _ in range(_NEWTON_STEPS):
-            s, slope, _ = self(t)
-            miss = (s - self.first) / self.length - goal
-            high = np.where(miss >= 0.0, t, high)
-            low = np.where(miss <= 0.0, t, low)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                ahead = t - miss * self.length / slope
-            ahead = np.where((ahead > low) & (ahead < high), ahead, 0.5 * (low + high))
-            if np.array_equal(ahead, t):
-                break
-            t = ahead
-        t[goal <= 0.0], t[goal >= 1.0] = self.times[0], self.times[-1]
-        return t
+        """Return when the parameter has given values."""
+        x = places_of((parameters - self.first) / self.scale, self.leaves, float(self.places[-1]))
+        here = np.clip(np.searchsorted(self.places, x, side="right") - 1, 0, len(self.places) - 2)
+        # The part of an element up to there, as an element of its own.
+        ahead = np.clip(x - self.places[here], 0.0, np.diff(self.places)[here])
+        bend = (np.diff(self.slopes) / np.diff(self.places))[here]
+        square = self.values[here] + ahead * (self.slopes[here] + 0.5 * ahead * bend)
+        mean = ahead / (np.sqrt(self.values[here]) + np.sqrt(np.maximum(square, 0.0)))
+        w = np.sqrt(0.5 * np.abs(bend))
+        small = w * mean < 1e-6
+        turned = np.where(bend > 0.0, np.arctanh(np.minimum(w * mean, 1.0 - 1e-16)),
+                          np.arctan(w * mean))  # fmt: skip
+        times: Floats = self.times[here] + 2.0 * np.where(
+            small, mean, turned / np.where(small, 1.0, w)
+        )
+        times[x <= 0.0], times[x >= self.places[-1]] = 0.0, self.times[-1]
+        return times
 
-    def _outer(self, times: Floats) -> tuple[Floats, Floats, Floats]:
-        where = np.clip(
-            np.searchsorted(self.times, times, side="right") - 1, 0, len(self.times) - 2
-        )
-        h = self.times[where + 1] - self.times[where]
-        x = (times - self.times[where]) / h
-        value, rate, change = self.nodes[:, where]
-        value_1, rate_1, change_1 = self.nodes[:, where + 1]
-        # The quintic from its value, derivatives and what is missing at the far end.
-        a = value_1 - value - h * (rate + 0.5 * h * change)
-        b = h * (rate_1 - rate - h * change)
-        c = h * h * (change_1 - change)
-        c3 = 10.0 * a - 4.0 * b + 0.5 * c
-        c4 = -15.0 * a + 7.0 * b - c
-        c5 = 6.0 * a - 3.0 * b + 0.5 * c
-        cube = x**3
-        return (
-            value + h * x * (rate + 0.5 * h * x * change) + cube * (c3 + x * (c4 + x * c5)),
-            rate + h * x * change + x * x / h * (3 * c3 + x * (4 * c4 + 5 * x * c5)),
-            change + x / h**2 * (6 * c3 + x * (12 * c4 + 20 * x * c5)),
-        )
+
+def places_of(parameters: Floats, leaves: Floats, total: float) -> Floats:
+    """Return *x* where the parameter, from 0 on, has given values, by Newton's method.
+
+    Args:
+        parameters: from 0 to the largest one.
+        leaves: as for :class:`TimeMap`.
+        total: the largest *x*.
+    """
+    end = total - 0.2 * float(leaves.sum())
+    places = parameters + 0.2 * float(leaves[0])
+    places[parameters >= end] = total
+    for length, ahead in ((leaves[0], parameters), (leaves[1], end - parameters)):
+        near = (ahead < 0.8 * length) & (ahead > 0.0)
+        if not near.any():
+            continue
+        goal = ahead[near] / length
+        u = goal ** (2.0 / 3.0)
+        for _ in range(_NEWTON_STEPS):
+            root = np.sqrt(u)
+            u = u - (u * root * (1.0 - 0.2 * u) - goal) / (root * (1.5 - 0.5 * u))
+        places[near] = length * u if ahead is parameters else total - length * u
+    places[parameters <= 0.0] = 0.0
+    return places
 
 
 class Retimed(Curve):

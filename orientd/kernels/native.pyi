@@ -214,3 +214,34 @@ def look_at(
     is_smooth: bool,
     /,
 ) -> float: ...
+
+# clock.h, profile.h
+def find_profile(
+    widths: Floats,
+    first: Floats,
+    second: Floats,
+    move_first: Floats,
+    move_second: Floats,
+    limits: Floats,
+    move_limits: Floats,
+    aims: Floats,
+    has_start: bool,
+    has_end: bool,
+    begin: float,
+    gap: float,
+    coefficients: Floats,
+    shares: Floats,
+    /,
+) -> bool: ...
+def leave_rest(places: Floats, leaves: Floats, total: float, out: Floats, /) -> None: ...
+def put_node_times(places: Floats, values: Floats, slopes: Floats, times: Floats, /) -> None: ...
+def sample_clock(
+    times: Floats,
+    places: Floats,
+    values: Floats,
+    slopes: Floats,
+    leaves: Floats,
+    instants: Floats,
+    out: Floats,
+    /,
+) -> None: ...

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from orientd.planner.planning import plan
     from orientd.planner.presets import PRESETS
     from orientd.planner.recorded import HISTORY, Joints, MotionFacts, RecordedMotion
-    from orientd.planner.replay import plan_as_recorded, replay_request
     from orientd.planner.request import (
         DEFAULT_METHOD,
         Keyframe,
@@ -38,6 +37,7 @@ if TYPE_CHECKING:
         State,
         Vector3,
     )
+    from orientd.planner.storage import plan_as_recorded, replay_request
     from orientd.planner.task import distinct, task_of
 
 __getattr__ = lazily(__name__)

@@ -19,17 +19,20 @@ from orientd.planner.certifying import certified
 from orientd.planner.connect import join, try_joins
 from orientd.planner.limits import Limits
 from orientd.planner.motion import Motion
-from orientd.planner.path import Path, PathSegment, PositionPath, quintic
+from orientd.planner.path import Path, PathCurve, PathSegment, PositionPath, quintic
 from orientd.planner.planning import plan
 from orientd.planner.recorded import HISTORY, RecordedMotion
 from orientd.planner.request import MotionRequest, State
+from orientd.planner.timing import KeyframePath, quickest
 from orientd.rotation import Floats, angle
 
 Indices = np.ndarray[Any, np.dtype[np.intp]]
 
 _DISTANCES = 24  # from the corner at which to leave and to join
 _SHARES = np.concatenate([np.linspace(0.3, 1.0, 15), [1.1, 1.2]])  # of the time cut out
-_TRIES = 8  # blends that are held against the limits in full
+_FEW_SHARES = np.array([0.6, 0.8, 1.0])  # where a timing is found: the less, the farther off
+_BELOW = 0.99  # share of the velocity at which a motion may be left
+_TRIES = 12  # blends whose timing is found
 _POINTS = 65
 _SAME = 1e-9
 
@@ -125,56 +128,119 @@ def _blended(
     first: RecordedMotion, second: Motion, path: Path, tolerance: float, earliest: int
 ) -> tuple[int, Motion] | None:
     """Return the quickest blend that passes the corner within the tolerance."""
+    cut = _cuts(first, second, first.state_at(first.last_record).q, earliest)
+    for is_timed_anew in (True, False) if _is_timed_anew(second) else (False,):
+        found = _best(first, second, path, tolerance, cut, is_timed_anew=is_timed_anew)
+        if found is not None:
+            return found
+    return None
+
+
+def _best(
+    first: RecordedMotion,
+    second: Motion,
+    path: Path,
+    tolerance: float,
+    cut: _Cut,
+    *,
+    is_timed_anew: bool,
+) -> tuple[int, Motion] | None:
+    """Return the quickest blend of those between some records.
+
+    Args:
+        first: the motion before.
+        second: the motion it leads into.
+        path: of that.
+        tolerance: how far from the corner it may pass, rad.
+        cut: where to leave the first motion and to join the second one.
+        is_timed_anew: whether to run through the blend and what follows as quickly as the limits
+            permit, or through what follows at the times it has.
+    """
     period, corner = first.facts.period, first.state_at(first.last_record).q
-    cut = _cuts(first, second, corner, earliest)
     if not len(cut.leave):
         return None
-    spared = first.last_record - cut.leave + cut.join
-    cycles = np.maximum(np.rint(spared[:, None] * _SHARES), 2).astype(np.intp)
-    index = np.repeat(np.arange(len(spared)), len(_SHARES))
-    cycles = cycles.reshape(-1)
-    leave, joined = cut.leave[index], cut.join[index]
+    limits = second.limits
+    omega = np.abs(first.rows_at(cut.leave)[:, 4:7])
+    speeds = np.linalg.norm(omega, axis=1) / limits.velocity
+    speeds = np.maximum(speeds, np.max(omega / limits.axis_velocity, axis=1))
+    # Where the first motion is left it may be at its limits.
+    quickest_state = first.state_at(int(cut.leave[np.argmax(speeds)]))
+    shares, pairs = _SHARES, np.arange(len(cut.leave))
+    if is_timed_anew:
+        # Those that leave out most first.  At the limit of the velocity there is no way but
+        # straight on.
+        shares, pairs = _FEW_SHARES, np.argsort(cut.leave - cut.join, kind="stable")
+        pairs = pairs[speeds[pairs] <= _BELOW]
+    if not len(pairs):
+        return None
+    pairs = np.repeat(pairs, len(shares))
+    leave, joined = cut.leave[pairs], cut.join[pairs]
+    spared = first.last_record - leave + joined
+    cycles = spared * np.tile(shares, len(pairs) // len(shares))
+    if not is_timed_anew:
+        cycles = np.maximum(np.rint(cycles), 2.0)
     durations = period * cycles
-    here = first.rows_at(leave)
-    there = second.sample(period * joined.astype(np.float64))
-    limits = limit_table(second.limits.with_reserve())
+    here, there = first.rows_at(leave), second.sample(period * joined.astype(np.float64))
     begins = here[:, :4], here[:, 4:7], here[:, 7:10]
-    w, kept = try_joins(begins, there, durations, State.at_rest(corner), limits)
-    # The quickest first.
-    gain = (spared[index] - cycles)[kept]
+    w, kept = try_joins(begins, there, durations, quickest_state, limit_table(limits))
+    order = np.arange(len(spared))
+    if not is_timed_anew:
+        # The quickest first.
+        kept = kept[(spared - cycles)[kept] > 0.0]
+        order = kept[np.argsort(-(spared - cycles)[kept], kind="stable")]
+    best: tuple[int, Motion, float] | None = None
     tries = 0
-    for one in kept[np.argsort(-gain, kind="stable")].tolist():
-        if spared[index[one]] <= cycles[one] or tries == _TRIES:
-            break
+    for one in order.tolist():
         curve = join(here[one, :4], w[one], float(durations[one]))
         instants = np.linspace(0.0, float(durations[one]), _POINTS)
         distances = angle(curve.evaluate(instants)[0], corner)
         nearest = int(np.argmin(distances))
         if distances[nearest] > tolerance:
             continue
+        if tries == _TRIES:
+            break
         tries += 1
-        begin = float(instants[nearest])
         segment = PathSegment(curve, 0.0, float(durations[one]))
         start = first.state_at(int(leave[one]))
-        candidate = _draft(segment, start, second, path, period * int(joined[one]), begin)
+        time = period * int(joined[one])
         try:
+            candidate, passed = _draft(
+                segment,
+                start,
+                second,
+                path,
+                time,
+                float(instants[nearest]),
+                is_timed_anew=is_timed_anew,
+            )
             motion = certified(
                 candidate, second.request, start, second.limits, period, motion_id=second.id
             )
         except PlanError:
             continue
-        saved = period * int(spared[index[one]] - cycles[one])
-        note = (
-            f"blended with the motion before: passes the corner at {distances[nearest]:.4g} rad, "
-            f"{saved:.3f} s sooner than by way of rest"
-        )
-        notes = (*motion.certificate.notes, note)
-        return int(leave[one]), replace(
-            motion,
-            certificate=replace(motion.certificate, notes=notes),
-            corner=(begin, float(distances[nearest])),
-        )
-    return None
+        saved = period * (first.last_record - leave[one]) + second.duration - motion.duration
+        if best is None or saved > best[2]:
+            note = (
+                f"blended with the motion before: passes the corner at {distances[nearest]:.4g} "
+                f"rad, {saved:.3f} s sooner than by way of rest"
+            )
+            notes = (*motion.certificate.notes, note)
+            motion = replace(
+                motion,
+                certificate=replace(motion.certificate, notes=notes),
+                corner=(passed, float(distances[nearest])),
+            )
+            best = int(leave[one]), motion, saved
+            if not is_timed_anew:
+                break
+    return best[:2] if best is not None and best[2] > 0.0 else None
+
+
+def _is_timed_anew(motion: Motion) -> bool:
+    """Return whether a motion is the quickest along its path, and its blend is to be, too."""
+    request = motion.request
+    is_slower = request.total is not None or request.pace is not None
+    return request.is_quickest and not is_slower and motion.rough is None
 
 
 def _cuts(first: RecordedMotion, second: Motion, corner: Floats, earliest: int) -> _Cut:
@@ -202,9 +268,16 @@ def _cuts(first: RecordedMotion, second: Motion, corner: Floats, earliest: int) 
 
 
 def _draft(
-    segment: PathSegment, start: State, second: Motion, path: Path, time: float, nearest: float
-) -> CandidateMotion:
-    """Return the path of a blend and what it leads into.
+    segment: PathSegment,
+    start: State,
+    second: Motion,
+    path: Path,
+    time: float,
+    nearest: float,
+    *,
+    is_timed_anew: bool,
+) -> tuple[CandidateMotion, float]:
+    """Return the path of a blend and what it leads into, and when it is nearest to the corner.
 
     Args:
         segment: the blend.
@@ -213,9 +286,9 @@ def _draft(
         path: of that.
         time: path time of the second motion at which it is joined, s.
         nearest: path time at which the blend is nearest to the corner, s.
+        is_timed_anew: as for :func:`_best`.
     """
     shift = segment.end - time
-    segments = [segment, *(later.shifted(shift) for later in path.since(time))]
     there = path.positions.state(time)
     here = start.position, start.velocity, start.acceleration
     piece = quintic(here, there, segment.end)
@@ -225,10 +298,25 @@ def _draft(
         positions = positions.after(PositionPath(breaks, piece[None], start.position, there[0]))
     times = second.keyframe_times + shift
     times = np.where(second.keyframe_times < time, nearest, times)
+    later = [one.shifted(shift) for one in path.since(time)]
+    if not is_timed_anew:
+        begin, rough = max(float(times[0]), 0.0), second.rough
+        if rough is not None:
+            rough = replace(rough, begin=rough.begin + shift, end=rough.end + shift)
+        whole_path = Path.joined([segment, *later], positions, start.q)
+        end = second.end_time + shift
+        return CandidateMotion(whole_path, begin, end, times, rough), nearest
+    # An end velocity is one at a time of its own: what comes after it stays as it is.
+    end = second.end_time if second.request.omega_end is not None else path.duration
+    core = [segment, *(one for one in later if one.begin < end + shift - _SAME)]
+    joined = Path.joined(core, positions, start.q)
+    curve = PathCurve(joined.segments)
+    places = np.append(nearest, times)
+    whole = KeyframePath(PathSegment(curve, 0.0, curve.domain[1]), positions, places)
+    quick = quickest(whole, second.limits, second.period)
+    after = quick.duration - curve.domain[1]
+    segments = [quick.segment, *(one.shifted(after) for one in later[len(core) - 1 :])]
+    passed, times = float(quick.times[0]), quick.times[1:]
+    whole_path = Path.joined(segments, quick.positions, start.q)
     begin = max(float(times[0]), 0.0)
-    rough = second.rough
-    if rough is not None:
-        rough = replace(rough, begin=rough.begin + shift, end=rough.end + shift)
-    return CandidateMotion(
-        Path.joined(segments, positions, start.q), begin, second.end_time + shift, times, rough
-    )
+    return CandidateMotion(whole_path, begin, float(times[-1]), times, None), passed

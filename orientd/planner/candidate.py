@@ -9,9 +9,17 @@ import numpy as np
 from orientd.errors import PlanError
 from orientd.planner import refusal
 from orientd.planner.certify import Rough
-from orientd.planner.connect import Caution, LeadIn, join_in, lead_in, lead_out, position_lead
+from orientd.planner.connect import (
+    Caution,
+    LeadIn,
+    approach,
+    join_in,
+    lead_in,
+    lead_out,
+    position_lead,
+)
 from orientd.planner.limits import Limits, is_still
-from orientd.planner.path import Path, PathSegment
+from orientd.planner.path import Path, PathSegment, PositionPath
 from orientd.planner.request import MotionRequest, State
 from orientd.planner.timing import KeyframePath
 from orientd.rotation import Floats
@@ -92,6 +100,9 @@ def to_single(
     limits: Limits,
     period: float,
     caution: Caution = Caution.NONE,
+    *,
+    is_even: bool,
+    jerk_share: float,
 ) -> CandidateMotion:
     """Return the path to a single keyframe, and to rest behind it if it is passed.
 
@@ -101,6 +112,8 @@ def to_single(
         limits: to keep.
         period: of the device, s.
         caution: how to lead in.
+        is_even: whether to keep the reserve of an even pace from rest, too.
+        jerk_share: of the jerk to use from rest to rest.
 
     Raises:
         PlanError: the end velocity is one that the limits do not permit.
@@ -110,7 +123,24 @@ def to_single(
     if request.positions is not None:
         position = request.positions[0]
     target = State(request.keys[0], omega, np.zeros(3), position)
-    lead = lead_in(start, target, limits=limits, period=period, is_direct=True, caution=caution)
+    is_from_rest = start.is_at_rest and not omega.any()
+    is_free = is_from_rest and bool((position == start.position).all())
+    turn, total = None, request.total
+    if is_free and not (is_even and total is None):
+        turn = approach(start.q, target.q, limits, is_even=is_even, jerk_share=jerk_share)
+    if total is not None:
+        if turn is None:
+            raise PlanError("a single keyframe is reached in a duration by turning from rest only")
+        refusal.check_total(total, turn.end)
+        turn = turn.slowed(max(total, turn.end))
+    if turn is not None:
+        # It need not take a whole number of periods: nothing comes after it.
+        path = Path.joined([turn], PositionPath.held(position), start.q)
+        return CandidateMotion(path, turn.end, turn.end, np.array([turn.end]), None)
+    is_direct = is_even or is_free or not is_from_rest
+    lead = lead_in(
+        start, target, limits=limits, period=period, is_direct=is_direct, caution=caution
+    )
     end = lead.cycles * period
     segments = [*lead.segments, *_leads_out(target, end, limits, period)]
     return CandidateMotion(

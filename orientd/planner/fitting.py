@@ -72,6 +72,38 @@ def plan_to_fit(
         RequestError: the request is not one that its method or the device allows.
         PlanError: it cannot be planned, an axis cannot follow, or it would break a limit.
     """
+
+    def made(asked: MotionRequest) -> Motion:
+        return _planned(
+            driver, asked, start=start, joints=joints, limits=limits, period=period,
+            before=before, motion_id=motion_id,
+        )  # fmt: skip
+
+    try:
+        return made(request)
+    except LimitError as error:
+        is_free = request.is_quickest and request.total is None and request.pace is None
+        if not is_free or error.quantity.startswith("angle of"):
+            raise
+        # Axes that cannot follow the quickest motion may be able to follow a smoother one.
+        motion = made(MotionRequest(**{**request.given(), "pace": "even"}))
+        note = f"at an even pace: {error}"
+        notes = (*motion.certificate.notes, note)
+        certificate = replace(motion.certificate, notes=notes)
+        return replace(motion, request=request, certificate=certificate)
+
+
+def _planned(
+    driver: Driver,
+    request: MotionRequest,
+    *,
+    start: State,
+    joints: tuple[float, ...],
+    limits: Limits,
+    period: float,
+    before: Sequence[tuple[float, ...]],
+    motion_id: str | None,
+) -> Motion:
     told = _by_way(driver, request, start, joints, is_refused=False)
     request = told or request
     motion = plan(request, start=start, limits=limits, period=period, motion_id=motion_id)

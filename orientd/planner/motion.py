@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from orientd.curves import is_same
 from orientd.planner.certify import Certificate, Rough, before
+from orientd.planner.columns import Vector3
 from orientd.planner.limits import Limits
 from orientd.planner.path import Path, RowPath, Samples, TablePath
 from orientd.planner.recorded import (
@@ -18,7 +19,7 @@ from orientd.planner.recorded import (
     MotionFacts,
     RecordedMotion,
 )
-from orientd.planner.request import MotionRequest, State, Vector3
+from orientd.planner.request import MotionRequest, State
 from orientd.rotation import Floats, to_scipy
 from orientd.stream import PATH_FLOATS
 
@@ -108,7 +109,7 @@ class Motion:
         Raises:
             OrientdError: the file cannot be written.
         """
-        from orientd.planner.saving import save_motion
+        from orientd.planner.storage import save_motion
 
         save_motion(self, path)
 

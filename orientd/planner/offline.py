@@ -40,8 +40,8 @@ def plan_offline(
         period: of the device, s.
         start: where it is; by default at rest at the first keyframe.
         wishes: further arguments of :class:`.MotionRequest`: ``method``, ``start_velocity``,
-            ``end_velocity``, ``velocity_frame``, ``approach``, ``duration``, ``options``,
-            ``frame``, ``frames``.
+            ``end_velocity``, ``velocity_frame``, ``approach``, ``duration``, ``pace``,
+            ``options``, ``frame``, ``frames``.
 
     Raises:
         RequestError: something is not well formed, or not possible with the method.

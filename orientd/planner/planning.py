@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -14,34 +15,37 @@ from orientd.errors import LimitError, PlanError, StartError
 from orientd.planner import refusal
 from orientd.planner.candidate import CandidateMotion, to_single, with_leads
 from orientd.planner.certifying import certified
-from orientd.planner.connect import Caution, LeadIn, lead_in, position_lead
+from orientd.planner.connect import (
+    STOPS,
+    Caution,
+    LeadIn,
+    lead_in,
+    position_lead,
+    turns_with_stops,
+)
 from orientd.planner.keyframes import in_device_coordinates, with_least_roll, wound
 from orientd.planner.limits import LONGEST, Limits
 from orientd.planner.methods import Ends, check_method
 from orientd.planner.motion import Motion
 from orientd.planner.request import MotionRequest, State
 from orientd.planner.timing import (
-    LONGER,
+    LEAST_SHARE,
+    LONGEST_STOP,
     SHARE,
     Indices,
     KeyframePath,
     PathRequest,
-    Survey,
     chord_knots,
+    evenly_paced,
     quickest,
-    shortest,
 )
 from orientd.rotation import Floats
 
-_CYCLES_A_STEP = 4
-_LONGEST_SEARCH = 256  # times as long as the first guess, where longer ones are other curves
-_MOST_REFUSALS = 10  # of leads, the last one at some four times the duration of the first
 _HOPELESS = 1e3  # times as long as a motion may take, with each keyframe
 _MOST_CORRECTIONS = 300  # of a curve that is one of many to try
-_LONGEST_STOP = 6.0  # s, on longer motions of minimum duration; so much of a path is read ahead
-_LEAST_SHARE = 0.2  # of acceleration and jerk, below which they would not be the quickest
 _MOST_DRAWN = 1.1  # times what is on the records is the most that is drawn between them
 _MOST_TIMINGS = 12  # until a stop is short enough, each of them a whole search
+_NO_LONGER = 0.98  # of a stop's time, above which a larger reserve has not helped
 _PATIENCE = 3  # timings after which the reserve is at least doubled by each
 
 
@@ -56,8 +60,9 @@ def plan(
     """Return the motion that a request asks for, or refuse it.
 
     Keyframes with times are passed at those times, or not at all; keyframes without are passed
-    as quickly as the limits permit, with a reserve for a stop on the path; at the curve's own
-    pace, or with ``duration="minimum"`` at the highest pace everywhere.  The motion begins in
+    as quickly as the limits permit at every point of the curve, or with ``pace="even"`` at the
+    curve's own pace, slowed down by one factor.  Where no quickest timing is found the pace is
+    even, too, which a note of the certificate says.  The motion begins in
     the state the device is commanded to be in and ends at rest: in front of the keyframes goes a
     lead-in where the request says ``approach``, behind them a lead-out where they end with a
     velocity or an acceleration.  A single keyframe is where to go, by the shortest way found.
@@ -98,6 +103,12 @@ def plan(
     raise first or PlanError("no lead-in was tried")
 
 
+def _noted(motion: Motion, note: str) -> Motion:
+    """Return a motion with one more note in its certificate."""
+    notes = (*motion.certificate.notes, note)
+    return replace(motion, certificate=replace(motion.certificate, notes=notes))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Job:
     """One call of :func:`plan`.
@@ -105,27 +116,35 @@ class _Job:
     Attributes:
         request: what was asked for.
         start: where the device is commanded to be.
-        limits: to keep.
+        limits: to keep: a share of the own ones where a pace is one of the quickest.
+        own: what the motion is held against.
         period: of the device, s.
         ends: velocities at the first and last keyframe.
+        is_even: whether the way from rest to the first keyframe keeps the reserve of an even pace,
+            as it does where keyframes have times: these ask for stops that take less time.
         caution: with which to lead in.
         leads: lead-ins already found, by the state they lead to.
+        merged: what there is to say of keyframes that are passed as one.
     """
 
     request: MotionRequest
     start: State
     limits: Limits
+    own: Limits
     period: float
     ends: Ends
+    is_even: bool
     caution: Caution = Caution.NONE
     leads: dict[bytes, LeadIn] = field(default_factory=dict)
+    merged: list[str] = field(default_factory=list)
 
     @classmethod
-    def of(cls, request: MotionRequest, start: State, limits: Limits, period: float) -> _Job:
+    def of(cls, request: MotionRequest, start: State, own: Limits, period: float) -> _Job:
         """Check what can be checked before a curve is made."""
+        limits = own.slowed(request.pace) if isinstance(request.pace, float | int) else own
         method = check_method(request)
         if request.limits is not None:
-            refusal.check_present_rates(start, limits, period)
+            refusal.check_present_rates(start, own, period)
         omega_start, alpha_start = request.omega_start, None
         if not start.is_at_rest and not request.approach:
             # The motion takes over from another one that is still moving.
@@ -143,25 +162,76 @@ class _Job:
             first = replace(start, q=request.keys[0], omega_body=omega)
             refusal.check_start(start, first, limits)
         ends = Ends(omega_start, request.omega_end, alpha_start)
-        return cls(request, start, limits, period, ends)
+        return cls(request, start, limits, own, period, ends, not request.is_quickest)
 
     def motion(self, name: str) -> Motion:
         """Return the motion, certified."""
         if self.request.is_single:
-            return self.certified(self.as_single(), name)
-        if self.request.duration is not None:
-            return self.in_minimum_time(name)
+            return self.to_single(name)
         if self.request.times is not None:
             return self.certified(self.as_timed(), name)
+        if self.is_even:
+            return self.at_even_pace(name)
+        motion, took, refused = None, math.inf, None
         try:
-            return self.certified(self.as_quick_as_possible(everywhere=False), name)
+            motion = self._quick_or_even(name)
+            took = motion.end_time - motion.start_time
+        except (StartError, refusal.TotalError):
+            raise
+        except PlanError as error:
+            refused = error
+        stops = turns_with_stops(self.request, self.ends, self.start, self.limits, took)
+        if stops is not None and stops.duration < took:
+            with suppress(PlanError):
+                return _noted(self.certified(self._with_leads(stops), name), STOPS)
+        if motion is None:
+            raise refused or PlanError("no motion was tried")
+        return motion
+
+    def _quick_or_even(self, name: str) -> Motion:
+        try:
+            return self.as_quick_as_possible(name)
+        except (StartError, refusal.TotalError):
+            raise
+        except PlanError as error:
+            even = replace(self, is_even=True, leads={})
+            return _noted(even.at_even_pace(name), f"at an even pace: {error}")
+
+    def at_even_pace(self, name: str) -> Motion:
+        """Return the motion at the curve's own pace, slowed down by one factor."""
+        if self.request.total is not None:
+            refusal.check_duration(self.request.total)
+            path_request, _ = self._shape()
+            core = self._moving(path_request, self.request.total)
+            return self.certified(self._with_leads(core), name)
+        try:
+            return self.certified(self.evenly_paced(everywhere=False), name)
         except LimitError:
             # A peak where none was expected: look at every record then.
-            return self.certified(self.as_quick_as_possible(everywhere=True), name)
+            return self.certified(self.evenly_paced(everywhere=True), name)
 
-    def as_single(self) -> CandidateMotion:
-        """Return the path to the only keyframe."""
-        return to_single(self.request, self.start, self.limits, self.period, self.caution)
+    def to_single(self, name: str) -> Motion:
+        """Return the motion to the only keyframe."""
+        share = SHARE
+        for _ in range(_MOST_TIMINGS):
+            candidate = to_single(
+                self.request,
+                self.start,
+                self.limits,
+                self.period,
+                self.caution,
+                is_even=self.is_even,
+                jerk_share=share,
+            )
+            try:
+                return self.certified(candidate, name)
+            except LimitError as error:
+                over = error.value / error.limit
+                if self.is_even or not self.start.is_at_rest or not 1.0 < over <= _MOST_DRAWN:
+                    raise
+                # What is drawn between the records is a little more, where the jerk has a step.
+                share /= over
+        return replace(self, is_even=True).to_single(name)
 
     def as_timed(self) -> CandidateMotion:
         """Return the path with the times of the request."""
@@ -182,74 +252,25 @@ class _Job:
             refusal.check_limits(keyframe_path.peaks(self.period, self.limits), place)
             raise
 
-    def as_quick_as_possible(self, *, everywhere: bool) -> CandidateMotion:
+    def evenly_paced(self, *, everywhere: bool) -> CandidateMotion:
         """Return the path with the shortest times that keep the limits, in whole periods.
 
         Args:
             everywhere: whether to look at every record at every attempt.
         """
-        period, reserved = self.period, self.limits.with_reserve()
         path_request, shape = self._shape()
-        is_same = path_request.has_one_shape
-        is_held = is_same and shape.is_held_at_both_ends(self.limits)
-        survey = Survey.of(shape, reserved, period, has_one_shape=is_same)
-        guess = shape.duration * survey.factor
-        if is_same:
-            refusal.check_duration(guess)
-        # Two steps of the acceleration within a difference of the setpoints would add up.
-        fewest = 1 if shape.continuity >= 2 else _CYCLES_A_STEP * (len(path_request.kept) - 1)
-        drafts: dict[int, CandidateMotion] = {}
-        cores: dict[int, KeyframePath] = {}
-        refusals: list[PlanError] = []
-
-        def attempt(cycles: int, *, are_led: bool) -> float:
-            duration = cycles * period
-            try:
-                # The same curve at another rate need not be made again.
-                keyframe_path = (
-                    shape.slowed(duration) if is_same else self._moving(path_request, duration)
-                )
-            except PlanError:
-                return math.inf
-            try:
-                factor = survey.look(keyframe_path, reserved, period, everywhere=everywhere)
-                if factor <= 1.0:
-                    cores[cycles] = keyframe_path
-                    if are_led:
-                        drafts[cycles] = self._with_leads(keyframe_path)
-            except StartError:
-                raise
-            except PlanError as error:
-                refusals.append(error)
-                if len(refusals) == _MOST_REFUSALS:
-                    raise
-                return LONGER
-            return factor
-
-        most = int(LONGEST / period)
-        if is_same:
-            first = math.ceil(guess / period)
-        else:
-            # There is a curve of that duration; a longer one may swing out further.
-            known = math.ceil(shape.duration / period)
-            first = math.ceil(guess / period) if guess <= 2 * known * period else known
-            most = min(most, _LONGEST_SEARCH * known)
-        # From hold to hold the leads are the same for any duration.  Elsewhere what is found mostly
-        # has leads; otherwise every attempt counts with its own.
-        for are_led in (False,) if is_held else (False, True):
-            some = partial(attempt, are_led=are_led)
-            cycles = shortest(some, first, least=fewest, most=most, has_one_shape=is_same)
-            if cycles is None:
-                break
-            try:
-                return drafts.get(cycles) or self._with_leads(cores[cycles])
-            except StartError:
-                raise
-            except PlanError:
-                if is_held:
-                    raise
-                first = cycles
-        raise refusals[-1] if refusals else refusal.of_any_duration(self.start, self.limits)
+        found = evenly_paced(
+            shape,
+            self.limits,
+            self.period,
+            intervals=len(path_request.kept) - 1,
+            other=None if path_request.has_one_shape else partial(self._moving, path_request),
+            led=self._with_leads,
+            everywhere=everywhere,
+        )
+        if found is None:
+            raise refusal.of_any_duration(self.start, self.limits)
+        return found
 
     def _shape(self) -> tuple[PathRequest, KeyframePath]:
         """Return the path request of keyframes without times, and a path of about its duration."""
@@ -257,6 +278,7 @@ class _Job:
         is_uniform = not METHODS[self.request.method].interpolates
         knots = chord_knots(self.request, self.limits, is_uniform=is_uniform)
         path_request = self._course(knots.times, knots.kept)
+        self.merged[:] = knots.merged(self.request)
         guess = knots.first_guess(self.limits.with_reserve())
         if path_request.has_one_shape and guess > _HOPELESS * len(knots.times) * LONGEST:
             refusal.check_duration(guess)
@@ -270,44 +292,60 @@ class _Job:
         with corrections_at_most(_MOST_CORRECTIONS):
             return path_request.keyframe_path(duration)
 
-    def in_minimum_time(self, motion_id: str) -> Motion:
+    def as_quick_as_possible(self, motion_id: str) -> Motion:
         """Return the motion along the keyframe path as quickly as the limits permit."""
         path_request, keyframe_path = self._shape()
         refusal.check_smooth(self.request, keyframe_path.continuity)
         if not (path_request.has_one_shape and keyframe_path.is_from_rest_to_rest):
+            if self.request.total is not None:
+                return self.at_even_pace(motion_id)
             # A velocity at an end is one at some duration: take the curve of the usual one.
-            keyframe_path = (
-                self.as_quick_as_possible(everywhere=False).keyframe_path or keyframe_path
-            )
-        share = SHARE
+            keyframe_path = self.evenly_paced(everywhere=False).keyframe_path or keyframe_path
+        share, before, stop_time = SHARE, math.inf, math.inf
         for count in range(_MOST_TIMINGS):
             quick = quickest(keyframe_path, self.limits, self.period, share=share)
             try:
-                motion = self.certified(self._with_leads(quick), motion_id)
+                motion = self.certified(self._with_leads(self._in_total(quick)), motion_id)
             except LimitError as error:
                 # What is drawn between the records is a little more, where the jerk has a step.
                 over = error.value / error.limit
-                if not (1.0 < over <= _MOST_DRAWN and share > _LEAST_SHARE):
+                if not (1.0 < over <= _MOST_DRAWN and share > LEAST_SHARE):
                     raise
                 share /= over
                 continue
-            stop_time = motion.certificate.stop_time
-            if stop_time <= _LONGEST_STOP or motion.duration <= _LONGEST_STOP:
+            rate = motion.certificate.brake_rate
+            stop_time = 1.0 / rate if rate else math.inf
+            if stop_time <= LONGEST_STOP or motion.duration <= LONGEST_STOP:
                 return motion
-            if share <= _LEAST_SHARE:
+            if count > _PATIENCE and stop_time > _NO_LONGER * before:
+                # It is not this timing that is slow to stop, but what leads to it or from it.
+                return motion
+            before = stop_time
+            if share <= LEAST_SHARE:
                 break
             # How fast a stop can be goes with the square root of the reserve.
-            more = 1.05 * (stop_time / _LONGEST_STOP) ** 2
+            more = 1.05 * (stop_time / LONGEST_STOP) ** 2
             if count >= _PATIENCE:
                 more = max(more, 2.0)
-            share = max(1.0 - more * (1.0 - share), _LEAST_SHARE)
-        raise refusal.of_slow_stop(stop_time, _LONGEST_STOP, share)
+            share = max(1.0 - more * (1.0 - share), LEAST_SHARE)
+        raise refusal.of_slow_stop(stop_time, LONGEST_STOP, share)
+
+    def _in_total(self, quick: KeyframePath) -> KeyframePath:
+        """Return the quickest keyframe path, slowed down to the duration that was asked for."""
+        total = self.request.total
+        if total is None:
+            return quick
+        refusal.check_total(total, quick.duration)
+        return quick.slowed(max(total, quick.duration))
 
     def certified(self, candidate: CandidateMotion, motion_id: str) -> Motion:
         """Return the motion, held against its limits on the records that will be sent."""
-        return certified(
-            candidate, self.request, self.start, self.limits, self.period, motion_id=motion_id
+        motion = certified(
+            candidate, self.request, self.start, self.own, self.period, motion_id=motion_id
         )
+        for note in self.merged:
+            motion = _noted(motion, note)
+        return motion
 
     def _course(self, times: Floats, kept: Indices) -> PathRequest:
         start, given = self.start, self.request.positions
@@ -338,6 +376,11 @@ class _Job:
             at = keyframe_path.positions.first
             first = State(first.q, first.omega_body, first.alpha_body, at)
             lead = self.leads[key] = lead_in(
-                self.start, first, limits=self.limits, period=self.period, caution=self.caution
+                self.start,
+                first,
+                limits=self.limits,
+                period=self.period,
+                caution=self.caution,
+                is_even=self.is_even,
             )
         return lead

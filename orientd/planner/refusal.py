@@ -30,6 +30,23 @@ _QUANTITIES = {
 }
 
 
+class TotalError(PlanError):
+    """The keyframes take longer than the duration that was asked for."""
+
+
+def check_total(total: float, least: float) -> None:
+    """Refuse a duration that is shorter than the quickest, or too long to plan.
+
+    Raises:
+        PlanError: it is.
+    """
+    check_duration(total)
+    if total < least * (1.0 - _ROUNDING):
+        raise TotalError(
+            f"the keyframes take at least {least:.6g} s, got a duration of {total:g} s"
+        )
+
+
 def check_end_velocities(
     omega_start: Floats | None, omega_end: Floats | None, limits: Limits
 ) -> None:
@@ -127,7 +144,7 @@ def check_smooth(request: MotionRequest, continuity: int) -> None:
     """
     if continuity < 2:
         raise PlanError(
-            f"duration: minimum needs a curve whose acceleration is continuous; {request.method} "
+            f"the quickest pace needs a curve whose acceleration is continuous; {request.method} "
             f"is only C{continuity} here, {DEFAULT_METHOD} is C2 and passes the same keyframes"
         )
 
@@ -217,9 +234,9 @@ def of_slow_stop(stop_time: float, longest: float, share: float) -> PlanError:
         share: of acceleration and jerk that the motion uses.
     """
     return PlanError(
-        f"duration: minimum needs limits that permit a stop on the path within {longest:g} s, it "
+        f"the quickest pace needs limits that permit a stop on the path within {longest:g} s, it "
         f"takes {stop_time:.4g} s on the quickest motion with {100.0 * share:.3g} % of acceleration"
-        " and jerk; allow more of both, or leave the duration out"
+        " and jerk; allow more of both, or take the even pace"
     )
 
 

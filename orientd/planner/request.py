@@ -18,14 +18,11 @@ from numpy.typing import ArrayLike
 
 from orientd.curves import is_same
 from orientd.errors import RequestError
+from orientd.planner import columns
+from orientd.planner.columns import Turns, Vector3
 from orientd.planner.frames import Frame, named_frames
 from orientd.planner.limits import Limits
-from orientd.rotation import ROUNDING, Floats, check_unit, conjugate, rotate
-from orientd.tolerances import NORM_TOLERANCE
-
-MOST_TURNS = 1000
-FARTHEST = 1e12
-"""m from the origin, in every direction; squares of what is further away end in overflow."""
+from orientd.rotation import Floats, check_unit, conjugate, rotate
 
 _FEW = 3
 """Keyframes that a request may have to be shown in full."""
@@ -36,14 +33,13 @@ LONGEST_NAME = 80
 DEFAULT_METHOD = "c2_cumulative"
 """The family of curves of a request that names none."""
 
-Vector3 = tuple[float, float, float]
-"""``(x, y, z)``; its frame and unit are in the name of what holds it."""
 Quaternion = tuple[float, float, float, float]
 """``(w, x, y, z)`` of norm 1, tool to world."""
-Turns = np.ndarray[Any, np.dtype[np.int64]]
 VelocityFrame = Literal["body", "world"]
 Duration = Literal["minimum"]
+Pace = Literal["even"]
 PointingAxis = Literal["x", "y", "z"]
+_PACES = ("duration", "minimum", math.inf, "seconds"), ("pace", "even", 1.0, "a share up to 1")
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,8 +133,8 @@ class MotionRequest:
         options: of the method.
         device_options: of the device's driver, for this motion; checked where it is planned for a
             device.
-        duration: ``"minimum"`` runs along the method's curve as quickly as the limits permit
-            at every point of it; ``None`` keeps the method's own timing.
+        duration: without times, from first to last keyframe, s; by default ``"minimum"``.
+        pace: without times, a share of the quickest, or ``"even"``, the method's own timing slowed.
         name: what people call the motion, in reports and logs; at most 80 printable characters.
         pointing_axis: axis of the tool that points where keyframes with a free roll say.
         frame: name of the frame of keyframes that name none, of the velocities at these, and of
@@ -162,7 +158,8 @@ class MotionRequest:
     limits: Limits | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
     device_options: Mapping[str, Any] = field(default_factory=dict)
-    duration: Duration | None = None
+    duration: Duration | float | None = None
+    pace: Pace | float | None = None
     name: str = ""
     pointing_axis: PointingAxis = "x"
     frame: str = ""
@@ -180,14 +177,11 @@ class MotionRequest:
         if len(keyframes) == 1:
             self._check_single(keyframes[0])
             object.__setattr__(self, "approach", True)
-        if self.velocity_frame not in ("body", "world"):
-            raise RequestError(
-                "velocity_frame", f"expected 'body' or 'world', got {self.velocity_frame!r}"
-            )
+        frame = self.velocity_frame
+        if frame not in ("body", "world"):
+            raise RequestError("velocity_frame", f"expected 'body' or 'world', got {frame!r}")
         if self.pointing_axis not in ("x", "y", "z"):
             raise RequestError("pointing_axis", f"expected x, y or z, got {self.pointing_axis!r}")
-        if self.duration not in (None, "minimum"):
-            raise RequestError("duration", f"expected 'minimum', got {self.duration!r}")
         named = {f"keyframes[{k}].name": one.name for k, one in enumerate(keyframes) if one.name}
         for name, text in {"name": self.name, **named}.items():
             if len(text) > LONGEST_NAME or not text.isprintable():
@@ -196,18 +190,19 @@ class MotionRequest:
         for name in ("start_velocity", "end_velocity"):
             velocity = getattr(self, name)
             if velocity is not None:
-                object.__setattr__(self, name, _vector(velocity, name))
+                object.__setattr__(self, name, columns.vector(velocity, name))
         # The class is frozen for everybody but its own constructor.
         object.__setattr__(self, "keyframes", keyframes)
         for name in ("options", "device_options"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
         object.__setattr__(self, "frames", named_frames(self.frames))
-        object.__setattr__(self, "keys", _orientations(keyframes))
-        object.__setattr__(self, "times", _times(keyframes))
-        if self.duration is not None and self.times is not None:
-            raise RequestError("duration", "minimum leaves the times to the planner; give none")
-        object.__setattr__(self, "positions", _positions(keyframes))
-        object.__setattr__(self, "turns", _turns(keyframes))
+        object.__setattr__(self, "keys", columns.orientations([one.q for one in keyframes]))
+        object.__setattr__(self, "times", columns.times([one.time for one in keyframes]))
+        self._check_pace()
+        object.__setattr__(
+            self, "positions", columns.positions([one.position for one in keyframes])
+        )
+        object.__setattr__(self, "turns", columns.turns([one.turns for one in keyframes]))
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, MotionRequest):
@@ -243,9 +238,8 @@ class MotionRequest:
 
     def _is_said(self, name: str) -> bool:
         """Return whether an argument is other than its default; the method always counts."""
-        value = getattr(self, name)
         usual: tuple[object, ...] = (None, False, {}, "body", "", "x")
-        return name == "method" or value not in usual
+        return name == "method" or getattr(self, name) not in usual
 
     @property
     def omega_start(self) -> Floats | None:
@@ -261,6 +255,27 @@ class MotionRequest:
     def is_single(self) -> bool:
         """Whether there is one keyframe only, and so no curve to plan beyond the way there."""
         return len(self.keyframes) == 1
+
+    def _check_pace(self) -> None:
+        for name, word, most, unit in _PACES:
+            value = getattr(self, name)
+            is_text = value is None or isinstance(value, str)
+            if not (value in (None, word) if is_text else 0.0 < value < math.inf and value <= most):
+                raise RequestError(name, f"expected {word!r} or {unit}, got {value!r}")
+            if value is not None and self.times is not None:
+                raise RequestError(name, "leaves the times to the planner; give none")
+        if None not in (self.duration, self.pace) and (self.total is None or self.pace != "even"):
+            raise RequestError("pace", "a share of the quickest has its own duration; give one")
+
+    @property
+    def is_quickest(self) -> bool:
+        """Whether the timing is to be the quickest, or that slowed down."""
+        return self.times is None and self.pace != "even"
+
+    @property
+    def total(self) -> float | None:
+        """The duration in seconds, if one was asked for."""
+        return None if isinstance(self.duration, str) else self.duration
 
     def _check_single(self, keyframe: Keyframe) -> None:
         if keyframe.time is not None:
@@ -284,116 +299,3 @@ class MotionRequest:
 
 def _request(given: Mapping[str, Any]) -> MotionRequest:
     return MotionRequest(**given)
-
-
-def _vector(components: ArrayLike, name: str) -> Vector3:
-    try:
-        array = np.asarray(components, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise RequestError(name, f"expected three numbers, got {components!r}") from error
-    if array.shape != (3,):
-        raise RequestError(name, f"expected three numbers, got {components!r}")
-    if not np.all(np.isfinite(array)):
-        raise RequestError(name, f"expected finite numbers, got {array.tolist()}")
-    x, y, z = array.tolist()
-    return x, y, z
-
-
-def _orientations(keyframes: Sequence[Keyframe]) -> Floats:
-    keys = _table([k.q for k in keyframes], 4, "quaternion", "four numbers w, x, y, z")
-    with np.errstate(over="ignore"):
-        norm = np.sqrt(np.sum(keys * keys, axis=-1))
-    error = np.abs(norm - 1.0)
-    largest = float(error.max())
-    if largest > NORM_TOLERANCE:
-        index = int(np.argmax(error > NORM_TOLERANCE))
-        raise RequestError(
-            f"keyframes[{index}].quaternion",
-            f"norm must be 1 within {NORM_TOLERANCE:g}, got {norm[index]:.9g}",
-        )
-    # What is unit to rounding stays as it is; that is the rule of check_unit.
-    return keys if largest <= ROUNDING else check_unit(keys)
-
-
-def _table(rows: Sequence[Any], width: int, name: str, expected: str) -> Floats:
-    """Return *rows* as an array, naming the first one that is not *width* finite numbers."""
-    try:
-        table = np.asarray(rows, dtype=np.float64)
-        is_regular = table.shape == (len(rows), width)
-    except (TypeError, ValueError):
-        is_regular = False
-    if not is_regular:
-        for index, row in enumerate(rows):
-            try:
-                fits = np.asarray(row, dtype=np.float64).shape == (width,)
-            except (TypeError, ValueError):
-                fits = False
-            if not fits:
-                raise RequestError(f"keyframes[{index}].{name}", f"expected {expected}, got {row}")
-    is_finite = np.isfinite(table)
-    if not is_finite.all():
-        bad = ~np.all(is_finite, axis=-1)
-        index = int(np.argmax(bad))
-        raise RequestError(
-            f"keyframes[{index}].{name}", f"expected finite numbers, got {table[index].tolist()}"
-        )
-    return table
-
-
-def _times(keyframes: Sequence[Keyframe]) -> Floats | None:
-    given = [k.time for k in keyframes]
-    if given.count(None) == len(given):
-        return None
-    if None in given:
-        index = given.index(None) if given[0] is not None else 0
-        other = next(i for i, time in enumerate(given) if time is not None)
-        raise RequestError(
-            f"keyframes[{index}].time",
-            f"missing: keyframes[{other}] has one, so every keyframe needs one (or none)",
-        )
-    times = _table([(time,) for time in given], 1, "time", "a number of seconds")[:, 0]
-    steps = np.diff(times)
-    if np.any(steps <= 0.0):
-        index = int(np.argmax(steps <= 0.0)) + 1
-        now, before = times[index], times[index - 1]
-        raise RequestError(
-            f"keyframes[{index}].time",
-            f"{now:.9g} s is the time of keyframes[{index - 1}] too: an interval of length zero"
-            if now == before
-            else f"must be later than keyframes[{index - 1}] at {before:.9g} s, got {now:.9g} s",
-        )
-    return times
-
-
-def _positions(keyframes: Sequence[Keyframe]) -> Floats | None:
-    indices = [i for i, k in enumerate(keyframes) if k.position is not None]
-    if not indices:
-        return None
-    positions = np.full((len(keyframes), 3), math.nan)
-    for index in indices:
-        position = keyframes[index].position
-        if position is not None:
-            name = f"keyframes[{index}].position"
-            positions[index] = _vector(position, name)
-            farthest = float(np.max(np.abs(positions[index])))
-            if farthest > FARTHEST:
-                raise RequestError(name, f"expected at most {FARTHEST:g} m, got {farthest:g} m")
-    return positions
-
-
-def _turns(keyframes: Sequence[Keyframe]) -> Turns:
-    turns = [k.turns for k in keyframes]
-    if turns.count(0) == len(turns) and set(map(type, turns)) == {int}:
-        return np.zeros(len(turns), dtype=np.int64)
-    for index, count in enumerate(turns):
-        if isinstance(count, bool) or not isinstance(count, (int, np.integer)):
-            raise RequestError(f"keyframes[{index}].turns", f"expected whole turns, got {count!r}")
-        if abs(count) > MOST_TURNS:
-            raise RequestError(
-                f"keyframes[{index}].turns", f"expected at most {MOST_TURNS} turns, got {count}"
-            )
-    if turns[0] and len(turns) > 1:
-        raise RequestError(
-            "keyframes[0].turns", f"there is no keyframe before the first, got {turns[0]} turns"
-        )
-    return np.array(turns, dtype=np.int64)

@@ -39,8 +39,10 @@ class Wishes(TypedDict, total=False):
         limits: narrower than the device's own: ``velocity``, ``acceleration``, ``jerk``,
             ``linear_velocity``, ``linear_acceleration``; the angular ones may be three numbers,
             for the components in the body frame.
-        duration: ``"minimum"`` runs along the curve as quickly as the limits permit at every
-            point of it; without *times*.
+        duration: from the first keyframe to the last, s; without *times*.  ``"minimum"``, as where
+            nothing is said, is as short as the limits permit at every point of the curve.
+        pace: a share of the quickest speed, or ``"even"`` for the method's own timing, slowed down
+            by one factor; without *times*.
         options: of the method.
         device_options: of the device's driver, for this motion.
         name: what to call the motion in reports and logs.
@@ -58,7 +60,8 @@ class Wishes(TypedDict, total=False):
     velocity_frame: Literal["body", "world"]
     approach: bool
     limits: Mapping[str, float | Sequence[float]]
-    duration: Literal["minimum"]
+    duration: Literal["minimum"] | float
+    pace: Literal["even"] | float
     options: Mapping[str, Any]
     device_options: Mapping[str, Any]
     name: str

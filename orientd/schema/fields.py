@@ -31,6 +31,7 @@ class Kind(Enum):
     NUMBER = auto()
     VECTOR = auto()
     CHOICE = auto()
+    CHOICE_OR_NUMBER = auto()
     OPTIONS = auto()
     LIMITS = auto()
     ORIENTATION = auto()
@@ -59,7 +60,7 @@ class Field:
     Attributes:
         name: its key.
         kind: what it holds.
-        choices: the texts that it may be, of a choice.
+        choices: the texts that it may be, of a choice, or of one where a number does, too.
         is_needed: whether it has no default.
         is_nullable: whether nothing may be said in so many words.
         default: what holds where nothing is said.
@@ -102,7 +103,10 @@ def _field(name: str, hint: Any, default: object, says: str) -> Field:  # noqa: 
     is_nullable = NoneType in get_args(hint)
     bare = kinds[0] if is_nullable else hint
     is_choice = get_origin(bare) is Literal
-    kind = Kind.CHOICE if is_choice else next(kind for known, kind in _KINDS if known == bare)
+    if is_choice:
+        kind = Kind.CHOICE_OR_NUMBER if float in kinds else Kind.CHOICE
+    else:
+        kind = next(kind for known, kind in _KINDS if known == bare)
     return Field(
         name=name,
         kind=kind,

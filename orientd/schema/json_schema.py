@@ -116,9 +116,10 @@ def _properties(fields: tuple[Field, ...]) -> dict[str, Any]:
 
 
 def _property(field: Field) -> dict[str, Any]:
-    kind = {"enum": list(field.choices)} if field.kind is Kind.CHOICE else _KINDS[field.kind]
-    if field.is_nullable:
-        kind = _or_null(kind)
+    kinds = [{"enum": list(field.choices)} if field.choices else _KINDS[field.kind]]
+    if field.kind is Kind.CHOICE_OR_NUMBER:
+        kinds.append(_NUMBER)
+    kind = _or_null(*kinds) if field.is_nullable else kinds[0]
     described = {**kind, "description": field.says.replace("``", "")}
     return described if field.is_needed else {**described, "default": field.default}
 

@@ -245,12 +245,13 @@ def same_curve(peer):
     keys = [tuple(q) for q in rotation.from_rotation_vector(turns - turns[0]).tolist()]
     keyframes, start = [Keyframe(key) for key in keys], State.at_rest(keys[0])
     if peer is Orientd:
-        request = MotionRequest(keyframes, duration="minimum")
+        request = MotionRequest(keyframes)
         return f"{plan(request, start=start, limits=limits, period=PERIOD).duration:.3f} s"
     import toppra
 
-    motion = plan(MotionRequest(keyframes), start=start, limits=limits, period=PERIOD)
-    (stretch,) = motion.path.stretches
+    even = MotionRequest(keyframes, pace="even")
+    motion = plan(even, start=start, limits=limits, period=PERIOD)
+    (stretch,) = motion.path.segments
 
     class Curve(toppra.interpolator.AbstractGeometricPath):
         """Omega and alpha are as linear in the rates of the parameter as those of joints."""

@@ -4,10 +4,10 @@ from orientd.planner import Keyframe, MotionRequest, plan
 from orientd.rotation import check_unit
 
 
-def retarget(target, *, start, limits, period, end_velocity=None, position=None, motion_id=None):
+def retarget(target, *, start, limits, period, position=None, motion_id=None, **fields):
     """Return the motion from a state, moving or not, to an orientation."""
     keyframe = Keyframe(tuple(check_unit(target).tolist()), position=position)
-    request = MotionRequest([keyframe], end_velocity=end_velocity)
+    request = MotionRequest([keyframe], **fields)
     return plan(request, start=start, limits=limits, period=period, motion_id=motion_id)
 
 

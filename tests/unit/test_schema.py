@@ -36,6 +36,7 @@ SAMPLES = {
     Kind.FLAG: True,
     Kind.VECTOR: (0.1, 0.2, 0.3),
     Kind.OPTIONS: {"align": False},
+    Kind.CHOICE_OR_NUMBER: 0.75,
     Kind.LIMITS: Limits.partial(velocity=(1.0, 2.0, 3.0), linear_velocity=0.5),
     Kind.FRAMES: {"camera": Frame(Pose((0.8, 0.0, 0.6, 0.0), (1.0, 2.0, 3.0)), Pose())},
 }
@@ -62,7 +63,8 @@ def keys(table):
 
 def test_every_field_of_a_request_is_in_the_file_the_message_and_the_client():
     assert set(motion_file.motion_schema()["properties"]) == REQUEST
-    assert names(pb.MotionRequest) == REQUEST
+    # Where a field is a choice or a number, the number has a field of its own.
+    assert names(pb.MotionRequest) == REQUEST | {"duration_seconds", "pace_share"}
     wishes = motion_request.Wishes
     assert wishes.__optional_keys__ == REQUEST - {"keyframes"} | COLUMNS
     assert set(attribute_lines(wishes)) == wishes.__optional_keys__

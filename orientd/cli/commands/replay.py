@@ -127,7 +127,7 @@ def _paced(
 
     if pace is Pace.RECORDED:
         return plan_as_recorded(fit, plan)
-    request = replay_request(fit, duration="minimum")
+    request = replay_request(fit)
     planned = plan(request)
     return (
         planned,

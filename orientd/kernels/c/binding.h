@@ -63,5 +63,6 @@ extern PyMethodDef interpolation_methods[];
 extern PyMethodDef sampling_methods[];
 extern PyMethodDef connectors_methods[];
 extern PyMethodDef certify_methods[];
+extern PyMethodDef timing_methods[];
 
 #endif

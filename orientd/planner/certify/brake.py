@@ -67,6 +67,23 @@ LAW = (np.stack([_SIGMA, _G]), _WORST, _SIGMA_G, FASTEST_BRAKE_RATE, _MARGIN)
 """What the kernels take of this module."""
 
 
+def shares_to_stop(
+    velocity: float, acceleration: float, jerk: float, stop_time: float
+) -> tuple[float, float]:
+    """Return the shares of acceleration and jerk with which a stop on the path takes a time.
+
+    Args:
+        velocity: the highest of the path, along its acceleration.
+        acceleration: its limit; infinite where there is none.
+        jerk: the same of the jerk.
+        stop_time: s.
+    """
+    rate = 1.0 / stop_time
+    root = float(np.interp(rate * velocity / acceleration, _WORST, _RESERVE_ROOT))
+    turned = 0.0 if jerk == np.inf else _SIGMA_G * acceleration * rate + 4.0 * velocity * rate**2
+    return 1.0 - root**2, 1.0 - turned / jerk
+
+
 def brake_rate(
     velocity: Floats, acceleration: Floats, jerk: Floats, most: float, most_jerk: float
 ) -> tuple[float, int]:

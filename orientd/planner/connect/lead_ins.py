@@ -16,9 +16,11 @@ from orientd.errors import PlanError
 from orientd.planner.connect.connector import connector, ramped_stops
 from orientd.planner.connect.leads import approach, approach_cycles, lead_out
 from orientd.planner.connect.position_stop import position_lead
-from orientd.planner.limits import Limits, is_still
+from orientd.planner.connect.quintic_connector import join
+from orientd.planner.limits import ACCELERATION_RESERVE, Limits, is_still
 from orientd.planner.path import PathSegment, PositionPath
 from orientd.planner.request import State
+from orientd.rotation import Floats
 
 _SLACK = 1e-9  # of a period
 
@@ -44,6 +46,8 @@ class Caution(Enum):
     NONE = 1.0
     SOME = 0.98
     BY_WAY_OF_REST = 0.97
+    AT_LIMITS = 0.9995
+    """Without the reserve, for a state that is at the limits already."""
 
     @property
     def share(self) -> float:
@@ -59,6 +63,7 @@ def lead_in(
     period: float,
     is_direct: bool = False,
     caution: Caution = Caution.NONE,
+    is_even: bool = False,
 ) -> LeadIn:
     """Return the way from a state to the first keyframe.
 
@@ -69,13 +74,18 @@ def lead_in(
         period: it takes a whole number of periods, s.
         is_direct: whether to look for a connector from rest, too.
         caution: what to do with less than the limits, and how.
+        is_even: whether a way from rest is to be even rather than the quickest.
 
     Raises:
         PlanError: the first keyframe cannot be passed as fast as *first* says.
     """
     if start.is_at_rest and not is_direct:
-        return from_rest(start, first, limits=limits, period=period)
-    limits = limits.scaled(caution.share)
+        return from_rest(start, first, limits=limits, period=period, is_even=is_even)
+    limits = (
+        limits.with_reserve(caution.share / ACCELERATION_RESERVE)
+        if caution is Caution.AT_LIMITS
+        else limits.scaled(caution.share)
+    )
     positions = position_lead(start, first.position, limits=limits, period=period)
     if caution is Caution.BY_WAY_OF_REST:
         return _by_way_of_rest(start, first, positions, limits=limits, period=period)
@@ -92,7 +102,13 @@ def lead_in(
 
 
 def from_rest(
-    start: State, first: State, *, limits: Limits, period: float, least: int = 0
+    start: State,
+    first: State,
+    *,
+    limits: Limits,
+    period: float,
+    least: int = 0,
+    is_even: bool = False,
 ) -> LeadIn:
     """Return approach and run-up from rest, as far as they are needed.
 
@@ -102,6 +118,7 @@ def from_rest(
         limits: to keep.
         period: it takes a whole number of periods, s.
         least: periods that it takes at least.
+        is_even: as in :func:`lead_in`.
 
     Raises:
         PlanError: no run-up keeps the limits.
@@ -117,19 +134,35 @@ def from_rest(
         rest = run_up.evaluate(np.array([run_up.domain[1]]))[0][0]
         run_up_cycles = round(run_up.domain[1] / period)
     cycles = approach_cycles(
-        start.q, rest, start.position, first.position, limits=limits, period=period
+        start.q,
+        rest,
+        start.position,
+        first.position,
+        limits=limits,
+        period=period,
+        is_even=is_even,
     )
     cycles = max(cycles, least - run_up_cycles)
     arrival = cycles * period
     segments = []
     if cycles:
-        segments.append(PathSegment(approach(start.q, rest, arrival), 0.0, arrival))
+        segments.append(
+            _waiting(approach(start.q, rest, limits, is_even=is_even), start.q, arrival)
+        )
     cycles += run_up_cycles
     if run_up is not None:
         segments.append(PathSegment(run_up, arrival, cycles * period, rate=-1.0))
     # The position arrives with the approach and waits while the orientation takes its run-up.
     positions = PositionPath.held(first.position).after_move_from(start.position, 0.0, arrival)
     return LeadIn(tuple(segments), cycles, positions)
+
+
+def _waiting(turn: PathSegment | None, q: Floats, arrival: float) -> PathSegment:
+    """Return a turn that takes longer, or none at all, while the position moves."""
+    if turn is None:
+        still = np.zeros((5, 3))
+        return PathSegment(join(q, still, arrival), 0.0, arrival)
+    return turn.slowed(arrival)
 
 
 def stop(start: State, *, limits: Limits, period: float) -> list[PathSegment]:

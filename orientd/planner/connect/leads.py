@@ -22,11 +22,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from orientd.curves import Curve
+from orientd.curves import AxisTurn, Curve
 from orientd.errors import PlanError
 from orientd.planner.connect.quintic_connector import join
 from orientd.planner.limits import LONGEST, STILL, Limits
-from orientd.planner.path import UNIT_ACCELERATION, UNIT_JERK, UNIT_VELOCITY
+from orientd.planner.path import UNIT_ACCELERATION, UNIT_JERK, UNIT_VELOCITY, PathSegment
+from orientd.planner.timing import CAREFUL_JERK_SHARE, phases_of_turn
 from orientd.rotation import (
     Floats,
     angle,
@@ -41,6 +42,7 @@ from orientd.rotation import (
 Booleans = NDArray[np.bool_]
 
 _SAME = 1e-12  # rad and m
+_SLACK = 1e-9  # of a period
 _GRID = 160
 _BLOCK = 20  # of the grid, looked at in one go
 _FINEST_SHARES = np.linspace(0.0, 1.0, 65)
@@ -204,30 +206,80 @@ def _curve_keeps(curve: Curve, bounds: _Bounds) -> bool:
 
 
 def approach_cycles(
-    q0: Floats, q1: Floats, p0: Floats, p1: Floats, *, limits: Limits, period: float
+    q0: Floats,
+    q1: Floats,
+    p0: Floats,
+    p1: Floats,
+    *,
+    limits: Limits,
+    period: float,
+    is_even: bool = False,
 ) -> int:
     """Return the fewest periods for a turn and a move from rest to rest; 0 if neither is needed.
+
+    The arguments are those of :func:`approach`, and the positions.
 
     Raises:
         PlanError: it takes longer than is planned.
     """
-    reserved = limits.with_reserve()
-    turn, move = float(angle(q0, q1)), float(np.linalg.norm(p1 - p0))
-    if turn <= _SAME and move <= _SAME:
-        return 0
-    velocity, acceleration, jerk = limits.velocity, reserved.acceleration, reserved.jerk
-    if limits.has_axes and turn > _SAME:
-        rotation = log(multiply(conjugate(q0), q1))
-        velocity, acceleration, jerk = reserved.along((rotation / turn).tolist())
+    turn, move = approach(q0, q1, limits, is_even=is_even), float(np.linalg.norm(p1 - p0))
+    most = limits.with_reserve().linear_acceleration
+    duration = max(
+        0.0 if turn is None else turn.end,
+        UNIT_VELOCITY * move / limits.linear_velocity if move > _SAME else 0.0,
+        math.sqrt(UNIT_ACCELERATION * move / most) if move > _SAME else 0.0,
+    )
+    check_lead("an approach", duration)
+    return math.ceil(duration / period - _SLACK)
+
+
+def approach(
+    q0: Floats,
+    q1: Floats,
+    limits: Limits,
+    *,
+    is_even: bool = False,
+    jerk_share: float | None = None,
+) -> PathSegment | None:
+    """Return the quickest turn from rest at *q0* to rest at *q1*, the short way round.
+
+    It begins at path time 0; there is none where both are the same.
+
+    Args:
+        q0: where it begins.
+        q1: where it ends.
+        limits: to keep.
+        is_even: whether it is to be a quintic, as long as its peaks need, instead.
+        jerk_share: of the jerk to use where it is all of a motion; ``None`` where it is a part.
+
+    Raises:
+        PlanError: it takes longer than is planned.
+    """
+    turn = float(angle(q0, q1))
+    if turn <= _SAME:
+        return None
+    axis = log(multiply(conjugate(q0), q1)) / turn
+    if math.isfinite(limits.acceleration) and not is_even:
+        phases = phases_of_turn(
+            axis,
+            turn,
+            limits,
+            jerk_share=jerk_share or CAREFUL_JERK_SHARE,
+            is_part=jerk_share is None,
+        )
+        check_lead("an approach", float(phases.sum()))
+        curve: Curve = AxisTurn(q0, axis, turn, phases)
+        return PathSegment(curve, 0.0, curve.domain[1])
+    velocity, acceleration, jerk = limits.with_reserve().along(axis.tolist())
     duration = max(
         UNIT_VELOCITY * turn / velocity,
         math.sqrt(UNIT_ACCELERATION * turn / acceleration),
         math.cbrt(UNIT_JERK * turn / jerk),
-        UNIT_VELOCITY * move / limits.linear_velocity,
-        math.sqrt(UNIT_ACCELERATION * move / reserved.linear_acceleration),
     )
     check_lead("an approach", duration)
-    return math.ceil(duration / period)
+    nearer = -q1 if float(q0 @ q1) < 0.0 else q1
+    zero = np.zeros(3)
+    return PathSegment(_to_rest(q0, nearer, zero, zero, duration), 0.0, duration)
 
 
 def check_lead(what: str, duration: float) -> None:
@@ -238,9 +290,3 @@ def check_lead(what: str, duration: float) -> None:
     """
     if not duration <= LONGEST:
         raise PlanError(f"{what} takes {duration:.6g} s, at most {LONGEST:g} s is planned")
-
-
-def approach(q0: Floats, q1: Floats, duration: float) -> Curve:
-    """Return the turn from rest at *q0* to rest at *q1*, the short way round, over ``[0, T]``."""
-    nearer = -q1 if float(q0 @ q1) < 0.0 else q1
-    return _to_rest(q0, nearer, np.zeros(3), np.zeros(3), duration)

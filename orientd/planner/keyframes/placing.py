@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from orientd.errors import RequestError
+from orientd.planner.columns import Vector3
 from orientd.planner.frames import Frame, Pose
 from orientd.planner.keyframes.pointing import pointed
-from orientd.planner.request import Keyframe, MotionRequest, State, Vector3
+from orientd.planner.request import Keyframe, MotionRequest, State
 from orientd.rotation import Floats, conjugate, multiply, normalize, rotate
 
 _DEVICE = Frame()

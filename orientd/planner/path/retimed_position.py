@@ -30,7 +30,11 @@ def repositioned(positions: PositionPath, clock: TimeMap) -> PositionPath:
     velocity, acceleration = motion_of(positions, s, clock.length)
     v = velocity * rate[:, None]
     a = acceleration * rate[:, None] ** 2 + velocity * np.nan_to_num(change)[:, None]
-    v[[0, -1]] = a[[0, -1]] = 0.0
+    # It may go on from a motion, and ends at rest.
+    _, velocity_0, acceleration_0 = positions.state(0.0)
+    v[0], a[0] = velocity_0 * rate[0], acceleration_0 * rate[0] ** 2
+    a[0] += velocity_0 * np.nan_to_num(change[0])
+    v[-1] = a[-1] = 0.0
     h = np.diff(times)[:, None]
     gap = p[1:] - p[:-1] - h * (v[:-1] + 0.5 * h * a[:-1])
     turn = h * (v[1:] - v[:-1] - h * a[:-1])

@@ -7,17 +7,22 @@ from typing import TYPE_CHECKING
 from orientd.lazy import lazily
 
 if TYPE_CHECKING:
+    from orientd.planner.timing.axis_turn import (
+        CAREFUL_JERK_SHARE,
+        LEAST_SHARE,
+        LONGEST_STOP,
+        SHARE,
+        phases_of_turn,
+    )
     from orientd.planner.timing.candidate_path import KeyframePath, PathRequest
-    from orientd.planner.timing.quickest_timing import SHARE, quickest
-    from orientd.planner.timing.survey import Survey
+    from orientd.planner.timing.even_timing import evenly_paced
+    from orientd.planner.timing.quickest_timing import quickest
     from orientd.planner.timing.timing import (
-        LONGER,
         SAME,
         Indices,
         chord_knots,
         move_lengths,
         radians_per_metre,
-        shortest,
         turn_lengths,
     )
 

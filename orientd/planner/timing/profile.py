@@ -1,369 +1,338 @@
-r"""The fastest way along a path: how quickly to run through it, node by node.
+"""The fastest profile along a path: its speed on elements that are narrow where it matters.
 
-A path has a parameter :math:`\sigma`, and :math:`y = \dot\sigma^2` is sought as a function of it.
-What is limited is then a vector of the form (Bobrow, Dubowsky and Gibson 1985)
-
-.. math::
-    p' \sqrt y, \qquad
-    p'' y + \tfrac12 p' y', \qquad
-    \sqrt y\,(p''' y + \tfrac32 p'' y' + \tfrac12 p' y''),
-
-and the duration is :math:`\int d\sigma / \sqrt y`.  Without the jerk this is a convex problem in
-*y* (Verscheure, Demeulenaere, Swevers, De Schutter and Diehl 2009, IEEE TAC 54); a limit of the
-jerk, :math:`|p''' y + \dots| \le J y^{-1/2}`, is convex on the left and convex on the right, and
-the tangent of the right side is an inner approximation (Debrouwere et al. 2013, IEEE TRO 29).
-
-*y* is a uniform cubic B-spline with a knot at every node, and what is limited is looked at there
-and half way between.  The problem is solved by a logarithmic barrier with Newton's method, the
-tangents taken anew in every step; each Hessian has seven diagonals, so a step costs time
-proportional to the number of nodes.
+What is sought and how is in ``orientd/kernels/c/profile.h``; the parameter *x* of the path is its
+time but for the way from and to rest, see ``orientd/kernels/c/clock.h``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from orientd import kernels
+from orientd.curves import TimeMap, places_of
+from orientd.errors import PlanError
+from orientd.planner.certify import limit_table
+from orientd.planner.limits import Limits
+from orientd.planner.path import motion_of
+from orientd.planner.timing.candidate_path import KeyframePath
 from orientd.planner.timing.timing import Indices
 from orientd.rotation import Floats
 
-_GAP = 2e-5
-"""Share of the duration that the barrier may cost in the end."""
-
-_REDUCTION = 0.1  # of the barrier's weight from one round to the next
-_MOST_STEPS = 120
-_ROUND_STEPS = 12
-_DECREMENT = 0.05  # of a round's barrier weight, squared
-_TO_BOUNDARY = 0.98
-_LIFTS = (1e-13, 1e-11, 1e-9, 1e-7, 1e-5)  # of the Hessian's diagonal, against rounding
-_INSIDE = 0.998  # share of the limits up to which they need not be moved out
-_STRETCH = 1.05  # how far beyond the largest share they are moved
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Bound:
-    """A limit on the length of a vector that is linear in *y* and its derivatives.
-
-    Attributes:
-        columns: of *y*, *y'* and *y''*, in units of the limit, shape ``(3, m, k)``.
-        is_jerk: whether the limit goes with ``y ** -0.5``.
-        places: where it is to be kept, increasing; ``None`` is everywhere.
-    """
-
-    columns: Floats
-    is_jerk: bool
-    places: Indices | None = None
-
-    def gram(self) -> Floats:
-        """Return the products of the columns with one another, shape ``(3, 3, m)``."""
-        gram: Floats = np.einsum("ank,bnk->abn", self.columns, self.columns)
-        return gram
+_REST = 1e-9  # of the largest angular velocity of the keyframe path
+_LEAVING = 0.8  # of a length L that the parameter goes while it leaves rest
+_PIECES = 10  # that an interval between knots begins with
+_FEWEST = 100  # pieces of all intervals together
+_NARROW = 0.25  # of a period: elements that take less time are narrow enough
+_RAMP = 0.25  # change of the acceleration in an element, as a share of its limit
+_CHANGE = 0.5  # of the squared rate in an element
+_GIVEN = 1.0002  # share of a limit that is used where an end is at it
+_MISSED = 1.01  # share of a limit between the places that were looked at
+_MOST_PIECES = 4
+_EASE = 3.0  # one over the share of the elements near an end that moves
+_SECANTS = 12
+_ROUNDING = 1e-13
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class End:
-    """What is given at an end that moves.
+class Elements:
+    """Elements of a path.
 
     Attributes:
-        square: *y* there.
-        slope: *y'* there.
+        places: where they begin and where the last one ends, shape ``(n + 1,)``.
+        aims: what the limits of velocity, acceleration and jerk are divided by in each, ``(3, n)``.
     """
 
-    square: float
-    slope: float
+    places: Floats
+    aims: Floats
+
+    @classmethod
+    def first(cls, keyframe_path: KeyframePath, rates: PathRates) -> Elements:
+        """Return wide ones, which end where the formula of the curve changes."""
+        knots = places_of(rates.knots, rates.leaves, rates.total)
+        pieces = max(_PIECES, math.ceil(_FEWEST / (len(knots) - 1)))
+        first = cls.split(knots, np.full(len(knots) - 1, pieces))
+        # What is given at an end is inside, by a little: nothing can be done about that.
+        for end, moves, near in zip(
+            keyframe_path.segment.ends(),
+            rates.moves,
+            (np.arange(pieces), -1 - np.arange(pieces)),
+            strict=True,
+        ):
+            if moves:
+                fading = 1.0 - np.maximum(np.arange(pieces) - 1.0, 0.0) / pieces
+                for row, vector, name, most in (
+                    (0, end.omega_body, "velocity", 0.9999),
+                    (1, end.alpha_body, "acceleration", 0.9993),
+                ):
+                    share = rates.share(vector, name)
+                    if share > most:
+                        eased = 1.0 - fading * (1.0 - most / share)
+                        first.aims[row, near] = np.minimum(first.aims[row, near], eased)
+        return first
+
+    @classmethod
+    def split(cls, places: Floats, pieces: Indices, aims: Floats | None = None) -> Elements:
+        """Return elements cut into pieces of one width."""
+        begins = np.repeat(places[:-1], pieces)
+        widths = np.repeat(np.diff(places) / pieces, pieces)
+        first = np.repeat(np.cumsum(pieces) - pieces, pieces)
+        finer = np.append(begins + widths * (np.arange(len(begins)) - first), places[-1])
+        aims = np.ones((3, len(begins))) if aims is None else np.repeat(aims, pieces, axis=1)
+        return cls(finer, aims)
+
+    @property
+    def widths(self) -> Floats:
+        """How far each goes."""
+        return np.diff(self.places)
+
+    def aiming_lower(self, shares: Floats, excess: float = 1.0) -> Elements:
+        """Return the same with lower aims where limits are exceeded, or by a factor everywhere."""
+        powers = np.array([[1.0], [2.0], [3.0]])
+        lower = self.aims * np.maximum(shares, 1.0) * excess**powers
+        # But not where what is given at an end is at a limit.
+        is_given = (self.aims < 1.0) & (shares < _GIVEN)
+        return replace(self, aims=np.where(is_given, self.aims, lower))
 
 
-class ProfileError(ArithmeticError):
-    """No profile inside the limits was found."""
-
-
+@dataclass(frozen=True, slots=True, eq=False)
 class Profile:
-    """A cubic B-spline *y* over nodes a *step* apart.
+    """A squared rate over elements of a path.
 
     Attributes:
-        step: from node to node.
-        coefficients: of the B-splines, shape ``(n + 2,)``.
+        elements: of the path.
+        coefficients: of its quadratic B-splines, shape ``(n + 2,)``.
+        shares: of the limits that are used in each element, shape ``(3, n)``.
+        leaves: lengths over which the path leaves rest, shape ``(2,)``.
     """
 
-    def __init__(self, step: float, coefficients: Floats) -> None:
-        self.step = step
-        self.coefficients = coefficients
+    elements: Elements
+    coefficients: Floats
+    shares: Floats
+    leaves: Floats
 
-    def at(self, share: float) -> Floats:
-        """Return *y*, *y'* and *y''* at a *share* of the way from each node to the next.
+    def nodes(self) -> tuple[Floats, Floats]:
+        """Return value and slope at the nodes."""
+        h = np.concatenate([[0.0], self.elements.widths, [0.0]])
+        c, sums = self.coefficients, h[:-1] + h[1:]
+        return (h[1:] * c[:-1] + h[:-1] * c[1:]) / sums, 2.0 * np.diff(c) / sums
 
-        A share of 0 gives all nodes, shape ``(3, n)``, any other one less.
+    def clock(self) -> TimeMap:
+        """Return the parameter by time."""
+        values, slopes = self.nodes()
+        return TimeMap(self.elements.places, values, slopes, self.leaves)
+
+    def lasting(self, duration: float, moves: tuple[bool, bool]) -> Profile:
+        """Return the profile slowed down a little, but not where an end moves, by secants.
+
+        Args:
+            duration: that it is to take, s.
+            moves: whether the path moves at its start and at its end.
         """
-        c, rows = self.coefficients, _rows(share, self.step)
-        count = len(c) - (2 if share == 0.0 else 3)
-        windows = np.stack([c[k : k + count] for k in range(3 if share == 0.0 else 4)])
-        values: Floats = rows[:, : len(windows)] @ windows
-        return values
-
-
-def _rows(u: float, step: float) -> Floats:
-    """Return how value and derivatives come from the coefficients around, shape ``(3, 4)``."""
-    value = [(1 - u) ** 3, 3 * u**3 - 6 * u**2 + 4, -3 * u**3 + 3 * u**2 + 3 * u + 1, u**3]
-    slope = [-((1 - u) ** 2), 3 * u**2 - 4 * u, -3 * u**2 + 2 * u + 1, u**2]
-    bend = [1 - u, 3 * u - 2, 1 - 3 * u, u]
-    return np.array([np.array(value) / 6, np.array(slope) / (2 * step), np.array(bend) / step**2])
-
-
-def fastest_profile(
-    step: float,
-    highest: Floats,
-    bounds: Sequence[Bound],
-    guess: Floats,
-    *,
-    start: End | None = None,
-    end: End | None = None,
-) -> Profile:
-    """Return the profile of the shortest duration inside the bounds.
-
-    Args:
-        step: from node to node.
-        highest: largest *y*, finite, at the nodes and half way between them, shape ``(2n - 1,)``.
-        bounds: to keep at the same places.
-        guess: coefficients to begin with, shape ``(n + 2,)``, positive; need not keep anything.
-        start: what is given at the first node; ``None`` leaves it free.
-        end: the same at the last node.
-
-    Raises:
-        ProfileError: none was found.
-    """
-    # A step that ends in overflow is none: what is not finite counts as outside.
-    with np.errstate(all="ignore"):
-        return _Search(step, highest, bounds, start, end).run(guess)
-
-
-class _Search:
-    """The barrier method of :func:`fastest_profile`."""
-
-    def __init__(
-        self,
-        step: float,
-        highest: Floats,
-        bounds: Sequence[Bound],
-        start: End | None,
-        end: End | None,
-    ) -> None:
-        self._step, self._highest, self._bounds = step, highest, bounds
-        self._start, self._end = start, end
-        self._grams = [bound.gram() for bound in bounds]
-        self._rows = _rows(0.0, step), _rows(0.5, step)
-        self._weights = np.full(len(highest), step / 3)
-        self._weights[1::2] = 2 * step / 3
-        self._weights[[0, -1]] = step / 6
-        self.steps = 0
-
-    def run(self, guess: Floats) -> Profile:
-        c = self._with_ends(guess)
-        z = self._at_points(c)
-        if not np.all(z[0] > 0.0):
-            raise ProfileError("the guess is not positive")
-        segment = self._stretch(z)
-        degree = len(z[0]) + 2 * sum(gram.shape[2] for gram in self._grams)
-        weight = self._duration(z) / degree
-        while True:
-            c, z = self._centre(c, z, weight, segment)
-            if segment > 1.0:
-                # Limits that were moved out for the guess are moved in again as it improves.
-                segment = min(self._stretch(z), max(1.0, 0.999 * segment))
-            elif weight * degree <= _GAP * self._duration(z):
-                return Profile(self._step, c)
-            else:
-                weight *= _REDUCTION
-            if self.steps > _MOST_STEPS:
-                if segment > 1.0:
-                    raise ProfileError("the limits leave no way along the path")
-                return Profile(self._step, c)
-
-    def _stretch(self, z: Floats) -> float:
-        """Return by what factor to move the limits out, so that *z* is well inside."""
-        share = self._largest_share(z)
-        return 1.0 if share < _INSIDE else _STRETCH * share
-
-    def _centre(self, c: Floats, z: Floats, weight: float, segment: float) -> tuple[Floats, Floats]:
-        """Take Newton steps on duration and barrier."""
-        cost = self._cost(z, weight, segment)
-        for _ in range(_ROUND_STEPS):
-            self.steps += 1
-            direction, decrement = self._newton(z, weight, segment)
-            if decrement <= _DECREMENT * weight:
+        shares = np.linspace(0.0, 1.0, len(self.coefficients))
+        bump = np.ones(len(shares))
+        for is_moving, part in zip(moves, (shares, 1.0 - shares), strict=True):
+            if is_moving:
+                u = np.minimum(part * _EASE, 1.0)
+                bump *= u * u * (3.0 - 2.0 * u)
+        bump[: 2 * moves[0]] = 0.0
+        bump[len(bump) - 2 * moves[1] :] = 0.0
+        before, slower = (0.0, float(self.clock().times[-1])), 0.0
+        goal = duration - before[1]
+        profile, slower = self, 2.0 * goal / duration
+        for _ in range(_SECANTS):
+            profile = replace(self, coefficients=self.coefficients * (1.0 - slower * bump))
+            here = slower, float(profile.clock().times[-1])
+            if abs(here[1] - duration) <= _ROUNDING * duration or here[1] == before[1]:
                 break
-            dz = self._at_points(direction)
-            length = 1.0
-            for _ in range(40):
-                ahead = z + length * dz
-                new = self._cost(ahead, weight, segment)
-                if new <= cost - 0.1 * length * decrement:
-                    break
-                length *= 0.5
-            else:
-                break
-            c, z, cost = c + length * direction, ahead, new
-        return c, z
+            slope = (here[1] - before[1]) / (here[0] - before[0])
+            before, slower = here, slower + (duration - here[1]) / slope
+        return profile
 
-    def _newton(self, z: Floats, weight: float, segment: float) -> tuple[Floats, float]:
-        """Return the step of Newton's method and its decrement, squared."""
-        y = z[0]
-        gradient = np.zeros((3, len(y)))
-        hessian = np.zeros((3, 3, len(y)))
-        gradient[0] = -0.5 * self._weights * y**-1.5
-        hessian[0, 0] = 0.75 * self._weights * y**-2.5
-        room = self._highest * segment - y
-        gradient[0] += weight / room
-        hessian[0, 0] += weight / room**2
-        for bound, gram in zip(self._bounds, self._grams, strict=True):
-            at = slice(None) if bound.places is None else bound.places
-            here = z[:, at]
-            pull = np.einsum("abn,bn->an", gram, here)
-            slack, change, square = self._slack(bound, here, pull, segment)
-            # Of L(y)^2 - |v|^2, with the tangent of L in the Hessian.
-            g = -2.0 * pull
-            g[0] += change
-            gradient[:, at] -= weight / slack * g
-            hessian[:, :, at] += weight * (g[:, None] * g[None] / slack**2 + 2.0 * gram / slack)
-            hessian[0, 0, at] -= weight * 2.0 * square / slack
-        return self._solve(gradient, hessian)
+    def pieces(self, rates: PathRates, period: float) -> Indices | None:
+        """Return into how many pieces to cut each element; ``None`` if none need be cut."""
+        values, slopes = self.nodes()
+        h = self.elements.widths
+        times = 2.0 * h / (np.sqrt(values[:-1]) + np.sqrt(values[1:]))
+        ramp = 0.5 * np.abs(np.diff(slopes)) * rates.most_pull(self.elements)
+        change = np.abs(np.diff(values)) / np.maximum(values[:-1], values[1:])
+        wanted = np.maximum(
+            np.maximum(ramp / _RAMP, change / _CHANGE), self.shares.max(0) / _MISSED
+        )
+        # What is beside a quick change may become one.
+        around = np.maximum(
+            wanted, np.maximum(np.append(0.0, wanted[:-1]), np.append(wanted[1:], 0.0))
+        )
+        pieces = np.ceil(np.minimum(around, times / (_NARROW * period))).astype(np.intp)
+        pieces = np.clip(pieces, 1, _MOST_PIECES)
+        return None if (pieces == 1).all() else pieces
 
-    def _slack(
-        self, bound: Bound, z: Floats, pull: Floats, segment: float
-    ) -> tuple[Floats, Floats | float, Floats | float]:
-        """Return ``L^2 - |v|^2``, the slope of ``L^2`` and the square of the slope of ``L``."""
-        length = np.einsum("an,an->n", z, pull)
-        if not bound.is_jerk:
-            return segment**2 - length, 0.0, 0.0
-        y = z[0]
-        squared = segment**2 / y
-        return squared - length, -squared / y, 0.25 * squared / y**2
-
-    def _cost(self, z: Floats, weight: float, segment: float) -> float:
-        """Return duration and barrier, infinite outside."""
-        y = z[0]
-        room = self._highest * segment - y
-        if not (np.all(y > 0.0) and np.all(room > 0.0)):
-            return np.inf
-        barrier = np.log(room).sum()
-        for bound, gram in zip(self._bounds, self._grams, strict=True):
-            here = z if bound.places is None else z[:, bound.places]
-            pull = np.einsum("abn,bn->an", gram, here)
-            slack, _, _ = self._slack(bound, here, pull, segment)
-            if not np.all(slack > 0.0):
-                return np.inf
-            barrier += np.log(slack).sum()
-        return float(self._duration(z) - weight * barrier)
-
-    def _duration(self, z: Floats) -> float:
-        return float(np.sum(self._weights / np.sqrt(z[0])))
-
-    def _largest_share(self, z: Floats) -> float:
-        """Return by what factor the limits would have to be higher."""
-        share = float(np.max(z[0] / self._highest))
-        for bound, gram in zip(self._bounds, self._grams, strict=True):
-            here = z if bound.places is None else z[:, bound.places]
-            length = np.sqrt(np.maximum(np.einsum("abn,an,bn->n", gram, here, here), 0.0))
-            if bound.is_jerk:
-                length *= np.sqrt(here[0])
-            share = max(share, float(length.max()))
-        return share
-
-    # Ends and linear algebra
-
-    def _at_points(self, c: Floats) -> Floats:
-        count = len(c) - 3
-        z = np.empty((3, 2 * count + 1))
-        at_nodes, between = self._rows
-        z[:, ::2] = at_nodes[:, :3] @ np.stack([c[k : k + count + 1] for k in range(3)])
-        z[:, 1::2] = between @ np.stack([c[k : k + count] for k in range(4)])
-        return z
-
-    def _with_ends(self, c: Floats) -> Floats:
-        c = c.copy()
-        h = self._step
-        if self._start is not None:
-            c[0] = c[2] - 2 * h * self._start.slope
-            c[1] = (6 * self._start.square - c[0] - c[2]) / 4
-        if self._end is not None:
-            c[-1] = c[-3] + 2 * h * self._end.slope
-            c[-2] = (6 * self._end.square - c[-1] - c[-3]) / 4
-        return c
-
-    def _solve(self, gradient: Floats, hessian: Floats) -> tuple[Floats, float]:
-        from scipy.linalg import LinAlgError, solveh_banded
-
-        nodes = (gradient.shape[1] + 1) // 2
-        # Upper form: band[3 - (j - i), j] is the entry of row i and column j.
-        band, right = np.zeros((4, nodes + 2)), np.zeros(nodes + 2)
-        for first, width in ((0, 3), (1, 4)):
-            rows = self._rows[first][:, :width]
-            local = np.einsum("ai,abn,bj->ijn", rows, hessian[..., first::2], rows, optimize=True)
-            slope = rows.T @ gradient[:, first::2]
-            count = slope.shape[1]
-            for i in range(width):
-                right[i : i + count] -= slope[i]
-                for j in range(i, width):
-                    band[3 - (j - i), j : j + count] += local[i, j]
-        if self._start is not None:
-            _tie(band, right)
-        if self._end is not None:
-            flipped, back = _flipped(band), right[::-1]
-            _tie(flipped, back)
-            band, right = _flipped(flipped), back[::-1]
-        if not np.all(band[3] > 0.0):
-            # Rounding has eaten up the curvature: there is no way on from here.
-            return np.zeros(nodes + 2), 0.0
-        scale = 1.0 / np.sqrt(band[3])
-        for apart in range(4):
-            band[3 - apart, apart:] *= scale[apart:] * scale[: len(scale) - apart]
-        for lift in _LIFTS:
-            band[3] += lift
-            try:
-                solution = solveh_banded(band, scale * right, check_finite=False)
-            except LinAlgError:
-                continue
-            break
-        else:
-            raise ProfileError("the search broke down")
-        direction: Floats = scale * solution
-        decrement = float(direction @ right)
-        if self._start is not None:
-            direction[0], direction[1] = direction[2], -0.5 * direction[2]
-        if self._end is not None:
-            direction[-1], direction[-2] = direction[-3], -0.5 * direction[-3]
-        return direction, decrement
+    def narrowed(self, pieces: Indices | None) -> tuple[Elements, Floats]:
+        """Return elements cut into pieces, and the coefficients of the same profile on them."""
+        lower = self.elements.aiming_lower(self.shares)
+        if pieces is None:
+            return lower, self.coefficients
+        finer = Elements.split(self.elements.places, pieces, lower.aims)
+        values, slopes = self.nodes()
+        bend = np.repeat(np.diff(slopes) / self.elements.widths, pieces)
+        begins = np.repeat(self.elements.places[:-1], pieces)
+        ahead = finer.places[:-1] - begins
+        value = np.repeat(values[:-1], pieces) + ahead * (
+            np.repeat(slopes[:-1], pieces) + 0.5 * ahead * bend
+        )
+        slope = np.repeat(slopes[:-1], pieces) + ahead * bend
+        # A coefficient is the polar form of the quadratic at both ends of its element.
+        middle = value + 0.5 * finer.widths * slope
+        return finer, np.concatenate([values[:1], middle, values[-1:]])
 
 
-_TIES = np.eye(6)[:, 2:]
-_TIES[:2, 0] = 1.0, -0.5
+@dataclass(frozen=True, slots=True, eq=False)
+class PathRates:
+    """A keyframe path and what is limited along it.
 
-
-def _tie(band: Floats, right: Floats) -> None:
-    """Make the first two unknowns go with the third, as value and slope at the node say.
-
-    With both given, a change *x* of the third changes the first by *x* and the second by -x/2.
+    Attributes:
+        path: the keyframe path.
+        limits: to keep.
+        moves: whether it moves at its start and at its end.
+        leaves: lengths over which *x* leaves rest, 0 where it does not, shape ``(2,)``.
+        knots: path times at which the formula changes, both ends included.
     """
-    corner = np.zeros((6, 6))
-    for apart in range(4):
-        for column in range(apart, 6):
-            corner[column - apart, column] = corner[column, column - apart] = band[
-                3 - apart, column
-            ]
-    tied = np.eye(6)
-    tied[2:, 2:] = _TIES.T @ corner @ _TIES
-    for apart in range(4):
-        for column in range(apart, 6):
-            band[3 - apart, column] = tied[column - apart, column]
-    right[2] += right[0] - 0.5 * right[1]
-    right[:2] = 0.0
+
+    path: KeyframePath
+    limits: Limits
+    moves: tuple[bool, bool]
+    leaves: Floats
+    knots: Floats
+
+    @classmethod
+    def of(cls, path: KeyframePath, limits: Limits) -> PathRates:
+        """Return the rates of a keyframe path."""
+        segment = path.segment
+        knots = (segment.curve.knots - segment.curve.domain[0]) / segment.rate
+        knots[-1] = path.duration
+        spots = np.concatenate([knots, 0.5 * (knots[1:] + knots[:-1])])
+        _, omega, _ = segment.sample(np.minimum(spots, path.duration))
+        rest = _REST * float(np.linalg.norm(omega, axis=1).max())
+        ends = segment.ends()
+        moves = [float(np.linalg.norm(end.omega_body)) > rest for end in ends]
+        # Where the path sets out with an acceleration, its angle grows like the square of its
+        # time, and that of a motion from rest like the cube: like the square without jerk limit.
+        jerks = min(limits.jerk, *limits.axis_jerk) < math.inf
+        leaves = np.zeros(2)
+        room = np.diff(knots)[[0, -1]] * (0.5 if len(knots) == 2 else 1.0)
+        for place, end in enumerate(ends):
+            if jerks and not moves[place] and float(np.linalg.norm(end.alpha_body)) > rest:
+                leaves[place] = room[place] / _LEAVING
+        return cls(path, limits, (moves[0], moves[1]), leaves, knots)
+
+    @property
+    def total(self) -> float:
+        """How far *x* goes."""
+        return self.path.duration + 0.2 * float(self.leaves.sum())
+
+    def share(self, vector: Floats, name: str) -> float:
+        """Return what a rate uses of its limits, of the norm and of the components."""
+        most: float = getattr(self.limits, name)
+        norm = float(np.linalg.norm(vector)) / most
+        return max(norm, float(np.max(np.abs(vector) / self.limits.axes(name))))
+
+    def guess(self, elements: Elements) -> Floats:
+        """Return coefficients to begin with, about as quick as the path where that moves."""
+        first, second, *_ = self._derivatives(elements)
+        level = math.inf
+        for rows, name, power in (
+            (first, "velocity", 2.0),
+            (second, "acceleration", 1.0),
+            (np.diff(second, axis=0) / np.repeat(0.5 * elements.widths, 2)[:, None], "jerk", 2 / 3),
+        ):
+            most = min(getattr(self.limits, name), *self.limits.axes(name))
+            size = float(np.sqrt(np.max(np.einsum("ij,ij->i", rows, rows))))
+            if size > 0.0 and most < math.inf:
+                level = min(level, (most / size) ** power)
+        level = 0.5 * level if level < math.inf else 1.0
+        middles = 0.5 * (elements.places[:-1] + elements.places[1:])
+        if not any(self.moves):
+            return np.full(len(middles) + 2, level)
+        slope = np.empty((3, len(middles)))
+        kernels.leave_rest(middles, self.leaves, self.total, slope)
+        inner = 1.0 / (slope[1] ** 2 + (1.0 / level if self.leaves.any() else 0.0))
+        guess = np.concatenate([inner[:1], inner, inner[-1:]])
+        if self.moves[0]:
+            guess[:2] = 1.0
+        if self.moves[1]:
+            guess[-2:] = 1.0
+        return guess
+
+    def most_pull(self, elements: Elements) -> Floats:
+        """Return how much of the limits of acceleration a change of the rate takes."""
+        places = 0.5 * (elements.places[:-1] + elements.places[1:])
+        omega, slope = self._turning(places)[:2]
+        v = omega * slope
+        share = np.sqrt(np.einsum("ij,ij->i", v, v)) / self.limits.acceleration
+        pull: Floats = np.maximum(share, np.max(np.abs(v) / self.limits.axis_acceleration, axis=1))
+        return pull
+
+    def profile(
+        self, elements: Elements, coefficients: Floats, gap: float, begin: float = 1.0
+    ) -> Profile:
+        """Return the quickest profile on some elements.
+
+        Args:
+            elements: of the path.
+            coefficients: of a profile to begin with.
+            gap: share of the duration by which it may be longer than the shortest.
+
+        Raises:
+            PlanError: there is none.
+        """
+        found, shares = coefficients.copy(), np.empty((3, len(elements.places) - 1))
+        moves = np.array([self.limits.linear_velocity, self.limits.linear_acceleration])
+        if not kernels.find_profile(
+            elements.widths,
+            *self._derivatives(elements),
+            limit_table(self.limits),
+            moves,
+            elements.aims,
+            *self.moves,
+            begin,
+            gap,
+            found,
+            shares,
+        ):
+            raise PlanError("no quickest timing was found: the limits leave no way along the path")
+        return Profile(elements, found, shares, self.leaves)
+
+    def _turning(self, places: Floats) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+        s = np.empty((3, len(places)))
+        kernels.leave_rest(places, self.leaves, self.total, s)
+        _, omega, alpha = self.path.segment.sample(np.minimum(s[0], self.path.duration))
+        return omega, s[1][:, None], s[2][:, None], alpha, s[0]
+
+    def _derivatives(self, elements: Elements) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return first and second derivatives of orientation and position by the parameter.
+
+        At the nodes and half way between them, shape ``(2 n + 1, 3)`` or ``(0, 3)``.
+        """
+        places: Floats = np.empty(2 * len(elements.places) - 1)
+        places[::2] = elements.places
+        places[1::2] = 0.5 * (elements.places[:-1] + elements.places[1:])
+        omega, slope, bend, alpha, s = self._turning(places)
+        turning = _by_parameter(omega, alpha, slope, bend)
+        if self.path.positions.is_held:
+            return *turning, *_NOTHING
+        motion = motion_of(self.path.positions, s, self.path.duration)
+        return *turning, *_by_parameter(*motion, slope, bend)
 
 
-def _flipped(band: Floats) -> Floats:
-    """Return the band of the same matrix with rows and columns in reverse order."""
-    flipped = np.zeros_like(band)
-    for apart in range(len(band)):
-        row = len(band) - 1 - apart
-        flipped[row, apart:] = band[row, apart:][::-1]
-    return flipped
+_NOTHING = np.empty((0, 3)), np.empty((0, 3))
+
+
+def _by_parameter(
+    first: Floats, second: Floats, slope: Floats, bend: Floats
+) -> tuple[Floats, Floats]:
+    return (
+        np.ascontiguousarray(first * slope),
+        np.ascontiguousarray(second * slope**2 + first * bend),
+    )

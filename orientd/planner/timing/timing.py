@@ -30,6 +30,10 @@ LONGER = 1.02
 SAME = 1e-9
 """Rad and m; keyframes nearer than this are one."""
 
+BESIDE = 1.5e-4
+"""Rad; keyframes nearer than this, 0.009 degrees, are one where their neighbours are far: less than
+a joint repeats, and a tenth of a servo's step, and to pass both would take a turn on the spot."""
+
 PRECISION = 1e-3
 """Of the shortest duration."""
 
@@ -53,7 +57,10 @@ _MOST_DOWNWARD = 10
 _MOST_BETWEEN = 4
 
 
+_FAR_LESS = 1e-3  # of the longer interval beside a short one
+
 Indices = np.ndarray[Any, np.dtype[np.intp]]
+Booleans = np.ndarray[Any, np.dtype[np.bool_]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,6 +75,23 @@ class Knots:
     times: Floats
     kept: Indices
     length: float
+
+    def merged(self, request: MotionRequest) -> list[str]:
+        """Return what there is to say of keyframes that are beside another and not passed."""
+        left_out = np.setdiff1d(np.arange(len(request.keys)), self.kept)
+        owners = np.searchsorted(self.kept, left_out)
+        owners = self.kept[np.minimum(owners, len(self.kept) - 1)]
+        owners = np.where(self.times[owners] == self.times[left_out], owners, left_out)
+        before = self.kept[np.searchsorted(self.kept, left_out) - 1]
+        owners = np.where(owners == left_out, before, owners)
+        apart = angle(request.keys[left_out], request.keys[owners])
+        return [
+            f"keyframes[{one}] is {far:.2g} rad beside keyframes[{owner}]: passed as one"
+            for one, owner, far in zip(
+                left_out.tolist(), owners.tolist(), apart.tolist(), strict=True
+            )
+            if far > SAME
+        ]
 
     def first_guess(self, limits: Limits) -> float:
         """Return about how long the motion takes, s: a place to begin a search."""
@@ -100,6 +124,8 @@ def chord_knots(request: MotionRequest, limits: Limits, *, is_uniform: bool) -> 
         _check_way(moves, limits.linear_velocity)
         lengths = np.maximum(lengths, moves * radians_per_metre(limits))
     is_repeated = lengths <= SAME
+    if not is_uniform:
+        is_repeated |= _is_beside(lengths)
     if is_repeated.all():
         raise RequestError("keyframes", "are all the same; give them times to make the device wait")
     length = float(lengths.sum())
@@ -110,9 +136,21 @@ def chord_knots(request: MotionRequest, limits: Limits, *, is_uniform: bool) -> 
     if is_repeated.any():
         lengths[is_repeated] = 0.0
         kept = np.flatnonzero(np.concatenate([[True], ~is_repeated]))
+        # The motion ends at the last one, whichever it is beside.
+        is_other = float(angle(request.keys[kept[-1]], request.keys[-1])) > SAME
+        if is_other and len(kept) > 1 and not request.turns[kept[-1] :].any():
+            kept[-1] = count - 1
     times: Floats = np.zeros(count)
     np.cumsum(lengths, out=times[1:])
     return Knots(times / times[-1], kept, length)
+
+
+def _is_beside(lengths: Floats) -> Booleans:
+    """Return which intervals are so short, beside their neighbours, that nobody can mean them."""
+    padded = np.concatenate([[0.0], lengths, [0.0]])
+    longer = np.maximum(padded[:-2], padded[2:])
+    is_beside: Booleans = (lengths <= BESIDE) & (lengths <= _FAR_LESS * longer)
+    return is_beside
 
 
 def turn_lengths(request: MotionRequest) -> Floats:

@@ -7,7 +7,7 @@ words of the motion file, and by the path that it would have there.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -234,15 +234,29 @@ class _Entry:
     give: Giver | None = None
 
 
+_NUMBERS = {"duration": "duration_seconds", "pace": "pace_share"}
+"""What a field is called where it is a number, not one of its choices."""
+
+
 def _entries(fields: Iterable[Field], of: Any) -> tuple[_Entry, ...]:  # noqa: ANN401 - a descriptor
-    return tuple(_entry(field, of) for field in fields)
+    return tuple(entry for field in fields for entry in _of_field(field, of))
+
+
+def _of_field(field: Field, of: Any) -> Iterator[_Entry]:  # noqa: ANN401 - a descriptor
+    yield _entry(field, of)
+    if field.kind is Kind.CHOICE_OR_NUMBER:
+        yield _Entry(field.name, _NUMBERS[field.name], True, take=plain.number, give=_number)
+
+
+def _number(value: float | str) -> float | None:
+    return None if isinstance(value, str) else value
 
 
 def _entry(field: Field, of: Any) -> _Entry:  # noqa: ANN401 - as above
     # What a message gives is a quaternion, whichever form it was asked for in.
     name = "quaternion" if field.kind is Kind.ORIENTATION else field.name
     wire = of.fields_by_name[name]
-    if field.kind is Kind.CHOICE:
+    if field.choices:
         numbers = {
             choice: number.number
             for choice in field.choices

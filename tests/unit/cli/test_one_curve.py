@@ -95,7 +95,7 @@ def test_without_times_it_is_the_same_curve_at_another_pace(name, made, tmp_path
     pytest.importorskip("matplotlib")
     file = tmp_path / "motion.yaml"
     file.write_text(
-        f"method: {name}\napproach: true\nkeyframes:\n"
+        f"method: {name}\napproach: true\npace: even\nkeyframes:\n"
         + "\n".join(f"  - {{rotation_vector: [0.2, {0.1 * k * k}, {0.4 * k}]}}" for k in range(5))
         # Whoever passes through keyframes passes one that is repeated once.
         + ("\n  - {rotation_vector: [0.2, 1.6, 1.6]}\n" if METHODS[name].interpolates else "")

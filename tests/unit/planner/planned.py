@@ -88,8 +88,13 @@ def random_motions(seed, count, limits, *, period=PERIOD, **changes):
     motions = []
     while len(motions) < count:
         start = anywhere(random)
+        # Times of an even pace are ones that a curve through the keyframes can keep.
+        pace = {"pace": "even"} if len(motions) % 2 else {}
         motion = plan(
-            random_request(random, limits, **changes), start=start, limits=limits, period=period
+            random_request(random, limits, **pace, **changes),
+            start=start,
+            limits=limits,
+            period=period,
         )
         if len(motions) % 2:
             try:

@@ -5,7 +5,7 @@ import pytest
 from planned import LIMITS, PERIOD, differences, rotations, vector
 from reference.aims import end_state, retarget
 
-from orientd.planner import Keyframe, MotionRequest, State, blend, plan
+from orientd.planner import Keyframe, Limits, MotionRequest, State, blend, plan
 from orientd.rotation import angle, exp, multiply
 
 ARM = LIMITS["arm"]
@@ -55,6 +55,32 @@ def test_a_blend_passes_the_corner_within_the_tolerance_without_resting():
             assert np.linalg.norm(sent[near, 4:7], axis=1).min() > 0.02
             assert angle(second.path.last, target) < 1e-9
             assert_limits_are_kept(sent[:, :4])
+
+
+def test_a_motion_at_its_highest_velocity_is_blended_too():
+    slow = Limits.partial(velocity=0.2)
+    request = MotionRequest([keyframe(exp([0.0, 0.0, 1.0]))], limits=slow)
+    first = plan(request, start=State.at_rest(HERE), limits=ARM, period=PERIOD)
+    target = multiply(first.path.last, exp([0.8, 0.0, 0.0]))
+    record, second = blended(first, MotionRequest([keyframe(target)], limits=slow), 0.05)
+    assert record < first.record_count - 1
+    assert second.corner[1] <= 0.05
+
+
+@pytest.mark.parametrize("fields", [{"pace": "even"}, {"pace": 0.6}, {"duration": 2.5}, {}])
+def test_a_blend_keeps_to_the_times_or_the_pace_that_was_asked_for(fields):
+    random = np.random.default_rng(12)
+    first = first_motion(random)
+    q = [first.path.last]
+    for turn in ([0.3, 0.6, 0.0], [0.0, 0.5, 0.4]):
+        q.append(multiply(q[-1], exp(turn)))
+    times = (0.0, 1.5, 2.5) if not fields else (None,) * 3
+    keys = [keyframe(key, time=time) for key, time in zip(q, times, strict=True)]
+    request = MotionRequest(keys, **fields)
+    alone = blended(first, request, 0.0)[1]
+    record, second = blended(first, request, 0.1)
+    assert record < first.record_count - 1
+    assert np.diff(second.keyframe_times[1:]) == pytest.approx(np.diff(alone.keyframe_times[1:]))
 
 
 def test_a_wider_tolerance_is_never_slower():
@@ -134,7 +160,12 @@ def test_the_position_rides_along():
     acceleration = np.diff(velocity, axis=0) / PERIOD
     assert np.linalg.norm(velocity, axis=1).max() <= 1.001 * ARM.linear_velocity
     assert np.linalg.norm(acceleration, axis=1).max() <= 1.001 * ARM.linear_acceleration
-    assert np.linalg.norm(np.diff(acceleration, axis=0), axis=1).max() < 0.5
+    # There is no limit of its jerk, but no step either, where the motion is taken over or later.
+    assert np.linalg.norm(np.diff(acceleration, axis=0), axis=1).max() < 1.5
+    fine = PERIOD / 8.0
+    p_fine = second.sample(np.arange(0.0, second.duration, fine)).position
+    steps = np.diff(p_fine, n=3, axis=0) / fine**2
+    assert np.linalg.norm(steps, axis=1).max() < 0.5
     assert p[-1] == pytest.approx([0.2, 0.4, 0.1])
 
 

@@ -40,7 +40,9 @@ def measured(monkeypatch):
 
 
 def test_a_certificate_tells_the_motion_it_is_of():
-    request = asked(start_velocity=(0.1, 0.2, 0.3), end_velocity=(0.0, 0.1, 0.2), approach=True)
+    # At an even pace each rate is at its largest once, and not for a while.
+    ends = {"start_velocity": (0.1, 0.2, 0.3), "end_velocity": (0.0, 0.1, 0.2)}
+    request = asked(**ends, approach=True, pace="even")
     motion = made(request, limits=AXES)
     certificate = motion.certificate
     assert certificate.rate_hz == pytest.approx(500.0)

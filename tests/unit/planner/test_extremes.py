@@ -99,7 +99,7 @@ KEYS = [(1.0, 0.0, 0.0, 0.0), (0.8, 0.6, 0.0, 0.0), (0.6, 0.0, 0.8, 0.0)]
 
 
 def motion_between(*keys):
-    request = MotionRequest([Keyframe(q) for q in keys])
+    request = MotionRequest([Keyframe(q) for q in keys], pace="even")
     return plan(request, start=State.at_rest(keys[0]), limits=LIMITS[0], period=PERIOD)
 
 
@@ -124,8 +124,15 @@ def several_paths(limits):
         (timed, "kks_hermite_spline", velocities),
         (timed, "kks_hermite_spline", {}),
     ):
-        request = MotionRequest(keyframes, method=method, approach=True, **options)
-        for start in (here, retarget(keys[1], start=here, limits=limits, period=PERIOD)):
+        request = MotionRequest(
+            keyframes,
+            method=method,
+            approach=True,
+            pace=None if keyframes is timed else "even",
+            **options,
+        )
+        away = retarget(keys[1], start=here, limits=limits, period=PERIOD, pace="even")
+        for start in (here, away):
             state = start if start is here else start.state_at(start.record_count // 2)
             yield plan(request, start=state, limits=limits, period=PERIOD)
 

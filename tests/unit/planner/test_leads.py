@@ -125,20 +125,20 @@ ORIGIN = np.zeros(3)
 @pytest.mark.parametrize("turn", [1e-6, 0.01, 1.0, 3.1])
 @pytest.mark.parametrize("name", sorted(LIMITS))
 def test_an_approach_keeps_the_limits_and_one_period_less_would_not(turn, name):
-    limits = LIMITS[name].with_reserve()
+    ruckig = pytest.importorskip("ruckig")
+    limits = LIMITS[name]
     there = exp([0.0, 0.0, turn])
     cycles = approach_cycles(HERE, there, ORIGIN, ORIGIN, limits=LIMITS[name], period=PERIOD)
-    shares = []
-    for n in (cycles, cycles - 1):
-        t = max(n * PERIOD, 1e-9)
-        shares.append(
-            max(
-                1.875 * turn / t / limits.velocity,
-                5.7735027 * turn / t**2 / limits.acceleration,
-                60 * turn / t**3 / limits.jerk,
-            )
-        )
-    assert shares[0] <= 1.0 < shares[1]
+    given = ruckig.InputParameter(1)
+    given.current_position, given.target_position = [0.0], [turn]
+    given.max_velocity = [limits.velocity]
+    given.max_acceleration, given.max_jerk = [limits.acceleration], [limits.jerk]
+    found = ruckig.Trajectory(1)
+    ruckig.Ruckig(1).calculate(given, found)
+    # Slow devices keep more, for stops within 6 s.
+    most = 1.001 if name in ("arm", "quick") else 1.01
+    assert (cycles - 1) * PERIOD < most * found.duration
+    assert found.duration <= cycles * PERIOD
 
 
 def test_an_approach_is_long_enough_for_the_position_too():
@@ -153,11 +153,12 @@ def test_no_approach_is_needed_to_where_the_device_is():
 
 def test_an_approach_takes_the_short_way_from_rest_to_rest():
     there = -exp([0.0, 0.0, 2.0])
-    curve = approach(HERE, there, 1.5)
-    q, omega, alpha = curve.evaluate(np.array([0.0, 0.75, 1.5]))
+    turn = approach(HERE, there, LIMITS["arm"])
+    q, omega, alpha = turn.sample(turn.end * np.array([0.0, 0.5, 1.0]))
     assert angle(q[2], there) < 1e-14
-    assert np.linalg.norm(omega, axis=1) == pytest.approx([0, 1.875 * 2.0 / 1.5, 0], abs=1e-12)
-    assert np.linalg.norm(alpha[[0, 2]], axis=1) == pytest.approx([0, 0], abs=1e-12)
+    most = LIMITS["arm"].velocity
+    assert np.linalg.norm(omega, axis=1) == pytest.approx([0, most, 0], rel=1e-3, abs=1e-12)
+    assert np.linalg.norm(alpha[[0, 2]], axis=1) == pytest.approx([0, 0], abs=1e-9)
 
 
 @pytest.mark.parametrize("jerk", [1e-15, 1e-300])

@@ -346,7 +346,7 @@ def test_many_keyframes_are_planned_with_a_fixed_number_of_samples_at_a_time(mon
     q = [HERE]
     for turn in random.normal(size=(2000, 3)) * 0.05:
         q.append(multiply(q[-1], exp(turn)))
-    request = MotionRequest([Keyframe(tuple(key)) for key in q])
+    request = MotionRequest([Keyframe(tuple(key)) for key in q], pace="even")
     largest = []
     from orientd.planner.path.path import PathSegment
 

@@ -8,7 +8,7 @@ from reference.aims import end_state
 from orientd import planner, rotation
 from orientd.curves.fitting.spline_fit import fit_orientations
 from orientd.errors import RequestError
-from orientd.planner.replay import plan_as_recorded, replay_request
+from orientd.planner.storage.replay import plan_as_recorded, replay_request
 
 PERIOD = 0.002
 NARROW = planner.Limits(1.0, 5.0, 100.0, 1.0, 10.0)
@@ -68,7 +68,7 @@ def test_a_replay_that_would_break_the_limits_is_slowed_down_evenly(fit):
 def test_the_quickest_replay_is_quicker_and_keeps_the_curve(fit):
     plan = planned_for(NARROW)
     slow, _, _ = plan_as_recorded(fit, plan)
-    quick = plan(replay_request(fit, duration="minimum"))
+    quick = plan(replay_request(fit))
     assert quick.duration < slow.duration
     assert peaks(quick)[0] <= NARROW.velocity * 1.001
     curve = fit.curve.evaluate(np.linspace(*fit.curve.domain, 20_000))[0]

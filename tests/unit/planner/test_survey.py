@@ -22,7 +22,7 @@ PERIOD = 0.002
 
 def request(count=400, seed=9, **fields):
     q = rotations(np.random.default_rng(seed), count, 0.2)
-    return MotionRequest([Keyframe(key) for key in q], **fields)
+    return MotionRequest([Keyframe(key) for key in q], pace="even", **fields)
 
 
 def keyframe_path(asked, duration, end_velocity=None):

@@ -135,7 +135,7 @@ def test_the_search_does_not_go_beyond_the_most():
 
 def test_one_cycle_less_would_break_a_limit():
     # Of a single turn about an axis the peaks are known: the shortest duration is, too.
-    request = MotionRequest(turned(0.0, 1.0), method="kks_quintic_hermite")
+    request = MotionRequest(turned(0.0, 1.0), method="kks_quintic_hermite", pace="even")
     motion = plan(request, start=State.at_rest(request.keys[0]), limits=ARM, period=0.001)
     exact = max(1.875 / 2.5, math.sqrt(5.7735 / (0.95 * 17.0)), math.cbrt(60 / (0.95 * 8500)))
     assert exact <= motion.duration <= exact * 1.002

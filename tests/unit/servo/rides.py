@@ -22,13 +22,13 @@ LIMITS = [
     Limits(10.0, 200.0, 3e4, 3.0, 30.0),
 ]
 KINDS = ["reserve", "minimum", "at limits"]
-"""The planner's reserve of acceleration, the little that ``duration: minimum`` leaves, and limits
+"""The planner's reserve of acceleration, the little that the quickest timing leaves, and limits
 lowered to what is reached."""
 # Those that are planned quickly; smooth ones, and ones with steps of the acceleration or jerk.
 SOME_METHODS = ["c2_cumulative", "kks_hermite_spline", "schlag_bspline", "squad"]
 
 
-def random_motion(random, limits, methods, duration=None):
+def random_motion(random, limits, methods, pace="even"):
     """Return a motion of one of *methods*, or ``None`` where none is planned."""
     vectors = random.normal(size=(int(random.integers(2, 6)), 3)) * random.uniform(0.05, 1.5)
     q = [random.normal(size=4)]
@@ -44,7 +44,7 @@ def random_motion(random, limits, methods, duration=None):
         ],
         method=str(random.choice(methods)),
         approach=True,
-        duration=duration,
+        pace=pace,
     )
     start = PlannedState.at_rest(tuple(q[0].tolist()), (0.0, 0.0, 0.0))
     try:
@@ -98,7 +98,10 @@ def motions(seed, count, kind, methods=SOME_METHODS):
                 axis_acceleration=tuple(share * limits.acceleration),
                 axis_jerk=tuple(share * limits.jerk),
             )
-        motion = random_motion(random, limits, methods, "minimum" if kind == "minimum" else None)
+        motion = random_motion(random, limits, methods, None if kind == "minimum" else "even")
+        if motion is not None and kind == "minimum" and motion.certificate.notes:
+            # No quickest timing was found: it has the reserve of an even one.
+            continue
         if motion is not None and kind == "at limits":
             motion = up_to_its_limits(random, motion)
         if motion is not None and motion.record_count < 16_000:

@@ -58,7 +58,7 @@ def nearest_to_limits(motion):
 
 def test_stops_are_drawn_from_motions_with_and_without_a_reserve():
     drawn = {
-        kind: max(map(nearest_to_limits, motions([0, KINDS.index(kind)], 4, kind)))
+        kind: max(map(nearest_to_limits, motions([0, KINDS.index(kind)], 8, kind)))
         for kind in ("reserve", "minimum")
     }
     assert drawn["reserve"] < 0.9505

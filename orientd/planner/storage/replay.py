@@ -9,7 +9,7 @@ import numpy as np
 
 from orientd.curves import Fit
 from orientd.errors import LimitError
-from orientd.planner.request import Duration, Keyframe, MotionRequest
+from orientd.planner.request import Keyframe, MotionRequest, Pace
 
 _STEP = 1.03  # how much slower to try where a limit is broken still
 _MOST_ATTEMPTS = 40
@@ -31,7 +31,7 @@ Plan = TypeVar("Plan", bound=Planned)
 
 
 def replay_request(
-    fit: Fit, *, slower: float | None = None, duration: Duration | None = None
+    fit: Fit, *, slower: float | None = None, pace: Pace | None = None
 ) -> MotionRequest:
     """Return the motion along a fitted spline, with a soft start and end.
 
@@ -39,8 +39,7 @@ def replay_request(
         fit: of what was recorded.
         slower: how many times as long it is to take; ``None`` leaves that to the planner, which
             makes it as short as the limits permit.
-        duration: ``"minimum"`` runs along the curve as quickly as the limits permit everywhere;
-            without *slower* only.
+        pace: ``"even"`` keeps the proportions of what was recorded; without *slower* only.
     """
     times = fit.times - fit.times[0]
     keyframes = [
@@ -55,7 +54,7 @@ def replay_request(
         method="kks_bspline",
         approach=True,
         options={"knots": knots},
-        duration=duration,
+        pace=pace,
     )
 
 
@@ -74,7 +73,7 @@ def plan_as_recorded(
     Raises:
         PlanError: it cannot be planned, at whatever speed.
     """
-    quickest = plan(replay_request(fit))
+    quickest = plan(replay_request(fit, pace="even"))
     recorded = float(np.ptp(fit.times))
     slower = max(1.0, (quickest.end_time - quickest.start_time) / recorded)
     for _ in range(_MOST_ATTEMPTS - 1):

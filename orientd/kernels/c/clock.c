@@ -1,0 +1,110 @@
+/* Clocks of profiles; see clock.h. */
+#include <math.h>
+
+#include "clock.h"
+
+/* c t^2 below which the series are exact to the last digit or two. */
+#define SMALL 0.05
+
+/* x, its rate and its change after a time on an element. */
+typedef struct { double x, rate, change; } pace_t;
+
+static pace_t after(double rate, double change, double c, double t) {
+    double z = c * t * t, s, k;  /* sinh(w t) / w and (cosh(w t) - 1) / w^2, where c = w^2 */
+    if (fabs(z) < SMALL) {
+        s = 1.0 + z / 6 * (1.0 + z / 20 * (1.0 + z / 42 * (1.0 + z / 72 * (1.0 + z / 110))));
+        k = 1.0 + z / 12 * (1.0 + z / 30 * (1.0 + z / 56 * (1.0 + z / 90 * (1.0 + z / 132))));
+        s *= t, k *= 0.5 * t * t;
+    } else {
+        double w = sqrt(fabs(c)), half = c > 0.0 ? sinh(0.5 * w * t) : sin(0.5 * w * t);
+        s = (c > 0.0 ? sinh(w * t) : sin(w * t)) / w;
+        k = 2.0 * half * half / fabs(c);
+    }
+    double x = rate * s + change * k;
+    return (pace_t){x, rate + change * s + c * rate * k, change + c * x};
+}
+
+/* How long an element takes, by the tangent of half the angle that its solution turns by. */
+static double element_time(double width, double first, double last, double c) {
+    double mean = width / (sqrt(first) + sqrt(last)), z = c * mean * mean;
+    if (fabs(z) < 1e-3)
+        return 2.0 * mean
+             * (1.0 + z * (1.0 / 3 + z * (1.0 / 5 + z * (1.0 / 7 + z * (1.0 / 9 + z / 11)))));
+    double w = sqrt(fabs(c));
+    return 2.0 * (c > 0.0 ? atanh(fmin(w * mean, 1.0 - 1e-16)) : atan(w * mean)) / w;
+}
+
+void put_node_times(row_t places, row_t values, row_t slopes, row_t times) {
+    times.v[0] = 0.0;
+    for (index_t e = 0; e + 1 < places.n; e++) {
+        double width = places.v[e + 1] - places.v[e];
+        double c = 0.5 * (slopes.v[e + 1] - slopes.v[e]) / width;
+        times.v[e + 1] = times.v[e] + element_time(width, values.v[e], values.v[e + 1], c);
+    }
+}
+
+/* s and its first two derivatives by x where it leaves rest. */
+static void leave(double x, double length, double to[3]) {
+    double u = fmax(x / length, 0.0), root = sqrt(u);
+    to[0] = length * u * root * (1.0 - 0.2 * u);
+    to[1] = root * (1.5 - 0.5 * u);
+    /* At rest it is infinite; what it is multiplied by falls to zero faster. */
+    to[2] = u > 1e-18 ? 0.75 * (1.0 - u) / (root * length) : 0.0;
+}
+
+static void parameter(double x, const double *leaves, double total, double to[3]) {
+    double end = total - 0.2 * (leaves[0] + leaves[1]);
+    if (x < leaves[0])
+        leave(x, leaves[0], to);
+    else if (total - x < leaves[1]) {
+        leave(total - x, leaves[1], to);
+        to[0] = end - to[0], to[2] = -to[2];
+    } else
+        to[0] = x - 0.2 * leaves[0], to[1] = 1.0, to[2] = 0.0;
+}
+
+void leave_rest(row_t places, row_t leaves, double total, matrix_t out) {
+    for (index_t i = 0; i < places.n; i++) {
+        double s[3];
+        parameter(places.v[i], leaves.v, total, s);
+        for (index_t k = 0; k < 3; k++)
+            row_of(out, k)[i] = s[k];
+    }
+}
+
+/* Return the element that an instant is in; most instants come in order. */
+static index_t element_of(double t, row_t times, index_t near) {
+    index_t last = times.n - 2;
+    if (times.v[near] <= t && (near == last || t < times.v[near + 1]))
+        return near;
+    if (near < last && times.v[near + 1] <= t && (near + 1 == last || t < times.v[near + 2]))
+        return near + 1;
+    index_t low = 0, high = last + 1;
+    while (high - low > 1) {
+        index_t middle = (low + high) / 2;
+        if (times.v[middle] <= t)
+            low = middle;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+void sample_clock(row_t times, row_t places, row_t values, row_t slopes, row_t leaves,
+                  row_t instants, matrix_t out) {
+    double final = times.v[times.n - 1], total = places.v[places.n - 1];
+    index_t e = 0;
+    for (index_t i = 0; i < instants.n; i++) {
+        double t = fmin(fmax(instants.v[i], 0.0), final), s[3];
+        e = element_of(t, times, e);
+        double c = 0.5 * (slopes.v[e + 1] - slopes.v[e]) / (places.v[e + 1] - places.v[e]);
+        pace_t pace = after(sqrt(values.v[e]), 0.5 * slopes.v[e], c, t - times.v[e]);
+        double x = fmin(places.v[e] + pace.x, places.v[e + 1]);
+        if (t == final)
+            x = total;
+        parameter(x, leaves.v, total, s);
+        row_of(out, 0)[i] = s[0];
+        row_of(out, 1)[i] = s[1] * pace.rate;
+        row_of(out, 2)[i] = s[2] * pace.rate * pace.rate + s[1] * pace.change;
+    }
+}

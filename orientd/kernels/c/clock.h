@@ -1,0 +1,42 @@
+/* The clock of a profile: where on a path a motion is at some time.
+ *
+ * On an element y = (dx/dt)^2 is quadratic, so x obeys a linear equation, x'' = a + c x, which
+ * hyperbolic functions solve.  The path's own parameter s is a function of x that is fixed and
+ * lets a device leave rest: where the angular velocity of the path falls to zero like s, but a
+ * motion from rest turns by an angle like t^3, s must grow like x^(3/2).  Over a length L at such
+ * an end
+ *
+ *     s = L (u^(3/2) - u^(5/2) / 5),   u = x / L,
+ *
+ * goes over into a slope of 1 without any curvature; elsewhere s and x differ by a constant.
+ */
+#ifndef ORIENTD_CLOCK_H
+#define ORIENTD_CLOCK_H
+
+#include "arrays.h"
+
+/* Write when the nodes are passed.
+ *
+ * places: of the nodes, increasing from 0, shape (n + 1,).
+ * values, slopes: of y there.
+ * times: receives the times, from 0 on. */
+void put_node_times(row_t places, row_t values, row_t slopes, row_t times);
+
+/* Write the path's parameter and its first two derivatives by x.
+ *
+ * places: values of x, shape (m,).
+ * leaves: lengths L at the start and at the end, 0 where s and x differ by a constant.
+ * total: the largest x.
+ * out: receives s, from 0 on, and the derivatives, shape (3, m). */
+void leave_rest(row_t places, row_t leaves, double total, matrix_t out);
+
+/* Write the path's parameter and its first two derivatives by time.
+ *
+ * times, places, values, slopes: of the nodes.
+ * leaves: as for leave_rest.
+ * instants: in any order, held to where the clock runs, shape (m,).
+ * out: receives them, shape (3, m). */
+void sample_clock(row_t times, row_t places, row_t values, row_t slopes, row_t leaves,
+                  row_t instants, matrix_t out);
+
+#endif

@@ -1,0 +1,494 @@
+/* The quickest profile of a path by a logarithmic barrier and Newton's method.
+ *
+ * What is limited is looked at where every element begins, half way and where it ends, from inside.
+ * The duration is taken by Simpson's rule on each.  The tangents of the jerk's limit are taken anew
+ * in every step; each Hessian has five diagonals, so a step costs time proportional to the number of
+ * elements.
+ */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "profile.h"
+
+enum {
+    MOST_STEPS = 160,
+    ROUND_STEPS = 10,
+    SPOTS = 3,   /* of an element */
+    BENDS = 5,   /* limits of accelerations, at most */
+    TWISTS = 4,  /* of jerks */
+    HALVINGS = 40,
+};
+
+#define REDUCTION 0.1     /* of the barrier's weight from one round to the next */
+#define DECREMENT 0.3     /* of a round's weight, squared */
+#define INSIDE 0.995      /* share of the limits up to which they need not be moved out */
+#define STRETCH 1.05      /* how far beyond the largest share they are moved */
+#define SLOWER 0.98       /* share of the limits that a guess is slowed down to */
+#define NEAR 1.0005       /* how far beyond the largest share limits stay when they are moved in */
+#define FAR 0.3           /* share of the duration to begin with where that cannot be */
+#define LIFT 1e-12        /* of the diagonal, against rounding */
+#define LOST 1e-15        /* share of the diagonal below which a pivot is rounding */
+#define HUGE_PIVOT 1e150
+
+/* Shares of the duration of an element, by Simpson. */
+static const double simpson[SPOTS] = {1.0 / 6, 4.0 / 6, 1.0 / 6};
+
+/* The rows of numbers of a search: n or n + 1 or n + 2 each. */
+typedef struct {
+    const profile_path_t *path;
+    index_t n;
+    const double *h;
+    double *near, *far, *rise;        /* value and slope at a node from two coefficients */
+    double *value, *slope;            /* of a profile at the nodes */
+    double *y[SPOTS], *d[SPOTS], *b;  /* value, slope and bend in the elements */
+    double *top[SPOTS];               /* one over the largest y */
+    double *bends[SPOTS][BENDS][3];   /* products of the columns of a limited rate */
+    double *twists[SPOTS][TWISTS][6];
+    int bend_count, twist_count;
+    double *g[3], *m[6];              /* gradient and Hessian at one spot of the elements */
+    double *lg[3], *lm[6];            /* the same by the three coefficients of each element */
+    double *diagonal, *beside, *apart, *right, *step, *trial, *slack;
+} search_t;
+
+static index_t rows_of_search(int bends, int twists) {
+    return 3 + 2 + 2 * SPOTS + 1 + SPOTS * (1 + 3 * bends + 6 * twists) + 9 + 9 + 7;
+}
+
+/* Products of what y, y' and y'' contribute to a rate at a place, in units of the limit. */
+static void put_products(const rate_t *rate, const double *p, const double *pp, const double *ppp,
+                         double aim, double *to) {
+    double scale = aim / rate->limit, columns[3][3];
+    for (index_t k = 0; k < 3; k++) {
+        bool counts = rate->axis == ALL_AXES || rate->axis == k;
+        double one = counts ? scale * p[k] : 0.0, two = counts ? scale * pp[k] : 0.0;
+        double three = counts ? scale * ppp[k] : 0.0;
+        columns[0][k] = rate->order == 1 ? one : rate->order == 2 ? two : three;
+        columns[1][k] = rate->order == 2 ? 0.5 * one : 1.5 * two;
+        columns[2][k] = 0.5 * one;
+    }
+    int place = 0;
+    for (int i = 0; i < 3; i++)
+        for (int j = i; j < 3; j++)
+            to[place++] = columns[i][0] * columns[j][0] + columns[i][1] * columns[j][1]
+                        + columns[i][2] * columns[j][2];
+}
+
+/* Fill in what depends on the path alone. */
+static void put_path(search_t *s, const rate_t *rates, int count) {
+    const profile_path_t *path = s->path;
+    index_t n = s->n;
+    for (index_t i = 0; i <= n; i++) {
+        double before = i ? s->h[i - 1] : 0.0, after = i < n ? s->h[i] : 0.0;
+        double sum = before + after;
+        s->near[i] = after / sum, s->far[i] = before / sum, s->rise[i] = 2.0 / sum;
+    }
+    for (int spot = 0; spot < SPOTS; spot++)
+        memset(s->top[spot], 0, (size_t)n * sizeof(double));
+    s->bend_count = s->twist_count = 0;
+    for (int r = 0; r < count; r++) {
+        const rate_t *rate = &rates[r];
+        const double *aims = row_of(path->aims, rate->order - 1);
+        for (int spot = 0; spot < SPOTS; spot++)
+            for (index_t e = 0; e < n; e++) {
+                const double *p = rate->first + 6 * e, *q = rate->second + 6 * e;
+                double third[3], products[6];
+                for (index_t k = 0; k < 3; k++) {
+                    double change = q[k + 6] - q[k], rest = 2.0 * (q[k] + q[k + 6]) - 4.0 * q[k + 3];
+                    third[k] = (change + (spot - 1) * rest) / s->h[e];
+                }
+                put_products(rate, p + 3 * spot, q + 3 * spot, third, aims[e], products);
+                if (rate->order == 1)
+                    s->top[spot][e] = fmax(s->top[spot][e], products[0]);
+                else if (rate->order == 2) {
+                    double **to = s->bends[spot][s->bend_count];
+                    to[0][e] = products[0], to[1][e] = products[1], to[2][e] = products[3];
+                } else
+                    for (int k = 0; k < 6; k++)
+                        s->twists[spot][s->twist_count][k][e] = products[k];
+            }
+        s->bend_count += rate->order == 2, s->twist_count += rate->order == 3;
+    }
+}
+
+/* Write value and slope of a profile at the nodes, and what it is in the elements. */
+static void spread(const search_t *s, const double *restrict c) {
+    double *restrict value = s->value, *restrict slope = s->slope, *restrict b = s->b;
+    double *const *y = s->y, *const *d = s->d;
+    INDEPENDENT
+    for (index_t i = 0; i <= s->n; i++) {
+        value[i] = s->near[i] * c[i] + s->far[i] * c[i + 1];
+        slope[i] = s->rise[i] * (c[i + 1] - c[i]);
+    }
+    INDEPENDENT
+    for (index_t e = 0; e < s->n; e++) {
+        double h = s->h[e];
+        b[e] = (slope[e + 1] - slope[e]) / h;
+        y[0][e] = value[e], y[2][e] = value[e + 1];
+        d[0][e] = slope[e], d[2][e] = slope[e + 1];
+        y[1][e] = value[e] + 0.125 * h * (3.0 * slope[e] + slope[e + 1]);
+        d[1][e] = 0.5 * (slope[e] + slope[e + 1]);
+    }
+}
+
+static double duration(const search_t *s) {
+    double *restrict part = s->slack, sum = 0.0;
+    const double *restrict h = s->h;
+    const double *restrict a = s->y[0], *restrict b = s->y[1], *restrict c = s->y[2];
+    INDEPENDENT
+    for (index_t e = 0; e < s->n; e++)
+        part[e] = h[e] * (simpson[0] / sqrt(a[e]) + simpson[1] / sqrt(b[e])
+                          + simpson[2] / sqrt(c[e]));
+    for (index_t e = 0; e < s->n; e++)
+        sum += part[e];
+    return sum;
+}
+
+INLINE double length2(double *const g[3], index_t e, double y, double d) {
+    return y * (g[0][e] * y + 2.0 * g[1][e] * d) + g[2][e] * d * d;
+}
+
+INLINE double length3(double *const g[6], index_t e, double y, double d, double b) {
+    return y * (g[0][e] * y + 2.0 * (g[1][e] * d + g[2][e] * b))
+         + d * (g[3][e] * d + 2.0 * g[4][e] * b) + g[5][e] * b * b;
+}
+
+/* By what factor the limits would have to be higher for the profile that is spread. */
+static double largest_share(const search_t *s) {
+    double largest = 0.0;
+    for (int spot = 0; spot < SPOTS; spot++)
+        for (index_t e = 0; e < s->n; e++) {
+            double y = s->y[spot][e], d = s->d[spot][e];
+            largest = fmax(largest, y * s->top[spot][e]);
+            for (int k = 0; k < s->bend_count; k++)
+                largest = fmax(largest, sqrt(fmax(length2(s->bends[spot][k], e, y, d), 0.0)));
+            for (int k = 0; k < s->twist_count; k++)
+                largest = fmax(largest, sqrt(fmax(length3(s->twists[spot][k], e, y, d, s->b[e])
+                                                      * y, 0.0)));
+        }
+    return largest;
+}
+
+/* Duration and barrier of the profile that is spread, infinite outside. */
+static double cost_of(const search_t *s, double weight, double stretch) {
+    double over = 1.0 / (stretch * stretch), barrier = 0.0, all = 1.0;
+    index_t outside = 0, n = s->n;
+    for (int spot = 0; spot < SPOTS; spot++) {
+        const double *restrict y = s->y[spot], *restrict d = s->d[spot], *restrict b = s->b;
+        const double *restrict top = s->top[spot];
+        double *restrict product = s->slack;
+        INDEPENDENT
+        for (index_t e = 0; e < n; e++) {
+            product[e] = 1.0 - y[e] * top[e] / stretch;
+            outside += !((product[e] > 0.0) & (y[e] > 0.0));
+        }
+        for (int k = 0; k < s->bend_count; k++) {
+            const double *restrict aa = s->bends[spot][k][0], *restrict ab = s->bends[spot][k][1];
+            const double *restrict bb = s->bends[spot][k][2];
+            INDEPENDENT
+            for (index_t e = 0; e < n; e++) {
+                double square = y[e] * (aa[e] * y[e] + 2.0 * ab[e] * d[e]) + bb[e] * d[e] * d[e];
+                double slack = 1.0 - square * over;
+                outside += !(slack > 0.0);
+                product[e] *= slack;
+            }
+        }
+        for (int k = 0; k < s->twist_count; k++) {
+            double *const *of = s->twists[spot][k];
+            const double *restrict aa = of[0], *restrict ab = of[1], *restrict ac = of[2];
+            const double *restrict bb = of[3], *restrict bc = of[4], *restrict cc = of[5];
+            INDEPENDENT
+            for (index_t e = 0; e < n; e++) {
+                double square = y[e] * (aa[e] * y[e] + 2.0 * (ab[e] * d[e] + ac[e] * b[e]))
+                              + d[e] * (bb[e] * d[e] + 2.0 * bc[e] * b[e]) + cc[e] * b[e] * b[e];
+                double slack = 1.0 / y[e] - square * over;
+                outside += !(slack > 0.0);
+                product[e] *= slack;
+            }
+        }
+        if (outside)
+            return INFINITY;
+        /* One logarithm for many factors. */
+        for (index_t e = 0; e < n; e++) {
+            all *= product[e];
+            if (all < 1e-150 || all > 1e150)
+                barrier += log(all), all = 1.0;
+        }
+    }
+    barrier += log(all);
+    double cost = duration(s) - weight * barrier;
+    return isnan(cost) ? INFINITY : cost;
+}
+
+/* Write gradient and Hessian at one spot of the elements by y, y' and y''. */
+static void differentiate(const search_t *s, int spot, double weight, double stretch) {
+    double square = stretch * stretch, share = simpson[spot];
+    const double *restrict y = s->y[spot], *restrict d = s->d[spot], *restrict b = s->b;
+    const double *restrict top = s->top[spot], *restrict h = s->h;
+    double *restrict g0 = s->g[0], *restrict g1 = s->g[1], *restrict g2 = s->g[2];
+    double *restrict m0 = s->m[0], *restrict m1 = s->m[1], *restrict m2 = s->m[2];
+    double *restrict m3 = s->m[3], *restrict m4 = s->m[4], *restrict m5 = s->m[5];
+    index_t n = s->n;
+    INDEPENDENT
+    for (index_t e = 0; e < n; e++) {
+        double root = 1.0 / sqrt(y[e]), inverse = root * root, w = share * h[e];
+        double room = top[e] / (stretch - y[e] * top[e]);
+        g0[e] = weight * room - 0.5 * w * root * inverse;
+        m0[e] = weight * room * room + 0.75 * w * root * inverse * inverse;
+        g1[e] = g2[e] = m1[e] = m2[e] = m3[e] = m4[e] = m5[e] = 0.0;
+    }
+    for (int k = 0; k < s->bend_count; k++) {
+        const double *restrict aa = s->bends[spot][k][0], *restrict ab = s->bends[spot][k][1];
+        const double *restrict bb = s->bends[spot][k][2];
+        INDEPENDENT
+        for (index_t e = 0; e < n; e++) {
+            double one = aa[e] * y[e] + ab[e] * d[e], two = ab[e] * y[e] + bb[e] * d[e];
+            double over = 1.0 / (square - y[e] * one - d[e] * two);
+            double f = 2.0 * weight * over, ff = 2.0 * f * over;
+            g0[e] += f * one, g1[e] += f * two;
+            m0[e] += ff * one * one + f * aa[e];
+            m1[e] += ff * one * two + f * ab[e];
+            m3[e] += ff * two * two + f * bb[e];
+        }
+    }
+    for (int k = 0; k < s->twist_count; k++) {
+        double *const *of = s->twists[spot][k];
+        const double *restrict aa = of[0], *restrict ab = of[1], *restrict ac = of[2];
+        const double *restrict bb = of[3], *restrict bc = of[4], *restrict cc = of[5];
+        INDEPENDENT
+        for (index_t e = 0; e < n; e++) {
+            /* Of L(y)^2 - |v|^2, with the tangent of L in the Hessian. */
+            double one = aa[e] * y[e] + ab[e] * d[e] + ac[e] * b[e];
+            double two = ab[e] * y[e] + bb[e] * d[e] + bc[e] * b[e];
+            double three = ac[e] * y[e] + bc[e] * d[e] + cc[e] * b[e];
+            double inverse = 1.0 / y[e], limit = square * inverse;
+            double over = 1.0 / (limit - (y[e] * one + d[e] * two + b[e] * three));
+            double f = weight * over, ff = f * over;
+            double u = -2.0 * one - limit * inverse, v = -2.0 * two, w = -2.0 * three;
+            g0[e] -= f * u, g1[e] -= f * v, g2[e] -= f * w;
+            m0[e] += ff * u * u + 2.0 * f * aa[e] - 0.5 * f * limit * inverse * inverse;
+            m1[e] += ff * u * v + 2.0 * f * ab[e];
+            m2[e] += ff * u * w + 2.0 * f * ac[e];
+            m3[e] += ff * v * v + 2.0 * f * bb[e];
+            m4[e] += ff * v * w + 2.0 * f * bc[e];
+            m5[e] += ff * w * w + 2.0 * f * cc[e];
+        }
+    }
+}
+
+/* Add one spot to gradient and Hessian by the three coefficients of each element. */
+static void add_spot(const search_t *s, int spot) {
+    double u = 0.5 * spot;
+    const double *restrict h = s->h, *restrict near = s->near, *restrict far = s->far;
+    const double *restrict rise = s->rise;
+    const double *restrict g0 = s->g[0], *restrict g1 = s->g[1], *restrict g2 = s->g[2];
+    const double *restrict m0 = s->m[0], *restrict m1 = s->m[1], *restrict m2 = s->m[2];
+    const double *restrict m3 = s->m[3], *restrict m4 = s->m[4], *restrict m5 = s->m[5];
+    double *restrict to0 = s->lg[0], *restrict to1 = s->lg[1], *restrict to2 = s->lg[2];
+    double *restrict t00 = s->lm[0], *restrict t01 = s->lm[1], *restrict t02 = s->lm[2];
+    double *restrict t11 = s->lm[3], *restrict t12 = s->lm[4], *restrict t22 = s->lm[5];
+    INDEPENDENT
+    for (index_t e = 0; e < s->n; e++) {
+        double a = rise[e], c = rise[e + 1], over = 1.0 / h[e], x = u * h[e];
+        /* What the three coefficients contribute to y, y' and y''. */
+        double p2 = a * over, q2 = -(a + c) * over, r2 = c * over;
+        double p1 = x * p2 - a, q1 = x * q2 + a, r1 = x * r2;
+        double p0 = near[e] + x * (0.5 * x * p2 - a), q0 = far[e] + x * (0.5 * x * q2 + a);
+        double r0 = 0.5 * x * r1;
+        double mp0 = m0[e] * p0 + m1[e] * p1 + m2[e] * p2;
+        double mp1 = m1[e] * p0 + m3[e] * p1 + m4[e] * p2;
+        double mp2 = m2[e] * p0 + m4[e] * p1 + m5[e] * p2;
+        double mq0 = m0[e] * q0 + m1[e] * q1 + m2[e] * q2;
+        double mq1 = m1[e] * q0 + m3[e] * q1 + m4[e] * q2;
+        double mq2 = m2[e] * q0 + m4[e] * q1 + m5[e] * q2;
+        double mr0 = m0[e] * r0 + m1[e] * r1 + m2[e] * r2;
+        double mr1 = m1[e] * r0 + m3[e] * r1 + m4[e] * r2;
+        double mr2 = m2[e] * r0 + m4[e] * r1 + m5[e] * r2;
+        to0[e] += p0 * g0[e] + p1 * g1[e] + p2 * g2[e];
+        to1[e] += q0 * g0[e] + q1 * g1[e] + q2 * g2[e];
+        to2[e] += r0 * g0[e] + r1 * g1[e] + r2 * g2[e];
+        t00[e] += p0 * mp0 + p1 * mp1 + p2 * mp2;
+        t01[e] += p0 * mq0 + p1 * mq1 + p2 * mq2;
+        t02[e] += p0 * mr0 + p1 * mr1 + p2 * mr2;
+        t11[e] += q0 * mq0 + q1 * mq1 + q2 * mq2;
+        t12[e] += q0 * mr0 + q1 * mr1 + q2 * mr2;
+        t22[e] += r0 * mr0 + r1 * mr1 + r2 * mr2;
+    }
+}
+
+/* Keep a coefficient as it is. */
+static void fix(search_t *s, index_t i) {
+    s->right[i] = 0.0, s->diagonal[i] = 1.0, s->beside[i] = s->apart[i] = 0.0;
+    if (i > 0)
+        s->beside[i - 1] = 0.0;
+    if (i > 1)
+        s->apart[i - 2] = 0.0;
+}
+
+/* Write the step of Newton's method and return its decrement, squared; 0 where there is none. */
+static double newton(search_t *s, double weight, double stretch) {
+    index_t n = s->n, count = n + 2;
+    for (int k = 0; k < 6; k++)
+        memset(s->lm[k], 0, (size_t)n * sizeof(double));
+    for (int k = 0; k < 3; k++)
+        memset(s->lg[k], 0, (size_t)n * sizeof(double));
+    for (int spot = 0; spot < SPOTS; spot++) {
+        differentiate(s, spot, weight, stretch);
+        add_spot(s, spot);
+    }
+    for (index_t i = 0; i < count; i++)
+        s->diagonal[i] = s->beside[i] = s->apart[i] = s->right[i] = 0.0;
+    for (index_t e = 0; e < n; e++) {
+        s->diagonal[e] += s->lm[0][e], s->beside[e] += s->lm[1][e], s->apart[e] += s->lm[2][e];
+        s->diagonal[e + 1] += s->lm[3][e], s->beside[e + 1] += s->lm[4][e];
+        s->diagonal[e + 2] += s->lm[5][e];
+        for (int k = 0; k < 3; k++)
+            s->right[e + k] -= s->lg[k][e];
+    }
+    if (s->path->has_start)
+        fix(s, 0), fix(s, 1);
+    if (s->path->has_end)
+        fix(s, n), fix(s, n + 1);
+    double *right = s->right, *step = s->step;
+    memcpy(step, right, (size_t)count * sizeof(double));
+    /* L D L^T in place: beside and apart become the columns of L. */
+    for (index_t i = 0; i < count; i++) {
+        double pivot = s->diagonal[i] * (1.0 + LIFT);
+        if (i > 0)
+            pivot -= s->beside[i - 1] * s->beside[i - 1] * s->diagonal[i - 1];
+        if (i > 1)
+            pivot -= s->apart[i - 2] * s->apart[i - 2] * s->diagonal[i - 2];
+        /* Where rounding has eaten up the curvature it stays as it is. */
+        bool is_lost = !(pivot > LOST * s->diagonal[i] && pivot < HUGE_PIVOT);
+        double beside = s->beside[i];
+        if (i > 0)
+            beside -= s->apart[i - 1] * s->beside[i - 1] * s->diagonal[i - 1];
+        s->diagonal[i] = is_lost ? HUGE_PIVOT : pivot;
+        s->beside[i] = is_lost ? 0.0 : beside / pivot;
+        s->apart[i] = is_lost ? 0.0 : s->apart[i] / pivot;
+    }
+    for (index_t i = 0; i < count; i++) {
+        if (i > 0)
+            step[i] -= s->beside[i - 1] * step[i - 1];
+        if (i > 1)
+            step[i] -= s->apart[i - 2] * step[i - 2];
+    }
+    for (index_t i = count - 1; i >= 0; i--) {
+        step[i] /= s->diagonal[i];
+        if (i + 1 < count)
+            step[i] -= s->beside[i] * step[i + 1];
+        if (i + 2 < count)
+            step[i] -= s->apart[i] * step[i + 2];
+    }
+    double decrement = 0.0;
+    for (index_t i = 0; i < count; i++)
+        decrement += step[i] * right[i];
+    return decrement;
+}
+
+/* Move towards the best profile for a weight, and return how many steps that took. */
+static int centre(search_t *s, double *c, double weight, double stretch) {
+    index_t count = s->n + 2;
+    spread(s, c);
+    double cost = cost_of(s, weight, stretch);
+    int steps = 0;
+    while (steps < ROUND_STEPS) {
+        double decrement = newton(s, weight, stretch), length = 1.0;
+        steps++;
+        if (!(decrement > DECREMENT * weight))
+            break;
+        for (int k = 0; k < HALVINGS; k++, length *= 0.5) {
+            for (index_t i = 0; i < count; i++)
+                s->trial[i] = c[i] + length * s->step[i];
+            spread(s, s->trial);
+            double ahead = cost_of(s, weight, stretch);
+            if (isfinite(ahead) && ahead <= cost - 0.1 * length * decrement) {
+                memcpy(c, s->trial, (size_t)count * sizeof(double));
+                cost = ahead;
+                break;
+            }
+        }
+        spread(s, c);
+        if (length < 1e-9)
+            break;
+    }
+    return steps;
+}
+
+static double stretch_of(const search_t *s) {
+    double share = largest_share(s);
+    return share < INSIDE ? 1.0 : STRETCH * share;
+}
+
+static int run(search_t *s, double begin, double gap, double *c) {
+    spread(s, c);
+    for (int spot = 0; spot < SPOTS; spot++)
+        for (index_t e = 0; e < s->n; e++)
+            if (!(s->y[spot][e] > 0.0))
+                return PROFILE_NOT_FOUND;
+    double stretch = stretch_of(s);
+    bool is_free = !s->path->has_start && !s->path->has_end;
+    if (stretch > 1.0 && is_free) {
+        double slower = SLOWER / largest_share(s);
+        for (index_t i = 0; i < s->n + 2; i++)
+            c[i] *= slower;
+        spread(s, c);
+        stretch = 1.0;
+    } else if (stretch > 1.0)
+        begin = fmax(begin, FAR);
+    double degree = (double)(SPOTS * s->n) * (1 + 2 * (s->bend_count + s->twist_count));
+    double weight = begin * duration(s) / degree;
+    for (int steps = 0; steps <= MOST_STEPS;) {
+        steps += centre(s, c, weight, stretch);
+        if (stretch > 1.0)
+            /* Limits that were moved out for the guess are moved in again as it improves. */
+            stretch = fmax(fmin(stretch_of(s), fmax(1.0, 0.99 * stretch)),
+                           fmax(1.0, NEAR * largest_share(s)));
+        else if (weight * degree <= gap * duration(s))
+            return PROFILE_FOUND;
+        else
+            weight = fmax(REDUCTION * weight, 0.99 * gap * duration(s) / degree);
+    }
+    return stretch > 1.0 ? PROFILE_NOT_FOUND : PROFILE_FOUND;
+}
+
+int find_profile(const profile_path_t *path, double begin, double gap, row_t coefficients,
+                 matrix_t shares) {
+    rate_t rates[MOST_RATES];
+    int count = put_limited(path, rates), bends = 0, twists = 0;
+    for (int r = 0; r < count; r++)
+        bends += rates[r].order == 2, twists += rates[r].order == 3;
+    search_t search = {.path = path, .n = path->widths.n, .h = path->widths.v};
+    index_t row = search.n + 2;
+    double *memory = malloc((size_t)(rows_of_search(bends, twists) * row) * sizeof(double));
+    if (memory == NULL)
+        return OUT_OF_MEMORY;
+    double *next = memory;
+    double **rows[] = {&search.near, &search.far, &search.rise, &search.value, &search.slope,
+                       &search.y[0], &search.y[1], &search.y[2], &search.d[0], &search.d[1],
+                       &search.d[2], &search.b, &search.top[0], &search.top[1], &search.top[2],
+                       &search.diagonal, &search.beside, &search.apart, &search.right,
+                       &search.step, &search.trial, &search.slack};
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++, next += row)
+        *rows[i] = next;
+    for (int i = 0; i < 3; i++, next += 2 * row)
+        search.g[i] = next, search.lg[i] = next + row;
+    for (int i = 0; i < 6; i++, next += 2 * row)
+        search.m[i] = next, search.lm[i] = next + row;
+    for (int spot = 0; spot < SPOTS; spot++) {
+        for (int k = 0; k < bends; k++)
+            for (int i = 0; i < 3; i++, next += row)
+                search.bends[spot][k][i] = next;
+        for (int k = 0; k < twists; k++)
+            for (int i = 0; i < 6; i++, next += row)
+                search.twists[spot][k][i] = next;
+    }
+    put_path(&search, rates, count);
+    int found = run(&search, begin, gap, coefficients.v);
+    if (found == PROFILE_FOUND) {
+        spread(&search, coefficients.v);
+        put_shares(path, search.value, search.slope, shares);
+    }
+    free(memory);
+    return found;
+}

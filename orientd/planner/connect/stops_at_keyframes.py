@@ -1,0 +1,68 @@
+"""Motions that stop at every keyframe: no curve need take longer."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from orientd.errors import PlanError
+from orientd.planner.connect.leads import approach
+from orientd.planner.limits import Limits
+from orientd.planner.methods import Ends
+from orientd.planner.path import Path, PathCurve, PathSegment, PositionPath
+from orientd.planner.request import DEFAULT_METHOD, MotionRequest, State
+from orientd.planner.timing import KeyframePath
+from orientd.rotation import Floats, angle
+
+STOPS = "comes to rest at every keyframe: between two that are near the curve is no quicker"
+
+
+def turns_with_stops(
+    request: MotionRequest,
+    ends: Ends,
+    start: State,
+    limits: Limits,
+    shorter_than: float,
+) -> KeyframePath | None:
+    """Return the turns from keyframe to keyframe, from rest to rest, where there are only such.
+
+    Where the curve has to turn on the spot, or nearly so, they are quicker.
+
+    Args:
+        request: without times.
+        ends: velocities at the first and last keyframe.
+        start: where the device is commanded to be.
+        limits: to keep.
+        shorter_than: what may be left out at a glance is what takes longer, s.
+    """
+    is_plain = request.method == DEFAULT_METHOD and request.total is None
+    is_held = request.positions is None and not request.turns.any()
+    moving = (ends.omega_start, ends.omega_end, ends.alpha_start)
+    if not (is_plain and is_held) or any(np.any(end) for end in moving if end is not None):
+        return None
+    if _least(request.keys, limits) >= shorter_than:
+        return None
+    segments: list[PathSegment] = []
+    times = [0.0]
+    for here, there in pairwise(request.keys):
+        try:
+            turn = approach(here, there, limits)
+        except PlanError:
+            return None
+        if turn is not None:
+            segments.append(turn.shifted(times[-1]))
+        times.append(segments[-1].end if segments else 0.0)
+    if not segments:
+        return None
+    held = PositionPath.held(start.position)
+    curve = PathCurve(Path.joined(segments, held).segments)
+    return KeyframePath(PathSegment(curve, 0.0, times[-1]), held, np.array(times))
+
+
+def _least(keys: Floats, limits: Limits) -> float:
+    """Return what such turns take at the least, without limits of the jerk and of components, s."""
+    turns = angle(keys[:-1], keys[1:])
+    peaks = np.minimum(np.sqrt(turns * limits.acceleration), limits.velocity)
+    times = turns / np.maximum(peaks, 1e-300) + peaks / limits.acceleration
+    return float(np.sum(times[turns > 0.0]))

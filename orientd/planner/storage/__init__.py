@@ -1,0 +1,14 @@
+"""Motions kept: saved to a file, read back, and replayed from what was recorded."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from orientd.lazy import lazily
+
+if TYPE_CHECKING:
+    from orientd.planner.storage.replay import plan_as_recorded, replay_request
+    from orientd.planner.storage.saved import load_motion
+    from orientd.planner.storage.saving import save_motion
+
+__getattr__ = lazily(__name__)

@@ -1,0 +1,151 @@
+"""The quickest turn about one axis from rest to rest: its jerk is constant in seven phases.
+
+Nothing limits such a turn but velocity, acceleration and jerk along its axis, so the shortest time
+is known in closed form (the double S; Biagiotti and Melchiorri 2008, section 3.4).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from orientd.curves import AxisTurn
+from orientd.planner.certify import shares_to_stop
+from orientd.planner.limits import Limits
+from orientd.planner.path import PathSegment
+from orientd.planner.timing.candidate_path import KeyframePath
+from orientd.rotation import Floats, angle
+
+SHARE = 0.999
+"""Of acceleration and jerk that the quickest timing uses; the rest lets it be stopped at all."""
+
+CAREFUL_JERK_SHARE = 0.994
+"""Of the jerk, where it changes its sign in between two records so that what is drawn there is
+beyond it, by up to 0.53 %."""
+
+VELOCITY_SHARE = 0.9998
+"""Of velocity, for what goes on from there."""
+
+LEAST_SHARE = 0.2
+"""Of them, below which a timing would not be the quickest."""
+
+LONGEST_STOP = 6.0
+"""Seconds that a stop on a longer motion may take: so much of a path is read ahead."""
+
+_SAME_AXIS = 1e-9  # of the velocity, across the axis
+_LOOKS = 8  # between two knots
+_BISECTIONS = 60
+
+
+def double_s(distance: float, velocity: float, acceleration: float, jerk: float) -> Floats:
+    """Return durations of the seven phases of the quickest way from rest to rest, s.
+
+    Args:
+        distance: how far to go.
+        velocity: largest; may be infinite.
+        acceleration: largest, finite.
+        jerk: largest; may be infinite.
+    """
+    rise = 0.0 if jerk == math.inf else acceleration / jerk
+    # As if there were no limit of the velocity.
+    if rise and distance < 2.0 * acceleration * rise * rise:
+        rise = math.cbrt(0.5 * distance / jerk)
+        hold = 0.0
+        peak = jerk * rise * rise
+    else:
+        hold = 0.5 * (math.sqrt(rise * rise + 4.0 * distance / acceleration) - 3.0 * rise)
+        hold = max(hold, 0.0)
+        peak = acceleration * (rise + hold)
+    cruise = 0.0
+    if peak > velocity:
+        if rise and velocity < jerk * rise * rise:
+            rise, hold = math.sqrt(velocity / jerk), 0.0
+        else:
+            hold = max(velocity / acceleration - rise, 0.0)
+        cruise = max(distance / velocity - (2.0 * rise + hold), 0.0)
+    return np.array([rise, hold, rise, cruise, rise, hold, rise])
+
+
+def phases_of_turn(
+    axis: Floats,
+    turn: float,
+    limits: Limits,
+    *,
+    share: float = SHARE,
+    jerk_share: float = SHARE,
+    is_part: bool = False,
+) -> Floats:
+    """Return the phases of the quickest turn from rest to rest about an axis that can be stopped.
+
+    Args:
+        axis: of the turn in the body frame, a unit vector.
+        turn: how far, rad, positive.
+        limits: to keep, with a reserve to brake with; that of the acceleration is finite.
+        share: of the acceleration to use.
+        jerk_share: of the jerk.
+        is_part: whether it is one of a longer motion.
+    """
+    velocity, acceleration, jerk = limits.along(axis.tolist())
+    velocity *= VELOCITY_SHARE
+    phases = double_s(turn, velocity, share * acceleration, jerk_share * jerk)
+    if is_part or float(phases.sum()) > LONGEST_STOP:
+        rise, hold = phases[:2].tolist()
+        pull = min(acceleration, jerk * rise) if rise else acceleration
+        most = shares_to_stop(pull * (rise + hold), pull, jerk, LONGEST_STOP)
+        share, jerk_share = (
+            min(max(one, LEAST_SHARE), other)
+            for one, other in zip(most, (share, jerk_share), strict=True)
+        )
+        phases = double_s(turn, velocity, share * acceleration, jerk_share * jerk)
+    return phases
+
+
+def turned_at_once(
+    keyframe_path: KeyframePath, limits: Limits, share: float = SHARE
+) -> KeyframePath | None:
+    """Return the same path in the shortest time if it is a turn one way about one axis.
+
+    Args:
+        keyframe_path: the path.
+        limits: to keep.
+        share: of acceleration and jerk to use.
+    """
+    is_free = keyframe_path.positions.is_held and math.isfinite(limits.acceleration)
+    if not (is_free and keyframe_path.is_from_rest_to_rest):
+        return None
+    segment = keyframe_path.segment
+    knots = (segment.curve.knots - segment.curve.domain[0]) / segment.rate
+    shares = np.arange(_LOOKS) / _LOOKS
+    spots = (knots[:-1, None] + shares * np.diff(knots)[:, None]).ravel()
+    spots = np.minimum(np.append(spots, keyframe_path.duration), keyframe_path.duration)
+    q, omega, _ = segment.sample(spots)
+    speeds = np.sqrt(np.einsum("ij,ij->i", omega, omega))
+    axis = omega[int(np.argmax(speeds))] / speeds.max()
+    if np.any(omega @ axis < (1.0 - _SAME_AXIS) * speeds - _SAME_AXIS * speeds.max()):
+        return None
+    so_far = np.concatenate([[0.0], np.cumsum(angle(q[:-1], q[1:]))])
+    turn = float(so_far[-1])
+    curve = AxisTurn(
+        q[0], axis, turn, phases_of_turn(axis, turn, limits, share=share, jerk_share=share)
+    )
+    # When it has turned as far as the curve has at each keyframe.
+    keys = segment.sample(np.minimum(keyframe_path.times, keyframe_path.duration))[0]
+    before = np.clip(np.searchsorted(spots, keyframe_path.times, side="right") - 1, 0, None)
+    goal = so_far[before] + angle(q[before], keys)
+    return KeyframePath(
+        PathSegment(curve, 0.0, curve.domain[1]), keyframe_path.positions, _times(curve, goal)
+    )
+
+
+def _times(curve: AxisTurn, turns: Floats) -> Floats:
+    times: Floats = np.array([0.0, curve.domain[1]])
+    if len(turns) == 2:
+        return times
+    low, high = np.zeros(len(turns)), np.full(len(turns), curve.domain[1])
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        is_late = curve.turned(middle) >= turns
+        low, high = np.where(is_late, low, middle), np.where(is_late, middle, high)
+    high[0], high[-1] = times
+    return high

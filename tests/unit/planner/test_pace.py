@@ -1,0 +1,76 @@
+"""What a pace, a duration and keyframes that are nearly the same make of a motion."""
+
+import math
+
+import numpy as np
+import pytest
+from planned import LIMITS, PERIOD, rotations
+from scipy.spatial.transform import Rotation
+
+from orientd.errors import PlanError, RequestError
+from orientd.planner import Keyframe, MotionRequest, State, plan
+
+ARM = LIMITS["arm"]
+KEYS = rotations(np.random.default_rng(3), 5, 0.8)
+
+
+def made(keys=KEYS, **fields):
+    request = MotionRequest([Keyframe(tuple(q)) for q in keys], **fields)
+    return plan(request, start=State.at_rest(KEYS[0]), limits=ARM, period=PERIOD)
+
+
+def beside(q, distance):
+    turned = Rotation.from_quat(np.array(q)[[1, 2, 3, 0]]) * Rotation.from_rotvec([0, distance, 0])
+    return turned.as_quat()[[3, 0, 1, 2]].tolist()
+
+
+def test_a_share_of_the_pace_takes_as_much_longer():
+    assert made(pace=0.6).duration == pytest.approx(made().duration / 0.6, rel=2e-3)
+    assert made(pace="even").duration > 1.1 * made().duration
+
+
+def test_a_duration_is_kept_or_refused():
+    assert made(duration=5.0).duration == pytest.approx(5.0, abs=1e-9)
+    with pytest.raises(PlanError, match=r"take at least 1\..* got a duration of 1 s"):
+        made(duration=1.0)
+    with pytest.raises(RequestError, match="a share of the quickest has its own duration"):
+        made(duration=5.0, pace=0.5)
+
+
+@pytest.mark.parametrize("limits", ["arm", "soft"])
+def test_a_single_keyframe_takes_as_long_as_with_ruckig(limits):
+    ruckig = pytest.importorskip("ruckig")
+    limits = LIMITS[limits]
+    given = ruckig.InputParameter(1)
+    given.current_position, given.target_position = [0.0], [0.8]
+    given.max_velocity, given.max_jerk = [limits.velocity], [limits.jerk]
+    given.max_acceleration = [limits.acceleration]
+    found = ruckig.Trajectory(1)
+    ruckig.Ruckig(1).calculate(given, found)
+    motion = plan(
+        MotionRequest([Keyframe(KEYS[1])]),
+        start=State.at_rest(KEYS[0]),
+        limits=limits,
+        period=PERIOD,
+    )
+    assert motion.duration == pytest.approx(found.duration, rel=1e-3)
+
+
+@pytest.mark.parametrize("place", [0, 2, 4])
+def test_a_keyframe_beside_another_one_costs_no_more_than_one_farther_off(place):
+    durations = []
+    for distance in (0.0, 1e-12, 1e-8, 1e-6, 1e-4, 1e-3, 1e-2, 1e-1):
+        keys = [*KEYS[: place + 1], beside(KEYS[place], distance), *KEYS[place + 1 :]]
+        durations.append(made(keys).duration)
+    assert all(
+        one <= 1.1 * later for k, one in enumerate(durations) for later in durations[k + 1 :]
+    )
+
+
+def test_keyframes_that_are_passed_as_one_are_noted():
+    motion = made([*KEYS, beside(KEYS[-1], 1e-4)])
+    assert motion.certificate.notes == (
+        "keyframes[4] is 0.0001 rad beside keyframes[5]: passed as one",
+    )
+    assert motion.certificate.keyframe_error == pytest.approx(1e-4, rel=1e-6)
+    assert math.isclose(motion.keyframe_times[4], motion.keyframe_times[5])
