@@ -109,7 +109,7 @@ class Motion:
         Raises:
             OrientdError: the file cannot be written.
         """
-        from orientd.planner.storage import save_motion
+        from orientd.planner.saving import save_motion
 
         save_motion(self, path)
 

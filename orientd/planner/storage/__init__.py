@@ -9,6 +9,5 @@ from orientd.lazy import lazily
 if TYPE_CHECKING:
     from orientd.planner.storage.replay import plan_as_recorded, replay_request
     from orientd.planner.storage.saved import load_motion
-    from orientd.planner.storage.saving import save_motion
 
 __getattr__ = lazily(__name__)

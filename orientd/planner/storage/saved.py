@@ -26,7 +26,7 @@ from orientd.planner.motion import Motion
 from orientd.planner.path import RowPath
 from orientd.planner.recorded import HISTORY, STATE_FLOATS
 from orientd.planner.request import Keyframe, MotionRequest
-from orientd.planner.storage.saving import FORMAT, VERSION
+from orientd.planner.saving import FORMAT, VERSION
 
 _AXES = ("axis_velocity", "axis_acceleration", "axis_jerk")
 
