@@ -41,7 +41,7 @@ def link():
 
 def turn(angle, start=(1.0, 0.0, 0.0, 0.0)):
     q = rotation.multiply(start, rotation.from_rotation_vector(np.array([0.0, 0.0, angle])))
-    request = planner.MotionRequest([planner.Keyframe(tuple(q))])
+    request = planner.MotionRequest([planner.Keyframe(tuple(q))], pace="even")
     start = planner.State.at_rest(start)
     return planner.plan(
         request, start=start, limits=planner.DEFAULT_LIMITS, period=PERIOD
