@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 __all__ = ["OnTarget", "Quaternion", "__version__", "connect", "curves", "load_motion", "plan"]
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 # The servo process imports this package too and must not pay for gRPC and NumPy.
 _HOMES = {
