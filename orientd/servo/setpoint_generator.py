@@ -1,8 +1,7 @@
 """The setpoint generator: state, path and limits, and the next setpoint of whatever moves.
 
-It streams a path, follows targets, and comes to rest on the path or, where that cannot be, away
-from it; every setpoint has passed the guard.  Of the device it asks only its speed scaling:
-:mod:`orientd.servo.servo` reads, writes and speaks with the daemon.
+It streams a path, follows targets, and comes to rest on the path or, where that cannot be, off it;
+all pass the guard.  :mod:`orientd.servo.servo` reads, writes and speaks with the daemon.
 """
 
 from __future__ import annotations
@@ -187,10 +186,7 @@ class SetpointGenerator:
             raise NotYetError("the speed is changing")
         problem = self.follower.splice(leg)
         if not problem:
-            # Until the path of before is behind, a stop keeps the limits of both; those of motions
-            # that this one has replaced before they began bind nobody any more.
-            slowest = self.follower.slowest_brake_rate
-            clock.brake_rate = slowest if clock.is_steady else min(slowest, clock.brake_rate)
+            self._brake_as_promised()
             self.state = following
         return problem
 
@@ -395,5 +391,10 @@ class SetpointGenerator:
         """Keep what the motion promised that the path has come to."""
         self._servo_limits = leg.servo_limits
         self.motion = leg.number
-        if self.path_clock.is_steady and not self.follower.is_spliced:
-            self.path_clock.brake_rate = leg.servo_limits.brake_rate
+        self._brake_as_promised()
+
+    def _brake_as_promised(self) -> None:
+        """Stop as what is on the path permits; what changes the speed already, no slower."""
+        slowest, clock = self.follower.slowest_brake_rate, self.path_clock
+        if not clock.is_led and (clock.is_steady or slowest > clock.brake_rate):
+            clock.brake_rate = slowest

@@ -9,7 +9,6 @@ touches a page that is gone is killed.
 from __future__ import annotations
 
 import errno
-import fcntl
 import mmap
 import os
 from struct import Struct
@@ -30,8 +29,6 @@ NOTES = 64
 TARGETS = 64
 TUNINGS = 4
 DIRECTORY = "/dev/shm"
-SEALS = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL
-
 
 STOPS_WORD, HALTS_WORD, TAKEN_WORD, TAKEN_AT_WORD = 1, 2, 3, 4
 """Words of the pulse, by which stops come to the servo beside the daemon.
@@ -100,6 +97,9 @@ class SharedMemory:
         Raises:
             OSError: there is no room for it, or too many files are open.
         """
+        import fcntl  # where there is none, curves and plans are to be had all the same
+
+        seals = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL
         size = cls.size(path_capacity, cycle_capacity)
         descriptor = os.memfd_create("orientd-servo", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
         try:
@@ -109,7 +109,7 @@ class SharedMemory:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             # All of it now: a page that is not to be had later kills whoever touches it.
             os.posix_fallocate(descriptor, 0, size)
-            fcntl.fcntl(descriptor, fcntl.F_ADD_SEALS, SEALS)
+            fcntl.fcntl(descriptor, fcntl.F_ADD_SEALS, seals)
         except OSError as error:
             os.close(descriptor)
             raise OSError(

@@ -150,11 +150,6 @@ class PathFollower:
         return ""
 
     @property
-    def is_spliced(self) -> bool:
-        """Whether another part follows the present one."""
-        return bool(self._ahead)
-
-    @property
     def slowest_brake_rate(self) -> float:
         """The least rate by which any part from here on may be slowed down, 1/s."""
         return min(part.servo_limits.brake_rate for part in (self.leg, *self._ahead))

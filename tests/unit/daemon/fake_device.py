@@ -46,7 +46,7 @@ class FakeDevice:
         self.number = 0
         self.at = State.at_rest(IDENTITY)
         self.published = [cycle()]
-        self.is_dead = False
+        self.is_dead = self.is_free = False
         self.refusal = ""
         self.lateness = 0
         self.began = {}

@@ -127,7 +127,9 @@ def test_nobody_without_a_name_or_a_reason_gets_the_lease(lease_manager, runs, l
 
 def test_names_and_reasons_are_cut_to_200_characters(lease_manager, caplog):
     lease_manager.seize("x" * 300, "user:0", "y" * 300)
-    assert caplog.messages[-1] == f"lease: {'x' * 200!r} seizes it from nobody: {'y' * 200}"
+    assert (
+        caplog.messages[-1] == f"lease: {'x' * 197 + '...'!r} seizes it from nobody: {'y' * 197}..."
+    )
 
 
 def test_what_was_checked_of_a_holder_is_what_others_are_told(lease_manager, runs, caplog):

@@ -77,8 +77,9 @@ def test_who_is_behind_reads_on_where_a_full_batch_ended(device):
 
 
 def test_progress_tells_the_worst_lateness_since_the_last(device, motion):
-    recorded = device.motion = motion.recorded()
-    reader = report.ProgressReader(ActiveMotion(device, 1, recorded, ""))
+    device.motion = motion.recorded()
+    planned = SimpleNamespace(facts=device.motion.facts, frame=None)
+    reader = report.ProgressReader(ActiveMotion(device, 1, planned, ""))
     device.published += [cycle(1, lateness_ns=5), cycle(2, lateness_ns=900), cycle(3, overruns=2)]
     progress = reader.read()
     assert progress.lateness == pytest.approx(900e-9)

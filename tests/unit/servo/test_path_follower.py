@@ -86,7 +86,7 @@ def test_before_a_motion_there_is_nothing(ring, follower):
     assert (follower.index, follower.fraction, follower.is_at_end) == (0, 0.0, False)
     assert (follower.leg, follower.revision) == (follower.leg, 0)
     assert (follower.leg.number, follower.leg.first, follower.leg.servo_limits) == (0, 0, TERMS)
-    assert not follower.is_spliced
+    assert not follower._ahead
     assert follower.peek(0) is None
     with pytest.raises(StarvedError, match="path record 3 is not in the ring"):
         follower.begin(PathPart(1, 3, TERMS))
@@ -238,7 +238,7 @@ def test_a_splice_is_gone_over_to_at_its_record(ring, follower, step):
     first = lay(ring, range(5, 9))
     leg = PathPart(2, first, TERMS, leave=5, final=first + 3)
     assert follower.splice(leg) == ""
-    assert follower.is_spliced
+    assert follower._ahead
     assert follower.revision == 2
     assert follower.records_left() == inf
     along = 0.0
@@ -249,7 +249,7 @@ def test_a_splice_is_gone_over_to_at_its_record(ring, follower, step):
         assert (follower.leg is leg) == is_over
         if is_over:
             assert follower.index + follower.fraction == pytest.approx(first + along - 5)
-            assert not follower.is_spliced
+            assert not follower._ahead
             assert follower.records_left() == pytest.approx(8.0 - along)
     assert along == 8.0
     assert follower.index == first + 3
@@ -326,7 +326,7 @@ def test_several_legs_follow_one_another(ring, follower):
     for k in range(1, 14):
         assert ahead(follower, 1.0) == pytest.approx(k)
         assert follower.leg.number == 1 + (k >= 4) + (k >= 8)
-        assert follower.is_spliced == (k < 8)
+        assert bool(follower._ahead) == (k < 8)
         assert follower.reaches(13 - k)
     assert follower.is_at_end
 
@@ -412,7 +412,7 @@ def test_a_record_that_is_not_there_cannot_be_joined(ring, follower):
     begun(ring, follower, 4)
     assert follower.splice(PathPart(2, 9, TERMS, leave=2)) == "path record 9 is not in the ring"
     assert follower.splice(PathPart(2, 2, TERMS, leave=7)) == "path record 7 is not in the ring"
-    assert not follower.is_spliced
+    assert not follower._ahead
     assert follower.revision == 1
 
 
@@ -479,7 +479,7 @@ def test_a_motion_forgets_the_legs_of_the_one_before(ring, follower):
     chained(ring, follower)
     first = lay(ring, range(3))
     follower.begin(PathPart(9, first, TERMS))
-    assert not follower.is_spliced
+    assert not follower._ahead
     assert follower.revision == 4
     assert ahead(follower, 1.0) == pytest.approx(1.0)
     assert follower.peek(first).q == IDENTITY

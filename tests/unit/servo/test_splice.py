@@ -115,6 +115,23 @@ def test_a_motion_replaced_before_it_began_binds_no_stop_any_more():
         assert clock.brake_rate == expected
 
 
+def test_a_motion_replaced_before_it_began_binds_no_change_of_speed_any_more():
+    rig = Rig()
+    first = rig.start(PATH)
+    rig.run(300)
+    clock = rig.servo.setpoints.path_clock
+    before = clock.brake_rate
+    target = rotation.exp([0.0, 0.9, 0.2])
+    for servo_limits, ahead in ((replace(TERMS, brake_rate=0.5 * before), 40), (TERMS, 20)):
+        leave = rig.cycle.path_index + ahead
+        new = bridge(PATH, leave - first, target, 1.2)
+        assert splice(rig, new, leave, servo_limits=servo_limits)[0] == (Answer.DONE, "")
+        rig.ask(Command.SPEED, speed=0.3)
+        rig.run(2)
+        assert not clock.is_steady
+    assert clock.brake_rate == before
+
+
 @pytest.mark.parametrize("behind", [2, 3, 50])
 def test_a_record_that_is_passed_is_refused_and_nothing_changes(behind):
     rig = Rig()
