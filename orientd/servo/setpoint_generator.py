@@ -394,7 +394,7 @@ class SetpointGenerator:
         self._brake_as_promised()
 
     def _brake_as_promised(self) -> None:
-        """Stop as what is on the path permits; what changes the speed already, no slower."""
+        """Stop as what is on the path permits, and never slower than a change under way."""
         slowest, clock = self.follower.slowest_brake_rate, self.path_clock
         if not clock.is_led and (clock.is_steady or slowest > clock.brake_rate):
             clock.brake_rate = slowest
