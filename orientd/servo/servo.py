@@ -324,8 +324,6 @@ class Servo:
         self._is_enabled = True
         self.setpoints.state = following
 
-    # Faults
-
     def _look_for_life(self, now_ns: int) -> None:
         if self._cycle_count % PARENT_CHECK == 0 and not self._parent_is_alive():
             self.request_end("the daemon is gone")
@@ -333,6 +331,8 @@ class Servo:
         measured_ns = self._feedback.time_ns if self._feedback else 0
         if not watchdog.notice(now_ns, heartbeat_ns, measured_ns):
             return
+        if now_ns < heartbeat_ns <= self._clock.now_ns():
+            heartbeat_ns = now_ns  # this process has not run since the cycle began
         setpoints = self.setpoints
         if setpoints.state in _DRIVEN:
             problem = watchdog.complain_of_daemon(heartbeat_ns, now_ns)

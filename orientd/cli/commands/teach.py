@@ -50,7 +50,7 @@ def teach(
     socket: Socket = None,
     as_json: AsJson = False,
 ) -> None:
-    """Move a device by hand, and take its poses as the keyframes of a motion file.
+    """Teach a motion file by moving a device by hand.
 
     An arm is in freedrive meanwhile, a gimbal without torque: hold it.  At the end it holds where
     it is, and follows again if it did before.  Keys: space takes the pose, with the time since the

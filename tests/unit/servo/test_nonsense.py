@@ -4,7 +4,7 @@ import random
 
 import numpy as np
 import pytest
-from rig import PERIOD, TERMS, Rig, turn
+from rig import PERIOD, PERIOD_NS, TERMS, Rig, turn
 from setpoint_checker import reached
 
 from orientd.errors import Fault
@@ -81,3 +81,14 @@ def test_a_heartbeat_from_the_future_is_none():
     rig.memory.pulse[0] = 2**63
     rig.run_until(lambda servo: servo.state is State.FAULT)
     assert rig.servo.setpoints.fault is Fault.HEARTBEAT_LOST
+
+
+def test_a_heartbeat_of_while_the_process_stood_still_is_none_from_the_future():
+    rig = Rig()
+    rig.start(turn())
+    rig.run(100)
+    began_ns = rig.clock.now_ns() + PERIOD_NS
+    rig.clock.advance(5_000_000_000)
+    rig.memory.beat(rig.clock.now_ns())
+    rig.servo.cycle(began_ns, 0)
+    assert rig.servo.state is State.STREAMING
