@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from orientd.planner.axis_path import reshaped
     from orientd.planner.blending import blend
     from orientd.planner.certify.certificate import Certificate, Peak
+    from orientd.planner.columns import Vector3
     from orientd.planner.device_planner import DevicePlanner
     from orientd.planner.frames.frame import Frame, Pose, named_frames
     from orientd.planner.keyframes.placing import in_device_coordinates, report_frame
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
         MotionRequest,
         Quaternion,
         State,
-        Vector3,
     )
     from orientd.planner.storage import plan_as_recorded, replay_request
     from orientd.planner.task import distinct, task_of
