@@ -14,7 +14,6 @@ from orientd.stream import UNKNOWN, State
 from orientd.structured_text import write_structured
 
 if TYPE_CHECKING:
-    from types import TracebackType
     from typing import Self
 
     from orientd.planner import Quaternion, Vector3
@@ -76,12 +75,7 @@ class Teaching:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def pose(self) -> MeasuredPose:

@@ -19,7 +19,6 @@ from orientd.errors import DeviceFaultError, FeedbackError, LinkError
 from orientd.floats import exp, rotate_back
 from orientd_ur import options as ur_options
 from orientd_ur.control_program import ControlProgram
-from orientd_ur.controller_clock import ControllerClock
 from orientd_ur.deadline import arm, disarm
 from orientd_ur.inspection import inspect
 from orientd_ur.kinematics import JOINT_NAMES
@@ -30,8 +29,7 @@ from orientd_ur.probe import look
 from orientd_ur.recovery import NO_DASHBOARD, Recovery
 from orientd_ur.sockets import Address
 from orientd_ur.states import RuntimeState, obstacle
-from orientd_ur.tick_listener import TickListener
-from orientd_ur.tick_phase import TickPhase, tick_ns
+from orientd_ur.ticks import ControllerClock, TickListener, TickPhase, tick_ns
 
 _RESOLVING = 5.0
 _LOOKING = 0.5

@@ -22,6 +22,7 @@ from orientd.floats import difference, norm
 from orientd.servo.path.path_point import PathPoint, point_of
 from orientd.servo.path.segment import Segment
 from orientd.stream import HEAD, UNKNOWN, RecordRing, ServoLimits
+from orientd.tolerances import NORM_TOLERANCE
 
 FINAL_WORD = 1
 """Word of the path ring: one more than the index of the newest motion's last record; 0 until it is
@@ -33,7 +34,6 @@ TAIL_WORD = 2
 MOST_LEGS = 16
 """Legs ahead of the one that the servo is on."""
 
-_NORM_TOLERANCE = 1e-6
 _SAME_Q = 1e-9  # rad
 _SAME_RATE = 1e-6  # of 1 + the rate itself; rad/s and rad/s^2
 _SAME_POSITION = 1e-9  # m
@@ -247,7 +247,7 @@ class PathFollower:
         if point is None:
             raise StarvedError(f"path record {index} is not in the ring")
         w, x, y, z = point.q
-        if abs(w * w + x * x + y * y + z * z - 1.0) > _NORM_TOLERANCE:  # no number: the guard's
+        if abs(w * w + x * x + y * y + z * z - 1.0) > NORM_TOLERANCE:  # no number: the guard's
             raise StarvedError(f"path record {index} is no orientation")
         self._loaded = index
         self._point = point

@@ -14,8 +14,8 @@ from orientd import config
 from orientd.floats import exp, multiply
 from orientd_ur import options, rtde, states
 from orientd_ur.arm import MODELS, published
-from orientd_ur.controller_clock import ControllerClock
 from orientd_ur.pose import LONGEST, continued, shortest
+from orientd_ur.ticks.controller_clock import ControllerClock
 
 
 def norm(r):

@@ -5,7 +5,7 @@ import random
 import pytest
 
 from orientd.servo.process import LARGEST_SHIFT
-from orientd_ur.tick_phase import AIM, TickPhase, tick_ns
+from orientd_ur.ticks.tick_phase import AIM, TickPhase, tick_ns
 
 TICK = 2_000_000
 PERIOD = 2_000_000

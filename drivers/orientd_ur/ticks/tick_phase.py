@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from orientd_ur.controller_clock import ControllerClock
+from orientd_ur.ticks.controller_clock import ControllerClock
 
 AIM = 0.25
 """Share of a cycle from the arrival of the controller's data to the deadline."""
