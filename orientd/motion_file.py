@@ -24,7 +24,7 @@ from orientd.schema import (
     KEYFRAME,
     MOTION,
     Field,
-    Kind,
+    FieldKind,
     Written,
     implied,
     motion_schema,
@@ -109,25 +109,25 @@ def _or_number(reader: plain.Reader) -> plain.Reader:
 
 
 def _reader(field: Field) -> plain.Reader:
-    if field.kind is Kind.CHOICE:
+    if field.kind is FieldKind.CHOICE:
         reader = plain.one_of(field.choices)
-    elif field.kind is Kind.CHOICE_OR_NUMBER:
+    elif field.kind is FieldKind.CHOICE_OR_NUMBER:
         reader = _or_number(plain.one_of(field.choices))
     else:
         reader = _READERS[field.kind]
     return _or_nothing(reader) if field.is_nullable else reader
 
 
-_READERS: dict[Kind, plain.Reader] = {
-    Kind.TEXT: plain.text,
-    Kind.FLAG: plain.flag,
-    Kind.WHOLE: plain.whole,
-    Kind.NUMBER: plain.number,
-    Kind.VECTOR: plain.vector,
-    Kind.OPTIONS: plain.options,
-    Kind.LIMITS: _limits,
-    Kind.KEYFRAMES: _keyframes,
-    Kind.FRAMES: read_frames,
+_READERS: dict[FieldKind, plain.Reader] = {
+    FieldKind.TEXT: plain.text,
+    FieldKind.FLAG: plain.flag,
+    FieldKind.WHOLE: plain.whole,
+    FieldKind.NUMBER: plain.number,
+    FieldKind.VECTOR: plain.vector,
+    FieldKind.OPTIONS: plain.options,
+    FieldKind.LIMITS: _limits,
+    FieldKind.KEYFRAMES: _keyframes,
+    FieldKind.FRAMES: read_frames,
 }
 _LIMITS = {
     name: _or_nothing(plain.angular_limit if name in ANGULAR else plain.linear_limit)
@@ -135,7 +135,7 @@ _LIMITS = {
 }
 _KEYFRAME: dict[str, plain.Reader] = {}
 for _field in KEYFRAME:
-    if _field.kind is Kind.ORIENTATION:
+    if _field.kind is FieldKind.ORIENTATION:
         _KEYFRAME |= {form: _or_nothing(reader) for form, reader in FORMS.items()}
     else:
         _KEYFRAME[_field.name] = _reader(_field)
@@ -146,18 +146,18 @@ def _written(fields: tuple[Field, ...], of: object) -> dict[str, Any]:
     mapping: dict[str, Any] = {}
     for field in fields:
         value = getattr(of, field.name)
-        if field.kind is Kind.ORIENTATION:
+        if field.kind is FieldKind.ORIENTATION:
             mapping["quaternion"] = dict(zip("wxyz", value, strict=True))
-        elif field.kind is Kind.KEYFRAMES:
+        elif field.kind is FieldKind.KEYFRAMES:
             mapping[field.name] = [_written(KEYFRAME, keyframe) for keyframe in value]
-        elif field.kind is Kind.FRAMES:
+        elif field.kind is FieldKind.FRAMES:
             mapping |= {field.name: written_frames(value)} if value else {}
         elif value != field.default:
             mapping[field.name] = _plain(field.kind, value)
     return mapping
 
 
-def _plain(kind: Kind, value: Any) -> Any:  # noqa: ANN401 - whatever the field holds
-    if kind is Kind.LIMITS:
+def _plain(kind: FieldKind, value: Any) -> Any:  # noqa: ANN401 - whatever the field holds
+    if kind is FieldKind.LIMITS:
         value = {name: value.rate(name) for name in UNITS if value.rate(name) != math.inf}
     return plain.to_plain(value)

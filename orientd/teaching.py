@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from orientd import motion_file
 from orientd.errors import FeedbackError, RequestError, StateError
 from orientd.planner import Keyframe, MotionRequest
-from orientd.stream import UNKNOWN, State
+from orientd.stream import UNKNOWN, ServoState
 from orientd.structured_text import write_structured
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ class Teaching:
         self._is_freed = by_hand
         self._was_enabled = False
         if by_hand:
-            self._was_enabled = reports[self.device].state is State.HOLDING
+            self._was_enabled = reports[self.device].state is ServoState.HOLDING
             try:
                 robot.disable(self.device, by_hand=True)
             except BaseException:

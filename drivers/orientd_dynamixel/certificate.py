@@ -64,7 +64,7 @@ class ToolLimits:
 
 
 @dataclass(frozen=True, slots=True)
-class Policy:
+class DeviationPolicy:
     """What a plan may do where the exact path is more than the axes can make.
 
     Tried in this order: leave the path by a bounded angle, stop and reconfigure.  To run the whole
@@ -81,7 +81,7 @@ class Policy:
 
 
 @dataclass(frozen=True, slots=True)
-class Peak:
+class AxisPeak:
     """A largest value, where it is reached, and what is allowed."""
 
     value: float
@@ -145,10 +145,10 @@ class AxisCertificate:
         slews: where it stops.
     """
 
-    velocity: tuple[Peak, ...]
-    acceleration: tuple[Peak, ...]
+    velocity: tuple[AxisPeak, ...]
+    acceleration: tuple[AxisPeak, ...]
     travel: tuple[tuple[float, float], ...]
-    error: Peak
+    error: AxisPeak
     manipulability: float
     keyholes: tuple[Keyhole, ...]
     slews: tuple[Slew, ...]
@@ -195,7 +195,7 @@ def rates(angles: Floats, period: float, before: Floats | None = None) -> tuple[
     return velocity, acceleration
 
 
-def peak(values: Floats, times: Floats, limit: float) -> Peak:
+def peak(values: Floats, times: Floats, limit: float) -> AxisPeak:
     """Return the largest absolute value and when it is reached."""
     at = int(np.argmax(np.abs(values)))
-    return Peak(float(np.abs(values[at])), float(times[at]), limit)
+    return AxisPeak(float(np.abs(values[at])), float(times[at]), limit)

@@ -9,7 +9,7 @@ from orientd.errors import DeviceError, LinkError
 from orientd_dynamixel.bus import READ_WAIT_S, OpenBus
 from orientd_dynamixel.doctor import (
     SCAN_WAIT_MS,
-    Servo,
+    FoundServo,
     advise,
     cycle_ms,
     find_ports,
@@ -94,7 +94,7 @@ def _timer(timer_ms: int | None) -> Finding:
     return Finding("latency timer", f"{timer_ms} ms", Verdict.IMPROVE, mend)
 
 
-def _servo(servo: Servo, options: GimbalOptions) -> Finding:
+def _servo(servo: FoundServo, options: GimbalOptions) -> Finding:
     axis = next((axis for axis in options.axes if axis.id == servo.id), None)
     text = (
         f"{servo.name}, firmware {servo.firmware}, {servo.baud} baud, return delay "
@@ -122,12 +122,17 @@ def _absent(number: int) -> Finding:
 
 
 def _rate(
-    servos: list[Servo], options: GimbalOptions, period: float, timer: int | None, open_bus: OpenBus
+    servos: list[FoundServo],
+    options: GimbalOptions,
+    period: float,
+    timer: int | None,
+    open_bus: OpenBus,
 ) -> Finding:
     latency = _GOOD_TIMER_MS if timer is None else timer
     # The driver sets the return delay to 0 when it starts.
     tuned = [
-        Servo(one.id, one.model, one.firmware, one.baud, 0, one.hardware_error) for one in servos
+        FoundServo(one.id, one.model, one.firmware, one.baud, 0, one.hardware_error)
+        for one in servos
     ]
     safe = safe_rate_hz(tuned, options.baud, latency_ms=latency)
     bus = open_bus(options.port, options.baud, wait_ms=options.latency_ms, glance_s=READ_WAIT_S)

@@ -27,7 +27,7 @@ _KINDS: dict[int, ServoModel] = {model.number: model for model in MODELS.values(
 
 
 @dataclass(frozen=True, slots=True)
-class Servo:
+class FoundServo:
     """One servo that answered.
 
     Attributes:
@@ -83,7 +83,7 @@ def scan(
     wanted: Collection[int] = (),
     wait_ms: float = SCAN_WAIT_MS,
     open_bus: OpenBus = open_bus,
-) -> list[Servo]:
+) -> list[FoundServo]:
     """Return every servo that answers, at any line speed.
 
     Args:
@@ -97,7 +97,7 @@ def scan(
     Raises:
         LinkError: the port is not there.
     """
-    found: list[Servo] = []
+    found: list[FoundServo] = []
     for baud in bauds:
         bus = open_bus(port, baud, wait_ms=wait_ms, glance_s=READ_WAIT_S)
         try:
@@ -109,7 +109,7 @@ def scan(
     return found
 
 
-def _asked(bus: ServoBus, number: int, baud: int, attempts: int) -> Servo | None:
+def _asked(bus: ServoBus, number: int, baud: int, attempts: int) -> FoundServo | None:
     """Return what servo *number* is, ``None`` if it does not say so.
 
     Raises:
@@ -128,15 +128,15 @@ def _asked(bus: ServoBus, number: int, baud: int, attempts: int) -> Servo | None
     return None
 
 
-def _look(bus: ServoBus, number: int, baud: int, answer: tuple[int, int]) -> Servo:
-    return Servo(
+def _look(bus: ServoBus, number: int, baud: int, answer: tuple[int, int]) -> FoundServo:
+    return FoundServo(
         number, *answer, baud,
         return_delay_us=2 * bus.read(number, 9, 1),
         hardware_error=bus.read(number, 70, 1),
     )  # fmt: skip
 
 
-def cycle_ms(servos: Sequence[Servo], baud: int, *, latency_ms: float = 1.0) -> float:
+def cycle_ms(servos: Sequence[FoundServo], baud: int, *, latency_ms: float = 1.0) -> float:
     """Return how long a cycle of one write and one read takes, calculated.
 
     Args:
@@ -152,14 +152,14 @@ def cycle_ms(servos: Sequence[Servo], baud: int, *, latency_ms: float = 1.0) -> 
     return wire + turns + latency_ms / 2 + HOST_MS
 
 
-def safe_rate_hz(servos: Sequence[Servo], baud: int, *, latency_ms: float = 1.0) -> float:
+def safe_rate_hz(servos: Sequence[FoundServo], baud: int, *, latency_ms: float = 1.0) -> float:
     """Return the cycle rate that the bus holds with room to spare, calculated."""
     return 1e3 * SAFE_SHARE / cycle_ms(servos, baud, latency_ms=latency_ms)
 
 
 def measure_cycle_ms(
     bus: ServoBus,
-    servos: Sequence[Servo],
+    servos: Sequence[FoundServo],
     count: int = 50,
     *,
     now_ns: Callable[[], int] = time.monotonic_ns,
@@ -183,7 +183,7 @@ def measure_cycle_ms(
     return spans[len(spans) // 2]
 
 
-def advise(servos: Sequence[Servo], timer_ms: int | None) -> list[str]:
+def advise(servos: Sequence[FoundServo], timer_ms: int | None) -> list[str]:
     """Return what to change, most important first.
 
     Args:

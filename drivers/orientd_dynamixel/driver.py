@@ -49,7 +49,7 @@ from orientd_dynamixel.bus import (
     open_bus,
 )
 from orientd_dynamixel.options import GimbalOptions, parse
-from orientd_dynamixel.tracker import Tracker
+from orientd_dynamixel.tracker import AxisTracker
 
 
 class DynamixelDriver(Driver):
@@ -75,7 +75,7 @@ class DynamixelDriver(Driver):
         self._bus: ServoBus | None = None
         self._group: Group | None = None
         self._axes = [Axis(axis) for axis in self.settings.axes]
-        self._tracker = Tracker(
+        self._tracker = AxisTracker(
             self.settings.order, self.settings.mount, self.settings.tool,
             is_pointing=self.settings.pointing,
         )  # fmt: skip

@@ -35,7 +35,7 @@ LOCK = 1e-6
 """Sine of the distance from the pole below which outer and inner angle turn about one line."""
 
 
-class Rest(NamedTuple):
+class InnerAxes(NamedTuple):
     """What the inner axes make of an orientation once the outer angle is chosen.
 
     Attributes:
@@ -136,7 +136,7 @@ class Gimbal:
         outer = np.arctan2(v, u) if j == (i + 2) % 3 else np.arctan2(-u, v)
         return outer, np.hypot(u, v)
 
-    def rest(self, matrix: Floats, outer: ArrayLike) -> Rest:
+    def rest(self, matrix: Floats, outer: ArrayLike) -> InnerAxes:
         """Return the inner angles that are best for a chosen outer one, and the error left.
 
         Args:
@@ -148,12 +148,12 @@ class Gimbal:
         turned = _turned_back(matrix, i, np.asarray(outer, dtype=np.float64))
         if len(self.axes) == 3:
             b, missing, c = _split(turned, j, 3 - j - t, t)
-            return Rest(np.stack([b, c], axis=-1), np.abs(missing))
+            return InnerAxes(np.stack([b, c], axis=-1), np.abs(missing))
         d = turned[..., :, t]
         u, v = d[..., (j + 1) % 3], d[..., (j + 2) % 3]
         b = np.arctan2(v, u) if t == (j + 1) % 3 else np.arctan2(-u, v)
         error = np.arctan2(np.abs(d[..., j]), np.hypot(u, v))
-        return Rest(b[..., None], error)
+        return InnerAxes(b[..., None], error)
 
     def inverse(self, q: ArrayLike, inner: ArrayLike | None = None) -> Floats:
         """Return the axis angles of both branches.

@@ -19,9 +19,9 @@ from orientd_dynamixel.certificate import (
     AxisCertificate,
     AxisLimits,
     AxisPath,
+    AxisPeak,
+    DeviationPolicy,
     Keyhole,
-    Peak,
-    Policy,
     ToolLimits,
     peak,
     rates,
@@ -49,7 +49,7 @@ def plan_axes(
     *,
     start: ArrayLike | None = None,
     before: ArrayLike | None = None,
-    policy: Policy | None = None,
+    policy: DeviationPolicy | None = None,
     tool: ToolLimits | None = None,
 ) -> AxisPath:
     """Return axis angles for a path of orientations.
@@ -75,7 +75,7 @@ def plan_axes(
         ValueError: a quaternion is not of unit norm, or the number of limits is not that of axes.
     """
     q = check_unit(q)
-    policy = policy or Policy()
+    policy = policy or DeviationPolicy()
     if len(limits) != len(gimbal.axes):
         raise ValueError(f"limits must be {len(gimbal.axes)}, got {len(limits)}")
     origin = None if start is None else np.asarray(start, dtype=np.float64)
@@ -93,7 +93,7 @@ def _choose(
     period: float,
     limits: Sequence[AxisLimits],
     start: Floats | None,
-    policy: Policy,
+    policy: DeviationPolicy,
 ) -> Choice:
     first, entry = None, _SAME
     if start is not None and _is_at_pole(gimbal, q[0]):
@@ -141,7 +141,7 @@ def _refuse(
     q: Floats,
     period: float,
     limits: Sequence[AxisLimits],
-    policy: Policy,
+    policy: DeviationPolicy,
     past: Floats,
 ) -> None:
     """Raise what is wrong with *choice*, if anything is."""
@@ -293,7 +293,7 @@ def _when(line: Timeline, path_time: float) -> float:
     return float(line.times[int(np.searchsorted(line.path_times, path_time - 1e-9))])
 
 
-def _error(gimbal: Gimbal, q: Floats, period: float, choice: Choice, line: Timeline) -> Peak:
+def _error(gimbal: Gimbal, q: Floats, period: float, choice: Choice, line: Timeline) -> AxisPeak:
     """Return the largest angle missed, measured on the orientations that the axes make."""
     reached = gimbal.forward(choice.angles)
     if len(gimbal.axes) == 3:
@@ -306,4 +306,4 @@ def _error(gimbal: Gimbal, q: Floats, period: float, choice: Choice, line: Timel
         missed = np.arctan2(cross, np.sum(made * asked, axis=1))
     limit = max((way.error for way in choice.passages), default=0.0)
     at = int(np.argmax(missed))
-    return Peak(float(missed[at]), _when(line, at * period), limit)
+    return AxisPeak(float(missed[at]), _when(line, at * period), limit)

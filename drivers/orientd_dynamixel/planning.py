@@ -13,7 +13,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from orientd_dynamixel.certificate import AxisCertificate, AxisLimits, AxisPath, Policy
+from orientd_dynamixel.certificate import AxisCertificate, AxisLimits, AxisPath, DeviationPolicy
 from orientd_dynamixel.kinematics import Gimbal
 from orientd_dynamixel.options import GimbalOptions, parse
 from orientd_dynamixel.path import plan_axes
@@ -38,7 +38,7 @@ def plan(
     period: float,
     *,
     start: ArrayLike | None = None,
-    policy: Policy | None = None,
+    policy: DeviationPolicy | None = None,
 ) -> AxisPath:
     """Return a path in axis angles for a deployment's gimbal.
 

@@ -10,11 +10,11 @@ import numpy as np
 from orientd.driver import Figure, Quaternion, ShapedPath, Vector3
 from orientd.errors import LimitError
 from orientd.rotation import angle
-from orientd_dynamixel.certificate import AxisPath, Policy, ToolLimits
+from orientd_dynamixel.certificate import AxisPath, DeviationPolicy, ToolLimits
 from orientd_dynamixel.options import GimbalOptions
 from orientd_dynamixel.path import plan_axes
 from orientd_dynamixel.planning import describe, gimbal_of, limits_of
-from orientd_dynamixel.tracker import Tracker
+from orientd_dynamixel.tracker import AxisTracker
 
 
 def shape(
@@ -43,14 +43,15 @@ def shape(
         LimitError: an axis cannot follow, or a gimbal of two axes leaves too much roll.
         StartError: the gimbal cannot be where the path begins.
     """
-    tracker = Tracker(options.order, options.mount, options.tool, is_pointing=options.pointing)
+    tracker = AxisTracker(options.order, options.mount, options.tool, is_pointing=options.pointing)
     start = None
     if joints:
         tracker.angles = joints
         start = tracker.solve(orientations[0])[0]
+    policy = DeviationPolicy(max_deviation=options.max_deviation, allow_slews=options.allow_slews)
     path = plan_axes(
         gimbal_of(options), orientations, period, limits_of(options), start=start, before=before,
-        policy=Policy(max_deviation=options.max_deviation, allow_slews=options.allow_slews),
+        policy=policy,
         tool=ToolLimits(*rates),
     )  # fmt: skip
     figures = _figures(path, options)

@@ -55,7 +55,7 @@ def _turned_back(m: Matrix, i: int, angle: float) -> Matrix:
     return tuple(turned)
 
 
-class Tracker:
+class AxisTracker:
     """Follow orientations with a gimbal's axes.
 
     Attributes:

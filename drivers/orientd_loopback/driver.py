@@ -57,7 +57,7 @@ _OPTIONS = (
 _FAULTS = ("link_lost", "feedback_stale", "device_fault")
 
 
-class Model(Protocol):
+class BodyModel(Protocol):
     """A body that follows an orientation."""
 
     def place(self, q: Quaternion) -> None:
@@ -158,7 +158,7 @@ def _text(option: str, given: object) -> str:
     return given or ""
 
 
-def _model(target: object, options: object) -> Model | None:
+def _model(target: object, options: object) -> BodyModel | None:
     if target is None:
         return None
     if not isinstance(target, str) or ":" not in target:
@@ -167,7 +167,7 @@ def _model(target: object, options: object) -> Model | None:
         raise ValueError(f"model_options must be a table, got {options!r}")
     module, _, name = target.partition(":")
     try:
-        make: Callable[..., Model] = getattr(importlib.import_module(module), name)
+        make: Callable[..., BodyModel] = getattr(importlib.import_module(module), name)
     except (ImportError, AttributeError) as error:
         raise ValueError(f"model {target!r} cannot be loaded: {error}") from error
     try:

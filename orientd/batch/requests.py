@@ -19,7 +19,7 @@ from typing import Any
 from orientd.bounded_file import check_regular
 from orientd.errors import OrientdError, RequestError
 from orientd.one_line import one_line
-from orientd.schema import MOTION, Kind
+from orientd.schema import MOTION, FieldKind
 from orientd.structured_text import MOST_BYTES
 
 _Q = ("qw", "qx", "qy", "qz")
@@ -27,7 +27,7 @@ _POSITION = ("x", "y", "z")
 _VELOCITIES = {
     name: tuple(f"{name}_{axis}" for axis in "xyz") for name in ("start_velocity", "end_velocity")
 }
-_KINDS = {Kind.TEXT, Kind.CHOICE}
+_KINDS = {FieldKind.TEXT, FieldKind.CHOICE}
 _TEXTS = tuple(field.name for field in MOTION if field.kind in _KINDS)
 _FLOATS = ("time", *_Q, *_POSITION, *_VELOCITIES["start_velocity"], *_VELOCITIES["end_velocity"])
 _ROWS = 10_000

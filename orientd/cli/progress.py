@@ -19,7 +19,7 @@ PLAIN_INTERVAL = 0.5
 """Seconds between two plain lines."""
 
 
-class View(Protocol):
+class ProgressView(Protocol):
     """Whatever shows progress."""
 
     def show(self, progress: Progress) -> None:
@@ -66,7 +66,7 @@ class LiveLine:
 
 
 @contextlib.contextmanager
-def view(title: str, *, is_silent: bool) -> Iterator[View]:
+def view(title: str, *, is_silent: bool) -> Iterator[ProgressView]:
     """Show progress while the context lasts."""
     if is_silent:
         yield Silence()

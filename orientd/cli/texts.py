@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from orientd.planner import ANGULAR, AXES, Rate
 from orientd.rpc import DeviceReport, Outcome, Plan, Statistics, Summary, titled
-from orientd.stream import State
+from orientd.stream import ServoState
 
 if TYPE_CHECKING:
     from orientd.planner import Certificate, Peak
@@ -55,7 +55,7 @@ def clock(seconds: float) -> str:
 
 def state(device: DeviceReport) -> str:
     """Return what a device is doing."""
-    if device.state is State.FAULT:
+    if device.state is ServoState.FAULT:
         return f"fault {device.fault.name.lower()}: {device.fault_text}"
     if device.is_paused:
         return "paused"

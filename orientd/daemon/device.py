@@ -15,7 +15,7 @@ from orientd.daemon.supervised_device import SupervisedDevice
 from orientd.driver import Driver, Quaternion, Vector3, make_driver
 from orientd.errors import StateError
 from orientd.servo import LEFT_OUT_WORD
-from orientd.stream import NOT_GIVEN, Command, Cycle, State, unpack_cycle
+from orientd.stream import NOT_GIVEN, Command, Cycle, ServoState, unpack_cycle
 
 if TYPE_CHECKING:
     # Loaded with the first motion: until then the daemon stays small.
@@ -82,7 +82,7 @@ class Device(SupervisedDevice):
         from orientd.planner import State as PlannedState
 
         cycle = self._servo.running().newest()
-        if cycle is None or cycle.state is not State.HOLDING:
+        if cycle is None or cycle.state is not ServoState.HOLDING:
             state = "not ready" if cycle is None else cycle.state.name.lower()
             advice = {
                 "idle": "; enable it first",
@@ -148,7 +148,7 @@ class Device(SupervisedDevice):
             StateError: why not.
         """
         cycle = self._servo.running().newest()
-        if cycle is None or cycle.state not in (State.STREAMING, State.STOPPING):
+        if cycle is None or cycle.state not in (ServoState.STREAMING, ServoState.STOPPING):
             self.commanded()
 
     def _loaded(self) -> Motions:
@@ -292,7 +292,7 @@ class Device(SupervisedDevice):
         with self._lock:
             link = self._servo.running()
             cycle = link.newest()
-            if cycle is not None and cycle.state is State.STREAMING and not self.is_paused:
+            if cycle is not None and cycle.state is ServoState.STREAMING and not self.is_paused:
                 link.ask(Command.SPEED, speed=speed)
             self._speed = speed
 
@@ -301,7 +301,7 @@ class Device(SupervisedDevice):
     def snapshot(self) -> DeviceSnapshot:
         """Return the device as it is now."""
         cycle = self._servo.newest()
-        if cycle is not None and cycle.state is State.FAULT:
+        if cycle is not None and cycle.state is ServoState.FAULT:
             self._learn_why()
         return take_snapshot(
             self._servo,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from orientd.daemon.devices import DeviceSnapshot, ServoSupervisor
 from orientd.errors import Fault
 from orientd.floats import difference, norm
-from orientd.stream import Cycle, CycleFlag, State, unpack_cycle
+from orientd.stream import Cycle, CycleFlag, ServoState, unpack_cycle
 
 if TYPE_CHECKING:
     from orientd.daemon.motions import Motions
@@ -33,7 +33,7 @@ def take_snapshot(
         lead_cycles: by how many cycles the device is led.
     """
     fault = servo.fault
-    if cycle is not None and cycle.state is State.FAULT and fault is Fault.NONE:
+    if cycle is not None and cycle.state is ServoState.FAULT and fault is Fault.NONE:
         fault = Fault(cycle.fault)
     due = None if cycle is None else _due(servo, cycle, lead_cycles)
     error = None
@@ -44,15 +44,17 @@ def take_snapshot(
     if due is not None and queued is not None and queued.feeder is not None:
         records = due.path_index - queued.feeder.first_index + due.path_fraction
         path_time = max(0.0, records * queued.motion.facts.period)
-    state = State.IDLE if cycle is None else cycle.state
+    state = ServoState.IDLE if cycle is None else cycle.state
     is_paused = motions is not None and motions.is_paused
     return DeviceSnapshot(
         cycle=cycle,
         # With the reason known already, it may still be coming to rest.
-        state=State.FAULT if fault is not Fault.NONE and state is not State.STOPPING else state,
+        state=ServoState.FAULT
+        if fault is not Fault.NONE and state is not ServoState.STOPPING
+        else state,
         fault=fault,
         fault_text=servo.fault_text,
-        is_paused=is_paused and state is State.STREAMING,
+        is_paused=is_paused and state is ServoState.STREAMING,
         speed=speed,
         motion=None if queued is None else queued.motion,
         motion_number=number if queued is None else queued.number,

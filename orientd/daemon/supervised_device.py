@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from orientd.config import DeviceSettings
 from orientd.daemon.devices import DeviceEvent, EventKind, ServoLink, ServoSupervisor
 from orientd.errors import DaemonError, Fault, PendingError, StateError
-from orientd.stream import STOPS_WORD, State
+from orientd.stream import STOPS_WORD, ServoState
 
 if TYPE_CHECKING:
     # Loaded with the first motion: until then the daemon stays small.
@@ -254,10 +254,10 @@ class SupervisedDevice:
         """Say so when the device has come to rest after following targets."""
         cycle, number = link.newest(), self._tracked
         if cycle is not None and cycle.motion == number:
-            if cycle.state in (State.TRACKING, State.STOPPING):
+            if cycle.state in (ServoState.TRACKING, ServoState.STOPPING):
                 return
             self._tracked = 0
-            is_fault = cycle.state is State.FAULT
+            is_fault = cycle.state is ServoState.FAULT
             text = self._servo.fault_text if is_fault else "the targets have ended"
             self._tell(EventKind.MOTION_STOPPED, number, text)
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from orientd.planner.many import in_parallel, need_backend, plan_many
     from orientd.planner.methods import check_method, curve_of
     from orientd.planner.motion import Motion
-    from orientd.planner.path.path import Samples
+    from orientd.planner.path.path import PathSamples
     from orientd.planner.path.position import position_path
     from orientd.planner.planning import plan
     from orientd.planner.presets import PRESETS

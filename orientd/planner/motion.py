@@ -12,7 +12,7 @@ from orientd.curves import is_same
 from orientd.planner.certify import Certificate, Rough, before
 from orientd.planner.columns import Vector3
 from orientd.planner.limits import Limits
-from orientd.planner.path import Path, RowPath, Samples, TablePath
+from orientd.planner.path import Path, PathSamples, RowPath, TablePath
 from orientd.planner.recorded import (
     HISTORY,
     STATE_FLOATS,
@@ -188,7 +188,7 @@ class Motion:
         rows[:, :4], rows[:, 10:13], rows[:, STATE_FLOATS:] = q, position, joints
         return rows
 
-    def sample(self, path_times: ArrayLike) -> Samples:
+    def sample(self, path_times: ArrayLike) -> PathSamples:
         """Return the motion at *path_times* (s, shape ``(n,)``, any order); held beyond its ends.
 
         Raises:

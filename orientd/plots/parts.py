@@ -8,9 +8,9 @@ import numpy as np
 
 from orientd.plots.charts import Traces, draw_acceleration, draw_velocity
 from orientd.plots.paper import check_format, new_figure, save
-from orientd.plots.papers import Poses, draw_bodies, plate
+from orientd.plots.papers import SweptPoses, draw_bodies, plate
 from orientd.plots.triads import TriadStyle, draw_triads, turned_to_show
-from orientd.plots.view import View
+from orientd.plots.view import Viewpoint
 from orientd.rotation import Floats
 
 BODIES = 40
@@ -73,16 +73,16 @@ def draw_bodies_alone(path: Path, traces: Traces, positions: Floats, *, title: s
     draw_bodies(
         figure.subplots(),
         faces,
-        Poses(positions[between], traces.q[between]),
-        Poses(positions[met], traces.q[met]),
+        SweptPoses(positions[between], traces.q[between]),
+        SweptPoses(positions[met], traces.q[met]),
         _across(positions),
         positions,
     )
     save(figure, path)
 
 
-def _across(positions: Floats) -> View:
+def _across(positions: Floats) -> Viewpoint:
     """Return the view that sees the most of a path's width."""
-    views = [View(24.0, float(azimuth)) for azimuth in range(-90, 90, 10)]
+    views = [Viewpoint(24.0, float(azimuth)) for azimuth in range(-90, 90, 10)]
     widths = [np.ptp(view.project(positions)[:, 0]) for view in views]
     return views[int(np.argmax(widths))]

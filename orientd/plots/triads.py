@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from orientd.plots.labels import enumeration, grouped, places
 from orientd.plots.paper import AXES, GRID, INK, PAPER, QUIET, AxisStyle, Stroke
-from orientd.plots.view import STANDARD_VIEW, View
+from orientd.plots.view import STANDARD_VIEW, Viewpoint
 from orientd.rotation import Floats, angle, rotate
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ class TriadStyle:
         step: from one drawn point of a trace to the next, degrees of turning.
     """
 
-    view: View = STANDARD_VIEW
+    view: Viewpoint = STANDARD_VIEW
     line: float = 2.0
     mark: float = 6.5
     number: float = 8.0
@@ -127,7 +127,7 @@ def thinned(q: Floats, step: float) -> Floats:
     return chosen
 
 
-def _sphere(axes: Axes, view: View) -> None:
+def _sphere(axes: Axes, view: Viewpoint) -> None:
     """Draw the sphere's outline, and its parallels and meridians in front."""
     around = np.linspace(0.0, 2.0 * np.pi, 181)
     ring = np.stack([np.cos(around), np.sin(around), np.zeros_like(around)], axis=-1)
@@ -270,6 +270,6 @@ def _width_in_points(axes: Axes) -> float:
 def turned_to_show(q: Floats, style: TriadStyle) -> TriadStyle:
     """Return *style* seen from where the most of the traces of *q* is in front."""
     tips = np.concatenate([rotate(thinned(q, style.step), tip) for tip in np.eye(3)])
-    views = [View(style.view.elevation, float(azimuth)) for azimuth in range(0, 360, 15)]
+    views = [Viewpoint(style.view.elevation, float(azimuth)) for azimuth in range(0, 360, 15)]
     seen = [np.count_nonzero(view.project(tips)[:, 2] > 0.0) for view in views]
     return replace(style, view=views[int(np.argmax(seen))])

@@ -10,7 +10,7 @@ from orientd.rotation import Floats
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class Viewpoint:
     """Where the eye is: infinitely far away, the world's z axis upright.
 
     Attributes:
@@ -38,5 +38,5 @@ class View:
         return projected
 
 
-STANDARD_VIEW = View()
+STANDARD_VIEW = Viewpoint()
 """From which everything is seen unless another view shows more."""

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from orientd.recorder.orientations import read_orientations
     from orientd.recorder.planned import strands
     from orientd.recorder.reader import load_recording
-    from orientd.recorder.session import Session
+    from orientd.recorder.session import RecordingSession
     from orientd.recorder.tables import export
 
 __getattr__ = lazily(__name__)

@@ -29,7 +29,7 @@ STATE_INTERVAL = 5.0
 _POLL = 0.1
 
 
-class Session:
+class RecordingSession:
     """The recording of some devices, from :meth:`run` until it is told to end.
 
     Attributes:

@@ -10,7 +10,7 @@ from orientd.errors import OrientdError
 from orientd.recorder.planned import planned_orientations
 from orientd.recorder.reader import Recording
 from orientd.rotation import Floats
-from orientd.stream import CycleFlag, State
+from orientd.stream import CycleFlag, ServoState
 
 _COMPONENTS = {"q": "wxyz", "joints": "12345678"}
 _UNITS = {
@@ -86,7 +86,7 @@ def _spread(table: dict[str, Floats], name: str, content: Floats) -> None:
 
 
 def _write_csv(path: Path, table: dict[str, Floats]) -> None:
-    names = {state.value: state.name.lower() for state in State}
+    names = {state.value: state.name.lower() for state in ServoState}
     with path.open("w", encoding="utf-8") as stream:
         stream.write(",".join(table) + "\n")
         listed = [column.tolist() for column in table.values()]

@@ -22,7 +22,7 @@ from orientd.rpc import control_pb2 as pb
 from orientd.rpc.channel import Way
 from orientd.rpc.commands import Commands
 from orientd.rpc.connection import Connection
-from orientd.rpc.descriptions import Device, Method
+from orientd.rpc.descriptions import DeviceDescription, MethodDescription
 from orientd.rpc.observer import Observer
 from orientd.rpc.reports import CellReport, OnTarget, Plan
 from orientd.rpc.wire import (
@@ -164,12 +164,12 @@ class Robot(Commands):
         """Return what watches every cycle and event, for recorders and viewers."""
         return Observer(self._connection)
 
-    def methods(self) -> list[Method]:
+    def methods(self) -> list[MethodDescription]:
         """Return the families of curves that motions can be made of."""
         answer = self._connection.ask(self._stub.ListMethods, pb.ListMethodsRequest())
         return [method_from_message(method) for method in answer.methods]
 
-    def devices(self) -> list[Device]:
+    def devices(self) -> list[DeviceDescription]:
         """Return the devices of the daemon's configuration."""
         answer = self._connection.ask(self._stub.ListDevices, pb.ListDevicesRequest())
         return [configured_from_message(device) for device in answer.devices]

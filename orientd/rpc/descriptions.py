@@ -8,7 +8,7 @@ from orientd.planner import Limits
 
 
 @dataclass(frozen=True, slots=True)
-class Device:
+class DeviceDescription:
     """A device of the configuration.
 
     Attributes:
@@ -29,7 +29,7 @@ class Device:
 
 
 @dataclass(frozen=True, slots=True)
-class Method:
+class MethodDescription:
     """A family of curves.
 
     Attributes:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from orientd.driver import Quaternion, Vector3
 from orientd.errors import Fault
-from orientd.stream import Cycle, State
+from orientd.stream import Cycle, ServoState
 
 if TYPE_CHECKING:
     from orientd.planner import Certificate, Limits
@@ -115,7 +115,7 @@ class Progress:
 
     path_time: float
     duration: float
-    state: State
+    state: ServoState
     is_paused: bool
     speed: float
     q: Quaternion
@@ -253,7 +253,7 @@ class TrackReport:
         error: angle from what was sent last to the newest target, rad; ``None`` without one.
     """
 
-    state: State
+    state: ServoState
     q: Quaternion
     omega_body: Vector3
     time_ns: int
@@ -297,7 +297,7 @@ class DeviceReport:
     driver: str
     rate_hz: float
     limits: Limits
-    state: State
+    state: ServoState
     fault: Fault
     fault_text: str
     is_paused: bool

@@ -22,7 +22,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 from orientd.planner import Frame, Keyframe, Limits, MotionRequest, Quaternion, Vector3
 
 
-class Kind(Enum):
+class FieldKind(Enum):
     """What a field holds; each way to write a request knows how to write every kind."""
 
     TEXT = auto()
@@ -39,17 +39,17 @@ class Kind(Enum):
     FRAMES = auto()
 
 
-_KINDS: tuple[tuple[Any, Kind], ...] = (
-    (str, Kind.TEXT),
-    (bool, Kind.FLAG),
-    (int, Kind.WHOLE),
-    (float, Kind.NUMBER),
-    (Vector3, Kind.VECTOR),
-    (Mapping[str, Any], Kind.OPTIONS),
-    (Limits, Kind.LIMITS),
-    (Quaternion, Kind.ORIENTATION),
-    (Sequence[Keyframe], Kind.KEYFRAMES),
-    (Mapping[str, Frame], Kind.FRAMES),
+_KINDS: tuple[tuple[Any, FieldKind], ...] = (
+    (str, FieldKind.TEXT),
+    (bool, FieldKind.FLAG),
+    (int, FieldKind.WHOLE),
+    (float, FieldKind.NUMBER),
+    (Vector3, FieldKind.VECTOR),
+    (Mapping[str, Any], FieldKind.OPTIONS),
+    (Limits, FieldKind.LIMITS),
+    (Quaternion, FieldKind.ORIENTATION),
+    (Sequence[Keyframe], FieldKind.KEYFRAMES),
+    (Mapping[str, Frame], FieldKind.FRAMES),
 )
 
 
@@ -68,7 +68,7 @@ class Field:
     """
 
     name: str
-    kind: Kind
+    kind: FieldKind
     choices: tuple[str, ...]
     is_needed: bool
     is_nullable: bool
@@ -104,7 +104,7 @@ def _field(name: str, hint: Any, default: object, says: str) -> Field:  # noqa: 
     bare = kinds[0] if is_nullable else hint
     is_choice = get_origin(bare) is Literal
     if is_choice:
-        kind = Kind.CHOICE_OR_NUMBER if float in kinds else Kind.CHOICE
+        kind = FieldKind.CHOICE_OR_NUMBER if float in kinds else FieldKind.CHOICE
     else:
         kind = next(kind for known, kind in _KINDS if known == bare)
     return Field(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from orientd.planner import ANGULAR, UNITS, Frame, Limits
-from orientd.schema.fields import KEYFRAME, MOTION, Field, Kind, attribute_lines
+from orientd.schema.fields import KEYFRAME, MOTION, Field, FieldKind, attribute_lines
 from orientd.schema.frames import POSE_FORMS
 from orientd.schema.orientations import FORMS
 
@@ -43,16 +43,16 @@ _FORMS: dict[str, dict[str, Any]] = {
     },
 }
 
-_KINDS: dict[Kind, dict[str, Any]] = {
-    Kind.TEXT: {"type": "string"},
-    Kind.FLAG: {"type": "boolean"},
-    Kind.WHOLE: {"type": "integer"},
-    Kind.NUMBER: _NUMBER,
-    Kind.VECTOR: _TRIPLE,
-    Kind.OPTIONS: {"type": "object"},
-    Kind.LIMITS: {"$ref": "#/$defs/Limits"},
-    Kind.KEYFRAMES: {"type": "array", "items": {"$ref": "#/$defs/Keyframe"}},
-    Kind.FRAMES: {"type": "object", "additionalProperties": {"$ref": "#/$defs/Frame"}},
+_KINDS: dict[FieldKind, dict[str, Any]] = {
+    FieldKind.TEXT: {"type": "string"},
+    FieldKind.FLAG: {"type": "boolean"},
+    FieldKind.WHOLE: {"type": "integer"},
+    FieldKind.NUMBER: _NUMBER,
+    FieldKind.VECTOR: _TRIPLE,
+    FieldKind.OPTIONS: {"type": "object"},
+    FieldKind.LIMITS: {"$ref": "#/$defs/Limits"},
+    FieldKind.KEYFRAMES: {"type": "array", "items": {"$ref": "#/$defs/Keyframe"}},
+    FieldKind.FRAMES: {"type": "object", "additionalProperties": {"$ref": "#/$defs/Frame"}},
 }
 
 
@@ -108,7 +108,7 @@ def _poses() -> dict[str, Any]:
 def _properties(fields: tuple[Field, ...]) -> dict[str, Any]:
     properties: dict[str, Any] = {}
     for field in fields:
-        if field.kind is Kind.ORIENTATION:
+        if field.kind is FieldKind.ORIENTATION:
             properties |= _FORMS
         else:
             properties[field.name] = _property(field)
@@ -117,7 +117,7 @@ def _properties(fields: tuple[Field, ...]) -> dict[str, Any]:
 
 def _property(field: Field) -> dict[str, Any]:
     kinds = [{"enum": list(field.choices)} if field.choices else _KINDS[field.kind]]
-    if field.kind is Kind.CHOICE_OR_NUMBER:
+    if field.kind is FieldKind.CHOICE_OR_NUMBER:
         kinds.append(_NUMBER)
     kind = _or_null(*kinds) if field.is_nullable else kinds[0]
     described = {**kind, "description": field.says.replace("``", "")}

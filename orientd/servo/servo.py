@@ -41,14 +41,14 @@ from orientd.stream import (
     CycleFlag,
     NoteKind,
     ServoLimits,
+    ServoState,
     SharedMemory,
-    State,
     pack_note,
     taken_at,
 )
 
 # Looking a member up in its enumeration takes longer than comparing it.
-_DRIVEN = (State.STREAMING, State.TRACKING)
+_DRIVEN = (ServoState.STREAMING, ServoState.TRACKING)
 _WRITTEN, _FEEDBACK = int(CycleFlag.WRITTEN), int(CycleFlag.FEEDBACK)
 
 _NEVER_TOO_LATE = (Command.STOP, Command.HALT, Command.SHUTDOWN)
@@ -113,7 +113,7 @@ class Servo:
         self._cycle_count = 0
 
     @property
-    def state(self) -> State:
+    def state(self) -> ServoState:
         """The servo's state."""
         return self.setpoints.state
 
@@ -181,7 +181,7 @@ class Servo:
         except Exception as error:  # noqa: BLE001 - whatever a driver raises, the process ends
             self.ending += f"; disable failed: {error}"
         self._is_enabled = False
-        if self._is_orderly and self.state is not State.FAULT:
+        if self._is_orderly and self.state is not ServoState.FAULT:
             try:
                 self._driver.park()
             except Exception as error:  # noqa: BLE001 - whatever a driver raises, the process ends

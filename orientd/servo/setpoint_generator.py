@@ -18,8 +18,8 @@ from orientd.servo.path import (
     Past,
     PathFollower,
     PathPart,
+    PathPlace,
     PathPoint,
-    Place,
     StarvedError,
     TimeScaling,
     eased,
@@ -27,10 +27,10 @@ from orientd.servo.path import (
 from orientd.servo.stall import Stalls
 from orientd.servo.state_table import Event, advance
 from orientd.servo.tracking import TargetFollower
-from orientd.stream import UNKNOWN, ServoLimits, SharedMemory, State
+from orientd.stream import UNKNOWN, ServoLimits, ServoState, SharedMemory
 
 # Looking a member up in its enumeration takes longer than comparing it.
-_STREAMING, _STOPPING, _TRACKING = State.STREAMING, State.STOPPING, State.TRACKING
+_STREAMING, _STOPPING, _TRACKING = ServoState.STREAMING, ServoState.STOPPING, ServoState.TRACKING
 _NO_FAULT = Fault.NONE
 
 _NO_LIMITS = ServoLimits(1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 1.0)
@@ -70,7 +70,7 @@ class SetpointGenerator:
             on_fault: is told of every fault when the state becomes that.
         """
         period = period_ns * 1e-9
-        self.state = State.IDLE
+        self.state = ServoState.IDLE
         self.fault = Fault.NONE
         self.fault_text = ""
         self.motion = 0
@@ -224,7 +224,7 @@ class SetpointGenerator:
 
     def fail(self, fault: Fault, text: str) -> bool:
         """Be in *fault* now; return whether that is new."""
-        if self.state is State.FAULT and self.fault is fault:
+        if self.state is ServoState.FAULT and self.fault is fault:
             return False
         self.fault, self.fault_text = fault, text
         self._escape = None
@@ -302,8 +302,8 @@ class SetpointGenerator:
         return min((deadline_ns + period_ns - self._start_ns) / period_ns, 1.0)
 
     def _ease(
-        self, path: PathPoint, place: Place, rate: float, problem: str
-    ) -> tuple[PathPoint, Place, float, str]:
+        self, path: PathPoint, place: PathPlace, rate: float, problem: str
+    ) -> tuple[PathPoint, PathPlace, float, str]:
         """Return point and place on the path that another rate leads to, that, and what is wrong.
 
         Where the path bends sharply the differences between its records may be somewhat larger than

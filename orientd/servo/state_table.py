@@ -9,7 +9,7 @@ from __future__ import annotations
 from enum import Enum
 
 from orientd.errors import StateError
-from orientd.stream import State
+from orientd.stream import ServoState
 
 
 class Event(Enum):
@@ -31,47 +31,47 @@ class Event(Enum):
     RESET = "reset"
 
 
-TRANSITIONS: dict[tuple[State, Event], State] = {
-    (State.IDLE, Event.ENABLE): State.HOLDING,
-    (State.HOLDING, Event.ENABLE): State.HOLDING,
-    (State.IDLE, Event.DISABLE): State.IDLE,
-    (State.HOLDING, Event.DISABLE): State.IDLE,
-    (State.HOLDING, Event.START): State.STREAMING,
-    (State.HOLDING, Event.TUNE): State.HOLDING,
-    (State.STREAMING, Event.SPEED): State.STREAMING,
-    (State.STREAMING, Event.SPLICE): State.STREAMING,
-    (State.STREAMING, Event.FINISH): State.HOLDING,
-    (State.STREAMING, Event.STOP): State.STOPPING,
-    (State.STOPPING, Event.STOP): State.STOPPING,
-    (State.HOLDING, Event.STOP): State.HOLDING,
-    (State.IDLE, Event.STOP): State.IDLE,
-    (State.HOLDING, Event.TRACK): State.TRACKING,
-    (State.TRACKING, Event.TRACK): State.TRACKING,
-    (State.STREAMING, Event.TRACK): State.TRACKING,
-    (State.TRACKING, Event.STOP): State.STOPPING,
-    (State.TRACKING, Event.HALT): State.STOPPING,
-    (State.TRACKING, Event.BRAKE): State.STOPPING,
-    (State.TRACKING, Event.FAIL): State.FAULT,
-    (State.STREAMING, Event.HALT): State.STOPPING,
-    (State.STOPPING, Event.HALT): State.STOPPING,
-    (State.HOLDING, Event.HALT): State.HOLDING,
-    (State.IDLE, Event.HALT): State.IDLE,
-    (State.FAULT, Event.HALT): State.FAULT,
-    (State.STREAMING, Event.BRAKE): State.STOPPING,
-    (State.STOPPING, Event.BRAKE): State.STOPPING,
-    (State.STOPPING, Event.REST): State.HOLDING,
-    (State.IDLE, Event.FAIL): State.FAULT,
-    (State.HOLDING, Event.FAIL): State.FAULT,
-    (State.STREAMING, Event.FAIL): State.FAULT,
-    (State.STOPPING, Event.FAIL): State.FAULT,
-    (State.FAULT, Event.FAIL): State.FAULT,
-    (State.FAULT, Event.STOP): State.FAULT,
-    (State.FAULT, Event.RESET): State.IDLE,
-    (State.IDLE, Event.RESET): State.IDLE,
+TRANSITIONS: dict[tuple[ServoState, Event], ServoState] = {
+    (ServoState.IDLE, Event.ENABLE): ServoState.HOLDING,
+    (ServoState.HOLDING, Event.ENABLE): ServoState.HOLDING,
+    (ServoState.IDLE, Event.DISABLE): ServoState.IDLE,
+    (ServoState.HOLDING, Event.DISABLE): ServoState.IDLE,
+    (ServoState.HOLDING, Event.START): ServoState.STREAMING,
+    (ServoState.HOLDING, Event.TUNE): ServoState.HOLDING,
+    (ServoState.STREAMING, Event.SPEED): ServoState.STREAMING,
+    (ServoState.STREAMING, Event.SPLICE): ServoState.STREAMING,
+    (ServoState.STREAMING, Event.FINISH): ServoState.HOLDING,
+    (ServoState.STREAMING, Event.STOP): ServoState.STOPPING,
+    (ServoState.STOPPING, Event.STOP): ServoState.STOPPING,
+    (ServoState.HOLDING, Event.STOP): ServoState.HOLDING,
+    (ServoState.IDLE, Event.STOP): ServoState.IDLE,
+    (ServoState.HOLDING, Event.TRACK): ServoState.TRACKING,
+    (ServoState.TRACKING, Event.TRACK): ServoState.TRACKING,
+    (ServoState.STREAMING, Event.TRACK): ServoState.TRACKING,
+    (ServoState.TRACKING, Event.STOP): ServoState.STOPPING,
+    (ServoState.TRACKING, Event.HALT): ServoState.STOPPING,
+    (ServoState.TRACKING, Event.BRAKE): ServoState.STOPPING,
+    (ServoState.TRACKING, Event.FAIL): ServoState.FAULT,
+    (ServoState.STREAMING, Event.HALT): ServoState.STOPPING,
+    (ServoState.STOPPING, Event.HALT): ServoState.STOPPING,
+    (ServoState.HOLDING, Event.HALT): ServoState.HOLDING,
+    (ServoState.IDLE, Event.HALT): ServoState.IDLE,
+    (ServoState.FAULT, Event.HALT): ServoState.FAULT,
+    (ServoState.STREAMING, Event.BRAKE): ServoState.STOPPING,
+    (ServoState.STOPPING, Event.BRAKE): ServoState.STOPPING,
+    (ServoState.STOPPING, Event.REST): ServoState.HOLDING,
+    (ServoState.IDLE, Event.FAIL): ServoState.FAULT,
+    (ServoState.HOLDING, Event.FAIL): ServoState.FAULT,
+    (ServoState.STREAMING, Event.FAIL): ServoState.FAULT,
+    (ServoState.STOPPING, Event.FAIL): ServoState.FAULT,
+    (ServoState.FAULT, Event.FAIL): ServoState.FAULT,
+    (ServoState.FAULT, Event.STOP): ServoState.FAULT,
+    (ServoState.FAULT, Event.RESET): ServoState.IDLE,
+    (ServoState.IDLE, Event.RESET): ServoState.IDLE,
 }
 
 
-def advance(state: State, event: Event) -> State:
+def advance(state: ServoState, event: Event) -> ServoState:
     """Return the state that *event* leads to.
 
     Raises:

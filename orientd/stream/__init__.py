@@ -24,7 +24,7 @@ from orientd.stream.records import (
     Note,
     NoteKind,
     ServoLimits,
-    State,
+    ServoState,
     pack_note,
     record_index,
     unpack_cycle,

@@ -17,7 +17,7 @@ from enum import IntEnum
 from orientd.driver import Quaternion, Vector3
 
 
-class State(IntEnum):
+class ServoState(IntEnum):
     """The servo's states; ``servo/state_table.py`` has the transitions."""
 
     IDLE = 0
@@ -231,7 +231,7 @@ class Cycle:
     work_ns: int
     feedback_time_ns: int
     path_index: int
-    state: State
+    state: ServoState
     fault: int
     motion: int
     flags: int
@@ -293,7 +293,7 @@ def unpack_cycle(buffer: memoryview | bytes, offset: int = 0) -> Cycle:
         work_ns=f[3],
         feedback_time_ns=f[4],
         path_index=f[5],
-        state=State(f[6]),
+        state=ServoState(f[6]),
         fault=f[7],
         motion=f[8],
         flags=f[9],

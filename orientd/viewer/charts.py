@@ -31,7 +31,7 @@ _SENT, _MEASURED, _LIMIT = "#4270d8", "#d6542c", "#a04ec2"
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class ChartLine:
     """One line of a chart.
 
     Attributes:
@@ -63,7 +63,7 @@ class Chart:
 
     title: str
     scale: float
-    lines: tuple[Line, ...]
+    lines: tuple[ChartLine, ...]
 
     @property
     def heading(self) -> str:
@@ -106,36 +106,40 @@ def charts_of(device: DeviceReport) -> list[Chart]:
     """Return the charts for a device, with its limits."""
     velocity = _rates(device.limits, "velocity")
     if len(velocity) == 2:
-        velocity.insert(1, Line("measured", _MEASURED, _DASHED, "velocity_measured"))
+        velocity.insert(1, ChartLine("measured", _MEASURED, _DASHED, "velocity_measured"))
     half_a_period = 0.5e3 / device.rate_hz
     return [
         Chart("Angular velocity, rad/s", 1.0, tuple(velocity)),
         Chart("Angular acceleration, rad/s²", 1.0, tuple(_rates(device.limits, "acceleration"))),
-        Chart("Tracking error, mrad", 1e3, (Line("largest", _SENT, _SOLID, "tracking_error"),)),
+        Chart(
+            "Tracking error, mrad", 1e3, (ChartLine("largest", _SENT, _SOLID, "tracking_error"),)
+        ),
         Chart(
             "Lateness of cycles, ms",
             1e3,
             (
-                Line("largest", _SENT, _SOLID, "lateness"),
-                Line("half a period", _LIMIT, _DOTTED, level=half_a_period),
+                ChartLine("largest", _SENT, _SOLID, "lateness"),
+                ChartLine("half a period", _LIMIT, _DOTTED, level=half_a_period),
             ),
         ),
     ]
 
 
-def _rates(limits: Limits, name: str) -> list[Line]:
+def _rates(limits: Limits, name: str) -> list[ChartLine]:
     """Return the line of what was sent and that of its limit, or those of the body's axes."""
     limit = limits.rate(name)
     if isinstance(limit, float | int):
-        lines = [Line("sent", _SENT, _SOLID, name)]
+        lines = [ChartLine("sent", _SENT, _SOLID, name)]
         return (
-            [*lines, Line("limit", _LIMIT, _DOTTED, "", limit, name)] if isfinite(limit) else lines
+            [*lines, ChartLine("limit", _LIMIT, _DOTTED, "", limit, name)]
+            if isfinite(limit)
+            else lines
         )
     lines = []
     for axis, level, colour, dashes in zip(AXES, limit, _COLOURS, _OF_AXES, strict=True):
-        lines.append(Line(axis, colour, dashes, f"{name}_{axis}"))
+        lines.append(ChartLine(axis, colour, dashes, f"{name}_{axis}"))
         if isfinite(level):
-            lines.append(Line(f"limit {axis}", colour, _DOTTED, level=level))
+            lines.append(ChartLine(f"limit {axis}", colour, _DOTTED, level=level))
     return lines
 
 
@@ -177,7 +181,7 @@ class Charts:
             handle.remove()
 
 
-def _series(line: Line) -> uplot.Series:
+def _series(line: ChartLine) -> uplot.Series:
     return uplot.Series(
         label=line.label,
         stroke=line.colour,

@@ -13,7 +13,7 @@ import viser
 
 from orientd.errors import LeaseError, OrientdError
 from orientd.rpc import DeviceReport, Robot
-from orientd.stream import State
+from orientd.stream import ServoState
 from orientd.viewer import drop
 from orientd.viewer.handles import set_changed
 from orientd.viewer.proposal import Proposal
@@ -97,7 +97,7 @@ class Controls:
         is_connected = report is not None and not sight.problem
         set_changed(self._lease, label=GIVE_BACK if is_ours else TAKE, disabled=not is_connected)
         can_command = is_ours and is_connected
-        is_moving = report is not None and report.state is State.STREAMING
+        is_moving = report is not None and report.state is ServoState.STREAMING
         is_paused = report is not None and report.is_paused
         set_changed(
             self._pause,
@@ -107,7 +107,7 @@ class Controls:
         set_changed(self._speed, disabled=not can_command)
         if report is not None and not can_command:
             self._follow_speed(report)
-        is_fault = report is not None and report.state is State.FAULT
+        is_fault = report is not None and report.state is ServoState.FAULT
         set_changed(self._reset, disabled=not (can_command and is_fault), visible=is_fault)
         proposal = self.proposal
         set_changed(self._file, disabled=not is_connected)

@@ -8,7 +8,7 @@ from typing import Any
 import viser
 
 from orientd.rpc import Robot
-from orientd.stream import State
+from orientd.stream import ServoState
 from orientd.viewer.handles import set_changed
 from orientd.viewer.lesson import Lesson
 from orientd.viewer.watcher import Sight
@@ -51,7 +51,7 @@ class TeachPanel:
     def show(self, sight: Sight, *, can_command: bool) -> None:
         """Make the buttons say what they do now, and lock those that can do nothing."""
         lesson, report = self.lesson, sight.report
-        is_at_rest = report is not None and report.state in (State.IDLE, State.HOLDING)
+        is_at_rest = report is not None and report.state in (ServoState.IDLE, ServoState.HOLDING)
         has_taken = bool(lesson.count)
         set_changed(
             self._hand,

@@ -7,7 +7,7 @@ from html import escape
 from orientd.errors import Fault
 from orientd.planner import Certificate, Peak
 from orientd.rpc import DaemonReport, DeviceReport, titled
-from orientd.stream import State
+from orientd.stream import ServoState
 
 FAULTS = {
     Fault.NONE: "no fault",
@@ -23,18 +23,18 @@ FAULTS = {
 }
 
 _STATES = {
-    State.IDLE: ("○", "Idle", "not enabled, nothing is sent"),
-    State.HOLDING: ("●", "Holding", "at rest, ready to move"),
-    State.STREAMING: ("▶", "Moving", ""),
-    State.STOPPING: ("▼", "Stopping", "coming to rest"),
-    State.FAULT: ("⚠", "Fault", "stopped; reset it once it is safe to"),
-    State.TRACKING: ("◎", "Tracking", "following targets"),
+    ServoState.IDLE: ("○", "Idle", "not enabled, nothing is sent"),
+    ServoState.HOLDING: ("●", "Holding", "at rest, ready to move"),
+    ServoState.STREAMING: ("▶", "Moving", ""),
+    ServoState.STOPPING: ("▼", "Stopping", "coming to rest"),
+    ServoState.FAULT: ("⚠", "Fault", "stopped; reset it once it is safe to"),
+    ServoState.TRACKING: ("◎", "Tracking", "following targets"),
 }
 
 
 def state(device: DeviceReport) -> tuple[str, str, str]:
     """Return what a device is doing: a sign, a word, and what there is to add."""
-    if device.state is State.STREAMING:
+    if device.state is ServoState.STREAMING:
         motion = titled(device.motion_number, device.motion_name)
         where = f"motion {motion}, {device.path_time:.1f} of {device.duration:.1f} s"
         sign, word = ("Ⅱ", "Paused") if device.is_paused else ("▶", "Moving")
@@ -43,7 +43,7 @@ def state(device: DeviceReport) -> tuple[str, str, str]:
     if device.is_free:
         return "✋", "Free", "can be moved by hand, nothing is sent"
     sign, word, what = _STATES[device.state]
-    if device.state is State.HOLDING and device.speed != 1.0:
+    if device.state is ServoState.HOLDING and device.speed != 1.0:
         what += f" at {100.0 * device.speed:.0f} % speed"
     return sign, word, what
 
@@ -73,7 +73,7 @@ def status(device: DeviceReport, daemon: DaemonReport, *, is_ours: bool, problem
         lines.append(_banner("✕ Not connected", problem))
     head = f'<span style="font-size:1.35em;font-weight:700">{sign} {escape(word)}</span>'
     lines.append(f"<div>{head} {escape(more)}</div>")
-    if device.state is State.FAULT:
+    if device.state is ServoState.FAULT:
         lines.append(_banner(f"⚠ {FAULTS[device.fault]}", device.fault_text))
     lines.append(
         _row("Device", f"{device.name} ({device.driver}, {device.rate_hz:g} Hz)")

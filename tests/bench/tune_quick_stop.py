@@ -26,7 +26,7 @@ from rides import KINDS, SOME_METHODS, Ride, Track, motions  # noqa: E402 - besi
 from shortest_stop import bound  # noqa: E402 - as above
 
 from orientd.servo.path import brake_law  # noqa: E402 - as above
-from orientd.servo.path.stop_rollout import Plan, StopRollout  # noqa: E402 - as above
+from orientd.servo.path.stop_rollout import StopPlan, StopRollout  # noqa: E402 - as above
 
 MOST = 1.1
 """Times the shortest of all tables that a stop may take for an entry to be left out."""
@@ -42,7 +42,7 @@ KNOWN = [
 """What test_brake_law.py stops: seed, motions, kind, methods, and records of the last motion."""
 
 TABLES = ("PLANS", "BETTER_PLANS")
-Tables = dict[str, tuple[Plan, ...]]
+Tables = dict[str, tuple[StopPlan, ...]]
 
 
 @dataclass(eq=False)
@@ -54,14 +54,14 @@ class Stop:
     least: float = 0.0
     cycles: int = 0
     fewest: int = 0
-    tried: frozenset[Plan] = frozenset()
+    tried: frozenset[StopPlan] = frozenset()
 
-    def ride(self, tables: Tables) -> tuple[int, frozenset[Plan]]:
+    def ride(self, tables: Tables) -> tuple[int, frozenset[StopPlan]]:
         """Return the cycles of this stop with other tables, and the plans it tried."""
         tried = set()
 
         class Noted(StopRollout):
-            def __init__(self, *place: Any, plan: Plan, **options: Any) -> None:
+            def __init__(self, *place: Any, plan: StopPlan, **options: Any) -> None:
                 tried.add(plan._replace(distance=0.0))
                 super().__init__(*place, plan=plan, **options)
 

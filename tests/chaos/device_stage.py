@@ -19,7 +19,7 @@ from orientd import motion_file
 from orientd.errors import OrientdError
 from orientd.rpc.reports import Outcome
 from orientd.servo.stall import SHORTEST_NS
-from orientd.stream import CycleFlag, State
+from orientd.stream import CycleFlag, ServoState
 
 EMULATOR_PRIORITY = 70
 """A real device has a processor of its own: its emulator comes first, where that is permitted."""
@@ -107,7 +107,7 @@ class DeviceStage:
     def check_well(self):
         """See that there is no fault yet."""
         report = self.state()
-        assert report.state is not State.FAULT, f"before any harm: {report.fault_text}"
+        assert report.state is not ServoState.FAULT, f"before any harm: {report.fault_text}"
 
     def turn(self):
         """Begin the example's motion."""
@@ -178,7 +178,7 @@ class DeviceStage:
 
     def await_holding(self, seconds):
         """Wait until the device holds."""
-        until(lambda: self.state().state is State.HOLDING, "holding", seconds)
+        until(lambda: self.state().state is ServoState.HOLDING, "holding", seconds)
 
     def turn_once(self):
         """Make the example's motion."""

@@ -10,7 +10,7 @@ from ledger import Tally, rounds_of
 
 from orientd.errors import Fault
 from orientd.rpc.reports import Outcome
-from orientd.stream import State
+from orientd.stream import ServoState
 
 pytestmark = [pytest.mark.chaos, pytest.mark.timeout(7200)]
 
@@ -60,7 +60,7 @@ def test_a_device_is_lost(tmp_path, name, harm):
             handle = stage.unless_starved(lambda: begin(stage, number, generator))
             mend = harm(stage)
             try:
-                until(lambda: stage.state().state is State.FAULT, "the fault", 4.0)
+                until(lambda: stage.state().state is ServoState.FAULT, "the fault", 4.0)
                 until(lambda: stage.state().fault_text, "the fault in words", 1.0)
                 report = stage.state()
                 assert report.fault in FAULTS, report.fault

@@ -14,7 +14,7 @@ from rig import PERIOD, TERMS, Rig, peaks, turn
 from stage import Stage
 
 from orientd.rpc import control_pb2 as pb
-from orientd.stream import Answer, Command, State
+from orientd.stream import Answer, Command, ServoState
 
 pytestmark = [pytest.mark.chaos, pytest.mark.timeout(30_000)]
 
@@ -91,7 +91,7 @@ def test_a_soak_in_virtual_time():
                 rig.ask(Command.SPEED, speed=0.0)
                 rig.run(400)
                 rig.ask(Command.SPEED, speed=1.0)
-            rig.run_until(lambda servo: servo.state is State.HOLDING)
+            rig.run_until(lambda servo: servo.state is ServoState.HOLDING)
             rig.run(generator.randrange(1, 50))
             sent = rig.sent()
             for found, limit in zip(peaks(sent), (VELOCITY, ACCELERATION, JERK), strict=True):

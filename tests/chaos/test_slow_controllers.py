@@ -14,7 +14,7 @@ from ledger import Tally, rounds_of
 
 from orientd.errors import OrientdError, PendingError
 from orientd.rpc import control_pb2 as pb
-from orientd.stream import State
+from orientd.stream import ServoState
 
 pytestmark = [pytest.mark.chaos, pytest.mark.timeout(7200)]
 
@@ -60,7 +60,7 @@ def test_a_controller_takes_its_time(tmp_path, harm):
             for order in orders:
                 robot.ask(order)
             try:
-                until(lambda: stage.state().state is State.FAULT, "the fault", 4.0)
+                until(lambda: stage.state().state is ServoState.FAULT, "the fault", 4.0)
                 until(lambda: stage.state().fault_text, "the fault in words", 1.0)
                 stage.tally.met[stage.state().fault.name.lower()] += 1
                 handle.wait(5.0)

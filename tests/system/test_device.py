@@ -16,7 +16,7 @@ from orientd.daemon.devices.device_report import EventKind
 from orientd.daemon.motions.options import Prepared
 from orientd.errors import GOING_DOWN, DaemonError, Fault
 from orientd.planner import Keyframe, MotionRequest
-from orientd.stream import State
+from orientd.stream import ServoState
 
 
 @pytest.fixture
@@ -47,7 +47,7 @@ def device(events, monkeypatch):
 
 
 def until_holding(device):
-    until(lambda: device.snapshot().state is State.HOLDING, "holding")
+    until(lambda: device.snapshot().state is ServoState.HOLDING, "holding")
 
 
 def turn_from_here(device, angle):
@@ -88,10 +88,10 @@ def test_a_fault_is_told_as_such_only_when_the_device_has_come_to_rest(device, m
         snapshot = device.snapshot()
         return snapshot.fault is Fault.INTERNAL and claim(snapshot.state) and snapshot
 
-    braking = until(lambda: seen(lambda state: state is State.STOPPING), "braking, in a fault")
-    assert braking.cycle.state is State.STOPPING
-    resting = until(lambda: seen(lambda state: state is not State.STOPPING), "rest")
-    assert resting.state is State.FAULT
+    braking = until(lambda: seen(lambda state: state is ServoState.STOPPING), "braking, in a fault")
+    assert braking.cycle.state is ServoState.STOPPING
+    resting = until(lambda: seen(lambda state: state is not ServoState.STOPPING), "rest")
+    assert resting.state is ServoState.FAULT
     assert "nothing to see" in resting.fault_text
 
 
@@ -108,7 +108,7 @@ def test_a_servo_that_is_gone_is_a_fault_although_no_cycle_says_so(device):
     os.kill(device.snapshot().servo_pid, signal.SIGKILL)
     until(lambda: device.snapshot().fault is not Fault.NONE, "the fault")
     snapshot = device.snapshot()
-    assert (snapshot.state, snapshot.fault) == (State.FAULT, Fault.SERVO_DIED)
+    assert (snapshot.state, snapshot.fault) == (ServoState.FAULT, Fault.SERVO_DIED)
     assert snapshot.cycle is None
     assert "signal 9" in snapshot.fault_text
 

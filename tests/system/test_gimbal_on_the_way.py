@@ -15,11 +15,11 @@ from orientd import rotation
 from orientd.errors import LimitError, OrientdError, StartError
 from orientd.rpc.reports import Outcome
 from orientd.servo.stall import SHORTEST_NS
-from orientd.stream import State
+from orientd.stream import ServoState
 
 pytest.importorskip("dynamixel_sdk")
 
-from orientd_dynamixel.tracker import Tracker
+from orientd_dynamixel.tracker import AxisTracker
 
 DEVICE = "gimbal"
 AXIS_VELOCITY, AXIS_ACCELERATION = np.deg2rad(220), 40.0
@@ -101,7 +101,7 @@ def over_the_top(miss_deg=2.0, seconds=6.0):
 
 def axes_of(cycles):
     """Return the axis angles that the driver made of what was sent, unwrapped, from 0 on."""
-    tracker = Tracker("ZYX", (1.0, 0, 0, 0), (1.0, 0, 0, 0))
+    tracker = AxisTracker("ZYX", (1.0, 0, 0, 0), (1.0, 0, 0, 0))
     rows = []
     for cycle in cycles:
         tracker.angles, _ = tracker.solve(cycle.q)
@@ -155,7 +155,7 @@ def assert_never_at_rest(cycles, first, second):
     moving = [cycle for cycle in cycles if cycle.motion in (first, second)]
     at = next(k for k, cycle in enumerate(moving) if cycle.motion == second)
     around = moving[at - 5 : at + 5]
-    assert {cycle.state for cycle in around} == {State.STREAMING}
+    assert {cycle.state for cycle in around} == {ServoState.STREAMING}
     assert min(np.linalg.norm(cycle.omega_body) for cycle in around) > 0.1
     assert {cycle.speed for cycle in around} == {1.0}
 
@@ -225,10 +225,10 @@ def test_gimbal_slows_down_and_stops_in_the_midst_of_a_passage_by_the_pole(gimba
     until(lambda: gimbal.pitch() < -86, "the pole")
     gimbal.robot.stop()
     assert first.wait(30.0).outcome is Outcome.STOPPED
-    assert gimbal.report.state is State.HOLDING
+    assert gimbal.report.state is ServoState.HOLDING
     cycles = gimbal.sent()
     assert_smooth(cycles)
-    slow = [cycle.speed for cycle in cycles if cycle.state is State.STREAMING]
+    slow = [cycle.speed for cycle in cycles if cycle.state is ServoState.STREAMING]
     assert min(slow) == pytest.approx(0.5, abs=1e-9) or len(stretches(cycles)) > 1
     # It stands near the pole, off the exact path, and goes on from there on the branch it is on.
     at = np.rad2deg(axes_of(cycles)[-1])
@@ -271,7 +271,7 @@ def test_kept_plan_is_refused_where_the_gimbal_is_on_another_turn_by_now(gimbal)
     # The same orientation, a turn of yaw away.
     with pytest.raises(StartError, match="other axis angles"):
         gimbal.robot.move(kept)
-    assert gimbal.report.state is State.HOLDING
+    assert gimbal.report.state is ServoState.HOLDING
     assert np.rad2deg(axes_of(gimbal.sent())[-1, 0]) == pytest.approx(190, abs=0.1)
     turn(190, 60, -60, -170)
     assert gimbal.robot.move(kept).wait(30.0).outcome is Outcome.DONE
@@ -288,7 +288,7 @@ def test_gimbal_follows_targets_and_says_how_far_it_is_from_them(gimbal):
                          time_to_live=0.2)  # fmt: skip
             time.sleep(1 / 60)
         assert tracking.report.error is not None
-    until(lambda: gimbal.report.state is State.HOLDING, "rest")
+    until(lambda: gimbal.report.state is ServoState.HOLDING, "rest")
     assert gimbal.report.fault_text == ""
     cycles = gimbal.sent()
     assert_smooth(cycles)

@@ -17,7 +17,7 @@ from orientd import rotation
 from orientd.errors import LeaseError, RequestError
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.reports import Outcome
-from orientd.stream import State
+from orientd.stream import ServoState
 
 Q = orientd.Quaternion
 
@@ -169,7 +169,7 @@ def test_a_stop_ends_what_runs_and_what_was_to_follow(daemon, robot):
     handles = [long_turn(robot), robot.move([key(0, 0, 0)], approach=True, queue=True)]
     robot.stop()
     assert {handle.wait(10.0).outcome for handle in handles} == {Outcome.STOPPED}
-    assert state(robot).state is State.HOLDING
+    assert state(robot).state is ServoState.HOLDING
     daemon.assert_limits_kept()
 
 
@@ -193,10 +193,10 @@ def test_targets_are_followed_from_rest_and_from_motion(daemon, robot):
         until(
             lambda: tracking.report.error is not None and tracking.report.error < 1e-6, "the target"
         )
-        assert tracking.report.state is State.TRACKING
+        assert tracking.report.state is ServoState.TRACKING
         assert tracking.report.refused == 0
     assert first.wait(5.0).outcome is Outcome.REPLACED
-    assert state(robot).state is State.HOLDING
+    assert state(robot).state is ServoState.HOLDING
     assert turn(robot, 0.1).wait(10.0).outcome is Outcome.DONE
     daemon.assert_limits_kept()
 

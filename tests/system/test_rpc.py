@@ -28,7 +28,7 @@ from orientd.errors import (
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.motion_request import Quaternion
 from orientd.rpc.reports import Outcome
-from orientd.stream import State
+from orientd.stream import ServoState
 
 LEASE_SECONDS = 3.0
 TURNS = [[0, 0, 0], [0.1, 0, 0.3], [0.2, -0.2, 0.4]]
@@ -50,7 +50,7 @@ def robot(daemon):
     with orientd.connect(daemon.socket, holder="ana") as client:
         yield client
         client.stop()
-        until(lambda: state(client) is State.HOLDING, "rest")
+        until(lambda: state(client) is ServoState.HOLDING, "rest")
 
 
 def state(robot):
@@ -154,7 +154,7 @@ def test_a_cancelled_motion_stops_on_its_path(daemon, robot):
     handle.cancel()
     summary = handle.wait(10.0)
     assert (summary.outcome, summary.text) == (Outcome.STOPPED, f"stopped by {me()}")
-    assert state(robot) is State.HOLDING
+    assert state(robot) is ServoState.HOLDING
     assert summary.statistics.path_error < 1e-6
     daemon.assert_limits_kept(-5000)
 
@@ -219,7 +219,7 @@ def test_a_taken_lease_is_refused_but_not_a_look(daemon, robot):
         ):
             other.enable()
         robot.release_lease()
-        assert other.enable().state is State.HOLDING
+        assert other.enable().state is ServoState.HOLDING
 
 
 def test_a_held_lease_is_renewed_for_as_long_as_it_is_needed(robot):
@@ -249,7 +249,7 @@ def test_a_lease_can_be_lent(daemon, robot):
         assert not other.borrow_lease("nonsense")
         assert other.borrow_lease(robot.lease_token)
         other.enable()
-    assert robot.enable().state is State.HOLDING
+    assert robot.enable().state is ServoState.HOLDING
 
 
 def test_devices_and_methods_are_listed(robot):

@@ -20,7 +20,7 @@ from orientd.errors import DeviceError, OrientdError, StateError
 from orientd.rotation import angle, from_rotation_vector
 from orientd.rpc import Outcome
 from orientd.rpc import control_pb2 as pb
-from orientd.stream import State, unpack_cycle
+from orientd.stream import ServoState, unpack_cycle
 from orientd.stream.records import CYCLE_RECORD
 from orientd_sim.ur import EmulatedRobot, LaunchError
 
@@ -99,10 +99,10 @@ def await_hold(daemon, device):
     with connect(daemon.socket) as robot:
 
         def holds():
-            if robot.state().devices[device].state is State.FAULT:
+            if robot.state().devices[device].state is ServoState.FAULT:
                 with contextlib.suppress(OrientdError):
                     robot.reset(device)
-            return robot.state().devices[device].state is State.HOLDING
+            return robot.state().devices[device].state is ServoState.HOLDING
 
         until(seldom(holds), f"the {device} to hold")
 
@@ -143,7 +143,7 @@ def test_an_arm_in_freedrive_is_taught_and_passes_every_pose_again(arm, tmp_path
         truths = []
         with robot.teach() as teaching:
             report = robot.state().devices["arm"]
-            assert (report.state, report.is_free) == (State.IDLE, True)
+            assert (report.state, report.is_free) == (ServoState.IDLE, True)
             for joints in JOINTS:
                 emulated.ask(push.format(*joints))
 
@@ -159,7 +159,7 @@ def test_an_arm_in_freedrive_is_taught_and_passes_every_pose_again(arm, tmp_path
         with pytest.raises(LaunchError, match="freedrive is off"):
             emulated.ask(push.format(*JOINTS[0]))
         report = robot.state().devices["arm"]
-        assert (report.state, report.is_free) == (State.HOLDING, False)
+        assert (report.state, report.is_free) == (ServoState.HOLDING, False)
         file = tmp_path / "taught.yaml"
         request = teaching.save(file, "taught")
         assert motion_file.load(file) == request
@@ -189,7 +189,7 @@ def test_the_page_teaches_and_holds_the_arm_when_it_gives_up(arm):
         lesson.remove()
         assert (lesson.count, "here &amp; now" in before) == (2, True)
         lesson.end()
-        assert robot.state().devices["arm"].state is State.HOLDING
+        assert robot.state().devices["arm"].state is ServoState.HOLDING
         found = motion_file.loads(lesson.content("seen"), "seen.yaml")
     assert (found.name, len(found.keyframes)) == ("seen", 2)
     assert found.keyframes[0].name == "here & now"
@@ -266,7 +266,7 @@ def test_a_device_that_cannot_be_moved_by_hand_says_so_and_follows_again(loopbac
     with connect(loopback.socket) as robot:
         with pytest.raises(OrientdError, match="'loopback' cannot be moved by hand"):
             robot.teach()
-        assert robot.state().devices["arm"].state is State.HOLDING
+        assert robot.state().devices["arm"].state is ServoState.HOLDING
 
 
 def test_a_signal_takes_a_keyframe_and_a_keyframe_can_be_removed(loopback, teach, tmp_path):

@@ -13,7 +13,7 @@ from orientd.errors import DaemonError
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.client import connect
 from orientd.rpc.reports import Outcome
-from orientd.stream import State
+from orientd.stream import ServoState
 from orientd.viewer.proposal import Proposal
 from orientd.viewer.watcher import Watcher
 
@@ -77,7 +77,7 @@ def test_a_port_in_use_is_one_clear_line(daemon):
 
 def test_cycles_flow_only_while_somebody_looks(daemon):
     with watching(daemon) as watcher:
-        assert watcher.sight.report.state is State.HOLDING
+        assert watcher.sight.report.state is ServoState.HOLDING
         assert not watcher.is_streaming
         watcher.watch(True)
         until(lambda: watcher.is_streaming and watcher.sight.tracking_error is not None, "cycles")
@@ -92,7 +92,7 @@ def test_who_comes_later_sees_the_plan_that_runs(daemon):
         plan = until(lambda: watcher.sight.plan, "the plan")
         assert plan.motion_id == started.plan.motion_id
         assert plan.samples.times[-1] == pytest.approx(plan.duration)
-        until(lambda: watcher.sight.report.state is State.STREAMING, "the motion")
+        until(lambda: watcher.sight.report.state is ServoState.STREAMING, "the motion")
         before = watcher.sight.cycle.index
         until(lambda: watcher.sight.cycle.index > before + 100, "cycles")
 
@@ -122,7 +122,7 @@ def test_a_motion_is_planned_before_it_is_sent(daemon):
         assert "Not sent yet" in proposal.html
         assert "A stop takes" in proposal.html
         assert proposal.plan.samples is not None
-        assert robot.state().devices[DEVICE].state is State.HOLDING
+        assert robot.state().devices[DEVICE].state is ServoState.HOLDING
         proposal.send(robot, DEVICE)
         assert proposal.plan is None
         until(lambda: proposal.look() or "was run to its end" in proposal.html, "the end")
@@ -147,7 +147,7 @@ def test_what_is_wrong_with_a_file_is_said_and_nothing_can_be_sent(daemon, conte
         assert said in proposal.html
         assert proposal.plan is None
         proposal.send(robot, DEVICE)
-        assert robot.state().devices[DEVICE].state is State.HOLDING
+        assert robot.state().devices[DEVICE].state is ServoState.HOLDING
 
 
 def test_a_proposal_that_the_device_has_moved_away_from_is_refused(daemon):

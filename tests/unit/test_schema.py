@@ -20,9 +20,9 @@ from orientd.rpc import motion_request, reports
 from orientd.rpc.wire import move, state, track
 from orientd.rpc.wire.codec import Codec
 from orientd.rpc.wire.motion import from_request, to_request
-from orientd.schema.fields import KEYFRAME, MOTION, Kind, attribute_lines
+from orientd.schema.fields import KEYFRAME, MOTION, FieldKind, attribute_lines
 from orientd.schema.orientations import FORMS
-from orientd.stream import Cycle, State
+from orientd.stream import Cycle, ServoState
 
 ROOT = Path(__file__).parents[2] / "orientd"
 
@@ -32,13 +32,13 @@ COLUMNS = {"times", "positions"}
 """What the Python client takes in one piece for all keyframes."""
 
 SAMPLES = {
-    Kind.TEXT: "pick and place",
-    Kind.FLAG: True,
-    Kind.VECTOR: (0.1, 0.2, 0.3),
-    Kind.OPTIONS: {"align": False},
-    Kind.CHOICE_OR_NUMBER: 0.75,
-    Kind.LIMITS: Limits.partial(velocity=(1.0, 2.0, 3.0), linear_velocity=0.5),
-    Kind.FRAMES: {"camera": Frame(Pose((0.8, 0.0, 0.6, 0.0), (1.0, 2.0, 3.0)), Pose())},
+    FieldKind.TEXT: "pick and place",
+    FieldKind.FLAG: True,
+    FieldKind.VECTOR: (0.1, 0.2, 0.3),
+    FieldKind.OPTIONS: {"align": False},
+    FieldKind.CHOICE_OR_NUMBER: 0.75,
+    FieldKind.LIMITS: Limits.partial(velocity=(1.0, 2.0, 3.0), linear_velocity=0.5),
+    FieldKind.FRAMES: {"camera": Frame(Pose((0.8, 0.0, 0.6, 0.0), (1.0, 2.0, 3.0)), Pose())},
 }
 TURNED = (0.8, 0.0, 0.0, 0.6)
 
@@ -91,7 +91,7 @@ def test_every_field_says_what_it_is(field):
 def test_every_field_survives_the_file_the_wire_and_the_client(field):
     sample = {
         **SAMPLES,
-        Kind.CHOICE: next((one for one in field.choices if one != field.default), None),
+        FieldKind.CHOICE: next((one for one in field.choices if one != field.default), None),
     }[field.kind]
     value = {"method": "squad", "options": {}}.get(field.name, sample)
     keyframes = [Keyframe((1.0, 0.0, 0.0, 0.0)), Keyframe(TURNED)]
@@ -167,7 +167,7 @@ def test_every_field_of_a_cycle_is_in_its_message():
 @pytest.mark.parametrize(
     ("ours", "theirs", "prefix"),
     [
-        (State, pb.State, "STATE_"),
+        (ServoState, pb.State, "STATE_"),
         (Fault, pb.Fault, "FAULT_"),
         (reports.Outcome, pb.Outcome, "OUTCOME_"),
         (EventKind, pb.EventKind, "EVENT_KIND_"),

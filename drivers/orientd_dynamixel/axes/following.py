@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from orientd.driver import Quaternion
 from orientd_dynamixel.options import GimbalOptions
-from orientd_dynamixel.tracker import Tracker
+from orientd_dynamixel.tracker import AxisTracker
 
 _TURN = 2 * math.pi
 _OUTSIDE = 1e3
@@ -25,7 +25,7 @@ class Following:
         period: of the cycles, s.
     """
 
-    def __init__(self, options: GimbalOptions, tracker: Tracker, period: float) -> None:
+    def __init__(self, options: GimbalOptions, tracker: AxisTracker, period: float) -> None:
         self._options = options.axes
         self._tracker = tracker
         self._period = period

@@ -8,7 +8,7 @@ from itertools import product
 
 from orientd.driver import Quaternion
 from orientd_dynamixel.options import GimbalOptions
-from orientd_dynamixel.tracker import Tracker
+from orientd_dynamixel.tracker import AxisTracker
 
 _STEP = math.radians(30)
 """What no axis turns more than from one orientation to the next, so that none is a half turn."""
@@ -20,7 +20,9 @@ def home(options: GimbalOptions) -> tuple[float, ...]:
     return tuple(min(max(0.0, axis.low), axis.high) for axis in options.axes)
 
 
-def windings(options: GimbalOptions, tracker: Tracker, q: Quaternion) -> list[tuple[float, ...]]:
+def windings(
+    options: GimbalOptions, tracker: AxisTracker, q: Quaternion
+) -> list[tuple[float, ...]]:
     """Return the axis angles inside the limits that make *q*, of both branches, rad."""
     found = []
     for branch in tracker.branches(q):
@@ -33,7 +35,7 @@ def windings(options: GimbalOptions, tracker: Tracker, q: Quaternion) -> list[tu
     return found
 
 
-def passing(tracker: Tracker, begin: Sequence[float], end: Sequence[float]) -> list[Quaternion]:
+def passing(tracker: AxisTracker, begin: Sequence[float], end: Sequence[float]) -> list[Quaternion]:
     """Return the orientations to pass, the first one included, while all axes turn evenly."""
     farthest = max(abs(b - a) for a, b in zip(begin, end, strict=True))
     count = max(1, math.ceil(farthest / _STEP))
@@ -47,7 +49,7 @@ def way(
     options: GimbalOptions, joints: tuple[float, ...], q: Quaternion, *, is_homing: bool
 ) -> list[Quaternion]:
     """Return the orientations to pass from *joints* to *q*, or home; see :meth:`.Driver.way`."""
-    tracker = Tracker(options.order, options.mount, options.tool, is_pointing=options.pointing)
+    tracker = AxisTracker(options.order, options.mount, options.tool, is_pointing=options.pointing)
     tracker.angles = joints
     ends = [home(options)] if is_homing else windings(options, tracker, q)
 

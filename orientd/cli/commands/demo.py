@@ -192,9 +192,9 @@ def _draw(path: Path, cycles: list[Cycle], plan: Plan) -> dict[str, str | None]:
     import numpy as np
 
     from orientd.rpc import tracking_error
-    from orientd.stream import State
+    from orientd.stream import ServoState
 
-    moving = [cycle for cycle in cycles if cycle.state is State.STREAMING]
+    moving = [cycle for cycle in cycles if cycle.state is ServoState.STREAMING]
     if not moving:
         return {"path": None, "why_not": "none: no cycle of the motion was reported"}
     period = 1.0 / RATE_HZ

@@ -17,7 +17,7 @@ from orientd.cli.output import say, say_json
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
-    from orientd.recorder import Session
+    from orientd.recorder import RecordingSession
 
 NEEDED = ("mcap", "mcap_protobuf", "foxglove_schemas_protobuf")
 
@@ -60,7 +60,7 @@ def record(
 ) -> None:
     """Record every cycle, event and plan to an MCAP file.
 
-    Ctrl-C or SIGTERM ends it.  Foxglove and Lichtblick open it as it is.  What was planned, sent
+    Ctrl-C or SIGTERM ends it.  Foxglove and Lichtblick open it is.  What was planned, sent
     and measured are topics of their own.
     """
     if seconds is not None and not 0.0 < seconds < threading.TIMEOUT_MAX:
@@ -72,11 +72,11 @@ def record(
     if file.is_file():
         raise OrientdError(f"cannot write {file}: it is there already")
     need_record()
-    from orientd.recorder import Session
+    from orientd.recorder import RecordingSession
     from orientd.rpc import connect
 
     with connect(socket, holder=holder("record")) as robot:
-        session = Session(robot, file, device or (), has_scalars=scalars)
+        session = RecordingSession(robot, file, device or (), has_scalars=scalars)
         before = {
             number: signal.signal(number, lambda *_: session.end())
             for number in (signal.SIGINT, signal.SIGTERM)
@@ -97,7 +97,7 @@ def record(
     _tell(session, file, as_json=as_json)
 
 
-def _tell(session: Session, file: Path, *, as_json: bool) -> None:
+def _tell(session: RecordingSession, file: Path, *, as_json: bool) -> None:
     size = file.stat().st_size
     if as_json:
         say_json(

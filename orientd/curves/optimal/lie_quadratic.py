@@ -30,7 +30,7 @@ TANGENTS = 9
 
 
 @dataclass(frozen=True)
-class State:
+class LieQuadraticState:
     """Velocity, acceleration and its rate at instants, of shape ``(n, 3)`` each."""
 
     omega: Floats
@@ -91,7 +91,9 @@ def series(omega: Floats, alpha: Floats, jerk: Floats) -> tuple[Floats, Floats, 
     return turn, rates, accelerations, jerks
 
 
-def shoot(state: State, h: Floats) -> tuple[Floats, State, Floats, State]:
+def shoot(
+    state: LieQuadraticState, h: Floats
+) -> tuple[Floats, LieQuadraticState, Floats, LieQuadraticState]:
     """Return the state at the end of each piece and its derivatives.
 
     Args:
@@ -115,9 +117,9 @@ def shoot(state: State, h: Floats) -> tuple[Floats, State, Floats, State]:
     increments = 2.0 * multiply(conjugate(columns[:, :1]), columns[:, 1:])[..., 1:]
     return (
         turn[:, :, 0],
-        State(*(end[:, :, 0] for end in ends)),
+        LieQuadraticState(*(end[:, :, 0] for end in ends)),
         np.swapaxes(increments, 1, 2),
-        State(*(end[:, :, 1:] for end in ends)),
+        LieQuadraticState(*(end[:, :, 1:] for end in ends)),
     )
 
 

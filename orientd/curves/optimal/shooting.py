@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from orientd.curves.construct import Path, solve_blocks, squared_acceleration
 from orientd.curves.contract import Samples
-from orientd.curves.optimal.lie_quadratic import STRIDE, State, horner, series, shoot
+from orientd.curves.optimal.lie_quadratic import STRIDE, LieQuadraticState, horner, series, shoot
 from orientd.rotation import (
     Floats,
     conjugate,
@@ -65,7 +65,7 @@ class Nodes:
 
     def is_close(self) -> bool:
         """Tell whether the nodes are so close together that a series spans each piece."""
-        pace = State(*(part[:-1] for part in self.parts)).pace() * np.diff(self.times)
+        pace = LieQuadraticState(*(part[:-1] for part in self.parts)).pace() * np.diff(self.times)
         return bool(np.max(pace) <= 1.5 * STRIDE)
 
     def squared_acceleration(self) -> float:
@@ -134,7 +134,7 @@ def nodes_along(path: Path, q: Floats, knots: Floats) -> Nodes | None:
     omega, alpha = (part.reshape(len(h), count + 1, 3) for part in (omega, alpha))
     jerk = np.diff(alpha, axis=1, append=2.0 * alpha[:, -1:] - alpha[:, -2:-1])
     jerk *= (count / h)[:, None, None]
-    pace = State(*(part.reshape(-1, 3) for part in (omega, alpha, jerk))).pace()
+    pace = LieQuadraticState(*(part.reshape(-1, 3) for part in (omega, alpha, jerk))).pace()
     fastest = pace.reshape(len(h), count + 1).max(axis=1)
     pieces = np.maximum(np.ceil(h * fastest / STRIDE), 1.0)
     if not pieces.sum() < MOST_PIECES * len(q):
@@ -195,7 +195,9 @@ class _Equations:
         h = self._h[:, None]
         scale = h[..., None]
         omega, alpha, jerk = nodes.parts
-        turn, end, d_turn, d_end = shoot(State(omega[:-1], alpha[:-1], jerk[:-1]), self._h)
+        turn, end, d_turn, d_end = shoot(
+            LieQuadraticState(omega[:-1], alpha[:-1], jerk[:-1]), self._h
+        )
         reached = multiply(nodes.q[:-1], turn)
         missed = 2.0 * log_half(multiply(conjugate(nodes.q[1:]), reached))
         to_error = right_jacobian_inverse(missed)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from orientd.daemon.access.audit import AuditLog
 from orientd.daemon.access.authorization import Authorization, OwnerOf
-from orientd.daemon.access.identity import Identity, Policy
+from orientd.daemon.access.identity import Identity, RolePolicy
 from orientd.daemon.access.peer import Process
 from orientd.daemon.access.peer_credentials import PeerListener
 from orientd.daemon.access.throttle import Throttle
@@ -117,7 +117,7 @@ class Admission:
         self._door.has_lease = lambda key: key in owners()
 
     def tables(self) -> dict[str, list[int]]:
-        """Return who may come in by the Unix socket; see :meth:`Policy.tables`."""
+        """Return who may come in by the Unix socket; see :meth:`RolePolicy.tables`."""
         return self._policy.tables()
 
     def who(self, process: Process) -> str:
@@ -131,7 +131,7 @@ class Admission:
         self._audit.record(event="stopped", identity=identity, origin=origin, **what)
 
     def named(self, name: str) -> Identity:
-        """Return who is called *name*; see :meth:`Policy.named`."""
+        """Return who is called *name*; see :meth:`RolePolicy.named`."""
         return self._policy.named(name)
 
     async def close(self) -> None:
@@ -150,8 +150,8 @@ def _revocations(tcp: TcpSettings | None) -> bytes:
 
 def _checked(
     access: AccessSettings, tcp: TcpSettings | None
-) -> tuple[Policy, ssl.SSLContext | None]:
-    policy = Policy(access, () if tcp is None else tcp.revoked)
+) -> tuple[RolePolicy, ssl.SSLContext | None]:
+    policy = RolePolicy(access, () if tcp is None else tcp.revoked)
     if tcp is None:
         return policy, None
     from orientd.daemon.access.tls import server_context

@@ -24,7 +24,7 @@ from orientd.daemon.access.audit import AuditLog
 from orientd.daemon.access.gate import Interceptor
 from orientd.daemon.access.identity import CALLER
 from orientd.daemon.access.legible import Illegible, legible
-from orientd.daemon.access.peer_credentials import Connection, PeerListener
+from orientd.daemon.access.peer_credentials import PeerConnection, PeerListener
 from orientd.daemon.access.rules import Rule, rule
 from orientd.daemon.access.throttle import Throttle
 from orientd.daemon.observe import about
@@ -157,8 +157,8 @@ class Authorization(Interceptor):
         return bool(token and key) and self._owner_of(token) == key
 
     def _admit(
-        self, call: _Call, found: Rule, connection: Connection | None, *, has_lease: bool
-    ) -> Connection:
+        self, call: _Call, found: Rule, connection: PeerConnection | None, *, has_lease: bool
+    ) -> PeerConnection:
         """Return who calls, if they may.
 
         Raises:
@@ -234,7 +234,7 @@ class _Call:
     """One call under way."""
 
     def __init__(
-        self, number: int, method: str, found: Rule, connection: Connection | None
+        self, number: int, method: str, found: Rule, connection: PeerConnection | None
     ) -> None:
         self.number = number
         self.began = time.monotonic()

@@ -35,7 +35,7 @@ class Identity:
 
 
 @dataclass(frozen=True)
-class Certificate:
+class ClientCertificate:
     """What a certificate says that was signed by who we trust.
 
     Attributes:
@@ -49,7 +49,7 @@ class Certificate:
     expires: float
 
 
-Credentials = Process | Certificate
+Credentials = Process | ClientCertificate
 
 CALLER: ContextVar[Identity | None] = ContextVar("CALLER", default=None)
 """Whose call is being handled."""
@@ -64,7 +64,7 @@ def present_caller() -> Identity:
     return CALLER.get() or NOBODY
 
 
-class Policy:
+class RolePolicy:
     """The tables of roles, with every name looked up."""
 
     def __init__(self, settings: AccessSettings, revoked: Sequence[str] = ()) -> None:

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from orientd.daemon.access.identity import Certificate, Credentials, Identity, Policy
+from orientd.daemon.access.identity import ClientCertificate, Credentials, Identity, RolePolicy
 from orientd.daemon.access.peer import peer_process
 from orientd.daemon.access.tls import peer_certificate
 from orientd.errors import DaemonError
@@ -53,7 +53,7 @@ _Meet = Callable[[asyncio.StreamReader, asyncio.StreamWriter], None]
 
 
 @dataclass(eq=False)
-class Connection:
+class PeerConnection:
     """Somebody who came in.
 
     Attributes:
@@ -78,7 +78,7 @@ class PeerListener:
     """
 
     def __init__(
-        self, policy: Policy, inner: str, *, most_connections: int, refused: Refused
+        self, policy: RolePolicy, inner: str, *, most_connections: int, refused: Refused
     ) -> None:
         """Admit nobody yet.
 
@@ -93,7 +93,7 @@ class PeerListener:
         self._most = most_connections
         self._refused = refused
         self.has_lease: Callable[[str], bool] = lambda _: False
-        self._connections: dict[str, Connection] = {}
+        self._connections: dict[str, PeerConnection] = {}
         self._counts: Counter[str] = Counter()
         self._listeners: list[asyncio.Server] = []
         self._visits: set[asyncio.Task[None]] = set()
@@ -138,7 +138,7 @@ class PeerListener:
         self._listeners.append(server)
         return int(server.sockets[0].getsockname()[1])
 
-    def change(self, policy: Policy, context: ssl.SSLContext | None) -> None:
+    def change(self, policy: RolePolicy, context: ssl.SSLContext | None) -> None:
         """Go by another policy from now on, and hang up on whom it does not admit."""
         self._policy = policy
         self._let_reach()
@@ -155,7 +155,7 @@ class PeerListener:
     def have_certificates_shown_again(self) -> None:
         """Hang up on everybody who came in with a certificate."""
         for connection in list(self._connections.values()):
-            if isinstance(connection.credentials, Certificate):
+            if isinstance(connection.credentials, ClientCertificate):
                 connection.hang_up()
 
     async def close(self) -> None:
@@ -168,7 +168,7 @@ class PeerListener:
             visit.cancel()
         await asyncio.gather(*self._visits, return_exceptions=True)
 
-    def who(self, peer: str) -> Connection | None:
+    def who(self, peer: str) -> PeerConnection | None:
         """Return whose connection the server calls *peer*; ``None`` if it did not come in here."""
         connection = self._connections.get(peer.removeprefix("unix-abstract:"))
         # A certificate may have expired since.
@@ -258,7 +258,7 @@ class PeerListener:
             self._refused(origin, problem)
             writer.transport.abort()
             return
-        connection = Connection(credentials, origin, identity, writer.transport.abort)
+        connection = PeerConnection(credentials, origin, identity, writer.transport.abort)
         self._counts.update(counted)
         try:
             await self._carry(connection, reader, writer)
@@ -280,7 +280,7 @@ class PeerListener:
         return ""
 
     async def _carry(
-        self, connection: Connection, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+        self, connection: PeerConnection, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
     ) -> None:
         """Carry bytes both ways until either end has had enough."""
         name = f"orientd-{secrets.token_hex(16)}"

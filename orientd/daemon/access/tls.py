@@ -6,7 +6,7 @@ import ssl
 from collections.abc import Iterator
 from typing import Any
 
-from orientd.daemon.access.identity import Certificate
+from orientd.daemon.access.identity import ClientCertificate
 from orientd.errors import ConfigError
 from orientd.operation_settings import TcpSettings
 
@@ -74,7 +74,7 @@ def server_context(settings: TcpSettings) -> ssl.SSLContext:
     return context
 
 
-def peer_certificate(transport: ssl.SSLObject) -> Certificate:
+def peer_certificate(transport: ssl.SSLObject) -> ClientCertificate:
     """Return the certificate at the other end, which has been verified.
 
     Raises:
@@ -87,7 +87,7 @@ def peer_certificate(transport: ssl.SSLObject) -> Certificate:
     names = [value for key, value in fields if key == "commonName"]
     if len(names) != 1:
         raise ValueError(f"expected one common name, got {len(names)}")
-    return Certificate(
+    return ClientCertificate(
         name=str(names[0]),
         serial=str(found["serialNumber"]).upper().lstrip("0"),
         expires=ssl.cert_time_to_seconds(str(found["notAfter"])),

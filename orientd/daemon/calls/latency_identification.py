@@ -14,7 +14,7 @@ from orientd.daemon.planners import PlanCall, Planners
 from orientd.errors import DaemonError, OrientdError
 from orientd.planner import Keyframe, MotionRequest
 from orientd.rpc import from_request
-from orientd.stream import Cycle, CycleFlag, State
+from orientd.stream import Cycle, CycleFlag, ServoState
 
 ANGLE = 0.2
 """How far the tool turns about its own z axis and back, rad."""
@@ -59,7 +59,7 @@ async def _measure(settings: DeviceSettings) -> list[Cycle]:
     try:
         if not device.wait_ready(_READY):
             raise DaemonError(device.failure or f"not ready within {_READY:g} s")
-        if device.snapshot().state is State.IDLE:
+        if device.snapshot().state is ServoState.IDLE:
             device.enable()
         _await_holding(device, _READY)
         return await _move(device)
@@ -87,8 +87,8 @@ async def _move(device: Device) -> list[Cycle]:
 
 def _await_holding(device: Device, seconds: float) -> None:
     ends = time.monotonic() + seconds
-    while (now := device.snapshot()).state is not State.HOLDING:
-        if now.state is State.FAULT:
+    while (now := device.snapshot()).state is not ServoState.HOLDING:
+        if now.state is ServoState.FAULT:
             raise OrientdError(f"device {device.name} is in a fault: {now.fault_text}")
         if time.monotonic() > ends:
             raise DaemonError(f"device {device.name} does not come to hold within {seconds:g} s")

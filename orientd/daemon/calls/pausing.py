@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from orientd.daemon.device import Device
 from orientd.errors import StateError
-from orientd.stream import State
+from orientd.stream import ServoState
 
 
 def pause(device: Device) -> None:
@@ -29,5 +29,5 @@ def resume(device: Device) -> None:
 
 def _check_moving(device: Device, what: str) -> None:
     state = device.snapshot().state
-    if state is not State.STREAMING:
+    if state is not ServoState.STREAMING:
         raise StateError(f"device {device.name} is {state.name.lower()}: no motion to {what}")

@@ -9,7 +9,7 @@ from orientd.daemon.device import Device
 from orientd.daemon.motions import ActiveMotion
 from orientd.planner import Frame, Quaternion, Vector3
 from orientd.rpc import DeviceReport, Progress
-from orientd.stream import Cycle, State, record_index
+from orientd.stream import Cycle, ServoState, record_index
 
 NANOSECONDS = 1e9
 _MOST_CYCLES = 4096
@@ -41,7 +41,7 @@ def device_report(device: Device) -> DeviceReport:
         lead=device.lead,
         phase=device.phase,
         motion_name=now.motion.facts.name if now.motion else "",
-        is_free=device.is_free and now.state is State.IDLE,
+        is_free=device.is_free and now.state is ServoState.IDLE,
     )
 
 

@@ -18,7 +18,7 @@ from orientd.daemon.calls.report import CycleReader
 from orientd.daemon.devices import DeviceEvent, EventKind
 from orientd.errors import ConfigError
 from orientd.operation_settings import MetricsSettings
-from orientd.stream import Cycle, State
+from orientd.stream import Cycle, ServoState
 
 if TYPE_CHECKING:
     from orientd.daemon.device import Device
@@ -143,7 +143,7 @@ class Telemetry:
             self._faults.labels(event.device, kind).inc()
         outcome = _OUTCOMES.get(event.kind)
         if outcome is not None:
-            if outcome == "stopped" and device.snapshot().state is State.FAULT:
+            if outcome == "stopped" and device.snapshot().state is ServoState.FAULT:
                 outcome = "fault"
             self._motions.labels(event.device, outcome).inc()
 
@@ -173,7 +173,7 @@ class Telemetry:
             if followed.recent:
                 self._success.labels(name).set(sum(followed.recent) / len(followed.recent))
             now = followed.device.snapshot()
-            for state in State:
+            for state in ServoState:
                 self._state.labels(name, state.name.lower()).set(state is now.state)
             if now.cycle is not None and now.cycle.feedback_time_ns:
                 age_ns = now.cycle.deadline_ns - now.cycle.feedback_time_ns

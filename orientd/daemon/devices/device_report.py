@@ -7,7 +7,7 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 from orientd.errors import Fault
-from orientd.stream import Cycle, State
+from orientd.stream import Cycle, ServoState
 
 if TYPE_CHECKING:
     from orientd.daemon.planners import PlannedMotion
@@ -80,7 +80,7 @@ class DeviceSnapshot:
     """
 
     cycle: Cycle | None
-    state: State
+    state: ServoState
     fault: Fault
     fault_text: str
     is_paused: bool

@@ -20,7 +20,7 @@ from orientd.daemon.devices.servo_link import (
 from orientd.driver import driver_target
 from orientd.errors import GOING_DOWN, DaemonError, Fault, PendingError, StateError
 from orientd.servo import ProcessSettings
-from orientd.stream import Command, Cycle, NoteKind, State
+from orientd.stream import Command, Cycle, NoteKind, ServoState
 
 _LONGEST_END = 30.0
 """How long a servo may take to stop on its path and to park its device, s."""
@@ -265,7 +265,7 @@ class ServoSupervisor:
             # What is left of a reset that took its time.
             link.ask(Command.ENABLE, patience=max(ends - time.monotonic(), 0.05))
             return
-        if not (self.failure and cycle is not None and cycle.state is State.HOLDING):
+        if not (self.failure and cycle is not None and cycle.state is ServoState.HOLDING):
             # Else the failure was the daemon's own.
             link.ask(Command.RESET, patience=max(ends - time.monotonic(), 0.05))
         self.fault, self.fault_text, self.failure = Fault.NONE, "", ""

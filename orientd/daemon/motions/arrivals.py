@@ -7,7 +7,7 @@ from collections.abc import Callable
 from orientd.daemon.devices import EventKind, ServoLink
 from orientd.daemon.motions.options import ArrivalCondition
 from orientd.daemon.motions.settling import Settling
-from orientd.stream import Cycle, State, unpack_cycle
+from orientd.stream import Cycle, ServoState, unpack_cycle
 
 _BLOCK = 256
 _KEPT = 16
@@ -53,7 +53,7 @@ class Arrivals:
             if settling.look(cycle):
                 self._conclude(settling)
                 return
-            if cycle.state is State.FAULT:
+            if cycle.state is ServoState.FAULT:
                 self.end(fault_text)
                 return
 

@@ -7,7 +7,7 @@ import time
 
 from orientd.daemon.devices import ServoLink
 from orientd.errors import StateError
-from orientd.stream import Command, State
+from orientd.stream import Command, ServoState
 
 LONGEST_STOP = 30.0
 """How long a stop on the path may take, s."""
@@ -24,7 +24,7 @@ async def stop_on_path(link: ServoLink, period: float) -> None:
         StateError: it does not come to rest.
     """
     cycle = link.newest()
-    if cycle is not None and cycle.state is State.STREAMING:
+    if cycle is not None and cycle.state is ServoState.STREAMING:
         await asyncio.to_thread(link.ask, Command.STOP)
     await await_rest(link, period)
 
@@ -34,7 +34,7 @@ async def await_rest(link: ServoLink, period: float) -> None:
     end = time.monotonic() + LONGEST_STOP
     while time.monotonic() < end:
         cycle = link.newest()
-        if cycle is None or cycle.state not in (State.STREAMING, State.STOPPING):
+        if cycle is None or cycle.state not in (ServoState.STREAMING, ServoState.STOPPING):
             return
         await asyncio.sleep(period)
     raise StateError("the device does not come to rest")

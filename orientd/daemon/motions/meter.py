@@ -16,7 +16,7 @@ from orientd.daemon.motions.latency_compensation import LedSetpoints
 from orientd.planner import RecordedMotion, Vector3
 from orientd.recorder import Table, from_records
 from orientd.rotation import Floats
-from orientd.stream import CycleFlag, State
+from orientd.stream import CycleFlag, ServoState
 
 _BIN = np.log(1.01)
 _BINS = 2200
@@ -146,11 +146,13 @@ class MotionMeter:
     def add(self, records: list[bytes]) -> None:
         """Measure further cycles, in order; those that are not of the motion are left out."""
         cycles = from_records(records)
-        moving = (cycles["state"] == State.STREAMING) | (cycles["state"] == State.STOPPING)
+        moving = (cycles["state"] == ServoState.STREAMING) | (
+            cycles["state"] == ServoState.STOPPING
+        )
         # The first cycle at rest belongs to the motion too: it is the last setpoint of it.
         moving[1:] |= moving[:-1]
         if self._before is not None:
-            moving[0] |= self._before["state"] in (State.STREAMING, State.STOPPING)
+            moving[0] |= self._before["state"] in (ServoState.STREAMING, ServoState.STOPPING)
         previous, self._before = self._before, cycles[-1]
         chosen = moving & (cycles["motion"] == self.number)
         if not chosen.any():

@@ -18,7 +18,7 @@ from orientd.daemon.planners import PlannedMotion
 from orientd.errors import LateError, NotYetError, StateError
 from orientd.planner import MotionFacts
 from orientd.servo import TAIL_WORD
-from orientd.stream import UNKNOWN, Command, Cycle, State, record_index
+from orientd.stream import UNKNOWN, Command, Cycle, ServoState, record_index
 
 MEASURED = 16
 """Motions that have ended whose measurements are kept."""
@@ -275,7 +275,7 @@ class MotionQueue:
             self.measure()
         passed, self._queued_motions = self._queued_motions[:place], self._queued_motions[place:]
         self._let_go(passed)
-        if self.first.withdrawn and cycle.state is State.STREAMING:
+        if self.first.withdrawn and cycle.state is ServoState.STREAMING:
             self._link.stop()
         return passed
 

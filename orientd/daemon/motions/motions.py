@@ -27,7 +27,7 @@ from orientd.daemon.planners import Continuation, PlanCall, PlanInput, PlannedMo
 from orientd.errors import LateError, NotYetError, StateError
 from orientd.planner import HISTORY, Joints, RecordedMotion
 from orientd.planner import State as PlannedState
-from orientd.stream import UNKNOWN, Command, Cycle, State
+from orientd.stream import UNKNOWN, Command, Cycle, ServoState
 
 Tell = Callable[[EventKind, int, str], None]
 
@@ -83,7 +83,7 @@ class Motions:
             PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
         """
         cycle = self._link.newest()
-        is_moving = cycle is not None and cycle.state in (State.STREAMING, State.STOPPING)
+        is_moving = cycle is not None and cycle.state in (ServoState.STREAMING, ServoState.STOPPING)
         # A motion stopped a moment ago may not have been taken out yet.
         last = self._queue.last if is_moving and self._queue.is_active else None
         if last is None:
@@ -160,7 +160,7 @@ class Motions:
             StateError: it does not hold.
         """
         cycle = self._link.newest()
-        if cycle is None or cycle.state is not State.HOLDING:
+        if cycle is None or cycle.state is not ServoState.HOLDING:
             raise StateError("the device does not hold")
         return PlannedState.at_rest(cycle.q, cycle.position)
 
@@ -169,11 +169,11 @@ class Motions:
     ) -> SplicePoint | None:
         """Return where what runs is to be left at the earliest; ``None`` where nothing runs."""
         motion_queue, cycle = self._queue, self._link.newest()
-        if cycle is None or cycle.state not in (State.STREAMING, State.STOPPING):
+        if cycle is None or cycle.state not in (ServoState.STREAMING, ServoState.STOPPING):
             return None
         if move_options.start_ns != UNKNOWN:
             raise StateError("the device is moving: a start time needs one at rest")
-        if cycle.state is State.STOPPING:
+        if cycle.state is ServoState.STOPPING:
             await await_rest(self._link, self._period)
             return None
         if not motion_queue.is_active:
@@ -251,10 +251,10 @@ class Motions:
                 self._tell(EventKind.MOTION_STOPPED, queued.number, str(error))
         cycle = self._link.newest()
         motion_queue.measure_some()
-        if cycle is None or (cycle.state is State.FAULT and not fault_text):
+        if cycle is None or (cycle.state is ServoState.FAULT and not fault_text):
             return  # the reason for a fault of this very moment comes before the next look
         self._corners.look(motion_queue.passed(cycle), motion_queue.first, cycle)
-        is_moving = cycle.state in (State.STREAMING, State.STOPPING)
+        is_moving = cycle.state in (ServoState.STREAMING, ServoState.STOPPING)
         if cycle.motion == motion_queue.first.number and not is_moving:
             self._conclude(cycle, fault_text, speed)
 
@@ -262,7 +262,7 @@ class Motions:
         """Note how the motion ended that has come to rest, and those that were to follow it."""
         self.is_paused = False
         ended, *following = self._queue.clear()
-        is_fault = cycle.state is State.FAULT
+        is_fault = cycle.state is ServoState.FAULT
         is_at_end = ended.feeder is not None and cycle.path_index == ended.feeder.final_index
         self._corners.end(fault_text if is_fault else "")
         if is_fault or not is_at_end:

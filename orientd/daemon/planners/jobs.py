@@ -157,7 +157,7 @@ class Question:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Planned:
+class PlannedRecords:
     """Of a motion whose records have been written to the file that came with the question.
 
     Attributes:
@@ -178,7 +178,7 @@ class Planned:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rest:
+class RemainingRecords:
     """What follows when nobody waits for it any more.
 
     Attributes:
@@ -191,7 +191,7 @@ class Rest:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Answer:
+class PlannerAnswer:
     """What a planner says.
 
     Attributes:
@@ -200,7 +200,7 @@ class Answer:
         resident: bytes of memory that the process uses now.
     """
 
-    content: bytes | Planned | Rest | None = None
+    content: bytes | PlannedRecords | RemainingRecords | None = None
     error: Failure | None = None
     resident: int = 0
 

@@ -14,7 +14,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field
 from enum import IntEnum
 
-from orientd.daemon.planners.jobs import Answer, Question, Records, Rest
+from orientd.daemon.planners.jobs import PlannerAnswer, Question, Records, RemainingRecords
 from orientd.daemon.planners.process import PlannerProcess
 from orientd.daemon.planners.record_file import RecordFile
 from orientd.errors import TooMuchError
@@ -77,9 +77,9 @@ class Waiting:
     rank: Rank
     caller: str
     size: int
-    answer: asyncio.Future[Answer]
+    answer: asyncio.Future[PlannerAnswer]
     file: RecordFile | None
-    rest: Future[Rest] = field(default_factory=Future)
+    rest: Future[RemainingRecords] = field(default_factory=Future)
     process: PlannerProcess | None = None
 
 

@@ -12,7 +12,7 @@ from typing import Self
 
 import numpy as np
 
-from orientd.daemon.planners.jobs import CHUNK, PlanInput, Planned, Rest
+from orientd.daemon.planners.jobs import CHUNK, PlanInput, PlannedRecords, RemainingRecords
 from orientd.daemon.planners.record_file import Chunk
 from orientd.errors import OrientdError
 from orientd.planner import RecordedMotion
@@ -46,7 +46,13 @@ class PlannedMotion(RecordedMotion):
     """
 
     def __init__(
-        self, planned: Planned, job: PlanInput, chunk: Chunk, *, fetch: Fetch, rest: Future[Rest]
+        self,
+        planned: PlannedRecords,
+        job: PlanInput,
+        chunk: Chunk,
+        *,
+        fetch: Fetch,
+        rest: Future[RemainingRecords],
     ) -> None:
         """Take what a planner has answered.
 

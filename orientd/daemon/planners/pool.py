@@ -17,12 +17,12 @@ from dataclasses import dataclass
 from orientd.daemon.planners.jobs import (
     Methods,
     PlanInput,
-    Planned,
+    PlannedRecords,
     PlannerDevice,
     Question,
     Records,
+    RemainingRecords,
     Report,
-    Rest,
     SetUp,
 )
 from orientd.daemon.planners.lanes import Lanes, PlanCall, Rank, Waiting
@@ -53,14 +53,14 @@ class _Answered:
     """What a question was answered with, and what is to follow."""
 
     question: Question
-    content: bytes | Planned | Rest | None
+    content: bytes | PlannedRecords | RemainingRecords | None
     file: RecordFile | None
-    rest: Future[Rest]
+    rest: Future[RemainingRecords]
 
 
-def _chunk(answered: _Answered) -> tuple[Planned, Chunk]:
+def _chunk(answered: _Answered) -> tuple[PlannedRecords, Chunk]:
     what, planned, file = answered.question.what, answered.content, answered.file
-    if not isinstance(what, Records) or not isinstance(planned, Planned) or file is None:
+    if not isinstance(what, Records) or not isinstance(planned, PlannedRecords) or file is None:
         raise DaemonError("the planner said something else")
     count, columns = planned.shape
     return planned, Chunk(what.first, count, columns, file)
@@ -225,7 +225,7 @@ class Planners:
             if answer.error is None and isinstance(what, Records) and what.is_first:
                 async with asyncio.timeout(_MORE):
                     answer = await process.hear_more()
-                if isinstance(answer.content, Rest):
+                if isinstance(answer.content, RemainingRecords):
                     waiting.rest.set_result(answer.content)
         except (DaemonError, TimeoutError) as error:
             waiting.process = None

@@ -17,7 +17,7 @@ from orientd.daemon.planners.jobs import (
     HEADER,
     PID,
     STAGE_BYTES,
-    Answer,
+    PlannerAnswer,
     Question,
     SetUp,
     frame,
@@ -126,7 +126,7 @@ class PlannerProcess:
         self._socket = ours
         self._reader, self._writer = await asyncio.open_connection(sock=ours)
 
-    async def ask(self, question: Question, file: RecordFile | None = None) -> Answer:
+    async def ask(self, question: Question, file: RecordFile | None = None) -> PlannerAnswer:
         """Return the answer to a question, once its records are in *file*.
 
         Raises:
@@ -143,7 +143,7 @@ class PlannerProcess:
         self._writer.write(asked)
         return await self._hear()
 
-    async def hear_more(self) -> Answer:
+    async def hear_more(self) -> PlannerAnswer:
         """Return the second answer to a question that has two.
 
         Raises:
@@ -183,9 +183,9 @@ class PlannerProcess:
                 os.close(descriptor)
         self._handle = self._memory = -1
 
-    async def _hear(self) -> Answer:
+    async def _hear(self) -> PlannerAnswer:
         try:
-            answer: Answer = await _frame_from(self._reader)
+            answer: PlannerAnswer = await _frame_from(self._reader)
         except (asyncio.IncompleteReadError, ConnectionError) as error:
             what = f" while {self.stage}" if self.stage else ""
             raise DaemonError(f"the planner process {self.pid} ended{what}") from error

@@ -11,9 +11,16 @@ import numpy as np
 from orientd.curves import METHODS
 from orientd.errors import RequestError
 from orientd.planner import Frame, Motion
-from orientd.planner import Samples as Sampled
+from orientd.planner import PathSamples as Sampled
 from orientd.rotation import Floats
-from orientd.rpc import Method, Plan, Samples, from_request, method_to_message, plan_to_message
+from orientd.rpc import (
+    MethodDescription,
+    Plan,
+    Samples,
+    from_request,
+    method_to_message,
+    plan_to_message,
+)
 from orientd.rpc import control_pb2 as pb
 
 MOST_SAMPLES = 300_000
@@ -59,10 +66,10 @@ def samples_of(motion: Motion, rate_hz: float, frame: Frame | None = None) -> Sa
     )
 
 
-def known_methods() -> list[Method]:
+def known_methods() -> list[MethodDescription]:
     """Return the families of curves that motions can be made of."""
     return [
-        Method(
+        MethodDescription(
             name=name,
             summary=family.summary,
             source=family.source,

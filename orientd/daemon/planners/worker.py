@@ -26,15 +26,15 @@ from orientd.daemon.planners.jobs import (
     HEADER,
     PID,
     STAGE_BYTES,
-    Answer,
     Failure,
     Methods,
     PlanInput,
-    Planned,
+    PlannedRecords,
+    PlannerAnswer,
     PlannerDevice,
     Question,
     Records,
-    Rest,
+    RemainingRecords,
     SetUp,
     frame,
     unframed,
@@ -83,7 +83,7 @@ class Work:
             except (OrientdError, ValueError):
                 continue  # not every device can do that; what it loads is loaded
 
-    def do(self, question: Question, file: int = -1) -> bytes | Planned:
+    def do(self, question: Question, file: int = -1) -> bytes | PlannedRecords:
         """Return what was asked for, once records have been written to *file* where these were.
 
         Raises:
@@ -101,7 +101,7 @@ class Work:
         most = min(what.count, FIRST) if what.is_first else what.count
         rows = motion.rows(what.first, min(most, motion.record_count - what.first))
         write(file, 0, rows)
-        return Planned(
+        return PlannedRecords(
             facts=motion.facts,
             leave=leave,
             plan=reporting.plan(motion).SerializeToString() if what.is_first else b"",
@@ -112,7 +112,7 @@ class Work:
             frame=frame,
         )
 
-    def rest(self, question: Question, file: int = -1) -> Rest | None:
+    def rest(self, question: Question, file: int = -1) -> RemainingRecords | None:
         """Return what follows the answer to *question*, if anything does."""
         what, job = question.what, question.job
         if not isinstance(what, Records) or not what.is_first or job is None:
@@ -121,7 +121,7 @@ class Work:
         count = min(what.count, motion.record_count)
         for first in range(FIRST, count, _BLOCK):
             write(file, first, motion.rows(first, min(_BLOCK, count - first)))
-        return Rest(count, reporting.event(motion))
+        return RemainingRecords(count, reporting.event(motion))
 
     def _motion(self, job: PlanInput, most_keyframes: int) -> tuple[Motion, int, Frame | None]:
         """Return the motion of a job, where it leaves the one before, and in which frame it is."""
@@ -196,7 +196,7 @@ def main(channel: int) -> None:
         # What there is now is shared with every planner, as long as nobody touches it.
         gc.collect()
         gc.freeze()
-        peer.sendall(frame(Answer(resident=resident())))
+        peer.sendall(frame(PlannerAnswer(resident=resident())))
         while True:
             asked, descriptors, _, _ = socket.recv_fds(peer, 1, 2)
             if not asked:
@@ -234,7 +234,7 @@ def _serve(peer: socket.socket, work: Work) -> None:
 
     signal.signal(signal.SIGUSR1, give_up)
     while (question := _question(peer, files)) is not None:
-        content: bytes | Planned | None = None
+        content: bytes | PlannedRecords | None = None
         failure: Failure | None = None
         try:
             is_busy = True
@@ -250,10 +250,10 @@ def _serve(peer: socket.socket, work: Work) -> None:
             failure = Failure.of(PlanError(f"planning failed: {type(error).__name__}: {error}"))
         finally:
             is_busy = False
-        peer.sendall(frame(Answer(content, failure, resident())))
+        peer.sendall(frame(PlannerAnswer(content, failure, resident())))
         # Whoever waits for the motion does not wait for the rest of it.
         if failure is None and (rest := work.rest(question, *files)) is not None:
-            peer.sendall(frame(Answer(rest, None, resident())))
+            peer.sendall(frame(PlannerAnswer(rest, None, resident())))
         while files:
             os.close(files.pop())
 

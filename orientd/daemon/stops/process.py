@@ -27,7 +27,7 @@ from orientd.stream import (
     STOPS_WORD,
     TAKEN_AT_WORD,
     TAKEN_WORD,
-    State,
+    ServoState,
 )
 
 LINK_BYTES = 64 * 1024
@@ -222,7 +222,7 @@ def _met(name: str, servo: _Servo | None, number: int) -> dict[str, Any]:
     if servo is None or servo.pulse[TAKEN_WORD] < number:
         return {"name": name, "state": None}
     word = servo.pulse[TAKEN_AT_WORD]
-    return {"name": name, "state": State(word >> 32).name, "motion": word & 0xFFFFFFFF}
+    return {"name": name, "state": ServoState(word >> 32).name, "motion": word & 0xFFFFFFFF}
 
 
 def main(listener: int, link: int) -> None:

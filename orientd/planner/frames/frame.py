@@ -24,7 +24,7 @@ from orientd.errors import RequestError
 from orientd.rotation import Floats, check_unit, conjugate, multiply, rotate
 
 if TYPE_CHECKING:
-    from orientd.planner.path import Samples
+    from orientd.planner.path import PathSamples
 
 MOST_FRAMES = 100
 """In one request."""
@@ -95,7 +95,7 @@ class Frame:
         """Return vectors in coordinates of the flange in those of the tool, shape ``(..., 3)``."""
         return rotate(conjugate(self.tool.q), body)
 
-    def seen(self, samples: Samples) -> Samples:
+    def seen(self, samples: PathSamples) -> PathSamples:
         """Return how the tool moves, seen from the base, where the flange moves so in the world."""
         q, position = self.pose(samples.q, samples.position)
         # What turns about the flange moves the tool on its lever.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from orientd.lazy import lazily
 
 if TYPE_CHECKING:
-    from orientd.planner.path.path import Path, PathSegment, Samples
+    from orientd.planner.path.path import Path, PathSamples, PathSegment
     from orientd.planner.path.path_curve import PathCurve
     from orientd.planner.path.plain_path import plain_curve
     from orientd.planner.path.position import (

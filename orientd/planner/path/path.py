@@ -28,7 +28,7 @@ _ROUNDING = 1e-13
 """Share of a curve's duration that a segment of all of it may miss."""
 
 
-class Samples(NamedTuple):
+class PathSamples(NamedTuple):
     """A path at some instants, one row each.
 
     Attributes:
@@ -206,7 +206,7 @@ class Path:
         """Return nothing, likewise."""
         return ()
 
-    def sample(self, times: Floats) -> Samples:
+    def sample(self, times: Floats) -> PathSamples:
         """Return the path at *times*, in any order; beyond its ends it is held.
 
         Raises:
@@ -218,10 +218,10 @@ class Path:
         if not is_sorted:
             order = np.argsort(times, kind="stable")
             back = np.argsort(order)
-            return Samples(*(part[back] for part in self.sample_in_order(times[order])))
+            return PathSamples(*(part[back] for part in self.sample_in_order(times[order])))
         return self.sample_in_order(times)
 
-    def sample_in_order(self, times: Floats) -> Samples:
+    def sample_in_order(self, times: Floats) -> PathSamples:
         """Return the path at increasing *times*; beyond its ends it is held."""
         position, velocity = self.positions.sample(times)
         if not self.positions.is_held:
@@ -229,7 +229,7 @@ class Path:
             velocity[:first] = velocity[last:] = 0.0
             position[last:] = self.positions.last
         rows = self._rows(times, 10)
-        return Samples(rows[:4].T, rows[4:7].T, rows[7:].T, position, velocity)
+        return PathSamples(rows[:4].T, rows[4:7].T, rows[7:].T, position, velocity)
 
     def push(self, times: Floats) -> Floats:
         """Return the accelerations of the position at *times*, m/s^2, shape ``(n, 3)``."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orientd.planner.path.path import Samples
+from orientd.planner.path.path import PathSamples
 from orientd.planner.path.table_path import between
 from orientd.planner.recorded import HISTORY, STATE_FLOATS
 from orientd.planner.request import State
@@ -50,13 +50,13 @@ class RowPath:
         """Return the largest angle between *keys* and the path at *times*, rad."""
         return float(np.max(angle(self.sample(times).q, keys)))
 
-    def sample(self, times: Floats) -> Samples:
+    def sample(self, times: Floats) -> PathSamples:
         """Return the path at *times*, in any order; beyond its ends it is held.
 
         Raises:
             ValueError: an instant is not a number.
         """
-        return Samples(*np.split(self._states(times), [4, 7, 10, 13, 16], axis=1)[:5])
+        return PathSamples(*np.split(self._states(times), [4, 7, 10, 13, 16], axis=1)[:5])
 
     sample_in_order = sample
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orientd.planner.path.path import Path, Samples
+from orientd.planner.path.path import Path, PathSamples
 from orientd.planner.path.position import PositionPath
 from orientd.planner.recorded import HISTORY
 from orientd.planner.request import State
@@ -137,7 +137,7 @@ class TablePath:
         """Return the largest angle between *keys* and the path at *times*, rad."""
         return float(np.max(angle(self.orientations(times), keys)))
 
-    def sample(self, times: Floats) -> Samples:
+    def sample(self, times: Floats) -> PathSamples:
         """Return the path at *times*, in any order; beyond its ends it is held."""
         where = np.clip(times / self.period, 0.0, len(self.q) - 1.0)
         nearest = np.rint(where)
@@ -155,7 +155,7 @@ class TablePath:
                 self.period, here, there, u[inner][:, None]
             )
         position, velocity = self._position(where)
-        return Samples(q, omega, alpha, position, velocity)
+        return PathSamples(q, omega, alpha, position, velocity)
 
     sample_in_order = sample
 

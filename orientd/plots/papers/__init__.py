@@ -8,6 +8,6 @@ from orientd.lazy import lazily
 
 if TYPE_CHECKING:
     from orientd.plots.papers.scenes import plate
-    from orientd.plots.papers.sweep import Poses, draw_bodies
+    from orientd.plots.papers.sweep import SweptPoses, draw_bodies
 
 __getattr__ = lazily(__name__)

@@ -15,14 +15,14 @@ from orientd.plots.paper import SERIES, check_format, new_figure, save
 from orientd.plots.papers import scenes
 from orientd.plots.papers.sweep import Face, draw_bodies, draw_sweep, prism
 from orientd.plots.triads import TriadStyle, draw_tip_paths, draw_triads
-from orientd.plots.view import View
+from orientd.plots.view import Viewpoint
 from orientd.rotation import Floats, exp, multiply
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-NIELSON = TriadStyle(view=View(22.0, -50.0), number=9.0)
-MOTION_VIEW = View(24.0, -48.0)
+NIELSON = TriadStyle(view=Viewpoint(22.0, -50.0), number=9.0)
+MOTION_VIEW = Viewpoint(24.0, -48.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +101,9 @@ def _hermite_curves(axes: Axes) -> None:
         q = curve.evaluate(np.linspace(0.0, 1.0, 1500))[0]
         shown = ", ".join(f"{part:g}" for part in omega1)
         paths.append((q, replace(look, name=rf"$\omega_b$ = ({shown}) rad/s")))
-    draw_tip_paths(axes, paths, np.array([1.0, 0.0, 0.0]), style=TriadStyle(view=View(12.0, 60.0)))
+    draw_tip_paths(
+        axes, paths, np.array([1.0, 0.0, 0.0]), style=TriadStyle(view=Viewpoint(12.0, 60.0))
+    )
     figure = axes.get_figure()
     if figure is not None:
         figure.legend(
@@ -122,18 +124,20 @@ def _bspline_curve(axes: Axes) -> None:
     for control in (controls, moved):
         curve = METHODS["kks_bspline"](control=control, order=4, knots=knots)  # type: ignore[call-arg]
         curves.append(curve.evaluate(np.linspace(*curve.domain, 2000))[0])
-    style = TriadStyle(view=View(24.0, -20.0), number=9.0)
+    style = TriadStyle(view=Viewpoint(24.0, -20.0), number=9.0)
     draw_triads(axes, curves[0], controls, style=style, ideal=curves[1], is_met=False)
 
 
-def _draw_scene(axes: Axes, scene: scenes.Scene, faces: list[Face], count: int, view: View) -> None:
+def _draw_scene(
+    axes: Axes, scene: scenes.PaperScene, faces: list[Face], count: int, view: Viewpoint
+) -> None:
     trail = scene.along(400).positions
     draw_bodies(axes, faces, scene.between(count), scene.keyframes, view, trail)
 
 
 def _boomerang(axes: Axes) -> None:
     faces = prism(1.9 * scenes.boomerang_outline(), 0.05)
-    _draw_scene(axes, scenes.boomerang_scene(), faces, 36, View(22.0, -120.0))
+    _draw_scene(axes, scenes.boomerang_scene(), faces, 36, Viewpoint(22.0, -120.0))
 
 
 def _blended(axes: Axes) -> None:

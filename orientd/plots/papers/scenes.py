@@ -16,7 +16,7 @@ from orientd.plots.papers.rigid import (
     hermite_motion,
     interpolated_motion,
 )
-from orientd.plots.papers.sweep import Face, Poses, prism
+from orientd.plots.papers.sweep import Face, SweptPoses, prism
 from orientd.rotation import Floats, exp, from_euler, multiply
 
 SAMPLED = np.array([0.0, 0.16, 0.31, 0.44, 0.60, 0.64, 0.83, 1.0])
@@ -81,7 +81,7 @@ def clamped(count: int, order: int) -> Floats:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Scene:
+class PaperScene:
     """A rigid motion to draw.
 
     Attributes:
@@ -90,35 +90,35 @@ class Scene:
     """
 
     motion: RigidMotion
-    keyframes: Poses
+    keyframes: SweptPoses
 
-    def between(self, count: int) -> Poses:
+    def between(self, count: int) -> SweptPoses:
         """Return *count* poses evenly spaced in time, the ends left out."""
         start, end = self.motion.domain
         evenly = start + (end - start) * (np.arange(count) + 0.5) / count
         return self._poses(evenly)
 
-    def along(self, count: int) -> Poses:
+    def along(self, count: int) -> SweptPoses:
         """Return *count* poses evenly spaced in time from end to end."""
         return self._poses(np.linspace(*self.motion.domain, count))
 
-    def _poses(self, times: Floats) -> Poses:
+    def _poses(self, times: Floats) -> SweptPoses:
         found = self.motion.evaluate(times)
-        return Poses(found.position, found.q)
+        return SweptPoses(found.position, found.q)
 
 
-def blended_scene() -> Scene:
+def blended_scene() -> PaperScene:
     """Return the motion of Figs. 8 and 9: a cubic B-spline over six control poses."""
     controls = control_orientations()
     motion = blended_motion(control=controls, positions=CONTROL_POINTS, knots=clamped(6, 4))
-    return Scene(motion, Poses(CONTROL_POINTS, controls))
+    return PaperScene(motion, SweptPoses(CONTROL_POINTS, controls))
 
 
-def interpolated_scene() -> Scene:
+def interpolated_scene() -> PaperScene:
     """Return the motion of Fig. 10: six keyframes interpolated with continuous acceleration."""
     keys = control_orientations()
     motion = interpolated_motion(keys=keys, positions=CONTROL_POINTS, times="uniform")
-    return Scene(motion, Poses(CONTROL_POINTS, keys))
+    return PaperScene(motion, SweptPoses(CONTROL_POINTS, keys))
 
 
 FLIGHT_TIME = 2.6
@@ -135,7 +135,7 @@ def boomerang_task() -> CurveTask:
     )
 
 
-def boomerang_scene() -> Scene:
+def boomerang_scene() -> PaperScene:
     """Return the flight of Fig. 7: one Hermite segment for each of position and orientation."""
     keys = boomerang_task().keys
     places = np.array([[0.0, 0.0, 1.6], [0.9, -1.6, 1.3]])
@@ -150,7 +150,7 @@ def boomerang_scene() -> Scene:
         v1=[-12.0, 4.0, -2.6],
         t1=FLIGHT_TIME,
     )
-    return Scene(motion, Poses(places, keys))
+    return PaperScene(motion, SweptPoses(places, keys))
 
 
 def boomerang_outline() -> Floats:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from orientd.plots.paper import INK
-from orientd.plots.view import View
+from orientd.plots.view import Viewpoint
 from orientd.rotation import Floats, rotate
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ Face = Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Poses:
+class SweptPoses:
     """Positions and orientations of a body.
 
     Attributes:
@@ -62,7 +62,12 @@ def prism(outline: Floats, thickness: float) -> list[Face]:
 
 
 def draw_bodies(
-    axes: Axes, faces: list[Face], between: Poses, keyframes: Poses, view: View, trail: Floats
+    axes: Axes,
+    faces: list[Face],
+    between: SweptPoses,
+    keyframes: SweptPoses,
+    view: Viewpoint,
+    trail: Floats,
 ) -> None:
     """Draw a body at many poses, dark at the keyframes.
 
@@ -86,7 +91,7 @@ def draw_bodies(
     axes.plot(seen[:, 0], seen[:, 1], color=INK, linewidth=0.9, linestyle=(0.0, (4.0, 2.0)))
 
 
-def draw_sweep(axes: Axes, section: Floats, poses: Poses, view: View) -> None:
+def draw_sweep(axes: Axes, section: Floats, poses: SweptPoses, view: Viewpoint) -> None:
     """Draw the surface that a closed cross-section sweeps.
 
     Args:
@@ -137,7 +142,7 @@ def _paint(
     axes: Axes,
     corners: list[Floats],
     tints: list[Floats],
-    view: View,
+    view: Viewpoint,
     *,
     edge: tuple[float, float, float, float] | None,
     width: float,

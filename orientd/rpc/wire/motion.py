@@ -33,7 +33,7 @@ from orientd.schema import (
     KEYFRAME,
     MOTION,
     Field,
-    Kind,
+    FieldKind,
     Written,
     implied,
     quaternions,
@@ -47,7 +47,7 @@ Giver = Callable[[Any], Any]
 """Returns what to say in a field of a message."""
 
 _FRAMES = (pb.FRAME_BODY, pb.FRAME_WORLD)
-_FRAMED = tuple(field.name for field in MOTION if field.kind is Kind.VECTOR)
+_FRAMED = tuple(field.name for field in MOTION if field.kind is FieldKind.VECTOR)
 """What is given in one of them."""
 
 
@@ -207,17 +207,17 @@ def _pose_message(pose: Pose) -> pb.Pose:
     return pb.Pose(quaternion=quaternion(pose.q), position=vector(pose.position))
 
 
-_KINDS: dict[Kind, tuple[Taker | None, Giver | None]] = {
-    Kind.TEXT: (None, None),
-    Kind.FLAG: (None, None),
-    Kind.WHOLE: (None, None),
-    Kind.NUMBER: (plain.number, None),
-    Kind.VECTOR: (_vector, vector),
-    Kind.OPTIONS: (_from_struct, _to_struct),
-    Kind.LIMITS: (_limits, _limits_message),
-    Kind.ORIENTATION: (_quaternion, quaternion),
-    Kind.KEYFRAMES: (_keyframes, _keyframe_messages),
-    Kind.FRAMES: (_frames, _frame_messages),
+_KINDS: dict[FieldKind, tuple[Taker | None, Giver | None]] = {
+    FieldKind.TEXT: (None, None),
+    FieldKind.FLAG: (None, None),
+    FieldKind.WHOLE: (None, None),
+    FieldKind.NUMBER: (plain.number, None),
+    FieldKind.VECTOR: (_vector, vector),
+    FieldKind.OPTIONS: (_from_struct, _to_struct),
+    FieldKind.LIMITS: (_limits, _limits_message),
+    FieldKind.ORIENTATION: (_quaternion, quaternion),
+    FieldKind.KEYFRAMES: (_keyframes, _keyframe_messages),
+    FieldKind.FRAMES: (_frames, _frame_messages),
 }
 """How a kind is taken from a message and given to one; as it is where nothing is said."""
 
@@ -244,7 +244,7 @@ def _entries(fields: Iterable[Field], of: Any) -> tuple[_Entry, ...]:  # noqa: A
 
 def _of_field(field: Field, of: Any) -> Iterator[_Entry]:  # noqa: ANN401 - a descriptor
     yield _entry(field, of)
-    if field.kind is Kind.CHOICE_OR_NUMBER:
+    if field.kind is FieldKind.CHOICE_OR_NUMBER:
         yield _Entry(field.name, _NUMBERS[field.name], True, take=plain.number, give=_number)
 
 
@@ -254,7 +254,7 @@ def _number(value: float | str) -> float | None:
 
 def _entry(field: Field, of: Any) -> _Entry:  # noqa: ANN401 - as above
     # What a message gives is a quaternion, whichever form it was asked for in.
-    name = "quaternion" if field.kind is Kind.ORIENTATION else field.name
+    name = "quaternion" if field.kind is FieldKind.ORIENTATION else field.name
     wire = of.fields_by_name[name]
     if field.choices:
         numbers = {

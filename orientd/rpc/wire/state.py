@@ -9,7 +9,7 @@ from orientd.errors import Fault
 from orientd.floats import difference, norm
 from orientd.planner import ANGULAR, NO_AXES, Limits
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.descriptions import Device, Method
+from orientd.rpc.descriptions import DeviceDescription, MethodDescription
 from orientd.rpc.reports import DaemonReport, DeviceReport, LeaseReport, Outline
 from orientd.rpc.wire.codec import FAULTS, Codec
 from orientd.rpc.wire.values import (
@@ -109,10 +109,10 @@ def cycle_from_message(message: pb.Cycle) -> Cycle:
     )
 
 
-_OF_DEVICE = tuple(Device.__dataclass_fields__)
+_OF_DEVICE = tuple(DeviceDescription.__dataclass_fields__)
 _LIMITS = limits_to_message, limits_from_message
 
-DEVICE = Codec(Device, pb.Device, kinds={"limits": _LIMITS})
+DEVICE = Codec(DeviceDescription, pb.Device, kinds={"limits": _LIMITS})
 DEVICE_REPORT = Codec(
     DeviceReport,
     pb.DeviceReport,
@@ -131,7 +131,7 @@ DAEMON = Codec(
     names={f"lease_{name}": f"lease.{name}" for name in pb.LeaseReport.DESCRIPTOR.fields_by_name},
     kinds={"leases": LEASE.kind},
 )
-METHOD = Codec(Method, pb.Method)
+METHOD = Codec(MethodDescription, pb.Method)
 
 device_to_message, device_from_message = DEVICE_REPORT.to_message, DEVICE_REPORT.from_message
 configured_from_message = DEVICE.from_message

@@ -5,15 +5,15 @@ from __future__ import annotations
 from orientd.driver import Quaternion, Vector3
 from orientd.planner import UNITS
 from orientd.rpc import control_pb2 as pb
-from orientd.stream import State
+from orientd.stream import ServoState
 
 STATES = {
-    State.IDLE: pb.STATE_IDLE,
-    State.HOLDING: pb.STATE_HOLDING,
-    State.STREAMING: pb.STATE_STREAMING,
-    State.STOPPING: pb.STATE_STOPPING,
-    State.FAULT: pb.STATE_FAULT,
-    State.TRACKING: pb.STATE_TRACKING,
+    ServoState.IDLE: pb.STATE_IDLE,
+    ServoState.HOLDING: pb.STATE_HOLDING,
+    ServoState.STREAMING: pb.STATE_STREAMING,
+    ServoState.STOPPING: pb.STATE_STOPPING,
+    ServoState.FAULT: pb.STATE_FAULT,
+    ServoState.TRACKING: pb.STATE_TRACKING,
 }
 STATES_BACK = {number: state for state, number in STATES.items()}
 

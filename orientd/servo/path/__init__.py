@@ -2,6 +2,6 @@
 
 from orientd.servo.path.brake_law import BrakeLaw
 from orientd.servo.path.feasible_rates import Past, eased
-from orientd.servo.path.path_follower import PathFollower, PathPart, Place, StarvedError
+from orientd.servo.path.path_follower import PathFollower, PathPart, PathPlace, StarvedError
 from orientd.servo.path.path_point import PathPoint
 from orientd.servo.path.time_scaling import TimeScaling

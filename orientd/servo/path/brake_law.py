@@ -32,16 +32,16 @@ from orientd.floats import norm
 from orientd.servo.guard import Guard
 from orientd.servo.path.feasible_rates import Past
 from orientd.servo.path.path_follower import PathFollower
-from orientd.servo.path.stop_rollout import Outcome, Plan, StopRollout
+from orientd.servo.path.stop_rollout import RolloutOutcome, StopPlan, StopRollout
 from orientd.servo.path.time_scaling import TimeScaling
 from orientd.stream import ServoLimits
 
 PLANS = (
-    Plan(0.998, 0.985),
-    Plan(0.995, 0.985, until=0.3),
-    Plan(0.998, 0.9),
-    Plan(0.995, 0.985, until=1.0, stops_across=True),
-    Plan(0.995, 0.985, rate=0.93),
+    StopPlan(0.998, 0.985),
+    StopPlan(0.995, 0.985, until=0.3),
+    StopPlan(0.998, 0.9),
+    StopPlan(0.995, 0.985, until=1.0, stops_across=True),
+    StopPlan(0.995, 0.985, rate=0.93),
 )
 """Ways to stop, tried one after the other; chosen by ``tests/bench/tune_quick_stop.py``, which says
 what each of these, and of those below that leave a stop, is worth."""
@@ -49,11 +49,11 @@ what each of these, and of those below that leave a stop, is worth."""
 TURNING_PLANS = PLANS[1:2]
 """Ways to stop behind a place where the path turns back soon, tried before the others."""
 
-BETTER_PLANS = (Plan(0.9, 0.9), Plan(0.995, 0.985, rate=0.87)) * 6
+BETTER_PLANS = (StopPlan(0.9, 0.9), StopPlan(0.995, 0.985, rate=0.87)) * 6
 """Ways to leave a stop that takes long for another one that is over sooner, tried in turn: what
 fails from one place on the path may do from another."""
 
-BRIEF_PLANS = tuple(Plan(1.0, 1.0, cycles=cycles) for cycles in (0, 1, 2))
+BRIEF_PLANS = tuple(StopPlan(1.0, 1.0, cycles=cycles) for cycles in (0, 1, 2))
 """Ways to stop within a few cycles, tried before the others where that may be enough."""
 
 STEPS_PER_SECOND = 16_000.0
@@ -87,11 +87,11 @@ class BrakeLaw:
         self._moves = -1
         self._taken = 0
         self._tries = 0
-        self._plans: Sequence[Plan] = PLANS
+        self._plans: Sequence[StopPlan] = PLANS
         self._expected = 0.0
         self._trouble = self._turning = 0.0
         self._is_straight = False
-        self._choices: list[Plan] = []
+        self._choices: list[StopPlan] = []
         self._rollout: StopRollout | None = None
         self._rates: list[float] = []
 
@@ -141,7 +141,7 @@ class BrakeLaw:
                 self._taken = 0
             left -= rollout.go_on(servo_limits, left, may_end=may_end)
             outcome = rollout.outcome
-            if outcome is Outcome.FAILED:
+            if outcome is RolloutOutcome.FAILED:
                 if not rollout.plan.passes:
                     trouble = rollout.gone - sum(rollout.rates[: self._taken])
                     self._trouble = max(self._trouble, trouble)
@@ -151,12 +151,12 @@ class BrakeLaw:
                 while self._is_straight and self._plan.until is not None:
                     self._tries += 1
                 left -= 1
-            elif outcome is not Outcome.UNFINISHED:
+            elif outcome is not RolloutOutcome.UNFINISHED:
                 break
         rollout = self._rollout
         if rollout is None:
             return
-        if rollout.outcome is Outcome.UNFINISHED:
+        if rollout.outcome is RolloutOutcome.UNFINISHED:
             more = self._steps * (rollout.lead - self._taken)
             remaining = self._remaining(rollout.past, servo_limits)
             if remaining > more or self._taken >= rollout.lead:
@@ -165,7 +165,7 @@ class BrakeLaw:
                 self._rollout = None
         if self._taken < rollout.lead:
             self._taken += 1
-        elif rollout.outcome is not Outcome.UNFINISHED:
+        elif rollout.outcome is not RolloutOutcome.UNFINISHED:
             self._adopt(rollout)
             self._rollout = None
             past = Past(self._guard.omega, self._guard.alpha, self._guard.velocity)
@@ -175,7 +175,7 @@ class BrakeLaw:
     def _adopt(self, rollout: StopRollout) -> None:
         """Carry out a stop that was rolled out up to the present cycle and beyond."""
         self._rates = rollout.rates[self._taken :][::-1]
-        if rollout.outcome is Outcome.REST:
+        if rollout.outcome is RolloutOutcome.REST:
             # One cycle more at rest: a resumption that began at once would add its own jerk to
             # that of the last step.
             self._rates.insert(0, 0.0)
@@ -191,9 +191,9 @@ class BrakeLaw:
                 if rollout is None:
                     return
             left -= rollout.go_on(servo_limits, left, may_end=may_end)
-            if rollout.outcome is Outcome.UNFINISHED and self._taken < rollout.lead:
+            if rollout.outcome is RolloutOutcome.UNFINISHED and self._taken < rollout.lead:
                 break
-            if rollout.outcome in (Outcome.REST, Outcome.END):
+            if rollout.outcome in (RolloutOutcome.REST, RolloutOutcome.END):
                 if len(rollout.rates) - self._taken + 1 < len(self._rates):
                     self._adopt(rollout)
             else:
@@ -219,7 +219,7 @@ class BrakeLaw:
         )
 
     @property
-    def _plan(self) -> Plan:
+    def _plan(self) -> StopPlan:
         return self._plans[self._tries % len(self._plans)]
 
     def _remaining(self, past: Past, servo_limits: ServoLimits) -> float:

@@ -62,7 +62,7 @@ class PathPart:
     final: int = UNKNOWN
 
 
-class Place(NamedTuple):
+class PathPlace(NamedTuple):
     """A place on the path.
 
     Attributes:
@@ -199,7 +199,7 @@ class PathFollower:
             return None
         return self.peek(index)
 
-    def look(self, records: float) -> tuple[PathPoint, Place]:
+    def look(self, records: float) -> tuple[PathPoint, PathPlace]:
         """Return the point so many records from here, at most beyond the next one, and stay here.
 
         The last record of a motion is never passed, unless another part begins there.
@@ -223,7 +223,7 @@ class PathFollower:
                 index, fraction, is_end = final, 0.0, True
         if index != self._loaded:
             self._load(index)
-        place = tuple.__new__(Place, (index, fraction, leg, is_end))  # a call less than Place()
+        place = tuple.__new__(PathPlace, (index, fraction, leg, is_end))  # a call less than Place()
         if fraction == 0.0:
             return self._point, place
         if self._segment is None:  # else kept from the last time
@@ -233,7 +233,7 @@ class PathFollower:
             self._segment = Segment(self._point, end, self._period)
         return self._segment.at(fraction), place
 
-    def move(self, place: Place) -> None:
+    def move(self, place: PathPlace) -> None:
         """Go to where :meth:`look` has found a point."""
         self.index, self.fraction, leg, self.is_at_end = place
         if leg is not self.leg:

@@ -49,7 +49,7 @@ _NEAR = 2e-3  # records from a rate to the next guess; what is left of them is i
 _RECORDS_A_STEP = 4  # records that can be looked at while a cycle is rolled out
 
 
-class Outcome(Enum):
+class RolloutOutcome(Enum):
     """How far a rollout has come."""
 
     UNFINISHED = "unfinished"
@@ -58,7 +58,7 @@ class Outcome(Enum):
     FAILED = "failed"
 
 
-class Plan(NamedTuple):
+class StopPlan(NamedTuple):
     """A way to stop.
 
     Attributes:
@@ -109,7 +109,7 @@ class StopRollout:
         guard: Guard,
         *,
         lead: int,
-        plan: Plan,
+        plan: StopPlan,
         is_coasting: bool = False,
         along: Sequence[float] = (),
     ) -> None:
@@ -127,7 +127,7 @@ class StopRollout:
         self.rates: list[float] = []
         self.lead = lead
         self.plan = plan
-        self.outcome = Outcome.UNFINISHED
+        self.outcome = RolloutOutcome.UNFINISHED
         self._clock = copy(clock)
         self._is_coasting = is_coasting
         self._along = along
@@ -155,12 +155,12 @@ class StopRollout:
         """
         follower = self._follower
         if follower.revision != self._revision:
-            self.outcome = Outcome.FAILED
+            self.outcome = RolloutOutcome.FAILED
         if follower.index != self._here:
             self._passed, self._here = self._passed + 1, follower.index
         end = self._passed + follower.fraction + follower.records_left()
         for step in range(steps):
-            if self.outcome is not Outcome.UNFINISHED:
+            if self.outcome is not RolloutOutcome.UNFINISHED:
                 return step
             if self._is_looking:
                 self._look()
@@ -171,7 +171,7 @@ class StopRollout:
     @property
     def is_without_turn(self) -> bool:
         """Whether it was looked in vain for a place where the path turns back."""
-        return self.outcome is Outcome.FAILED and self._turn is not None and self._is_looking
+        return self.outcome is RolloutOutcome.FAILED and self._turn is not None and self._is_looking
 
     @property
     def _is_looking(self) -> bool:
@@ -187,7 +187,7 @@ class StopRollout:
             place = self._index if turn is None else int(turn.place)
             piece = self._load(place) if place <= self.plan.distance else None
             if piece is None:
-                self.outcome = Outcome.FAILED
+                self.outcome = RolloutOutcome.FAILED
                 return
             if turn is None:
                 speed = max(norm(self.past.omega), _STILL)
@@ -204,12 +204,12 @@ class StopRollout:
         rate = min(max(self._rate + self._change, 0.0), 1.0) if is_led else self._led()
         if self._index + self._fraction + rate >= end:
             self.rates.append(rate)
-            self.outcome = Outcome.END if may_end else Outcome.FAILED
+            self.outcome = RolloutOutcome.END if may_end else RolloutOutcome.FAILED
             return
         h = self._clock.period
         start = self._load(self._index)
         if start is None:
-            self.outcome = Outcome.FAILED
+            self.outcome = RolloutOutcome.FAILED
             return
         turn, travel, _ = start
         none = (_ZERO, _ZERO, _ZERO, _ZERO)
@@ -219,7 +219,7 @@ class StopRollout:
             if u >= 1.0:
                 following = self._load(self._index + 1)
                 if following is None:
-                    self.outcome = Outcome.FAILED
+                    self.outcome = RolloutOutcome.FAILED
                     return
                 u, there, gone, drift = u - 1.0, following, turn[3], travel[3] if travel else _ZERO
             omega, slope = between(turn, before, there[0], u, gone)
@@ -234,7 +234,7 @@ class StopRollout:
             wanted = self._wanted(ahead, servo_limits)
             found = nearest(self.past, ahead, servo_limits, h, self.plan.share, wanted)
             if found is None:
-                self.outcome = Outcome.FAILED
+                self.outcome = RolloutOutcome.FAILED
                 return
             error, rate = abs(found - rate), found
             if error < _NEAR:
@@ -242,12 +242,12 @@ class StopRollout:
                 velocity = _plus(ahead.shift, push, rate)
                 break
         else:
-            self.outcome = Outcome.FAILED
+            self.outcome = RolloutOutcome.FAILED
             return
         if rate <= _STILL and is_led:
             rate = 0.0
             is_there = self._follower.peek_ahead(self._index + 1 - self._passed) is not None
-            self.outcome = Outcome.REST if is_there else Outcome.FAILED
+            self.outcome = RolloutOutcome.REST if is_there else RolloutOutcome.FAILED
         self.gone += rate
         if self._turn is not None:
             self._turn.come(omega)
@@ -260,10 +260,10 @@ class StopRollout:
         x, y, z = omega
         self.past = Past(omega, ((x - u) / h, (y - v) / h, (z - w) / h), velocity)
         if (
-            self.outcome is Outcome.REST
+            self.outcome is RolloutOutcome.REST
             and nearest(self.past, _REST, servo_limits, h, 1.0, 0.0) is None
         ):
-            self.outcome = Outcome.FAILED  # at rest, but not without its acceleration
+            self.outcome = RolloutOutcome.FAILED  # at rest, but not without its acceleration
         self.rates.append(rate)
         self._change, self._rate = rate - self._rate, rate
         self._fraction += rate

@@ -78,7 +78,7 @@ class Knot(NamedTuple):
         return multiply(self.q, exp((x * seconds, y * seconds, z * seconds)))
 
 
-class Motion(NamedTuple):
+class ReferenceState(NamedTuple):
     """The reference at an instant.
 
     Attributes:
@@ -162,17 +162,17 @@ def _estimated(before: Knot | None, knot: Knot) -> Knot:
     )
 
 
-def continued(here: Knot, since: float) -> Motion:
+def continued(here: Knot, since: float) -> ReferenceState:
     """Return the motion *since* the last knot, s."""
     (a, b, c), (x, y, z) = here.omega, here.alpha
     bent = min(since, BENT)
     u = bent * (since - 0.5 * bent)
     q = multiply(here.q, exp((since * a + u * x, since * b + u * y, since * c + u * z)))
     omega = (a + bent * x, b + bent * y, c + bent * z)
-    return Motion(q, omega, here.alpha if bent < BENT else ZERO)
+    return ReferenceState(q, omega, here.alpha if bent < BENT else ZERO)
 
 
-def joined(here: Knot, there: Knot, since: float) -> Motion:
+def joined(here: Knot, there: Knot, since: float) -> ReferenceState:
     """Return the motion between two knots, *since* the first, s."""
     span = (there.time_ns - here.time_ns) * 1e-9
     u = since / span
@@ -188,7 +188,7 @@ def joined(here: Knot, there: Knot, since: float) -> Motion:
     q = multiply(q, exp((share * r, share * s, share * t)))
     rate = 6.0 * u * (1.0 - u) / span
     omega = (a + since * x + rate * r, b + since * y + rate * s, c + since * z + rate * t)
-    return Motion(q, omega, alpha)
+    return ReferenceState(q, omega, alpha)
 
 
 def place_of(knot: Knot, since: float) -> tuple[Vector3, Vector3] | None:

@@ -23,7 +23,7 @@ from orientd.driver import ZERO, Vector3
 from orientd.floats import exp, multiply, normalize
 from orientd.servo.tracking.knot import (
     Knot,
-    Motion,
+    ReferenceState,
     Target,
     believed,
     continued,
@@ -196,7 +196,7 @@ class Reference:
         """Whether there is a target whose time has not passed."""
         return bool(self._knots)
 
-    def at(self, now_ns: int) -> Motion | None:
+    def at(self, now_ns: int) -> ReferenceState | None:
         """Return the motion at *now_ns*, or ``None`` without a live target."""
         if self._settled < len(self._knots):
             self._settle()
@@ -223,7 +223,7 @@ class Reference:
         youngest_ns = max(self._youngest_ns or 0.0, 0.0)
         return stale_ns > SILENT * self._spacing_ns + youngest_ns + SILENT_NS
 
-    def _read(self, now_ns: int) -> Motion | None:
+    def _read(self, now_ns: int) -> ReferenceState | None:
         knots = self._knots
         due, first = -1, 0
         for k, knot in enumerate(knots):
@@ -246,7 +246,7 @@ class Reference:
         newest = knots[-1]
         if newest.estimate is not None and self._is_silent(stale_ns):
             self._bend = ZERO
-            return Motion(newest.told, ZERO, ZERO)
+            return ReferenceState(newest.told, ZERO, ZERO)
         self._stalest_ns = max(self._stalest_ns - self._recovery_ns, stale_ns)
         last_ns, wished_ns = self._delay_ns, min(SPARE * stale_ns, LONGEST_DELAY_NS)
         delay_ns = min(max(wished_ns, last_ns - self._recovery_ns, 0.0), last_ns + self._growth_ns)
@@ -258,7 +258,7 @@ class Reference:
         ahead = delay_ns * 1e-9
         if here.begins and since <= ahead:
             self._bend = ZERO
-            return Motion(normalize(here.carried(since)), here.omega, ZERO)
+            return ReferenceState(normalize(here.carried(since)), here.omega, ZERO)
         since = max(since - ahead, 0.0)
         if len(knots) == 1 or knots[1].begins:
             past = continued(here, since)
@@ -270,7 +270,7 @@ class Reference:
         # What was read a cycle ago was read from a little less or more than a cycle before.
         return self._carried(past, ahead, 1.0 - (delay_ns - last_ns) / self._period_ns)
 
-    def _carried(self, past: Motion, ahead: float, pace: float) -> Motion:
+    def _carried(self, past: ReferenceState, ahead: float, pace: float) -> ReferenceState:
         """Return the motion *ahead* (s) of one that was read, whose own time runs at *pace*."""
         q, (a, b, c), (x, y, z), _ = past
         u, v, w = self._bend
@@ -290,4 +290,4 @@ class Reference:
         # It is as late again as the law needs to follow an acceleration.
         lead = 0.0 if self.is_disturbed else (ahead + SETTLING) / period
         swing = (lead * du, lead * dv, lead * dw)
-        return Motion(normalize(multiply(q, exp(turn))), omega, past.alpha, swing)
+        return ReferenceState(normalize(multiply(q, exp(turn))), omega, past.alpha, swing)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
 from orientd.floats import difference, exp, multiply, norm, normalize
-from orientd.servo.tracking.knot import Motion, Target
+from orientd.servo.tracking.knot import ReferenceState, Target
 from orientd.servo.tracking.law import advance, halt, moved
 from orientd.servo.tracking.law_bounds import (
     Bounds,
@@ -136,7 +136,7 @@ class Tracker:
         self._q = normalize(multiply(self._q, exp((x * h, y * h, z * h))))
         return TrackPoint(self._q, omega, times(alpha, units))
 
-    def _wish(self, found: Motion) -> Vector3:
+    def _wish(self, found: ReferenceState) -> Vector3:
         """Return the acceleration to wish for, to follow the target, in the law's units."""
         q, omega, alpha, (i, j, k) = found
         units, restraint = self._units, self._restraint

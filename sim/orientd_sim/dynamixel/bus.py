@@ -17,7 +17,7 @@ from orientd_sim.dynamixel.instructions import (
     sync_list,
     sync_write,
 )
-from orientd_sim.dynamixel.line import Line, Turn, Wire
+from orientd_sim.dynamixel.line import SerialLine, Turn, Wire
 from orientd_sim.dynamixel.packet import (
     BROADCAST,
     Damaged,
@@ -28,7 +28,7 @@ from orientd_sim.dynamixel.packet import (
     fast_status,
     status,
 )
-from orientd_sim.dynamixel.servo import Servo
+from orientd_sim.dynamixel.servo import EmulatedServo
 from orientd_sim.dynamixel.table import BAUD_RATES
 
 _RETURN_LEVEL: dict[int, int] = {Instruction.PING: 0, Instruction.READ: 1}
@@ -47,21 +47,21 @@ class Bus:
 
     def __init__(
         self,
-        servos: Iterable[Servo],
+        servos: Iterable[EmulatedServo],
         *,
-        line: Line | None = None,
+        line: SerialLine | None = None,
         rng: random.Random | None = None,
         gap_ns: int = 1_500_000,
     ) -> None:
         self.servos = list(servos)
-        self.line = line or Line()
+        self.line = line or SerialLine()
         self.wire = Wire(self.line, rng or random.Random(0))
         self.faults = self.wire.faults
         self.packets = 0
         self._parser = Parser(gap_ns)
         self._host_free_ns = 0
 
-    def servo(self, servo_id: int) -> Servo:
+    def servo(self, servo_id: int) -> EmulatedServo:
         """Return the servo that answers to *servo_id*.
 
         Raises:
@@ -96,7 +96,7 @@ class Bus:
             servo.advance(now_ns)
 
     def _dispatch(
-        self, packet: Packet | Damaged, listening: list[Servo], now_ns: int, baud: int
+        self, packet: Packet | Damaged, listening: list[EmulatedServo], now_ns: int, baud: int
     ) -> None:
         by_id = {servo.id: servo for servo in reversed(listening)}
         if packet.instruction == Instruction.STATUS:
@@ -122,7 +122,7 @@ class Bus:
             case _:
                 self._single(packet, by_id, turn)
 
-    def _single(self, packet: Packet, by_id: dict[int, Servo], turn: Turn) -> None:
+    def _single(self, packet: Packet, by_id: dict[int, EmulatedServo], turn: Turn) -> None:
         is_broadcast = packet.id == BROADCAST
         servos = [by_id[i] for i in sorted(by_id) if is_broadcast or i == packet.id]
         if is_broadcast and packet.instruction == Instruction.FACTORY_RESET:
@@ -141,14 +141,14 @@ class Bus:
                 servo.factory_reset(packet.parameters[0], turn.now_ns)
 
     def _answer(
-        self, servo: Servo, instruction: int, error: int, content: bytes, turn: Turn
+        self, servo: EmulatedServo, instruction: int, error: int, content: bytes, turn: Turn
     ) -> None:
         needed = _RETURN_LEVEL.get(instruction, 2)
         if servo.return_level >= needed:
             reply = status(servo.id, servo.error_bits | error, content)
             turn.send(servo.id, reply, servo.return_delay_ns)
 
-    def _read_group(self, packet: Packet, by_id: dict[int, Servo], turn: Turn) -> None:
+    def _read_group(self, packet: Packet, by_id: dict[int, EmulatedServo], turn: Turn) -> None:
         if packet.instruction in {Instruction.SYNC_READ, Instruction.FAST_SYNC_READ}:
             wanted = sync_list(packet.parameters)
         else:

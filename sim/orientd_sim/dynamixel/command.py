@@ -13,9 +13,9 @@ from pathlib import Path
 from orientd.clock import MonotonicClock
 from orientd_sim.dynamixel.bus import Bus
 from orientd_sim.dynamixel.console import obey
-from orientd_sim.dynamixel.line import Line
+from orientd_sim.dynamixel.line import SerialLine
 from orientd_sim.dynamixel.pty import PtyServer
-from orientd_sim.dynamixel.servo import Servo
+from orientd_sim.dynamixel.servo import EmulatedServo
 from orientd_sim.dynamixel.table import BAUD_RATES, MODELS
 
 DEFAULT_SERVOS = "1:xm430,2:xm430,3:xm430"
@@ -23,7 +23,7 @@ _GAP_NS = 20_000_000
 _IDLE_S = 0.2
 
 
-def servos(text: str, *, baud: int = 1_000_000, now_ns: int = 0) -> list[Servo]:
+def servos(text: str, *, baud: int = 1_000_000, now_ns: int = 0) -> list[EmulatedServo]:
     """Return the servos that *text* names, as in ``1:xm430,2:xl330``.
 
     Raises:
@@ -31,7 +31,7 @@ def servos(text: str, *, baud: int = 1_000_000, now_ns: int = 0) -> list[Servo]:
     """
     if baud not in BAUD_RATES:
         raise ValueError(f"baud must be one of {', '.join(map(str, BAUD_RATES))}, got {baud}")
-    found: dict[int, Servo] = {}
+    found: dict[int, EmulatedServo] = {}
     for item in text.split(","):
         number, _, name = item.strip().partition(":")
         model = MODELS.get(name or "xm430")
@@ -41,7 +41,7 @@ def servos(text: str, *, baud: int = 1_000_000, now_ns: int = 0) -> list[Servo]:
             )
         if int(number) in found:
             raise ValueError(f"servos must have different ids, got {number} twice")
-        found[int(number)] = Servo(
+        found[int(number)] = EmulatedServo(
             int(number), model, baud_index=BAUD_RATES.index(baud), now_ns=now_ns
         )
     return list(found.values())
@@ -52,7 +52,7 @@ def run(
     *,
     names: str = DEFAULT_SERVOS,
     baud: int = 1_000_000,
-    line: Line | None = None,
+    line: SerialLine | None = None,
     seed: int = 0,
     console: int | None = None,
 ) -> None:
@@ -73,7 +73,7 @@ def run(
     clock = MonotonicClock()
     bus = Bus(
         servos(names, baud=baud, now_ns=clock.now_ns()),
-        line=line or Line(is_paced=True, usb_latency_ns=1_000_000, has_collisions=False),
+        line=line or SerialLine(is_paced=True, usb_latency_ns=1_000_000, has_collisions=False),
         rng=random.Random(seed),
         gap_ns=_GAP_NS,
     )
@@ -132,9 +132,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=0, help="of everything random")
     parser.add_argument("--console", action="store_true", help="read commands from standard input")
     options = parser.parse_args(arguments)
-    line = Line(is_paced=True, usb_latency_ns=round(options.usb_ms * 1e6), has_collisions=False)
+    line = SerialLine(
+        is_paced=True, usb_latency_ns=round(options.usb_ms * 1e6), has_collisions=False
+    )
     if options.ideal:
-        line = Line()
+        line = SerialLine()
     try:
         run(
             options.link, names=options.servos, baud=options.baud, line=line, seed=options.seed,

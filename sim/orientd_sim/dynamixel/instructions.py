@@ -5,54 +5,54 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from orientd_sim.dynamixel.packet import ErrorNumber, Instruction
-from orientd_sim.dynamixel.servo import CLEAR_TURNS, Servo
+from orientd_sim.dynamixel.servo import CLEAR_TURNS, EmulatedServo
 
-Action = Callable[[Servo, bytes, int], tuple[int, bytes]]
+Action = Callable[[EmulatedServo, bytes, int], tuple[int, bytes]]
 
 
 def _word(octets: bytes, at: int) -> int:
     return int.from_bytes(octets[at : at + 2], "little")
 
 
-def _ping(servo: Servo, parameters: bytes, now_ns: int) -> tuple[int, bytes]:  # noqa: ARG001
+def _ping(servo: EmulatedServo, parameters: bytes, now_ns: int) -> tuple[int, bytes]:  # noqa: ARG001
     return ErrorNumber.NONE, servo.model.number.to_bytes(2, "little") + bytes(
         [servo.value("firmware version")]
     )
 
 
-def _read(servo: Servo, parameters: bytes, now_ns: int) -> tuple[int, bytes]:
+def _read(servo: EmulatedServo, parameters: bytes, now_ns: int) -> tuple[int, bytes]:
     if len(parameters) != 4:
         return ErrorNumber.DATA_LENGTH, b""
     return servo.read(_word(parameters, 0), _word(parameters, 2), now_ns)
 
 
-def _write(servo: Servo, parameters: bytes, now_ns: int) -> tuple[int, bytes]:
+def _write(servo: EmulatedServo, parameters: bytes, now_ns: int) -> tuple[int, bytes]:
     if len(parameters) < 3:
         return ErrorNumber.DATA_LENGTH, b""
     return servo.write(_word(parameters, 0), parameters[2:], now_ns), b""
 
 
-def _register_write(servo: Servo, parameters: bytes, now_ns: int) -> tuple[int, bytes]:
+def _register_write(servo: EmulatedServo, parameters: bytes, now_ns: int) -> tuple[int, bytes]:
     if len(parameters) < 3:
         return ErrorNumber.DATA_LENGTH, b""
     return servo.register_write(_word(parameters, 0), parameters[2:], now_ns), b""
 
 
-def _action(servo: Servo, parameters: bytes, now_ns: int) -> tuple[int, bytes]:  # noqa: ARG001
+def _action(servo: EmulatedServo, parameters: bytes, now_ns: int) -> tuple[int, bytes]:  # noqa: ARG001
     return servo.action(now_ns), b""
 
 
-def _clear(servo: Servo, parameters: bytes, now_ns: int) -> tuple[int, bytes]:
+def _clear(servo: EmulatedServo, parameters: bytes, now_ns: int) -> tuple[int, bytes]:
     if parameters != CLEAR_TURNS:
         return ErrorNumber.DATA_RANGE, b""
     return servo.clear_turns(now_ns), b""
 
 
-def _nothing(servo: Servo, parameters: bytes, now_ns: int) -> tuple[int, bytes]:  # noqa: ARG001
+def _nothing(servo: EmulatedServo, parameters: bytes, now_ns: int) -> tuple[int, bytes]:  # noqa: ARG001
     return ErrorNumber.NONE, b""
 
 
-def sync_write(parameters: bytes, by_id: Mapping[int, Servo], now_ns: int) -> None:
+def sync_write(parameters: bytes, by_id: Mapping[int, EmulatedServo], now_ns: int) -> None:
     """Write the same registers of many servos; nobody answers."""
     address, count = _word(parameters, 0), _word(parameters, 2)
     for at in range(4, len(parameters) - count, count + 1):
@@ -60,7 +60,7 @@ def sync_write(parameters: bytes, by_id: Mapping[int, Servo], now_ns: int) -> No
             servo.write(address, parameters[at + 1 : at + 1 + count], now_ns)
 
 
-def bulk_write(parameters: bytes, by_id: Mapping[int, Servo], now_ns: int) -> None:
+def bulk_write(parameters: bytes, by_id: Mapping[int, EmulatedServo], now_ns: int) -> None:
     """Write other registers of each servo; nobody answers."""
     at = 0
     while at + 5 <= len(parameters):

@@ -9,7 +9,7 @@ from enum import StrEnum
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class SerialLine:
     """How long bytes take.
 
     Attributes:
@@ -119,7 +119,7 @@ class Wire:
         collisions: instructions so far that began while an answer was on the wire.
     """
 
-    def __init__(self, line: Line, rng: random.Random) -> None:
+    def __init__(self, line: SerialLine, rng: random.Random) -> None:
         self.line = line
         self.faults = Faults(rng)
         self.collisions = 0

@@ -21,8 +21,8 @@ from orientd_sim.dynamixel.table import (
     TICKS_PER_TURN,
     VELOCITY_UNIT,
     XM430_W350,
-    Model,
     Register,
+    ServoModel,
 )
 
 BOOT_NS = 300_000_000
@@ -37,7 +37,7 @@ _LIMIT_OF_GOAL = {100: "pwm limit", 102: "current limit", 104: "velocity limit"}
 CLEAR_TURNS = bytes.fromhex("0144584c22")
 
 
-class Servo:
+class EmulatedServo:
     """A servo on the bus.
 
     Attributes:
@@ -47,7 +47,7 @@ class Servo:
     """
 
     def __init__(
-        self, servo_id: int, model: Model = XM430_W350, *, baud_index: int = 3, now_ns: int = 0
+        self, servo_id: int, model: ServoModel = XM430_W350, *, baud_index: int = 3, now_ns: int = 0
     ) -> None:
         self.model = model
         self.is_connected = True

@@ -50,7 +50,7 @@ class Register:
 
 
 @dataclass(frozen=True, slots=True)
-class Model:
+class ServoModel:
     """One kind of servo.
 
     Attributes:
@@ -174,7 +174,7 @@ def _registers(
 _XM430_INDIRECT = ((168, 224, 28), (578, 634, 28))
 _XL330_INDIRECT = ((168, 208, 20),)
 
-XM430_W350 = Model(
+XM430_W350 = ServoModel(
     "XM430-W350", 1020, 48,
     _registers(
         1020, 48, baud_high=7, temperature=80, voltage=(95, 95, 160, 160), current=1193,
@@ -182,7 +182,7 @@ XM430_W350 = Model(
     ),
     _XM430_INDIRECT, 46 * 2 * math.pi / 60, 120, 2.69,
 )  # fmt: skip
-XL330_M288 = Model(
+XL330_M288 = ServoModel(
     "XL330-M288", 1200, 52,
     _registers(
         1200, 52, baud_high=6, temperature=70, voltage=(31, 35, 70, 70), current=1750,
@@ -192,7 +192,7 @@ XL330_M288 = Model(
 )  # fmt: skip
 
 
-def _like(base: Model, name: str, number: int, rpm: float) -> Model:
+def _like(base: ServoModel, name: str, number: int, rpm: float) -> ServoModel:
     """Return a model that has the control table of *base*."""
     numbers = {
         0: Register("model number", 0, 2, number, writable=False),
@@ -203,7 +203,7 @@ def _like(base: Model, name: str, number: int, rpm: float) -> Model:
     return replace(base, name=name, number=number, registers=registers, no_load_speed=speed)
 
 
-MODELS: Mapping[str, Model] = {
+MODELS: Mapping[str, ServoModel] = {
     "xm430": XM430_W350,
     "xl330": XL330_M288,
     "xm540-w270": _like(XM430_W350, "XM540-W270", 1120, 30),

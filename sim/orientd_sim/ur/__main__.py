@@ -7,7 +7,7 @@ import sys
 
 from orientd_sim.ur.arm import MODELS, Behaviour, version_of
 from orientd_sim.ur.server import serve
-from orientd_sim.ur.variables import RuntimeState
+from orientd_sim.ur.variables import ProgramState
 
 
 def main() -> int:
@@ -30,7 +30,7 @@ def main() -> int:
     behaviour = Behaviour(
         model=model,
         version=version_of(model, arguments.polyscope),
-        protective_stop_leaves=RuntimeState[arguments.protective_stop_leaves.upper()],
+        protective_stop_leaves=ProgramState[arguments.protective_stop_leaves.upper()],
         unlock_after=arguments.unlock_after,
         stops_on_breach=not arguments.no_breach_stop,
     )

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 STOP_DECELERATION = 10.0
 
 
-class Command(IntEnum):
+class RegisterCommand(IntEnum):
     """What the integer command register may hold."""
 
     NONE = 0
@@ -88,12 +88,24 @@ class Command(IntEnum):
 
 
 _MOTIONS = frozenset(
-    {Command.MOVE_J, Command.MOVE_J_IK, Command.MOVE_L, Command.MOVE_L_FK, Command.MOVE_PATH}
+    {
+        RegisterCommand.MOVE_J,
+        RegisterCommand.MOVE_J_IK,
+        RegisterCommand.MOVE_L,
+        RegisterCommand.MOVE_L_FK,
+        RegisterCommand.MOVE_PATH,
+    }
 )
 _WITHOUT_EFFECT = frozenset(
-    {Command.ZERO_FT, Command.FORCE_DAMPING, Command.FORCE_GAIN, Command.FT_INPUT,
-     Command.FT_SENSOR, Command.CONTACT_START}
-)  # fmt: skip
+    {
+        RegisterCommand.ZERO_FT,
+        RegisterCommand.FORCE_DAMPING,
+        RegisterCommand.FORCE_GAIN,
+        RegisterCommand.FT_INPUT,
+        RegisterCommand.FT_SENSOR,
+        RegisterCommand.CONTACT_START,
+    }
+)
 """What an arm without sensors has nothing to do for."""
 
 REAL_TIME = frozenset({6, 9, 10, 11, 24, 25, 26, 27, 38, 58, *range(66, 72)})
@@ -103,35 +115,37 @@ REAL_TIME = frozenset({6, 9, 10, 11, 24, 25, 26, 27, 38, 58, *range(66, 72)})
 def execute_now(script: ControlScript, number: int) -> None:
     """Carry out a command that takes no time."""
     robot = script.robot
-    if number == Command.SERVO_L:
+    if number == RegisterCommand.SERVO_L:
         pose, (time, lookahead, gain) = script.numbers(0, 6), script.numbers(8, 3)
         script.start_servo(robot.tool.joints_at(pose), time, lookahead, gain)
-    elif number == Command.SERVO_J:
+    elif number == RegisterCommand.SERVO_J:
         q, (time, lookahead, gain) = script.numbers(0, 6), script.numbers(8, 3)
         script.start_servo(q, time, lookahead, gain)
-    elif number in (Command.SPEED_J, Command.SPEED_L):
-        script.start_speed(script.numbers(0, 6), script.numbers(6, 1)[0], number == Command.SPEED_L)
-    elif number == Command.STEP_TIME:
+    elif number in (RegisterCommand.SPEED_J, RegisterCommand.SPEED_L):
+        script.start_speed(
+            script.numbers(0, 6), script.numbers(6, 1)[0], number == RegisterCommand.SPEED_L
+        )
+    elif number == RegisterCommand.STEP_TIME:
         script.answer((0.002,))
-    elif number == Command.FORCE_MODE:
+    elif number == RegisterCommand.FORCE_MODE:
         given = (script.numbers(0, 6), tuple(script.command_int(2 + axis) for axis in range(6)))
         script.start_force(*given, script.numbers(6, 6), script.numbers(12, 6))
-    elif number == Command.TOOL_CONTACT:
+    elif number == RegisterCommand.TOOL_CONTACT:
         script.answer_int(1, int(robot.is_touching))
-    elif number == Command.JOINT_HISTORY:
+    elif number == RegisterCommand.JOINT_HISTORY:
         script.answer(robot.arm.actual_q)
-    elif number == Command.JOINT_TORQUES:
+    elif number == RegisterCommand.JOINT_TORQUES:
         script.answer((0.0,) * 6)
-    elif number == Command.FLANGE_POSE:
+    elif number == RegisterCommand.FLANGE_POSE:
         script.answer(to_pose(robot.tool.actual_flange()))
-    elif number == Command.DIRECT_TORQUE:
+    elif number == RegisterCommand.DIRECT_TORQUE:
         raise UnknownStatementError("direct_torque: needs PolyScope 5.23, and is not emulated")
 
 
 def execute(script: ControlScript, number: int) -> Ticks:
     """Carry out a command that is answered with done; yield once a tick while it lasts."""
     robot = script.robot
-    if number in _MOTIONS or number in (Command.STOP_L, Command.STOP_J):
+    if number in _MOTIONS or number in (RegisterCommand.STOP_L, RegisterCommand.STOP_J):
         is_stop = number not in _MOTIONS
         script.end_move()
         motion = stop(robot, script.numbers(0, 1)[0]) if is_stop else _motion(script, number)
@@ -139,35 +153,40 @@ def execute(script: ControlScript, number: int) -> Ticks:
             script.start_move(motion)
         else:
             yield from motion
-    elif number in (Command.SERVO_STOP, Command.SPEED_STOP, Command.JOG_STOP, Command.FORCE_STOP):
+    elif number in (
+        RegisterCommand.SERVO_STOP,
+        RegisterCommand.SPEED_STOP,
+        RegisterCommand.JOG_STOP,
+        RegisterCommand.FORCE_STOP,
+    ):
         script.end_thread()
-        own = number in (Command.SERVO_STOP, Command.SPEED_STOP)
+        own = number in (RegisterCommand.SERVO_STOP, RegisterCommand.SPEED_STOP)
         yield from stop(robot, script.numbers(0, 1)[0] if own else STOP_DECELERATION)
-    elif number == Command.JOG_START:
+    elif number == RegisterCommand.JOG_START:
         script.start_thread(
             jog(robot, script.numbers(0, 6), _frame(script), script.numbers(7, 1)[0])
         )
-    elif number == Command.SERVO_C:
+    elif number == RegisterCommand.SERVO_C:
         pose, (speed, rate) = script.numbers(0, 6), script.numbers(6, 2)
         script.start_thread(move_line(robot, pose, speed, rate))
-    elif number == Command.MOVE_UNTIL_CONTACT:
+    elif number == RegisterCommand.MOVE_UNTIL_CONTACT:
         yield from touch(robot, script.numbers(0, 6), script.numbers(12, 1)[0])
-    elif number in (Command.TEACH_MODE, Command.FREEDRIVE):
+    elif number in (RegisterCommand.TEACH_MODE, RegisterCommand.FREEDRIVE):
         robot.arm.free()
-    elif number in (Command.END_TEACH_MODE, Command.END_FREEDRIVE):
+    elif number in (RegisterCommand.END_TEACH_MODE, RegisterCommand.END_FREEDRIVE):
         yield from stop(robot, STOP_DECELERATION)
-    elif number == Command.SET_WATCHDOG:
+    elif number == RegisterCommand.SET_WATCHDOG:
         robot.set_watchdog(script.command_register, script.numbers(0, 1)[0])
-    elif number == Command.PROTECTIVE_STOP:
+    elif number == RegisterCommand.PROTECTIVE_STOP:
         robot.protective_stop("asked for by the program")
-    elif number in (Command.SET_PAYLOAD, Command.SET_TARGET_PAYLOAD):
+    elif number in (RegisterCommand.SET_PAYLOAD, RegisterCommand.SET_TARGET_PAYLOAD):
         robot.payload = script.numbers(0, 1)[0]
         robot.payload_cog = script.numbers(1, 3)
-        if number == Command.SET_TARGET_PAYLOAD:
+        if number == RegisterCommand.SET_TARGET_PAYLOAD:
             robot.payload_inertia = script.numbers(4, 6)
-    elif number == Command.SET_TCP:
+    elif number == RegisterCommand.SET_TCP:
         robot.tool.offset = script.numbers(0, 6)
-    elif number == Command.SET_GRAVITY:
+    elif number == RegisterCommand.SET_GRAVITY:
         robot.gravity = script.numbers(0, 3)
     else:
         _compute(script, number)
@@ -180,28 +199,36 @@ def _compute(script: ControlScript, number: int) -> None:
         UnknownStatementError: the emulator does not know the command.
     """
     robot = script.robot
-    if number == Command.TCP_OFFSET:
+    if number == RegisterCommand.TCP_OFFSET:
         script.answer(robot.tool.offset)
-    elif number == Command.FORWARD:
+    elif number == RegisterCommand.FORWARD:
         script.answer(to_pose(robot.tool.at(robot.arm.actual_q)))
-    elif number == Command.FORWARD_OF:
+    elif number == RegisterCommand.FORWARD_OF:
         script.answer(to_pose(robot.tool.at(script.numbers(0, 6))))
-    elif number == Command.TARGET_WAYPOINT:
+    elif number == RegisterCommand.TARGET_WAYPOINT:
         script.answer(to_pose(robot.tool.at(robot.arm.target_q)))
-    elif number in (Command.INVERSE, Command.INVERSE_NEAR):
-        near = script.numbers(6, 6) if number == Command.INVERSE_NEAR else None
+    elif number in (RegisterCommand.INVERSE, RegisterCommand.INVERSE_NEAR):
+        near = script.numbers(6, 6) if number == RegisterCommand.INVERSE_NEAR else None
         script.answer(robot.tool.joints_at(script.numbers(0, 6), near))
-    elif number in (Command.HAS_INVERSE, Command.HAS_INVERSE_NEAR, Command.IS_POSE_SAFE):
+    elif number in (
+        RegisterCommand.HAS_INVERSE,
+        RegisterCommand.HAS_INVERSE_NEAR,
+        RegisterCommand.IS_POSE_SAFE,
+    ):
         script.answer_int(1, int(robot.tool.find_joints(script.numbers(0, 6)) is not None))
-    elif number == Command.ARE_JOINTS_SAFE:
+    elif number == RegisterCommand.ARE_JOINTS_SAFE:
         script.answer_int(1, int(all(abs(q) <= math.tau for q in script.numbers(0, 6))))
-    elif number == Command.POSE_PRODUCT:
+    elif number == RegisterCommand.POSE_PRODUCT:
         a, b = from_pose(script.numbers(0, 6)), from_pose(script.numbers(6, 6))
         script.answer(to_pose(multiply(a, b)))
-    elif number == Command.IS_STEADY:
+    elif number == RegisterCommand.IS_STEADY:
         script.answer_int(1, int(robot.arm.is_still))
-    elif number in (Command.FREEDRIVE_STATUS, Command.CONTACT_END, Command.CONTACT_READ):
-        is_contact = number != Command.FREEDRIVE_STATUS
+    elif number in (
+        RegisterCommand.FREEDRIVE_STATUS,
+        RegisterCommand.CONTACT_END,
+        RegisterCommand.CONTACT_READ,
+    ):
+        is_contact = number != RegisterCommand.FREEDRIVE_STATUS
         script.answer_int(1, int(is_contact and robot.is_touching))
     elif number not in _WITHOUT_EFFECT:
         raise UnknownStatementError(f"the control script's command {number} is not emulated")
@@ -210,13 +237,13 @@ def _compute(script: ControlScript, number: int) -> None:
 def _motion(script: ControlScript, number: int) -> Ticks:
     robot = script.robot
     target, (speed, rate) = script.numbers(0, 6), script.numbers(6, 2)
-    if number == Command.MOVE_J:
+    if number == RegisterCommand.MOVE_J:
         return move_joints(robot, target, speed, rate)
-    if number == Command.MOVE_J_IK:
+    if number == RegisterCommand.MOVE_J_IK:
         return move_joints(robot, robot.tool.joints_at(target), speed, rate)
-    if number == Command.MOVE_PATH:
+    if number == RegisterCommand.MOVE_PATH:
         return perform(robot, script.path, script.tell_progress)
-    return move_line(robot, target, speed, rate, is_joints=number == Command.MOVE_L_FK)
+    return move_line(robot, target, speed, rate, is_joints=number == RegisterCommand.MOVE_L_FK)
 
 
 def _frame(script: ControlScript) -> tuple[float, ...]:

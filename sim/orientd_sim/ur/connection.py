@@ -9,7 +9,7 @@ from collections import deque
 _LARGEST_BACKLOG = 1 << 20
 
 
-class Connection:
+class ClientConnection:
     """A non-blocking socket with queues that can hold bytes back.
 
     Attributes:

@@ -13,7 +13,7 @@ from orientd_sim.ur.arm import TICK, Arm, Behaviour, Mode, Tool, UnreachableErro
 from orientd_sim.ur.outputs import OUTPUT_GETTERS
 from orientd_sim.ur.programs import UnknownStatementError, parse
 from orientd_sim.ur.script import SIGNATURE, ControlScript, PlainProgram, StatementProgram
-from orientd_sim.ur.variables import REGISTERS, RobotMode, RuntimeState, SafetyMode
+from orientd_sim.ur.variables import REGISTERS, ProgramState, RobotMode, SafetyMode
 from orientd_sim.ur.wire import Value
 
 _OFFSETS = re.compile(r"reg_offset_(int|float) = # \w+ register offset\n\s*(\d+)")
@@ -56,7 +56,7 @@ class Controller:
         self.timestamp = 100.0
         self.robot_mode = RobotMode.RUNNING
         self.safety_mode = SafetyMode.NORMAL
-        self.runtime_state = RuntimeState.STOPPED
+        self.runtime_state = ProgramState.STOPPED
         self.is_remote = True
         self.is_touching = False
         self.loaded_program = ""
@@ -102,8 +102,8 @@ class Controller:
         breach = self.arm.step(self.speed_scaling)
         if breach is not None and self.behaviour.stops_on_breach and self.is_powered:
             self.protective_stop(str(breach))
-        if self.runtime_state is RuntimeState.PAUSING and self.arm.is_still:
-            self.runtime_state = RuntimeState.PAUSED
+        if self.runtime_state is ProgramState.PAUSING and self.arm.is_still:
+            self.runtime_state = ProgramState.PAUSED
 
     def later(self, seconds: float, action: Callable[[], None]) -> None:
         """Call *action* at the first tick after *seconds*."""
@@ -122,7 +122,7 @@ class Controller:
         self.speed_fraction += max(-step, min(step, change))
 
     def _run_program(self) -> None:
-        if self.program is None or self.runtime_state is not RuntimeState.PLAYING:
+        if self.program is None or self.runtime_state is not ProgramState.PLAYING:
             return
         if self.safety_mode in _STOPPED_BY_SAFETY:
             return
@@ -186,21 +186,21 @@ class Controller:
         self._watchdog = None
         self.program = program
         self.arm.hold() if self.arm.is_still else self.arm.brake(_HARD_DECELERATION)
-        self.runtime_state = RuntimeState.PLAYING
+        self.runtime_state = ProgramState.PLAYING
 
     def _end_program(self, why: str) -> None:
         if why:
             self.say(why)
         self.program = None
         self._watchdog = None
-        self.runtime_state = RuntimeState.STOPPED
+        self.runtime_state = ProgramState.STOPPED
         if self.arm.mode is not Mode.HOLD:
             self.arm.brake(_HARD_DECELERATION)
 
     def stop(self) -> None:
         """End the program, as the stop button does."""
         self._next_program = None
-        if self.runtime_state is not RuntimeState.STOPPED:
+        if self.runtime_state is not ProgramState.STOPPED:
             self._end_program("program stopped")
 
     def pause(self) -> None:
@@ -209,9 +209,9 @@ class Controller:
         Raises:
             RefusedError: none plays.
         """
-        if self.runtime_state is not RuntimeState.PLAYING:
+        if self.runtime_state is not ProgramState.PLAYING:
             raise RefusedError("Failed to execute: pause")
-        self.runtime_state = RuntimeState.PAUSING
+        self.runtime_state = ProgramState.PAUSING
         self.arm.brake(_HARD_DECELERATION)
 
     def play(self) -> None:
@@ -222,12 +222,12 @@ class Controller:
         """
         if not self.can_move:
             raise RefusedError("Failed to execute: play")
-        if self.runtime_state in (RuntimeState.PAUSED, RuntimeState.PAUSING) and self.program:
+        if self.runtime_state in (ProgramState.PAUSED, ProgramState.PAUSING) and self.program:
             self._watchdog_fed = self.ticks
-            self.runtime_state = RuntimeState.PLAYING
-        elif self.loaded_program and self.runtime_state is RuntimeState.STOPPED:
+            self.runtime_state = ProgramState.PLAYING
+        elif self.loaded_program and self.runtime_state is ProgramState.STOPPED:
             self.program = PlainProgram(3600.0)
-            self.runtime_state = RuntimeState.PLAYING
+            self.runtime_state = ProgramState.PLAYING
         else:
             raise RefusedError("Failed to execute: play")
 
@@ -250,9 +250,9 @@ class Controller:
         self.say(f"protective stop: {why}")
         self._halt(SafetyMode.PROTECTIVE_STOP)
         leaves = self.behaviour.protective_stop_leaves
-        if leaves is RuntimeState.STOPPED:
+        if leaves is ProgramState.STOPPED:
             self._end_program("")
-        elif self.runtime_state is RuntimeState.PLAYING:
+        elif self.runtime_state is ProgramState.PLAYING:
             self.runtime_state = leaves
 
     def emergency_stop(self) -> None:
@@ -268,8 +268,8 @@ class Controller:
             return
         self.say("safeguard stop")
         self._halt(SafetyMode.SAFEGUARD_STOP)
-        if self.runtime_state is RuntimeState.PLAYING:
-            self.runtime_state = RuntimeState.PAUSED
+        if self.runtime_state is ProgramState.PLAYING:
+            self.runtime_state = ProgramState.PAUSED
 
     def violation(self) -> None:
         """Break a safety limit: stop the arm, end the program, cut the power."""
@@ -317,7 +317,7 @@ class Controller:
 
     def power_off(self) -> None:
         """Take the power away; a program ends."""
-        if self.runtime_state is not RuntimeState.STOPPED:
+        if self.runtime_state is not ProgramState.STOPPED:
             self._end_program("power off")
         self.robot_mode = RobotMode.POWER_OFF
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from orientd_sim.ur.controller import Controller, RefusedError
-from orientd_sim.ur.variables import RuntimeState, SafetyMode
+from orientd_sim.ur.variables import ProgramState, SafetyMode
 
 WELCOME = "Connected: Universal Robots Dashboard Server"
 GOODBYE = "Disconnected"
@@ -41,7 +41,7 @@ def _version(robot: Controller) -> str:
 
 
 def _program_state(robot: Controller) -> str:
-    states = {RuntimeState.PLAYING: "PLAYING", RuntimeState.PAUSED: "PAUSED"}
+    states = {ProgramState.PLAYING: "PLAYING", ProgramState.PAUSED: "PAUSED"}
     name = robot.loaded_program or "<unnamed>"
     return f"{states.get(robot.runtime_state, 'STOPPED')} {name}"
 
@@ -85,7 +85,7 @@ _COMMANDS: dict[str, Callable[[Controller], str]] = {
     "play": _after(Controller.play, "Starting program"),
     "pause": _after(Controller.pause, "Pausing program"),
     "running": lambda robot: (
-        f"Program running: {str(robot.runtime_state is RuntimeState.PLAYING).lower()}"
+        f"Program running: {str(robot.runtime_state is ProgramState.PLAYING).lower()}"
     ),
     "robotmode": lambda robot: f"Robotmode: {robot.robot_mode.name}",
     "safetymode": lambda robot: (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from orientd_sim.ur.variables import OUTPUTS, RuntimeState, SafetyMode
+from orientd_sim.ur.variables import OUTPUTS, ProgramState, SafetyMode
 from orientd_sim.ur.wire import TYPES, Value
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ _SAFETY_BITS = {
 
 
 def _status_bits(robot: Controller) -> int:
-    is_running = robot.runtime_state not in (RuntimeState.STOPPED, RuntimeState.STOPPING)
+    is_running = robot.runtime_state not in (ProgramState.STOPPED, ProgramState.STOPPING)
     return int(robot.robot_mode >= 4) | int(is_running) << 1
 
 

@@ -12,7 +12,7 @@ from itertools import chain
 
 from orientd_sim.ur.arm import TWISTS
 from orientd_sim.ur.controller import Controller
-from orientd_sim.ur.variables import RobotMode, RuntimeState, SafetyMode
+from orientd_sim.ur.variables import ProgramState, RobotMode, SafetyMode
 
 EVERY_TICKS = 50
 """Ticks from one message to the next."""
@@ -61,8 +61,8 @@ def _mode(robot: Controller) -> bytes:
         robot.robot_mode >= RobotMode.POWER_ON,
         safety in stops,
         safety is SafetyMode.PROTECTIVE_STOP,
-        state is RuntimeState.PLAYING,
-        state is RuntimeState.PAUSED,
+        state is ProgramState.PLAYING,
+        state is ProgramState.PAUSED,
         robot.robot_mode,
         0,
         robot.speed_slider,

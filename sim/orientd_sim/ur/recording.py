@@ -34,7 +34,7 @@ class ArmRow(NamedTuple):
     actual_q: tuple[float, ...]
 
 
-class Recording:
+class SetpointRecording:
     """Rows kept in memory until they are written out."""
 
     def __init__(self) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from orientd_sim.ur import commands
 from orientd_sim.ur.arm import TICK
-from orientd_sim.ur.commands import Command
+from orientd_sim.ur.commands import RegisterCommand
 from orientd_sim.ur.programs import Statement, Ticks, perform, press
 
 if TYPE_CHECKING:
@@ -110,14 +110,14 @@ class ControlScript:
         is_executing = False
         while True:
             number = self.command_int(0)
-            if number == Command.STOP_SCRIPT:
+            if number == RegisterCommand.STOP_SCRIPT:
                 self.robot.arm.brake(commands.STOP_DECELERATION)
                 return
             if number in commands.REAL_TIME:
                 # Registers are not cleared: the command is carried out again at every tick.
                 commands.execute_now(self, number)
                 self.answer_int(0, READY)
-            elif number == Command.NONE:
+            elif number == RegisterCommand.NONE:
                 is_executing = False
                 self.answer_int(0, READY)
             elif not is_executing:

@@ -19,11 +19,11 @@ from pathlib import Path
 
 from orientd_sim.ur import dashboard, faults, primary
 from orientd_sim.ur.arm import Behaviour
-from orientd_sim.ur.commands import Command
-from orientd_sim.ur.connection import Connection
+from orientd_sim.ur.commands import RegisterCommand
+from orientd_sim.ur.connection import ClientConnection
 from orientd_sim.ur.controller import Controller
-from orientd_sim.ur.recording import Recording
-from orientd_sim.ur.session import Session
+from orientd_sim.ur.recording import SetpointRecording
+from orientd_sim.ur.session import ClientSession
 from orientd_sim.ur.wire import Value, WireError
 
 RTDE_PORT = 30004
@@ -55,7 +55,7 @@ class Server:
         self.host = host
         self.robot: Controller = Controller(behaviour)
         self.robot.on_message = self._broadcast
-        self.recording = Recording()
+        self.recording = SetpointRecording()
         self.is_silent = False
         self.delay_out_ns = 0
         self.delay_in_ns = 0
@@ -68,11 +68,11 @@ class Server:
         self._frozen_until: float | None = None
         self._is_ending = False
         self._lifeline: int | None = None
-        self._owners: dict[str, Session] = {}
-        self._sessions: dict[Connection, Session] = {}
-        self._texts: dict[Connection, bytearray] = {}
-        self._informed: set[Connection] = set()
-        self._connections: dict[int, Connection] = {}
+        self._owners: dict[str, ClientSession] = {}
+        self._sessions: dict[ClientConnection, ClientSession] = {}
+        self._texts: dict[ClientConnection, bytearray] = {}
+        self._informed: set[ClientConnection] = set()
+        self._connections: dict[int, ClientConnection] = {}
         self._listeners: dict[int, tuple[socket.socket, str]] = {}
         ports = {
             RTDE_PORT: "rtde", PRIMARY_PORT: "primary", SECONDARY_PORT: "secondary",
@@ -181,10 +181,10 @@ class Server:
             sock, _ = listener.accept()
         except OSError:
             return
-        connection = Connection(sock, kind)
+        connection = ClientConnection(sock, kind)
         self._connections[sock.fileno()] = connection
         if kind == "rtde":
-            self._sessions[connection] = Session(self.robot, self._owners, self._write)
+            self._sessions[connection] = ClientSession(self.robot, self._owners, self._write)
         else:
             self._texts[connection] = bytearray()
         if kind == "dashboard":
@@ -192,7 +192,7 @@ class Server:
         elif kind in _SCRIPT_KINDS[1:]:
             connection.send(primary.version_message(self.robot), time.monotonic_ns())
 
-    def _serve(self, connection: Connection, now_ns: int) -> None:
+    def _serve(self, connection: ClientConnection, now_ns: int) -> None:
         if connection.sock.fileno() < 0:
             return  # dropped a moment ago, by a fault that another connection asked for
         chunk = connection.take(now_ns)
@@ -210,7 +210,7 @@ class Server:
         if connection.is_closed:
             self._forget(connection)
 
-    def _read_text(self, connection: Connection, now_ns: int) -> None:
+    def _read_text(self, connection: ClientConnection, now_ns: int) -> None:
         text = self._texts[connection]
         if connection.kind in _SCRIPT_KINDS:
             # The only `end` at the beginning of a line is the program's last.
@@ -230,7 +230,7 @@ class Server:
             if answer == dashboard.GOODBYE:
                 connection.is_closed = True
 
-    def _answer(self, connection: Connection, line: str, now_ns: int) -> None:
+    def _answer(self, connection: ClientConnection, line: str, now_ns: int) -> None:
         """Send a line, byte by byte where the dashboard server is to be slow."""
         pace_ns = self.dashboard_pace_ns if connection.kind == "dashboard" else 0
         encoded = line.encode() + b"\n"
@@ -240,7 +240,7 @@ class Server:
         for number, byte in enumerate(encoded):
             connection.send(bytes([byte]), now_ns, (number + 1) * pace_ns)
 
-    def _forget(self, connection: Connection) -> None:
+    def _forget(self, connection: ClientConnection) -> None:
         fd = connection.sock.fileno()
         self._connections.pop(fd, None)
         self._texts.pop(connection, None)
@@ -252,7 +252,9 @@ class Server:
 
     def _write(self, names: tuple[str, ...], values: list[Value]) -> None:
         self.robot.write_package(names, values)
-        is_servo = values[0] in (Command.SERVO_L, Command.SERVO_J) and len(values) == 12
+        is_servo = (
+            values[0] in (RegisterCommand.SERVO_L, RegisterCommand.SERVO_J) and len(values) == 12
+        )
         if is_servo and names[0].startswith("input_int_register_"):
             self.setpoints += 1
             self._setpoints_this_tick += 1

@@ -9,12 +9,12 @@ from orientd_sim.ur.arm import TICK
 from orientd_sim.ur.controller import Controller
 from orientd_sim.ur.outputs import OUTPUT_GETTERS
 from orientd_sim.ur.variables import INPUTS, OUTPUTS
-from orientd_sim.ur.wire import Kind, Layout, Package, Value
+from orientd_sim.ur.wire import Layout, Package, PackageKind, Value
 
 Writer = Callable[[tuple[str, ...], list[Value]], None]
 
 
-class Session:
+class ClientSession:
     """One client.
 
     Args:
@@ -24,7 +24,7 @@ class Session:
     """
 
     def __init__(
-        self, robot: Controller, owners: MutableMapping[str, Session], write: Writer
+        self, robot: Controller, owners: MutableMapping[str, ClientSession], write: Writer
     ) -> None:
         self.robot = robot
         self.protocol = 1
@@ -53,7 +53,7 @@ class Session:
             return b""
         robot = self.robot
         packed = layout.pack([getter(robot) for getter in self._getters])
-        return wire.package(Kind.DATA, packed if self.protocol < 2 else b"\x01" + packed)
+        return wire.package(PackageKind.DATA, packed if self.protocol < 2 else b"\x01" + packed)
 
     def message(self, text: str) -> bytes:
         """Return *text* as a message to a client that is listening, or nothing."""
@@ -67,26 +67,26 @@ class Session:
 
     def _handle(self, package: Package) -> bytes:
         kind, payload = package.kind, package.payload
-        if kind == Kind.DATA:
+        if kind == PackageKind.DATA:
             self._take(payload)
             return b""
-        if kind == Kind.VERSION:
+        if kind == PackageKind.VERSION:
             wanted = wire.requested_version(payload)
             if wanted in (1, 2):
                 self.protocol = wanted
-            return wire.accepted_reply(Kind.VERSION, wanted in (1, 2))
-        if kind == Kind.CONTROLLER_VERSION:
+            return wire.accepted_reply(PackageKind.VERSION, wanted in (1, 2))
+        if kind == PackageKind.CONTROLLER_VERSION:
             return wire.controller_version_reply(self.robot.behaviour.version)
-        if kind == Kind.OUTPUTS:
+        if kind == PackageKind.OUTPUTS:
             return self._set_up_outputs(payload)
-        if kind == Kind.INPUTS:
+        if kind == PackageKind.INPUTS:
             return self._set_up_inputs(wire.split_names(payload))
-        if kind == Kind.START:
+        if kind == PackageKind.START:
             self.is_started = self._outputs is not None
-            return wire.accepted_reply(Kind.START, self.is_started)
-        if kind == Kind.PAUSE:
+            return wire.accepted_reply(PackageKind.START, self.is_started)
+        if kind == PackageKind.PAUSE:
             self.is_started = False
-            return wire.accepted_reply(Kind.PAUSE, True)
+            return wire.accepted_reply(PackageKind.PAUSE, True)
         return b""
 
     def _set_up_outputs(self, payload: bytes) -> bytes:
@@ -98,7 +98,7 @@ class Session:
             self._outputs = Layout(names, types)
             self._getters = [OUTPUT_GETTERS[name] for name in names]
             self._divider = max(1, round(1.0 / (TICK * frequency)))
-        return wire.recipe_reply(Kind.OUTPUTS, int(is_valid), types, self.protocol)
+        return wire.recipe_reply(PackageKind.OUTPUTS, int(is_valid), types, self.protocol)
 
     def _set_up_inputs(self, names: list[str]) -> bytes:
         types = [INPUTS.get(name, "NOT_FOUND") for name in names]
@@ -110,7 +110,7 @@ class Session:
             self._inputs[number] = Layout(names, types)
             for name in names:
                 self._owners[name] = self
-        return wire.recipe_reply(Kind.INPUTS, number, types, self.protocol)
+        return wire.recipe_reply(PackageKind.INPUTS, number, types, self.protocol)
 
     def _take(self, payload: bytes) -> None:
         layout = self._inputs.get(payload[0]) if payload else None

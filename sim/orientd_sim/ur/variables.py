@@ -11,7 +11,7 @@ from enum import IntEnum
 REGISTERS = 48
 
 
-class RuntimeState(IntEnum):
+class ProgramState(IntEnum):
     """What the program is doing."""
 
     STOPPING = 0

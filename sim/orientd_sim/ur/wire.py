@@ -19,7 +19,7 @@ Scalar = int | float
 Value = Scalar | tuple[Scalar, ...]
 
 
-class Kind(IntEnum):
+class PackageKind(IntEnum):
     """The eight kinds of package; each number is the ASCII code of a letter."""
 
     VERSION = ord("V")
@@ -133,7 +133,7 @@ class Layout:
         return values
 
 
-def package(kind: Kind, payload: bytes = b"") -> bytes:
+def package(kind: PackageKind, payload: bytes = b"") -> bytes:
     """Return a package with its header."""
     return HEADER.pack(HEADER.size + len(payload), kind) + payload
 
@@ -171,20 +171,22 @@ def requested_version(payload: bytes) -> int:
     return int(version)
 
 
-def recipe_reply(kind: Kind, recipe: int, types: Sequence[str], protocol: int) -> bytes:
+def recipe_reply(kind: PackageKind, recipe: int, types: Sequence[str], protocol: int) -> bytes:
     """Return the reply to a request for outputs or inputs: the types, and the recipe's number."""
     text = ",".join(types).encode("ascii")
-    return package(kind, text if protocol < 2 and kind is Kind.OUTPUTS else bytes([recipe]) + text)
+    return package(
+        kind, text if protocol < 2 and kind is PackageKind.OUTPUTS else bytes([recipe]) + text
+    )
 
 
-def accepted_reply(kind: Kind, is_accepted: bool) -> bytes:
+def accepted_reply(kind: PackageKind, is_accepted: bool) -> bytes:
     """Return the one-byte reply to a version, start or pause request."""
     return package(kind, bytes([is_accepted]))
 
 
 def controller_version_reply(version: tuple[int, int, int, int]) -> bytes:
     """Return the controller's version as four numbers."""
-    return package(Kind.CONTROLLER_VERSION, struct.pack(">4I", *version))
+    return package(PackageKind.CONTROLLER_VERSION, struct.pack(">4I", *version))
 
 
 def message(text: str, source: str, level: int, protocol: int) -> bytes:
@@ -192,7 +194,8 @@ def message(text: str, source: str, level: int, protocol: int) -> bytes:
     body = text.encode("utf-8")[:255]
     origin = source.encode("utf-8")[:255]
     if protocol < 2:
-        return package(Kind.MESSAGE, bytes([level]) + body)
+        return package(PackageKind.MESSAGE, bytes([level]) + body)
     return package(
-        Kind.MESSAGE, bytes([len(body)]) + body + bytes([len(origin)]) + origin + bytes([level])
+        PackageKind.MESSAGE,
+        bytes([len(body)]) + body + bytes([len(origin)]) + origin + bytes([level]),
     )

@@ -11,7 +11,7 @@ from orientd.driver import Setpoint
 from orientd.servo import Servo as ServoLoop
 from orientd.servo import WatchdogTimeouts
 from orientd.stream import SharedMemory
-from orientd_sim.dynamixel import MODELS, Bus, Line, Servo, VirtualPort
+from orientd_sim.dynamixel import MODELS, Bus, EmulatedServo, SerialLine, VirtualPort
 
 MS = 1_000_000
 
@@ -39,8 +39,11 @@ class Rig:
         self.clock = ManualClock(1_000_000_000)
         models = models or ["xm430"] * len(order)
         self.bus = Bus(
-            [Servo(k + 1, MODELS[m], now_ns=self.clock.now_ns()) for k, m in enumerate(models)],
-            line=Line(is_paced=is_paced, usb_latency_ns=MS if is_paced else 0),
+            [
+                EmulatedServo(k + 1, MODELS[m], now_ns=self.clock.now_ns())
+                for k, m in enumerate(models)
+            ],
+            line=SerialLine(is_paced=is_paced, usb_latency_ns=MS if is_paced else 0),
             rng=random.Random(seed),
         )
         self.port = VirtualPort(self.bus, self.clock)

@@ -10,7 +10,7 @@ import threading
 import pytest
 
 from orientd.clock import MonotonicClock
-from orientd_sim.dynamixel import Bus, PtyServer, Servo
+from orientd_sim.dynamixel import Bus, EmulatedServo, PtyServer
 from orientd_sim.dynamixel.command import main, servos
 
 sdk = pytest.importorskip("dynamixel_sdk")
@@ -20,7 +20,9 @@ sdk = pytest.importorskip("dynamixel_sdk")
 def link(tmp_path):
     clock = MonotonicClock()
     now = clock.now_ns()
-    bus = Bus([Servo(i, now_ns=now) for i in (1, 2, 3)], rng=random.Random(1), gap_ns=20_000_000)
+    bus = Bus(
+        [EmulatedServo(i, now_ns=now) for i in (1, 2, 3)], rng=random.Random(1), gap_ns=20_000_000
+    )
     server = PtyServer(bus, tmp_path / "bus", clock)
     server.plug()
     thread = threading.Thread(target=server.run)
@@ -88,7 +90,7 @@ def test_rustypot_reads_and_writes_positions(link, fast):
 
 
 def test_unplugging_takes_the_link_away_and_plugging_in_brings_it_back(tmp_path):
-    server = PtyServer(Bus([Servo(1)]), tmp_path / "bus", MonotonicClock())
+    server = PtyServer(Bus([EmulatedServo(1)]), tmp_path / "bus", MonotonicClock())
     server.plug()
     first = server.link.readlink()
     assert first.exists()

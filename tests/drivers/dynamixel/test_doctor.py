@@ -11,8 +11,15 @@ from orientd_dynamixel import doctor
 from orientd_dynamixel.bus.servo_bus import ServoBus
 from orientd_dynamixel.diagnosis import diagnose
 from orientd_dynamixel.options import parse
-from orientd_sim.dynamixel import XL330_M288, Bus, FaultKind, Line, ReplyFault, VirtualPort
-from orientd_sim.dynamixel import Servo as EmulatedServo
+from orientd_sim.dynamixel import (
+    XL330_M288,
+    Bus,
+    EmulatedServo,
+    FaultKind,
+    ReplyFault,
+    SerialLine,
+    VirtualPort,
+)
 
 
 @pytest.fixture
@@ -22,7 +29,7 @@ def bench():
         EmulatedServo(2, baud_index=1),
         EmulatedServo(7, XL330_M288),
     ]
-    port = VirtualPort(Bus(servos, line=Line(is_paced=True)), ManualClock())
+    port = VirtualPort(Bus(servos, line=SerialLine(is_paced=True)), ManualClock())
 
     def open_bus(name, baud, *, wait_ms, glance_s):
         port.setBaudRate(baud)
@@ -62,7 +69,7 @@ def test_servo_that_should_be_there_is_asked_again(bench, kind, answer):
 
 def test_servos_are_found_through_an_adapter_as_it_comes():
     """With a latency timer of 16 ms, which an answer may need all of."""
-    port = VirtualPort(Bus([EmulatedServo(1)], line=Line(is_paced=True)), ManualClock())
+    port = VirtualPort(Bus([EmulatedServo(1)], line=SerialLine(is_paced=True)), ManualClock())
     port.bus.faults.add(1, ReplyFault(FaultKind.DELAY, delay_ns=16_000_000))
     options = parse({"port": "/dev/null", "latency_ms": 16.0, "order": "ZY",
                      "axes": [{"id": 1, "name": "pan"}, {"id": 2, "name": "tilt"}]})  # fmt: skip
@@ -95,14 +102,14 @@ def test_silent_bus_is_said_to_be_silent():
 
 
 def test_nothing_is_said_where_nothing_is_wrong():
-    good = [doctor.Servo(k, 1020, 48, 1_000_000, 0, 0) for k in (1, 2, 3)]
+    good = [doctor.FoundServo(k, 1020, 48, 1_000_000, 0, 0) for k in (1, 2, 3)]
     assert doctor.advise(good, 1) == []
 
 
 def test_calculated_rates_are_those_of_the_field():
-    good = [doctor.Servo(k, 1020, 44, 1_000_000, 0, 0) for k in (1, 2, 3)]
+    good = [doctor.FoundServo(k, 1020, 44, 1_000_000, 0, 0) for k in (1, 2, 3)]
     assert 200 <= doctor.safe_rate_hz(good, 1_000_000) <= 350
-    factory = [doctor.Servo(k, 1020, 44, 57600, 500, 0) for k in (1, 2, 3)]
+    factory = [doctor.FoundServo(k, 1020, 44, 57600, 500, 0) for k in (1, 2, 3)]
     assert doctor.cycle_ms(factory, 57600) == pytest.approx(25, abs=3)
 
 

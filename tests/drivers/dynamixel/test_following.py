@@ -7,7 +7,7 @@ import pytest
 
 from orientd.driver import Setpoint
 from orientd.rotation import angle, exp, from_euler
-from orientd.stream import NOT_GIVEN, Command, ServoLimits, State
+from orientd.stream import NOT_GIVEN, Command, ServoLimits, ServoState
 
 PERIOD = 0.01
 VELOCITY, ACCELERATION = math.radians(220), 40.0
@@ -100,10 +100,10 @@ def test_a_stop_amid_following_ends_where_the_axes_are(rig, gimbal_loop):
     target = exp([0.0, 0.0, 1.0]).tolist()
     loop.memory.targets.publish(now, now + 10**10, *target, *([0.0] * 3), *NOT_GIVEN)
     loop.run(400)
-    assert loop.cycle.state is State.TRACKING
+    assert loop.cycle.state is ServoState.TRACKING
     assert math.degrees(gimbal.driver._tracker.angles[0]) == pytest.approx(57.3, abs=0.1)
     loop.ask(Command.STOP)
-    loop.run_until(lambda servo: servo.state is State.HOLDING)
+    loop.run_until(lambda servo: servo.state is ServoState.HOLDING)
     loop.run(50)
     assert loop.cycle.fault == 0
     assert angle(np.array(loop.cycle.q), np.array(target)) < 1e-6

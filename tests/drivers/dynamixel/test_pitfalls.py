@@ -62,10 +62,10 @@ from orientd_dynamixel.bus.reading import BLOCK, decode  # noqa: E402
 from orientd_dynamixel.bus.servo_bus import ServoBus, _unstuffed  # noqa: E402
 from orientd_sim.dynamixel import (  # noqa: E402
     Bus,
+    EmulatedServo,
     FaultKind,
-    Line,
     ReplyFault,
-    Servo,
+    SerialLine,
     VirtualPort,
 )
 from orientd_sim.dynamixel.packet import status  # noqa: E402
@@ -75,7 +75,7 @@ MS = 1_000_000
 
 def bare(count=3, **settings):
     """A bus with the SDK on it and nothing of ours."""
-    bus = Bus([Servo(k + 1) for k in range(count)], **settings)
+    bus = Bus([EmulatedServo(k + 1) for k in range(count)], **settings)
     port = VirtualPort(bus, ManualClock())
     port.openPort()
     return bus, port, sdk.Protocol2PacketHandler()
@@ -124,7 +124,7 @@ def test_02_second_thread_is_turned_away_at_once(monkeypatch):
 
 def test_03_reads_of_the_port_wait_instead_of_spinning(rig, monkeypatch):
     def glances(timeout):
-        _, port, ph = bare(line=Line(is_paced=True, usb_latency_ns=MS))
+        _, port, ph = bare(line=SerialLine(is_paced=True, usb_latency_ns=MS))
         port.ser.timeout = timeout
         count, original = [0], port.readPort
 
@@ -157,7 +157,7 @@ def test_04_cycle_takes_what_is_there_and_waits_for_nobody(gimbal):
 
 
 def test_05_missing_servo_costs_what_is_configured_not_34_ms():
-    _, port, ph = bare(line=Line(is_paced=True))
+    _, port, ph = bare(line=SerialLine(is_paced=True))
     before = port.clock.now_ns()
     ph.ping(port, 9)
     assert port.clock.now_ns() - before > 34 * MS

@@ -5,7 +5,7 @@ import pytest
 
 from orientd.errors import LimitError
 from orientd.rotation import angle, exp, multiply
-from orientd_dynamixel.certificate import Policy
+from orientd_dynamixel.certificate import DeviationPolicy
 from orientd_dynamixel.options import parse
 from orientd_dynamixel.planning import describe, gimbal_of, plan
 
@@ -30,7 +30,9 @@ def test_planned_pass_over_the_pole_arrives_at_the_servos(rig):
     miss = np.deg2rad(2)
     normal = np.array([0, -np.cos(miss), np.sin(miss)])
     q = multiply(exp(way[:, None] * normal), gimbal.forward([0.0, 0.0]))
-    path = plan(OPTIONS, q, period, start=[0.0, 0.0], policy=Policy(max_deviation=np.deg2rad(3)))
+    path = plan(
+        OPTIONS, q, period, start=[0.0, 0.0], policy=DeviationPolicy(max_deviation=np.deg2rad(3))
+    )
     assert [hole.kind for hole in path.certificate.keyholes] == ["pass"]
     assert np.rad2deg(path.certificate.error.value) <= 2.05
     words = describe(path.certificate, settings)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from orientd.errors import Fault
-from orientd.stream import State
+from orientd.stream import ServoState
 from orientd_sim.dynamixel import FaultKind, ReplyFault
 
 DEGREE = 4096 / 360
@@ -81,7 +81,7 @@ def caught(rig, gimbal_loop, cause, seed):
     # A second axis is held too, for too short a time to be noticed by itself.
     gimbal.servo(servo % 3 + 1).shaft.jammed = cause in {"silent", "unplugged"}
     CAUSES[cause][0](gimbal, servo)
-    loop.run_until(lambda one: one.state is State.FAULT)
+    loop.run_until(lambda one: one.state is ServoState.FAULT)
     assert loop.servo.setpoints.fault in CAUSES[cause][1]
     return loop, servo
 
@@ -112,7 +112,7 @@ def test_healthy_axes_brake_on_the_path_while_the_failed_one_stands(rig, gimbal_
     loop.run(250)
     gimbal.servo(2).fail(1 << 0, gimbal.clock.now_ns())
     goals = []
-    while loop.servo.state is not State.FAULT:
+    while loop.servo.state is not ServoState.FAULT:
         loop.run(1)
         goals.append(gimbal.goals())
     goals = np.array(goals)

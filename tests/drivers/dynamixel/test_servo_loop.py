@@ -7,7 +7,7 @@ import pytest
 from rig import PERIOD
 
 from orientd.errors import Fault
-from orientd.stream import Answer, Command, State
+from orientd.stream import Answer, Command, ServoState
 from orientd_sim.dynamixel import FaultKind, ReplyFault
 
 
@@ -31,7 +31,7 @@ def turning(seconds=2.0):
 
 def test_motion_is_streamed_to_its_end(loop):
     loop.start(turning())
-    loop.run_until(lambda servo: servo.state is State.HOLDING)
+    loop.run_until(lambda servo: servo.state is ServoState.HOLDING)
     loop.run(100)
     assert loop.driver._group.losses.total == 0
     yaw = (loop.gimbal.goals()[0] - 2048) * 2 * math.pi / 4096
@@ -52,7 +52,7 @@ def test_fault_in_the_middle_is_typed_held_and_reset(loop, cause):
     loop.start(turning())
     loop.run(400)
     inject(loop.gimbal)
-    loop.run_until(lambda servo: servo.state is State.FAULT)
+    loop.run_until(lambda servo: servo.state is ServoState.FAULT)
     assert loop.cycle.fault == fault
     goals = loop.gimbal.goals()
     loop.run(50)
@@ -63,7 +63,7 @@ def test_fault_in_the_middle_is_typed_held_and_reset(loop, cause):
     assert answer == (Answer.DONE, "")
     assert loop.ask(Command.ENABLE)[0] is Answer.DONE
     loop.run(100)
-    assert loop.cycle.state is State.HOLDING
+    assert loop.cycle.state is ServoState.HOLDING
     assert loop.cycle.fault == 0
     assert all(servo.is_torque_on for servo in loop.gimbal.bus.servos)
 
@@ -71,6 +71,6 @@ def test_fault_in_the_middle_is_typed_held_and_reset(loop, cause):
 def test_lost_readings_do_not_disturb_the_motion(loop):
     loop.gimbal.bus.faults.add(1, ReplyFault(FaultKind.DROP, probability=0.05))
     loop.start(turning())
-    loop.run_until(lambda servo: servo.state is State.HOLDING)
+    loop.run_until(lambda servo: servo.state is ServoState.HOLDING)
     assert loop.driver._group.losses.total > 3
     assert loop.cycle.fault == 0

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from orientd.rotation import angle, exp, multiply
-from orientd_dynamixel.certificate import AxisLimits, Policy
+from orientd_dynamixel.certificate import AxisLimits, DeviationPolicy
 from orientd_dynamixel.kinematics import Gimbal
 from orientd_dynamixel.path import plan_axes
-from orientd_dynamixel.tracker import Tracker
+from orientd_dynamixel.tracker import AxisTracker
 
 ORDERS = ["ZYX", "ZXY", "XYZ", "ZYZ", "ZXZ", "ZY", "ZX", "XY", "YX"]
 MOUNT = (0.5, 0.5, -0.5, 0.5)
@@ -19,7 +19,7 @@ TOOL = (0.6, 0.0, 0.8, 0.0)
 @pytest.mark.parametrize("order", ORDERS)
 def test_forward_agrees_with_the_plan(order):
     angles = np.random.default_rng(1).uniform(-7, 7, (100, len(order)))
-    tracker, gimbal = Tracker(order, MOUNT, TOOL), Gimbal(order, MOUNT, TOOL)
+    tracker, gimbal = AxisTracker(order, MOUNT, TOOL), Gimbal(order, MOUNT, TOOL)
     ours = [tracker.forward(row) for row in angles.tolist()]
     assert np.max(angle(ours, gimbal.forward(angles))) < 1e-14
 
@@ -27,7 +27,7 @@ def test_forward_agrees_with_the_plan(order):
 @pytest.mark.parametrize("order", ORDERS)
 def test_solution_nearest_to_the_last_command_is_found(order):
     rng = random.Random(2)
-    tracker = Tracker(order, MOUNT, TOOL)
+    tracker = AxisTracker(order, MOUNT, TOOL)
     for _ in range(300):
         wanted = tuple(rng.uniform(-7, 7) for _ in order)
         tracker.angles = tuple(a + rng.uniform(-0.05, 0.05) for a in wanted)
@@ -43,7 +43,7 @@ def test_solution_nearest_to_the_last_command_is_found(order):
 @pytest.mark.parametrize("order", ORDERS)
 def test_angular_velocity_equals_that_of_the_jacobian(order):
     rng = np.random.default_rng(3)
-    tracker, gimbal = Tracker(order, MOUNT, TOOL), Gimbal(order, MOUNT, TOOL)
+    tracker, gimbal = AxisTracker(order, MOUNT, TOOL), Gimbal(order, MOUNT, TOOL)
     for _ in range(20):
         angles, rates = rng.uniform(-3, 3, len(order)), rng.normal(size=len(order))
         world = gimbal.jacobian(angles) @ rates
@@ -62,8 +62,8 @@ def test_planned_passage_comes_out_as_planned(order, miss_deg):
     path = exp(np.outer(times * np.deg2rad(15), [0, np.cos(miss), -np.sin(miss)]))
     q = multiply(path, gimbal.forward([np.pi / 2 * 0, -np.pi / 2 + miss, 0][: len(order)]))
     limits = [AxisLimits(-4.7, 4.7, 3.0, 40, "axis")] * len(order)
-    plan = plan_axes(gimbal, q, period, limits, policy=Policy(max_deviation=np.deg2rad(6)))
-    tracker = Tracker(order, (1, 0, 0, 0), (1, 0, 0, 0))
+    plan = plan_axes(gimbal, q, period, limits, policy=DeviationPolicy(max_deviation=np.deg2rad(6)))
+    tracker = AxisTracker(order, (1, 0, 0, 0), (1, 0, 0, 0))
     tracker.angles = tuple(plan.angles[0])
     worst = 0.0
     for row, wanted in zip(plan.q.tolist(), plan.angles, strict=True):
@@ -74,7 +74,7 @@ def test_planned_passage_comes_out_as_planned(order, miss_deg):
 
 
 def test_pointing_takes_any_roll():
-    tracker = Tracker("ZY", (1, 0, 0, 0), (1, 0, 0, 0), is_pointing=True)
+    tracker = AxisTracker("ZY", (1, 0, 0, 0), (1, 0, 0, 0), is_pointing=True)
     q = Gimbal("ZYX").forward([0.3, 0.4, 1.2])
     got, missed = tracker.solve(tuple(q))
     assert got == pytest.approx((0.3, 0.4))
@@ -82,13 +82,13 @@ def test_pointing_takes_any_roll():
 
 
 def test_fit_states_the_roll_it_drops():
-    tracker = Tracker("ZY", (1, 0, 0, 0), (1, 0, 0, 0))
+    tracker = AxisTracker("ZY", (1, 0, 0, 0), (1, 0, 0, 0))
     _, missed = tracker.solve(tuple(Gimbal("ZXY").forward([0.3, 0.2, 0.4])))
     assert missed == pytest.approx(0.2)
 
 
 def test_pole_itself_keeps_the_inner_angle():
-    tracker = Tracker("ZYX", (1, 0, 0, 0), (1, 0, 0, 0))
+    tracker = AxisTracker("ZYX", (1, 0, 0, 0), (1, 0, 0, 0))
     tracker.angles = (0.7, 1.57, 0.4)
     got, _ = tracker.solve(tracker.forward((0.7, np.pi / 2, 0.4)))
     assert got == pytest.approx((0.7, np.pi / 2, 0.4), abs=1e-6)

@@ -13,7 +13,7 @@ from orientd.daemon.device import Device
 from orientd.daemon.motions.options import Prepared
 from orientd.errors import Fault, PendingError
 from orientd.planner import Keyframe, MotionRequest
-from orientd.stream import State
+from orientd.stream import ServoState
 
 
 def until(claim, what, seconds=10.0):
@@ -50,7 +50,7 @@ def device_of(host, *, compensate_latency=False, **options):
     device.launch()
     try:
         assert device.wait_ready(20.0), device.failure
-        until(lambda: device.snapshot().state is State.HOLDING, "holding")
+        until(lambda: device.snapshot().state is ServoState.HOLDING, "holding")
         yield device
     finally:
         device.shutdown()
@@ -74,7 +74,7 @@ def swing(device, **settings):
 
 
 def is_holding(device):
-    return device.snapshot().state is State.HOLDING
+    return device.snapshot().state is ServoState.HOLDING
 
 
 def streaming(device):

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from orientd.cli.command import AsJson, command
 from orientd.cli.output import plain, table
 from orientd.errors import LimitError, OrientdError, RequestError
-from orientd.stream import State
+from orientd.stream import ServoState
 
 
 class Colour(Enum):
@@ -31,7 +31,7 @@ def test_everything_becomes_what_json_holds():
     content = {
         "dataclass": Inner((1.0, 0.0, 0.0, 0.0), (1.0, 2.0, 3.0)),
         "enum": Colour.DARK_RED,
-        "number": State.HOLDING,
+        "number": ServoState.HOLDING,
         "array": np.arange(3.0),
         "scalar": np.float64(2.5),
         "path": Path("/x"),

@@ -4,12 +4,12 @@ import pytest
 
 from orientd.cli import progress, waiting
 from orientd.rpc.reports import Progress
-from orientd.stream import State
+from orientd.stream import ServoState
 
 REPORT = Progress(
     path_time=1.0,
     duration=4.0,
-    state=State.STREAMING,
+    state=ServoState.STREAMING,
     is_paused=False,
     speed=1.0,
     q=(1.0, 0.0, 0.0, 0.0),

@@ -8,7 +8,7 @@ from concurrent.futures import Future
 
 from orientd.daemon.cell import planner_device
 from orientd.daemon.planners import PlanCall, PlanInput, PlannedMotion
-from orientd.daemon.planners.jobs import Methods, Planned, Question, Records, Report, SetUp
+from orientd.daemon.planners.jobs import Methods, PlannedRecords, Question, Records, Report, SetUp
 from orientd.daemon.planners.record_file import Chunk, RecordFile
 from orientd.daemon.planners.worker import Work
 from orientd.rpc.wire.motion import from_request
@@ -25,7 +25,7 @@ class DirectPlanners:
     async def plan(self, job: PlanInput, order: PlanCall, *, rank=None) -> PlannedMotion:
         question, file = Question(Records(rate_hz=order.rate_hz), job), RecordFile()
         planned = self.work.do(question, file.descriptor)
-        assert isinstance(planned, Planned)
+        assert isinstance(planned, PlannedRecords)
         rest = Future()
         rest.set_result(self.work.rest(question, file.descriptor))
         fetch = functools.partial(self._more, job)
@@ -35,7 +35,7 @@ class DirectPlanners:
     def _more(self, job, first, count):
         more, file = Future(), RecordFile()
         planned = self.work.do(Question(Records(first, count), job), file.descriptor)
-        assert isinstance(planned, Planned)
+        assert isinstance(planned, PlannedRecords)
         more.set_result(Chunk(first, *planned.shape, file))
         return more
 

@@ -12,8 +12,7 @@ from orientd.daemon.planners import PlanInput
 from orientd.driver import IDENTITY, ZERO
 from orientd.errors import DaemonError, Fault, LateError, PlanError, StateError
 from orientd.planner import DEFAULT_LIMITS, State
-from orientd.stream import Cycle
-from orientd.stream import State as ServoState
+from orientd.stream import Cycle, ServoState
 
 
 def cycle(index=0, *, state=ServoState.HOLDING, lateness_ns=0, motion=0, overruns=0):

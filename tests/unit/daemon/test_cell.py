@@ -28,7 +28,7 @@ from orientd.errors import (
 from orientd.planner import Keyframe, MotionRequest, State
 from orientd.rotation import exp
 from orientd.rpc.reports import Outcome
-from orientd.stream import State as ServoState
+from orientd.stream import ServoState
 
 SECOND = 1_000_000_000
 MOTION = MotionRequest([Keyframe(tuple(exp([0.0, 0.0, angle]))) for angle in (0.0, 0.1)])

@@ -6,7 +6,7 @@ import pytest
 from orientd import planner, rotation
 from orientd.daemon.motions.meter import Histogram, MotionMeter
 from orientd.recorder.cycle_table import CYCLES
-from orientd.stream import State
+from orientd.stream import ServoState
 
 PERIOD = 0.002
 FIRST = 700  # index in the path ring
@@ -38,8 +38,8 @@ def sent(motion):
     cycles["deadline_ns"] = cycles["index"] * 2_000_000
     cycles["path_index"] = FIRST + places
     cycles["motion"] = NUMBER
-    cycles["state"] = State.HOLDING
-    cycles["state"][3 : 3 + count - 2] = State.STREAMING
+    cycles["state"] = ServoState.HOLDING
+    cycles["state"][3 : 3 + count - 2] = ServoState.STREAMING
     cycles["speed"] = 1.0
     cycles["flags"] = 3
     for name in ("q", "omega_body", "alpha_body", "position"):

@@ -13,7 +13,7 @@ from orientd.daemon.calls import motion_report, report
 from orientd.daemon.motions.active_motions import ActiveMotion, ActiveMotions
 from orientd.daemon.planners import reporting
 from orientd.rpc.reports import Outcome
-from orientd.stream import State
+from orientd.stream import ServoState
 
 SETTINGS = config.default_settings().devices["arm"]
 
@@ -114,7 +114,7 @@ def test_a_device_without_cycles_or_motion_can_be_told(device):
     device.published = []
     told = report.device_report(device)
     assert (told.cycle, told.motion_id, told.duration) == (None, "", 0.0)
-    assert told.state is State.HOLDING
+    assert told.state is ServoState.HOLDING
 
 
 def test_a_motion_is_told_by_its_name(device, motion):

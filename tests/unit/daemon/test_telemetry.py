@@ -13,7 +13,7 @@ from orientd.daemon.calls.telemetry import RECENT, Telemetry
 from orientd.daemon.devices.device_report import DeviceEvent, EventKind
 from orientd.errors import ConfigError, Fault
 from orientd.operation_settings import MetricsSettings
-from orientd.stream import Cycle, CycleFlag, State
+from orientd.stream import Cycle, CycleFlag, ServoState
 
 pytest.importorskip("prometheus_client")
 
@@ -31,7 +31,7 @@ def cycle(index, *, lateness_ns=20_000, overruns=0, missed=0):
         work_ns=0,
         feedback_time_ns=index * PERIOD_NS - 3_000_000,
         path_index=0,
-        state=State.HOLDING,
+        state=ServoState.HOLDING,
         fault=0,
         motion=0,
         flags=CycleFlag.FEEDBACK,
@@ -56,7 +56,7 @@ class FakeDevice:
 
     def __init__(self):
         self.log = []
-        self.state, self.fault = State.HOLDING, Fault.NONE
+        self.state, self.fault = ServoState.HOLDING, Fault.NONE
 
     def cycles(self, first, count):
         return [one for one in self.log if one.index >= first][:count]
@@ -130,7 +130,7 @@ def event(kind):
 def test_motions_and_faults_are_counted_by_what_they_were(telemetry, device):
     telemetry.hear(event(EventKind.MOTION_DONE), device)
     telemetry.hear(event(EventKind.MOTION_STOPPED), device)
-    device.state, device.fault = State.FAULT, Fault.LINK_LOST
+    device.state, device.fault = ServoState.FAULT, Fault.LINK_LOST
     telemetry.hear(event(EventKind.FAULT), device)
     telemetry.hear(event(EventKind.MOTION_STOPPED), device)
     for outcome in ("done", "stopped", "fault"):

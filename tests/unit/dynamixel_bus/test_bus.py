@@ -5,7 +5,7 @@ import random
 import pytest
 from fast_status import fast_blocks
 
-from orientd_sim.dynamixel import Bus, FaultKind, Line, ReplyFault, Servo
+from orientd_sim.dynamixel import Bus, EmulatedServo, FaultKind, ReplyFault, SerialLine
 from orientd_sim.dynamixel.packet import (
     BROADCAST,
     ErrorNumber,
@@ -19,7 +19,7 @@ S = 1_000_000_000
 
 
 def three(**settings):
-    return Bus([Servo(1), Servo(2), Servo(3)], **settings)
+    return Bus([EmulatedServo(1), EmulatedServo(2), EmulatedServo(3)], **settings)
 
 
 def ask(bus, packet, now_ns=0):
@@ -164,7 +164,7 @@ def test_any_instruction_feeds_every_watchdog():
 
 
 def test_answers_take_the_time_of_the_line():
-    bus = three(line=Line(is_paced=True))
+    bus = three(line=SerialLine(is_paced=True))
     for servo in bus.servos:
         servo.write(9, b"\0", 0)
     bus.receive(encode(Packet(BROADCAST, Instruction.SYNC_READ, b"\x7e\0\x0a\0\1\2\3")), 0)
@@ -174,14 +174,14 @@ def test_answers_take_the_time_of_the_line():
 
 
 def test_return_delay_counts_for_each_servo():
-    bus = three(line=Line(is_paced=True))
+    bus = three(line=SerialLine(is_paced=True))
     bus.receive(encode(Packet(BROADCAST, Instruction.SYNC_READ, b"\x7e\0\x0a\0\1\2")), 0)
     bus.wire.take(160_000 + 550_000 + 210_000)
     assert bus.wire.due_ns() == 160_000 + 2 * (550_000 + 210_000)
 
 
 def test_instruction_into_an_answer_spoils_both():
-    bus = three(line=Line(is_paced=True))
+    bus = three(line=SerialLine(is_paced=True))
     bus.receive(encode(Packet(1, Instruction.PING)), 0)
     bus.receive(encode(Packet(2, Instruction.PING)), 700_000)
     assert bus.wire.collisions == 1

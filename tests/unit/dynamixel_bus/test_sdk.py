@@ -5,18 +5,18 @@ import pytest
 sdk = pytest.importorskip("dynamixel_sdk")
 
 from orientd.clock import ManualClock  # noqa: E402
-from orientd_sim.dynamixel import XL330_M288, Bus, Line, Servo, VirtualPort  # noqa: E402
+from orientd_sim.dynamixel import XL330_M288, Bus, EmulatedServo, SerialLine, VirtualPort  # noqa: E402
 
 COMM_SUCCESS, COMM_RX_TIMEOUT = 0, -3001
 
 
 @pytest.fixture
 def bus():
-    servos = [Servo(1), Servo(2), Servo(3, XL330_M288)]
+    servos = [EmulatedServo(1), EmulatedServo(2), EmulatedServo(3, XL330_M288)]
     for servo in servos:
         servo.write(9, b"\0", 0)
         servo.write(11, b"\4", 0)
-    return Bus(servos, line=Line(is_paced=True, usb_latency_ns=1_000_000))
+    return Bus(servos, line=SerialLine(is_paced=True, usb_latency_ns=1_000_000))
 
 
 @pytest.fixture
@@ -116,7 +116,10 @@ def test_replies_that_hold_a_header_are_stuffed(port, ph, bus):
 
 def test_two_runs_are_the_same_to_the_bit(ph):
     def run():
-        bus = Bus([Servo(1), Servo(2)], line=Line(is_paced=True, usb_latency_ns=1_000_000))
+        bus = Bus(
+            [EmulatedServo(1), EmulatedServo(2)],
+            line=SerialLine(is_paced=True, usb_latency_ns=1_000_000),
+        )
         port = VirtualPort(bus, ManualClock())
         port.openPort()
         return [(ph.read4ByteTxRx(port, 1, 132), port.clock.now_ns()) for _ in range(200)]

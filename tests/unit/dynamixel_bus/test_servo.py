@@ -6,7 +6,7 @@ import pytest
 
 from orientd_sim.dynamixel.motion import TICKS_PER_RADIAN
 from orientd_sim.dynamixel.packet import ALERT, ErrorNumber
-from orientd_sim.dynamixel.servo import Servo
+from orientd_sim.dynamixel.servo import EmulatedServo
 from orientd_sim.dynamixel.table import TURN_LIMIT, XL330_M288, XM430_W350
 
 MS = 1_000_000
@@ -29,7 +29,7 @@ def number(servo, address, size, now=0):
 
 @pytest.fixture
 def servo():
-    it = Servo(1)
+    it = EmulatedServo(1)
     assert put(it, 11, 4, 1) == 0
     assert put(it, 64, 1, 1) == 0
     return it
@@ -37,11 +37,11 @@ def servo():
 
 @pytest.mark.parametrize(("model", "number_"), [(XM430_W350, 1020), (XL330_M288, 1200)])
 def test_model_number_is_in_the_table(model, number_):
-    assert number(Servo(1, model), 0, 2) == number_
+    assert number(EmulatedServo(1, model), 0, 2) == number_
 
 
 def test_torque_on_takes_the_present_position_as_goal():
-    servo = Servo(1)
+    servo = EmulatedServo(1)
     servo.shaft.position = 1234.0
     put(servo, 64, 1, 1)
     assert number(servo, 116, 4) == 1234
@@ -78,7 +78,7 @@ def test_goal_outside_the_turns_is_out_of_range(servo):
 
 
 def test_position_mode_keeps_its_limits():
-    servo = Servo(1)
+    servo = EmulatedServo(1)
     put(servo, 48, 3000, 4)
     put(servo, 64, 1, 1)
     assert put(servo, 116, 3001, 4) == ErrorNumber.DATA_LIMIT
@@ -86,7 +86,7 @@ def test_position_mode_keeps_its_limits():
 
 
 def test_unknown_mode_is_refused():
-    assert put(Servo(1), 11, 2, 1) == ErrorNumber.DATA_RANGE
+    assert put(EmulatedServo(1), 11, 2, 1) == ErrorNumber.DATA_RANGE
 
 
 def test_goal_velocity_keeps_its_limit(servo):
@@ -94,7 +94,7 @@ def test_goal_velocity_keeps_its_limit(servo):
 
 
 def test_indirect_block_reads_and_writes_through():
-    servo = Servo(1)
+    servo = EmulatedServo(1)
     for k, target in enumerate([70, *range(126, 136), *range(116, 120)]):
         assert put(servo, 168 + 2 * k, target, 2) == 0
     put(servo, 11, 4, 1)
@@ -105,13 +105,13 @@ def test_indirect_block_reads_and_writes_through():
 
 
 def test_indirect_write_of_half_a_register_is_refused():
-    servo = Servo(1)
+    servo = EmulatedServo(1)
     put(servo, 168, 116, 2)
     assert servo.write(224, b"\0", 0) == ErrorNumber.DATA_LENGTH
 
 
 def test_indirect_target_in_the_eeprom_is_refused():
-    assert put(Servo(1), 168, 63, 2) == ErrorNumber.DATA_RANGE
+    assert put(EmulatedServo(1), 168, 63, 2) == ErrorNumber.DATA_RANGE
 
 
 def test_step_follows_the_first_order_lag(servo):
@@ -152,7 +152,7 @@ def test_time_based_profile_takes_its_time(servo):
 
 
 def test_motion_does_not_depend_on_how_often_it_is_looked_at(servo):
-    other = Servo(1)
+    other = EmulatedServo(1)
     for it in (servo, other):
         put(it, 64, 0, 1)
         put(it, 11, 4, 1)
@@ -169,7 +169,7 @@ def test_motion_does_not_depend_on_how_often_it_is_looked_at(servo):
     ("mode", "address", "value", "size"), [(1, 104, 100, 4), (16, 100, 442, 2)]
 )
 def test_speed_modes_turn_steadily(mode, address, value, size):
-    servo = Servo(1)
+    servo = EmulatedServo(1)
     put(servo, 11, mode, 1)
     put(servo, 64, 1, 1)
     put(servo, address, value, size)
@@ -194,14 +194,14 @@ def test_clear_forgets_turns_only_at_rest(servo):
 
 
 def test_torque_on_in_position_mode_loses_turns():
-    servo = Servo(1)
+    servo = EmulatedServo(1)
     servo.shaft.position = 5000.0
     put(servo, 64, 1, 1)
     assert number(servo, 132, 4) == 904
 
 
 def test_homing_offset_moves_the_reading():
-    servo = Servo(1)
+    servo = EmulatedServo(1)
     put(servo, 20, 100, 4)
     assert number(servo, 132, 4) == 2148
 
@@ -262,7 +262,7 @@ def test_load_slows_the_servo(servo):
 
 
 def test_mode_change_resets_profile_and_goals():
-    servo = Servo(1)
+    servo = EmulatedServo(1)
     put(servo, 108, 5, 4)
     put(servo, 112, 6, 4)
     put(servo, 102, 7, 2)
@@ -278,6 +278,6 @@ def test_tick_counts_milliseconds_since_boot_and_wraps(servo):
 
 def test_factory_reset_keeps_what_it_is_told_to_keep():
     for option, kept in ((0xFF, (1, 1)), (1, (7, 1)), (2, (7, 3))):
-        servo = Servo(7)
+        servo = EmulatedServo(7)
         servo.factory_reset(option, 0)
         assert (servo.id, servo.baud_index) == kept

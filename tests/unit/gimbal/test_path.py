@@ -5,10 +5,10 @@ import pytest
 
 from orientd.errors import LimitError, PlanError, StartError
 from orientd.rotation import angle, exp, from_axis_angle, from_matrix, log, multiply
-from orientd_dynamixel.certificate import AxisLimits, Policy, ToolLimits, rates
+from orientd_dynamixel.certificate import AxisLimits, DeviationPolicy, ToolLimits, rates
 from orientd_dynamixel.kinematics import Gimbal, damped_rates
 from orientd_dynamixel.path import plan_axes
-from orientd_dynamixel.tracker import Tracker
+from orientd_dynamixel.tracker import AxisTracker
 
 PERIOD = 0.005
 NO_LOAD = 4.817
@@ -68,7 +68,7 @@ def test_planned_passage_beats_damped_least_squares(order, miss, rate, error):
     asked = 0.95 * rate if is_planning_better else max(rate, 0.265)
     path = plan_axes(
         Gimbal(order), passing(miss), PERIOD, limits(order, asked),
-        policy=Policy(max_deviation=np.deg2rad(4)),
+        policy=DeviationPolicy(max_deviation=np.deg2rad(4)),
     )  # fmt: skip
     got = path.certificate
     fastest = max(peak.value for peak in got.velocity)
@@ -119,7 +119,11 @@ def test_tilt_that_cannot_pass_the_zenith_flips_by_a_deviation_or_is_refused():
     with pytest.raises(LimitError, match="velocity of pan"):
         plan_axes(Gimbal("ZY"), passing(3), PERIOD, narrow)
     path = plan_axes(
-        Gimbal("ZY"), passing(3), PERIOD, narrow, policy=Policy(max_deviation=np.deg2rad(3))
+        Gimbal("ZY"),
+        passing(3),
+        PERIOD,
+        narrow,
+        policy=DeviationPolicy(max_deviation=np.deg2rad(3)),
     )
     assert [hole.kind for hole in path.certificate.keyholes] == ["flip"]
     assert path.certificate.error.value <= np.deg2rad(3)
@@ -129,7 +133,7 @@ def test_tilt_that_cannot_pass_the_zenith_flips_by_a_deviation_or_is_refused():
 def test_deviation_is_certified_by_what_the_axes_make():
     q = passing(2)
     path = plan_axes(
-        Gimbal("ZYX"), q, PERIOD, limits("ZYX"), policy=Policy(max_deviation=np.deg2rad(4))
+        Gimbal("ZYX"), q, PERIOD, limits("ZYX"), policy=DeviationPolicy(max_deviation=np.deg2rad(4))
     )
     assert path.certificate.error.value == pytest.approx(float(np.max(angle(path.q, q))), rel=1e-9)
     hole = path.certificate.keyholes[0]
@@ -197,7 +201,7 @@ def test_forced_unwinding_is_a_stop_with_continuous_rates():
     q = from_axis_angle([0, 0, 1], pan)
     bounds = limits("ZY", velocity=3.0, acceleration=20.0)
     path = plan_axes(
-        Gimbal("ZY"), q, PERIOD, bounds, start=[0.0, 0.0], policy=Policy(allow_slews=True)
+        Gimbal("ZY"), q, PERIOD, bounds, start=[0.0, 0.0], policy=DeviationPolicy(allow_slews=True)
     )
     (slew,) = path.certificate.slews
     assert (
@@ -223,7 +227,7 @@ def test_random_walk_never_jumps_unplanned(order):
         q[k + 1] /= np.linalg.norm(q[k + 1])
     bounds = limits(order, velocity=NO_LOAD, acceleration=np.inf)
     path = plan_axes(Gimbal(order), q, PERIOD, bounds, start=[0, 0, 0],
-                     policy=Policy(allow_slews=True))  # fmt: skip
+                     policy=DeviationPolicy(allow_slews=True))  # fmt: skip
     velocity, _ = rates(path.angles, PERIOD)
     assert np.max(np.abs(velocity)) <= NO_LOAD * (1 + 1e-6)
     for axis, most in enumerate((270, 200, 200)):
@@ -257,7 +261,7 @@ def test_walk_that_winds_up_is_unwound_by_planned_slews_only(order, seed):
     q = np.array(q) / np.linalg.norm(q, axis=1, keepdims=True)
     bounds = limits(order, velocity=NO_LOAD, acceleration=np.inf)
     path = plan_axes(Gimbal(order), q, PERIOD, bounds, start=[0, 0, 0],
-                     policy=Policy(allow_slews=True))  # fmt: skip
+                     policy=DeviationPolicy(allow_slews=True))  # fmt: skip
     naive = np.abs(np.diff(Gimbal(order).inverse(q)[:, 0], axis=0))
     assert np.sum(np.max(naive, axis=1) > np.pi / 2) >= 10
     velocity, _ = rates(path.angles, PERIOD)
@@ -290,10 +294,10 @@ def wandering(seed, length=6.0):
 
 
 POLICIES = [
-    Policy(),
-    Policy(max_deviation=np.deg2rad(3)),
-    Policy(allow_slews=True),
-    Policy(max_deviation=np.deg2rad(3), allow_slews=True),
+    DeviationPolicy(),
+    DeviationPolicy(max_deviation=np.deg2rad(3)),
+    DeviationPolicy(allow_slews=True),
+    DeviationPolicy(max_deviation=np.deg2rad(3), allow_slews=True),
 ]
 
 
@@ -323,7 +327,9 @@ def test_any_path_is_inside_its_limits_or_refused(order, number):
 
 def test_stretch_that_is_too_fast_is_gone_along_slowly_on_the_path():
     q = passing(2)
-    path = plan_axes(Gimbal("ZYX"), q, PERIOD, limits("ZYX"), policy=Policy(allow_slews=True))
+    path = plan_axes(
+        Gimbal("ZYX"), q, PERIOD, limits("ZYX"), policy=DeviationPolicy(allow_slews=True)
+    )
     (crawl,) = path.certificate.slews
     assert crawl.is_on_path
     # Every orientation on the way is one of the path's.
@@ -374,11 +380,11 @@ def test_slew_at_the_pole_is_one_that_the_driver_follows(order, away, hold):
     tool = ToolLimits(1.5, 8.0, 1500.0)
     bounds = limits(order)
     path = plan_axes(Gimbal(order), q, PERIOD, bounds, start=start,
-                     policy=Policy(allow_slews=True), tool=tool)  # fmt: skip
+                     policy=DeviationPolicy(allow_slews=True), tool=tool)  # fmt: skip
     (slew,) = path.certificate.slews
     assert not slew.is_on_path
     assert path.angles[0] == pytest.approx(start, abs=1e-9)
-    tracker = Tracker(order, (1.0, 0, 0, 0), (1.0, 0, 0, 0), is_pointing=True)
+    tracker = AxisTracker(order, (1.0, 0, 0, 0), (1.0, 0, 0, 0), is_pointing=True)
     tracker.angles = tuple(start.tolist())
     worst = 0.0
     for wanted, row in zip(path.q.tolist(), path.angles, strict=True):
@@ -402,7 +408,7 @@ def test_turn_at_the_pole_is_one_of_the_outer_axis_as_in_the_driver(order):
     q = multiply(from_axis_angle([0, 0, 1], spin), q[0])
     path = plan_axes(Gimbal(order), q, PERIOD, limits(order), start=start)
     assert path.angles[-1] == pytest.approx(np.add(start, (0.8, 0, 0)), abs=1e-9)
-    tracker = Tracker(order, (1.0, 0, 0, 0), (1.0, 0, 0, 0))
+    tracker = AxisTracker(order, (1.0, 0, 0, 0), (1.0, 0, 0, 0))
     tracker.angles = tuple(start.tolist())
     for wanted in path.q.tolist():
         tracker.angles, _ = tracker.solve(wanted)

@@ -22,10 +22,10 @@ from orientd.plots import gallery
 from orientd.plots.paper import new_figure
 from orientd.plots.papers import scenes
 from orientd.plots.papers.figures import FIGURES
-from orientd.plots.papers.sweep import Poses, draw_bodies, draw_sweep, prism
+from orientd.plots.papers.sweep import SweptPoses, draw_bodies, draw_sweep, prism
 from orientd.plots.sampling import traces_of
 from orientd.plots.triads import draw_triads
-from orientd.plots.view import View
+from orientd.plots.view import Viewpoint
 
 TASK = gallery.example()
 BEGINNINGS = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
@@ -90,7 +90,7 @@ def test_lines_are_interrupted_where_a_derivative_jumps():
 
 def test_what_is_behind_the_sphere_is_drawn_as_hidden():
     axes = new_figure(3.0, 3.0).subplots()
-    view = View(elevation=0.0, azimuth=0.0)
+    view = Viewpoint(elevation=0.0, azimuth=0.0)
     # About the upright axis the x tip turns from the front to the back.
     q = from_rotation_vector(np.outer(np.linspace(0.0, np.pi, 200), [0.0, 0.0, 1.0]))
     draw_triads(axes, q, q[[0, -1]], style=plots.triads.TriadStyle(view=view))
@@ -202,7 +202,7 @@ def test_a_body_is_drawn_at_every_pose_and_dark_at_the_keyframes():
     scene = scenes.interpolated_scene()
     faces = scenes.plate()
     trail = scene.along(20).positions
-    draw_bodies(axes, faces, scene.between(10), scene.keyframes, View(), trail)
+    draw_bodies(axes, faces, scene.between(10), scene.keyframes, Viewpoint(), trail)
     (painted,) = (part for part in axes.collections if part.get_gid() == "faces")
     assert len(painted.get_paths()) == len(faces) * (10 + 6)
     lightness = painted.get_facecolor()[:, :3].mean(axis=1)
@@ -214,7 +214,7 @@ def test_a_sweep_joins_every_two_sections():
     section = scenes.cross_section()
     q = np.tile([1.0, 0.0, 0.0, 0.0], (5, 1))
     along = np.column_stack([np.arange(5.0), np.zeros(5), np.zeros(5)])
-    draw_sweep(axes, section, Poses(along, q), View())
+    draw_sweep(axes, section, SweptPoses(along, q), Viewpoint())
     (painted,) = (part for part in axes.collections if part.get_gid() == "faces")
     assert len(painted.get_paths()) == 4 * len(section)
 

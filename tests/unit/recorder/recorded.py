@@ -7,7 +7,7 @@ from mcap_protobuf.decoder import DecoderFactory
 
 from orientd import rotation
 from orientd.recorder.cycle_table import CYCLES
-from orientd.stream import CycleFlag, State
+from orientd.stream import CycleFlag, ServoState
 
 RATE_HZ = 500.0
 OFFSET_NS = 1_700_000_000_000_000_000
@@ -31,7 +31,7 @@ def moving(count, *, first=0, joints=0, noise=1.0, seed=1):
     age = 1_000_000 + rng.gamma(2.0, 50e3, count).astype(np.int64)
     table["feedback_time_ns"] = table["deadline_ns"] - age
     table["path_index"] = index + 500
-    table["state"], table["motion"], table["speed"] = State.STREAMING, 1, 1.0
+    table["state"], table["motion"], table["speed"] = ServoState.STREAMING, 1, 1.0
     table["flags"] = CycleFlag.FEEDBACK | CycleFlag.WRITTEN
     table["sent_q"], table["sent_omega_body"] = rotation.exp(r), omega
     table["sent_alpha_body"] = np.gradient(omega, 1.0 / RATE_HZ, axis=0)

@@ -10,7 +10,7 @@ from orientd.driver import IDENTITY, ZERO
 from orientd.errors import Fault
 from orientd.planner import DEFAULT_LIMITS, Certificate, Peak
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.descriptions import Method
+from orientd.rpc.descriptions import MethodDescription
 from orientd.rpc.reports import (
     DaemonReport,
     DeviceReport,
@@ -43,7 +43,7 @@ from orientd.rpc.wire.state import (
     tracking_error,
 )
 from orientd.rpc.wire.values import quaternion, vector
-from orientd.stream import Cycle, CycleFlag, State
+from orientd.stream import Cycle, CycleFlag, ServoState
 
 QUARTER = (math.cos(0.1), 0.0, 0.0, math.sin(0.1))
 CYCLE = Cycle(
@@ -53,7 +53,7 @@ CYCLE = Cycle(
     work_ns=40_000,
     feedback_time_ns=10**15 - 7,
     path_index=12,
-    state=State.STREAMING,
+    state=ServoState.STREAMING,
     fault=Fault.NONE,
     motion=3,
     flags=CycleFlag.FEEDBACK | CycleFlag.WRITTEN,
@@ -82,7 +82,7 @@ DEVICE = DeviceReport(
     driver="loopback",
     rate_hz=500.0,
     limits=DEFAULT_LIMITS,
-    state=State.FAULT,
+    state=ServoState.FAULT,
     fault=Fault.LIMIT_GUARD,
     fault_text="too fast",
     is_paused=True,
@@ -131,7 +131,7 @@ STATISTICS = Statistics(
 PROGRESS = Progress(
     path_time=1.0,
     duration=2.0,
-    state=State.STOPPING,
+    state=ServoState.STOPPING,
     is_paused=False,
     speed=0.75,
     q=QUARTER,
@@ -156,7 +156,7 @@ PROGRESS = Progress(
             daemon_from_message,
         ),
         (
-            Method("slerp", "a great arc", "Shoemake 1985", True, False, True),
+            MethodDescription("slerp", "a great arc", "Shoemake 1985", True, False, True),
             method_to_message,
             method_from_message,
         ),
@@ -190,7 +190,7 @@ def test_a_report_survives_the_wire(report, to_message, from_message):
     assert from_message(type(message).FromString(message.SerializeToString())) == report
 
 
-@pytest.mark.parametrize("state", State)
+@pytest.mark.parametrize("state", ServoState)
 def test_every_state_survives_the_wire(state):
     assert cycle_from_message(cycle_to_message(replace(CYCLE, state=state))).state is state
 

@@ -8,7 +8,7 @@ from rides import KINDS, SOME_METHODS, Ride, Track, motions, servo_limits_of
 from rig import PERIOD
 from shortest_stop import ShortestStop, bound
 
-from orientd.stream import UNKNOWN, Command, State
+from orientd.stream import UNKNOWN, Command, ServoState
 
 MOST = 1.2
 """Times the least, a stop on the path may take."""
@@ -33,7 +33,7 @@ def check_stops(seed, kind, count, stops, methods=SOME_METHODS):
         for _ in range(stops):
             ride = Ride(track, int(random.integers(4, motion.record_count - 4)))
             cycles = ride.stop()
-            assert ride.rig.servo.state is State.HOLDING, ride.rig.servo.setpoints.fault_text
+            assert ride.rig.servo.state is ServoState.HOLDING, ride.rig.servo.setpoints.fault_text
             assert ride.deviation < deviation_allowed(ride.motion)
             assert ride.excess() <= 1.001
             least = bound(ride.omega, ride.alpha, ride.velocity, motion.limits)
@@ -95,7 +95,7 @@ def test_a_stop_comes_to_rest_before_the_path_turns_back_or_soon_behind(drawn, r
     ride = Ride(Track(motion), record)
     assert ride.stop() <= MOST * fewest
     assert ride.excess() <= 1.001
-    assert ride.rig.servo.state is State.HOLDING
+    assert ride.rig.servo.state is ServoState.HOLDING
 
 
 def test_a_stop_that_just_fails_with_all_of_the_jerk_is_made_with_less_of_it():
@@ -104,7 +104,7 @@ def test_a_stop_that_just_fails_with_all_of_the_jerk_is_made_with_less_of_it():
     ride = Ride(Track(motion), 241)
     assert ride.stop() <= 8
     assert ride.excess() <= 1.001
-    assert ride.rig.servo.state is State.HOLDING
+    assert ride.rig.servo.state is ServoState.HOLDING
 
 
 def test_a_stop_from_hardly_any_speed_is_made_at_once():
@@ -113,7 +113,7 @@ def test_a_stop_from_hardly_any_speed_is_made_at_once():
     ride = Ride(Track(motion), 94)
     assert ride.stop() <= 1
     assert ride.excess() <= 1.001
-    assert ride.rig.servo.state is State.HOLDING
+    assert ride.rig.servo.state is ServoState.HOLDING
 
 
 @pytest.mark.parametrize(
@@ -131,7 +131,7 @@ def test_a_stop_that_is_carried_out_is_left_for_one_that_is_over_sooner(drawn, r
     assert ride.stop() <= MOST * fewest  # which ShortestStop finds
     assert ride.excess() <= 1.001
     assert ride.deviation < deviation_allowed(ride.motion)
-    assert ride.rig.servo.state is State.HOLDING
+    assert ride.rig.servo.state is ServoState.HOLDING
 
 
 def test_the_search_finds_the_shortest_stop_of_a_turn_about_one_axis():
@@ -176,7 +176,7 @@ def check_sequences(seed, kind, count, sequences):
             ride = Ride(track, int(random.integers(4, max(5, motion.record_count // 2))))
             if wander(ride, random, 8):
                 ride.stop()
-            assert ride.rig.servo.state is State.HOLDING, ride.rig.servo.setpoints.fault_text
+            assert ride.rig.servo.state is ServoState.HOLDING, ride.rig.servo.setpoints.fault_text
             assert ride.deviation < deviation_allowed(ride.motion)
             assert ride.excess() <= 1.001
 

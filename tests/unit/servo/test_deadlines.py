@@ -6,7 +6,7 @@ import pytest
 from rig import PERIOD_NS, Rig
 
 from orientd.servo.process import LARGEST_SHIFT, run_cycles
-from orientd.stream import Command, State
+from orientd.stream import Command, ServoState
 
 
 class VirtualTimer:
@@ -56,4 +56,4 @@ def test_deadline_that_moves_is_no_deadline_missed():
     # All those shifts together must not excuse a device that says nothing.
     rig.driver.read = lambda: None
     rig.run(round(rig.feedback_ns / PERIOD_NS) + 3)
-    assert rig.servo.state is State.FAULT
+    assert rig.servo.state is ServoState.FAULT

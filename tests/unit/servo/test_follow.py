@@ -10,7 +10,7 @@ from rig import PERIOD_NS, TERMS, Rig, peaks, turn
 from orientd import rotation
 from orientd.errors import Fault
 from orientd.servo.tracking.target_follower import LEFT_OUT_WORD
-from orientd.stream import NOT_GIVEN, Answer, Command, State
+from orientd.stream import NOT_GIVEN, Answer, Command, ServoState
 
 LIMITS = (2.5, 17.0, 8500.0)
 
@@ -24,7 +24,7 @@ def tracking():
     rig = Rig()
     assert rig.ask(Command.ENABLE)[0] is Answer.DONE
     assert rig.ask(Command.TRACK)[0] is Answer.DONE
-    assert rig.cycle.state is State.TRACKING
+    assert rig.cycle.state is ServoState.TRACKING
     return rig
 
 
@@ -40,10 +40,10 @@ def test_a_target_is_reached_and_held_until_it_expires_and_a_stop_ends_it():
         rig.run(20)
     assert rotation.angle(rig.sent()[-1], target) < 1e-9
     rig.run(400)
-    assert rig.cycle.state is State.TRACKING
+    assert rig.cycle.state is ServoState.TRACKING
     assert rig.ask(Command.STOP)[0] is Answer.DONE
     rig.run_until(lambda servo: not servo.is_moving)
-    assert rig.cycle.state is State.HOLDING
+    assert rig.cycle.state is ServoState.HOLDING
     assert keeps_limits(rig)
 
 
@@ -89,7 +89,7 @@ def test_a_position_on_its_way_comes_to_rest_inside_its_limits():
     for _ in range(50):
         aim(rig, rotation.exp([0.3, 0.0, 0.0]))
         rig.run(20)
-    assert rig.cycle.state is State.TRACKING
+    assert rig.cycle.state is ServoState.TRACKING
     assert rig.driver.setpoints[-1].velocity == (0.0, 0.0, 0.0)
     positions = np.array([setpoint.position for setpoint in rig.driver.setpoints])
     velocity = np.diff(positions, axis=0) * 500.0
@@ -114,7 +114,7 @@ def test_whatever_ends_it_ends_inside_the_limits(what):
     else:
         rig.servo.request_end("a test")
     rig.run_until(lambda servo: not servo.is_moving)
-    wanted = State.FAULT if what == "heartbeat" else State.HOLDING
+    wanted = ServoState.FAULT if what == "heartbeat" else ServoState.HOLDING
     assert rig.cycle.state is wanted
     assert (rig.cycle.fault == Fault.HEARTBEAT_LOST) == (what == "heartbeat")
     assert keeps_limits(rig)

@@ -22,8 +22,7 @@ from orientd.daemon.devices.servo_link import servo_limits_of
 from orientd.daemon.motions.motion_queue import MotionQueue
 from orientd.errors import LateError, PlanError, StateError
 from orientd.planner import Keyframe, Limits, MotionRequest, State
-from orientd.stream import NOT_GIVEN, UNKNOWN, Answer, Command, NoteKind, unpack_note
-from orientd.stream import State as ServoState
+from orientd.stream import NOT_GIVEN, UNKNOWN, Answer, Command, NoteKind, ServoState, unpack_note
 
 MANY = int(os.environ.get("ORIENTD_FUZZ_EVENTS", "100000"))
 ROUND = 500

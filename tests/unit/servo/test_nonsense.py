@@ -8,7 +8,7 @@ from rig import PERIOD, PERIOD_NS, TERMS, Rig, turn
 from setpoint_checker import reached
 
 from orientd.errors import Fault
-from orientd.stream import State
+from orientd.stream import ServoState
 from orientd.stream.records import PATH_RECORD
 
 WILD = (0, 1, 2**31, 2**63, 2**64 - 1)
@@ -67,7 +67,7 @@ def test_a_record_that_is_no_orientation_is_not_sent():
         fields = list(rig.memory.path.read(index))
         fields[1:5] = [2.0 * part for part in fields[1:5]]
         rig.memory.path.put(PATH_RECORD.pack(*fields), index)
-    rig.run_until(lambda servo: servo.state is State.FAULT)
+    rig.run_until(lambda servo: servo.state is ServoState.FAULT)
     assert rig.servo.setpoints.fault is Fault.PATH_STARVED
     assert "is no orientation" in rig.servo.setpoints.fault_text
     np.testing.assert_allclose(np.linalg.norm(rig.sent(), axis=1), 1.0, atol=1e-9)
@@ -79,7 +79,7 @@ def test_a_heartbeat_from_the_future_is_none():
     rig.run(100)
     rig.beats = False
     rig.memory.pulse[0] = 2**63
-    rig.run_until(lambda servo: servo.state is State.FAULT)
+    rig.run_until(lambda servo: servo.state is ServoState.FAULT)
     assert rig.servo.setpoints.fault is Fault.HEARTBEAT_LOST
 
 

@@ -8,7 +8,7 @@ from orientd import rotation
 from orientd.daemon.devices import servo_link
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, plan
 from orientd.planner import State as PlannedState
-from orientd.stream import Answer, Command, State
+from orientd.stream import Answer, Command, ServoState
 
 TIGHT = Limits(
     velocity=1.0, acceleration=3.0, jerk=40.0, linear_velocity=0.5, linear_acceleration=5.0
@@ -78,13 +78,13 @@ def test_whatever_is_commanded_the_limits_are_kept_and_the_path_is_not_left(seed
             Command.START, motion=number, path_index=first, servo_limits=servo_limits_of(motion)
         )
         assert answer is Answer.DONE, text
-        while rig.servo.state is State.STREAMING:
+        while rig.servo.state is ServoState.STREAMING:
             rig.run(int(random.integers(1, 400)))
-            if rig.servo.state is not State.STREAMING:
+            if rig.servo.state is not ServoState.STREAMING:
                 break
             if random.random() < 0.15:
                 rig.ask(Command.STOP)
-                took = rig.run_until(lambda servo: servo.state is State.HOLDING)
+                took = rig.run_until(lambda servo: servo.state is ServoState.HOLDING)
                 assert took * PERIOD <= 2.0 / motion.certificate.brake_rate + 3 * PERIOD
             else:
                 speed = float(random.choice([0.0, 1.0, 1.0, random.random()]))
@@ -92,7 +92,7 @@ def test_whatever_is_commanded_the_limits_are_kept_and_the_path_is_not_left(seed
                 if speed == 0.0:
                     rig.run(int(random.integers(1, 600)))
                     rig.ask(Command.SPEED, speed=1.0)
-        assert rig.servo.state is State.HOLDING, rig.cycle
+        assert rig.servo.state is ServoState.HOLDING, rig.cycle
     sent = rig.sent()
     velocity, acceleration, jerk = peaks(sent)
     assert velocity <= limits.velocity * 1.001
@@ -111,7 +111,7 @@ def test_every_setpoint_lies_on_the_planned_path_at_its_path_time(seed):
     first = lay(rig, motion)
     rig.ask(Command.START, path_index=first, servo_limits=servo_limits_of(motion))
     worst = 0.0
-    while rig.servo.state is State.STREAMING:
+    while rig.servo.state is ServoState.STREAMING:
         if random.random() < 0.01:
             rig.ask(Command.SPEED, speed=float(random.uniform(0.05, 1.0)))
         cycle = rig.run()

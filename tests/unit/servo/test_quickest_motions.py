@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from orientd.daemon.devices.servo_link import servo_limits_of
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, plan
 from orientd.planner import State as PlannedState
-from orientd.stream import Answer, Command, State
+from orientd.stream import Answer, Command, ServoState
 
 TIGHT = DEFAULT_LIMITS.with_rates({"velocity": 1.0, "acceleration": 3.0, "jerk": 40.0})
 UNEVEN = DEFAULT_LIMITS.with_rates(
@@ -44,16 +44,16 @@ def test_whatever_is_commanded_the_limits_are_kept(seed, limits):
             Command.START, motion=number, path_index=first, servo_limits=servo_limits
         )
         assert answer is Answer.DONE, text
-        while rig.servo.state is State.STREAMING:
+        while rig.servo.state is ServoState.STREAMING:
             rig.run(int(random.integers(1, 400)))
-            if rig.servo.state is not State.STREAMING:
+            if rig.servo.state is not ServoState.STREAMING:
                 break
             if random.random() < 0.3:
                 rig.ask(Command.STOP)
-                rig.run_until(lambda servo: servo.state is State.HOLDING)
+                rig.run_until(lambda servo: servo.state is ServoState.HOLDING)
             else:
                 rig.ask(Command.SPEED, speed=float(random.choice([1.0, random.uniform(0.1, 1.0)])))
-        assert rig.servo.state is State.HOLDING, rig.cycle
+        assert rig.servo.state is ServoState.HOLDING, rig.cycle
     sent = np.array(rig.sent())
     rotation = Rotation.from_quat(np.concatenate([sent[:1]] * 3 + [sent])[:, [1, 2, 3, 0]])
     omega = (rotation[:-1].inv() * rotation[1:]).as_rotvec() / PERIOD

@@ -14,7 +14,7 @@ from orientd.stream import (
     Answer,
     Command,
     NoteKind,
-    State,
+    ServoState,
     taken_at,
 )
 
@@ -34,7 +34,7 @@ def assert_limits_kept(rig):
 def test_a_motion_as_planned_sends_exactly_its_records(rig):
     path = turn()
     rig.start(path)
-    rig.run_until(lambda servo: servo.state is State.HOLDING)
+    rig.run_until(lambda servo: servo.state is ServoState.HOLDING)
     sent = rig.sent()
     moving = sent[np.any(sent != sent[0], axis=1).argmax() - 1 :][: len(path[0])]
     np.testing.assert_array_equal(moving, path[0])
@@ -57,7 +57,7 @@ def test_stop_comes_to_rest_on_the_path_inside_the_limits(rig, moment):
     rig.start(path)
     rig.run(moment)
     assert rig.ask(Command.STOP)[0] is Answer.DONE
-    cycles = rig.run_until(lambda servo: servo.state is State.HOLDING)
+    cycles = rig.run_until(lambda servo: servo.state is ServoState.HOLDING)
     rig.run(5)
     assert cycles * PERIOD <= 1.0 / TERMS.brake_rate + 3 * PERIOD
     assert_limits_kept(rig)
@@ -71,7 +71,7 @@ def test_a_stop_beside_the_daemon_is_taken_like_a_command(kind):
         rig.start(turn())
         rig.run(300)
         begin(rig)
-        rig.run_until(lambda servo: servo.state is State.HOLDING)
+        rig.run_until(lambda servo: servo.state is ServoState.HOLDING)
         assert_limits_kept(rig)
         return rig, rig.sent()[300:]
 
@@ -82,7 +82,7 @@ def test_a_stop_beside_the_daemon_is_taken_like_a_command(kind):
 
     rig, sent = rest(beside)
     assert rig.memory.pulse[TAKEN_WORD] == 1
-    assert rig.memory.pulse[TAKEN_AT_WORD] == taken_at(State.STREAMING, rig.cycle.motion)
+    assert rig.memory.pulse[TAKEN_AT_WORD] == taken_at(ServoState.STREAMING, rig.cycle.motion)
     assert np.array_equal(sent, rest(lambda rig: rig.ask(Command[kind.upper()]))[1])
 
 
@@ -93,9 +93,9 @@ def test_pause_and_resume_stay_on_the_path_and_reach_its_end(rig):
     assert rig.ask(Command.SPEED, speed=0.0)[0] is Answer.DONE
     rig.run(200)
     assert rig.cycle.speed == 0.0
-    assert rig.cycle.state is State.STREAMING
+    assert rig.cycle.state is ServoState.STREAMING
     assert rig.ask(Command.SPEED, speed=1.0)[0] is Answer.DONE
-    rig.run_until(lambda servo: servo.state is State.HOLDING)
+    rig.run_until(lambda servo: servo.state is ServoState.HOLDING)
     assert_limits_kept(rig)
     assert distance_to_path(rig.sent(), path) < 1e-11
     assert rig.cycle.q == tuple(path[0][-1])
@@ -106,7 +106,7 @@ def test_half_speed_takes_twice_as_long(rig):
     rig.ask(Command.ENABLE)
     first = rig.lay(*path)
     rig.ask(Command.START, path_index=first, speed=0.5)
-    cycles = rig.run_until(lambda servo: servo.state is State.HOLDING)
+    cycles = rig.run_until(lambda servo: servo.state is ServoState.HOLDING)
     assert cycles == pytest.approx(2 * (len(path[0]) - 1), abs=2)
     velocity, _, _ = peaks(rig.sent())
     assert velocity == pytest.approx(0.5 * np.linalg.norm(path[1], axis=1).max(), rel=1e-3)
@@ -117,13 +117,13 @@ def test_random_speed_changes_keep_the_limits_and_the_path(rig):
     path = turn(duration=4.0, angle=2.5)
     rig.start(path)
     for _ in range(200):
-        if rig.servo.state is not State.STREAMING:
+        if rig.servo.state is not ServoState.STREAMING:
             break
         rig.ask(Command.SPEED, speed=float(random.choice([0.0, 1.0, random.random()])))
         rig.run(int(random.integers(1, 60)))
-    if rig.servo.state is State.STREAMING:
+    if rig.servo.state is ServoState.STREAMING:
         rig.ask(Command.SPEED, speed=1.0)
-        rig.run_until(lambda servo: servo.state is State.HOLDING)
+        rig.run_until(lambda servo: servo.state is ServoState.HOLDING)
     assert_limits_kept(rig)
     assert distance_to_path(rig.sent(), path) < 1e-10
     assert rig.cycle.q == tuple(path[0][-1])
@@ -132,7 +132,7 @@ def test_random_speed_changes_keep_the_limits_and_the_path(rig):
 def test_a_starved_path_is_a_stop_on_the_path_and_a_fault(rig):
     path = turn(duration=4.0)
     rig.start(path, most=1000, is_whole=False)
-    rig.run_until(lambda servo: servo.state is State.FAULT)
+    rig.run_until(lambda servo: servo.state is ServoState.FAULT)
     assert rig.cycle.fault == Fault.PATH_STARVED
     assert rig.cycle.path_index < 1000
     assert_limits_kept(rig)
@@ -144,7 +144,7 @@ def test_without_heartbeat_it_stops_on_the_path(rig):
     rig.start(path)
     rig.run(300)
     rig.beats = False
-    rig.run_until(lambda servo: servo.state is State.FAULT)
+    rig.run_until(lambda servo: servo.state is ServoState.FAULT)
     assert rig.cycle.fault == Fault.HEARTBEAT_LOST
     assert_limits_kept(rig)
     assert distance_to_path(rig.sent(), path) < 1e-12
@@ -168,7 +168,7 @@ def test_a_jump_in_the_path_is_never_written(rig, size):
 
     path[0][700:] = rotation.multiply(path[0][700:], rotation.exp([size, 0.0, 0.0]))
     rig.start(path)
-    rig.run_until(lambda servo: servo.state is State.FAULT)
+    rig.run_until(lambda servo: servo.state is ServoState.FAULT)
     rig.run(5)
     assert rig.cycle.fault == Fault.LIMIT_GUARD
     assert "limit" in rig.notes(NoteKind.FAULT)[0].text
@@ -179,7 +179,7 @@ def test_a_nan_in_the_path_is_never_written(rig):
     path = turn()
     path[0][600] = np.nan
     rig.start(path)
-    rig.run_until(lambda servo: servo.state is State.FAULT)
+    rig.run_until(lambda servo: servo.state is ServoState.FAULT)
     assert rig.cycle.fault == Fault.LIMIT_GUARD
     assert np.isfinite(rig.sent()).all()
     assert_limits_kept(rig)
@@ -190,14 +190,14 @@ def test_a_jump_in_position_is_never_written(rig):
     position = np.zeros((len(path[0]), 3))
     position[500:, 1] = 0.1
     rig.start(path, position=position)
-    rig.run_until(lambda servo: servo.state is State.FAULT)
+    rig.run_until(lambda servo: servo.state is ServoState.FAULT)
     assert rig.cycle.fault == Fault.LIMIT_GUARD
     assert rig.cycle.position == (0.0, 0.0, 0.0)
 
 
 def test_after_a_fault_of_the_path_it_goes_on_holding(rig):
     rig.start(turn(duration=4.0), most=1000, is_whole=False)
-    rig.run_until(lambda servo: servo.state is State.FAULT)
+    rig.run_until(lambda servo: servo.state is ServoState.FAULT)
     written = len(rig.driver.setpoints)
     rig.run(10)
     assert len(rig.driver.setpoints) == written + 10
@@ -206,9 +206,9 @@ def test_after_a_fault_of_the_path_it_goes_on_holding(rig):
 
 def test_reset_leads_back_to_a_moving_device(rig):
     rig.start(turn(duration=4.0), most=1000, is_whole=False)
-    rig.run_until(lambda servo: servo.state is State.FAULT)
+    rig.run_until(lambda servo: servo.state is ServoState.FAULT)
     assert rig.ask(Command.RESET)[0] is Answer.DONE
-    assert rig.cycle.state is State.IDLE
+    assert rig.cycle.state is ServoState.IDLE
     held = rig.cycle.q
     assert rig.ask(Command.ENABLE)[0] is Answer.DONE
     assert rig.cycle.q == held
@@ -217,7 +217,7 @@ def test_reset_leads_back_to_a_moving_device(rig):
     q, omega, alpha = turn()
     first = rig.lay(rotation.multiply(np.array(held), q), omega, alpha)
     assert rig.ask(Command.START, path_index=first)[0] is Answer.DONE
-    rig.run_until(lambda servo: servo.state is State.HOLDING)
+    rig.run_until(lambda servo: servo.state is ServoState.HOLDING)
     assert_limits_kept(rig)
 
 
@@ -228,7 +228,7 @@ def test_a_path_that_begins_elsewhere_is_refused(rig):
     answer, text = rig.ask(Command.START, path_index=first)
     assert answer is Answer.REFUSED
     assert "rad from the commanded orientation" in text
-    assert rig.cycle.state is State.HOLDING
+    assert rig.cycle.state is ServoState.HOLDING
 
 
 def test_stale_feedback_is_a_stop_on_the_path_and_a_fault(tmp_path):
@@ -238,7 +238,7 @@ def test_stale_feedback_is_a_stop_on_the_path_and_a_fault(tmp_path):
     rig.start(path)
     rig.run(300)
     fault.write_text("feedback_stale")
-    rig.run_until(lambda servo: servo.state is State.FAULT)
+    rig.run_until(lambda servo: servo.state is ServoState.FAULT)
     assert rig.cycle.fault == Fault.FEEDBACK_STALE
     assert "ms old" in rig.notes(NoteKind.FAULT)[0].text
     assert_limits_kept(rig)
@@ -253,8 +253,8 @@ def test_a_stall_of_its_own_is_nobody_elses_fault(stall_ms):
     for _ in range(3):
         rig.stall(stall_ms)  # the daemon has not run either
         rig.run(20)
-    assert rig.servo.state is State.STREAMING
-    rig.run_until(lambda servo: servo.state is State.HOLDING)
+    assert rig.servo.state is ServoState.STREAMING
+    rig.run_until(lambda servo: servo.state is ServoState.HOLDING)
     assert rig.cycle.fault == Fault.NONE
 
 
@@ -266,7 +266,7 @@ def test_after_a_stall_of_its_own_stale_feedback_is_still_found(tmp_path):
     fault.write_text("feedback_stale")
     rig.clock.advance(300_000_000)
     rig.servo.cycle(rig.clock.now_ns(), 0)
-    cycles = rig.run_until(lambda servo: servo.state is State.STOPPING)
+    cycles = rig.run_until(lambda servo: servo.state is ServoState.STOPPING)
     assert cycles * PERIOD < 0.11
     assert rig.cycle.fault == Fault.FEEDBACK_STALE
 
@@ -281,7 +281,7 @@ def test_after_a_device_fault_nothing_is_written_until_reset(tmp_path, kind, fau
     rig.run(300)
     file.write_text(kind)
     rig.run()
-    assert rig.cycle.state is State.FAULT
+    assert rig.cycle.state is ServoState.FAULT
     assert rig.cycle.fault == fault
     written = len(rig.driver.setpoints)
     rig.run(10)
@@ -318,8 +318,8 @@ def test_commands_are_refused_in_the_wrong_state(rig):
 
 def test_every_event_has_a_place_in_the_table_and_every_state_can_fail():
     assert {event for _, event in TRANSITIONS} == set(Event)
-    for state in State:
-        assert advance(state, Event.FAIL) is State.FAULT
+    for state in ServoState:
+        assert advance(state, Event.FAIL) is ServoState.FAULT
 
 
 def test_path_clock_follows_the_speed_the_device_allows(rig, monkeypatch):
@@ -332,7 +332,7 @@ def test_path_clock_follows_the_speed_the_device_allows(rig, monkeypatch):
     assert rig.ask(Command.SPEED, speed=0.5)[0] is Answer.DONE
     rig.run(200)
     assert rig.cycle.speed == 0.25
-    rig.run_until(lambda servo: servo.state is State.HOLDING)
+    rig.run_until(lambda servo: servo.state is ServoState.HOLDING)
     assert_limits_kept(rig)
     assert rig.cycle.q == tuple(path[0][-1])
 
@@ -431,7 +431,7 @@ def test_options_that_the_driver_refuses_are_refused_in_its_words(rig):
     answer, text = tune(rig, {"gain": 300})
     assert answer is Answer.REFUSED
     assert "no options of one motion, got 'gain'" in text
-    assert rig.servo.state is State.HOLDING
+    assert rig.servo.state is ServoState.HOLDING
 
 
 def test_options_do_not_change_under_a_motion(rig):

@@ -7,7 +7,7 @@ import pytest
 from rig import PERIOD, TERMS, Rig
 
 from orientd import rotation
-from orientd.stream import Answer, Command, State
+from orientd.stream import Answer, Command, ServoState
 
 AXIS = np.array([0.6, 0.0, 0.8])
 PEAK, RAMP, COUNT = 16.0, 0.02, 241
@@ -49,7 +49,7 @@ def test_a_peak_between_the_records_is_passed_inside_the_limits(path, slowed, sp
     rig.run(slowed)
     rig.ask(Command.SPEED, speed=1.0, servo_limits=servo_limits)
     rig.run_until(lambda servo: not servo.is_moving)
-    assert rig.servo.state is State.HOLDING, rig.servo.setpoints.fault_text
+    assert rig.servo.state is ServoState.HOLDING, rig.servo.setpoints.fault_text
     turns = rotation.log(rotation.multiply(rotation.conjugate(rig.sent()[:-1]), rig.sent()[1:]))
     sent = np.linalg.norm(np.diff(turns, axis=0), axis=1).max() / PERIOD**2
     assert sent <= 1.001 * servo_limits.acceleration

@@ -8,7 +8,7 @@ from rig import PERIOD, TERMS, Rig, peaks, turn
 
 from orientd import rotation
 from orientd.curves import METHODS
-from orientd.stream import Answer, Command, State
+from orientd.stream import Answer, Command, ServoState
 
 PATH = turn()
 
@@ -55,7 +55,7 @@ def splice(rig, path, leave, *, motion=2, servo_limits=TERMS):
 
 def ends_at(rig, target):
     rig.run_until(lambda servo: not servo.is_moving)
-    assert rig.cycle.state is State.HOLDING
+    assert rig.cycle.state is ServoState.HOLDING
     sent = rig.sent()
     assert rotation.angle(sent[-1], target) < 1e-9
     assert not rig.memory.notes.head or not rig.cycle.fault
@@ -272,7 +272,7 @@ def test_a_motion_is_as_far_along_as_its_instant_is_past(after_ns, speed):
         past = max(0.0, (cycle.deadline_ns + 2_000_000 - instant) / 2_000_000)
         records = cycle.path_index + cycle.path_fraction - first
         assert records == pytest.approx(speed * past, abs=1e-9)
-    assert cycle.state is State.STREAMING
+    assert cycle.state is ServoState.STREAMING
     ends_at(rig, PATH[0][-1])
 
 
@@ -285,7 +285,7 @@ def test_a_stop_before_that_instant_leaves_the_device_where_it_is():
     rig.run(20)
     assert rig.ask(Command.STOP)[0] is Answer.DONE
     rig.run(3)
-    assert rig.cycle.state is State.HOLDING
+    assert rig.cycle.state is ServoState.HOLDING
     assert np.ptp(rig.sent(), axis=0).max() == 0.0
 
 
@@ -296,7 +296,7 @@ def test_a_halt_comes_to_rest_inside_the_limits(cycles):
     rig.run(cycles)
     assert rig.ask(Command.HALT)[0] is Answer.DONE
     count = rig.run_until(lambda servo: not servo.is_moving)
-    assert rig.cycle.state is State.HOLDING
+    assert rig.cycle.state is ServoState.HOLDING
     assert count < 150
     rig.run(3)
     assert all(a <= b * 1.001 for a, b in zip(peaks(rig.sent()), (2.5, 17.0, 8500.0), strict=True))

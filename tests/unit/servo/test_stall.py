@@ -7,7 +7,7 @@ from rig import PERIOD, PERIOD_NS, TERMS, Rig, peaks, turn
 from orientd import rotation
 from orientd.errors import Fault
 from orientd.servo.stall import SHORTEST_NS, Stalls
-from orientd.stream import GIVEN_UP_WORD, NOT_GIVEN, UNKNOWN, Answer, Command, NoteKind, State
+from orientd.stream import GIVEN_UP_WORD, NOT_GIVEN, UNKNOWN, Answer, Command, NoteKind, ServoState
 
 LIMITS = (TERMS.velocity, TERMS.acceleration, TERMS.jerk)
 
@@ -41,7 +41,7 @@ def test_motion_goes_on_from_rest_inside_the_limits(state, stall_ms):
     rig.stall(stall_ms)
     rig.run(3)
     rig.ask(Command.SPEED, speed=1.0)
-    rig.run_until(lambda servo: servo.state is State.HOLDING)
+    rig.run_until(lambda servo: servo.state is ServoState.HOLDING)
     sent = since(rig, last)
     assert keeps_limits(sent)
     assert rotation.angle(sent[-1], path[0][-1]) < 1e-9
@@ -59,7 +59,7 @@ def test_first_setpoint_after_a_stall_is_where_the_device_has_come_to_rest():
 def test_shorter_gap_is_ridden_out_as_planned():
     rig, path = moving()
     rig.stall(SHORTEST_NS / 1e6 - 4)
-    rig.run_until(lambda servo: servo.state is State.HOLDING)
+    rig.run_until(lambda servo: servo.state is ServoState.HOLDING)
     sent = rig.sent()
     begin = np.any(sent != sent[0], axis=1).argmax() - 1
     np.testing.assert_array_equal(sent[begin : begin + len(path[0])], path[0])
@@ -74,7 +74,7 @@ def test_motion_does_not_go_on_by_itself_after_a_long_stall(what):
     before = rig.sent()[-1]
     rig.stall(600)
     rig.run(50)
-    assert (rig.cycle.state, rig.cycle.fault) == (State.FAULT, Fault.SERVO_STALLED)
+    assert (rig.cycle.state, rig.cycle.fault) == (ServoState.FAULT, Fault.SERVO_STALLED)
     assert (since(rig, -51) == before).all()
     (note,) = rig.notes(NoteKind.FAULT)
     assert note.text == (
@@ -87,7 +87,7 @@ def test_after_a_long_stall_a_reset_makes_the_way_free():
     rig.stall(600)
     assert rig.ask(Command.RESET)[0] is Answer.DONE
     rig.start(tuple(_anew(rig)))
-    rig.run_until(lambda servo: servo.state is State.HOLDING)
+    rig.run_until(lambda servo: servo.state is ServoState.HOLDING)
     assert rig.cycle.fault == Fault.NONE
 
 
@@ -102,10 +102,10 @@ def test_stop_is_over_after_a_stall(command, stall_ms):
     rig, _ = moving()
     rig.ask(command)
     rig.run(5)
-    assert rig.servo.state is State.STOPPING
+    assert rig.servo.state is ServoState.STOPPING
     before = rig.sent()[-1]
     rig.stall(stall_ms)
-    assert (rig.cycle.state, rig.cycle.fault) == (State.HOLDING, Fault.NONE)
+    assert (rig.cycle.state, rig.cycle.fault) == (ServoState.HOLDING, Fault.NONE)
     rig.run(20)
     assert (since(rig, -21) == before).all()
 
@@ -113,14 +113,14 @@ def test_stop_is_over_after_a_stall(command, stall_ms):
 def test_stop_for_a_fault_ends_in_that_fault_after_a_stall():
     rig, _ = moving(heartbeat_ns=20_000_000)
     rig.beats = False
-    rig.run_until(lambda servo: servo.state is State.STOPPING)
+    rig.run_until(lambda servo: servo.state is ServoState.STOPPING)
     rig.stall(130)
-    assert (rig.cycle.state, rig.cycle.fault) == (State.FAULT, Fault.HEARTBEAT_LOST)
+    assert (rig.cycle.state, rig.cycle.fault) == (ServoState.FAULT, Fault.HEARTBEAT_LOST)
 
 
 def follow(rig, vector):
     """Follow a target that lives for ever."""
-    if rig.servo.state is not State.TRACKING:
+    if rig.servo.state is not ServoState.TRACKING:
         assert rig.ask(Command.TRACK)[0] is Answer.DONE
     now = rig.clock.now_ns()
     rig.memory.targets.publish(now, now + 10**12, *rotation.exp(vector), *([0.0] * 3), *NOT_GIVEN)
@@ -131,7 +131,7 @@ def test_following_goes_on_from_rest_to_the_same_target():
     rig.ask(Command.ENABLE)
     follow(rig, [0.0, 0.9, 0.0])
     rig.run(100)
-    assert rig.cycle.state is State.TRACKING
+    assert rig.cycle.state is ServoState.TRACKING
     assert np.linalg.norm(rig.cycle.omega_body) > 0.5
     last = len(rig.driver.setpoints) - 1
     rig.stall(200)
@@ -165,6 +165,6 @@ def test_of_what_was_given_up_only_stops_are_carried_out(command):
     ring.words[GIVEN_UP_WORD] = ring.head
     rig.run(3)
     assert (rig.cycle.speed, rig.cycle.state)[command is Command.STOP] == (
-        State.STOPPING if command is Command.STOP else 1.0
+        ServoState.STOPPING if command is Command.STOP else 1.0
     )
     assert rig.ask(Command.SPEED, speed=0.5)[0] is not Answer.FAILED

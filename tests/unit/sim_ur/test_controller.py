@@ -6,10 +6,10 @@ import pytest
 
 from orientd_sim.ur import dashboard
 from orientd_sim.ur.arm.arm import HOME, Arm, Breach, Mode
-from orientd_sim.ur.commands import Command
+from orientd_sim.ur.commands import RegisterCommand
 from orientd_sim.ur.controller import Behaviour, Controller, RefusedError
 from orientd_sim.ur.script import SIGNATURE
-from orientd_sim.ur.variables import RobotMode, RuntimeState, SafetyMode
+from orientd_sim.ur.variables import ProgramState, RobotMode, SafetyMode
 
 SCRIPT = f"{SIGNATURE}\n  loop()\nend\n"
 
@@ -22,7 +22,7 @@ def robot():
 def playing(robot):
     robot.upload(SCRIPT)
     tick(robot, 11)
-    assert robot.runtime_state is RuntimeState.PLAYING
+    assert robot.runtime_state is ProgramState.PLAYING
     return robot
 
 
@@ -39,7 +39,7 @@ def order(robot, number, *numbers):
 
 
 def servo(robot, pose, *, time=0.002, lookahead=0.1, gain=300.0):
-    order(robot, Command.SERVO_L, *pose, 0.0, 0.0, time, lookahead, gain)
+    order(robot, RegisterCommand.SERVO_L, *pose, 0.0, 0.0, time, lookahead, gain)
 
 
 def shifted(robot, dz):
@@ -97,9 +97,9 @@ def test_program_plays_after_its_upload_and_is_ready(robot):
 
 
 def test_answered_command_is_done_until_cleared(robot):
-    order(robot, Command.TCP_OFFSET)
+    order(robot, RegisterCommand.TCP_OFFSET)
     assert robot.output_ints[0] == 2
-    order(robot, Command.NONE)
+    order(robot, RegisterCommand.NONE)
     assert robot.output_ints[0] == 1
 
 
@@ -124,14 +124,14 @@ def test_servo_thread_latches_a_target_for_its_time(robot):
 
 def test_pose_out_of_reach_ends_the_program(robot):
     servo(robot, (3.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-    assert robot.runtime_state is RuntimeState.STOPPED
+    assert robot.runtime_state is ProgramState.STOPPED
     assert "no solution" in robot.log[-1]
 
 
 def test_servo_stop_brakes_then_is_done(robot):
     servo(robot, shifted(robot, -0.05))
     tick(robot, 20)
-    order(robot, Command.SERVO_STOP, 10.0)
+    order(robot, RegisterCommand.SERVO_STOP, 10.0)
     assert robot.output_ints[0] == 1
     while robot.output_ints[0] != 2:
         tick(robot)
@@ -139,19 +139,19 @@ def test_servo_stop_brakes_then_is_done(robot):
 
 
 def test_stop_script_ends_the_program(robot):
-    order(robot, Command.STOP_SCRIPT)
-    assert robot.runtime_state is RuntimeState.STOPPED
+    order(robot, RegisterCommand.STOP_SCRIPT)
+    assert robot.runtime_state is ProgramState.STOPPED
 
 
 def test_watchdog_ends_the_program_when_nobody_writes(robot):
-    order(robot, Command.SET_WATCHDOG, 10.0)
+    order(robot, RegisterCommand.SET_WATCHDOG, 10.0)
     for _ in range(100):
-        order(robot, Command.NONE)
-    assert robot.runtime_state is RuntimeState.PLAYING
+        order(robot, RegisterCommand.NONE)
+    assert robot.runtime_state is ProgramState.PLAYING
     tick(robot, 49)
-    assert robot.runtime_state is RuntimeState.PLAYING
+    assert robot.runtime_state is ProgramState.PLAYING
     tick(robot, 3)
-    assert robot.runtime_state is RuntimeState.STOPPED
+    assert robot.runtime_state is ProgramState.STOPPED
 
 
 def test_upper_registers_are_used_where_the_script_says():
@@ -165,7 +165,7 @@ def test_upper_registers_are_used_where_the_script_says():
 
 
 @pytest.mark.parametrize(
-    "leaves", [RuntimeState.PAUSED, RuntimeState.PLAYING, RuntimeState.STOPPED]
+    "leaves", [ProgramState.PAUSED, ProgramState.PLAYING, ProgramState.STOPPED]
 )
 def test_protective_stop_leaves_the_program_as_configured(leaves):
     robot = playing(Controller(Behaviour(protective_stop_leaves=leaves)))
@@ -197,7 +197,7 @@ def test_joint_over_its_limit_is_a_protective_stop(robot):
 
 def test_emergency_stop_takes_the_power_until_released_and_powered(robot):
     robot.emergency_stop()
-    assert (robot.robot_mode, robot.runtime_state) == (RobotMode.POWER_OFF, RuntimeState.STOPPED)
+    assert (robot.robot_mode, robot.runtime_state) == (RobotMode.POWER_OFF, ProgramState.STOPPED)
     robot.power_on()
     assert robot.robot_mode is RobotMode.POWER_OFF
     robot.release()
@@ -211,12 +211,12 @@ def test_emergency_stop_takes_the_power_until_released_and_powered(robot):
 
 def test_safeguard_pauses_and_play_resumes(robot):
     robot.safeguard_stop()
-    assert robot.runtime_state is RuntimeState.PAUSED
+    assert robot.runtime_state is ProgramState.PAUSED
     with pytest.raises(RefusedError):
         robot.play()
     robot.release()
     robot.play()
-    assert robot.runtime_state is RuntimeState.PLAYING
+    assert robot.runtime_state is ProgramState.PLAYING
 
 
 def test_local_control_ignores_uploads():
@@ -224,7 +224,7 @@ def test_local_control_ignores_uploads():
     robot.is_remote = False
     robot.upload(SCRIPT)
     tick(robot, 20)
-    assert robot.runtime_state is RuntimeState.STOPPED
+    assert robot.runtime_state is ProgramState.STOPPED
 
 
 def test_second_upload_replaces_the_first(robot):
@@ -243,7 +243,7 @@ def test_slider_reaches_the_scaling_gradually(robot):
 
 def test_move_j_ends_on_its_target(robot):
     goal = tuple(angle + 0.1 for angle in HOME)
-    order(robot, Command.MOVE_J, *goal, 1.0, 2.0)
+    order(robot, RegisterCommand.MOVE_J, *goal, 1.0, 2.0)
     while robot.output_ints[0] != 2:
         tick(robot)
     tick(robot)

@@ -6,9 +6,9 @@ import pytest
 
 from orientd_sim.ur import wire
 from orientd_sim.ur.controller import Controller
-from orientd_sim.ur.session import Session
+from orientd_sim.ur.session import ClientSession
 from orientd_sim.ur.variables import OUTPUTS
-from orientd_sim.ur.wire import Kind, Layout, Package, Splitter, WireError
+from orientd_sim.ur.wire import Layout, Package, PackageKind, Splitter, WireError
 
 SERVO = [("input_int_register_0", "INT32")] + [
     (f"input_double_register_{n}", "DOUBLE") for n in range(11)
@@ -21,7 +21,7 @@ class Client:
     def __init__(self, robot=None, owners=None):
         self.robot = robot or Controller()
         self.owners = {} if owners is None else owners
-        self.session = Session(self.robot, self.owners, self.robot.write_package)
+        self.session = ClientSession(self.robot, self.owners, self.robot.write_package)
 
     def ask(self, kind, payload=b""):
         (reply,) = Splitter().feed(self.session.feed(wire.package(kind, payload)))
@@ -29,15 +29,15 @@ class Client:
         return reply.payload
 
     def speak_version_2(self):
-        assert self.ask(Kind.VERSION, b"\0\2") == b"\1"
+        assert self.ask(PackageKind.VERSION, b"\0\2") == b"\1"
         return self
 
     def outputs(self, names, frequency=500.0):
-        return self.ask(Kind.OUTPUTS, struct.pack(">d", frequency) + names)
+        return self.ask(PackageKind.OUTPUTS, struct.pack(">d", frequency) + names)
 
 
 def test_packages_come_out_whole_however_they_were_cut():
-    stream = b"".join(wire.package(Kind.MESSAGE, bytes(n)) for n in range(40))
+    stream = b"".join(wire.package(PackageKind.MESSAGE, bytes(n)) for n in range(40))
     for width in (1, 2, 3, 7, 1000):
         splitter = Splitter()
         found = [
@@ -45,7 +45,7 @@ def test_packages_come_out_whole_however_they_were_cut():
             for at in range(0, len(stream), width)
             for package in splitter.feed(stream[at : at + width])
         ]
-        assert found == [Package(Kind.MESSAGE, bytes(n)) for n in range(40)]
+        assert found == [Package(PackageKind.MESSAGE, bytes(n)) for n in range(40)]
 
 
 def test_impossible_size_is_refused():
@@ -55,7 +55,7 @@ def test_impossible_size_is_refused():
 
 def test_servo_package_has_the_bytes_the_client_sends():
     layout = Layout(*zip(*SERVO, strict=True))
-    packed = wire.package(Kind.DATA, b"\2" + layout.pack([24, *([0.0] * 11)]))
+    packed = wire.package(PackageKind.DATA, b"\2" + layout.pack([24, *([0.0] * 11)]))
     assert packed[:8].hex() == "0060550200000018"
     assert len(packed) == 96
 
@@ -70,13 +70,13 @@ def test_layout_reads_back_what_it_packs():
 
 def test_both_versions_are_accepted_and_no_other():
     client = Client()
-    assert [client.ask(Kind.VERSION, struct.pack(">H", n)) for n in (1, 2, 3)] == [
+    assert [client.ask(PackageKind.VERSION, struct.pack(">H", n)) for n in (1, 2, 3)] == [
         b"\1", b"\1", b"\0",
     ]  # fmt: skip
 
 
 def test_controller_version_is_four_numbers():
-    assert struct.unpack(">4I", Client().ask(Kind.CONTROLLER_VERSION)) == (5, 12, 6, 1102099)
+    assert struct.unpack(">4I", Client().ask(PackageKind.CONTROLLER_VERSION)) == (5, 12, 6, 1102099)
 
 
 @pytest.mark.parametrize("names", [b"timestamp,actual_q", b"timestamp,actual_q,"])
@@ -87,28 +87,28 @@ def test_outputs_are_answered_by_recipe_and_types(names):
 def test_unknown_output_is_not_found_and_start_refused():
     client = Client().speak_version_2()
     assert client.outputs(b"timestamp,nonsense") == b"\0DOUBLE,NOT_FOUND"
-    assert client.ask(Kind.START) == b"\0"
+    assert client.ask(PackageKind.START) == b"\0"
 
 
 def test_data_comes_at_the_frequency_asked_for():
     client = Client().speak_version_2()
     client.outputs(b"timestamp", 125.0)
-    assert client.ask(Kind.START) == b"\1"
+    assert client.ask(PackageKind.START) == b"\1"
     sent = []
     for _ in range(40):
         client.robot.tick()
         sent.append(client.session.outputs())
     (package,) = Splitter().feed(next(filter(None, sent)))
     assert len(list(filter(None, sent))) == 10
-    assert (package.kind, package.payload[0], len(package.payload)) == (Kind.DATA, 1, 9)
-    assert client.ask(Kind.PAUSE) == b"\1"
+    assert (package.kind, package.payload[0], len(package.payload)) == (PackageKind.DATA, 1, 9)
+    assert client.ask(PackageKind.PAUSE) == b"\1"
     assert client.session.outputs() == b""
 
 
 def test_version_1_has_neither_frequency_nor_recipe_number():
     client = Client()
-    assert client.ask(Kind.OUTPUTS, b"timestamp") == b"DOUBLE"
-    assert client.ask(Kind.START) == b"\1"
+    assert client.ask(PackageKind.OUTPUTS, b"timestamp") == b"DOUBLE"
+    assert client.ask(PackageKind.START) == b"\1"
     for _ in range(4):
         client.robot.tick()
     (package,) = Splitter().feed(client.session.outputs())
@@ -118,22 +118,24 @@ def test_version_1_has_neither_frequency_nor_recipe_number():
 def test_inputs_are_numbered_and_belong_to_one_client():
     robot, owners = Controller(), {}
     first, second = (Client(robot, owners).speak_version_2() for _ in range(2))
-    assert first.ask(Kind.INPUTS, b"input_int_register_0") == b"\1INT32"
-    assert first.ask(Kind.INPUTS, b"input_int_register_0,input_double_register_0") == (
+    assert first.ask(PackageKind.INPUTS, b"input_int_register_0") == b"\1INT32"
+    assert first.ask(PackageKind.INPUTS, b"input_int_register_0,input_double_register_0") == (
         b"\2INT32,DOUBLE"
     )
-    assert second.ask(Kind.INPUTS, b"input_int_register_0,speed_slider_mask") == (
+    assert second.ask(PackageKind.INPUTS, b"input_int_register_0,speed_slider_mask") == (
         b"\0IN_USE,UINT32"
     )
     first.session.close()
-    assert second.ask(Kind.INPUTS, b"input_int_register_0") == b"\1INT32"
+    assert second.ask(PackageKind.INPUTS, b"input_int_register_0") == b"\1INT32"
 
 
 def test_short_input_package_is_dropped_and_a_long_one_taken():
     client = Client().speak_version_2()
-    client.ask(Kind.INPUTS, b"input_int_register_3,input_double_register_3")
-    client.session.feed(wire.package(Kind.DATA, b"\1" + struct.pack(">id", 7, 0.5) + b"more"))
-    client.session.feed(wire.package(Kind.DATA, b"\1" + struct.pack(">i", 9)))
+    client.ask(PackageKind.INPUTS, b"input_int_register_3,input_double_register_3")
+    client.session.feed(
+        wire.package(PackageKind.DATA, b"\1" + struct.pack(">id", 7, 0.5) + b"more")
+    )
+    client.session.feed(wire.package(PackageKind.DATA, b"\1" + struct.pack(">i", 9)))
     assert (client.robot.input_ints[3], client.robot.input_doubles[3]) == (7, 0.5)
     assert client.session.malformed == 1
 
@@ -142,7 +144,7 @@ def test_messages_wait_until_the_client_listens():
     client = Client().speak_version_2()
     assert client.session.message("hello") == b""
     client.outputs(b"timestamp")
-    client.ask(Kind.START)
+    client.ask(PackageKind.START)
     (package,) = Splitter().feed(client.session.message("hello"))
     assert package.payload == b"\5hello\x0borientd_sim\3"
 

@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from orientd.stream import NO_JOINTS, RecordRing, SharedMemory, State
+from orientd.stream import NO_JOINTS, RecordRing, ServoState, SharedMemory
 from orientd.stream.records import CYCLE_RECORD, unpack_cycle
 
 LAYOUT = struct.Struct("@Q16d")
@@ -134,7 +134,7 @@ def test_a_cycle_survives_its_bytes():
     joints = (0.1, 0.2, 0.3, *NO_JOINTS[3:])
     cycle = unpack_cycle(CYCLE_RECORD.pack(*fields, *joints))
     assert cycle.joints == (0.1, 0.2, 0.3)
-    assert cycle.state is State.STREAMING
+    assert cycle.state is ServoState.STREAMING
     assert cycle.q == (0.0, 1.0, 2.0, 3.0)
     assert cycle.feedback_position == (20.0, 21.0, 22.0)
     assert cycle.feedback_age_ns == 50

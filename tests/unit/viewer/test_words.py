@@ -7,17 +7,17 @@ import pytest
 from orientd.errors import Fault
 from orientd.planner import DEFAULT_LIMITS
 from orientd.rpc.reports import DaemonReport, DeviceReport, LeaseReport
-from orientd.stream import State
+from orientd.stream import ServoState
 from orientd.viewer import words
 
 DAEMON = DaemonReport("1", 7, 60.0, "/run/it.sock", "", "ana", 3.0)
 DEVICE = DeviceReport(
-    "arm", "loopback", 500.0, DEFAULT_LIMITS, State.HOLDING, Fault.NONE, "", False, 1.0, 3, "id",
-    1.24, 8.0, 12, "SCHED_FIFO 80", True, None,
+    "arm", "loopback", 500.0, DEFAULT_LIMITS, ServoState.HOLDING, Fault.NONE, "", False, 1.0, 3,
+    "id", 1.24, 8.0, 12, "SCHED_FIFO 80", True, None,
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("state", State)
+@pytest.mark.parametrize("state", ServoState)
 def test_every_state_has_a_sign_and_a_word(state):
     sign, word, _ = words.state(replace(DEVICE, state=state))
     assert sign
@@ -25,10 +25,10 @@ def test_every_state_has_a_sign_and_a_word(state):
 
 
 def test_no_two_states_look_alike():
-    said = {words.state(replace(DEVICE, state=state))[:2] for state in State}
-    paused = words.state(replace(DEVICE, state=State.STREAMING, is_paused=True))[:2]
-    assert len({*said, paused}) == len(State) + 1
-    assert len({sign for sign, _ in (*said, paused)}) == len(State) + 1
+    said = {words.state(replace(DEVICE, state=state))[:2] for state in ServoState}
+    paused = words.state(replace(DEVICE, state=ServoState.STREAMING, is_paused=True))[:2]
+    assert len({*said, paused}) == len(ServoState) + 1
+    assert len({sign for sign, _ in (*said, paused)}) == len(ServoState) + 1
 
 
 @pytest.mark.parametrize("fault", Fault)
@@ -38,7 +38,7 @@ def test_every_fault_is_put_in_words(fault):
 
 def test_a_fault_is_told_with_what_the_device_said():
     device = replace(
-        DEVICE, state=State.FAULT, fault=Fault.FEEDBACK_STALE, fault_text="silent for 0.1 s"
+        DEVICE, state=ServoState.FAULT, fault=Fault.FEEDBACK_STALE, fault_text="silent for 0.1 s"
     )
     html = words.status(device, DAEMON, is_ours=False)
     assert words.FAULTS[Fault.FEEDBACK_STALE] in html
@@ -46,9 +46,9 @@ def test_a_fault_is_told_with_what_the_device_said():
 
 
 def test_a_slow_motion_is_told_with_its_speed():
-    device = replace(DEVICE, state=State.STREAMING, speed=0.5)
+    device = replace(DEVICE, state=ServoState.STREAMING, speed=0.5)
     assert words.state(device)[2] == "motion 3, 1.2 of 8.0 s, at 50 % speed"
-    ready = replace(DEVICE, state=State.HOLDING, speed=0.5)
+    ready = replace(DEVICE, state=ServoState.HOLDING, speed=0.5)
     assert words.state(ready)[2] == "at rest, ready to move at 50 % speed"
 
 
@@ -64,7 +64,7 @@ def test_who_may_command_is_said(holder, is_ours, said):
 
 def test_what_others_wrote_is_no_markup():
     evil = "<img src=x onerror=alert(1)>"
-    device = replace(DEVICE, state=State.FAULT, fault_text=evil, fault=Fault.DEVICE_FAULT)
+    device = replace(DEVICE, state=ServoState.FAULT, fault_text=evil, fault=Fault.DEVICE_FAULT)
     daemon = replace(DAEMON, leases=(LeaseReport(evil, 1.0, devices=(DEVICE.name,)),))
     page = words.status(device, daemon, is_ours=False, problem=evil)
     for html in (page, words.trouble(evil), words.refusal(evil), words.note(evil)):

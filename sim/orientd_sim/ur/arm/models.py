@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from orientd_sim.ur.variables import RuntimeState
+from orientd_sim.ur.variables import ProgramState
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +124,7 @@ class Behaviour:
     model: Model = MODELS["ur5e"]
     version: tuple[int, int, int, int] = (5, 12, 6, 1102099)
     serial: str = "20235500123"
-    protective_stop_leaves: RuntimeState = RuntimeState.PAUSED
+    protective_stop_leaves: ProgramState = ProgramState.PAUSED
     unlock_after: float = 5.0
     power_up: float = 0.1
     program_start: float = 0.02

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from orientd.daemon.access.identity import Certificate, Policy, Process
+from orientd.daemon.access.identity import ClientCertificate, Process, RolePolicy
 from orientd.daemon.access.peer_credentials import peer_process
 from orientd.errors import ConfigError, RequestError
 from orientd.operation_settings import AccessSettings, Role
@@ -15,7 +15,7 @@ LATER = time.time() + 3600.0
 
 
 def policy(revoked=(), **tables):
-    return Policy(AccessSettings.model_validate(tables), revoked)
+    return RolePolicy(AccessSettings.model_validate(tables), revoked)
 
 
 def role(found):
@@ -54,16 +54,16 @@ def test_names_of_users_and_groups_are_looked_up():
 
 def test_a_certificate_counts_until_it_expires_or_is_revoked():
     found = policy(["AB12"], certificates={"pendant": "operator"})
-    assert role(found.identify(Certificate("pendant", "AB13", LATER))) is Role.OPERATOR
-    assert found.identify(Certificate("pendant", "AB12", LATER)) is None
-    assert found.identify(Certificate("pendant", "AB13", time.time() - 1.0)) is None
-    assert found.identify(Certificate("other", "AB13", LATER)) is None
+    assert role(found.identify(ClientCertificate("pendant", "AB13", LATER))) is Role.OPERATOR
+    assert found.identify(ClientCertificate("pendant", "AB12", LATER)) is None
+    assert found.identify(ClientCertificate("pendant", "AB13", time.time() - 1.0)) is None
+    assert found.identify(ClientCertificate("other", "AB13", LATER)) is None
 
 
 def test_certificates_and_users_of_one_name_are_two():
     found = policy(users={"0": "operator"}, certificates={"0": "operator"})
     keys = {
-        found.identify(Certificate("0", "1", LATER)).key,
+        found.identify(ClientCertificate("0", "1", LATER)).key,
         found.identify(Process(1, 0, ())).key,
     }
     assert keys == {"user:0", "certificate:0"}

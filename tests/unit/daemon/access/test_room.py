@@ -3,7 +3,7 @@
 import pytest
 
 from orientd.daemon.access import peer_credentials
-from orientd.daemon.access.identity import Identity, Policy
+from orientd.daemon.access.identity import Identity, RolePolicy
 from orientd.daemon.access.peer_credentials import PeerListener
 from orientd.operation_settings import AccessSettings, Role
 
@@ -14,7 +14,9 @@ MOST = 16
 @pytest.fixture
 def door(monkeypatch):
     monkeypatch.setattr(peer_credentials, "most_together", lambda: MOST)
-    return PeerListener(Policy(AccessSettings()), "", most_connections=5, refused=lambda *_: None)
+    return PeerListener(
+        RolePolicy(AccessSettings()), "", most_connections=5, refused=lambda *_: None
+    )
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 from rig import PERIOD, TERMS, Rig
 from setpoint_checker import reached
 
-from orientd.stream import NOT_GIVEN, Answer, Command, NoteKind, State
+from orientd.stream import NOT_GIVEN, Answer, Command, NoteKind, ServoState
 
 NOWHERE = (1.0, 0.0, 0.0, 0.0)
 ALONG = np.array([0.6, 0.0, 0.8])
@@ -77,7 +77,7 @@ def test_a_position_that_is_no_longer_given_comes_to_rest():
         aim(rig, NOT_GIVEN)
         rig.run(10)
     assert rig.driver.setpoints[-1].velocity == (0.0, 0.0, 0.0)
-    assert rig.cycle.state is State.TRACKING
+    assert rig.cycle.state is ServoState.TRACKING
     assert keeps_limits(rig)
 
 
