@@ -195,6 +195,21 @@ def test_the_page_teaches_and_holds_the_arm_when_it_gives_up(arm):
     assert found.keyframes[0].name == "here & now"
 
 
+def test_an_arm_is_held_again_when_whoever_taught_it_is_killed(arm, teach, tmp_path):
+    _, daemon = arm
+
+    def report():
+        with connect(daemon.socket) as robot:
+            return robot.state().devices["arm"]
+
+    process = teach(tmp_path / "out.yaml", "--socket", daemon.socket)
+    until(lambda: report().is_free, "the arm to be let go")
+    process.kill()
+    process.wait()
+    until(lambda: report().state is ServoState.HOLDING, "the arm to hold again")
+    assert not report().is_free
+
+
 @pytest.fixture
 def gimbal(tmp_path):
     pytest.importorskip("dynamixel_sdk")
