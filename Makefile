@@ -8,21 +8,29 @@ BIN = $(VENV)/bin
 ROUNDS ?= 50
 SEED ?= 1
 
-.PHONY: demo test check docs follow bench peers soak events chaos storm standard proto clean
+.PHONY: demo test runs calculates check docs follow bench peers soak events chaos storm standard proto clean
 
 demo: $(VENV)/.user
 	$(BIN)/orientd demo
 
-# What only calculates is tested on every core; what runs real processes to a clock, one by one.  A
-# machine that stands still for half a second fails some of these: what failed is run again by itself,
-# a few times, and must pass once.
+# What runs real processes to a clock waits most of the time, so two files of that are tested at once,
+# and beside them, giving way to them, what only calculates.  A machine that stands still for half a
+# second fails some that run: these are run again by themselves, a few times, and must pass once.
 CALCULATES = tests/unit tests/docs orientd drivers sim
 RUNS = tests/system tests/drivers tests/chaos tests/storm tests/bench
 
 test: check
-	$(BIN)/python -m pytest -n logical $(CALCULATES)
-	$(BIN)/python -m pytest $(RUNS) || { for again in 1 2 3 4; do \
+	@mkdir -p build
+	@$(MAKE) --no-print-directory --keep-going --jobs=2 runs calculates; status=$$?; \
+	    echo; echo "What only calculates:"; cat build/calculates.txt; exit $$status
+
+runs: $(VENV)/.dev
+	$(BIN)/python -m pytest -n 2 --dist loadfile $(RUNS) || { for again in 1 2 3 4; do \
 	    $(BIN)/python -m pytest $(RUNS) --last-failed && exit 0; done; exit 1; }
+
+calculates: $(VENV)/.dev
+	@mkdir -p build
+	nice -n 5 $(BIN)/python -m pytest -n logical -o cache_dir=build/calculates $(CALCULATES) > build/calculates.txt 2>&1
 
 check: $(VENV)/.dev
 	$(BIN)/ruff check .
