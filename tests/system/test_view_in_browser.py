@@ -47,14 +47,25 @@ def browser():
         opened.close()
 
 
+def new_page(browser, width, height):
+    """Return a page that is drawn ten times a second at most, as on a slow machine."""
+    opened = browser.new_page(viewport={"width": width, "height": height})
+    opened.set_default_timeout(PATIENCE)
+    opened.add_init_script(
+        "const draw = window.requestAnimationFrame.bind(window);"
+        "window.requestAnimationFrame = (work) => setTimeout(() => draw(work), 90);"
+        "window.cancelAnimationFrame = clearTimeout.bind(window);"
+    )
+    return opened
+
+
 @pytest.fixture(scope="module")
 def page(daemon, browser):
     """The page in a small window, of which a processor can draw enough."""
     view = begin("view", "--no-open", "--port", 0, "--socket", daemon.socket)
     line = view.stdout.readline()
     assert line.startswith("ready"), (line, view.stderr.read())
-    opened = browser.new_page(viewport={"width": 900, "height": 400})
-    opened.set_default_timeout(PATIENCE)
+    opened = new_page(browser, 900, 400)
     opened.goto(f"{line.split()[-1]}/?fixedDpr=0.5")
     yield opened
     opened.close()
@@ -149,13 +160,12 @@ def test_a_file_dropped_anywhere_goes_where_one_that_is_chosen_goes(browser, tmp
     button.on_upload(lambda _: taken.append((button.value.name, button.value.content)))
     server.gui.add_html(drop.HTML)
     address = f"http://127.0.0.1:{server.get_port()}/?fixedDpr=0.1"
-    page = browser.new_page(viewport={"width": 600, "height": 300})
+    page = new_page(browser, 600, 300)
 
     def is_marked():
         return page.locator("body.takes-file").count()
 
     try:
-        page.set_default_timeout(PATIENCE)
         page.goto(address)
         page.get_by_text("drop it anywhere").wait_for()
         path = tmp_path / "turn.yaml"
