@@ -48,6 +48,7 @@ def made(monkeypatch):
         return traced(curve, task, **more)
 
     monkeypatch.setattr(curves, "compare", keep_compared)
+
     def keep_drawn(path, traces, **more):
         # Pictures are drawn elsewhere, and take ten times as long as all else here.
         found["drawn"] = traces

@@ -222,7 +222,7 @@ def test_forced_unwinding_is_a_stop_with_continuous_rates():
 
 
 def walked(steps, start=(1.0, 0.0, 0.0, 0.0)):
-    """The orientations that turns lead to one after the other, in floats, of which there are many."""
+    """The orientations that many turns lead to one after the other, in plain floats."""
     way = [tuple(map(float, start))]
     for w, x, y, z in steps.tolist():
         a, b, c, d = way[-1]

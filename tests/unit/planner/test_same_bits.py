@@ -15,7 +15,8 @@ PROGRAM = Path(__file__).with_name("bits.py")
 
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize(
-    "count", [60, pytest.param(300, marks=[pytest.mark.slow, pytest.mark.timeout(3000)])]
+    "count",
+    [len(FAMILIES), pytest.param(300, marks=[pytest.mark.slow, pytest.mark.timeout(3000)])],
 )
 def test_two_processes_plan_the_same_bits_in_another_order(count):
     numbers = [str(number) for number in range(count)]
