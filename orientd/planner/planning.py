@@ -35,9 +35,11 @@ from orientd.planner.timing import (
     Indices,
     KeyframePath,
     PathRequest,
+    aimed_at,
     chord_knots,
     evenly_paced,
     quickest,
+    with_chosen_times,
 )
 from orientd.rotation import Floats
 
@@ -190,7 +192,10 @@ class _Job:
 
     def _quick_or_even(self, name: str) -> Motion:
         try:
-            return self.as_quick_as_possible(name)
+            try:
+                return self.as_quick_as_possible(name)
+            except LimitError:
+                return self.as_quick_as_possible(name, by_chord=True)
         except (StartError, refusal.TotalError):
             raise
         except PlanError as error:
@@ -274,6 +279,11 @@ class _Job:
 
     def _shape(self) -> tuple[PathRequest, KeyframePath]:
         """Return the path request of keyframes without times, and a path of about its duration."""
+        path_request, guess = self._first_shape()
+        return path_request, self._keyframe_path(path_request, guess)
+
+    def _first_shape(self) -> tuple[PathRequest, float]:
+        """Return the path request of keyframes without times, and about how long it takes, s."""
         refusal.check_continuity(self.request)
         is_uniform = not METHODS[self.request.method].interpolates
         knots = chord_knots(self.request, self.limits, is_uniform=is_uniform)
@@ -282,19 +292,45 @@ class _Job:
         guess = knots.first_guess(self.limits.with_reserve())
         if path_request.has_one_shape and guess > _HOPELESS * len(knots.times) * LONGEST:
             refusal.check_duration(guess)
-        guess = min(max(guess, 2.0 * self.period), LONGEST)
-        return path_request, path_request.keyframe_path(
-            guess
-        ) if path_request.has_one_shape else self._moving(path_request, guess)
+        return path_request, min(max(guess, 2.0 * self.period), LONGEST)
+
+    def _keyframe_path(self, path_request: PathRequest, duration: float) -> KeyframePath:
+        if path_request.has_one_shape:
+            return path_request.keyframe_path(duration)
+        return self._moving(path_request, duration)
 
     def _moving(self, path_request: PathRequest, duration: float) -> KeyframePath:
         """Return one of many keyframe paths to try, each of which may be hard to find."""
         with corrections_at_most(_MOST_CORRECTIONS):
             return path_request.keyframe_path(duration)
 
-    def as_quick_as_possible(self, motion_id: str) -> Motion:
-        """Return the motion along the keyframe path as quickly as the limits permit."""
-        path_request, keyframe_path = self._shape()
+    def _quick_shape(self) -> tuple[PathRequest, KeyframePath, Floats | None]:
+        """Return what :meth:`_shape` does, and a profile to begin with where one is known.
+
+        Times at the keyframes are chosen by the own limits, so that the path is the same at any
+        share of the quickest pace.
+        """
+        path_request, guess = self._first_shape()
+        chosen = with_chosen_times(path_request, guess, aimed_at(self.own))
+        if chosen is None:
+            return path_request, self._keyframe_path(path_request, guess), None
+        path_request, coefficients = chosen
+        is_slower = self.limits is not self.own
+        keyframe_path = path_request.keyframe_path(guess)
+        return path_request, keyframe_path, None if is_slower else coefficients
+
+    def as_quick_as_possible(self, motion_id: str, *, by_chord: bool = False) -> Motion:
+        """Return the motion along the keyframe path as quickly as the limits permit.
+
+        Args:
+            motion_id: names the motion.
+            by_chord: whether the path is that of an even pace.
+        """
+        begin_with = None
+        if by_chord:
+            path_request, keyframe_path = self._shape()
+        else:
+            path_request, keyframe_path, begin_with = self._quick_shape()
         refusal.check_smooth(self.request, keyframe_path.continuity)
         if not (path_request.has_one_shape and keyframe_path.is_from_rest_to_rest):
             if self.request.total is not None:
@@ -303,7 +339,9 @@ class _Job:
             keyframe_path = self.evenly_paced(everywhere=False).keyframe_path or keyframe_path
         share, before, stop_time = SHARE, math.inf, math.inf
         for count in range(_MOST_TIMINGS):
-            quick = quickest(keyframe_path, self.limits, self.period, share=share)
+            quick = quickest(
+                keyframe_path, self.limits, self.period, share=share, guess=begin_with
+            )
             try:
                 motion = self.certified(self._with_leads(self._in_total(quick)), motion_id)
             except LimitError as error:

@@ -23,20 +23,34 @@ from orientd.planner.path import PathSegment, repositioned
 from orientd.planner.timing.axis_turn import SHARE, VELOCITY_SHARE, turned_at_once
 from orientd.planner.timing.candidate_path import KeyframePath
 from orientd.planner.timing.profile import Elements, PathRates, Profile
+from orientd.rotation import Floats
 
 _GAPS = 0.03, 0.003, 5e-4, 3e-4  # share of the duration that a round may cost
 _FEWEST_ROUNDS, _MOST_ROUNDS = 2, 6  # of ever narrower elements
-_BUDGET = 450, 5  # elements of all rounds together, and of these for each interval between knots
+_BUDGET = 420, 5  # elements of all rounds together, and of these for each interval between knots
 _ATTEMPTS = 5  # to get below the limits where they are exceeded between the places
 _ABOVE = 1.00005
 _FEW = 300  # elements, of which another round costs little
 _BEYOND = 1.0003  # share of a limit that is worth it
+_FAR_BEYOND = 1.003  # where it costs more
 _ROOTS = np.array([1.0, 1 / 2, 1 / 3])  # of shares of velocity, acceleration and jerk, for a pace
 _WHOLE = 1e-9  # of a period
 
 
+def aimed_at(limits: Limits, share: float = SHARE) -> Limits:
+    """Return the limits that the quickest timing uses, with *share* of acceleration and jerk."""
+    return limits.with_reserve(share).times(
+        velocity=VELOCITY_SHARE, linear_velocity=VELOCITY_SHARE
+    )
+
+
 def quickest(
-    keyframe_path: KeyframePath, limits: Limits, period: float, *, share: float = SHARE
+    keyframe_path: KeyframePath,
+    limits: Limits,
+    period: float,
+    *,
+    share: float = SHARE,
+    guess: Floats | None = None,
 ) -> KeyframePath:
     """Return the same path in the shortest time that keeps the limits.
 
@@ -48,24 +62,23 @@ def quickest(
         limits: to keep, as seen on records a *period* apart.
         period: of the device, s.
         share: of the limits of acceleration and jerk to use.
+        guess: coefficients of a profile to begin with, if one is known that is nearly the quickest.
 
     Raises:
         PlanError: none was found.
     """
-    aimed = limits.with_reserve(share).times(
-        velocity=VELOCITY_SHARE, linear_velocity=VELOCITY_SHARE
-    )
     turn = turned_at_once(keyframe_path, limits, share)
     if turn is not None:
         return turn
-    rates = PathRates.of(keyframe_path, aimed)
+    rates = PathRates.of(keyframe_path, aimed_at(limits, share))
     elements = Elements.first(keyframe_path, rates)
-    coefficients = rates.guess(elements)
+    coefficients = rates.guess(elements) if guess is None else guess
     count, most = 0, _BUDGET[0] + _BUDGET[1] * (len(rates.knots) - 1)
     for round_ in range(_MOST_ROUNDS):
         gap = _GAPS[min(round_, len(_GAPS) - 1)]
         try:
-            profile = rates.profile(elements, coefficients, gap, 10.0 * gap if round_ else 1.0)
+            begin = 10.0 * gap if round_ else 1.0 if guess is None else gap
+            profile = rates.profile(elements, coefficients, gap, begin)
         except PlanError:
             if not round_:
                 raise
@@ -77,7 +90,8 @@ def quickest(
         if pieces is None and gap == _GAPS[-1]:
             break
         elements, coefficients = profile.narrowed(pieces)
-    if len(profile.coefficients) < _FEW and float(profile.shares.max()) > _BEYOND:
+    beyond = float(profile.shares.max())
+    if beyond > (_BEYOND if len(profile.coefficients) < _FEW else _FAR_BEYOND):
         lower = profile.elements.aiming_lower(profile.shares)
         with suppress(PlanError):
             profile = rates.profile(lower, profile.coefficients, _GAPS[-1], 10.0 * _GAPS[-1])
