@@ -206,7 +206,7 @@ class _Job:
         """Return the motion at the curve's own pace, slowed down by one factor."""
         if self.request.total is not None:
             refusal.check_duration(self.request.total)
-            path_request, _ = self._shape()
+            path_request, *_ = self._shape(is_quick=False)
             core = self._moving(path_request, self.request.total)
             return self.certified(self._with_leads(core), name)
         try:
@@ -263,7 +263,7 @@ class _Job:
         Args:
             everywhere: whether to look at every record at every attempt.
         """
-        path_request, shape = self._shape()
+        path_request, shape, _ = self._shape(is_quick=False)
         found = evenly_paced(
             shape,
             self.limits,
@@ -277,13 +277,13 @@ class _Job:
             raise refusal.of_any_duration(self.start, self.limits)
         return found
 
-    def _shape(self) -> tuple[PathRequest, KeyframePath]:
-        """Return the path request of keyframes without times, and a path of about its duration."""
-        path_request, guess = self._first_shape()
-        return path_request, self._keyframe_path(path_request, guess)
+    def _shape(self, *, is_quick: bool) -> tuple[PathRequest, KeyframePath, Floats | None]:
+        """Return the path request of keyframes without times, and a path of about its duration.
 
-    def _first_shape(self) -> tuple[PathRequest, float]:
-        """Return the path request of keyframes without times, and about how long it takes, s."""
+        Args:
+            is_quick: whether to choose times for the quickest way, by the own limits so that the
+                path is the same at any share of its pace; a profile comes with it if one is known.
+        """
         refusal.check_continuity(self.request)
         is_uniform = not METHODS[self.request.method].interpolates
         knots = chord_knots(self.request, self.limits, is_uniform=is_uniform)
@@ -292,32 +292,21 @@ class _Job:
         guess = knots.first_guess(self.limits.with_reserve())
         if path_request.has_one_shape and guess > _HOPELESS * len(knots.times) * LONGEST:
             refusal.check_duration(guess)
-        return path_request, min(max(guess, 2.0 * self.period), LONGEST)
-
-    def _keyframe_path(self, path_request: PathRequest, duration: float) -> KeyframePath:
-        if path_request.has_one_shape:
-            return path_request.keyframe_path(duration)
-        return self._moving(path_request, duration)
+        guess = min(max(guess, 2.0 * self.period), LONGEST)
+        profile: Floats | None = None
+        chosen = with_chosen_times(path_request, guess, aimed_at(self.own)) if is_quick else None
+        if chosen is not None:
+            path_request, profile = chosen
+        if self.limits is not self.own:
+            profile = None
+        is_moving = not path_request.has_one_shape
+        make = partial(self._moving, path_request) if is_moving else path_request.keyframe_path
+        return path_request, make(guess), profile
 
     def _moving(self, path_request: PathRequest, duration: float) -> KeyframePath:
         """Return one of many keyframe paths to try, each of which may be hard to find."""
         with corrections_at_most(_MOST_CORRECTIONS):
             return path_request.keyframe_path(duration)
-
-    def _quick_shape(self) -> tuple[PathRequest, KeyframePath, Floats | None]:
-        """Return what :meth:`_shape` does, and a profile to begin with where one is known.
-
-        Times at the keyframes are chosen by the own limits, so that the path is the same at any
-        share of the quickest pace.
-        """
-        path_request, guess = self._first_shape()
-        chosen = with_chosen_times(path_request, guess, aimed_at(self.own))
-        if chosen is None:
-            return path_request, self._keyframe_path(path_request, guess), None
-        path_request, coefficients = chosen
-        is_slower = self.limits is not self.own
-        keyframe_path = path_request.keyframe_path(guess)
-        return path_request, keyframe_path, None if is_slower else coefficients
 
     def as_quick_as_possible(self, motion_id: str, *, by_chord: bool = False) -> Motion:
         """Return the motion along the keyframe path as quickly as the limits permit.
@@ -326,11 +315,7 @@ class _Job:
             motion_id: names the motion.
             by_chord: whether the path is that of an even pace.
         """
-        begin_with = None
-        if by_chord:
-            path_request, keyframe_path = self._shape()
-        else:
-            path_request, keyframe_path, begin_with = self._quick_shape()
+        path_request, keyframe_path, profile = self._shape(is_quick=not by_chord)
         refusal.check_smooth(self.request, keyframe_path.continuity)
         if not (path_request.has_one_shape and keyframe_path.is_from_rest_to_rest):
             if self.request.total is not None:
@@ -339,11 +324,11 @@ class _Job:
             keyframe_path = self.evenly_paced(everywhere=False).keyframe_path or keyframe_path
         share, before, stop_time = SHARE, math.inf, math.inf
         for count in range(_MOST_TIMINGS):
-            quick = quickest(
-                keyframe_path, self.limits, self.period, share=share, guess=begin_with
-            )
+            quick = quickest(keyframe_path, self.limits, self.period, share=share, guess=profile)
             try:
-                motion = self.certified(self._with_leads(self._in_total(quick)), motion_id)
+                motion = self.certified(
+                    self._with_leads(quick.in_total(self.request.total)), motion_id
+                )
             except LimitError as error:
                 # What is drawn between the records is a little more, where the jerk has a step.
                 over = error.value / error.limit
@@ -367,14 +352,6 @@ class _Job:
                 more = max(more, 2.0)
             share = max(1.0 - more * (1.0 - share), LEAST_SHARE)
         raise refusal.of_slow_stop(stop_time, LONGEST_STOP, share)
-
-    def _in_total(self, quick: KeyframePath) -> KeyframePath:
-        """Return the quickest keyframe path, slowed down to the duration that was asked for."""
-        total = self.request.total
-        if total is None:
-            return quick
-        refusal.check_total(total, quick.duration)
-        return quick.slowed(max(total, quick.duration))
 
     def certified(self, candidate: CandidateMotion, motion_id: str) -> Motion:
         """Return the motion, held against its limits on the records that will be sent."""

@@ -5,8 +5,9 @@ orientations before it and after it.  Of each segment follow when it begins, wha
 its rate and its sign, then its clock and then its curve.  The clock is the number of its nodes, 0
 where the curve runs on its own time, or that number, times, places, squared rates and slopes of the
 nodes, two lengths over which it leaves rest, the curve's first instant and its seconds for a second
-of the clock.  The curve is how many spans and factors it has, and what it is sampled from.  These are breaks and table of cubic factors, for which the number of factors is given
-as 0, or breaks, base, axes, lengths and the coefficients of the basis.
+of the clock.  The curve is how many spans and factors it has, and what it is sampled from.  That is
+breaks and table of cubic factors, for which the number of factors is given as 0, or breaks, base,
+axes, lengths and the coefficients of the basis.
 """
 
 from __future__ import annotations

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orientd.planner import refusal
 from orientd.planner.certify import Peaks, measure
 from orientd.planner.limits import STILL, Limits, is_still
 from orientd.planner.methods import Ends, build
@@ -78,6 +79,17 @@ class KeyframePath:
         factor = duration / self.duration
         positions = self.positions if self.positions.is_held else self.positions.slowed(factor)
         return KeyframePath(self.segment.slowed(duration), positions, self.times * factor)
+
+    def in_total(self, total: float | None) -> KeyframePath:
+        """Return the same path taking *total* seconds, which are no fewer; as it is for ``None``.
+
+        Raises:
+            TotalError: it takes longer.
+        """
+        if total is None:
+            return self
+        refusal.check_total(total, self.duration)
+        return self.slowed(max(total, self.duration))
 
     def record_count(self, period: float) -> int:
         """Return how many records a period apart it has."""

@@ -39,9 +39,7 @@ _WHOLE = 1e-9  # of a period
 
 def aimed_at(limits: Limits, share: float = SHARE) -> Limits:
     """Return the limits that the quickest timing uses, with *share* of acceleration and jerk."""
-    return limits.with_reserve(share).times(
-        velocity=VELOCITY_SHARE, linear_velocity=VELOCITY_SHARE
-    )
+    return limits.with_reserve(share).times(velocity=VELOCITY_SHARE, linear_velocity=VELOCITY_SHARE)
 
 
 def quickest(
