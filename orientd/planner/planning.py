@@ -325,10 +325,9 @@ class _Job:
         share, before, stop_time = SHARE, math.inf, math.inf
         for count in range(_MOST_TIMINGS):
             quick = quickest(keyframe_path, self.limits, self.period, share=share, guess=profile)
+            quick = quick.in_total(self.request.total)
             try:
-                motion = self.certified(
-                    self._with_leads(quick.in_total(self.request.total)), motion_id
-                )
+                motion = self.certified(self._with_leads(quick), motion_id)
             except LimitError as error:
                 # What is drawn between the records is a little more, where the jerk has a step.
                 over = error.value / error.limit

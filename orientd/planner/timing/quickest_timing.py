@@ -125,6 +125,7 @@ def _excess(path: KeyframePath, limits: Limits, period: float, *, has_lead: bool
     peaks = path.peaks(period, limits, last=last)
     return max(
         peaks.spins,
+        peaks.drawn[0],
         math.sqrt(peaks.bends),
         math.cbrt(peaks.twists),
         peaks.linear_velocity.ratio,
