@@ -1,7 +1,9 @@
 """How quick motions without times are: beside Ruckig, TOPP-RA, an even pace, and stops."""
 
 import logging
+import runpy
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -115,6 +117,26 @@ def test_along_a_path_it_is_as_quick_as_toppra(rate):
     print(f"\nTOPP-RA failed {failed} times")
     middle, largest = shown(f"duration over TOPP-RA's at {rate:g} Hz", ratios)
     assert middle <= 1.005
+    assert largest <= 1.02
+
+
+def test_with_jerk_limit_it_is_near_the_optimum_on_a_fine_grid():
+    # By linear programs (HiGHS) on grids of the squared rate; see the file's own words.
+    place = Path(__file__).parents[1] / "data/quickest/regenerate.py"
+    optima = runpy.run_path(str(place))
+    random = np.random.default_rng(6)
+    ratios = []
+    for case in range(20):
+        q = through(random, int(random.integers(3, 6)), 1.0)
+        rates = optima["LIMITS"][case % 2]
+        motion = made(q, DEFAULT_LIMITS.with_rates(rates))
+        (segment,) = motion.path.segments
+        nodes = 60 * (len(q) - 1) + 1
+        coarse, fine = (
+            optima["least_duration"](segment, rates, count) for count in (nodes, 2 * nodes - 1)
+        )
+        ratios.append(motion.duration / (fine + (fine - coarse) / 3.0))
+    _, largest = shown("duration over the least on a fine grid", ratios)
     assert largest <= 1.02
 
 

@@ -48,8 +48,9 @@ class MinimumEffort(CumulativeCurve):
 
     It is a stationary curve near the cumulative spline; large steps may have better ones further
     away.  For torque the search is made twice where up to ten keyframes are more than 2 rad apart,
-    from that spline and from the least acceleration, and the better one is taken.  A fast end coasts through whole turns where that takes less.  A turn asked for could not
-    be kept: two of them are no minimum, but unwind.
+    from that spline and from the least acceleration, and the better one is taken.  A fast end
+    coasts through whole turns where that takes less.  A turn asked for could not be kept: two of
+    them are no minimum, but unwind.
 
     * ``"natural"``: velocity free and no acceleration; with an inertia both are free, and the
       torque there is small, as at the end of the best curve there is none;
