@@ -2,11 +2,11 @@
 
     python tests/data/quickest/regenerate.py
 
-The curve is orientd's, that of an even pace; everything else is not.  For the squared rate at the nodes of a grid, with
-differences of the nodes for its derivatives, a sequence of linear programs (HiGHS by SciPy) inside
-a shrinking box lowers the sum of ``step / sqrt(y)`` under limits of the components of omega, alpha
-and jerk, all three linearised, until nothing moves.  The durations at two grids give the third by
-Richardson's rule, which is what is stored.
+The curve is orientd's, that of an even pace; everything else is not.  For the squared rate at the
+nodes of a grid, with differences of the nodes for its derivatives, a sequence of linear programs
+(HiGHS by SciPy) inside a shrinking box lowers the sum of ``step / sqrt(y)`` under limits of the
+components of omega, alpha and jerk, all three linearised, until nothing moves.  The durations at
+two grids give the third by Richardson's rule, which is what is stored.
 """
 
 import json
