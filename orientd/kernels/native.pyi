@@ -225,6 +225,7 @@ def choose_knots(
     descents: int,
     times: Floats,
     coefficients: Floats,
+    shares: Floats,
     /,
 ) -> bool: ...
 def find_profile(

@@ -277,7 +277,9 @@ class _Job:
             raise refusal.of_any_duration(self.start, self.limits)
         return found
 
-    def _shape(self, *, is_quick: bool) -> tuple[PathRequest, KeyframePath, Floats | None]:
+    def _shape(
+        self, *, is_quick: bool
+    ) -> tuple[PathRequest, KeyframePath, tuple[Floats, Floats] | None]:
         """Return the path request of keyframes without times, and a path of about its duration.
 
         Args:
@@ -293,7 +295,7 @@ class _Job:
         if path_request.has_one_shape and guess > _HOPELESS * len(knots.times) * LONGEST:
             refusal.check_duration(guess)
         guess = min(max(guess, 2.0 * self.period), LONGEST)
-        profile: Floats | None = None
+        profile = None
         chosen = with_chosen_times(path_request, guess, aimed_at(self.own)) if is_quick else None
         if chosen is not None:
             path_request, profile = chosen
@@ -325,6 +327,7 @@ class _Job:
         share, before, stop_time = SHARE, math.inf, math.inf
         for count in range(_MOST_TIMINGS):
             quick = quickest(keyframe_path, self.limits, self.period, share=share, guess=profile)
+            profile = None
             quick = quick.in_total(self.request.total)
             try:
                 motion = self.certified(self._with_leads(quick), motion_id)

@@ -252,10 +252,10 @@ static bool put_plain_duration(const knots_t *asked, double *found) {
     return is_there;
 }
 
-int choose_knots(knots_t asked, row_t times, row_t coefficients) {
+int choose_knots(knots_t asked, row_t times, row_t coefficients, matrix_t shares) {
     trial_t t;
-    double *own, plain;
-    if (!put_plain_duration(&asked, &plain))
+    double *own, plain = INFINITY;
+    if (asked.descents && !put_plain_duration(&asked, &plain))
         return OUT_OF_MEMORY;
     if (!new_trial(&t, &asked, 1, &own)) {
         free_trial(&t, own);
@@ -264,7 +264,7 @@ int choose_knots(knots_t asked, row_t times, row_t coefficients) {
     index_t count = asked.keys.n - 1, size = t.search.n + 2;
     double *best_shares = t.path.aims.v + 3 * t.search.n, *tried = best_shares + count;
     double *slope = tried + count, *c = slope + count, *trial_c = c + size, best = INFINITY;
-    for (int p = 0; p < POWERS; p++) {
+    for (int p = 0; p < (asked.descents ? POWERS : POWERS - 1); p++) {
         for (index_t i = 0; i < count; i++)
             tried[i] = pow(asked.lengths.v[i], powers[p]);
         bool is_first = !isfinite(best);
@@ -286,6 +286,9 @@ int choose_knots(knots_t asked, row_t times, row_t coefficients) {
     bool is_better = best < plain && isfinite(best);
     if (is_better) {
         share_out(&t, best_shares);
+        is_better = put_geometry(&t) == FOUND;
+        spread(&t.search, c);
+        put_shares(&t.path, t.search.value, t.search.slope, shares);
         memcpy(times.v, t.times.v, (size_t)times.n * sizeof(double));
         memcpy(coefficients.v, c, (size_t)size * sizeof *c);
     }

@@ -17,14 +17,14 @@ typedef struct {
     matrix_t limits;    /* of velocity, acceleration and jerk, norm and components, shape (3, 4) */
     double total;       /* time from the first to the last on the curve that is made, s */
     index_t pieces;     /* elements of an interval */
-    index_t descents;   /* down the slope, at most; 0 where there are too many keyframes for that */
+    index_t descents;   /* down the slope, at most; of 0 one other power is tried, and no more */
 } knots_t;
 
-/* Write times from 0 to the total, shape (n,), and coefficients of the profile found, shape
- * ((n - 1) pieces + 2,), as find_profile takes them.
+/* Write times from 0 to the total, shape (n,), and of the profile found coefficients, shape
+ * ((n - 1) pieces + 2,), and shares, shape (3, (n - 1) pieces), as find_profile has them.
  *
  * Return FOUND, NOT_FOUND where no other times are quicker than those by the lengths on the curve
  * of an even pace, whose ends have no acceleration, or OUT_OF_MEMORY. */
-int choose_knots(knots_t asked, row_t times, row_t coefficients);
+int choose_knots(knots_t asked, row_t times, row_t coefficients, matrix_t shares);
 
 #endif

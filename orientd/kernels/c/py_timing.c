@@ -22,14 +22,14 @@ KERNEL(find_profile) {
 }
 
 KERNEL(choose_knots) {
-    TAKE("mvmdiiVV");
+    TAKE("mvmdiiVVM");
     index_t n = a[0].m.n, pieces = a[4].i;
     CHECK(n > 2 && a[0].m.m == 4 && a[1].v.n == n - 1 && is_matrix(a[2].m, 3, 4));
     CHECK(pieces > 0 && pieces <= INT32_MAX && a[6].v.n == n);
-    CHECK(a[7].v.n == (n - 1) * pieces + 2);
+    CHECK(a[7].v.n == (n - 1) * pieces + 2 && is_matrix(a[8].m, 3, (n - 1) * pieces));
     knots_t asked = {a[0].m, a[1].v, a[2].m, a[3].d, pieces, a[5].i};
     int found;
-    RUN(found = choose_knots(asked, a[6].v, a[7].v));
+    RUN(found = choose_knots(asked, a[6].v, a[7].v, a[8].m));
     return found == OUT_OF_MEMORY ? PyErr_NoMemory() : PyBool_FromLong(found == FOUND);
 }
 

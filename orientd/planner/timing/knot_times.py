@@ -29,7 +29,7 @@ _DESCENTS = 2
 
 def with_chosen_times(
     path_request: PathRequest, duration: float, limits: Limits
-) -> tuple[PathRequest, Floats] | None:
+) -> tuple[PathRequest, tuple[Floats, Floats]] | None:
     """Return a path request with the times of the quickest way that is found.
 
     Its curve leaves rest with an acceleration, since the pace along it is yet to be found.
@@ -40,8 +40,8 @@ def with_chosen_times(
         limits: to keep, with what is kept in reserve.
 
     Returns:
-        The path request, and coefficients of a profile to begin with on the curve of that duration;
-        ``None`` where other times are not tried: where the method is another one, where a position
+        The path request, and coefficients and shares of a profile to begin with on the curve of
+        that duration; ``None`` where other times are not tried: where the method is another one, where a position
         moves, whole turns are made, or nothing limits the jerk.
     """
     request, kept = path_request.request, path_request.kept
@@ -60,6 +60,7 @@ def with_chosen_times(
     count = len(keys) - 1
     pieces = pieces_of(count)
     chosen, coefficients = np.empty(count + 1), np.empty(count * pieces + 2)
+    shares = np.empty((3, count * pieces))
     descents = _DESCENTS if len(keys) <= _MOST_DESCENDED else 0
     if not kernels.choose_knots(
         keys,
@@ -70,9 +71,10 @@ def with_chosen_times(
         descents,
         chosen,
         coefficients,
+        shares,
     ):
         return None
     # Keyframes that are passed as one have one time.
     times = np.interp(path_request.times, path_request.times[kept], chosen)
     ends = replace(path_request.ends, leaves_freely=True)
-    return replace(path_request, times=times, ends=ends), coefficients
+    return replace(path_request, times=times, ends=ends), (coefficients, shares)

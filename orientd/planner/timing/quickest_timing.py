@@ -48,7 +48,7 @@ def quickest(
     period: float,
     *,
     share: float = SHARE,
-    guess: Floats | None = None,
+    guess: tuple[Floats, Floats] | None = None,
 ) -> KeyframePath:
     """Return the same path in the shortest time that keeps the limits.
 
@@ -60,7 +60,8 @@ def quickest(
         limits: to keep, as seen on records a *period* apart.
         period: of the device, s.
         share: of the limits of acceleration and jerk to use.
-        guess: coefficients of a profile to begin with, if one is known that is nearly the quickest.
+        guess: coefficients and shares of the quickest profile on the first elements, if it is known
+            to the gap of the first round.
 
     Raises:
         PlanError: none was found.
@@ -70,13 +71,16 @@ def quickest(
         return turn
     rates = PathRates.of(keyframe_path, aimed_at(limits, share))
     elements = Elements.first(keyframe_path, rates)
-    coefficients = rates.guess(elements) if guess is None else guess
+    coefficients = rates.guess(elements) if guess is None else guess[0]
     count, most = 0, _BUDGET[0] + _BUDGET[1] * (len(rates.knots) - 1)
     for round_ in range(_MOST_ROUNDS):
         gap = _GAPS[min(round_, len(_GAPS) - 1)]
         try:
-            begin = 10.0 * gap if round_ else 1.0 if guess is None else gap
-            profile = rates.profile(elements, coefficients, gap, begin)
+            if guess is not None and not round_:
+                profile = Profile(elements, *guess, rates.leaves)
+            else:
+                begin = 10.0 * gap if round_ else 1.0
+                profile = rates.profile(elements, coefficients, gap, begin)
         except PlanError:
             if not round_:
                 raise
