@@ -32,6 +32,7 @@ from orientd.planner.timing import (
     LEAST_SHARE,
     LONGEST_STOP,
     SHARE,
+    FirstProfile,
     Indices,
     KeyframePath,
     PathRequest,
@@ -277,9 +278,7 @@ class _Job:
             raise refusal.of_any_duration(self.start, self.limits)
         return found
 
-    def _shape(
-        self, *, is_quick: bool
-    ) -> tuple[PathRequest, KeyframePath, tuple[Floats, Floats] | None]:
+    def _shape(self, *, is_quick: bool) -> tuple[PathRequest, KeyframePath, FirstProfile | None]:
         """Return the path request of keyframes without times, and a path of about its duration.
 
         Args:
@@ -299,8 +298,7 @@ class _Job:
         chosen = with_chosen_times(path_request, guess, aimed_at(self.own)) if is_quick else None
         if chosen is not None:
             path_request, profile = chosen
-        if self.limits is not self.own:
-            profile = None
+        profile = profile if self.limits is self.own else None
         is_moving = not path_request.has_one_shape
         make = partial(self._moving, path_request) if is_moving else path_request.keyframe_path
         return path_request, make(guess), profile
@@ -327,7 +325,6 @@ class _Job:
         share, before, stop_time = SHARE, math.inf, math.inf
         for count in range(_MOST_TIMINGS):
             quick = quickest(keyframe_path, self.limits, self.period, share=share, guess=profile)
-            profile = None
             quick = quick.in_total(self.request.total)
             try:
                 motion = self.certified(self._with_leads(quick), motion_id)

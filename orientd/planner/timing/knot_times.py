@@ -41,8 +41,8 @@ def with_chosen_times(
 
     Returns:
         The path request, and coefficients and shares of a profile to begin with on the curve of
-        that duration; ``None`` where other times are not tried: where the method is another one, where a position
-        moves, whole turns are made, or nothing limits the jerk.
+        that duration; ``None`` where other times are not tried: where the method is another one,
+        where a position moves, whole turns are made, or nothing limits the jerk.
     """
     request, kept = path_request.request, path_request.kept
     if not (

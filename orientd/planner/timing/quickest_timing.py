@@ -18,12 +18,15 @@ import numpy as np
 from orientd.curves import Retimed
 from orientd.errors import PlanError
 from orientd.planner import refusal
+from orientd.planner.certify import before, measure_path
 from orientd.planner.limits import Limits
-from orientd.planner.path import PathSegment, repositioned
+from orientd.planner.path import Path, PathSegment, repositioned
+from orientd.planner.request import State
 from orientd.planner.timing.axis_turn import SHARE, VELOCITY_SHARE, turned_at_once
 from orientd.planner.timing.candidate_path import KeyframePath
 from orientd.planner.timing.profile import Elements, PathRates, Profile
 from orientd.rotation import Floats
+from orientd.tolerances import GUARD_TOLERANCE
 
 _GAPS = 0.03, 0.003, 5e-4, 3e-4  # share of the duration that a round may cost
 _FEWEST_ROUNDS, _MOST_ROUNDS = 2, 6  # of ever narrower elements
@@ -37,6 +40,10 @@ _ROOTS = np.array([1.0, 1 / 2, 1 / 3])  # of shares of velocity, acceleration an
 _WHOLE = 1e-9  # of a period
 
 
+FirstProfile = tuple[Floats, Floats]
+"""Coefficients of a profile on the first elements of a path, and shares of limits that it uses."""
+
+
 def aimed_at(limits: Limits, share: float = SHARE) -> Limits:
     """Return the limits that the quickest timing uses, with *share* of acceleration and jerk."""
     return limits.with_reserve(share).times(velocity=VELOCITY_SHARE, linear_velocity=VELOCITY_SHARE)
@@ -48,7 +55,7 @@ def quickest(
     period: float,
     *,
     share: float = SHARE,
-    guess: tuple[Floats, Floats] | None = None,
+    guess: FirstProfile | None = None,
 ) -> KeyframePath:
     """Return the same path in the shortest time that keeps the limits.
 
@@ -60,8 +67,8 @@ def quickest(
         limits: to keep, as seen on records a *period* apart.
         period: of the device, s.
         share: of the limits of acceleration and jerk to use.
-        guess: coefficients and shares of the quickest profile on the first elements, if it is known
-            to the gap of the first round.
+        guess: the quickest profile to the gap of the first round, if it is known, with the usual
+            share.
 
     Raises:
         PlanError: none was found.
@@ -69,6 +76,7 @@ def quickest(
     turn = turned_at_once(keyframe_path, limits, share)
     if turn is not None:
         return turn
+    guess = guess if share == SHARE else None
     rates = PathRates.of(keyframe_path, aimed_at(limits, share))
     elements = Elements.first(keyframe_path, rates)
     coefficients = rates.guess(elements) if guess is None else guess[0]
@@ -111,7 +119,7 @@ def quickest(
         if slower > 1.0:
             quick = quick.slowed(quick.duration * slower)
         refusal.check_duration(quick.duration)
-        excess = _excess(quick, limits, period, has_lead=rates.moves[1])
+        quick, excess = _looked_at(quick, limits, period, rates.moves)
         if excess <= 1.0:
             return quick
         if any(rates.moves):
@@ -122,12 +130,27 @@ def quickest(
     raise PlanError(f"no quickest timing keeps the limits, by a factor of {excess:g}")
 
 
-def _excess(path: KeyframePath, limits: Limits, period: float, *, has_lead: bool) -> float:
-    """Return by which factor a path should be slower, as seen on its records."""
-    # Where a lead goes on, the last record that is the keyframe path's own.
-    last = math.floor(path.duration / period + _WHOLE) if has_lead else None
-    peaks = path.peaks(period, limits, last=last)
-    return max(
+def _looked_at(
+    path: KeyframePath, limits: Limits, period: float, moves: tuple[bool, bool]
+) -> tuple[KeyframePath, float]:
+    """Return a path, with the peaks if it is held before and after, and how much slower to be."""
+    if any(moves) or not path.positions.is_held:
+        # Where a lead goes on, the last record that is the keyframe path's own.
+        last = math.floor(path.duration / period + _WHOLE) if moves[1] else None
+        peaks = path.peaks(period, limits, last=last)
+    else:
+        whole = Path.joined([path.segment], path.positions)
+        peaks = measure_path(
+            whole,
+            math.ceil(path.duration / period - _WHOLE) + 1,
+            period,
+            limits,
+            before=before(State.at_rest(whole.first, path.positions.first), period),
+            brake_limits=limits.scaled(GUARD_TOLERANCE),
+            rough=None,
+        )
+        path = replace(path, found=(period, limits, peaks))
+    excess = max(
         peaks.spins,
         peaks.drawn[0],
         math.sqrt(peaks.bends),
@@ -135,6 +158,7 @@ def _excess(path: KeyframePath, limits: Limits, period: float, *, has_lead: bool
         peaks.linear_velocity.ratio,
         math.sqrt(peaks.linear_acceleration.ratio),
     )
+    return path, excess
 
 
 def _retimed(keyframe_path: KeyframePath, profile: Profile) -> KeyframePath:
