@@ -34,6 +34,7 @@ _BUDGET = 420, 5  # elements of all rounds together, and of these for each inter
 _ATTEMPTS = 5  # to get below the limits where they are exceeded between the places
 _ABOVE = 1.00005
 _FEW = 300  # elements, of which another round costs little
+_MANY = 2000  # elements, of which it costs too much
 _BEYOND = 1.0003  # share of a limit that is worth it
 _FAR_BEYOND = 1.003  # where it costs more
 _ROOTS = np.array([1.0, 1 / 2, 1 / 3])  # of shares of velocity, acceleration and jerk, for a pace
@@ -100,8 +101,8 @@ def quickest(
         if pieces is None and gap == _GAPS[-1]:
             break
         elements, coefficients = profile.narrowed(pieces)
-    beyond = float(profile.shares.max())
-    if beyond > (_BEYOND if len(profile.coefficients) < _FEW else _FAR_BEYOND):
+    beyond, size = float(profile.shares.max()), len(profile.coefficients)
+    if size < _MANY and beyond > (_BEYOND if size < _FEW else _FAR_BEYOND):
         lower = profile.elements.aiming_lower(profile.shares)
         with suppress(PlanError):
             profile = rates.profile(lower, profile.coefficients, _GAPS[-1], 10.0 * _GAPS[-1])
