@@ -131,6 +131,16 @@ def test_with_jerk_limit_it_is_near_the_optimum_found_on_a_fine_grid(case):
     assert alone(made(request.keyframes, limits)) < 1.001 * quick.duration
 
 
+def test_a_path_at_the_quickest_pace_is_sampled_as_its_curve_is():
+    random = np.random.default_rng(3)
+    motion = made([Keyframe(q) for q in rotations(random, 5, 0.7)], LIMITS["soft"])
+    (segment,) = motion.path.segments
+    assert motion.path.plain is not None
+    t = np.sort(random.uniform(0.0, motion.duration - 1e-6, 2000))
+    for found, expected in zip(motion.path.sample(t)[:3], segment.sample(t), strict=True):
+        np.testing.assert_allclose(found, expected, atol=1e-11 * np.abs(expected).max())
+
+
 def test_times_at_keyframes_are_chosen_the_same_way_at_any_share_of_the_pace():
     random = np.random.default_rng(7)
     keyframes = [Keyframe(q) for q in rotations(random, 6, 0.8)]
