@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from orientd.driver import Quaternion, Vector3
 from orientd.errors import Fault
+from orientd.rpc.descriptions import PartReport
 from orientd.stream import Cycle, ServoState
 
 if TYPE_CHECKING:
@@ -291,6 +292,7 @@ class DeviceReport:
         phase: where in a period of the monotonic clock its cycles begin, as a share of it.
         motion_name: what the newest motion's request calls it; empty where it does not.
         is_free: whether it was let go, to be moved by hand.
+        health: how its parts are, as last measured; empty where they do not tell.
     """
 
     name: str
@@ -314,6 +316,7 @@ class DeviceReport:
     phase: float = 0.0
     motion_name: str = ""
     is_free: bool = False
+    health: tuple[PartReport, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -142,6 +142,8 @@ def status(socket: Socket = None, as_json: AsJson = False) -> None:
                 f"{texts.count(cycle.overruns, 'overrun')}, {cycle.missed} missed, "
                 f"tracking {texts.small_angle(tracking_error(cycle))}"
             )
+        for part in device.health:
+            say(f"  {part.name:<11}  {texts.health(part)}")
 
 
 @command
