@@ -45,18 +45,25 @@ def _mode(axis: AxisOptions) -> int:
     return EXTENDED_POSITION if axis.current_limit is None else CURRENT_POSITION
 
 
-def _own_settings(bus: ServoBus, axis: AxisOptions) -> Mapping[str, tuple[int, int]]:
-    """Return the settings of a servo that mean something, where they are not as they must be.
-
-    Returns:
-        By name, what it is set to and what it must be.
-    """
-    found = {
-        "homing_offset": (bus.read(axis.id, HOMING_OFFSET, 4, is_signed=True), 0),
-        "drive_mode": (bus.read(axis.id, DRIVE_MODE, 1), 0),
-        "operating_mode": (bus.read(axis.id, OPERATING_MODE, 1), _mode(axis)),
+def own_settings(bus: ServoBus, servo: int) -> dict[str, int]:
+    """Return what the settings of a servo are set to that mean something beside orientd."""
+    return {
+        "homing_offset": bus.read(servo, HOMING_OFFSET, 4, is_signed=True),
+        "drive_mode": bus.read(servo, DRIVE_MODE, 1),
+        "operating_mode": bus.read(servo, OPERATING_MODE, 1),
     }
-    return {name: pair for name, pair in found.items() if pair[0] != pair[1]}
+
+
+def foreign(axis: AxisOptions, settings: Mapping[str, int]) -> dict[str, tuple[int, int]]:
+    """Return what *settings* are that are not as they must be, and what they must be, by name.
+
+    Args:
+        axis: of the servo.
+        settings: as from :func:`own_settings`.
+    """
+    wanted = {"homing_offset": 0, "drive_mode": 0, "operating_mode": _mode(axis)}
+    pairs = {name: (value, wanted[name]) for name, value in settings.items()}
+    return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
 
 
 def overwritten(
@@ -72,7 +79,7 @@ def overwritten(
     Raises:
         DeviceFaultError: a servo has a setting of its own that may not be; nothing was written.
     """
-    own = {axis: _own_settings(bus, axis) for axis in axes}
+    own = {axis: foreign(axis, own_settings(bus, axis.id)) for axis in axes}
     refused = {name for settings in own.values() for name in settings} - set(may_overwrite)
     if refused:
         named = "; ".join(
