@@ -7,9 +7,10 @@ to its last in one step; anything else is a slew, which costs more than any deto
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from orientd_dynamixel.certificate import AxisLimits
 from orientd_dynamixel.keyhole import Passage
 
 SLEW_COST = 1e3
+"""Of a second that the path stands still, or of a stop where nothing is known of its time."""
 ERROR_COST = 20.0
 _CHUNK = 1000
 _MATCH = 1e-5
@@ -38,6 +40,18 @@ class Choice:
     slews: tuple[int, ...]
     passages: tuple[Passage, ...]
     reached: int
+
+
+class SlewTime(NamedTuple):
+    """How long slews take.
+
+    Attributes:
+        stop: what a stop takes besides, s.
+        of: the time from change of the axis angles, rad, shape ``(n, axes)``, shape ``(n,)``.
+    """
+
+    stop: float
+    of: Callable[[Floats], Floats]
 
 
 def candidates(principal: Floats, limits: Sequence[AxisLimits]) -> Floats:
@@ -117,6 +131,7 @@ def choose(
     entry: float = 1e-3,
     passages: Sequence[Passage] = (),
     allow_slews: bool = False,
+    slew_time: SlewTime | None = None,
 ) -> Choice:
     """Return the cheapest way along the whole path.
 
@@ -128,6 +143,8 @@ def choose(
         entry: how far from *start* it may be entered, rad.
         passages: ways past the pole that may be taken.
         allow_slews: whether the path may stop for a change of branch or turn.
+        slew_time: by which the least time is chosen; without it the fewest stops are, and of those
+            the shortest way.
     """
     length, count = every.shape[:2]
     most = np.array([limit.velocity for limit in limits]) * period * (1 + 1e-9) + 1e-12
@@ -145,11 +162,19 @@ def choose(
         gaps = np.abs(every[begin:end, :, None, :] - every[begin - 1 : end - 1, None, :, :])
         travel = np.sum(gaps, axis=-1)
         too_far = np.any(gaps > most, axis=-1)
-        penalty = SLEW_COST if allow_slews else np.inf
-        steps = np.where(too_far, travel + penalty, travel)
+        steps = np.where(too_far, np.inf, travel)
+        stop = 0.0
+        if allow_slews and slew_time is None:
+            steps[too_far] = travel[too_far] + SLEW_COST
+        elif allow_slews and slew_time is not None:
+            steps[too_far] = SLEW_COST * slew_time.of(gaps[too_far])
+            stop = SLEW_COST * slew_time.stop
         steps[np.isnan(travel)] = np.inf
         for k in range(begin, end):
             total = steps[k - begin] + cost[None, :]
+            if stop:
+                # What goes on slowly for some samples stops once.
+                total += stop * (too_far[k - begin] & ~jumped[k - 1][None, :])
             pick = np.argmin(total, axis=1)
             cost = total[columns, pick]
             back[k] = pick

@@ -74,8 +74,10 @@ def describe(certificate: AxisCertificate, options: GimbalOptions) -> list[str]:
             f"{degrees(speed.limit):.1f}), {degrees(force.value):.0f} deg/s^2 at {force.time:.3f} s"
         )
     error = certificate.error
+    outside = " outside slews" if certificate.slews else ""
     lines.append(
-        f"the path is missed by at most {degrees(error.value):.4f} deg at {error.time:.3f} s"
+        f"the path is missed by at most {degrees(error.value):.4f} deg{outside} at "
+        f"{error.time:.3f} s"
     )
     lines += [
         f"{hole.start:.3f} to {hole.end:.3f} s: {hole.kind} near the pole, missing by at most "
@@ -85,5 +87,9 @@ def describe(certificate: AxisCertificate, options: GimbalOptions) -> list[str]:
     for slew in certificate.slews:
         goal = ", ".join(f"{degrees(angle):.1f}" for angle in slew.after)
         what = "goes on slowly" if slew.is_on_path else "stops and the axes slew"
-        lines.append(f"{slew.start:.3f} to {slew.end:.3f} s: the path {what} to {goal} deg")
+        off = f", off it by up to {degrees(slew.error):.1f} deg"
+        lines.append(
+            f"{slew.start:.3f} to {slew.end:.3f} s ({slew.duration:.2f} s): the path {what} to "
+            f"{goal} deg{off}"
+        )
     return lines

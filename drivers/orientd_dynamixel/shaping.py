@@ -81,6 +81,12 @@ def _figures(path: AxisPath, options: GimbalOptions) -> list[Figure]:
         ]
     error = promised.error
     figures.append(Figure("pointing error", error.value, "rad", options.max_deviation, error.time))
+    if promised.slews:
+        worst = max(promised.slews, key=lambda slew: slew.error)
+        figures += [
+            Figure("pointing error in slews", worst.error, "rad", None, worst.start),
+            Figure("time in slews", sum(slew.duration for slew in promised.slews), "s"),
+        ]
     figures.append(Figure("manipulability", promised.manipulability, "1"))
     return figures
 
