@@ -65,7 +65,7 @@ def write(stream: IO[bytes]) -> Path:
             facts = {
                 "reason": header["reason"],
                 "fault_ns": str(header["fault_ns"]),
-                "health": json.dumps(header["health"]),
+                "health": json.dumps(header.get("health", [])),
             }
             writer.add_configuration(header["configuration"], facts)
             for event in events:

@@ -95,4 +95,4 @@ class DeviceSnapshot:
     servo_pid: int | None
     scheduling: str
     memory_locked: bool
-    health: tuple[PartHealth, ...]
+    health: tuple[PartHealth, ...] = ()
