@@ -96,10 +96,11 @@ def continued(
     period: float,
     start: Floats,
     entry: float,
-) -> Choice | None:
-    """Return the way that stays on the branch and turn of *start*, if the axes can go it.
+) -> Choice:
+    """Return the way that stays on the branch and turn of *start*, as far as the axes can go it.
 
-    Where no passage and no slew is to be had there is no other, and nothing to search for.
+    Where no passage and no slew is to be had there is no other, and nothing to search for: from
+    branch to branch the outer axis is half a turn away.
 
     Args:
         principal: both branches, shape ``(n, 2, axes)``.
@@ -110,16 +111,18 @@ def continued(
     """
     most = np.array([limit.velocity for limit in limits]) * period * (1 + 1e-9) + 1e-12
     low, high = np.array([(limit.low - 1e-9, limit.high + 1e-9) for limit in limits]).T
+    best = Choice(np.full_like(principal[:, 0], np.nan), (), (), 0)
     for branch in (0, 1):
         angles = np.unwrap(principal[:, branch], axis=0)
         angles += 2 * np.pi * np.round((start - angles[0]) / (2 * np.pi))
-        if (
-            np.max(np.abs(angles[0] - start)) < entry
-            and np.all((angles >= low) & (angles <= high))
-            and np.all(np.abs(np.diff(angles, axis=0)) <= most)
-        ):
-            return Choice(angles, (), (), len(angles))
-    return None
+        if np.max(np.abs(angles[0] - start)) >= entry:
+            continue
+        is_off = np.any((angles < low) | (angles > high), axis=1)
+        is_off[1:] |= np.any(np.abs(np.diff(angles, axis=0)) > most, axis=1)
+        reached = int(np.argmax(is_off)) if np.any(is_off) else len(angles)
+        if reached > best.reached:
+            best = Choice(angles, (), (), reached)
+    return best
 
 
 def choose(

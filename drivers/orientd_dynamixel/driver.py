@@ -42,14 +42,7 @@ from orientd_dynamixel.axes import (
     way,
 )
 from orientd_dynamixel.axis import Axis
-from orientd_dynamixel.bus import (
-    READ_WAIT_S,
-    Group,
-    OpenBus,
-    ServoBus,
-    listen,
-    open_bus,
-)
+from orientd_dynamixel.bus import READ_WAIT_S, Group, OpenBus, ServoBus, listen, open_bus
 from orientd_dynamixel.options import GimbalOptions, parse
 from orientd_dynamixel.settings import GOAL
 from orientd_dynamixel.tracker import AxisTracker
@@ -130,6 +123,12 @@ class DynamixelDriver(Driver):
         if not (is_refused or self._is_homing):
             return ()
         return way(self.settings, joints, q, is_homing=self._is_homing)
+
+    def pointed(self, direction: Vector3, axis: str) -> Quaternion | None:
+        """Return how three axes point there without a roll."""
+        of = importlib.import_module("orientd_dynamixel.planning").pointed
+        found: Quaternion | None = of(self.settings, direction, axis)
+        return found
 
     def outline(self, joints: tuple[float, ...]) -> Sequence[Sequence[Vector3]]:
         """Return nested rings with pins."""

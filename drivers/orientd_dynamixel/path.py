@@ -119,7 +119,7 @@ def _choose(
             ways += passages(gimbal, matrix, window, limits, period, policy.max_deviation)
     if start is not None and not ways:
         on_its_way = continued(principal, limits, period, start, entry)
-        if on_its_way is not None:
+        if on_its_way.reached == len(q) or not policy.allow_slews:
             return [on_its_way]
     every = candidates(principal, limits)
     choice = choose(every, limits, period, start=start, entry=entry, passages=ways)

@@ -204,6 +204,20 @@ class Driver(ABC):
         """
         return ()
 
+    def pointed(self, direction: Vector3, axis: str) -> Quaternion | None:  # noqa: ARG002 - most devices roll as they like
+        """Return the orientation with which the device's axes point best where the roll is free.
+
+        Called where :meth:`shape` has refused the least turn of the tool for the angle of an axis.
+
+        Args:
+            direction: where to point, in the coordinates of the orientations.
+            axis: of the tool, ``x``, ``y`` or ``z``: what is to point there.
+
+        Returns:
+            ``None`` where there is no better one than the least turn.
+        """
+        return None
+
     def outline(self, joints: tuple[float, ...]) -> Sequence[Sequence[Vector3]]:  # noqa: ARG002 - many devices have no axes
         """Return the device's shape as it stands, for a picture of it.
 

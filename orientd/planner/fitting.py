@@ -29,6 +29,8 @@ _SLOWEST = 0.1
 """Share of the device's speed below which no motion is slowed down for its axes."""
 _SHARES = (0.8, 0.5, 0.25)
 """Of the accelerations, for a pace that changes little; less leaves more to change it with."""
+_LAST_SHARE = 0.2
+"""The same for a lead-in to times that are the user's: it can only be as slow as it must."""
 _BEYOND = 0.1
 """How far beyond a lead-in its pace is looked for, s."""
 _FINEST, _MOST_SAMPLES = 16, 40_000
@@ -204,7 +206,8 @@ def _paced(
     """
     period, rates = motion.period, _rates(motion.limits)
     refusal: PlanError | None = None
-    for share in _SHARES:
+    is_timed = motion.request.times is not None
+    for share in (*_SHARES, _LAST_SHARE) if is_timed else _SHARES:
         course = _course(driver, motion, rates, share)
         if not len(course):
             return None
@@ -221,7 +224,10 @@ def _paced(
             return reshaped(motion, shape, joints_before=before)
         except PlanError as error:
             refusal = refusal or error
-    if refusal is not None and motion.request.times is not None:
+            if isinstance(error, LimitError) and error.quantity.startswith("angle of"):
+                refusal = error  # which no pace changes
+                break
+    if refusal is not None and is_timed:
         raise refusal
     return None
 

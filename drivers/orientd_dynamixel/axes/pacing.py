@@ -17,10 +17,10 @@ _FINER = 8
 """Points of the new course between two samples, so that its bends are smooth."""
 _SMOOTHED_S = 0.04
 """Over how long the pace is averaged, s of the path; the jerk falls with it."""
-_RESERVE, _MORE_RESERVE = 0.98, 0.15
-"""Share of the velocities to be used: the course is sampled anew.  Less with less of the
-accelerations, which is tried where that was too much."""
-_MOST_SHARE = 0.8
+_RESERVE, _MORE_RESERVE = 0.98, 0.9
+"""Share of the velocities to be used: the course is sampled anew.  The smaller one holds where the
+share of the accelerations is small, too, which is tried where others were too much."""
+_SMALL_SHARE = 0.2
 _ROOM = 1.02
 """By how much longer than just long enough a duration is named."""
 
@@ -57,7 +57,7 @@ def pace(
     if np.all(is_fixed):
         return np.arange(0.0, times[-1] + 0.5 * period, period).tolist()  # type: ignore[no-any-return]
     with np.errstate(divide="ignore"):
-        reserve = _RESERVE - _MORE_RESERVE * max(0.0, _MOST_SHARE - share)
+        reserve = _RESERVE if share > _SMALL_SHARE else _MORE_RESERVE
         by_speed = np.min(reserve * fastest / speed, axis=1)
         by_force = np.sqrt(np.min(share * hardest / force, axis=1))
         change = np.min((1.0 - share) * hardest / speed, axis=1)

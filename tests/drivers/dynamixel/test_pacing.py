@@ -19,9 +19,9 @@ AXES = [
 ]
 
 
-def planned(mapping, order="ZYX"):
+def planned(mapping, order="ZYX", axes=AXES):
     driver = DynamixelDriver(
-        {"port": "virtual", "order": order, "axes": AXES[: len(order)]},
+        {"port": "virtual", "order": order, "axes": axes[: len(order)]},
         period_ns=10_000_000, clock=ManualClock(1),
     )  # fmt: skip
     start = State.at_rest([1.0, 0.0, 0.0, 0.0])
@@ -62,14 +62,22 @@ def sky_pass(top_deg, seconds):
     ]}  # fmt: skip
 
 
-@pytest.mark.parametrize("top", [60, 89.5])
-def test_pass_of_a_satellite_is_planned_or_says_how_long_would_do(top):
-    seconds, pattern = 20.0, r"([\d.]+) s in place of ([\d.]+) s would do"
+LITTLE_ROLL = [*AXES[:2], dict(AXES[2], limits_deg=[-120, 120])]
+
+
+@pytest.mark.parametrize(
+    ("order", "top", "begun"),
+    [("ZY", 30, 20.0), ("ZY", 60, 20.0), ("ZY", 85, 20.0), ("ZY", 89.5, 20.0),
+     ("ZYX", 30, 20.0), ("ZYX", 60, 20.0), ("ZYX", 85, 120.0), ("ZYX", 89.5, 120.0),
+     ("ZYX", 89.9, 600.0)],
+)  # fmt: skip
+def test_pass_of_a_satellite_is_planned_or_says_how_long_would_do(order, top, begun):
+    seconds, pattern = begun, r"([\d.]+) s in place of ([\d.]+) s would do"
     try:
-        motion = planned(sky_pass(top, seconds), "ZY")
+        motion = planned(sky_pass(top, seconds), order, LITTLE_ROLL)
     except LimitError as error:
         seconds = float(re.search(pattern, str(error))[1])
-        motion = planned(sky_pass(top, seconds), "ZY")
+        motion = planned(sky_pass(top, seconds), order, LITTLE_ROLL)
     assert motion.end_time - motion.start_time == pytest.approx(seconds, abs=0.02)
     points = rotate(motion.sample(motion.keyframe_times).q, np.array([1.0, 0.0, 0.0]))
     asked = rotate(motion.request.keys, np.array([1.0, 0.0, 0.0]))
