@@ -13,7 +13,7 @@ from orientd.errors import LimitError, RequestError
 from orientd.planner.blending import blend
 from orientd.planner.fitting import plan_to_fit
 from orientd.planner.frames import Frame
-from orientd.planner.keyframes import in_device_coordinates, report_frame, with_frames
+from orientd.planner.keyframes import at_rate, in_device_coordinates, report_frame, with_frames
 from orientd.planner.limits import Limits
 from orientd.planner.motion import Motion
 from orientd.planner.recorded import RecordedMotion
@@ -53,7 +53,10 @@ class DevicePlanner:
 
     def placed(self, request: MotionRequest, start: State | None) -> MotionRequest:
         """Return *request* in the coordinates of the device; see :func:`in_device_coordinates`."""
-        return in_device_coordinates(with_frames(request, self._frames), start)
+        request = in_device_coordinates(with_frames(request, self._frames), start)
+        if start is None:
+            return request
+        return at_rate(request, start, self._limits.narrowed(request.limits))
 
     def report_frame(self, request: MotionRequest) -> Frame | None:
         """Return the frame that reports of *request* are in; see :func:`.report_frame`."""

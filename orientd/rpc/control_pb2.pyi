@@ -254,7 +254,7 @@ class LookAt(_message.Message):
     def __init__(self, point: _Optional[_Union[Vector3, _Mapping]] = ..., place: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
 
 class MotionRequest(_message.Message):
-    __slots__ = ("method", "keyframes", "velocity_frame", "start_velocity", "end_velocity", "approach", "limits", "options", "device_options", "duration", "name", "pointing_axis", "frame", "frames", "duration_seconds", "pace", "pace_share")
+    __slots__ = ("method", "keyframes", "velocity_frame", "start_velocity", "end_velocity", "approach", "limits", "options", "device_options", "duration", "name", "pointing_axis", "frame", "frames", "duration_seconds", "pace", "pace_share", "rate")
     class FramesEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -279,6 +279,7 @@ class MotionRequest(_message.Message):
     DURATION_SECONDS_FIELD_NUMBER: _ClassVar[int]
     PACE_FIELD_NUMBER: _ClassVar[int]
     PACE_SHARE_FIELD_NUMBER: _ClassVar[int]
+    RATE_FIELD_NUMBER: _ClassVar[int]
     method: str
     keyframes: _containers.RepeatedCompositeFieldContainer[Keyframe]
     velocity_frame: Frame
@@ -296,7 +297,8 @@ class MotionRequest(_message.Message):
     duration_seconds: float
     pace: Pace
     pace_share: float
-    def __init__(self, method: _Optional[str] = ..., keyframes: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., start_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., end_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., approach: bool = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., device_options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., duration: _Optional[_Union[Duration, str]] = ..., name: _Optional[str] = ..., pointing_axis: _Optional[_Union[PointingAxis, str]] = ..., frame: _Optional[str] = ..., frames: _Optional[_Mapping[str, NamedFrame]] = ..., duration_seconds: _Optional[float] = ..., pace: _Optional[_Union[Pace, str]] = ..., pace_share: _Optional[float] = ...) -> None: ...
+    rate: Vector3
+    def __init__(self, method: _Optional[str] = ..., keyframes: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., start_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., end_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., approach: bool = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., device_options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., duration: _Optional[_Union[Duration, str]] = ..., name: _Optional[str] = ..., pointing_axis: _Optional[_Union[PointingAxis, str]] = ..., frame: _Optional[str] = ..., frames: _Optional[_Mapping[str, NamedFrame]] = ..., duration_seconds: _Optional[float] = ..., pace: _Optional[_Union[Pace, str]] = ..., pace_share: _Optional[float] = ..., rate: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
 
 class Peak(_message.Message):
     __slots__ = ("value", "time", "limit", "on_records")

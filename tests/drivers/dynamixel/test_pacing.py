@@ -62,6 +62,18 @@ def sky_pass(top_deg, seconds):
     ]}  # fmt: skip
 
 
+def test_a_turntable_turns_as_often_as_its_axis_may():
+    wide = [dict(AXES[0], limits_deg=[-7200, 7200]), *AXES[1:]]
+    motion = planned({"rate": [0, 0, -1.2], "duration": 60}, axes=wide)
+    joints = motion.path.joints[:, 0]
+    assert joints[-1] < -72.0
+    assert np.max(np.diff(joints)) < 1e-9
+    held = slice(round(motion.start_time / 0.01) + 1, round(motion.end_time / 0.01))
+    assert np.diff(joints)[held] == pytest.approx(-0.012, abs=1e-9)
+    with pytest.raises(LimitError, match="angle of yaw"):
+        planned({"rate": [0, 0, -1.2], "duration": 60})
+
+
 LITTLE_ROLL = [*AXES[:2], dict(AXES[2], limits_deg=[-120, 120])]
 
 
