@@ -461,7 +461,7 @@ class Device(_message.Message):
     def __init__(self, name: _Optional[str] = ..., driver: _Optional[str] = ..., rate_hz: _Optional[float] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., lead: _Optional[float] = ..., phase: _Optional[float] = ...) -> None: ...
 
 class DeviceReport(_message.Message):
-    __slots__ = ("device", "state", "fault", "fault_text", "is_paused", "speed", "motion_number", "motion_id", "path_time", "duration", "servo_pid", "scheduling", "is_memory_locked", "cycle", "motion_name", "is_free", "health")
+    __slots__ = ("device", "state", "fault", "fault_text", "is_paused", "speed", "motion_number", "motion_id", "path_time", "duration", "servo_pid", "scheduling", "is_memory_locked", "cycle", "motion_name", "is_free", "health", "cycle_age")
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     STATE_FIELD_NUMBER: _ClassVar[int]
     FAULT_FIELD_NUMBER: _ClassVar[int]
@@ -479,6 +479,7 @@ class DeviceReport(_message.Message):
     MOTION_NAME_FIELD_NUMBER: _ClassVar[int]
     IS_FREE_FIELD_NUMBER: _ClassVar[int]
     HEALTH_FIELD_NUMBER: _ClassVar[int]
+    CYCLE_AGE_FIELD_NUMBER: _ClassVar[int]
     device: Device
     state: State
     fault: Fault
@@ -496,7 +497,8 @@ class DeviceReport(_message.Message):
     motion_name: str
     is_free: bool
     health: _containers.RepeatedCompositeFieldContainer[PartHealth]
-    def __init__(self, device: _Optional[_Union[Device, _Mapping]] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., fault_text: _Optional[str] = ..., is_paused: bool = ..., speed: _Optional[float] = ..., motion_number: _Optional[int] = ..., motion_id: _Optional[str] = ..., path_time: _Optional[float] = ..., duration: _Optional[float] = ..., servo_pid: _Optional[int] = ..., scheduling: _Optional[str] = ..., is_memory_locked: bool = ..., cycle: _Optional[_Union[Cycle, _Mapping]] = ..., motion_name: _Optional[str] = ..., is_free: bool = ..., health: _Optional[_Iterable[_Union[PartHealth, _Mapping]]] = ...) -> None: ...
+    cycle_age: float
+    def __init__(self, device: _Optional[_Union[Device, _Mapping]] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., fault_text: _Optional[str] = ..., is_paused: bool = ..., speed: _Optional[float] = ..., motion_number: _Optional[int] = ..., motion_id: _Optional[str] = ..., path_time: _Optional[float] = ..., duration: _Optional[float] = ..., servo_pid: _Optional[int] = ..., scheduling: _Optional[str] = ..., is_memory_locked: bool = ..., cycle: _Optional[_Union[Cycle, _Mapping]] = ..., motion_name: _Optional[str] = ..., is_free: bool = ..., health: _Optional[_Iterable[_Union[PartHealth, _Mapping]]] = ..., cycle_age: _Optional[float] = ...) -> None: ...
 
 class PartHealth(_message.Message):
     __slots__ = ("name", "age", "is_stale", "voltage", "temperature", "current", "warning")

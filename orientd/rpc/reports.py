@@ -9,16 +9,19 @@ from typing import TYPE_CHECKING
 
 from orientd.driver import Quaternion, Vector3
 from orientd.errors import Fault
-from orientd.rpc.descriptions import PartReport
 from orientd.stream import Cycle, ServoState
 
 if TYPE_CHECKING:
     from orientd.planner import Certificate, Limits
     from orientd.rotation import Floats
+    from orientd.rpc.descriptions import PartReport
 
 
 Outline = tuple["Floats", ...]
 """A device's shape: lines from point to point in the world, m, each of shape ``(n, 3)``."""
+
+STALE = 1.0
+"""s; what is older is no longer shown as what is."""
 
 
 def titled(number: int, name: str) -> str:
@@ -293,6 +296,7 @@ class DeviceReport:
         motion_name: what the newest motion's request calls it; empty where it does not.
         is_free: whether it was let go, to be moved by hand.
         health: how its parts are, as last measured; empty where they do not tell.
+        cycle_age: how long before this report the newest cycle was due, s; 0 before the first.
     """
 
     name: str
@@ -317,6 +321,20 @@ class DeviceReport:
     motion_name: str = ""
     is_free: bool = False
     health: tuple[PartReport, ...] = ()
+    cycle_age: float = 0.0
+
+    @property
+    def feedback_age(self) -> float | None:
+        """How long before this report the device was measured, s; ``None`` where it never was."""
+        cycle = self.cycle
+        if cycle is None or not cycle.has_feedback:
+            return None
+        return self.cycle_age + cycle.feedback_age_ns * 1e-9
+
+    @property
+    def is_stale(self) -> bool:
+        """Whether a servo runs of which nothing was heard for longer than :data:`STALE`."""
+        return self.servo_pid is not None and self.cycle_age > STALE
 
 
 @dataclass(frozen=True, slots=True)

@@ -46,6 +46,7 @@ def device_report(device: Device) -> DeviceReport:
         phase=device.phase,
         motion_name=now.motion.facts.name if now.motion else "",
         is_free=device.is_free and now.state is ServoState.IDLE,
+        cycle_age=cycle_age(now.cycle),
         health=tuple(_part(part, time.monotonic_ns()) for part in now.health),
     )
 
@@ -62,6 +63,13 @@ def _part(part: PartHealth, now_ns: int) -> PartReport:
         part.current,
         part.warning,
     )
+
+
+def cycle_age(cycle: Cycle | None) -> float:
+    """Return how long ago *cycle* was due, s; 0 where there was none."""
+    if cycle is None:
+        return 0.0
+    return max(0, time.monotonic_ns() - cycle.deadline_ns) / NANOSECONDS
 
 
 class CycleReader:
