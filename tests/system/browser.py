@@ -39,11 +39,22 @@ def view_of(socket):
     assert (process.returncode, *ended) == (0, "", "")
 
 
+def new_page(browser, width, height):
+    """Return a page that is drawn ten times a second at most, as on a slow machine."""
+    opened = browser.new_page(viewport={"width": width, "height": height})
+    opened.set_default_timeout(PATIENCE)
+    opened.add_init_script(
+        "const draw = window.requestAnimationFrame.bind(window);"
+        "window.requestAnimationFrame = (work) => setTimeout(() => draw(work), 90);"
+        "window.cancelAnimationFrame = clearTimeout.bind(window);"
+    )
+    return opened
+
+
 @contextlib.contextmanager
 def page_of(view, browser, width, height):
     """Open a page in a small window, of which a processor can draw enough."""
-    opened = browser.new_page(viewport={"width": width, "height": height})
-    opened.set_default_timeout(PATIENCE)
+    opened = new_page(browser, width, height)
     opened.goto(f"{view.address}/?fixedDpr=0.5")
     try:
         yield opened

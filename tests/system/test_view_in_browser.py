@@ -7,7 +7,7 @@ import signal
 
 import numpy as np
 import pytest
-from browser import CHROMIUM, PATIENCE, open_browser, page_of, view_of
+from browser import CHROMIUM, new_page, open_browser, page_of, view_of
 from gimbal_bench import SLOW_MACHINE, ExampleDaemon, await_hold
 from harness import DaemonProcess, spin, until
 
@@ -174,13 +174,12 @@ def test_a_file_dropped_anywhere_goes_where_one_that_is_chosen_goes(browser, tmp
     button.on_upload(lambda _: taken.append((button.value.name, button.value.content)))
     server.gui.add_html(drop.HTML)
     address = f"http://127.0.0.1:{server.get_port()}/?fixedDpr=0.1"
-    page = browser.new_page(viewport={"width": 600, "height": 300})
+    page = new_page(browser, 600, 300)
 
     def is_marked():
         return page.locator("body.takes-file").count()
 
     try:
-        page.set_default_timeout(PATIENCE)
         page.goto(address)
         page.get_by_text("drop it anywhere").wait_for()
         path = tmp_path / "turn.yaml"
