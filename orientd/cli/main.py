@@ -22,6 +22,7 @@ _HOMES = {
     "plan": "motion_commands",
     "move": "motion_commands",
     "home": "home",
+    "turn": "turn",
     "track": "track",
     "teach": "teach",
     "batch": "batch",

@@ -332,6 +332,16 @@ class Robot(Commands):
         anywhere = {"quaternion": {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}}
         return self.move([anywhere], device=device, device_options={"home": True}, name="home")
 
+    def turn(self, rate: Sequence[float], duration: float, **wishes: Any) -> MoveHandle:  # noqa: ANN401 - as of move
+        """Turn at a constant rate from wherever the device is; raises as :meth:`move`.
+
+        Args:
+            rate: angular velocity, rad/s.
+            duration: for how long, s, besides taking it up from rest and coming to rest.
+            wishes: what :meth:`move` takes by name.
+        """
+        return self.move([], rate=rate, duration=duration, **wishes)
+
     def teach(self, *, device: str = "", by_hand: bool = True) -> Teaching:
         """Let a device be moved by hand, and take poses of it as keyframes; a context manager.
 

@@ -50,6 +50,8 @@ class Wishes(TypedDict, total=False):
         frame: name of the frame of keyframes that name none, of the velocities, and of reports.
         frames: by name, each with ``base`` and ``tool`` as in a motion file, besides those of the
             device's configuration.
+        rate: angular velocity to turn at for *duration* seconds from wherever the device is, rad/s,
+            in *velocity_frame*; without keyframes.
     """
 
     times: ArrayLike
@@ -68,6 +70,7 @@ class Wishes(TypedDict, total=False):
     pointing_axis: Literal["x", "y", "z"]
     frame: str
     frames: Mapping[str, Any]
+    rate: ArrayLike
 
 
 def motion_request(
