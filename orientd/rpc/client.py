@@ -27,9 +27,11 @@ from orientd.rpc.observer import Observer
 from orientd.rpc.reports import CellReport, OnTarget, Plan
 from orientd.rpc.wire import (
     configured_from_message,
+    cut_motion,
     cycle_from_message,
     daemon_from_message,
     device_from_message,
+    in_pieces,
     method_from_message,
 )
 from orientd.stream import Cycle
@@ -206,16 +208,18 @@ class Robot(Commands):
         from orientd.rpc.motion_request import motion_request
         from orientd.rpc.wire import from_request, plan_from_message, samples_from_messages
 
-        request = motion_request(keyframes, **wishes)
-        answer = self._connection.call(
-            self._stub.Plan,
-            pb.PlanRequest(
-                device=device,
-                motion=from_request(request),
-                sample_rate_hz=sample_rate_hz,
-                plan_timeout=_timeout(plan_timeout),
-            ),
+        request = pb.PlanRequest(
+            device=device,
+            motion=from_request(motion_request(keyframes, **wishes)),
+            sample_rate_hz=sample_rate_hz,
+            plan_timeout=_timeout(plan_timeout),
         )
+        motion = cut_motion(request)
+        if motion:
+            parts = in_pieces(pb.PlanLargeRequest, request, motion)
+            answer = self._connection.call(self._stub.PlanLarge, parts)
+        else:
+            answer = self._connection.call(self._stub.Plan, request)
         samples = samples_from_messages(answer.samples) if sample_rate_hz else None
         return plan_from_message(answer.plan, samples)
 
@@ -302,8 +306,13 @@ class Robot(Commands):
         if on_target is not None:
             request.on_target.CopyFrom(pb.OnTarget(**asdict(on_target)))
 
+        motion = cut_motion(request)
+
         def begin(token: str, number: int) -> Any:  # noqa: ANN401 - gRPC's
             request.lease_token, request.lease_sequence = token, number
+            if motion:
+                parts = in_pieces(pb.MoveLargeRequest, request, motion)
+                return self._connection.call(self._stub.MoveLarge, parts)
             return self._connection.call(self._stub.Move, request)
 
         self._moves = [move for move in self._moves if not move.is_done]
@@ -324,13 +333,7 @@ class Robot(Commands):
         return self.move([anywhere], device=device, device_options={"home": True}, name="home")
 
     def turn(self, rate: Sequence[float], duration: float, **wishes: Any) -> MoveHandle:  # noqa: ANN401 - as of move
-        """Turn at a constant rate from wherever the device is; raises as :meth:`move`.
-
-        Args:
-            rate: angular velocity, rad/s.
-            duration: for how long, s, besides taking it up from rest and coming to rest.
-            wishes: what :meth:`move` takes by name.
-        """
+        """Turn at *rate*, rad/s, for *duration* s, from rest to rest; raises as :meth:`move`."""
         return self.move([], rate=rate, duration=duration, **wishes)
 
     def teach(self, *, device: str = "", by_hand: bool = True) -> Teaching:

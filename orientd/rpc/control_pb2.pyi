@@ -694,6 +694,14 @@ class PlanRequest(_message.Message):
     plan_timeout: float
     def __init__(self, device: _Optional[str] = ..., motion: _Optional[_Union[MotionRequest, _Mapping]] = ..., sample_rate_hz: _Optional[float] = ..., plan_timeout: _Optional[float] = ...) -> None: ...
 
+class PlanLargeRequest(_message.Message):
+    __slots__ = ("request", "piece")
+    REQUEST_FIELD_NUMBER: _ClassVar[int]
+    PIECE_FIELD_NUMBER: _ClassVar[int]
+    request: PlanRequest
+    piece: bytes
+    def __init__(self, request: _Optional[_Union[PlanRequest, _Mapping]] = ..., piece: _Optional[bytes] = ...) -> None: ...
+
 class PlanResponse(_message.Message):
     __slots__ = ("plan", "samples")
     PLAN_FIELD_NUMBER: _ClassVar[int]
@@ -745,6 +753,14 @@ class MoveRequest(_message.Message):
     plan_timeout: float
     lease_sequence: int
     def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., motion: _Optional[_Union[MotionRequest, _Mapping]] = ..., motion_id: _Optional[str] = ..., progress_rate_hz: _Optional[float] = ..., queue: bool = ..., blend_tolerance: _Optional[float] = ..., start_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., on_target: _Optional[_Union[OnTarget, _Mapping]] = ..., plan_timeout: _Optional[float] = ..., lease_sequence: _Optional[int] = ...) -> None: ...
+
+class MoveLargeRequest(_message.Message):
+    __slots__ = ("request", "piece")
+    REQUEST_FIELD_NUMBER: _ClassVar[int]
+    PIECE_FIELD_NUMBER: _ClassVar[int]
+    request: MoveRequest
+    piece: bytes
+    def __init__(self, request: _Optional[_Union[MoveRequest, _Mapping]] = ..., piece: _Optional[bytes] = ...) -> None: ...
 
 class OnTarget(_message.Message):
     __slots__ = ("tolerance", "rate", "settle_time", "timeout")
