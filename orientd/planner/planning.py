@@ -388,10 +388,9 @@ class _Job:
         lead = self.leads.get(key)
         if lead is None:
             at = keyframe_path.positions.first
-            first = State(first.q, first.omega_body, first.alpha_body, at)
             lead = self.leads[key] = lead_in(
                 self.start,
-                first,
+                State(first.q, first.omega_body, first.alpha_body, at),
                 limits=self.limits,
                 period=self.period,
                 caution=self.caution,
