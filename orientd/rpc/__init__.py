@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         TrackReport,
         titled,
     )
+    from orientd.rpc.start_at import StartAt
     from orientd.rpc.stop_call import ask_to_stop, stop_socket
     from orientd.rpc.trust import check_folder
     from orientd.rpc.urgent import begin_call, read_answer, text_fields

@@ -25,6 +25,7 @@ from orientd.rpc.connection import Connection
 from orientd.rpc.descriptions import DeviceDescription, MethodDescription
 from orientd.rpc.observer import Observer
 from orientd.rpc.reports import CellReport, OnTarget, Plan
+from orientd.rpc.start_at import StartAt
 from orientd.rpc.wire import (
     configured_from_message,
     cycle_from_message,
@@ -251,7 +252,7 @@ class Robot(Commands):
         progress_rate_hz: float = 20.0,
         queue: bool = False,
         blend_tolerance: float = 0.0,
-        start_time: float | None = None,
+        start_time: float | StartAt | None = None,
         on_target: OnTarget | None = None,
         plan_timeout: float | None = None,
         **wishes: Unpack[Wishes],
@@ -295,7 +296,10 @@ class Robot(Commands):
         else:
             request.motion.CopyFrom(from_request(motion_request(keyframes, **wishes)))
         request.queue, request.blend_tolerance = queue, blend_tolerance
-        if start_time is not None:
+        metadata: tuple[tuple[str, str], ...] = ()
+        if isinstance(start_time, StartAt):
+            request.start_ns, metadata = start_time.monotonic_ns, start_time.metadata
+        elif start_time is not None:
             if not isinstance(start_time, int | float) or not math.isfinite(start_time):
                 raise RequestError("start_time", f"expected seconds, got {start_time!r}")
             request.start_time.FromNanoseconds(round(start_time * 1e9))
@@ -304,7 +308,7 @@ class Robot(Commands):
 
         def begin(token: str, number: int) -> Any:  # noqa: ANN401 - gRPC's
             request.lease_token, request.lease_sequence = token, number
-            return self._connection.call(self._stub.Move, request)
+            return self._connection.call(self._stub.Move, request, metadata=metadata)
 
         self._moves = [move for move in self._moves if not move.is_done]
         handle = MoveHandle(

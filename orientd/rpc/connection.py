@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 import grpc
@@ -90,7 +90,12 @@ class Connection:
         return wait
 
     def call(
-        self, method: Callable[..., Answer], request: object, *, timeout: float | None = None
+        self,
+        method: Callable[..., Answer],
+        request: object,
+        *,
+        timeout: float | None = None,
+        metadata: Sequence[tuple[str, str]] = (),
     ) -> Answer:
         """Call *method* of the stub, and return its answer or the stream of its answers.
 
@@ -100,12 +105,13 @@ class Connection:
             method: of the stub.
             request: a message, or an iterator over messages.
             timeout: how long the call may take, s; ``None`` for as long as it takes.
+            metadata: of the call, for whoever carries it.
 
         Raises:
             OrientdError: what the daemon raised, or that it is not there.
         """
         try:
-            return method(request, timeout=timeout)
+            return method(request, timeout=timeout, metadata=metadata or None)
         except grpc.RpcError as error:
             raise self.explain(error) from error
         except ValueError as error:

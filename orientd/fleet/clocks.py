@@ -1,0 +1,86 @@
+"""Where another machine's monotonic clock stands against ours, and within what bound.
+
+A daemon that answers with its clock at some instant between our question and its answer has an
+offset somewhere between two values as far apart as the round trip took (Cristian, 1989).  The
+shortest of many round trips is the tightest; what is older has become looser by what clocks may
+drift.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+KEPT = 256
+"""Round trips that are remembered."""
+
+DRIFT = 5e-4
+"""The most by which two clocks run apart, s per s: as much as the kernel ever slews one."""
+
+BURST = 20
+"""Round trips of one measurement."""
+
+Ask = Callable[[], int | None]
+"""Returns the other clock's reading, ns; ``None`` where nobody answers."""
+
+
+@dataclass(frozen=True, slots=True)
+class Offset:
+    """How far another clock is ahead of ours.
+
+    Attributes:
+        ns: by how much.
+        bound_ns: how far that may be wrong, either way.
+    """
+
+    ns: int
+    bound_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Trip:
+    asked_ns: int
+    answered_ns: int
+    there_ns: int
+
+    def offset(self, at_ns: int) -> Offset:
+        """Return the offset by this trip, as loose as it is at another time."""
+        middle = (self.asked_ns + self.answered_ns) // 2
+        bound = (self.answered_ns - self.asked_ns + 1) // 2
+        return Offset(self.there_ns - middle, bound + round(abs(at_ns - middle) * DRIFT))
+
+
+class ClockOffset:
+    """The offset of one other clock, from round trips.  Safe to call from any thread."""
+
+    def __init__(self, ask: Ask, *, now_ns: Callable[[], int] = time.monotonic_ns) -> None:
+        """Know of no trip yet.
+
+        Args:
+            ask: asks for the other clock.
+            now_ns: our clock.
+        """
+        self._ask, self._now_ns = ask, now_ns
+        self._lock = threading.Lock()
+        self._trips: deque[_Trip] = deque(maxlen=KEPT)
+
+    def measure(self, trips: int = BURST) -> Offset | None:
+        """Make some round trips; return the offset now, ``None`` where nobody has ever answered."""
+        for _ in range(trips):
+            asked = self._now_ns()
+            there = self._ask()
+            answered = self._now_ns()
+            if there is None:
+                break
+            with self._lock:
+                self._trips.append(_Trip(asked, answered, there))
+        return self.at(self._now_ns())
+
+    def at(self, time_ns: int) -> Offset | None:
+        """Return the offset at a time of our clock, by the trip that bounds it best."""
+        with self._lock:
+            offsets = [trip.offset(time_ns) for trip in self._trips]
+        return min(offsets, key=lambda offset: offset.bound_ns, default=None)
