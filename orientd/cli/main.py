@@ -45,6 +45,7 @@ _HOMES = {
     "service": "service",
     "lease": "lease",
     "audit": "audit",
+    "fleet": "fleet",
 }
 """The module of each command, or group of commands, in the order of the help."""
 
