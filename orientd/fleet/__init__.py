@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from orientd.fleet.clocks import ClockOffset
     from orientd.fleet.frames import read_header, write_frame
     from orientd.fleet.plan_file import FleetMotion, read_plan
+    from orientd.fleet.router import nested, router_configuration
     from orientd.fleet.session import open_session
     from orientd.fleet.together import Together, move_together
 

@@ -33,7 +33,7 @@ def zenoh_configuration(
     tcp: TcpSettings | None = None,
     *,
     callers: Collection[str] = (),
-    mode: str = "peer",
+    is_router: bool = False,
 ) -> dict[str, Any]:
     """Return what Zenoh is to be configured with, by its own paths.
 
@@ -41,13 +41,13 @@ def zenoh_configuration(
         settings: of the member.
         tcp: whose certificate is used where *settings* name none.
         callers: names in the certificates of clients, whatever their roles.
-        mode: ``peer`` for a daemon, ``router`` for a router.
+        is_router: whether it is a router rather than a daemon.
 
     Raises:
         ConfigError: TLS is asked for without a certificate, or the folder of a Unix socket is
             open to others.
     """
-    configuration = basic_configuration(settings.listen, settings.connect, mode=mode)
+    configuration = basic_configuration(settings.listen, settings.connect, is_router=is_router)
     if not settings.is_tls:
         return configuration
     files = {
@@ -63,9 +63,12 @@ def zenoh_configuration(
 
 
 def basic_configuration(
-    listen: Sequence[str], connect: Sequence[str], *, mode: str = "peer"
+    listen: Sequence[str], connect: Sequence[str], *, is_router: bool = False
 ) -> dict[str, Any]:
     """Return what every session is configured with.
+
+    Whoever listens is a peer, one of those that all connect to each other; whoever does not is a
+    client, for whom the router or peer that it is connected to carries everything.
 
     Raises:
         DaemonError: the folder of a Unix socket is open to others.
@@ -74,7 +77,7 @@ def basic_configuration(
         if endpoint.startswith(UNIX):
             check_folder(Path(endpoint.removeprefix(UNIX)).parent)
     return {
-        "mode": mode,
+        "mode": "router" if is_router else "peer" if listen else "client",
         # Without it Zenoh listens at a port of its own.
         "listen/endpoints": list(listen),
         "listen/exit_on_failure": True,

@@ -225,6 +225,34 @@ def tell_together(together: Together, *, as_json: bool) -> None:
 
 @fleet.command()
 @command
+def router(
+    config: Annotated[
+        Path, typer.Option("--config", "-c", help="With [fleet] and [access.certificates].")
+    ],
+    show: Annotated[
+        bool, typer.Option("--print", help="Print the configuration for `zenohd`, and end.")
+    ] = False,
+) -> None:
+    """Be a router of a cell, until Ctrl-C: it joins networks, and lets nobody in without a role.
+
+    Prints one line beginning "ready" once it can be used.
+    """
+    import json
+    import threading
+
+    from orientd.fleet import nested, open_session, router_configuration
+
+    configuration = router_configuration(config)
+    if show:
+        say(json.dumps(nested(configuration), indent=2))
+        return
+    with open_session(configuration):
+        say(f"ready at {' '.join(configuration['listen/endpoints'])}")
+        threading.Event().wait()
+
+
+@fleet.command()
+@command
 def demo(
     daemons: Annotated[int, typer.Option("--daemons", min=2, max=16, help="How many.")] = 3,
     as_json: AsJson = False,
