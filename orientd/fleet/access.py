@@ -63,12 +63,22 @@ def zenoh_configuration(
 
 
 def basic_configuration(
-    listen: Sequence[str], connect: Sequence[str], *, is_router: bool = False
+    listen: Sequence[str],
+    connect: Sequence[str],
+    *,
+    is_router: bool = False,
+    timeout: float | None = None,
 ) -> dict[str, Any]:
     """Return what every session is configured with.
 
     Whoever listens is a peer, one of those that all connect to each other; whoever does not is a
     client, for whom the router or peer that it is connected to carries everything.
+
+    Args:
+        listen: where others may connect.
+        connect: where to connect.
+        is_router: whether it carries between others.
+        timeout: how long to try to connect before that is an error, s; ``None`` for ever.
 
     Raises:
         DaemonError: the folder of a Unix socket is open to others.
@@ -82,8 +92,8 @@ def basic_configuration(
         "listen/endpoints": list(listen),
         "listen/exit_on_failure": True,
         "connect/endpoints": list(connect),
-        "connect/exit_on_failure": False,
-        "connect/timeout_ms": -1,
+        "connect/exit_on_failure": timeout is not None,
+        "connect/timeout_ms": -1 if timeout is None else round(timeout * 1e3),
         "scouting/multicast/enabled": False,
         # By these, daemons that know one of them find the others.
         "scouting/gossip/enabled": True,

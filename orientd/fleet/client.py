@@ -130,7 +130,7 @@ def connect_fleet(
             "a fleet needs an endpoint and the name of the cell: --connect and --cell, or the "
             "environment's ORIENTD_FLEET and ORIENTD_CELL"
         )
-    configuration = basic_configuration([], endpoints)
+    configuration = basic_configuration([], endpoints, timeout=SETTLING)
     caller = keys.LOCAL
     if any(endpoint.startswith(TLS) for endpoint in endpoints):
         files = [
@@ -218,8 +218,10 @@ class Fleet:
                     self._news.wait_for(lambda: len(self._daemons) > known, QUIET)  # noqa: B023
             missing = set(names) - self._daemons
             if missing or not self._daemons:
-                who = ", ".join(sorted(missing)) or "no daemon"
-                raise DaemonError(f"{who} of cell {self.cell} is not there")
+                if not missing:
+                    raise DaemonError(f"there is no daemon of cell {self.cell}")
+                absent = ", ".join(sorted(missing))
+                raise DaemonError(f"cell {self.cell} has no {absent}")
         return self.daemons
 
     def _hear_alive(self, sample: zenoh.Sample) -> None:

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import itertools
 import json
-import logging
 import os
+import select
 import signal
 import socket
 import threading
@@ -28,8 +28,6 @@ from orientd.rpc import ask_to_stop
 
 if TYPE_CHECKING:
     import zenoh
-
-_log = logging.getLogger(__name__)
 
 MOST_CALLS = 256
 """Calls under way at the same time, of all callers together."""
@@ -260,11 +258,19 @@ def _said(query: zenoh.Query) -> Header:
     return said if isinstance(said, dict) else {}
 
 
+def _end_with(connection: socket.socket) -> None:
+    """End this process once the daemon is gone, whatever it waits for: a router, for example."""
+    watched = select.poll()
+    watched.register(connection, select.POLLHUP)
+    watched.poll()
+    os._exit(0)
+
+
 def main(link: int) -> None:
     """Be the gateway of the daemon at the other end of *link*."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    logging.basicConfig(format="fleet: %(message)s")
     connection = socket.socket(fileno=link)
+    threading.Thread(target=_end_with, args=(connection,), name="end", daemon=True).start()
     incoming = connection.makefile("rb")
     first = read_frame(incoming)
     if first is None:
@@ -275,5 +281,3 @@ def main(link: int) -> None:
         connection.sendall(write_frame({"failed": str(error)}))
         return
     gateway.run()
-    # Threads of Zenoh's may still be about something.
-    os._exit(0)

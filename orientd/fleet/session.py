@@ -38,7 +38,11 @@ def open_session(configuration: Mapping[str, Any]) -> zenoh.Session:
     try:
         return zenoh.open(config)
     except zenoh.ZError as error:
-        raise DaemonError(f"fleet: {_first_line(error)}") from error
+        places = [*configuration["connect/endpoints"], *configuration["listen/endpoints"]]
+        raise DaemonError(
+            f"no member of a fleet at {', '.join(places)}, or not with this certificate: "
+            f"{_first_line(error)}"
+        ) from error
     finally:
         os.umask(before)
 
