@@ -42,8 +42,8 @@ CHOSEN = {
         "DaemonReport",
         "DeviceReport",
         "LeaseReport",
-        "Device",
-        "Method",
+        "DeviceDescription",
+        "MethodDescription",
         "Samples",
         "TrackReport",
         "Observer",
@@ -55,7 +55,7 @@ HOMES = {
     "Teaching": "orientd.teaching",
     "Tracking": "orientd.rpc.tracking",
     "Wishes": "orientd.rpc.motion_request",
-    "Device": "orientd.rpc.descriptions",
+    "DeviceDescription": "orientd.rpc.descriptions",
 }
 """Modules of what the front of the client does not offer by itself and its calls return."""
 

@@ -89,7 +89,7 @@ class Cell:
         self.listeners: list[Callable[[DeviceEvent, Device], object]] = []
         self.devices: dict[str, Device] = {}
         self.runs = ActiveMotions(self.devices)
-        self.lease_manager = LeaseManager(self.leases, self.runs)
+        self.lease_manager = LeaseManager(self.leases, self.runs, self.devices)
         self.journal = Journal(kept=settings.recorder.seconds)
         self._flight = FlightRecorder(settings, self.journal)
         self.planners = planners or Planners(

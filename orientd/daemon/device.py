@@ -64,7 +64,7 @@ class Device(SupervisedDevice):
         self._limits, self._planners = settings.limits, planners
         self._lead_cycles = round(settings.lead * settings.rate_hz)
         self._has_no_outline = False
-        self.is_free = False
+        self.is_free = self._was_following = False
 
     @functools.cached_property
     def limits(self) -> Limits:
@@ -238,8 +238,16 @@ class Device(SupervisedDevice):
 
     def disable(self, *, is_freed: bool = False) -> None:
         """Let the device no longer follow; it must be holding, and may be moved by hand then."""
+        was_following = self.snapshot().state is ServoState.HOLDING
         self._servo.running().ask(Command.FREE if is_freed else Command.DISABLE)
-        self.is_free = is_freed
+        self.is_free, self._was_following = is_freed, was_following
+
+    def end_free(self) -> None:
+        """Have what was let go hold where it is if it followed before, else not follow."""
+        if self.is_free and self._was_following:
+            self.enable()
+        elif self.is_free:
+            self.disable()
 
     def stop(self) -> None:
         """Stop on the path; nothing happens to a device at rest."""

@@ -31,7 +31,8 @@ class Viewpoint:
     def project(self, points: Floats) -> Floats:
         """Return right, up and nearness to the eye of *points*, shape ``(..., 3)`` both ways.
 
-        >>> View(elevation=0.0, azimuth=0.0).project(np.array([0.5, 1.0, 2.0])).round(12).tolist()
+        >>> view = Viewpoint(elevation=0.0, azimuth=0.0)
+        >>> view.project(np.array([0.5, 1.0, 2.0])).round(12).tolist()
         [1.0, 2.0, 0.5]
         """
         projected: Floats = points @ self.frame.T

@@ -87,8 +87,8 @@ class Commands(LeaseHolder):
 
         Args:
             device: its name.
-            by_hand: whether it may then be moved by hand, until it is enabled or disabled again:
-                an arm in freedrive, a gimbal without torque.
+            by_hand: whether it may then be moved by hand, until it is enabled or disabled again or
+                the lease runs out: an arm in freedrive, a gimbal without torque.
         """
         return self._command(self._stub.Disable, pb.DisableRequest, device, by_hand=by_hand)
 

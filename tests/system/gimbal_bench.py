@@ -1,11 +1,18 @@
-"""An emulated gimbal and a daemon that drives it, each started by its command."""
+"""An emulated gimbal or arm and a daemon that drives it, each started by its command."""
 
+import contextlib
 import select
 import signal
 import subprocess
+import time
 from pathlib import Path
 
 from command_line import begin, environment
+from harness import until
+
+from orientd import connect
+from orientd.errors import OrientdError
+from orientd.stream import ServoState
 
 ROOT = Path(__file__).parents[2]
 
@@ -48,6 +55,37 @@ class EmulatedGimbal:
         for stream in (self.process.stdin, self.process.stdout, self.process.stderr):
             stream.close()
         return status
+
+
+# A busy machine wakes the emulator late, by more than a controller would be.
+SLOW_MACHINE = (
+    ("feedback_timeout = 0.1 ", "feedback_timeout = 1.0 "),
+    ("link_timeout = 0.5 ", "link_timeout = 2.0 "),
+    ("watchdog_hz = 10 ", "watchdog_hz = 1 "),
+)
+
+
+def seldom(condition):
+    """Return the condition as it is looked at 20 times a second: more would keep daemons busy."""
+
+    def look():
+        time.sleep(0.05)
+        return condition()
+
+    return look
+
+
+def await_hold(daemon, device):
+    """Wait until a device holds: on a busy machine an emulated one may answer too late at first."""
+    with connect(daemon.socket) as robot:
+
+        def holds():
+            if robot.state().devices[device].state is ServoState.FAULT:
+                with contextlib.suppress(OrientdError):
+                    robot.reset(device)
+            return robot.state().devices[device].state is ServoState.HOLDING
+
+        until(seldom(holds), f"the {device} to hold")
 
 
 class ExampleDaemon:

@@ -7,12 +7,18 @@ import pty
 import signal
 import subprocess
 import threading
-import time
 
 import numpy as np
 import pytest
 from command_line import COMMAND, begin, orientd
-from gimbal_bench import EmulatedGimbal, ExampleDaemon, GimbalDaemon
+from gimbal_bench import (
+    SLOW_MACHINE,
+    EmulatedGimbal,
+    ExampleDaemon,
+    GimbalDaemon,
+    await_hold,
+    seldom,
+)
 from harness import DaemonProcess, until
 
 from orientd import connect, motion_file
@@ -31,12 +37,6 @@ JOINTS = [
     [0.03, -1.5708, 1.3963, -1.2, -1.4, 0.2],
     [0.05, -1.55, 1.3963, -1.3, -1.45, -0.1],
 ]
-# A busy machine wakes the emulator late, by more than a controller would be.
-SLOW_MACHINE = (
-    ("feedback_timeout = 0.1 ", "feedback_timeout = 1.0 "),
-    ("link_timeout = 0.5 ", "link_timeout = 2.0 "),
-    ("watchdog_hz = 10 ", "watchdog_hz = 1 "),
-)
 TURNS = [(1, 200), (2, 150), (3, -120), (1, -90)]
 
 
@@ -82,29 +82,6 @@ def assert_passes(sent, q, position=None):
     assert angles[nearest] < MILLIRADIAN
     if position is not None:
         assert np.linalg.norm(np.subtract(sent[nearest].position, position)) < 1e-3
-
-
-def seldom(condition):
-    """Return the condition as it is looked at 20 times a second: more would keep daemons busy."""
-
-    def look():
-        time.sleep(0.05)
-        return condition()
-
-    return look
-
-
-def await_hold(daemon, device):
-    """Wait until a device holds: on a busy machine an emulated one may answer too late at first."""
-    with connect(daemon.socket) as robot:
-
-        def holds():
-            if robot.state().devices[device].state is ServoState.FAULT:
-                with contextlib.suppress(OrientdError):
-                    robot.reset(device)
-            return robot.state().devices[device].state is ServoState.HOLDING
-
-        until(seldom(holds), f"the {device} to hold")
 
 
 @pytest.fixture
@@ -193,6 +170,21 @@ def test_the_page_teaches_and_holds_the_arm_when_it_gives_up(arm):
         found = motion_file.loads(lesson.content("seen"), "seen.yaml")
     assert (found.name, len(found.keyframes)) == ("seen", 2)
     assert found.keyframes[0].name == "here & now"
+
+
+def test_an_arm_is_held_again_when_whoever_taught_it_is_killed(arm, teach, tmp_path):
+    _, daemon = arm
+
+    def report():
+        with connect(daemon.socket) as robot:
+            return robot.state().devices["arm"]
+
+    process = teach(tmp_path / "out.yaml", "--socket", daemon.socket)
+    until(lambda: report().is_free, "the arm to be let go")
+    process.kill()
+    process.wait()
+    until(lambda: report().state is ServoState.HOLDING, "the arm to hold again")
+    assert not report().is_free
 
 
 @pytest.fixture

@@ -1,6 +1,7 @@
 """The page of `orientd view` as a browser shows it; skipped where there is no Chromium."""
 
 import base64
+import contextlib
 import io
 import os
 import shutil
@@ -8,9 +9,13 @@ import shutil
 import numpy as np
 import pytest
 from command_line import begin
+from gimbal_bench import SLOW_MACHINE, ExampleDaemon, await_hold
 from harness import DaemonProcess, spin, until
 
+from orientd import motion_file
+from orientd.rotation import angle
 from orientd.rpc import control_pb2 as pb
+from orientd_sim.ur import EmulatedRobot
 
 pytest.importorskip("viser")
 drop = pytest.importorskip("orientd.viewer.drop")
@@ -47,20 +52,29 @@ def browser():
         opened.close()
 
 
+@contextlib.contextmanager
+def view_of(socket, browser, **window):
+    """Open the page of a daemon; ``orientd view`` must end in order with it."""
+    view = begin("view", "--no-open", "--port", 0, "--socket", socket)
+    line = view.stdout.readline()
+    assert line.startswith("ready"), (line, view.stderr.read())
+    opened = browser.new_page(**window)
+    opened.set_default_timeout(PATIENCE)
+    opened.goto(f"{line.split()[-1]}/?fixedDpr=0.5")
+    try:
+        yield opened
+    finally:
+        opened.close()
+        view.terminate()
+        ended = view.communicate(timeout=15.0)
+    assert (view.returncode, *ended) == (0, "", "")
+
+
 @pytest.fixture(scope="module")
 def page(daemon, browser):
     """The page in a small window, of which a processor can draw enough."""
-    view = begin("view", "--no-open", "--port", 0, "--socket", daemon.socket)
-    line = view.stdout.readline()
-    assert line.startswith("ready"), (line, view.stderr.read())
-    opened = browser.new_page(viewport={"width": 900, "height": 400})
-    opened.set_default_timeout(PATIENCE)
-    opened.goto(f"{line.split()[-1]}/?fixedDpr=0.5")
-    yield opened
-    opened.close()
-    view.terminate()
-    rest, errors = view.communicate(timeout=15.0)
-    assert (view.returncode, rest, errors) == (0, "", "")
+    with view_of(daemon.socket, browser, viewport={"width": 900, "height": 400}) as opened:
+        yield opened
 
 
 def press(page, name):
@@ -116,6 +130,39 @@ def test_a_device_that_cannot_be_let_go_is_refused_in_words(daemon, page):
     page.get_by_text("cannot be moved by hand").wait_for()
     page.get_by_text("Holding").wait_for()
     press(page, "Give the lease back")
+
+
+@pytest.mark.slow
+def test_an_arm_is_taught_on_the_page(browser, tmp_path):
+    host = f"127.{1 + os.getpid() // 200 % 250}.{1 + os.getpid() % 200}.251"
+    window = {"viewport": {"width": 900, "height": 800}}
+    with EmulatedRobot(host) as arm:
+        daemon = ExampleDaemon(tmp_path, "ur.toml", ("127.0.0.2", host), *SLOW_MACHINE).start()
+        try:
+            await_hold(daemon, "arm")
+            with view_of(daemon.socket, browser, **window) as page:
+                page.get_by_text("Holding").wait_for()
+                press(page, "Take the lease")
+                page.get_by_text("Teach by hand").click()
+                press(page, "Let go")
+                page.get_by_text("can be moved by hand").wait_for()
+                press(page, "Take this pose")
+                page.get_by_text("1. 0.00 s").wait_for()
+                joints = np.add(arm.state()["actual_q"], [0, 0, 0, 0.1, 0, 0])
+                arm.ask("push " + " ".join(map(repr, joints.tolist())) + " 0.3")
+                arm.wait_until(lambda state: np.allclose(state["actual_q"], joints, atol=1e-9))
+                press(page, "Take this pose")
+                page.get_by_text("2. ").wait_for()
+                with page.expect_download() as download:
+                    press(page, "Download the motion file")
+                taught = motion_file.loads(download.value.path().read_text(), "taught.yaml")
+                press(page, "Hold it again")
+                page.get_by_text("Holding").wait_for()
+        finally:
+            daemon.end()
+    first, second = taught.keyframes
+    assert second.time > 0.3
+    assert angle(np.array(first.q), np.array(second.q)) == pytest.approx(0.1, abs=1e-3)
 
 
 def test_a_file_is_shown_with_its_certificate_before_it_is_sent(daemon, page):

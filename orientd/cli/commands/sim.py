@@ -71,7 +71,7 @@ def dynamixel(
     Prints a line that begins with `ready` when it can be used.
     """
     emulator: Any = importlib.import_module("orientd_sim.dynamixel")
-    line = emulator.Line(
+    line = emulator.SerialLine(
         is_paced=not ideal,
         usb_latency_ns=0 if ideal else round(usb_ms * 1e6),
         has_collisions=False,

@@ -1,17 +1,22 @@
 """The lease manager: who may command, and what becomes of their motions when that changes.
 
-What was started under a lease stops when the lease is lost, and goes on when it is handed over.
+What was started under a lease stops when the lease is lost, and goes on when it is handed over;
+what was let go to be moved by hand holds again when the lease runs out.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
+from typing import TYPE_CHECKING
 
 from orientd.daemon.leases.lease import Lease, LeaseTable
 from orientd.daemon.motions import ActiveMotions
-from orientd.errors import RequestError
+from orientd.errors import OrientdError, RequestError
 from orientd.one_line import one_line
+
+if TYPE_CHECKING:
+    from orientd.daemon.device import Device
 
 _log = logging.getLogger(__name__)
 
@@ -19,10 +24,13 @@ _log = logging.getLogger(__name__)
 class LeaseManager:
     """The leases of a cell, with the motions that belong to them."""
 
-    def __init__(self, leases: LeaseTable, runs: ActiveMotions) -> None:
-        """Let *leases* say who commands what, and stop *runs* that have lost theirs."""
+    def __init__(
+        self, leases: LeaseTable, runs: ActiveMotions, devices: Mapping[str, Device]
+    ) -> None:
+        """Let *leases* say who commands *devices*, and stop *runs* that have lost theirs."""
         self._leases = leases
         self._runs = runs
+        self._devices = devices
 
     def acquire(
         self,
@@ -92,10 +100,18 @@ class LeaseManager:
         self._disown(lease, lease.devices, "was released")
 
     def expire(self) -> None:
-        """Take leases back that have run out; motions that were started with them stop."""
+        """Take leases back that have run out; motions that were started with them stop.
+
+        Whoever let a device go to move it by hand is lost then: it is let go no longer.
+        """
         for lease in self._leases.collect_expired():
             _log.warning("lease: that of %s has expired", lease.who)
             self._disown(lease, lease.devices, "has expired")
+            for name in lease.devices:
+                try:
+                    self._devices[name].end_free()
+                except OrientdError as error:
+                    _log.warning("lease: %s was let go and does not hold again: %s", name, error)
 
     def _disown(self, lease: Lease, devices: Collection[str], what: str) -> None:
         for run in self._runs.unfinished(lease.token):

@@ -8,7 +8,7 @@ import pytest
 from orientd.clock import ManualClock
 from orientd.daemon.leases.lease import LeaseTable
 from orientd.daemon.leases.lease_manager import LeaseManager
-from orientd.errors import LeaseError, RequestError
+from orientd.errors import DeviceError, LeaseError, RequestError
 
 SECOND = 1_000_000_000
 
@@ -35,6 +35,18 @@ class FakeRuns:
                 self.tokens[name] = token
 
 
+class FakeDevice:
+    """A device that counts how often it was to be let go no longer, and may refuse that."""
+
+    def __init__(self):
+        self.ends, self.error = 0, None
+
+    def end_free(self):
+        self.ends += 1
+        if self.error:
+            raise self.error
+
+
 @pytest.fixture
 def clock():
     return ManualClock(1)
@@ -46,9 +58,14 @@ def runs():
 
 
 @pytest.fixture
-def lease_manager(clock, runs, caplog):
+def devices():
+    return {name: FakeDevice() for name in ("arm", "leg")}
+
+
+@pytest.fixture
+def lease_manager(clock, runs, devices, caplog):
     caplog.set_level(logging.INFO, "orientd.daemon.leases.lease_manager")
-    return LeaseManager(LeaseTable(["arm", "leg"], seconds=5.0, clock=clock), runs)
+    return LeaseManager(LeaseTable(list(devices), seconds=5.0, clock=clock), runs, devices)
 
 
 @pytest.fixture
@@ -81,6 +98,17 @@ def test_an_expiry_stops_once_what_was_under_the_lease(lease_manager, runs, cloc
     lease_manager.expire()
     lease_manager.expire()
     assert runs.halted == [(["arm"], "the lease of 'ana' has expired")]
+
+
+def test_an_expiry_alone_ends_what_was_let_go_by_hand(lease_manager, devices, clock, caplog):
+    lease_manager.release(lease_manager.acquire("ana", devices=["arm"]).token)
+    assert [device.ends for device in devices.values()] == [0, 0]
+    lease_manager.acquire("ana", devices=["arm"])
+    devices["arm"].error = DeviceError("it is jammed")
+    clock.advance(5 * SECOND)
+    lease_manager.expire()
+    assert [device.ends for device in devices.values()] == [1, 0]
+    assert caplog.messages[-1] == "lease: arm was let go and does not hold again: it is jammed"
 
 
 def test_a_release_stops_what_was_under_the_lease(lease_manager, runs, lease, caplog):
