@@ -84,7 +84,9 @@ class FleetSettings(Table):
     def _check_endpoints(self) -> FleetSettings:
         endpoints = self.listen + self.connect
         if not endpoints:
-            raise ValueError("fleet.listen: expected an endpoint here or in fleet.connect, got none")
+            raise ValueError(
+                "fleet.listen: expected an endpoint here or in fleet.connect, got none"
+            )
         if self.is_tls and any(endpoint.startswith(UNIX) for endpoint in endpoints):
             raise ValueError("fleet.listen: expected TLS everywhere, or Unix sockets everywhere")
         return self

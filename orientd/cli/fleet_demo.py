@@ -1,4 +1,4 @@
-"""A cell of daemons on this machine, for as long as somebody looks: what `orientd fleet demo` runs."""
+"""A cell of daemons on this machine for as long as it is looked at, for `orientd fleet demo`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ from orientd.cli.own_daemon import end, wait_ready
 @contextlib.contextmanager
 def cell(daemons: int) -> Iterator[str]:
     """Run *daemons* of a cell of their own, ``demo``; yield where one of them listens."""
-    with tempfile.TemporaryDirectory(prefix="orientd-fleet-") as name, contextlib.ExitStack() as kept:
+    with (
+        tempfile.TemporaryDirectory(prefix="orientd-fleet-") as name,
+        contextlib.ExitStack() as kept,
+    ):
         folder = Path(name)
         running = [(_begin(folder, number, kept), number) for number in range(1, daemons + 1)]
         for process, number in running:

@@ -228,7 +228,7 @@ class _Daemon:
 
         self._fleet = FleetLink(
             self._settings, self._socket, service=SERVICE, entry=entry, gate=gate,
-            state=lambda: service.GetState(control_pb2.GetStateRequest(), None),
+            state=service.present_state,
             journal=cell.journal,
         )  # fmt: skip
         self._fleet.start()

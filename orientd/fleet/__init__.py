@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from orientd.fleet.channel import FleetChannel
     from orientd.fleet.client import Fleet, FleetMember, Heard, Stopped, connect_fleet, robot_at
     from orientd.fleet.clocks import ClockOffset
-    from orientd.fleet.frames import read_header, write_frame
+    from orientd.fleet.frames import LENGTHS, Header, read_header, write_frame
     from orientd.fleet.plan_file import FleetMotion, read_plan
     from orientd.fleet.router import nested, router_configuration
     from orientd.fleet.session import open_session

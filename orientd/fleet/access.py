@@ -50,14 +50,13 @@ def zenoh_configuration(
     configuration = basic_configuration(settings.listen, settings.connect, is_router=is_router)
     if not settings.is_tls:
         return configuration
-    files = {
-        name: getattr(settings, name) or getattr(tcp, name, None)
-        for name in ("certificate", "key", "ca")
-    }
-    for name, path in files.items():
+    files: list[Path] = []
+    for name in ("certificate", "key", "ca"):
+        path = getattr(settings, name) or getattr(tcp, name, None)
         if path is None:
             raise ConfigError(f"fleet.{name}: missing, and there is none of [tcp] either")
-    configuration |= tls_configuration(files["certificate"], files["key"], files["ca"])
+        files.append(path)
+    configuration |= tls_configuration(*files)
     configuration["access_control"] = _access_control(settings, callers)
     return configuration
 

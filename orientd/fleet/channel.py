@@ -31,37 +31,48 @@ START_KEY = "orientd-start"
 _CODES = {code.value[0]: code for code in grpc.StatusCode}
 
 Metadata = Sequence[tuple[str, str]]
+Write = Callable[[Any], bytes] | None
+Read = Callable[[bytes], Any] | None
 
 
-class FleetCallError(grpc.RpcError, grpc.Call):  # type: ignore[misc] # as gRPC's own
+class FleetCallError(grpc.RpcError, grpc.Call):
     """A call that failed, as gRPC tells of it."""
 
     def __init__(self, code: grpc.StatusCode, text: str, details: bytes = b"") -> None:
+        """Have failed with *code*; *details* is a whole ``google.rpc.Status``, if there is one."""
         super().__init__(text)
         self._code, self._text, self._details = code, text, details
 
     def code(self) -> grpc.StatusCode:
+        """Return the kind of failure."""
         return self._code
 
     def details(self) -> str:
+        """Return what happened, in words."""
         return self._text
 
-    def trailing_metadata(self) -> tuple[tuple[str, bytes], ...]:
+    def trailing_metadata(self) -> Any:  # noqa: ANN401 - as gRPC has it
+        """Return the whole status, where there is one."""
         return ((DETAILS_KEY, self._details),) if self._details else ()
 
     def initial_metadata(self) -> tuple[()]:
+        """Return nothing: a failure is all that came."""
         return ()
 
     def is_active(self) -> bool:
+        """Whether the call goes on; it has failed."""
         return False
 
-    def time_remaining(self) -> None:
-        return None
+    def time_remaining(self) -> float:
+        """Return how long the call may go on, s."""
+        return 0.0
 
     def cancel(self) -> bool:
+        """End what has ended."""
         return False
 
     def add_callback(self, callback: Callable[[], None]) -> bool:
+        """Refuse to tell of the end, which has been."""
         del callback
         return False
 
@@ -96,7 +107,7 @@ class _Answers(Iterator[Any]):
         if reply.ok is not None:
             return self._read(reply.ok.payload.to_bytes())
         self._replies.put(None)
-        raise _failure(reply.err.payload.to_bytes())
+        raise _failure(reply.err.payload.to_bytes() if reply.err is not None else b"")
 
     def result(self, timeout: float | None = None) -> Any:  # noqa: ANN401
         """Return the one answer."""
@@ -146,11 +157,13 @@ class _Method:
         self,
         channel: FleetChannel,
         method: str,
-        write: Callable[[Any], bytes],
-        read: Callable[[bytes], Any],
+        write: Write,
+        read: Read,
         *,
         is_stream: bool,
     ) -> None:
+        if write is None or read is None:
+            raise TypeError("expected a call of messages, got one of bytes")
         self._channel, self._name = channel, method.rpartition("/")[2]
         self._write, self._read, self._is_stream = write, read, is_stream
 
@@ -170,9 +183,7 @@ class _Method:
 class FleetChannel(grpc.Channel):
     """A channel to a daemon of a cell."""
 
-    def __init__(
-        self, session: zenoh.Session, *, cell: str, daemon: str, caller: str
-    ) -> None:
+    def __init__(self, session: zenoh.Session, *, cell: str, daemon: str, caller: str) -> None:
         """Call *daemon* of *cell* as *caller*, over *session*, which outlives this channel."""
         self._session = session
         self._cell, self._daemon, self._caller = cell, daemon, caller
@@ -223,27 +234,29 @@ class FleetChannel(grpc.Channel):
     # What gRPC asks of a channel
 
     def unary_unary(
-        self, method: str, request_serializer: Any = None, response_deserializer: Any = None,
-        _registered_method: bool | None = False,
-    ) -> _Method:  # fmt: skip
+        self, method: str, request_serializer: Write, response_deserializer: Read, **_: object
+    ) -> Any:  # noqa: ANN401 - as gRPC has them
+        """Return what makes a call with one answer."""
         return _Method(self, method, request_serializer, response_deserializer, is_stream=False)
 
     def unary_stream(
-        self, method: str, request_serializer: Any = None, response_deserializer: Any = None,
-        _registered_method: bool | None = False,
-    ) -> _Method:  # fmt: skip
+        self, method: str, request_serializer: Write, response_deserializer: Read, **_: object
+    ) -> Any:  # noqa: ANN401
+        """Return what makes a call with many answers."""
         return _Method(self, method, request_serializer, response_deserializer, is_stream=True)
 
-    def stream_unary(self, method: str, *_: Any, **__: Any) -> Callable[..., Any]:
+    def stream_unary(self, method: str, *_: object, **__: object) -> Any:  # noqa: ANN401
+        """Return what refuses a call with many requests."""
         return _refuse(method)
 
-    def stream_stream(self, method: str, *_: Any, **__: Any) -> Callable[..., Any]:
+    def stream_stream(self, method: str, *_: object, **__: object) -> Any:  # noqa: ANN401
+        """Return what refuses a call with many requests."""
         return _refuse(method)
 
-    def subscribe(self, callback: Any, try_to_connect: bool | None = False) -> None:
+    def subscribe(self, callback: object, try_to_connect: bool | None = False) -> None:
         """Tell nobody how the connection is: Zenoh finds its ways itself."""
 
-    def unsubscribe(self, callback: Any) -> None:
+    def unsubscribe(self, callback: object) -> None:
         """Take back nothing."""
 
     def close(self) -> None:
@@ -260,7 +273,7 @@ class FleetChannel(grpc.Channel):
 
 def _refuse(method: str) -> Callable[..., Any]:
     def refuse(*_: object, **__: object) -> None:
-        text = f"{method.rpartition('/')[2]} is for the control socket alone: a fleet has no rhythm"
+        text = f"{method.rpartition('/')[2]} is for the control socket alone, which keeps time"
         raise FleetCallError(_UNIMPLEMENTED, text)
 
     return refuse

@@ -1,4 +1,4 @@
-"""A client of a cell: who is there, how they are, one stop for all, and a robot for each of them."""
+"""A client of a cell: who is there, how they are, one stop for all, a robot for each of them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from orientd.fleet.channel import FleetChannel
 from orientd.fleet.clocks import ClockOffset
 from orientd.fleet.session import open_session
 from orientd.fleet_settings import TLS
-from orientd.rpc import Robot, Way
+from orientd.rpc import Robot, Way, default_socket
 from orientd.rpc import control_pb2 as pb
 
 if TYPE_CHECKING:
@@ -135,7 +135,11 @@ def connect_fleet(
     if any(endpoint.startswith(TLS) for endpoint in endpoints):
         files = [
             Path(given or os.environ.get(name, "")).expanduser()
-            for name, given in (("ORIENTD_CERT", certificate), ("ORIENTD_KEY", key), ("ORIENTD_CA", ca))
+            for name, given in (
+                ("ORIENTD_CERT", certificate),
+                ("ORIENTD_KEY", key),
+                ("ORIENTD_CA", ca),
+            )
         ]
         if any(path == Path() for path in files):
             raise DaemonError(
@@ -192,7 +196,7 @@ class Fleet:
 
     def close(self) -> None:
         """Leave the cell, which ends what was asked of it."""
-        self._session.close()
+        self._session.close()  # type: ignore[no-untyped-call] # Zenoh's stub
 
     # Who is there
 
@@ -246,9 +250,9 @@ class Fleet:
             return dict(self._heard)
 
     def _hear_state(self, sample: zenoh.Sample) -> None:
-        told = json.loads(sample.attachment.to_bytes())
+        told = json.loads(sample.attachment.to_bytes() if sample.attachment else b"{}")
         state = pb.GetStateResponse.FromString(sample.payload.to_bytes())
-        heard = Heard(state, told["time_ns"], time.monotonic_ns())
+        heard = Heard(state, told.get("time_ns", 0), time.monotonic_ns())
         with self._news:
             self._heard[keys.daemon_of(str(sample.key_expr))] = heard
             self._news.notify_all()
@@ -312,6 +316,11 @@ class Fleet:
         """Return a channel to a daemon, for a stub of the protocol."""
         return FleetChannel(self._session, cell=self.cell, daemon=daemon, caller=self.caller)
 
+    def way(self, daemon: str) -> FleetMember:
+        """Return the way to a daemon."""
+        kept = default_socket().with_name(f"{self.cell}-{daemon}.fleet")
+        return FleetMember(kept, f"{self.cell}/{daemon}", fleet=self, name=daemon)
+
     def robot(self, daemon: str, *, holder: str = "", timeout: float = 30.0) -> Robot:
         """Return a daemon as :func:`orientd.connect` does: every call but ``track`` works.
 
@@ -319,8 +328,7 @@ class Fleet:
             DaemonError: it does not answer.
             AccessError: it does not let this caller do anything.
         """
-        address = f"{self.cell}/{daemon}"
-        way = FleetMember(Path(f"/nonexistent/{address}"), address, fleet=self, name=daemon)
+        way = self.way(daemon)
         program = Path(sys.argv[0]).name or "python"
         robot = Robot(way, holder=holder or f"{program}, process {os.getpid()}", timeout=timeout)
         try:
@@ -342,11 +350,25 @@ class _OwnedRobot(Robot):
         self.fleet.close()
 
 
-def robot_at(address: str, **more: Any) -> Robot:  # noqa: ANN401 - those of connect_fleet
-    """Return the daemon at ``fleet:DAEMON``, of the cell that the environment names."""
+def robot_at(
+    address: str,
+    *,
+    certificate: str | Path | None,
+    key: str | Path | None,
+    ca: str | Path | None,
+    holder: str,
+    share: str,
+    timeout: float,
+) -> Robot:
+    """Return the daemon at ``fleet:DAEMON``, of the cell that the environment names.
+
+    The other arguments are those of :func:`orientd.connect`.
+
+    Raises:
+        DaemonError: there is no such daemon, or no such cell.
+    """
     name = address.removeprefix(ADDRESS)
-    fleet = connect_fleet(wait_for=[name], **more)
-    way = FleetMember(Path(f"/nonexistent/{name}"), f"{fleet.cell}/{name}", fleet=fleet, name=name)
-    robot = _OwnedRobot(way, holder=f"process {os.getpid()}", timeout=30.0)
+    fleet = connect_fleet(wait_for=[name], certificate=certificate, key=key, ca=ca)
+    robot = _OwnedRobot(fleet.way(name), holder=holder, share=share, timeout=timeout)
     robot.fleet = fleet
     return robot

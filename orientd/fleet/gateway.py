@@ -82,7 +82,10 @@ class Gateway:
         cell = self._cell
         self._declared = [
             self._state.declare_matching_listener(self._look),
-            *(session.declare_queryable(self._key(f"as/*/{what}"), do) for what, do in asked.items()),
+            *(
+                session.declare_queryable(self._key(f"as/*/{what}"), do)
+                for what, do in asked.items()
+            ),
             session.declare_queryable(self._key("as/*/clock"), self._tell_time),
             session.declare_subscriber(keys.of_daemon(cell, "*", "ready/*"), self._hear_ready),
             live.declare_subscriber(keys.presence(cell, "*", "*"), self._miss_caller),
@@ -103,7 +106,7 @@ class Gateway:
                 self._answer(header["answer"], body)
             elif "end" in header:
                 self._end(header["end"], body)
-        self._session.close()
+        self._session.close()  # type: ignore[no-untyped-call] # Zenoh's stub
 
     # Calls
 
@@ -122,7 +125,7 @@ class Gateway:
         if not is_room:
             text = f"at most {MOST_CALLS} calls at the same time over the fleet"
             query.reply_err(json.dumps({"busy": text}).encode())
-            query.drop()
+            query.drop()  # type: ignore[no-untyped-call] # Zenoh's stub
             return
         header = {"call": number, "method": keys.last_of(key), "caller": caller}
         start = said.get("start")
@@ -156,14 +159,14 @@ class Gateway:
             call.query.reply_err(body)
             if call.start:
                 self._barrier.fail(call.start, "another motion of this daemon could not begin")
-        call.query.drop()
+        call.query.drop()  # type: ignore[no-untyped-call] # Zenoh's stub
 
     def _refuse(self, number: int, why: str) -> None:
         with self._lock:
             call = self._calls.pop(number, None)
         if call is not None:
             call.query.reply_err(json.dumps({"refused": why}).encode())
-            call.query.drop()
+            call.query.drop()  # type: ignore[no-untyped-call] # Zenoh's stub
 
     def _cancel(self, query: zenoh.Query) -> None:
         key = str(query.key_expr)
@@ -221,7 +224,7 @@ class Gateway:
         told["time_ns"] = time.monotonic_ns()
         key = keys.as_caller(self._cell, self._name, caller, "stop")
         query.reply(key, json.dumps(told).encode(), express=True)
-        query.drop()
+        query.drop()  # type: ignore[no-untyped-call] # Zenoh's stub
         self._send({"stopped": kind, "caller": caller, **told})
 
     def _tell_time(self, query: zenoh.Query) -> None:
@@ -230,7 +233,7 @@ class Gateway:
         if caller is not None:
             key = keys.as_caller(self._cell, self._name, caller, "clock")
             query.reply(key, now.to_bytes(8, "little"), express=True)
-        query.drop()
+        query.drop()  # type: ignore[no-untyped-call] # Zenoh's stub
 
     # The daemon
 

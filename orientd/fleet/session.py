@@ -23,9 +23,7 @@ def open_session(configuration: Mapping[str, Any]) -> zenoh.Session:
     try:
         import zenoh
     except ImportError as error:
-        raise ConfigError(
-            "a fleet needs Zenoh: pip install 'orientd-motion[fleet]'"
-        ) from error
+        raise ConfigError("a fleet needs Zenoh: pip install 'orientd-motion[fleet]'") from error
     config = zenoh.Config()
     # A Unix socket that Zenoh makes is for its own user.
     before = os.umask(0o177)

@@ -1,9 +1,9 @@
 """The barrier of a start: no daemon of it begins unless every one has been asked to.
 
-Each gateway says on the network that it was asked (``ready``), and hands the motion on to its daemon
-once it has heard that of all the others.  Whoever asks may die at any moment: a daemon that was not
-asked never says so, and then nobody begins.  A daemon that refuses the motion then, or that leaves
-before the start time, has it dropped by all the others.
+Each gateway says on the network that it was asked (``ready``), and hands the motion on to its
+daemon once it has heard that of all the others.  Whoever asks may die at any moment: a daemon that
+was not asked never says so, and then nobody begins.  A daemon that refuses the motion then, or that
+leaves before the start time, has it dropped by all the others.
 """
 
 from __future__ import annotations

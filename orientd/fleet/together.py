@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from orientd.rpc import Plan, Summary
 
 LEAST_MARGIN_NS = 50_000_000
-"""Time before the start within which nobody is let begin any more: the others have to hear of it."""
+"""Time before the start in which nobody is let begin any more: the others are to hear of it."""
 
 _TRIPS = 6
 """Round trips of the slowest daemon that a start takes before its margin."""
@@ -116,11 +116,15 @@ def move_together(
         tell("planning")
         plans = list(pool.map(lambda one: _plan(robots[one.daemon], one), ordered))
         tell("measuring clocks")
-        offsets = dict(zip(robots, pool.map(lambda name: _offset(fleet, name), robots), strict=True))
+        offsets = dict(
+            zip(robots, pool.map(lambda name: _offset(fleet, name), robots), strict=True)
+        )
         starts, start_ns = _starts(ordered, offsets, start_in)
         tell(f"starting in {(start_ns - time.monotonic_ns()) * 1e-9:.2f} s")
         begun = [
-            pool.submit(robots[one.daemon].move, plan, device=one.device, start_time=starts[one.daemon])
+            pool.submit(
+                robots[one.daemon].move, plan, device=one.device, start_time=starts[one.daemon]
+            )
             for one, plan in zip(ordered, plans, strict=True)
         ]
         handles = _all_or_none(ordered, begun)
@@ -201,9 +205,9 @@ def _all_or_none(
     for handle in handles:
         handle.abandon()
     # Those that were dropped for the sake of another know less than that one.
-    one, error = min(errors, key=lambda pair: "cannot begin" in str(pair[1]))
-    error.args = (f"{one}: {error}; nothing moves", *error.args[1:])
-    raise error
+    one, cause = min(errors, key=lambda pair: "cannot begin" in str(pair[1]))
+    cause.args = (f"{one}: {cause}; nothing moves", *cause.args[1:])
+    raise cause
 
 
 def _wait(
@@ -235,7 +239,8 @@ def _skew(
     """Return how far apart the motions began, and how far that may be wrong, s."""
     instants, bounds = [], {}
     for one in ended:
-        daemon, lateness = one.motion.daemon, one.summary and one.summary.start_lateness
+        daemon = one.motion.daemon
+        lateness = None if one.summary is None else one.summary.start_lateness
         offset = fleet.clock(daemon).at(start_ns)
         if lateness is None or offset is None:
             return None, None

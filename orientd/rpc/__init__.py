@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from orientd.rpc.channel import Way
     from orientd.rpc.channel_options import server_options
     from orientd.rpc.client import Robot, connect
-    from orientd.rpc.connection import Connection
+    from orientd.rpc.connection import Connection, StartAt
     from orientd.rpc.descriptions import MethodDescription
     from orientd.rpc.move_handle import MoveHandle
     from orientd.rpc.observer import Observer
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
         TrackReport,
         titled,
     )
-    from orientd.rpc.start_at import StartAt
     from orientd.rpc.stop_call import ask_to_stop, stop_socket
     from orientd.rpc.trust import check_folder
     from orientd.rpc.urgent import begin_call, read_answer, text_fields

@@ -21,11 +21,10 @@ from orientd.errors import OrientdError, RequestError
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.channel import Way
 from orientd.rpc.commands import Commands
-from orientd.rpc.connection import Connection
+from orientd.rpc.connection import Connection, StartAt
 from orientd.rpc.descriptions import DeviceDescription, MethodDescription
 from orientd.rpc.observer import Observer
 from orientd.rpc.reports import CellReport, OnTarget, Plan
-from orientd.rpc.start_at import StartAt
 from orientd.rpc.wire import (
     configured_from_message,
     cycle_from_message,
@@ -58,8 +57,8 @@ def connect(
 
     Args:
         socket: where it listens; by default ``$ORIENTD_SOCKET``, or the user's runtime directory.
-        address: ``HOST:PORT``, where it listens for TLS; by default ``$ORIENTD_ADDRESS`` unless
-            *socket* is given.
+        address: ``HOST:PORT``, where it listens for TLS, or ``fleet:NAME`` of a daemon of the
+            cell ``$ORIENTD_CELL``; by default ``$ORIENTD_ADDRESS`` unless *socket* is given.
         certificate: who this client is, a file; by default ``$ORIENTD_CERT``.
         key: of that certificate, a file; by default ``$ORIENTD_KEY``.
         ca: who has signed the daemon's certificate, a file; by default ``$ORIENTD_CA``.
@@ -72,11 +71,18 @@ def connect(
         DaemonError: no daemon answers there, or not to this certificate.
         AccessError: it does not let this user do anything.
     """
-    way = Way.find(socket, address, certificate, key, ca)
     program = Path(sys.argv[0]).name or "python"
     share = os.environ.get("ORIENTD_LEASE", "") if lease is None else lease
     holder = holder or f"{program}, process {os.getpid()}"
-    robot = Robot(way, holder=holder, share=share, timeout=timeout)
+    more: dict[str, Any] = {"holder": holder, "share": share, "timeout": timeout}
+    if address is None and socket is None:
+        address = os.environ.get("ORIENTD_ADDRESS", "")
+    if address and address.startswith("fleet:"):
+        from orientd.fleet import robot_at
+
+        robot = robot_at(address, certificate=certificate, key=key, ca=ca, **more)
+    else:
+        robot = Robot(Way.find(socket, address, certificate, key, ca), **more)
     try:
         robot.state()
     except OrientdError:

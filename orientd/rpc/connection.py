@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import grpc
@@ -18,6 +19,19 @@ Answer = TypeVar("Answer")
 LONGEST_COMMAND = 20.0
 """How long a command is asked for again that the device takes its time for, s."""
 _ASK_AGAIN = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class StartAt:
+    """A start time that no clock on the wall can move.
+
+    Attributes:
+        monotonic_ns: on the daemon's monotonic clock.
+        metadata: of the call, for whoever carries it.
+    """
+
+    monotonic_ns: int
+    metadata: tuple[tuple[str, str], ...] = ()
 
 
 class Connection:

@@ -5,8 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
-from pathlib import Path
 
 import pytest
 from authority import OPENSSL, Authority
@@ -230,9 +228,7 @@ def test_a_daemon_that_was_killed_is_gone_at_once_and_comes_back(cell, fleet):
 def test_a_daemon_without_a_cell_loads_no_zenoh(cell):
     loaded = "import sys, orientd.daemon.server, orientd.daemon.cell, orientd.config; "
     asked = f"{loaded}print([m for m in sys.modules if 'zenoh' in m or m == 'orientd.fleet'])"
-    done = subprocess.run(
-        [sys.executable, "-c", asked], capture_output=True, text=True, check=True
-    )
+    done = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 
 

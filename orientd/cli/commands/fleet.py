@@ -39,7 +39,11 @@ _FIRST = 1.0
 
 
 def _connected(
-    connect: list[str] | None, cell: str | None, cert: Path | None, key: Path | None, ca: Path | None
+    connect: list[str] | None,
+    cell: str | None,
+    cert: Path | None,
+    key: Path | None,
+    ca: Path | None,
 ) -> Fleet:
     from orientd.fleet import connect_fleet
 
@@ -126,7 +130,14 @@ def _table(cell: Fleet) -> list[str]:
         for device in one["devices"]:
             problem = wrong or device.fault_text
             rows.append(
-                [one["daemon"], device.name, texts.state(device), texts.motion(device), age, problem]
+                [
+                    one["daemon"],
+                    device.name,
+                    texts.state(device),
+                    texts.motion(device),
+                    age,
+                    problem,
+                ]
             )
         if not one["devices"]:
             rows.append([one["daemon"], "-", "-", "-", age, wrong])
@@ -273,7 +284,7 @@ def demo(
         if not as_json:
             say(*_table(cell_of))
         request = parse({
-            "keyframes": [{"rotation_vector": [0.0, 0.0, 0.8]}, {"rotation_vector": [0.4, 0.3, 0.0]}],
+            "keyframes": [{"rotation_vector": [0, 0, 0.8]}, {"rotation_vector": [0.4, 0.3, 0]}],
             "approach": True,
         })  # fmt: skip
         together = move_together(

@@ -1,4 +1,4 @@
-"""Calls that come by the gateway: to the same handlers as the control socket's, by the same check."""
+"""Calls that come by the gateway, to the control socket's handlers, behind the same check."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class _Context:
         return _CODES.get(self.status.code)
 
     def details(self) -> str:
-        return self.status.message
+        return str(self.status.message)
 
     async def abort(
         self, code: grpc.StatusCode, text: str, trailing: Sequence[tuple[str, bytes]] = ()
@@ -76,7 +76,7 @@ async def carry(find: FindHandler, method: str, peer: str, body: bytes, send: Se
     handler = await find(_Details(method))
     if handler is None or handler.request_streaming:
         text = f"{method} is for the control socket alone"
-        return _status(grpc.StatusCode.UNIMPLEMENTED, text).SerializeToString()
+        return _written(_status(grpc.StatusCode.UNIMPLEMENTED, text))
     context = _Context(peer)
     request = handler.request_deserializer(body)
     try:
@@ -86,11 +86,16 @@ async def carry(find: FindHandler, method: str, peer: str, body: bytes, send: Se
         else:
             await send(handler.response_serializer(await handler.unary_unary(request, context)))
     except _Refused:
-        return context.status.SerializeToString()
-    except Exception as error:
+        return _written(context.status)
+    except Exception as error:  # noqa: BLE001 - as gRPC: one call is no reason to end
         _log.exception("fleet: %s failed", method)
-        return _status(grpc.StatusCode.INTERNAL, repr(error)).SerializeToString()
+        return _written(_status(grpc.StatusCode.INTERNAL, repr(error)))
     return b""
+
+
+def _written(status: status_pb2.Status) -> bytes:
+    content: bytes = status.SerializeToString()
+    return content
 
 
 def _status(code: grpc.StatusCode, text: str) -> status_pb2.Status:

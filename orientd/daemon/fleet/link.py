@@ -1,4 +1,4 @@
-"""The daemon's end of the gateway process: start it, serve what it carries, tell it what happens."""
+"""The daemon's end of the gateway: start it, serve what it carries, tell it what happens."""
 
 from __future__ import annotations
 
@@ -18,8 +18,7 @@ from orientd.config import Settings
 from orientd.daemon.access import Admission, ClientCertificate, Process, StartupGate
 from orientd.daemon.fleet.carried import carry
 from orientd.errors import ConfigError, OrientdError
-from orientd.fleet import read_header, write_frame, zenoh_configuration
-from orientd.fleet.frames import LENGTHS, Header
+from orientd.fleet import LENGTHS, Header, read_header, write_frame, zenoh_configuration
 from orientd.rpc import control_pb2 as pb
 
 if TYPE_CHECKING:
