@@ -74,12 +74,15 @@ class Stopped:
         daemon: its name.
         devices: of each ``name``, ``state`` and ``motion`` as the stop met them.
         seconds: from the call until its answer was here.
+        taken_after: from the call until its servos had taken the stop, by its clock and what is
+            known of that, s; ``None`` where nothing is.
         problem: why it is not known to have stopped; empty if it is.
     """
 
     daemon: str
     devices: Sequence[dict[str, Any]]
     seconds: float
+    taken_after: float | None = None
     problem: str = ""
 
 
@@ -163,6 +166,7 @@ class Fleet:
     Attributes:
         cell: its name.
         caller: who asks.
+        states: how many were heard of all daemons together.
     """
 
     def __init__(self, session: zenoh.Session, *, cell: str, caller: str) -> None:
@@ -174,6 +178,7 @@ class Fleet:
         self._news = threading.Condition()
         self._daemons: set[str] = set()
         self._heard: dict[str, Heard] = {}
+        self.states = 0
         self._clocks: dict[str, ClockOffset] = {}
         live, presence = session.liveliness(), keys.presence(cell, caller, str(session.zid()))
         self._declared = [
@@ -254,6 +259,7 @@ class Fleet:
         state = pb.GetStateResponse.FromString(sample.payload.to_bytes())
         heard = Heard(state, told.get("time_ns", 0), time.monotonic_ns())
         with self._news:
+            self.states += 1
             self._heard[keys.daemon_of(str(sample.key_expr))] = heard
             self._news.notify_all()
 
@@ -288,8 +294,10 @@ class Fleet:
             if reply.ok is not None:
                 name, seconds = keys.daemon_of(str(reply.ok.key_expr)), time.monotonic_ns() - began
                 told = json.loads(reply.ok.payload.to_bytes())
-                problem = told.get("error", "")
-                answers.put(Stopped(name, told.get("devices") or (), seconds * 1e-9, problem))
+                offset = self.clock(name).at(began)
+                taken = None if offset is None else (told["time_ns"] - offset.ns - began) * 1e-9
+                devices, problem = told.get("devices") or (), told.get("error", "")
+                answers.put(Stopped(name, devices, seconds * 1e-9, taken, problem))
 
         key = keys.as_caller(self.cell, "*", self.caller, "stop")
         self._session.get(
@@ -309,7 +317,7 @@ class Fleet:
                 break
             found[answer.daemon] = answer
         for name in expected - found.keys():
-            found[name] = Stopped(name, (), timeout, "has not acknowledged the stop")
+            found[name] = Stopped(name, (), timeout, problem="has not acknowledged the stop")
         return [found[name] for name in sorted(found)]
 
     def channel(self, daemon: str) -> FleetChannel:
