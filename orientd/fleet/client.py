@@ -7,7 +7,7 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -267,11 +267,17 @@ class Fleet:
         """Return what is known of a daemon's clock."""
         key = keys.as_caller(self.cell, daemon, self.caller, "clock")
 
-        def ask() -> int | None:
-            for reply in self._session.get(key, timeout=_ASK_TIMEOUT, express=True):
+        def ask(hear: Callable[[int], None]) -> None:
+            def take(reply: zenoh.Reply) -> None:
                 if reply.ok is not None:
-                    return int.from_bytes(reply.ok.payload.to_bytes(), "little")
-            return None
+                    hear(int.from_bytes(reply.ok.payload.to_bytes(), "little"))
+
+            # In Zenoh's own thread: a thread of ours would be one more to wait for.
+            answer = self._zenoh.handlers.Callback(take, indirect=False)
+            self._session.get(
+                key, answer, timeout=_ASK_TIMEOUT, priority=self._zenoh.Priority.REAL_TIME,
+                express=True,
+            )  # fmt: skip
 
         with self._news:
             return self._clocks.setdefault(daemon, ClockOffset(ask))

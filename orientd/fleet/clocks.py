@@ -8,6 +8,7 @@ drift.
 
 from __future__ import annotations
 
+import functools
 import threading
 import time
 from collections import deque
@@ -20,11 +21,17 @@ KEPT = 256
 DRIFT = 5e-4
 """The most by which two clocks run apart, s per s: as much as the kernel ever slews one."""
 
-BURST = 20
+BURST = 40
 """Round trips of one measurement."""
 
-Ask = Callable[[], int | None]
-"""Returns the other clock's reading, ns; ``None`` where nobody answers."""
+SPACING = 0.005
+"""How long an answer is waited for before the next question is sent, s: a slow link is not idle."""
+
+PATIENCE = 1.0
+"""How long the last answers are waited for, s."""
+
+Ask = Callable[[Callable[[int], None]], object]
+"""Asks for the other clock's reading, ns, and hands it to a function once it is here."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,16 +75,21 @@ class ClockOffset:
         self._trips: deque[_Trip] = deque(maxlen=KEPT)
 
     def measure(self, trips: int = BURST) -> Offset | None:
-        """Make some round trips; return the offset now, ``None`` where nobody has ever answered."""
-        for _ in range(trips):
-            asked = self._now_ns()
-            there = self._ask()
-            answered = self._now_ns()
-            if there is None:
-                break
-            with self._lock:
-                self._trips.append(_Trip(asked, answered, there))
+        """Make some round trips; return the offset now, ``None`` where nobody ever answered."""
+        heard = [threading.Event() for _ in range(trips)]
+        for is_heard in heard:
+            self._ask(functools.partial(self._hear, self._now_ns(), is_heard))
+            is_heard.wait(SPACING)
+        end = time.monotonic() + PATIENCE
+        for is_heard in heard:
+            is_heard.wait(max(0.0, end - time.monotonic()))
         return self.at(self._now_ns())
+
+    def _hear(self, asked_ns: int, is_heard: threading.Event, there_ns: int) -> None:
+        answered_ns = self._now_ns()
+        with self._lock:
+            self._trips.append(_Trip(asked_ns, answered_ns, there_ns))
+        is_heard.set()
 
     def at(self, time_ns: int) -> Offset | None:
         """Return the offset at a time of our clock, by the trip that bounds it best."""

@@ -1,5 +1,6 @@
 """A cell on this machine: how soon all stop, how far apart motions start, what 64 daemons take."""
 
+import itertools
 import os
 import statistics
 import subprocess
@@ -9,12 +10,10 @@ import time
 from pathlib import Path
 
 import pytest
+from fleet_cell import RunningCell
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "system"))
-from fleet_cell import RunningCell  # noqa: E402 - found by the line above
-
-from orientd.fleet import FleetMotion, move_together  # noqa: E402
-from orientd.motion_file import parse  # noqa: E402
+from orientd.fleet import FleetMotion, move_together
+from orientd.motion_file import parse
 
 pytest.importorskip("zenoh")
 pytestmark = [pytest.mark.bench, pytest.mark.timeout(900)]
@@ -98,12 +97,13 @@ def used(process):
 
 
 def gateways(cell):
-    found = []
-    for process in cell.processes.values():
-        for child in Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split():
-            if b"orientd.fleet" in Path(f"/proc/{child}/cmdline").read_bytes():
-                found.append(int(child))
-    return found
+    pids = [process.pid for process in cell.processes.values()]
+    children = [Path(f"/proc/{pid}/task/{pid}/children").read_text().split() for pid in pids]
+    return [
+        int(child)
+        for child in itertools.chain(*children)
+        if b"orientd.fleet" in Path(f"/proc/{child}/cmdline").read_bytes()
+    ]
 
 
 def test_64_daemons_at_10_hz(folder, capsys):

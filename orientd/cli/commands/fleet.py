@@ -34,6 +34,9 @@ Ca = Annotated[Path | None, typer.Option("--ca", help="Of everybody; default: $O
 STALE = 1.0
 """Age at which what a daemon said counts as stale, s."""
 
+STOP_PRIORITY = 10
+"""Of SCHED_FIFO, where the command may have it: whatever else runs can wait for a stop."""
+
 _FIRST = 1.0
 """How long the first state of a daemon may take, s."""
 
@@ -158,6 +161,9 @@ def stop(
     as_json: AsJson = False,
 ) -> None:
     """Stop every device of the cell by one message, which each daemon acknowledges."""
+    from orientd.servo import set_scheduling
+
+    set_scheduling(STOP_PRIORITY)
     with _connected(connect, cell, cert, key, ca) as cell_of:
         answers = cell_of.stop(is_quickest=halt)
     silent = [one for one in answers if one.problem]
