@@ -15,6 +15,7 @@ import signal
 import socket
 import threading
 import time
+from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -35,6 +36,10 @@ PRIORITY = 10
 
 MOST_CALLS = 256
 """Calls under way at the same time, of all callers together."""
+
+
+KEPT = 256
+"""Clients that have left whose calls may still be on their way."""
 
 
 @dataclass
@@ -73,6 +78,8 @@ class Gateway:
         self._lock = threading.Lock()
         self._numbers = itertools.count(1)
         self._calls: dict[int, _Call] = {}
+        self._sessions: set[str] = set()
+        self._gone: deque[str] = deque(maxlen=KEPT)
         self._session = session = open_session(begin["zenoh"])
         self._barrier = StartBarrier(self._name, self._say)
         self._state = session.declare_publisher(
@@ -95,7 +102,7 @@ class Gateway:
                 self._key("as/*/clock"), zenoh.handlers.Callback(self._tell_time, indirect=False)
             ),
             session.declare_subscriber(keys.of_daemon(cell, "*", "ready/*"), self._hear_ready),
-            live.declare_subscriber(keys.presence(cell, "*", "*"), self._miss_caller),
+            live.declare_subscriber(keys.all_presences(cell), self._hear_caller, history=True),
             live.declare_subscriber(keys.of_daemon(cell, "*", "alive"), self._miss_daemon),
             live.declare_token(self._key("alive")),
         ]
@@ -127,8 +134,11 @@ class Gateway:
         number = next(self._numbers)
         with self._lock:
             is_room = len(self._calls) < MOST_CALLS
-            if is_room:
+            is_gone = call.session in self._gone
+            if is_room and not is_gone:
                 self._calls[number] = call
+        if is_gone:
+            return
         if not is_room:
             text = f"at most {MOST_CALLS} calls at the same time over the fleet"
             query.reply_err(json.dumps({"busy": text}).encode())
@@ -146,7 +156,7 @@ class Gateway:
             parts=int(start["parts"]),
             start_ns=int(start["start_ns"]),
             until_ns=int(start["until_ns"]),
-            begin=lambda: self._send(header, body),
+            begin=lambda: self._begin(call, header, body),
             refuse=lambda why: self._refuse(number, why),
             drop=lambda: self._send({"cancel": number}),
         )
@@ -192,9 +202,27 @@ class Gateway:
                 self._barrier.fail(call.start, "its caller has gone away")
             self._send({"cancel": number})
 
-    def _miss_caller(self, sample: zenoh.Sample) -> None:
-        if sample.kind == self._zenoh.SampleKind.DELETE:
-            self._cancel_all(session=keys.last_of(str(sample.key_expr)))
+    def _hear_caller(self, sample: zenoh.Sample) -> None:
+        session = keys.last_of(str(sample.key_expr))
+        if sample.kind == self._zenoh.SampleKind.PUT:
+            with self._lock:
+                self._sessions.add(session)
+            return
+        with self._lock:
+            self._sessions.discard(session)
+            self._gone.append(session)
+        self._cancel_all(session=session)
+
+    def _begin(self, call: _Call, header: Header, body: bytes) -> None:
+        """Hand the motion of a start on to the daemon, if whoever asked is still there."""
+        # What they asked and that they have left come by different threads.
+        with self._lock:
+            is_there = call.session in self._sessions
+        if is_there:
+            self._send(header, body)
+        else:
+            self._barrier.fail(call.start, "its caller has gone away")
+            self._refuse(header["call"], "its caller has gone away")
 
     # Starts
 

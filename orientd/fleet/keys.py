@@ -44,8 +44,13 @@ def as_caller(cell: str, daemon: str, caller: str, what: str) -> str:
 
 
 def presence(cell: str, caller: str, session: str) -> str:
-    """Return the key of a client's liveliness token."""
+    """Return the key of a client's liveliness token; *session* may be ``*``."""
     return f"{ROOT}/{cell}/callers/{spelt(caller)}/{session}"
+
+
+def all_presences(cell: str) -> str:
+    """Return the key of the liveliness tokens of all clients."""
+    return f"{ROOT}/{cell}/callers/*/*"
 
 
 def daemon_of(key: str) -> str:

@@ -32,7 +32,7 @@ class SlowLink:
 
     async def _serve(self):
         self._ending = asyncio.Event()
-        self._carrying = set()
+        self._carrying, self._writers = set(), []
         server = await asyncio.start_server(self._meet, "127.0.0.1", 0)
         self.port = server.sockets[0].getsockname()[1]
         self._ready.set()
@@ -41,9 +41,14 @@ class SlowLink:
         for one in self._carrying:
             one.cancel()
         await asyncio.gather(*self._carrying, return_exceptions=True)
+        for writer in self._writers:
+            writer.transport.abort()
+        await asyncio.sleep(0)  # for the loop to let go of them
+        await server.wait_closed()
 
     async def _meet(self, reader, writer):
         there, back = await asyncio.open_connection("127.0.0.1", self._to)
+        self._writers += [back, writer]
         for source, into in ((reader, back), (there, writer)):
             queue = asyncio.Queue()
             for work in (self._take(source, queue), self._hand_on(queue, into)):
