@@ -1,9 +1,10 @@
 """Where another machine's monotonic clock stands against ours, and within what bound.
 
 A daemon that answers with its clock at some instant between our question and its answer has an
-offset somewhere between two values as far apart as the round trip took (Cristian, 1989).  The
-shortest of many round trips is the tightest; what is older has become looser by what clocks may
-drift.
+offset somewhere between two values as far apart as the round trip took (Cristian, 1989); what is
+older has become looser by what clocks may drift.  All of many round trips hold at once, so the
+offset is in what their intervals have in common (Marzullo, 1984): that is the bound.  Within it the
+estimate is the mean of the shortest trips, in which the two ways differ least.
 """
 
 from __future__ import annotations
@@ -26,6 +27,9 @@ BURST = 40
 
 SPACING = 0.005
 """How long an answer is waited for before the next question is sent, s: a slow link is not idle."""
+
+SHORTEST = 4
+"""One trip in so many, the shortest, counts for the estimate."""
 
 PATIENCE = 1.0
 """How long the last answers are waited for, s."""
@@ -91,8 +95,25 @@ class ClockOffset:
             self._trips.append(_Trip(asked_ns, answered_ns, there_ns))
         is_heard.set()
 
+    @property
+    def round_trip_ns(self) -> int:
+        """How long a round trip takes, all but the slowest of the last; 0 before the first."""
+        with self._lock:
+            last = sorted(trip.answered_ns - trip.asked_ns for trip in list(self._trips)[-BURST:])
+        return last[len(last) * 9 // 10] if last else 0
+
     def at(self, time_ns: int) -> Offset | None:
-        """Return the offset at a time of our clock, by the trip that bounds it best."""
+        """Return the offset at a time of our clock; ``None`` before the first trip."""
         with self._lock:
             offsets = [trip.offset(time_ns) for trip in self._trips]
-        return min(offsets, key=lambda offset: offset.bound_ns, default=None)
+        if not offsets:
+            return None
+        offsets.sort(key=lambda offset: offset.bound_ns)
+        low = max(offset.ns - offset.bound_ns for offset in offsets)
+        high = min(offset.ns + offset.bound_ns for offset in offsets)
+        if low > high:  # of a machine that was suspended, or a clock that ran faster than any may
+            return offsets[0]
+        shortest = offsets[: max(1, len(offsets) // SHORTEST)]
+        mean = sum(offset.ns for offset in shortest) // len(shortest)
+        ns = min(max(mean, low), high)
+        return Offset(ns, max(ns - low, high - ns))

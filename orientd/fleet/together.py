@@ -119,7 +119,7 @@ def move_together(
         offsets = dict(
             zip(robots, pool.map(lambda name: _offset(fleet, name), robots), strict=True)
         )
-        starts, start_ns = _starts(ordered, offsets, start_in)
+        starts, start_ns = _starts(fleet, ordered, offsets, start_in)
         tell(f"starting in {(start_ns - time.monotonic_ns()) * 1e-9:.2f} s")
         begun = [
             pool.submit(
@@ -162,10 +162,10 @@ def _offset(fleet: Fleet, daemon: str) -> Offset:
 
 
 def _starts(
-    ordered: Sequence[FleetMotion], offsets: dict[str, Offset], start_in: float
+    fleet: Fleet, ordered: Sequence[FleetMotion], offsets: dict[str, Offset], start_in: float
 ) -> tuple[dict[str, StartAt], int]:
     """Return when each daemon is to begin, on its clock; and when that is on ours."""
-    trip_ns = 2 * max(offset.bound_ns for offset in offsets.values())
+    trip_ns = max(fleet.clock(name).round_trip_ns for name in offsets)
     margin_ns = max(LEAST_MARGIN_NS, _TRIPS * trip_ns)
     ahead_ns = max(round(start_in * 1e9), 2 * margin_ns + _ARMING_NS)
     start_ns = time.monotonic_ns() + ahead_ns

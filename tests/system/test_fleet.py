@@ -141,7 +141,7 @@ def test_none_begins_where_one_was_never_asked(cell, fleet):
         robot.acquire_lease()
         plan = robot.plan(turn(0.5))
         offsets = {name: fleet.clock(name).measure() for name in cell.names}
-        starts, _ = module._starts(motions, offsets, 0.5)
+        starts, _ = module._starts(fleet, motions, offsets, 0.5)
         with pytest.raises(StateError, match="arm-2 was not ready in time"):
             robot.move(plan, start_time=starts["arm-1"])
     assert poses(cell) == before
