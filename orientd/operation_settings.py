@@ -97,7 +97,9 @@ class AccessSettings(Table):
         audit_bytes: how large that file becomes before another is begun.
         audit_files: how many of those before it are kept.
         message_bytes: the largest message.
-        keyframes: the most of one motion.
+        keyframes: the most of one motion in one message.
+        streamed_bytes: the largest motion that comes in pieces, as clients send a large one.
+        streamed_keyframes: the most of one that comes in pieces.
         requests_per_second: of one connection, over time, and a quarter of those of one identity
             over all of its connections; stops do not count.
         streams: calls of one identity at the same time; 16 more under a lease of its own.
@@ -110,8 +112,10 @@ class AccessSettings(Table):
     audit: SomePath | None = None
     audit_bytes: Annotated[int, Field(ge=4096)] = 10 * MEBIBYTE
     audit_files: Annotated[int, Field(ge=1, le=1000)] = 5
-    message_bytes: Annotated[int, Field(ge=4096, le=512 * MEBIBYTE)] = 64 * MEBIBYTE
-    keyframes: Count = 200_000
+    message_bytes: Annotated[int, Field(ge=4096, le=512 * MEBIBYTE)] = 1_500_000
+    keyframes: Count = 20_000
+    streamed_bytes: Annotated[int, Field(ge=4096, le=512 * MEBIBYTE)] = 64 * MEBIBYTE
+    streamed_keyframes: Count = 200_000
     requests_per_second: Count = 2000
     streams: Count = 128
     connections: Count = 128

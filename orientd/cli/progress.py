@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from orientd.cli import texts
 from orientd.cli.output import is_terminal, say
-from orientd.rpc import Progress
+from orientd.rpc import STALE, Progress
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
@@ -62,6 +62,7 @@ class LiveLine:
             completed=progress.path_time,
             times=f"{progress.path_time:.2f}/{progress.duration:.2f} s",
             figures=_figures(progress),
+            heard=time.monotonic(),
         )
 
 
@@ -74,17 +75,28 @@ def view(title: str, *, is_silent: bool) -> Iterator[ProgressView]:
         yield Lines()
     else:
         # Rich takes its time to import, and most commands have no use for it.
-        from rich.progress import BarColumn, TextColumn
+        from rich.progress import BarColumn, ProgressColumn, Task, TextColumn
         from rich.progress import Progress as Bar
+        from rich.text import Text
+
+        class Age(ProgressColumn):
+            """How old the line is, once that is worth a word."""
+
+            def render(self, task: Task) -> Text:
+                age = time.monotonic() - task.fields["heard"]
+                return Text(f"{age:.0f} s old" if age > STALE else "", style="bold red")
 
         columns = (
             TextColumn("{task.description}"),
             BarColumn(bar_width=20),
             TextColumn("{task.fields[times]}"),
+            Age(),
             TextColumn("{task.fields[figures]}", style="dim"),
         )
         with Bar(*columns) as bar:
-            yield LiveLine(bar, bar.add_task(title, total=1.0, times="", figures=""))
+            now = time.monotonic()
+            task = bar.add_task(title, total=1.0, times="", figures="", heard=now)
+            yield LiveLine(bar, task)
 
 
 def _figures(progress: Progress) -> str:

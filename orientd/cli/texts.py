@@ -57,11 +57,25 @@ def state(device: DeviceReport) -> str:
     """Return what a device is doing."""
     if device.state is ServoState.FAULT:
         return f"fault {device.fault.name.lower()}: {device.fault_text}"
+    if device.is_stale:
+        last = device.state.name.lower()
+        return f"unknown: no cycle for {device.cycle_age:.1f} s; {last} when last heard of"
     if device.is_paused:
         return "paused"
     if device.is_free:
         return "can be moved by hand"
     return device.state.name.lower()
+
+
+def age(seconds: float | None) -> str:
+    """Return how long ago something was, if it was.
+
+    >>> age(0.0021), age(3.21), age(None)
+    ('2.1 ms ago', '3.2 s ago', 'never')
+    """
+    if seconds is None:
+        return "never"
+    return f"{seconds * 1e3:.1f} ms ago" if seconds < 1.0 else f"{seconds:.1f} s ago"
 
 
 def peak(measured: Peak, unit: str) -> str:

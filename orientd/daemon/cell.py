@@ -25,6 +25,7 @@ from orientd.daemon.motion_starter import MotionStarter
 from orientd.daemon.motions import ActiveMotions, PlanStore
 from orientd.daemon.observe import FlightRecorder, Journal
 from orientd.daemon.planners import (
+    LargeRequests,
     PlanCall,
     PlannedMotion,
     PlannerDevice,
@@ -41,7 +42,7 @@ from orientd.one_line import one_line
 from orientd.rpc import Outcome
 
 if TYPE_CHECKING:
-    pass
+    from orientd.operation_settings import AccessSettings
 
 _log = logging.getLogger(__name__)
 
@@ -96,8 +97,9 @@ class Cell:
             [planner_device(device) for device in settings.devices.values()],
             processes=settings.planner.processes or default_processes(),
             timeout=settings.planner.plan_timeout,
-            most_keyframes=settings.access.keyframes,
         )
+        self.large = LargeRequests(0)
+        self.bound(settings.access)
         self._commanders = ThreadPoolExecutor(COMMANDERS, thread_name_prefix="command")
         self.starter = MotionStarter(
             self.runs,
@@ -115,6 +117,12 @@ class Cell:
         self.runs.hear(event)
         self.journal.hear(event)
         self._flight.hear(event)
+
+    def bound(self, access: AccessSettings) -> None:
+        """Take motions of the sizes that *access* permits from now on."""
+        self.keyframes = access.keyframes
+        self.streamed_keyframes = access.streamed_keyframes
+        self.large.most_bytes = access.streamed_bytes
 
     # Life
 

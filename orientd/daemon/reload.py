@@ -13,6 +13,8 @@ CHANGEABLE = (
     "access.groups",
     "access.certificates",
     "access.keyframes",
+    "access.streamed_bytes",
+    "access.streamed_keyframes",
     "access.requests_per_second",
     "access.streams",
     "tcp.certificate",

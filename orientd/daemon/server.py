@@ -180,7 +180,7 @@ class _Daemon:
             _log.error("reload: nothing changed: %s", error)
             return
         logging.getLogger().setLevel(settings.daemon.log_level.upper())
-        cell.planners.most_keyframes = settings.access.keyframes
+        cell.bound(settings.access)
         is_measured_anew = settings.metrics != self._settings.metrics
         self._settings = settings
         if is_measured_anew:

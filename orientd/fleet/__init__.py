@@ -9,7 +9,7 @@ from orientd.lazy import lazily
 if TYPE_CHECKING:
     from orientd.fleet.access import zenoh_configuration
     from orientd.fleet.channel import FleetChannel
-    from orientd.fleet.client import Fleet, FleetMember, Heard, Stopped, connect_fleet, robot_at
+    from orientd.fleet.client import Fleet, FleetMember, Heard, Stopped, connect_fleet
     from orientd.fleet.clocks import ClockOffset
     from orientd.fleet.frames import LENGTHS, Header, read_header, write_frame
     from orientd.fleet.plan_file import FleetMotion, read_plan

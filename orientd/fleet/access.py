@@ -20,6 +20,9 @@ from orientd.rpc import check_folder
 LINK_LEASE_MS = 3000
 """After how long without a sign of life a link is given up."""
 
+LARGEST_BYTES = 16 * 1024 * 1024
+"""Of a message; what the daemon takes is less."""
+
 _WATCHING = ("declare_liveliness_subscriber", "liveliness_query")
 _ANSWERING = ("put", "delete", "reply", "declare_queryable", "declare_subscriber",
               "liveliness_token", *_WATCHING)  # fmt: skip
@@ -97,6 +100,7 @@ def basic_configuration(
         # By these, daemons that know one of them find the others.
         "scouting/gossip/enabled": True,
         "transport/link/tx/lease": LINK_LEASE_MS,
+        "transport/link/rx/max_message_size": LARGEST_BYTES,
         "transport/link/protocols": [TLS.rstrip("/"), UNIX.rstrip("/")],
         # Twice as many bytes more, for nothing that is shared here.
         "transport/shared_memory/enabled": False,

@@ -183,9 +183,17 @@ class _Method:
 class FleetChannel(grpc.Channel):
     """A channel to a daemon of a cell."""
 
-    def __init__(self, session: zenoh.Session, *, cell: str, daemon: str, caller: str) -> None:
-        """Call *daemon* of *cell* as *caller*, over *session*, which outlives this channel."""
-        self._session = session
+    def __init__(
+        self,
+        session: zenoh.Session,
+        *,
+        cell: str,
+        daemon: str,
+        caller: str,
+        on_close: Callable[[], object],
+    ) -> None:
+        """Call *daemon* of *cell* as *caller*, over *session*; tell *on_close* of the end."""
+        self._session, self._on_close = session, on_close
         self._cell, self._daemon, self._caller = cell, daemon, caller
         self._numbers = itertools.count(1)
         self._open: set[_Answers] = set()
@@ -263,6 +271,7 @@ class FleetChannel(grpc.Channel):
         """End every call."""
         for answers in list(self._open):
             answers.cancel()
+        self._on_close()
 
     def __enter__(self) -> Self:
         return self

@@ -55,15 +55,49 @@ class FleetMember(Way):
     fleet: Fleet | None = None
     name: str = ""
 
+    @classmethod
+    def at(
+        cls,
+        address: str,
+        certificate: str | Path | None,
+        key: str | Path | None,
+        ca: str | Path | None,
+    ) -> FleetMember:
+        """Return the way to ``fleet:NAME``, of the cell that the environment names.
+
+        The certificates are as for :func:`connect_fleet`.
+        """
+        name = address.removeprefix(ADDRESS)
+        return cls(
+            _kept(name),
+            address,
+            certificate=None if certificate is None else Path(certificate),
+            key=None if key is None else Path(key),
+            ca=None if ca is None else Path(ca),
+            name=name,
+        )
+
     def why_not(self) -> OrientdError | None:
         """Return nothing: whether a daemon is there is what the call has found out."""
         return None
 
     def open(self) -> grpc.Channel:
-        """Return a channel to the daemon."""
-        if self.fleet is None:
-            raise DaemonError(f"{self.address} is in no cell")
-        return self.fleet.channel(self.name)
+        """Return a channel to the daemon; without a fleet, one that ends its own.
+
+        Raises:
+            DaemonError: there is no such daemon, or no such cell.
+        """
+        if self.fleet is not None:
+            return self.fleet.channel(self.name)
+        fleet = connect_fleet(
+            wait_for=[self.name], certificate=self.certificate, key=self.key, ca=self.ca
+        )
+        return fleet.channel(self.name, on_close=fleet.close)
+
+
+def _kept(name: str) -> Path:
+    """Return where what belongs to a daemon of a cell is kept."""
+    return default_socket().with_name(f"{name}.fleet")
 
 
 @dataclass(frozen=True, slots=True)
@@ -326,14 +360,22 @@ class Fleet:
             found[name] = Stopped(name, (), timeout, problem="has not acknowledged the stop")
         return [found[name] for name in sorted(found)]
 
-    def channel(self, daemon: str) -> FleetChannel:
-        """Return a channel to a daemon, for a stub of the protocol."""
-        return FleetChannel(self._session, cell=self.cell, daemon=daemon, caller=self.caller)
+    def channel(
+        self, daemon: str, *, on_close: Callable[[], object] = lambda: None
+    ) -> FleetChannel:
+        """Return a channel to a daemon, for a stub of the protocol.
+
+        Args:
+            daemon: its name.
+            on_close: called when the channel is closed.
+        """
+        return FleetChannel(
+            self._session, cell=self.cell, daemon=daemon, caller=self.caller, on_close=on_close
+        )
 
     def way(self, daemon: str) -> FleetMember:
         """Return the way to a daemon."""
-        kept = default_socket().with_name(f"{self.cell}-{daemon}.fleet")
-        return FleetMember(kept, f"{self.cell}/{daemon}", fleet=self, name=daemon)
+        return FleetMember(_kept(daemon), f"{self.cell}/{daemon}", fleet=self, name=daemon)
 
     def robot(self, daemon: str, *, holder: str = "", timeout: float = 30.0) -> Robot:
         """Return a daemon as :func:`orientd.connect` does: every call but ``track`` works.
@@ -351,38 +393,3 @@ class Fleet:
             robot.close()
             raise
         return robot
-
-
-class _OwnedRobot(Robot):
-    """A robot that is the only use of its fleet."""
-
-    fleet: Fleet
-
-    def close(self) -> None:
-        """Give everything back, and leave the cell."""
-        super().close()
-        self.fleet.close()
-
-
-def robot_at(
-    address: str,
-    *,
-    certificate: str | Path | None,
-    key: str | Path | None,
-    ca: str | Path | None,
-    holder: str,
-    share: str,
-    timeout: float,
-) -> Robot:
-    """Return the daemon at ``fleet:DAEMON``, of the cell that the environment names.
-
-    The other arguments are those of :func:`orientd.connect`.
-
-    Raises:
-        DaemonError: there is no such daemon, or no such cell.
-    """
-    name = address.removeprefix(ADDRESS)
-    fleet = connect_fleet(wait_for=[name], certificate=certificate, key=key, ca=ca)
-    robot = _OwnedRobot(fleet.way(name), holder=holder, share=share, timeout=timeout)
-    robot.fleet = fleet
-    return robot

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from orientd.rpc.move_handle import MoveHandle
     from orientd.rpc.observer import Observer
     from orientd.rpc.reports import (
+        STALE,
         CellReport,
         DaemonReport,
         DeviceReport,

@@ -27,9 +27,11 @@ from orientd.rpc.observer import Observer
 from orientd.rpc.reports import CellReport, OnTarget, Plan
 from orientd.rpc.wire import (
     configured_from_message,
+    cut_motion,
     cycle_from_message,
     daemon_from_message,
     device_from_message,
+    in_pieces,
     method_from_message,
 )
 from orientd.stream import Cycle
@@ -57,8 +59,8 @@ def connect(
 
     Args:
         socket: where it listens; by default ``$ORIENTD_SOCKET``, or the user's runtime directory.
-        address: ``HOST:PORT``, where it listens for TLS, or ``fleet:NAME`` of a daemon of the
-            cell ``$ORIENTD_CELL``; by default ``$ORIENTD_ADDRESS`` unless *socket* is given.
+        address: ``HOST:PORT`` for TLS, or ``fleet:NAME`` in a cell; by default
+            ``$ORIENTD_ADDRESS`` unless *socket* is given.
         certificate: who this client is, a file; by default ``$ORIENTD_CERT``.
         key: of that certificate, a file; by default ``$ORIENTD_KEY``.
         ca: who has signed the daemon's certificate, a file; by default ``$ORIENTD_CA``.
@@ -71,18 +73,11 @@ def connect(
         DaemonError: no daemon answers there, or not to this certificate.
         AccessError: it does not let this user do anything.
     """
+    way = Way.find(socket, address, certificate, key, ca)
     program = Path(sys.argv[0]).name or "python"
     share = os.environ.get("ORIENTD_LEASE", "") if lease is None else lease
     holder = holder or f"{program}, process {os.getpid()}"
-    more: dict[str, Any] = {"holder": holder, "share": share, "timeout": timeout}
-    if address is None and socket is None:
-        address = os.environ.get("ORIENTD_ADDRESS", "")
-    if address and address.startswith("fleet:"):
-        from orientd.fleet import robot_at
-
-        robot = robot_at(address, certificate=certificate, key=key, ca=ca, **more)
-    else:
-        robot = Robot(Way.find(socket, address, certificate, key, ca), **more)
+    robot = Robot(way, holder=holder, share=share, timeout=timeout)
     try:
         robot.state()
     except OrientdError:
@@ -213,16 +208,18 @@ class Robot(Commands):
         from orientd.rpc.motion_request import motion_request
         from orientd.rpc.wire import from_request, plan_from_message, samples_from_messages
 
-        request = motion_request(keyframes, **wishes)
-        answer = self._connection.call(
-            self._stub.Plan,
-            pb.PlanRequest(
-                device=device,
-                motion=from_request(request),
-                sample_rate_hz=sample_rate_hz,
-                plan_timeout=_timeout(plan_timeout),
-            ),
+        request = pb.PlanRequest(
+            device=device,
+            motion=from_request(motion_request(keyframes, **wishes)),
+            sample_rate_hz=sample_rate_hz,
+            plan_timeout=_timeout(plan_timeout),
         )
+        motion = cut_motion(request)
+        if motion:
+            parts = in_pieces(pb.PlanLargeRequest, request, motion)
+            answer = self._connection.call(self._stub.PlanLarge, parts)
+        else:
+            answer = self._connection.call(self._stub.Plan, request)
         samples = samples_from_messages(answer.samples) if sample_rate_hz else None
         return plan_from_message(answer.plan, samples)
 
@@ -312,8 +309,13 @@ class Robot(Commands):
         if on_target is not None:
             request.on_target.CopyFrom(pb.OnTarget(**asdict(on_target)))
 
+        motion = cut_motion(request)
+
         def begin(token: str, number: int) -> Any:  # noqa: ANN401 - gRPC's
             request.lease_token, request.lease_sequence = token, number
+            if motion:
+                parts = in_pieces(pb.MoveLargeRequest, request, motion)
+                return self._connection.call(self._stub.MoveLarge, parts)
             return self._connection.call(self._stub.Move, request, metadata=metadata)
 
         self._moves = [move for move in self._moves if not move.is_done]

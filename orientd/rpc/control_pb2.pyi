@@ -457,7 +457,7 @@ class Device(_message.Message):
     def __init__(self, name: _Optional[str] = ..., driver: _Optional[str] = ..., rate_hz: _Optional[float] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., lead: _Optional[float] = ..., phase: _Optional[float] = ...) -> None: ...
 
 class DeviceReport(_message.Message):
-    __slots__ = ("device", "state", "fault", "fault_text", "is_paused", "speed", "motion_number", "motion_id", "path_time", "duration", "servo_pid", "scheduling", "is_memory_locked", "cycle", "motion_name", "is_free")
+    __slots__ = ("device", "state", "fault", "fault_text", "is_paused", "speed", "motion_number", "motion_id", "path_time", "duration", "servo_pid", "scheduling", "is_memory_locked", "cycle", "motion_name", "is_free", "cycle_age")
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     STATE_FIELD_NUMBER: _ClassVar[int]
     FAULT_FIELD_NUMBER: _ClassVar[int]
@@ -474,6 +474,7 @@ class DeviceReport(_message.Message):
     CYCLE_FIELD_NUMBER: _ClassVar[int]
     MOTION_NAME_FIELD_NUMBER: _ClassVar[int]
     IS_FREE_FIELD_NUMBER: _ClassVar[int]
+    CYCLE_AGE_FIELD_NUMBER: _ClassVar[int]
     device: Device
     state: State
     fault: Fault
@@ -490,7 +491,8 @@ class DeviceReport(_message.Message):
     cycle: Cycle
     motion_name: str
     is_free: bool
-    def __init__(self, device: _Optional[_Union[Device, _Mapping]] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., fault_text: _Optional[str] = ..., is_paused: bool = ..., speed: _Optional[float] = ..., motion_number: _Optional[int] = ..., motion_id: _Optional[str] = ..., path_time: _Optional[float] = ..., duration: _Optional[float] = ..., servo_pid: _Optional[int] = ..., scheduling: _Optional[str] = ..., is_memory_locked: bool = ..., cycle: _Optional[_Union[Cycle, _Mapping]] = ..., motion_name: _Optional[str] = ..., is_free: bool = ...) -> None: ...
+    cycle_age: float
+    def __init__(self, device: _Optional[_Union[Device, _Mapping]] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., fault_text: _Optional[str] = ..., is_paused: bool = ..., speed: _Optional[float] = ..., motion_number: _Optional[int] = ..., motion_id: _Optional[str] = ..., path_time: _Optional[float] = ..., duration: _Optional[float] = ..., servo_pid: _Optional[int] = ..., scheduling: _Optional[str] = ..., is_memory_locked: bool = ..., cycle: _Optional[_Union[Cycle, _Mapping]] = ..., motion_name: _Optional[str] = ..., is_free: bool = ..., cycle_age: _Optional[float] = ...) -> None: ...
 
 class LeaseReport(_message.Message):
     __slots__ = ("holder", "remaining", "identity", "devices")
@@ -668,6 +670,14 @@ class PlanRequest(_message.Message):
     plan_timeout: float
     def __init__(self, device: _Optional[str] = ..., motion: _Optional[_Union[MotionRequest, _Mapping]] = ..., sample_rate_hz: _Optional[float] = ..., plan_timeout: _Optional[float] = ...) -> None: ...
 
+class PlanLargeRequest(_message.Message):
+    __slots__ = ("request", "piece")
+    REQUEST_FIELD_NUMBER: _ClassVar[int]
+    PIECE_FIELD_NUMBER: _ClassVar[int]
+    request: PlanRequest
+    piece: bytes
+    def __init__(self, request: _Optional[_Union[PlanRequest, _Mapping]] = ..., piece: _Optional[bytes] = ...) -> None: ...
+
 class PlanResponse(_message.Message):
     __slots__ = ("plan", "samples")
     PLAN_FIELD_NUMBER: _ClassVar[int]
@@ -721,6 +731,14 @@ class MoveRequest(_message.Message):
     lease_sequence: int
     start_ns: int
     def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., motion: _Optional[_Union[MotionRequest, _Mapping]] = ..., motion_id: _Optional[str] = ..., progress_rate_hz: _Optional[float] = ..., queue: bool = ..., blend_tolerance: _Optional[float] = ..., start_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., on_target: _Optional[_Union[OnTarget, _Mapping]] = ..., plan_timeout: _Optional[float] = ..., lease_sequence: _Optional[int] = ..., start_ns: _Optional[int] = ...) -> None: ...
+
+class MoveLargeRequest(_message.Message):
+    __slots__ = ("request", "piece")
+    REQUEST_FIELD_NUMBER: _ClassVar[int]
+    PIECE_FIELD_NUMBER: _ClassVar[int]
+    request: MoveRequest
+    piece: bytes
+    def __init__(self, request: _Optional[_Union[MoveRequest, _Mapping]] = ..., piece: _Optional[bytes] = ...) -> None: ...
 
 class OnTarget(_message.Message):
     __slots__ = ("tolerance", "rate", "settle_time", "timeout")

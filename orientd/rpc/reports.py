@@ -20,6 +20,10 @@ Outline = tuple["Floats", ...]
 """A device's shape: lines from point to point in the world, m, each of shape ``(n, 3)``."""
 
 
+STALE = 1.0
+"""s; what is older is no longer shown as what is."""
+
+
 def titled(number: int, name: str) -> str:
     """Return what to call a motion: its number, and its name where it has one.
 
@@ -291,6 +295,7 @@ class DeviceReport:
         phase: where in a period of the monotonic clock its cycles begin, as a share of it.
         motion_name: what the newest motion's request calls it; empty where it does not.
         is_free: whether it was let go, to be moved by hand.
+        cycle_age: how long before this report the newest cycle was due, s; 0 before the first.
     """
 
     name: str
@@ -314,6 +319,20 @@ class DeviceReport:
     phase: float = 0.0
     motion_name: str = ""
     is_free: bool = False
+    cycle_age: float = 0.0
+
+    @property
+    def feedback_age(self) -> float | None:
+        """How long before this report the device was measured, s; ``None`` where it never was."""
+        cycle = self.cycle
+        if cycle is None or not cycle.has_feedback:
+            return None
+        return self.cycle_age + cycle.feedback_age_ns * 1e-9
+
+    @property
+    def is_stale(self) -> bool:
+        """Whether a servo runs of which nothing was heard for longer than :data:`STALE`."""
+        return self.servo_pid is not None and self.cycle_age > STALE
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ import numpy as np
 import viser
 
 from orientd.rpc import Robot
-from orientd.viewer import web, words
+from orientd.viewer import freshness, web, words
 from orientd.viewer.charts import Charts
 from orientd.viewer.controls import Borrow, Controls, StopButtons
 from orientd.viewer.scene import RADIUS, Scene
@@ -72,6 +72,9 @@ class Page:
             raise
         self.port = server.get_port()
         self._status_text = ""
+        server.gui.add_html(freshness.HTML)
+        self._beat, self._beats = server.gui.add_html(""), 0
+        self._next_beat = 0.0
         self._status = server.gui.add_html("")
         self._stop = StopButtons(server, watcher)
         self._choice: Any = None
@@ -100,6 +103,10 @@ class Page:
     def _frame(self, now: float) -> None:
         sight = self._watcher.sight
         self._notice_pages(now)
+        if now >= self._next_beat:
+            self._next_beat = now + 1.0 / freshness.BEATS_HZ
+            self._beats += 1
+            self._beat.content = freshness.beat(self._beats)
         had_device = self._scene.has_device
         with self._server.atomic():
             self._scene.move(sight.cycle, sight.outline)
@@ -132,7 +139,13 @@ class Page:
             text = words.trouble(problem)
         else:
             is_ours = self._controls is not None and self._controls.is_ours(sight)
-            text = words.status(report, sight.cell.daemon, is_ours=is_ours, problem=problem)
+            text = words.status(
+                report,
+                sight.cell.daemon,
+                is_ours=is_ours,
+                problem=problem,
+                is_connected=not sight.problem,
+            )
         if text != self._status_text:
             self._status_text = self._status.content = text
 

@@ -12,16 +12,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from orientd.errors import DaemonError, OrientdError
-from orientd.rpc import CellReport, DeviceReport, Observer, Outline, Plan, Robot
+from orientd.rpc import STALE, CellReport, DeviceReport, Observer, Outline, Plan, Robot
 from orientd.stream import Cycle
 from orientd.viewer.strips import Strips
 
 BATCHES_HZ = 30.0
 POLL = 0.2
 """From one look at the state to the next, s."""
-
-LONGEST_SILENCE = 2.0
-"""s; after that what is shown is called old."""
 
 MOST_SAMPLES = 1500
 FASTEST_SAMPLES_HZ = 100.0
@@ -66,7 +63,12 @@ class Sight:
         if self.problem:
             return self.problem
         silent = now - self.seen
-        return f"no word from the daemon for {silent:.0f} s" if silent > LONGEST_SILENCE else ""
+        if silent > STALE:
+            return f"no word from the daemon for {silent:.0f} s"
+        report = self.report
+        if report is not None and report.is_stale:
+            return f"no cycle of its servo for {report.cycle_age + silent:.0f} s"
+        return ""
 
 
 def sample_rate(duration: float, device_hz: float) -> float:

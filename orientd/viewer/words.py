@@ -8,6 +8,7 @@ from orientd.errors import Fault
 from orientd.planner import Certificate, Peak
 from orientd.rpc import DaemonReport, DeviceReport, titled
 from orientd.stream import ServoState
+from orientd.viewer.freshness import SEEN, STATE
 
 FAULTS = {
     Fault.NONE: "no fault",
@@ -58,7 +59,14 @@ def lease(device: DeviceReport, daemon: DaemonReport, *, is_ours: bool) -> str:
     return f"held by {whose}" if held.holder else "free"
 
 
-def status(device: DeviceReport, daemon: DaemonReport, *, is_ours: bool, problem: str = "") -> str:
+def status(
+    device: DeviceReport,
+    daemon: DaemonReport,
+    *,
+    is_ours: bool,
+    problem: str = "",
+    is_connected: bool = True,
+) -> str:
     """Return the head of the page, as HTML.
 
     Args:
@@ -66,20 +74,32 @@ def status(device: DeviceReport, daemon: DaemonReport, *, is_ours: bool, problem
         daemon: whose it is.
         is_ours: whether this view holds the lease.
         problem: why what is shown is old; empty while it is not.
+        is_connected: whether the daemon answers.
     """
     sign, word, more = state(device)
     lines = []
     if problem:
-        lines.append(_banner("✕ Not connected", problem))
+        # What it was doing is not what it does.
+        sign, word, more = "?", "Unknown", f"{word.lower()} when last heard of"
+        lines.append(_banner("✕ Out of date" if is_connected else "✕ Not connected", problem))
     head = f'<span style="font-size:1.35em;font-weight:700">{sign} {escape(word)}</span>'
-    lines.append(f"<div>{head} {escape(more)}</div>")
+    lines.append(f'<div class="{STATE}">{head} {escape(more)}</div>')
     if device.state is ServoState.FAULT:
         lines.append(_banner(f"⚠ {FAULTS[device.fault]}", device.fault_text))
     lines.append(
         _row("Device", f"{device.name} ({device.driver}, {device.rate_hz:g} Hz)")
         + _row("Lease", lease(device, daemon, is_ours=is_ours))
+        + _row("Measured", measured(device))
     )
     return _page(*lines)
+
+
+def measured(device: DeviceReport) -> str:
+    """Return how long ago the device was measured, in steps that a reader can follow."""
+    age = device.feedback_age
+    if age is None:
+        return "never"
+    return "less than 0.1 s ago" if age < 0.1 else f"{age:.1f} s ago"
 
 
 def trouble(problem: str) -> str:
@@ -140,4 +160,4 @@ def _row(name: str, text: str) -> str:
 
 def _page(*lines: str) -> str:
     style = "padding:0 0.8em 0.5em;font-size:0.875em;line-height:1.45;overflow-wrap:anywhere"
-    return f'<div style="{style}">{"".join(lines)}</div>'
+    return f'<div class="{SEEN}" style="{style}">{"".join(lines)}</div>'

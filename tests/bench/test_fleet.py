@@ -141,6 +141,6 @@ def test_64_daemons_at_10_hz(folder, capsys):
     with capsys.disabled():
         print(
             f"\n{DAEMONS} daemons: {rate:.0f} states a second of {size} bytes, gateway "
-            f"{share:.2%} of a core each; stop: p50 {statistics.median(last) * 1e3:.1f} ms, largest "
-            f"{max(last) * 1e3:.1f} ms of 50"
+            f"{share:.2%} of a core each; stop: p50 {statistics.median(last) * 1e3:.1f} ms, "
+            f"largest {max(last) * 1e3:.1f} ms of 50"
         )

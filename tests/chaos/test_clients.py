@@ -100,8 +100,8 @@ def oversized(stage, generator, tally):
     """Send messages beyond the limit, and a long one that means nothing below it."""
     raw = Raw(stage)
     met = [raw.call("Plan", bytes(MAX_MESSAGE_BYTES + generator.randrange(1, 9_000_000)), 20.0)]
-    # 2 MB of a caller's name: Stop tells a part of it to whoever runs the motion.
-    stop = pb.StopRequest(device="nobody", caller="x" * 2_000_000)
+    # 1 MB of a caller's name: Stop tells a part of it to whoever runs the motion.
+    stop = pb.StopRequest(device="nobody", caller="x" * 1_000_000)
     met.append(raw.call("Stop", stop.SerializeToString()))
     for status in met:
         tally.met[status] += 1
@@ -200,7 +200,7 @@ def crowd(stage, generator, tally):
 KINDS = {
     silent: "20 clients that say nothing, or half of it, or half-close",
     garbage: "20 clients that send bytes that are no HTTP/2",
-    oversized: "messages beyond 64 MiB; a name of 2 MB",
+    oversized: "messages beyond 64 MiB; a name of 1 MB",
     fuzzed: "100 fuzzed protobuf messages",
     slow: "20 clients that ask for every cycle and read none",
     crowd: "1000 connections at once",

@@ -15,6 +15,8 @@ import grpc
 from every_call import SERVICE, requests
 from google.protobuf import message_factory
 
+from orientd.rpc import control_pb2 as pb
+
 CHANNELS = 4
 AT_ONCE = 16
 """Calls over one channel; all of them stay below what one identity may have open."""
@@ -83,6 +85,9 @@ def anything(rng, field):
             return rng.choice((rng.uniform(-2, 2), rng.uniform(0, 1), *FLOATS))
         case field.CPPTYPE_BOOL:
             return rng.random() < 0.5
+        case field.CPPTYPE_STRING if field.type == field.TYPE_BYTES:
+            motion = fill(rng, pb.MotionRequest()).SerializeToString()
+            return rng.choice((motion, motion[:-3], rng.randbytes(rng.randrange(50))))
         case field.CPPTYPE_STRING:
             return rng.choice(TEXTS)
         case field.CPPTYPE_INT32:

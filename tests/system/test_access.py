@@ -136,7 +136,7 @@ def as_user(cell, uid, *groups, token=""):
 
 
 NEED_LEASE = {
-    *("Move", "Track", "Pause", "Resume", "SetSpeed", "Enable", "Disable", "Reset"),
+    *("Move", "MoveLarge", "Track", "Pause", "Resume", "SetSpeed", "Enable", "Disable", "Reset"),
     *("RenewLease", "ReleaseLease", "TransferLease"),
 }
 

@@ -97,6 +97,28 @@ def test_a_message_too_large_or_a_motion_too_long_is_refused(tmp_path):
             assert call(daemon.channel, plan, [pb.PlanRequest(motion=motion)]) == code
 
 
+def test_a_large_motion_comes_in_pieces_and_in_order(tmp_path):
+    large = SERVICE.methods_by_name["PlanLarge"]
+    bounds = "keyframes = 50\nstreamed_keyframes = 500\nstreamed_bytes = 50000"
+    with limited(tmp_path, bounds) as daemon:
+
+        def codes(*messages):
+            return call(daemon.channel, large, messages)
+
+        def piece(count):
+            turns = [pb.Vector3(x=0.001 * k) for k in range(count)]
+            motion = pb.MotionRequest(keyframes=[pb.Keyframe(rotation_vector=x) for x in turns])
+            return pb.PlanLargeRequest(piece=motion.SerializeToString())
+
+        begin = pb.PlanLargeRequest(request=pb.PlanRequest())
+        # Messages of one type, one after the other, are the message of both.
+        assert codes(begin, piece(40), piece(40)) == "OK"
+        assert codes(begin, piece(400), piece(101)) == "INVALID_ARGUMENT"
+        assert codes(begin, *[piece(400)] * 10) == "INVALID_ARGUMENT"
+        for wrong in ([], [piece(3)], [begin, begin], [begin, pb.PlanLargeRequest()], [begin]):
+            assert codes(*wrong) == "INVALID_ARGUMENT"
+
+
 def test_bytes_that_are_no_request_are_refused_and_count_as_one(tmp_path):
     with limited(tmp_path, "requests_per_second = 1") as daemon, connection(daemon) as hasty:
         codes = [call(hasty, LOOK, [b"\xff\xff"]) for _ in range(6)]

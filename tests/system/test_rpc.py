@@ -28,6 +28,7 @@ from orientd.errors import (
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.motion_request import Quaternion
 from orientd.rpc.reports import Outcome
+from orientd.rpc.wire import cut_motion, in_pieces
 from orientd.stream import ServoState
 
 LEASE_SECONDS = 3.0
@@ -320,9 +321,10 @@ def test_a_hundred_thousand_keyframes_fit_through_the_socket(daemon):
     keyframes = [keyframe] * 100_000
     keyframes[-1] = pb.Keyframe(quaternion=pb.Quaternion(w=1.1))
     request = pb.PlanRequest(motion=pb.MotionRequest(keyframes=keyframes))
+    parts = in_pieces(pb.PlanLargeRequest, request, cut_motion(request))
     with pytest.raises(grpc.RpcError) as caught:
         # Longer than a plan may take by itself: reading them takes a busy machine its time.
-        daemon.stub.Plan(request, timeout=60.0)
+        daemon.stub.PlanLarge(parts, timeout=60.0)
     assert caught.value.code() is grpc.StatusCode.INVALID_ARGUMENT
     assert caught.value.details().startswith("keyframes[99999].")
 

@@ -5,6 +5,7 @@ import contextlib
 import io
 import os
 import shutil
+import signal
 
 import numpy as np
 import pytest
@@ -53,27 +54,41 @@ def browser():
 
 
 @contextlib.contextmanager
-def view_of(socket, browser, **window):
-    """Open the page of a daemon; ``orientd view`` must end in order with it."""
-    view = begin("view", "--no-open", "--port", 0, "--socket", socket)
-    line = view.stdout.readline()
-    assert line.startswith("ready"), (line, view.stderr.read())
-    opened = browser.new_page(**window)
+def view_of(socket):
+    """Begin ``orientd view``, which must end in order."""
+    process = begin("view", "--no-open", "--port", 0, "--socket", socket)
+    line = process.stdout.readline()
+    assert line.startswith("ready"), (line, process.stderr.read())
+    process.address = line.split()[-1]
+    try:
+        yield process
+    finally:
+        process.terminate()
+        ended = process.communicate(timeout=15.0)
+    assert (process.returncode, *ended) == (0, "", "")
+
+
+@contextlib.contextmanager
+def page_of(view, browser, width, height):
+    """Open a page in a small window, of which a processor can draw enough."""
+    opened = browser.new_page(viewport={"width": width, "height": height})
     opened.set_default_timeout(PATIENCE)
-    opened.goto(f"{line.split()[-1]}/?fixedDpr=0.5")
+    opened.goto(f"{view.address}/?fixedDpr=0.5")
     try:
         yield opened
     finally:
         opened.close()
-        view.terminate()
-        ended = view.communicate(timeout=15.0)
-    assert (view.returncode, *ended) == (0, "", "")
 
 
 @pytest.fixture(scope="module")
-def page(daemon, browser):
-    """The page in a small window, of which a processor can draw enough."""
-    with view_of(daemon.socket, browser, viewport={"width": 900, "height": 400}) as opened:
+def view(daemon):
+    with view_of(daemon.socket) as process:
+        yield process
+
+
+@pytest.fixture(scope="module")
+def page(view, browser):
+    with page_of(view, browser, 900, 400) as opened:
         yield opened
 
 
@@ -135,12 +150,11 @@ def test_a_device_that_cannot_be_let_go_is_refused_in_words(daemon, page):
 @pytest.mark.slow
 def test_an_arm_is_taught_on_the_page(browser, tmp_path):
     host = f"127.{1 + os.getpid() // 200 % 250}.{1 + os.getpid() % 200}.251"
-    window = {"viewport": {"width": 900, "height": 800}}
     with EmulatedRobot(host) as arm:
         daemon = ExampleDaemon(tmp_path, "ur.toml", ("127.0.0.2", host), *SLOW_MACHINE).start()
         try:
             await_hold(daemon, "arm")
-            with view_of(daemon.socket, browser, **window) as page:
+            with view_of(daemon.socket) as view, page_of(view, browser, 900, 800) as page:
                 page.get_by_text("Holding").wait_for()
                 press(page, "Take the lease")
                 page.get_by_text("Teach by hand").click()
@@ -220,6 +234,23 @@ def test_a_file_dropped_anywhere_goes_where_one_that_is_chosen_goes(browser, tmp
     finally:
         page.close()
         web.stop(server)
+
+
+@pytest.mark.parametrize("frozen", ["page", "daemon", "servo"])
+def test_a_page_of_which_anything_stands_still_never_says_ready(daemon, view, page, frozen):
+    pids = {
+        "page": view.pid,
+        "daemon": daemon.process.pid,
+        "servo": daemon.device().servo_pid,
+    }
+    page.get_by_text("ready to move").wait_for()
+    os.kill(pids[frozen], signal.SIGSTOP)
+    try:
+        page.get_by_text("ready to move").wait_for(state="hidden")
+    finally:
+        os.kill(pids[frozen], signal.SIGCONT)
+    await_hold(daemon, "arm")
+    page.get_by_text("ready to move").wait_for()
 
 
 def test_the_page_says_when_the_daemon_is_gone_and_when_it_is_back(daemon, page):

@@ -138,10 +138,11 @@ def status(socket: Socket = None, as_json: AsJson = False) -> None:
             say(f"  orientation  {texts.orientation(cycle.q)}")
             late = texts.milliseconds(cycle.lateness_ns * 1e-9)
             say(
-                f"  cycle        {cycle.index}: late {late}, "
+                f"  cycle        {cycle.index}: {texts.age(device.cycle_age)}, late {late}, "
                 f"{texts.count(cycle.overruns, 'overrun')}, {cycle.missed} missed, "
                 f"tracking {texts.small_angle(tracking_error(cycle))}"
             )
+            say(f"  measured     {texts.age(device.feedback_age)}")
 
 
 @command

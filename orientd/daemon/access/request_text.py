@@ -60,8 +60,7 @@ def keyframes(request: Message) -> int:
 
 def token(request: Message) -> str:
     """Return the token of the lease that *request* is made under; empty where it has none."""
-    begin = getattr(request, "start", None)
-    for part in (request, begin):
+    for part in (request, getattr(request, "start", None), getattr(request, "request", None)):
         for name in SECRETS:
             found = getattr(part, name, "")
             if isinstance(found, str) and found:

@@ -52,7 +52,7 @@ def measure_latency(settings: DeviceSettings) -> Latency:
 
 
 async def _measure(settings: DeviceSettings) -> list[Cycle]:
-    planners = Planners([planner_device(settings)], processes=1, timeout=_READY, most_keyframes=3)
+    planners = Planners([planner_device(settings)], processes=1, timeout=_READY)
     device = Device(settings, planners=planners, on_event=lambda _event: None)
     planners.start()
     device.launch()

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import functools
 import math
 import time
-from collections.abc import AsyncIterator
-from typing import cast
+from collections.abc import AsyncGenerator, AsyncIterator
+from typing import Any, cast
 
 from orientd.daemon.calls import report
 from orientd.daemon.calls.calls import Calls, Context, caller, interval, refuse
@@ -32,11 +33,29 @@ class MovingCalls(Calls):
 
     async def Plan(self, request: pb.PlanRequest, context: Context) -> bytes:
         """Plan a motion and keep it."""
+        return await self._plan(request, context, self._cell.keyframes)
+
+    async def PlanLarge(
+        self, request_iterator: AsyncIterator[pb.PlanLargeRequest], context: Context
+    ) -> bytes:
+        """Plan a motion that comes in pieces."""
+        request = await self._gather(request_iterator, context)
+        return await self._plan(request, context, self._cell.streamed_keyframes)
+
+    async def _plan(self, request: pb.PlanRequest, context: Context, most_keyframes: int) -> bytes:
         try:
             device = self._cell.device(request.device)
             rate_hz = _sample_rate(request.sample_rate_hz, device)
-            motion = await self._cell.plan(device, self._order(request, context, rate_hz))
+            order = self._order(request, context, most_keyframes, rate_hz)
+            motion = await self._cell.plan(device, order)
             return motion.response or _unsampled(motion)
+        except OrientdError as error:
+            await refuse(context, self._in_the_end(error))
+
+    async def _gather(self, messages: AsyncIterator[Any], context: Context) -> Any:  # noqa: ANN401
+        try:
+            timeout = self._cell.planners.timeout
+            return await self._cell.large.gather(messages, caller(context), timeout)
         except OrientdError as error:
             await refuse(context, self._in_the_end(error))
 
@@ -58,7 +77,11 @@ class MovingCalls(Calls):
             await refuse(context, self._in_the_end(error))
 
     def _order(
-        self, request: pb.PlanRequest | pb.MoveRequest, context: Context, rate_hz: float = 0.0
+        self,
+        request: pb.PlanRequest | pb.MoveRequest,
+        context: Context,
+        most_keyframes: int,
+        rate_hz: float = 0.0,
     ) -> PlanCall:
         """Return what is to be planned, for whom, and for how long at the most.
 
@@ -71,7 +94,7 @@ class MovingCalls(Calls):
             raise RequestError("plan_timeout", f"expected more than 0 s, got {wanted:g}")
         # Whoever serves sees the motion as the bytes that it came in.
         motion = cast("bytes", request.motion)
-        return PlanCall(motion, caller(context), min(wanted, longest), rate_hz)
+        return PlanCall(motion, caller(context), min(wanted, longest), rate_hz, most_keyframes)
 
     def _in_the_end(self, error: OrientdError) -> OrientdError:
         """Return why a call failed: once the daemon ends, because of that."""
@@ -81,6 +104,23 @@ class MovingCalls(Calls):
         self, request: pb.MoveRequest, context: Context
     ) -> AsyncIterator[pb.MoveResponse]:
         """Run a motion and report until it ends; a caller that goes away stops it."""
+        async with contextlib.aclosing(self._move(request, context, self._cell.keyframes)) as told:
+            async for answer in told:
+                yield answer
+
+    async def MoveLarge(
+        self, request_iterator: AsyncIterator[pb.MoveLargeRequest], context: Context
+    ) -> AsyncIterator[pb.MoveResponse]:
+        """Run a motion that comes in pieces, as :meth:`Move`."""
+        request = await self._gather(request_iterator, context)
+        most = self._cell.streamed_keyframes
+        async with contextlib.aclosing(self._move(request, context, most)) as told:
+            async for answer in told:
+                yield answer
+
+    async def _move(
+        self, request: pb.MoveRequest, context: Context, most_keyframes: int
+    ) -> AsyncGenerator[pb.MoveResponse]:
         run: ActiveMotion | None = None
         received_ns = time.monotonic_ns()
         try:
@@ -90,7 +130,7 @@ class MovingCalls(Calls):
             move_options = self._move_options(request)
             stops = self._cell.runs.stops(device)
             run, timing = await self._start(
-                device, request, move_options, stops, received_ns, context
+                device, request, move_options, stops, received_ns, context, most_keyframes
             )
             yield _started(run, timing)
             reader = report.ProgressReader(run)
@@ -114,6 +154,7 @@ class MovingCalls(Calls):
         stops: int,
         received_ns: int,
         context: Context,
+        most_keyframes: int,
     ) -> tuple[ActiveMotion, MoveTiming]:
         """Plan and begin a motion."""
         token, what = request.lease_token, request.WhichOneof("what")
@@ -121,7 +162,7 @@ class MovingCalls(Calls):
             return await self._cell.starter.move(
                 token,
                 device,
-                self._order(request, context),
+                self._order(request, context, most_keyframes),
                 move_options,
                 stops=stops,
                 received_ns=received_ns,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -42,7 +43,15 @@ def device_report(device: Device) -> DeviceReport:
         phase=device.phase,
         motion_name=now.motion.facts.name if now.motion else "",
         is_free=device.is_free and now.state is ServoState.IDLE,
+        cycle_age=cycle_age(now.cycle),
     )
+
+
+def cycle_age(cycle: Cycle | None) -> float:
+    """Return how long ago *cycle* was due, s; 0 where there was none."""
+    if cycle is None:
+        return 0.0
+    return max(0, time.monotonic_ns() - cycle.deadline_ns) / NANOSECONDS
 
 
 class CycleReader:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import orientd
-from orientd.daemon.calls.report import CycleReader
+from orientd.daemon.calls.report import CycleReader, cycle_age
 from orientd.daemon.devices import DeviceEvent, EventKind
 from orientd.errors import ConfigError
 from orientd.operation_settings import MetricsSettings
@@ -84,6 +84,9 @@ class Telemetry:
             "feedback_age_seconds",
             "How old the newest feedback was when its cycle was due.",
             device,
+        )
+        self._cycle_age = self._gauge(
+            "cycle_age_seconds", "How long ago the newest cycle was due.", device
         )
         self._success = self._gauge(
             "cycle_success_ratio", f"Of the last {RECENT} cycles, those that were in time.", device
@@ -175,9 +178,9 @@ class Telemetry:
             now = followed.device.snapshot()
             for state in ServoState:
                 self._state.labels(name, state.name.lower()).set(state is now.state)
-            if now.cycle is not None and now.cycle.feedback_time_ns:
-                age_ns = now.cycle.deadline_ns - now.cycle.feedback_time_ns
-                self._age.labels(name).set(age_ns * 1e-9)
+            self._cycle_age.labels(name).set(cycle_age(now.cycle))
+            if now.cycle is not None and now.cycle.has_feedback:
+                self._age.labels(name).set(now.cycle.feedback_age_ns * 1e-9)
             if now.tracking_error is not None:
                 self._error.labels(name).set(now.tracking_error)
 

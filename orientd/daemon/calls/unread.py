@@ -25,6 +25,8 @@ MOTION = "motion"
 """The field that is left unread."""
 
 UNREAD = ("PlanRequest", "MoveRequest")
+HOLDING_UNREAD = ("PlanLargeRequest", "MoveLargeRequest")
+"""Messages that have one of those in them."""
 
 
 def _classes() -> dict[str, type[Message]]:
@@ -41,7 +43,7 @@ def _classes() -> dict[str, type[Message]]:
     pool.Add(file)
     return {
         name: message_factory.GetMessageClass(pool.FindMessageTypeByName(f"{file.package}.{name}"))
-        for name in UNREAD
+        for name in UNREAD + HOLDING_UNREAD
     }
 
 

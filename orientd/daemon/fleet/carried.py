@@ -93,6 +93,12 @@ async def carry(find: FindHandler, method: str, peer: str, body: bytes, send: Se
     return b""
 
 
+def too_large(size: int, most: int) -> bytes:
+    """Return the status of a request that is larger than any may be, as gRPC's server has it."""
+    text = f"Received message larger than max ({size} vs. {most})"
+    return _written(_status(grpc.StatusCode.RESOURCE_EXHAUSTED, text))
+
+
 def _written(status: status_pb2.Status) -> bytes:
     content: bytes = status.SerializeToString()
     return content

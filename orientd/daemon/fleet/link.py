@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from orientd.config import Settings
 from orientd.daemon.access import Admission, ClientCertificate, Process, StartupGate
-from orientd.daemon.fleet.carried import carry
+from orientd.daemon.fleet.carried import carry, too_large
 from orientd.errors import ConfigError, OrientdError
 from orientd.fleet import LENGTHS, Header, read_header, write_frame, zenoh_configuration
 from orientd.rpc import control_pb2 as pb
@@ -81,6 +81,7 @@ class FleetLink:
         fleet = settings.fleet
         if fleet is None:
             raise ConfigError("fleet: missing")
+        self._most = settings.access.message_bytes
         self._is_tls, self._pause = fleet.is_tls, 1.0 / fleet.state_hz
         self._begin: Header = {
             "cell": fleet.cell,
@@ -197,6 +198,9 @@ class FleetLink:
                 await self._send({"answer": number}, answer)
 
             peer = self._peer(caller)
+            if len(body) > self._most:
+                status = too_large(len(body), self._most)
+                return
             status = await carry(self._find_handler, f"/{self._service}/{method}", peer, body, send)
         finally:
             self._calls.pop(number, None)

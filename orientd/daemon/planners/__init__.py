@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         new_motion_id,
     )
     from orientd.daemon.planners.lanes import PlanCall, Rank
+    from orientd.daemon.planners.large import LargeRequests
     from orientd.daemon.planners.planned_motion import PlannedMotion
     from orientd.daemon.planners.pool import Planners, default_processes
 

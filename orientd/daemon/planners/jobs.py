@@ -153,7 +153,7 @@ class Question:
 
     what: Records | Report | Methods
     job: PlanInput | None = None
-    most_keyframes: int = 100_000
+    most_keyframes: int = 20_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -49,6 +49,7 @@ class PlanCall:
         caller: who asks; callers take turns.
         timeout: how long planning may take, waiting for a turn and planning anew included, s.
         rate_hz: samples a second to report with the plan; 0 for none.
+        most_keyframes: that the motion may have.
         began: when that time began, monotonic s.
     """
 
@@ -56,6 +57,7 @@ class PlanCall:
     caller: str = ""
     timeout: float = 10.0
     rate_hz: float = 0.0
+    most_keyframes: int = 20_000
     began: float = field(default_factory=time.monotonic)
 
     @property

@@ -71,7 +71,6 @@ class Planners:
 
     Attributes:
         timeout: how long a request may take at the most, s.
-        most_keyframes: that a request for a new plan may have.
     """
 
     def __init__(
@@ -80,7 +79,6 @@ class Planners:
         *,
         processes: int,
         timeout: float,
-        most_keyframes: int,
     ) -> None:
         """Start nothing yet.
 
@@ -88,11 +86,9 @@ class Planners:
             devices: to plan for.
             processes: how many planners there are.
             timeout: how long a request may take at the most, s.
-            most_keyframes: of one request.
         """
         self.timeout = timeout
         self._set_up = SetUp(tuple(devices))
-        self.most_keyframes = most_keyframes
         self._count = processes
         self._lanes = Lanes()
         self._idle: list[PlannerProcess] = []
@@ -146,7 +142,7 @@ class Planners:
             DaemonError: the planner has ended.
         """
         chosen = order.rank if rank is None else rank
-        question = Question(Records(rate_hz=order.rate_hz), job, self.most_keyframes)
+        question = Question(Records(rate_hz=order.rate_hz), job, order.most_keyframes)
         answered = await self._ask(question, chosen, order)
         planned, chunk = _chunk(answered)
         fetch = functools.partial(self._more, job)

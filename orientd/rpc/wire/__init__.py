@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from orientd.lazy import lazily
 
 if TYPE_CHECKING:
+    from orientd.rpc.wire.large import cut_motion, in_pieces
     from orientd.rpc.wire.limits import limits_message
     from orientd.rpc.wire.motion import from_request
     from orientd.rpc.wire.move import (

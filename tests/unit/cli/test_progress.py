@@ -1,5 +1,7 @@
 """Progress, shown."""
 
+import time
+
 import pytest
 
 from orientd.cli import progress, waiting
@@ -63,3 +65,13 @@ def test_what_is_counted_is_passed_on_and_shown_on_a_terminal_alone(capsys, monk
     with waiting.working("planning"):
         pass
     assert capsys.readouterr().out == ""
+
+
+def test_a_live_line_says_when_it_is_old(capsys, monkeypatch):
+    monkeypatch.setattr(progress, "is_terminal", lambda: True)
+    monkeypatch.setenv("COLUMNS", "200")
+    now = time.monotonic()
+    with progress.view("motion 1", is_silent=False) as view:
+        view.show(REPORT)
+        monkeypatch.setattr(progress.time, "monotonic", lambda: now + 5.0)
+    assert "5 s old" in capsys.readouterr().out

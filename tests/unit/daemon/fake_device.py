@@ -120,6 +120,9 @@ class FakeDevice:
         self.tell(EventKind.FAULT, text)
         self.tell(EventKind.MOTION_STOPPED, text)
 
+    def end_free(self):
+        self.calls.append("end_free")
+
     def enable(self):
         self.calls.append("enable")
 

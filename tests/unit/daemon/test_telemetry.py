@@ -96,6 +96,7 @@ def test_cycles_are_counted_once_and_by_how_late_they_were(telemetry, device):
     assert value(telemetry, "cycle_lateness_seconds_count", device="arm") == 52
     assert value(telemetry, "cycle_lateness_seconds_bucket", device="arm", le="0.001") == 51
     assert value(telemetry, "feedback_age_seconds", device="arm") == pytest.approx(3e-3)
+    assert value(telemetry, "cycle_age_seconds", device="arm") > 0.0
     assert value(telemetry, "tracking_error_radians", device="arm") == 0.01
     assert value(telemetry, "device_state", device="arm", state="holding") == 1
     assert value(telemetry, "device_state", device="arm", state="fault") == 0

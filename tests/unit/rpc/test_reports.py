@@ -97,6 +97,7 @@ DEVICE = DeviceReport(
     cycle=CYCLE,
     lead=0.1,
     is_free=True,
+    cycle_age=0.25,
 )
 CERTIFICATE = Certificate(
     rate_hz=500.0,

@@ -1,6 +1,7 @@
 """What the page says."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
@@ -69,3 +70,24 @@ def test_what_others_wrote_is_no_markup():
     page = words.status(device, daemon, is_ours=False, problem=evil)
     for html in (page, words.trouble(evil), words.refusal(evil), words.note(evil)):
         assert "<img" not in html
+
+
+def test_what_is_out_of_date_is_not_told_as_what_is():
+    for problem, is_connected, said in (
+        ("gone", False, "Not connected"),
+        ("x", True, "Out of date"),
+    ):
+        html = words.status(
+            DEVICE, DAEMON, is_ours=False, problem=problem, is_connected=is_connected
+        )
+        assert said in html
+        assert "holding when last heard of" in html
+        assert "ready" not in html
+
+
+def test_a_measurement_has_an_age():
+    cycle = SimpleNamespace(has_feedback=True, feedback_age_ns=200_000_000)
+    assert words.measured(DEVICE) == "never"
+    assert words.measured(replace(DEVICE, cycle=cycle, cycle_age=3.0)) == "3.2 s ago"
+    cycle.feedback_age_ns = 2_000_000
+    assert words.measured(replace(DEVICE, cycle=cycle)) == "less than 0.1 s ago"

@@ -37,6 +37,10 @@ def quick():
 ENDLESS = motion(*np.tile([0.1, 0.2], 50_000))
 
 
+def endless(timeout, caller=""):
+    return PlanCall(ENDLESS, caller, timeout, most_keyframes=200_000)
+
+
 def job(content=SMALL, name="arm"):
     return PlanInput(name, content, os.urandom(6).hex(), HERE)
 
@@ -49,7 +53,6 @@ def run(test, *, processes=1, timeout=60.0):
             [planner_device(SETTINGS)],
             processes=processes,
             timeout=timeout,
-            most_keyframes=200_000,
         )
         planners.start()
         try:
@@ -93,7 +96,7 @@ def test_what_is_wrong_with_a_request_is_raised_where_it_was_asked():
 def test_a_killed_planner_fails_one_request_and_is_replaced():
     async def test(planners):
         (before,) = pids(planners)
-        asked = asyncio.ensure_future(planners.plan(job(ENDLESS), PlanCall(ENDLESS, timeout=60.0)))
+        asked = asyncio.ensure_future(planners.plan(job(ENDLESS), endless(60.0)))
         await asyncio.sleep(0.1)
         os.kill(before, signal.SIGKILL)
         with pytest.raises(DaemonError, match=f"planner process {before} ended while "):
@@ -107,7 +110,7 @@ def test_a_killed_planner_fails_one_request_and_is_replaced():
 def test_a_plan_ends_at_its_deadline_and_says_what_took_so_long():
     async def test(planners):
         with pytest.raises(DeadlineError, match=r"^planning took longer than 0\.05 s: ") as late:
-            await planners.plan(job(ENDLESS), PlanCall(ENDLESS, timeout=0.05))
+            await planners.plan(job(ENDLESS), endless(0.05))
         assert isinstance(late.value, PlanError)
         assert (await planners.plan(job(), quick())).facts.record_count > 1
 
@@ -129,7 +132,7 @@ def test_a_planner_that_does_not_end_in_time_is_killed():
 def test_a_caller_that_goes_away_frees_its_planner():
     async def test(planners):
         before = pids(planners)
-        asked = asyncio.ensure_future(planners.plan(job(ENDLESS), PlanCall(ENDLESS, timeout=60.0)))
+        asked = asyncio.ensure_future(planners.plan(job(ENDLESS), endless(60.0)))
         await asyncio.sleep(0.1)
         asked.cancel()
         assert (await planners.plan(job(), quick())).facts.record_count > 1
@@ -175,7 +178,7 @@ def test_a_moving_device_does_not_wait_for_a_large_plan():
         while len(planners._started) < 3:
             await asyncio.sleep(0.05)
         large = [
-            asyncio.ensure_future(planners.plan(job(ENDLESS), PlanCall(ENDLESS, str(caller), 60.0)))
+            asyncio.ensure_future(planners.plan(job(ENDLESS), endless(60.0, str(caller))))
             for caller in range(3)
         ]
         await asyncio.sleep(0.05)
