@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import zenoh
 
 SETTLING = 3.0
-"""How long a client waits for the first daemon of the cell, s."""
+"""How long a client waits for the first daemon of the cell unless told otherwise, s."""
 
 QUIET = 0.3
 """How long nobody else may appear until everybody counts as found, s."""
@@ -143,6 +143,7 @@ def connect_fleet(
     key: str | Path | None = None,
     ca: str | Path | None = None,
     wait_for: Sequence[str] = (),
+    timeout: float = SETTLING,
 ) -> Fleet:
     """Connect to a cell of daemons.
 
@@ -154,6 +155,7 @@ def connect_fleet(
         key: of that certificate, a file; by default ``$ORIENTD_KEY``.
         ca: who has signed everybody's certificate, a file; by default ``$ORIENTD_CA``.
         wait_for: daemons to wait for; by default for the first, and until no others appear.
+        timeout: how long to try to connect, and then to wait for daemons, s.
 
     Raises:
         DaemonError: nobody is there, or one that was waited for is not.
@@ -167,7 +169,7 @@ def connect_fleet(
             "a fleet needs an endpoint and the name of the cell: --connect and --cell, or the "
             "environment's ORIENTD_FLEET and ORIENTD_CELL"
         )
-    configuration = basic_configuration([], endpoints, timeout=SETTLING)
+    configuration = basic_configuration([], endpoints, timeout=timeout)
     caller = keys.LOCAL
     if any(endpoint.startswith(TLS) for endpoint in endpoints):
         files = [
@@ -187,7 +189,7 @@ def connect_fleet(
         caller = common_name(files[0])
     fleet = Fleet(open_session(configuration), cell=cell, caller=caller)
     try:
-        fleet.find(wait_for)
+        fleet.find(wait_for, timeout=timeout)
     except OrientdError as error:
         fleet.close()
         raise DaemonError(f"{error} at {' '.join(endpoints)}") from error

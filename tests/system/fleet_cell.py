@@ -25,7 +25,7 @@ def free_port():
 class RunningCell:
     """Daemons ``arm-1``, ``arm-2`` ... with a loopback device ``arm`` each."""
 
-    def __init__(self, folder, daemons, *, is_tls=False, lease=2.0, more=""):
+    def __init__(self, folder, daemons, *, is_tls=False, lease=1.0, more=""):
         self.folder, self.is_tls, self.lease, self.more = Path(folder), is_tls, lease, more
         self.names = [f"arm-{number}" for number in range(1, daemons + 1)]
         self.processes = {}
