@@ -237,7 +237,7 @@ class FleetLink:
 
     async def _publish(self) -> None:
         """Publish the state at its rate, while anybody listens."""
-        number = 0
+        number, due = 0, 0.0
         while True:
             await self._watched.wait()
             if self._lag() < _MOST_LAG:
@@ -249,7 +249,8 @@ class FleetLink:
                     _log.warning("fleet: no state: %s", error)
                 else:
                     await self._send({"state": number, "time_ns": now}, said)
-            await asyncio.sleep(self._pause)
+            due = max(due + self._pause, time.monotonic())
+            await asyncio.sleep(due - time.monotonic())
 
     async def _tell(self) -> None:
         """Publish events at once."""
