@@ -8,21 +8,33 @@ BIN = $(VENV)/bin
 ROUNDS ?= 50
 SEED ?= 1
 
-.PHONY: demo test check docs follow bench peers soak events chaos storm standard proto clean
+.PHONY: demo test runs calculates check docs follow bench peers soak events chaos storm standard proto clean
 
 demo: $(VENV)/.user
 	$(BIN)/orientd demo
 
-# What only calculates is tested on every core; what runs real processes to a clock, one by one.  A
-# machine that stands still for half a second fails some of these: what failed is run again by itself,
-# a few times, and must pass once.
+# What runs real processes to a clock waits most of the time, so two files of that are tested at once,
+# and beside them, giving way to them, what only calculates, which is told of at the end.  A machine that
+# stands still for half a second fails some that run: what failed is run again by itself, a few times,
+# and must pass once.  What takes longer is behind the markers of `make soak`, `chaos`, `storm`, `bench`.
 CALCULATES = tests/unit tests/docs orientd drivers sim
 RUNS = tests/system tests/drivers tests/chaos tests/storm tests/bench
 
+# A memory of its own: what failed of the one half is not to be lost by the other.
+CALCULATE = $(BIN)/python -m pytest -o cache_dir=build/calculates $(CALCULATES)
+
 test: check
-	$(BIN)/python -m pytest -n logical $(CALCULATES)
-	$(BIN)/python -m pytest $(RUNS) || { for again in 1 2 3 4; do \
+	@$(MAKE) --no-print-directory --keep-going --jobs=2 runs calculates; status=$$?; \
+	    echo "What only calculates:"; cat build/calculates.txt; exit $$status
+
+runs: $(VENV)/.dev
+	$(BIN)/python -m pytest -n 2 --dist loadfile $(RUNS) || { for again in 1 2 3 4; do \
 	    $(BIN)/python -m pytest $(RUNS) --last-failed && exit 0; done; exit 1; }
+
+calculates: $(VENV)/.dev
+	@mkdir -p build
+	@nice -n 5 $(CALCULATE) -n logical > build/calculates.txt 2>&1 || \
+	    nice -n 5 $(CALCULATE) --last-failed >> build/calculates.txt 2>&1
 
 check: $(VENV)/.dev
 	$(BIN)/ruff check .

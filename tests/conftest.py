@@ -3,6 +3,12 @@ import signal
 import sys
 from pathlib import Path
 
+from hypothesis import settings
+
+# A machine that stands still for half a second is no defect.
+settings.register_profile("untimed", deadline=None)
+settings.load_profile("untimed")
+
 # What is started here starts and prints as it does for a user, whatever the surroundings say.
 for name in ("PYTHONUNBUFFERED", "PYTHONDONTWRITEBYTECODE"):
     os.environ.pop(name, None)

@@ -80,6 +80,8 @@ class CurveTask:
             rest, and one without velocity has no acceleration either, where the family can
             prescribe both.  One that cannot keeps its natural end: at rest, but with a step of the
             acceleration, it would need a lead all the same.
+        leaves_freely: whether an end at rest may have an acceleration all the same, as where the
+            pace along the curve is found afterwards, from rest.
         is_timed: whether keyframes have these times; else they are chord lengths, and control
             orientations are spread evenly over the same duration.
     """
@@ -91,6 +93,7 @@ class CurveTask:
     turns: NDArray[np.int64] | None = None
     alpha_start: Floats | None = None
     holds: bool = False
+    leaves_freely: bool = False
     is_timed: bool = True
 
     @property
@@ -250,7 +253,7 @@ def _through_keyframes(
         made[f"omega_{end}"] = omega
         if end not in names:
             continue
-        if alpha is None and task.holds and not np.any(omega):
+        if alpha is None and task.holds and not np.any(omega) and not task.leaves_freely:
             # From rest a motion begins without a step in torque.  With a velocity whatever comes
             # before supplies the acceleration.
             alpha = np.zeros(3)

@@ -121,6 +121,16 @@ class Retimed(Curve):
         knots = warp.times_of(curve.knots)
         super().__init__(knots=knots, continuity=curve.continuity)
 
+    @property
+    def curve(self) -> Curve:
+        """What is run through."""
+        return self._curve
+
+    @property
+    def warp(self) -> TimeMap:
+        """The clock."""
+        return self._warp
+
     def _sample(self, times: Floats) -> Samples:
         s, rate, change = self._warp(times)
         first, last = self._curve.domain

@@ -12,6 +12,7 @@ __path__.insert(0, str(library().parent))
 from orientd.kernels.native import (  # noqa: E402
     LEVEL,
     are_unit,
+    choose_knots,
     euclidean_increments,
     farthest_from_path,
     fill_basis,
@@ -47,6 +48,7 @@ from orientd.kernels.native import (  # noqa: E402
 __all__ = [
     "LEVEL",
     "are_unit",
+    "choose_knots",
     "euclidean_increments",
     "farthest_from_path",
     "fill_basis",

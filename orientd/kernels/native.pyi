@@ -215,7 +215,19 @@ def look_at(
     /,
 ) -> float: ...
 
-# clock.h, profile.h
+# clock.h, knot_times.h, profile.h
+def choose_knots(
+    keys: Floats,
+    lengths: Floats,
+    limits: Floats,
+    total: float,
+    pieces: int,
+    descents: int,
+    times: Floats,
+    coefficients: Floats,
+    shares: Floats,
+    /,
+) -> bool: ...
 def find_profile(
     widths: Floats,
     first: Floats,

@@ -40,11 +40,13 @@ class Ends:
         omega_start: rad/s.
         omega_end: rad/s.
         alpha_start: rad/s^2; only where the curve continues a motion.
+        leaves_freely: whether an end at rest may have an acceleration; see :class:`.CurveTask`.
     """
 
     omega_start: Floats | None = None
     omega_end: Floats | None = None
     alpha_start: Floats | None = None
+    leaves_freely: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,6 +164,7 @@ def build(request: MotionRequest, keys: Floats, times: Floats, turns: Turns, end
         turns[1:] if turns.any() else None,
         alpha_start=ends.alpha_start,
         holds=True,
+        leaves_freely=ends.leaves_freely,
         is_timed=request.times is not None,
     )
     return curve_of(request, task)

@@ -32,12 +32,15 @@ from orientd.planner.timing import (
     LEAST_SHARE,
     LONGEST_STOP,
     SHARE,
+    FirstProfile,
     Indices,
     KeyframePath,
     PathRequest,
+    aimed_at,
     chord_knots,
     evenly_paced,
     quickest,
+    with_chosen_times,
 )
 from orientd.rotation import Floats
 
@@ -190,7 +193,10 @@ class _Job:
 
     def _quick_or_even(self, name: str) -> Motion:
         try:
-            return self.as_quick_as_possible(name)
+            try:
+                return self.as_quick_as_possible(name)
+            except LimitError:
+                return self.as_quick_as_possible(name, by_chord=True)
         except (StartError, refusal.TotalError):
             raise
         except PlanError as error:
@@ -201,7 +207,7 @@ class _Job:
         """Return the motion at the curve's own pace, slowed down by one factor."""
         if self.request.total is not None:
             refusal.check_duration(self.request.total)
-            path_request, _ = self._shape()
+            path_request, *_ = self._shape(is_quick=False)
             core = self._moving(path_request, self.request.total)
             return self.certified(self._with_leads(core), name)
         try:
@@ -258,7 +264,7 @@ class _Job:
         Args:
             everywhere: whether to look at every record at every attempt.
         """
-        path_request, shape = self._shape()
+        path_request, shape, _ = self._shape(is_quick=False)
         found = evenly_paced(
             shape,
             self.limits,
@@ -272,8 +278,13 @@ class _Job:
             raise refusal.of_any_duration(self.start, self.limits)
         return found
 
-    def _shape(self) -> tuple[PathRequest, KeyframePath]:
-        """Return the path request of keyframes without times, and a path of about its duration."""
+    def _shape(self, *, is_quick: bool) -> tuple[PathRequest, KeyframePath, FirstProfile | None]:
+        """Return the path request of keyframes without times, and a path of about its duration.
+
+        Args:
+            is_quick: whether to choose times for the quickest way, by the own limits so that the
+                path is the same at any share of its pace; a profile comes with it if one is known.
+        """
         refusal.check_continuity(self.request)
         is_uniform = not METHODS[self.request.method].interpolates
         knots = chord_knots(self.request, self.limits, is_uniform=is_uniform)
@@ -283,18 +294,28 @@ class _Job:
         if path_request.has_one_shape and guess > _HOPELESS * len(knots.times) * LONGEST:
             refusal.check_duration(guess)
         guess = min(max(guess, 2.0 * self.period), LONGEST)
-        return path_request, path_request.keyframe_path(
-            guess
-        ) if path_request.has_one_shape else self._moving(path_request, guess)
+        profile = None
+        chosen = with_chosen_times(path_request, guess, aimed_at(self.own)) if is_quick else None
+        if chosen is not None:
+            path_request, profile = chosen
+        profile = profile if self.limits is self.own else None
+        is_moving = not path_request.has_one_shape
+        make = partial(self._moving, path_request) if is_moving else path_request.keyframe_path
+        return path_request, make(guess), profile
 
     def _moving(self, path_request: PathRequest, duration: float) -> KeyframePath:
         """Return one of many keyframe paths to try, each of which may be hard to find."""
         with corrections_at_most(_MOST_CORRECTIONS):
             return path_request.keyframe_path(duration)
 
-    def as_quick_as_possible(self, motion_id: str) -> Motion:
-        """Return the motion along the keyframe path as quickly as the limits permit."""
-        path_request, keyframe_path = self._shape()
+    def as_quick_as_possible(self, motion_id: str, *, by_chord: bool = False) -> Motion:
+        """Return the motion along the keyframe path as quickly as the limits permit.
+
+        Args:
+            motion_id: names the motion.
+            by_chord: whether the path is that of an even pace.
+        """
+        path_request, keyframe_path, profile = self._shape(is_quick=not by_chord)
         refusal.check_smooth(self.request, keyframe_path.continuity)
         if not (path_request.has_one_shape and keyframe_path.is_from_rest_to_rest):
             if self.request.total is not None:
@@ -303,9 +324,10 @@ class _Job:
             keyframe_path = self.evenly_paced(everywhere=False).keyframe_path or keyframe_path
         share, before, stop_time = SHARE, math.inf, math.inf
         for count in range(_MOST_TIMINGS):
-            quick = quickest(keyframe_path, self.limits, self.period, share=share)
+            quick = quickest(keyframe_path, self.limits, self.period, share=share, guess=profile)
+            quick = quick.in_total(self.request.total)
             try:
-                motion = self.certified(self._with_leads(self._in_total(quick)), motion_id)
+                motion = self.certified(self._with_leads(quick), motion_id)
             except LimitError as error:
                 # What is drawn between the records is a little more, where the jerk has a step.
                 over = error.value / error.limit
@@ -329,14 +351,6 @@ class _Job:
                 more = max(more, 2.0)
             share = max(1.0 - more * (1.0 - share), LEAST_SHARE)
         raise refusal.of_slow_stop(stop_time, LONGEST_STOP, share)
-
-    def _in_total(self, quick: KeyframePath) -> KeyframePath:
-        """Return the quickest keyframe path, slowed down to the duration that was asked for."""
-        total = self.request.total
-        if total is None:
-            return quick
-        refusal.check_total(total, quick.duration)
-        return quick.slowed(max(total, quick.duration))
 
     def certified(self, candidate: CandidateMotion, motion_id: str) -> Motion:
         """Return the motion, held against its limits on the records that will be sent."""

@@ -68,7 +68,6 @@ def moving_part(sent):
 
 @pytest.mark.parametrize("moment", MOMENTS)
 def test_a_killed_daemon_leaves_a_stop_on_the_path_and_nothing_else(tmp_path, moment):
-    shared_before = set(os.listdir("/dev/shm"))
     with DaemonProcess(tmp_path, patience=None) as daemon:
         request = spin(3.0)
         daemon.move(request)
@@ -82,7 +81,8 @@ def test_a_killed_daemon_leaves_a_stop_on_the_path_and_nothing_else(tmp_path, mo
         report = json.loads(daemon.report.read_text())
         assert report["reason"] == "the daemon is gone"
         assert report["state"] == "holding"
-        assert set(os.listdir("/dev/shm")) == shared_before
+        # Others may test beside this one.
+        assert not [name for name in os.listdir("/dev/shm") if "orientd" in name]
         sent = daemon.sent()
         daemon.assert_limits_kept()
         assert np.array_equal(sent[-1], sent[-2])  # it ends at rest

@@ -1,15 +1,13 @@
 """The page of `orientd view` as a browser shows it; skipped where there is no Chromium."""
 
 import base64
-import contextlib
 import io
 import os
-import shutil
 import signal
 
 import numpy as np
 import pytest
-from command_line import begin
+from browser import CHROMIUM, new_page, open_browser, page_of, view_of
 from gimbal_bench import SLOW_MACHINE, ExampleDaemon, await_hold
 from harness import DaemonProcess, spin, until
 
@@ -22,9 +20,8 @@ pytest.importorskip("viser")
 drop = pytest.importorskip("orientd.viewer.drop")
 web = pytest.importorskip("orientd.viewer.web")
 image = pytest.importorskip("matplotlib.image")
-playwright = pytest.importorskip("playwright.sync_api")
+pytest.importorskip("playwright.sync_api")
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 pytestmark = pytest.mark.skipif(
     CHROMIUM is None, reason="pages are tested in Chromium: install it (Debian: chromium)"
 )
@@ -32,10 +29,6 @@ pytestmark = pytest.mark.skipif(
 TURN = (
     b"keyframes: [{rotation_vector: [0.1, 0, 0]}, {rotation_vector: [0, 0, 0.2]}]\napproach: true\n"
 )
-# As the page is drawn without a graphics card.
-SOFTWARE = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
-PATIENCE = 30_000
-"""ms; a browser on a busy machine."""
 
 
 @pytest.fixture(scope="module")
@@ -47,37 +40,8 @@ def daemon(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def browser():
-    with playwright.sync_playwright() as player:
-        opened = player.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE)
+    with open_browser() as opened:
         yield opened
-        opened.close()
-
-
-@contextlib.contextmanager
-def view_of(socket):
-    """Begin ``orientd view``, which must end in order."""
-    process = begin("view", "--no-open", "--port", 0, "--socket", socket)
-    line = process.stdout.readline()
-    assert line.startswith("ready"), (line, process.stderr.read())
-    process.address = line.split()[-1]
-    try:
-        yield process
-    finally:
-        process.terminate()
-        ended = process.communicate(timeout=15.0)
-    assert (process.returncode, *ended) == (0, "", "")
-
-
-@contextlib.contextmanager
-def page_of(view, browser, width, height):
-    """Open a page in a small window, of which a processor can draw enough."""
-    opened = browser.new_page(viewport={"width": width, "height": height})
-    opened.set_default_timeout(PATIENCE)
-    opened.goto(f"{view.address}/?fixedDpr=0.5")
-    try:
-        yield opened
-    finally:
-        opened.close()
 
 
 @pytest.fixture(scope="module")
@@ -210,13 +174,12 @@ def test_a_file_dropped_anywhere_goes_where_one_that_is_chosen_goes(browser, tmp
     button.on_upload(lambda _: taken.append((button.value.name, button.value.content)))
     server.gui.add_html(drop.HTML)
     address = f"http://127.0.0.1:{server.get_port()}/?fixedDpr=0.1"
-    page = browser.new_page(viewport={"width": 600, "height": 300})
+    page = new_page(browser, 600, 300)
 
     def is_marked():
         return page.locator("body.takes-file").count()
 
     try:
-        page.set_default_timeout(PATIENCE)
         page.goto(address)
         page.get_by_text("drop it anywhere").wait_for()
         path = tmp_path / "turn.yaml"

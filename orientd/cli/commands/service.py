@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pwd
+import subprocess
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -20,6 +21,9 @@ service = typer.Typer(
 )
 
 NAME = "orientd.service"
+
+NOBODY = 65534
+"""Stands for a user who is yet to be made: one who owns nothing."""
 
 _COMMON = """\
 [Unit]
@@ -152,6 +156,8 @@ def install(
     if only_print:
         say_json({"unit": text}) if as_json else say(text.rstrip("\n"))
         return
+    if not for_user and os.geteuid() == 0:
+        check_runs(sys.executable, config.absolute(), run_as)
     path = _directory(for_user=for_user) / NAME
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -163,6 +169,40 @@ def install(
         say_json({"path": path, "steps": steps})
     else:
         say(f"wrote {path}; now:", *(f"  {step}" for step in steps))
+
+
+def check_runs(python: str, config: Path, user: str) -> None:
+    """Try whether *user*, or anybody where there is none yet, can run orientd with *config*.
+
+    Args:
+        python: the interpreter that orientd is installed for.
+        config: the configuration.
+        user: as whom the daemon is to run.
+
+    Raises:
+        ConfigError: they cannot.
+    """
+    try:
+        known = pwd.getpwnam(user)
+        uid, gid, groups = known.pw_uid, known.pw_gid, os.getgrouplist(user, known.pw_gid)
+    except KeyError:
+        uid, gid, groups = NOBODY, NOBODY, []
+    program = f"import orientd.config; open({str(config)!r}).close()"
+    try:
+        done = subprocess.run(
+            [python, "-c", program],
+            user=uid, group=gid, extra_groups=groups, cwd="/",
+            env={"PATH": os.defpath, "PYTHONDONTWRITEBYTECODE": "1"},
+            capture_output=True, text=True, timeout=60.0, check=False,
+        )  # fmt: skip
+        problem = done.stderr.strip().rpartition("\n")[2] if done.returncode else ""
+    except (OSError, subprocess.TimeoutExpired) as error:
+        problem = str(error)
+    if problem:
+        raise ConfigError(
+            f"{user} cannot run {python} with {config}: {problem}; install orientd where every "
+            "user may read it, for example into a virtual environment below /opt"
+        )
 
 
 def _directory(*, for_user: bool) -> Path:

@@ -15,6 +15,7 @@ a banded system once each multiplier stands among the increments that its equati
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -132,6 +133,22 @@ class EffortEquations:
         missed = np.concatenate([missed, self.ends.errors(increments)])
         return Linearised(effort, gradient, squares, bound, missed)
 
+    @property
+    def has_inertia(self) -> bool:
+        """Whether effort is squared torque."""
+        return self._inertia is not None
+
+    def is_wide(self, angle: float, most: int) -> bool:
+        """Return whether some of at most so many keyframes are farther apart than an angle, rad."""
+        apart = 2.0 * np.arccos(np.minimum(np.abs(self._steps[:, 0]), 1.0))
+        return len(apart) < most and bool(np.any(apart > angle))
+
+    def of_acceleration(self) -> EffortEquations:
+        """Return the same equations where effort is squared acceleration."""
+        other = copy(self)
+        other.__dict__["_inertia"] = None
+        return other
+
     def is_better(self, increments: Floats, path: Path) -> bool:
         """Tell whether increments take no more effort than a curve, rounding apart."""
         _, omega, torque = path(self._node_times)
@@ -213,9 +230,10 @@ class _Layout:
         ]
         rows = [row.ravel() for row, _ in pairs] + [column.ravel() for _, column in pairs[1:]]
         columns = [column.ravel() for _, column in pairs] + [row.ravel() for row, _ in pairs[1:]]
-        self._rows, self._columns = np.concatenate(rows), np.concatenate(columns)
-        self._reach = int(np.max(np.abs(self._rows - self._columns)))
-        self._band = (self._reach + self._rows - self._columns) * 3 * len(order) + self._columns
+        row, column = np.concatenate(rows), np.concatenate(columns)
+        self._reach = int(np.max(np.abs(row - column)))
+        self._band = (self._reach + row - column) * 3 * len(order) + column
+        self._row_places, self._column_places = row // 3, column // 3
 
     def solve(self, here: Linearised, shares: Floats) -> tuple[Floats, Floats]:
         """Return step and multipliers, the unknowns scaled so that rounding treats all alike."""
@@ -231,7 +249,7 @@ class _Layout:
         ties = np.repeat(self._ends.factors.ravel(), 3)
         bound = here.bound.ravel()
         entries = np.concatenate([here.squares.ravel(), bound, ties, bound, ties])
-        entries *= scale[self._rows // 3] * scale[self._columns // 3]
+        entries *= scale[self._row_places] * scale[self._column_places]
         size = (2 * self._reach + 1) * 3 * total
         band: Floats = np.bincount(self._band, entries, minlength=size).astype(np.float64)
         band = band.reshape(-1, 3 * total)

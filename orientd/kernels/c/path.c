@@ -2,6 +2,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "clock.h"
 #include "differences.h"
 #include "fused.h"
 #include "plain_path.h"
@@ -26,6 +27,21 @@ index_t read_curve(row_t row, curve_t *curve) {
         return 0;
     *curve = (curve_t){(index_t)spans, (index_t)factors, row.v + CURVE_HEAD};
     return CURVE_HEAD + (index_t)curve_size(spans, factors);
+}
+
+index_t read_clock(row_t row, timed_t *clock) {
+    double nodes = row.n ? row.v[0] : -1.0;
+    if (!(nodes >= 0.0 && nodes != 1.0 && nodes == floor(nodes) && nodes <= (double)row.n))
+        return 0;
+    index_t n = (index_t)nodes, size = n ? 1 + 4 * n + CLOCK_TAIL : 1;
+    if (size > row.n)
+        return 0;
+    double *tail = row.v + size - CLOCK_TAIL;
+    *clock = (timed_t){.times = {row.v + 1, n}};
+    if (n)
+        *clock = (timed_t){{row.v + 1, n}, {row.v + 1 + n, n}, {row.v + 1 + 2 * n, n},
+                           {row.v + 1 + 3 * n, n}, {tail, 2}, tail[2], tail[3]};
+    return size;
 }
 
 int sample_curve(curve_t curve, row_t times, matrix_t out) {
@@ -69,11 +85,27 @@ static void hold(const double *orientation, index_t from, index_t to, matrix_t o
             row_of(out, row)[i] = row < 4 ? orientation[row] : 0.0;
 }
 
+/* Make velocities and accelerations by a curve's own time those by the clock's. */
+static void run_faster(double scale, matrix_t paces, double *samples) {
+    index_t count = paces.m;
+    const double *rate = row_of(paces, 1), *change = row_of(paces, 2);
+    for (index_t k = 0; k < 3; k++) {
+        double *omega = samples + (4 + k) * count, *alpha = samples + (7 + k) * count;
+        for (index_t i = 0; i < count; i++) {
+            double r = scale * rate[i];
+            alpha[i] = fused(alpha[i], r * r, omega[i] * (scale * change[i]));
+            omega[i] *= r;
+        }
+    }
+}
+
 /* Write a stretch from one instant to the one before another. */
-static int sample_stretch(const double *head, curve_t curve, row_t times, index_t from, index_t to,
-                          matrix_t out, scratch_t *scratch) {
+static int sample_stretch(const double *head, timed_t clock, curve_t curve, row_t times,
+                          index_t from, index_t to, matrix_t out, scratch_t *scratch) {
     double begin = head[0], skipped = head[1], rate = head[2], sign = head[3];
-    double low = curve.numbers[0], high = curve.numbers[curve.spans];
+    double first = curve.numbers[0], last = curve.numbers[curve.spans];
+    double low = clock.times.n ? 0.0 : first;
+    double high = clock.times.n ? clock.times.v[clock.times.n - 1] : last;
     double origin = rate > 0.0 ? low : high;
     for (; from < to; from += PART) {
         index_t count = least(PART, to - from);
@@ -81,10 +113,21 @@ static int sample_stretch(const double *head, curve_t curve, row_t times, index_
             double t = fused(times.v[from + i] - begin + skipped, rate, origin);
             scratch->instants[i] = fmin(fmax(t, low), high);
         }
+        matrix_t paces = {scratch->paces, 3, count};
+        if (clock.times.n) {
+            sample_clock(clock.times, clock.places, clock.values, clock.slopes, clock.leaves,
+                         (row_t){scratch->instants, count}, paces);
+            for (index_t i = 0; i < count; i++) {
+                double t = fused(paces.v[i], clock.scale, clock.first);
+                scratch->instants[i] = fmin(fmax(t, first), last);
+            }
+        }
         int failed = sample_curve(curve, (row_t){scratch->instants, count},
                                   (matrix_t){scratch->samples, 10, count});
         if (failed)
             return failed;
+        if (clock.times.n && out.n > 4)
+            run_faster(clock.scale, paces, scratch->samples);
         for (index_t row = 0; row < out.n; row++) {
             double factor = row < 4 ? sign : row < 7 ? rate : rate * rate;
             const double *samples = scratch->samples + row * count;
@@ -105,17 +148,22 @@ int sample_in_parts(row_t path, row_t times, matrix_t out, scratch_t *scratch) {
     hold(path.v + 6, final, times.n, out);
     row_t rest = {path.v + PATH_HEAD, path.n - PATH_HEAD};
     for (double left = path.v[0]; left > 0.0; left -= 1.0) {
+        timed_t clock;
         curve_t curve;
         const double *head = rest.v;
         rest = (row_t){rest.v + STRETCH_HEAD, rest.n - STRETCH_HEAD};
-        index_t taken = read_curve(rest, &curve);
+        index_t taken = read_clock(rest, &clock);
+        if (!taken)
+            return NO_PATH;
+        rest = (row_t){rest.v + taken, rest.n - taken};
+        taken = read_curve(rest, &curve);
         if (!taken)
             return NO_PATH;
         rest = (row_t){rest.v + taken, rest.n - taken};
         index_t stop = final;
         if (left > 1.0 && rest.n > 0)
             stop = least(place_of(times, rest.v[0]), final);
-        int failed = sample_stretch(head, curve, times, first, stop, out, scratch);
+        int failed = sample_stretch(head, clock, curve, times, first, stop, out, scratch);
         if (failed)
             return failed;
         first = most(first, stop);

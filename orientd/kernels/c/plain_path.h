@@ -2,8 +2,11 @@
  *
  * The row begins with the number of stretches, the path time from which on the path is held, and
  * the orientations before it and after it.  Of each stretch follow when it begins, what is skipped
- * of it, its rate and its sign, and then its curve: how many spans and factors that has, and what
- * it is sampled from.  That is breaks and table of cubic factors, for which the number of factors
+ * of it, its rate and its sign, then its clock and then its curve.  The clock is the number of its
+ * nodes, 0 where the curve runs on its own time, or that number, times, places, squared rates and
+ * slopes of the nodes, two lengths over which it leaves rest, the curve's first instant and its
+ * seconds for a second of the clock, see clock.h.  The curve is how many spans and factors it has,
+ * and what it is sampled from.  That is breaks and table of cubic factors, for which the number of factors
  * is given as 0, or breaks, base, axes, lengths and the coefficients of the basis.
  */
 #ifndef ORIENTD_PLAIN_PATH_H
@@ -14,14 +17,22 @@
 enum {
     PATH_HEAD = 10,
     STRETCH_HEAD = 4,
+    CLOCK_TAIL = 4,
     CURVE_HEAD = 2,
     PART = 512,  /* instants that are sampled at a time */
 };
 
 typedef struct { index_t spans, factors; const double *numbers; } curve_t;
 
-/* Memory for instants of a curve and its samples. */
-typedef struct { double instants[PART], samples[10 * PART]; } scratch_t;
+/* Of no nodes where there is none. */
+typedef struct { row_t times, places, values, slopes, leaves; double first, scale; } timed_t;
+
+/* Memory for instants of a curve, its clock and its samples. */
+typedef struct { double instants[PART], paces[3 * PART], samples[10 * PART]; } scratch_t;
+
+/* Read the clock at the beginning of a row, and return how many numbers it takes; 0 if there is
+ * none. */
+index_t read_clock(row_t row, timed_t *clock);
 
 /* Read the curve at the beginning of a row, and return how many numbers it takes; 0 if there is
  * none. */

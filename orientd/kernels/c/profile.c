@@ -9,14 +9,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "profile.h"
+#include "profile_search.h"
 
 enum {
     MOST_STEPS = 160,
     ROUND_STEPS = 10,
-    SPOTS = 3,   /* of an element */
-    BENDS = 5,   /* limits of accelerations, at most */
-    TWISTS = 4,  /* of jerks */
     HALVINGS = 40,
 };
 
@@ -27,6 +24,7 @@ enum {
 #define SLOWER 0.98       /* share of the limits that a guess is slowed down to */
 #define NEAR 1.0005       /* how far beyond the largest share limits stay when they are moved in */
 #define FAR 0.3           /* share of the duration to begin with where that cannot be */
+#define NEARLY 1.25       /* times the share to end with is near enough */
 #define LIFT 1e-12        /* of the diagonal, against rounding */
 #define LOST 1e-15        /* share of the diagonal below which a pivot is rounding */
 #define HUGE_PIVOT 1e150
@@ -34,22 +32,6 @@ enum {
 /* Shares of the duration of an element, by Simpson. */
 static const double simpson[SPOTS] = {1.0 / 6, 4.0 / 6, 1.0 / 6};
 
-/* The rows of numbers of a search: n or n + 1 or n + 2 each. */
-typedef struct {
-    const profile_path_t *path;
-    index_t n;
-    const double *h;
-    double *near, *far, *rise;        /* value and slope at a node from two coefficients */
-    double *value, *slope;            /* of a profile at the nodes */
-    double *y[SPOTS], *d[SPOTS], *b;  /* value, slope and bend in the elements */
-    double *top[SPOTS];               /* one over the largest y */
-    double *bends[SPOTS][BENDS][3];   /* products of the columns of a limited rate */
-    double *twists[SPOTS][TWISTS][6];
-    int bend_count, twist_count;
-    double *g[3], *m[6];              /* gradient and Hessian at one spot of the elements */
-    double *lg[3], *lm[6];            /* the same by the three coefficients of each element */
-    double *diagonal, *beside, *apart, *right, *step, *trial, *slack;
-} search_t;
 
 static index_t rows_of_search(int bends, int twists) {
     return 3 + 2 + 2 * SPOTS + 1 + SPOTS * (1 + 3 * bends + 6 * twists) + 9 + 9 + 7;
@@ -74,8 +56,7 @@ static void put_products(const rate_t *rate, const double *p, const double *pp, 
                         + columns[i][2] * columns[j][2];
 }
 
-/* Fill in what depends on the path alone. */
-static void put_path(search_t *s, const rate_t *rates, int count) {
+void put_path(search_t *s, const rate_t *rates, int count) {
     const profile_path_t *path = s->path;
     index_t n = s->n;
     for (index_t i = 0; i <= n; i++) {
@@ -111,8 +92,7 @@ static void put_path(search_t *s, const rate_t *rates, int count) {
     }
 }
 
-/* Write value and slope of a profile at the nodes, and what it is in the elements. */
-static void spread(const search_t *s, const double *restrict c) {
+void spread(const search_t *s, const double *restrict c) {
     double *restrict value = s->value, *restrict slope = s->slope, *restrict b = s->b;
     double *const *y = s->y, *const *d = s->d;
     INDEPENDENT
@@ -131,7 +111,7 @@ static void spread(const search_t *s, const double *restrict c) {
     }
 }
 
-static double duration(const search_t *s) {
+double duration(const search_t *s) {
     double *restrict part = s->slack, sum = 0.0;
     const double *restrict h = s->h;
     const double *restrict a = s->y[0], *restrict b = s->y[1], *restrict c = s->y[2];
@@ -169,8 +149,7 @@ static double largest_share(const search_t *s) {
     return largest;
 }
 
-/* Duration and barrier of the profile that is spread, infinite outside. */
-static double cost_of(const search_t *s, double weight, double stretch) {
+double cost_of(const search_t *s, double weight, double stretch) {
     double over = 1.0 / (stretch * stretch), barrier = 0.0, all = 1.0;
     index_t outside = 0, n = s->n;
     for (int spot = 0; spot < SPOTS; spot++) {
@@ -420,7 +399,7 @@ static double stretch_of(const search_t *s) {
     return share < INSIDE ? 1.0 : STRETCH * share;
 }
 
-static int run(search_t *s, double begin, double gap, double *c) {
+int improve(search_t *s, double begin, double gap, double *c) {
     spread(s, c);
     for (int spot = 0; spot < SPOTS; spot++)
         for (index_t e = 0; e < s->n; e++)
@@ -439,56 +418,65 @@ static int run(search_t *s, double begin, double gap, double *c) {
     double degree = (double)(SPOTS * s->n) * (1 + 2 * (s->bend_count + s->twist_count));
     double weight = begin * duration(s) / degree;
     for (int steps = 0; steps <= MOST_STEPS;) {
+        s->weight = weight;
         steps += centre(s, c, weight, stretch);
         if (stretch > 1.0)
             /* Limits that were moved out for the guess are moved in again as it improves. */
             stretch = fmax(fmin(stretch_of(s), fmax(1.0, 0.99 * stretch)),
                            fmax(1.0, NEAR * largest_share(s)));
-        else if (weight * degree <= gap * duration(s))
-            return PROFILE_FOUND;
+        else if (weight * degree <= NEARLY * gap * duration(s))
+            break;
         else
             weight = fmax(REDUCTION * weight, 0.99 * gap * duration(s) / degree);
     }
+    spread(s, c);
     return stretch > 1.0 ? PROFILE_NOT_FOUND : PROFILE_FOUND;
 }
+
+bool new_search(search_t *s, const profile_path_t *path, const rate_t *rates, int count) {
+    int bends = 0, twists = 0;
+    for (int r = 0; r < count; r++)
+        bends += rates[r].order == 2, twists += rates[r].order == 3;
+    *s = (search_t){.path = path, .n = path->widths.n, .h = path->widths.v};
+    index_t row = s->n + 2;
+    double *next = malloc((size_t)(rows_of_search(bends, twists) * row) * sizeof(double));
+    s->memory = next;
+    if (next == NULL)
+        return false;
+    double **rows[] = {&s->near, &s->far, &s->rise, &s->value, &s->slope, &s->y[0], &s->y[1],
+                       &s->y[2], &s->d[0], &s->d[1], &s->d[2], &s->b, &s->top[0], &s->top[1],
+                       &s->top[2], &s->diagonal, &s->beside, &s->apart, &s->right, &s->step,
+                       &s->trial, &s->slack};
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++, next += row)
+        *rows[i] = next;
+    for (int i = 0; i < 3; i++, next += 2 * row)
+        s->g[i] = next, s->lg[i] = next + row;
+    for (int i = 0; i < 6; i++, next += 2 * row)
+        s->m[i] = next, s->lm[i] = next + row;
+    for (int spot = 0; spot < SPOTS; spot++) {
+        for (int k = 0; k < bends; k++)
+            for (int i = 0; i < 3; i++, next += row)
+                s->bends[spot][k][i] = next;
+        for (int k = 0; k < twists; k++)
+            for (int i = 0; i < 6; i++, next += row)
+                s->twists[spot][k][i] = next;
+    }
+    return true;
+}
+
+void free_search(search_t *s) { free(s->memory); }
 
 int find_profile(const profile_path_t *path, double begin, double gap, row_t coefficients,
                  matrix_t shares) {
     rate_t rates[MOST_RATES];
-    int count = put_limited(path, rates), bends = 0, twists = 0;
-    for (int r = 0; r < count; r++)
-        bends += rates[r].order == 2, twists += rates[r].order == 3;
-    search_t search = {.path = path, .n = path->widths.n, .h = path->widths.v};
-    index_t row = search.n + 2;
-    double *memory = malloc((size_t)(rows_of_search(bends, twists) * row) * sizeof(double));
-    if (memory == NULL)
+    search_t search;
+    int count = put_limited(path, rates);
+    if (!new_search(&search, path, rates, count))
         return OUT_OF_MEMORY;
-    double *next = memory;
-    double **rows[] = {&search.near, &search.far, &search.rise, &search.value, &search.slope,
-                       &search.y[0], &search.y[1], &search.y[2], &search.d[0], &search.d[1],
-                       &search.d[2], &search.b, &search.top[0], &search.top[1], &search.top[2],
-                       &search.diagonal, &search.beside, &search.apart, &search.right,
-                       &search.step, &search.trial, &search.slack};
-    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++, next += row)
-        *rows[i] = next;
-    for (int i = 0; i < 3; i++, next += 2 * row)
-        search.g[i] = next, search.lg[i] = next + row;
-    for (int i = 0; i < 6; i++, next += 2 * row)
-        search.m[i] = next, search.lm[i] = next + row;
-    for (int spot = 0; spot < SPOTS; spot++) {
-        for (int k = 0; k < bends; k++)
-            for (int i = 0; i < 3; i++, next += row)
-                search.bends[spot][k][i] = next;
-        for (int k = 0; k < twists; k++)
-            for (int i = 0; i < 6; i++, next += row)
-                search.twists[spot][k][i] = next;
-    }
     put_path(&search, rates, count);
-    int found = run(&search, begin, gap, coefficients.v);
-    if (found == PROFILE_FOUND) {
-        spread(&search, coefficients.v);
+    int found = improve(&search, begin, gap, coefficients.v);
+    if (found == PROFILE_FOUND)
         put_shares(path, search.value, search.slope, shares);
-    }
-    free(memory);
+    free_search(&search);
     return found;
 }

@@ -1,6 +1,8 @@
 /* Quickest timings as Python calls them. */
 #include "binding.h"
 #include "clock.h"
+#include "interpolation.h"
+#include "knot_times.h"
 #include "profile.h"
 
 static bool is_matrix(matrix_t a, index_t n, index_t m) { return a.n == n && a.m == m; }
@@ -17,6 +19,18 @@ KERNEL(find_profile) {
     int found;
     RUN(found = find_profile(&path, a[10].d, a[11].d, a[12].v, a[13].m));
     return found == OUT_OF_MEMORY ? PyErr_NoMemory() : PyBool_FromLong(found);
+}
+
+KERNEL(choose_knots) {
+    TAKE("mvmdiiVVM");
+    index_t n = a[0].m.n, pieces = a[4].i;
+    CHECK(n > 2 && a[0].m.m == 4 && a[1].v.n == n - 1 && is_matrix(a[2].m, 3, 4));
+    CHECK(pieces > 0 && pieces <= INT32_MAX && a[6].v.n == n);
+    CHECK(a[7].v.n == (n - 1) * pieces + 2 && is_matrix(a[8].m, 3, (n - 1) * pieces));
+    knots_t asked = {a[0].m, a[1].v, a[2].m, a[3].d, pieces, a[5].i};
+    int found;
+    RUN(found = choose_knots(asked, a[6].v, a[7].v, a[8].m));
+    return found == OUT_OF_MEMORY ? PyErr_NoMemory() : PyBool_FromLong(found == FOUND);
 }
 
 KERNEL(put_node_times) {
@@ -44,6 +58,7 @@ KERNEL(sample_clock) {
 }
 
 PyMethodDef timing_methods[] = {
+    ENTRY(choose_knots),
     ENTRY(find_profile),
     ENTRY(put_node_times),
     ENTRY(leave_rest),

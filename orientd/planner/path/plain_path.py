@@ -2,9 +2,12 @@
 
 The row begins with the number of segments, the path time from which on the path is held, and the
 orientations before it and after it.  Of each segment follow when it begins, what is skipped of it,
-its rate and its sign, and then its curve: how many spans and factors that has, and what it is
-sampled from.  These are breaks and table of cubic factors, for which the number of factors is given
-as 0, or breaks, base, axes, lengths and the coefficients of the basis.
+its rate and its sign, then its clock and then its curve.  The clock is the number of its nodes, 0
+where the curve runs on its own time, or that number, times, places, squared rates and slopes of the
+nodes, two lengths over which it leaves rest, the curve's first instant and its seconds for a second
+of the clock.  The curve is how many spans and factors it has, and what it is sampled from.  That is
+breaks and table of cubic factors, for which the number of factors is given as 0, or breaks, base,
+axes, lengths and the coefficients of the basis.
 """
 
 from __future__ import annotations
@@ -14,11 +17,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orientd.curves import CumulativeCurve, Curve
+from orientd.curves import CumulativeCurve, Curve, Retimed
 from orientd.rotation import Floats
 
 if TYPE_CHECKING:
     from orientd.planner.path.path import PathSegment
+
+_NO_CLOCK = np.zeros(1)
 
 
 def plain_curve(curve: Curve) -> Floats | None:
@@ -41,9 +46,16 @@ def plain_path(
     """
     parts: list[Floats] = [np.array([len(segments), end]), first, last]
     for segment in segments:
-        curve = plain_curve(segment.curve)
+        inner, clock = segment.curve, _NO_CLOCK
+        if isinstance(inner, Retimed):
+            warp = inner.warp
+            ends = (*warp.leaves.tolist(), warp.first, warp.scale)
+            nodes = warp.times, warp.places, warp.values, warp.slopes
+            clock = np.concatenate([[float(len(warp.times))], *nodes, ends])
+            inner = inner.curve
+        curve = plain_curve(inner)
         if curve is None:
             return None
         parts.append(np.array([segment.begin, segment.skipped, segment.rate, segment.sign]))
-        parts.append(curve)
+        parts += [clock, curve]
     return np.concatenate(parts)

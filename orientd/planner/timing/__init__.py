@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     )
     from orientd.planner.timing.candidate_path import KeyframePath, PathRequest
     from orientd.planner.timing.even_timing import evenly_paced
-    from orientd.planner.timing.quickest_timing import quickest
+    from orientd.planner.timing.knot_times import with_chosen_times
+    from orientd.planner.timing.quickest_timing import FirstProfile, aimed_at, quickest
     from orientd.planner.timing.timing import (
         SAME,
         Indices,

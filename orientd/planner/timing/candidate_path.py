@@ -11,10 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orientd.planner import refusal
 from orientd.planner.certify import Peaks, measure
 from orientd.planner.limits import STILL, Limits, is_still
 from orientd.planner.methods import Ends, build
-from orientd.planner.path import Motion3, PathSegment, PositionPath, position_path
+from orientd.planner.path import Motion3, Path, PathSegment, PositionPath, position_path
 from orientd.planner.recorded import HISTORY
 from orientd.planner.request import MotionRequest, State
 from orientd.planner.timing.timing import Indices
@@ -29,11 +30,13 @@ class KeyframePath:
         segment: the curve.
         positions: what the position does.
         times: of all keyframes of the request, s.
+        found: period, limits and peaks of the records from hold to hold, once these were looked at.
     """
 
     segment: PathSegment
     positions: PositionPath
     times: Floats
+    found: tuple[float, Limits, Peaks] | None = None
 
     @property
     def duration(self) -> float:
@@ -78,6 +81,29 @@ class KeyframePath:
         factor = duration / self.duration
         positions = self.positions if self.positions.is_held else self.positions.slowed(factor)
         return KeyframePath(self.segment.slowed(duration), positions, self.times * factor)
+
+    def in_total(self, total: float | None) -> KeyframePath:
+        """Return the same path taking *total* seconds, which are no fewer; as it is for ``None``.
+
+        Raises:
+            TotalError: it takes longer.
+        """
+        if total is None:
+            return self
+        refusal.check_total(total, self.duration)
+        return self.slowed(max(total, self.duration))
+
+    def found_as_whole(
+        self, path: Path, start: State, period: float, limits: Limits
+    ) -> Peaks | None:
+        """Return what was found on the records of *path* from a state on, if that is all of it."""
+        if self.found is None or len(path.segments) > 1 or not start.is_at_rest:
+            return None
+        is_known = start.before is None and self.found[:2] == (period, limits)
+        is_there = bool((start.position == self.positions.first).all())
+        is_same = path.segments[0].curve is self.segment.curve and path.duration == self.duration
+        q, first = start.q, path.first
+        return self.found[2] if is_known and is_there and is_same and (q == first).all() else None
 
     def record_count(self, period: float) -> int:
         """Return how many records a period apart it has."""

@@ -36,6 +36,11 @@ _SECANTS = 12
 _ROUNDING = 1e-13
 
 
+def pieces_of(intervals: int) -> int:
+    """Return how many pieces intervals between knots begin with, each."""
+    return max(_PIECES, math.ceil(_FEWEST / intervals))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Elements:
     """Elements of a path.
@@ -52,7 +57,7 @@ class Elements:
     def first(cls, keyframe_path: KeyframePath, rates: PathRates) -> Elements:
         """Return wide ones, which end where the formula of the curve changes."""
         knots = places_of(rates.knots, rates.leaves, rates.total)
-        pieces = max(_PIECES, math.ceil(_FEWEST / (len(knots) - 1)))
+        pieces = pieces_of(len(knots) - 1)
         first = cls.split(knots, np.full(len(knots) - 1, pieces))
         # What is given at an end is inside, by a little: nothing can be done about that.
         for end, moves, near in zip(

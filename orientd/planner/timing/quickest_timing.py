@@ -18,25 +18,45 @@ import numpy as np
 from orientd.curves import Retimed
 from orientd.errors import PlanError
 from orientd.planner import refusal
+from orientd.planner.certify import before, measure_path
 from orientd.planner.limits import Limits
-from orientd.planner.path import PathSegment, repositioned
+from orientd.planner.path import Path, PathSegment, repositioned
+from orientd.planner.request import State
 from orientd.planner.timing.axis_turn import SHARE, VELOCITY_SHARE, turned_at_once
 from orientd.planner.timing.candidate_path import KeyframePath
 from orientd.planner.timing.profile import Elements, PathRates, Profile
+from orientd.rotation import Floats
+from orientd.tolerances import GUARD_TOLERANCE
 
 _GAPS = 0.03, 0.003, 5e-4, 3e-4  # share of the duration that a round may cost
 _FEWEST_ROUNDS, _MOST_ROUNDS = 2, 6  # of ever narrower elements
-_BUDGET = 450, 5  # elements of all rounds together, and of these for each interval between knots
+_BUDGET = 420, 5  # elements of all rounds together, and of these for each interval between knots
 _ATTEMPTS = 5  # to get below the limits where they are exceeded between the places
 _ABOVE = 1.00005
 _FEW = 300  # elements, of which another round costs little
+_MANY = 2000  # elements, of which it costs too much
 _BEYOND = 1.0003  # share of a limit that is worth it
+_FAR_BEYOND = 1.003  # where it costs more
 _ROOTS = np.array([1.0, 1 / 2, 1 / 3])  # of shares of velocity, acceleration and jerk, for a pace
 _WHOLE = 1e-9  # of a period
 
 
+FirstProfile = tuple[Floats, Floats]
+"""Coefficients of a profile on the first elements of a path, and shares of limits that it uses."""
+
+
+def aimed_at(limits: Limits, share: float = SHARE) -> Limits:
+    """Return the limits that the quickest timing uses, with *share* of acceleration and jerk."""
+    return limits.with_reserve(share).times(velocity=VELOCITY_SHARE, linear_velocity=VELOCITY_SHARE)
+
+
 def quickest(
-    keyframe_path: KeyframePath, limits: Limits, period: float, *, share: float = SHARE
+    keyframe_path: KeyframePath,
+    limits: Limits,
+    period: float,
+    *,
+    share: float = SHARE,
+    guess: FirstProfile | None = None,
 ) -> KeyframePath:
     """Return the same path in the shortest time that keeps the limits.
 
@@ -48,24 +68,28 @@ def quickest(
         limits: to keep, as seen on records a *period* apart.
         period: of the device, s.
         share: of the limits of acceleration and jerk to use.
+        guess: the quickest profile to the gap of the first round, if it is known, with the usual
+            share.
 
     Raises:
         PlanError: none was found.
     """
-    aimed = limits.with_reserve(share).times(
-        velocity=VELOCITY_SHARE, linear_velocity=VELOCITY_SHARE
-    )
     turn = turned_at_once(keyframe_path, limits, share)
     if turn is not None:
         return turn
-    rates = PathRates.of(keyframe_path, aimed)
+    guess = guess if share == SHARE else None
+    rates = PathRates.of(keyframe_path, aimed_at(limits, share))
     elements = Elements.first(keyframe_path, rates)
-    coefficients = rates.guess(elements)
+    coefficients = rates.guess(elements) if guess is None else guess[0]
     count, most = 0, _BUDGET[0] + _BUDGET[1] * (len(rates.knots) - 1)
     for round_ in range(_MOST_ROUNDS):
         gap = _GAPS[min(round_, len(_GAPS) - 1)]
         try:
-            profile = rates.profile(elements, coefficients, gap, 10.0 * gap if round_ else 1.0)
+            if guess is not None and not round_:
+                profile = Profile(elements, *guess, rates.leaves)
+            else:
+                begin = 10.0 * gap if round_ else 1.0
+                profile = rates.profile(elements, coefficients, gap, begin)
         except PlanError:
             if not round_:
                 raise
@@ -77,7 +101,8 @@ def quickest(
         if pieces is None and gap == _GAPS[-1]:
             break
         elements, coefficients = profile.narrowed(pieces)
-    if len(profile.coefficients) < _FEW and float(profile.shares.max()) > _BEYOND:
+    beyond, size = float(profile.shares.max()), len(profile.coefficients)
+    if size < _MANY and beyond > (_BEYOND if size < _FEW else _FAR_BEYOND):
         lower = profile.elements.aiming_lower(profile.shares)
         with suppress(PlanError):
             profile = rates.profile(lower, profile.coefficients, _GAPS[-1], 10.0 * _GAPS[-1])
@@ -95,7 +120,7 @@ def quickest(
         if slower > 1.0:
             quick = quick.slowed(quick.duration * slower)
         refusal.check_duration(quick.duration)
-        excess = _excess(quick, limits, period, has_lead=rates.moves[1])
+        quick, excess = _looked_at(quick, limits, period, rates.moves)
         if excess <= 1.0:
             return quick
         if any(rates.moves):
@@ -106,18 +131,35 @@ def quickest(
     raise PlanError(f"no quickest timing keeps the limits, by a factor of {excess:g}")
 
 
-def _excess(path: KeyframePath, limits: Limits, period: float, *, has_lead: bool) -> float:
-    """Return by which factor a path should be slower, as seen on its records."""
-    # Where a lead goes on, the last record that is the keyframe path's own.
-    last = math.floor(path.duration / period + _WHOLE) if has_lead else None
-    peaks = path.peaks(period, limits, last=last)
-    return max(
+def _looked_at(
+    path: KeyframePath, limits: Limits, period: float, moves: tuple[bool, bool]
+) -> tuple[KeyframePath, float]:
+    """Return a path, with the peaks if it is held before and after, and how much slower to be."""
+    if any(moves) or not path.positions.is_held:
+        # Where a lead goes on, the last record that is the keyframe path's own.
+        last = math.floor(path.duration / period + _WHOLE) if moves[1] else None
+        peaks = path.peaks(period, limits, last=last)
+    else:
+        whole = Path.joined([path.segment], path.positions)
+        peaks = measure_path(
+            whole,
+            math.ceil(path.duration / period - _WHOLE) + 1,
+            period,
+            limits,
+            before=before(State.at_rest(whole.first, path.positions.first), period),
+            brake_limits=limits.scaled(GUARD_TOLERANCE),
+            rough=None,
+        )
+        path = replace(path, found=(period, limits, peaks))
+    excess = max(
         peaks.spins,
+        peaks.drawn[0],
         math.sqrt(peaks.bends),
         math.cbrt(peaks.twists),
         peaks.linear_velocity.ratio,
         math.sqrt(peaks.linear_acceleration.ratio),
     )
+    return path, excess
 
 
 def _retimed(keyframe_path: KeyframePath, profile: Profile) -> KeyframePath:

@@ -2,11 +2,11 @@
 
     python tests/data/quickest/regenerate.py
 
-The curve is orientd's; everything else is not.  For the squared rate at the nodes of a grid, with
-differences of the nodes for its derivatives, a sequence of linear programs (HiGHS by SciPy) inside
-a shrinking box lowers the sum of ``step / sqrt(y)`` under limits of the components of omega, alpha
-and jerk, all three linearised, until nothing moves.  The durations at two grids give the third by
-Richardson's rule, which is what is stored.
+The curve is orientd's, that of an even pace; everything else is not.  For the squared rate at the
+nodes of a grid, with differences of the nodes for its derivatives, a sequence of linear programs
+(HiGHS by SciPy) inside a shrinking box lowers the sum of ``step / sqrt(y)`` under limits of the
+components of omega, alpha and jerk, all three linearised, until nothing moves.  The durations at
+two grids give the third by Richardson's rule, which is what is stored.
 """
 
 import json
@@ -35,19 +35,23 @@ def keyframes(seed, count, step):
     return quaternions
 
 
-def least_duration(q, limits, nodes):
-    """Return the duration on the curve that the planner makes by default, from rest to rest."""
-    request = MotionRequest([Keyframe(tuple(key)) for key in q])
+def evenly_paced(q):
+    """Return the part of an even motion between its keyframes, from rest to rest."""
+    request = MotionRequest([Keyframe(tuple(key)) for key in q], pace="even")
     start = State.at_rest(request.keys[0])
-    motion = plan(request, start=start, limits=DEFAULT_LIMITS, period=0.002)
-    (stretch,) = motion.path.stretches
+    (segment,) = plan(request, start=start, limits=DEFAULT_LIMITS, period=0.002).path.segments
+    return segment
+
+
+def least_duration(segment, limits, nodes):
+    """Return the duration of the quickest way along part of a path, from rest to rest."""
     s = np.linspace(0.0, 1.0, nodes)
     h = s[1] - s[0]
     # Jerk between the nodes, everything else at them.
     middle = 0.5 * (s[1:] + s[:-1])
-    end = stretch.end
-    _, w, a = stretch.sample(end * s)
-    _, wm, am = stretch.sample(end * middle)
+    end = segment.end
+    _, w, a = segment.sample(end * s)
+    _, wm, am = segment.sample(end * middle)
     w, wm, a, am = w * end, wm * end, a * end**2, am * end**2
     jm = np.diff(a, axis=0) / h
     velocity, acceleration, jerk = (
@@ -133,7 +137,9 @@ def main():
         for which, limits in enumerate(LIMITS):
             q = keyframes(10 + k, count, step)
             nodes = 100 * (count - 1) + 1
-            coarse, fine = (least_duration(q, limits, n) for n in (nodes, 2 * nodes - 1))
+            coarse, fine = (
+                least_duration(evenly_paced(q), limits, n) for n in (nodes, 2 * nodes - 1)
+            )
             name = f"{count} keyframes {step} rad apart, limits {which}"
             duration = fine + (fine - coarse) / 3
             print(name, coarse, fine, duration, flush=True)

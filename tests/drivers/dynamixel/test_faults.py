@@ -10,8 +10,8 @@ from orientd_sim.dynamixel import FaultKind, ReplyFault
 
 MS = 1_000_000
 MOMENTS = [
-    pytest.param(range(6), id="few"),
-    pytest.param(range(6, 50), id="many", marks=pytest.mark.slow),
+    pytest.param(range(3), id="few"),
+    pytest.param(range(3, 50), id="many", marks=pytest.mark.slow),
 ]
 
 

@@ -212,6 +212,7 @@ def test_a_gallery_is_drawn_to_a_folder(tmp_path, monkeypatch):
     from orientd.plots import gallery
 
     monkeypatch.setattr(gallery, "METHODS", {"squad": METHODS["squad"]})
+    monkeypatch.setattr(gallery, "compare", curves.compare)
     report = told("methods", "--gallery", tmp_path / "gallery", "--format", "png")
     names = [Path(path).name for path in report["gallery"]]
     assert names == ["squad.png", "all.png"]

@@ -34,7 +34,7 @@ CASES = [
 
 @pytest.fixture
 def made(monkeypatch):
-    """The curves that `compare` and `plot` make, by command."""
+    """The curves that `compare` and `plot` make, by command, and what `plot` would draw."""
     found = {}
     compared, traced = curves.compare, plots.traces_of
 
@@ -48,7 +48,13 @@ def made(monkeypatch):
         return traced(curve, task, **more)
 
     monkeypatch.setattr(curves, "compare", keep_compared)
+
+    def keep_drawn(path, traces, **more):
+        # Pictures are drawn elsewhere, and take ten times as long as all else here.
+        found["drawn"] = traces
+
     monkeypatch.setattr(plots, "traces_of", keep_traced)
+    monkeypatch.setattr(plots, "draw_traces", keep_drawn)
     return found
 
 
@@ -56,6 +62,12 @@ def run(*arguments):
     done = CliRunner().invoke(app, [*map(str, arguments), "--json"])
     assert done.exit_code == 0, done.output
     return json.loads(done.stdout)
+
+
+def assert_is_drawn(made):
+    traces, curve = made["drawn"], made["plot"]
+    assert np.ptp(traces.times) == pytest.approx(np.ptp(curve.domain), rel=1e-9)
+    assert angle(curve.evaluate(traces.times)[0], traces.q).max() < 1e-9
 
 
 @pytest.mark.parametrize(("name", "velocities"), CASES)
@@ -88,6 +100,7 @@ def test_four_commands_make_one_curve(name, velocities, made, tmp_path):
     again = moved.sample(moved.start_time + instants - first).q
     assert angle(again, q[is_inside]).max() < 1e-9
     assert drawn["compare"] == drawn["plot"]
+    assert_is_drawn(made)
 
 
 @pytest.mark.parametrize("name", ["c2_cumulative", "kks_bspline", "kks_uniform", "squad"])
@@ -111,3 +124,4 @@ def test_without_times_it_is_the_same_curve_at_another_pace(name, made, tmp_path
     for curve in (made["compare"].curve, made["plot"]):
         begin, end = curve.domain
         assert angle(curve.evaluate(begin + share * (end - begin))[0], core).max() < 1e-9
+    assert_is_drawn(made)

@@ -1,5 +1,6 @@
 """The unit that is installed is one that systemd takes."""
 
+import os
 import shutil
 import subprocess
 import sys
@@ -7,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from orientd.cli.commands.service import NAME, unit
+from orientd.cli.commands.service import NAME, check_runs, unit
+from orientd.errors import ConfigError
 
 ANALYZE = shutil.which("systemd-analyze")
 
@@ -48,3 +50,18 @@ def test_it_is_told_when_it_is_ready_and_asks_for_real_time_not_for_root(user):
         assert (f"{setting}=orientd" in lines) == (user is not None)
     assert ("AmbientCapabilities=" in lines) == (user is not None)
     assert not [line for line in lines if line.startswith("RestrictRealtime")]
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="becomes another user, which root may")
+def test_an_interpreter_or_a_file_that_the_service_cannot_use_is_refused(tmp_path):
+    # Below a folder of mode 0700, as a root user's home is.
+    tmp_path.chmod(0o700)
+    closed = tmp_path / "python"
+    closed.symlink_to(sys.executable)
+    with pytest.raises(ConfigError, match=r"^nobody cannot run .*; install orientd where"):
+        check_runs(str(closed), Path("/dev/null"), "nobody")
+    config = tmp_path / "orientd.toml"
+    config.write_text("")
+    with pytest.raises(ConfigError, match="nobody-yet cannot run"):
+        check_runs(sys.executable, config, "nobody-yet")
+    check_runs(sys.executable, config, "root")

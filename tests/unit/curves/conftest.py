@@ -3,6 +3,7 @@
 A family that takes ``keys`` and ``times`` needs no line here.
 """
 
+import functools
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -238,6 +239,7 @@ class Example:
     def params(self, count=6, *, seed=0, step=1.0):
         return self.make(*random_keyframes(count, seed=seed, step=step))
 
+    @functools.cache  # noqa: B019 - a few curves, none of which can change
     def curve(self, **settings):
         return self.family(**self.params(**settings))
 

@@ -4,6 +4,7 @@ The second implementation is the definition written down: Cox-de Boor from the k
 sums, quaternion exponentials, and derivatives by differences with 50 digits.
 """
 
+import functools
 from itertools import pairwise
 
 import mpmath
@@ -94,16 +95,22 @@ def b_spline(i, order, knots, t, last):
     return total
 
 
+@functools.cache
+def cumulative_basis(knots, order, count, t):
+    """The values of B~_1 ... B~_(count-1) at *t*, which many increments are tried with."""
+    functions = [b_spline(j, order, knots, t, knots[count]) for j in range(count)]
+    return [sum(functions[i:]) for i in range(1, count)]
+
+
 def cumulative(start, increments, knots, order):
     """The curve q0 prod exp(w_i B~_i(t)) over all functions, by the definition."""
-    count = len(increments) + 1
-    last = knots[count]
 
     def curve(t):
         q = start
-        tail = [b_spline(j, order, knots, t, last) for j in range(count)]
-        for i in range(1, count):
-            q = multiply(q, exp(scaled(sum(tail[i:]), increments[i - 1])))
+        basis = cumulative_basis(tuple(knots), order, len(increments) + 1, t)
+        for increment, share in zip(increments, basis, strict=True):
+            if share:
+                q = multiply(q, exp(scaled(share, increment)))
         return q
 
     return curve
@@ -390,20 +397,19 @@ def test_c2_cumulative(chain, ends):
         return missed
 
     guess = numbers(curve.increments.ravel())
+    here = conditions(*guess)
+    columns, step = [], mpmath.mpf(10) ** -12  # differences leave 20 digits of accelerations
+    for k in range(len(guess)):
+        moved = list(guess)
+        moved[k] += step
+        there = conditions(*moved)
+        columns.append([(a - b) / step for a, b in zip(there, here, strict=True)])
+    slope = mpmath.matrix(columns).T
     root = guess
-    for _ in range(2):
-        here = conditions(*root)
-        columns = []
-        for k in range(len(root)):
-            moved = list(root)
-            moved[k] += mpmath.mpf(10) ** -20
-            there = conditions(*moved)
-            columns.append(
-                [(a - b) * mpmath.mpf(10) ** 20 for a, b in zip(there, here, strict=True)]
-            )
-        slope = mpmath.matrix(columns).T
-        change = mpmath.lu_solve(slope, -mpmath.matrix(here))
+    for _ in range(2):  # so near the root, its slope is that of the guess
+        change = mpmath.lu_solve(slope, -mpmath.matrix(conditions(*root)))
         root = [a + b for a, b in zip(root, change, strict=True)]
+    assert max(abs(miss) for miss in conditions(*root)) < mpmath.mpf(10) ** -17
     largest = max(abs(x) for x in root)
     relative_step = np.diff(curve.knots).min() / max(1.0, abs(curve.knots).max())
     rounding = max(1e-13, 1e-16 / relative_step) * max(1, largest)

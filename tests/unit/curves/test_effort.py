@@ -83,7 +83,9 @@ def disagreements(step, seeds, titles):
     return differing
 
 
-@pytest.mark.parametrize("step", [10, pytest.param(90, marks=pytest.mark.slow), 170])
+@pytest.mark.parametrize(
+    "step", [*(pytest.param(step, marks=pytest.mark.slow) for step in (10, 90)), 170]
+)
 def test_effort_agrees_with_other_measurements_on_a_few_keyframes(step):
     assert disagreements(step, range(300, 312), QUICK) == []
 

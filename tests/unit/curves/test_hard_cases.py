@@ -54,8 +54,8 @@ CASES = {
     "179.99 degrees": (walk(7, np.radians(179.99)), EVEN),
     "half turns": (walk(7, np.pi), EVEN),
     "intervals in a ratio of 10,000": (
-        walk(7, 0.02),
-        np.cumsum([0.0, 1.0, 1e-4, 1.0, 1e-4, 1e-4, 1.0]),
+        walk(6, 0.02),
+        np.cumsum([0.0, 1.0, 1e-4, 1.0, 1e-4, 1e-4]),
     ),
     "late": (walk(7, 1.0), 1e6 + EVEN),
 }

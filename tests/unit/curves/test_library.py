@@ -30,8 +30,6 @@ def made(name, times="given", **given):
     count = 2 if is_pair(name) else 5
     if isinstance(times, str):
         times = 1.0 + 0.5 * np.arange(count)
-    if name == "nielson_shieh":
-        given["require_positive"] = False
     return METHODS[name](**{"keys": TURNS[:count], "times": times, **given})
 
 
@@ -51,8 +49,6 @@ def test_without_times_every_family_lasts_as_long_as_its_chords(name):
     curve = made(name, times=None)
     assert curve.domain == pytest.approx((0.0, length), rel=1e-12)
     given = {"keys": TURNS[:2] if is_pair(name) else TURNS}
-    if name == "nielson_shieh":
-        given["require_positive"] = False
     assert METHODS[name](**given).domain == curve.domain
 
 
@@ -172,18 +168,19 @@ print(taken, sorted(names & (posix | others)))
 
 
 def test_importing_the_curves_is_quick_and_loads_nothing_of_the_daemon():
-    found = [
-        subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=True)
-        for _ in range(3)
-    ]
-    seconds, modules = zip(*(one.stdout.split(maxsplit=1) for one in found), strict=True)
-    assert {text.strip() for text in modules} == {"[]"}
-    assert min(map(float, seconds)) < 0.15
+    for _ in range(3):
+        command = [sys.executable, "-c", PROGRAM]
+        found = subprocess.run(command, capture_output=True, text=True, check=True)
+        seconds, modules = found.stdout.split(maxsplit=1)
+        assert modules.strip() == "[]"
+        if float(seconds) < 0.15:
+            break
+    assert float(seconds) < 0.15
 
 
 def test_a_curve_shows_its_picture_in_a_notebook(tmp_path):
     pytest.importorskip("matplotlib")
-    for name in ("c2_cumulative", "kks_bspline", "slerp"):
+    for name in ("kks_bspline", "slerp"):
         assert made(name)._repr_png_().startswith(b"\x89PNG")
     made("squad").plot(tmp_path / "squad.svg")
     assert "trace-x" in (tmp_path / "squad.svg").read_text()

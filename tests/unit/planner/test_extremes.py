@@ -1,5 +1,6 @@
 """Differences of setpoints and of paths, and what they leave for a stop, against plain NumPy."""
 
+import functools
 from dataclasses import replace
 
 import numpy as np
@@ -108,14 +109,16 @@ def one_by_one(path):
     return replace(path, _plain=[None])
 
 
+@functools.cache
 def several_paths(limits):
-    """Yield motions on paths of one to five segments, run backwards and taken over, too."""
+    """Return motions on paths of one to five segments, run backwards and taken over, too."""
     rng = np.random.default_rng(6)
     here = State.at_rest([1.0, 0.0, 0.0, 0.0])
     keys = [tuple(q) for q in exp(0.3 * rng.normal(size=(5, 3))).tolist()]
     times = [0.0, 4.0, 9.0, 13.0, 17.0]
     timed = [Keyframe(q, t) for q, t in zip(keys, times, strict=True)]
     velocities = {"start_velocity": (0.2, 0.0, -0.1), "end_velocity": (0.0, 0.3, 0.0)}
+    motions = []
     for keyframes, method, options in (
         ([Keyframe(keys[0])], "c2_cumulative", {}),
         ([Keyframe(keys[0])], "c2_cumulative", {"end_velocity": (0.0, 0.3, 0.0)}),
@@ -134,7 +137,8 @@ def several_paths(limits):
         away = retarget(keys[1], start=here, limits=limits, period=PERIOD, pace="even")
         for start in (here, away):
             state = start if start is here else start.state_at(start.record_count // 2)
-            yield plan(request, start=state, limits=limits, period=PERIOD)
+            motions.append(plan(request, start=state, limits=limits, period=PERIOD))
+    return motions
 
 
 @pytest.mark.parametrize("limits", LIMITS)
@@ -168,12 +172,14 @@ def value_at(path, name, time):
 
 @pytest.mark.parametrize("limits", LIMITS)
 @pytest.mark.parametrize("rough", [None, Rough(0.1, 2.0, 1)])
-def test_a_path_is_held_against_its_limits_as_numpy_does(monkeypatch, limits, rough):
-    for motion in several_paths(limits):
+@pytest.mark.parametrize("with_each", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_a_path_is_held_against_its_limits_as_numpy_does(monkeypatch, limits, rough, with_each):
+    first = LIMITS.index(limits) + (rough is not None)
+    for number, motion in enumerate(several_paths(limits), first):
         path, count = motion.path, motion.record_count
         q = path.orientations(np.zeros(3))
         befores = [None, (q, np.zeros((3, 3))), (q, np.full((3, 3), 0.1))]
-        for before in befores:
+        for before in befores if with_each else [befores[number % 3]]:
             options = {"before": before, "brake_limits": limits, "rough": rough}
             found = measure_path(path, count, PERIOD, limits, **options)
             with monkeypatch.context() as patch:

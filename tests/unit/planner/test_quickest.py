@@ -120,8 +120,46 @@ def test_without_jerk_limit_it_takes_as_long_as_with_toppra(seed, at_rest):
 @pytest.mark.parametrize("case", OPTIMA, ids=lambda case: case["name"])
 def test_with_jerk_limit_it_is_near_the_optimum_found_on_a_fine_grid(case):
     limits = DEFAULT_LIMITS.with_rates(case["limits"])
-    motion = made([Keyframe(tuple(q)) for q in case["keyframes"]], limits)
-    assert -0.001 < alone(motion) / case["duration"] - 1.0 < 0.005
+    request = MotionRequest([Keyframe(tuple(q)) for q in case["keyframes"]], pace="even")
+    start = State.at_rest(request.keys[0])
+    usual = plan(request, start=start, limits=limits, period=PERIOD)
+    (segment,) = usual.path.segments
+    chords = KeyframePath(segment, usual.path.positions, usual.keyframe_times)
+    quick = quickest(chords, limits, PERIOD)
+    assert -0.001 < quick.duration / case["duration"] - 1.0 < 0.005
+    # Times at the keyframes chosen for the quickest way make it no longer than by their distances.
+    assert alone(made(request.keyframes, limits)) < 1.001 * quick.duration
+
+
+def test_a_path_at_the_quickest_pace_is_sampled_as_its_curve_is():
+    random = np.random.default_rng(3)
+    motion = made([Keyframe(q) for q in rotations(random, 5, 0.7)], LIMITS["soft"])
+    (segment,) = motion.path.segments
+    assert motion.path.plain is not None
+    t = np.sort(random.uniform(0.0, motion.duration - 1e-6, 2000))
+    for found, expected in zip(motion.path.sample(t)[:3], segment.sample(t), strict=True):
+        np.testing.assert_allclose(found, expected, atol=1e-11 * np.abs(expected).max())
+
+
+def test_times_at_keyframes_are_chosen_the_same_way_at_any_share_of_the_pace():
+    random = np.random.default_rng(7)
+    keyframes = [Keyframe(q) for q in rotations(random, 6, 0.8)]
+    start, limits = State.at_rest(keyframes[0].q), LIMITS["arm"]
+    quick, again, slow, usual = (
+        plan(MotionRequest(keyframes, pace=pace), start=start, limits=limits, period=PERIOD)
+        for pace in (None, None, 0.6, "even")
+    )
+    np.testing.assert_array_equal(quick.rows(0, 100), again.rows(0, 100))
+    assert slow.duration == pytest.approx(quick.duration / 0.6, rel=2e-3)
+    assert quick.certificate.keyframe_error < 1e-9
+    dense = quick.sample(np.linspace(0.0, quick.end_time, 20001)).q
+
+    def distance(motion):
+        q = motion.sample(np.linspace(0.0, motion.end_time, 50)).q
+        return np.max(1.0 - np.abs(q @ dense.T).max(axis=1))
+
+    assert distance(slow) < 1e-7
+    assert distance(usual) > 1e-6
 
 
 @pytest.mark.parametrize("name", sorted(LIMITS))

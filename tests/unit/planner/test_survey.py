@@ -79,7 +79,7 @@ AXES = DEFAULT_LIMITS.with_rates({"velocity": [2.0, 0.7, 1.5], "jerk": 300.0})
 
 
 @pytest.mark.parametrize("limits", [DEFAULT_LIMITS, AXES])
-@pytest.mark.parametrize("count", [2, 5, 80])
+@pytest.mark.parametrize("count", [2, 5, 30, pytest.param(80, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("end_velocity", [None, (0.0, 0.2, 0.0)])
 def test_a_survey_says_what_numpy_says(monkeypatch, limits, count, end_velocity):
     keys = np.array([4.0, 0.0, 0.0, 0.0]) + np.random.default_rng(count).normal(size=(count, 4))

@@ -75,7 +75,7 @@ def check_optimal(ride, cycles):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_stop_takes_hardly_longer_than_any_stop_could(kind):
-    ratios, _ = check_stops(0, kind, 6, 12)
+    ratios, _ = check_stops(0, kind, 6, 6)
     # Against a bound that knows nothing of the path, which a few stops cannot come near.
     assert np.median(ratios) < 1.03
     assert np.percentile(ratios, 95) < 1.2

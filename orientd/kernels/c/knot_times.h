@@ -1,0 +1,30 @@
+/* Times at keyframes that come without: those of the quickest way through them that is found.
+ *
+ * The cubic through keyframes depends on how its time is shared out between them.  Shares tried are
+ * powers of the angles between keyframes, then those down the slope of the duration.  That slope
+ * costs no search: where a barrier method has found the best profile, the duration of another path
+ * differs by what its barrier does at the same profile, to first order (the envelope theorem).
+ */
+#ifndef ORIENTD_KNOT_TIMES_H
+#define ORIENTD_KNOT_TIMES_H
+
+#include "arrays.h"
+
+/* What is asked for. */
+typedef struct {
+    matrix_t keys;      /* unit quaternions with the signs wanted, shape (n, 4), n >= 3 */
+    row_t lengths;      /* of the turns between them, shape (n - 1,) */
+    matrix_t limits;    /* of velocity, acceleration and jerk, norm and components, shape (3, 4) */
+    double total;       /* time from the first to the last on the curve that is made, s */
+    index_t pieces;     /* elements of an interval */
+    index_t descents;   /* down the slope, at most; of 0 one other power is tried, and no more */
+} knots_t;
+
+/* Write times from 0 to the total, shape (n,), and of the profile found coefficients, shape
+ * ((n - 1) pieces + 2,), and shares, shape (3, (n - 1) pieces), as find_profile has them.
+ *
+ * Return FOUND, NOT_FOUND where no other times are quicker than those by the lengths on the curve
+ * of an even pace, whose ends have no acceleration, or OUT_OF_MEMORY. */
+int choose_knots(knots_t asked, row_t times, row_t coefficients, matrix_t shares);
+
+#endif

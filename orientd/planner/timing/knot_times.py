@@ -1,0 +1,80 @@
+"""Times at keyframes that come without, chosen for the quickest way through them.
+
+The pace along the curve is found afterwards, so these times decide nothing but where the curve
+passes between the keyframes; see ``orientd/kernels/c/knot_times.h``.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from orientd import kernels
+from orientd.planner.certify import limit_table
+from orientd.planner.limits import Limits
+from orientd.planner.request import DEFAULT_METHOD
+from orientd.planner.timing.candidate_path import PathRequest
+from orientd.planner.timing.profile import pieces_of
+from orientd.rotation import Floats, align, angle
+
+MOST_KEYFRAMES = 100
+"""For which other times are tried; with more of them a plan would take too long."""
+
+_MOST_DESCENDED = 12
+"""For which the slope of the duration is looked at, which takes a curve for each of them."""
+_DESCENTS = 2
+
+
+def with_chosen_times(
+    path_request: PathRequest, duration: float, limits: Limits
+) -> tuple[PathRequest, tuple[Floats, Floats]] | None:
+    """Return a path request with the times of the quickest way that is found.
+
+    Its curve leaves rest with an acceleration, since the pace along it is yet to be found.
+
+    Args:
+        path_request: of keyframes without times.
+        duration: of the curve to be made, s.
+        limits: to keep, with what is kept in reserve.
+
+    Returns:
+        The path request, and coefficients and shares of a profile to begin with on the curve of
+        that duration; ``None`` where other times are not tried: where the method is another one,
+        where a position moves, whole turns are made, or nothing limits the jerk.
+    """
+    request, kept = path_request.request, path_request.kept
+    if not (
+        request.method == DEFAULT_METHOD
+        and not request.options
+        and request.positions is None
+        and path_request.has_one_shape
+        and path_request.halt.is_held
+        and 3 <= len(kept) <= MOST_KEYFRAMES
+        and not request.turns.any()
+        and min(limits.jerk, *limits.axis_jerk) < math.inf
+    ):
+        return None
+    keys = align(request.keys[kept])
+    count = len(keys) - 1
+    pieces = pieces_of(count)
+    chosen, coefficients = np.empty(count + 1), np.empty(count * pieces + 2)
+    shares = np.empty((3, count * pieces))
+    descents = _DESCENTS if len(keys) <= _MOST_DESCENDED else 0
+    if not kernels.choose_knots(
+        keys,
+        angle(keys[:-1], keys[1:]),
+        limit_table(limits),
+        duration,
+        pieces,
+        descents,
+        chosen,
+        coefficients,
+        shares,
+    ):
+        return None
+    # Keyframes that are passed as one have one time.
+    times = np.interp(path_request.times, path_request.times[kept], chosen)
+    ends = replace(path_request.ends, leaves_freely=True)
+    return replace(path_request, times=times, ends=ends), (coefficients, shares)
