@@ -7,19 +7,30 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from orientd import curves
+    from orientd.fleet.client import connect_fleet
     from orientd.planner.offline import plan_offline as plan
     from orientd.planner.storage import load_motion
     from orientd.rotation.named import Quaternion
     from orientd.rpc.client import connect
     from orientd.rpc.reports import OnTarget
 
-__all__ = ["OnTarget", "Quaternion", "__version__", "connect", "curves", "load_motion", "plan"]
+__all__ = [
+    "OnTarget",
+    "Quaternion",
+    "__version__",
+    "connect",
+    "connect_fleet",
+    "curves",
+    "load_motion",
+    "plan",
+]
 
 __version__ = "0.2.0"
 
 # The servo process imports this package too and must not pay for gRPC and NumPy.
 _HOMES = {
     "connect": ("orientd.rpc.client", "connect"),
+    "connect_fleet": ("orientd.fleet.client", "connect_fleet"),
     "OnTarget": ("orientd.rpc.reports", "OnTarget"),
     "Quaternion": ("orientd.rotation.named", "Quaternion"),
     "load_motion": ("orientd.planner.storage", "load_motion"),

@@ -23,17 +23,12 @@ from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
-from pydantic import (
-    Field,
-    ValidationError,
-    ValidationInfo,
-    field_validator,
-    model_validator,
-)
+from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from orientd.bounded_file import MEBIBYTE, read_bounded
 from orientd.errors import ConfigError, RequestError
+from orientd.fleet_settings import FleetSettings
 from orientd.limit_field import AngularLimit, LinearLimit
 from orientd.one_line import one_line
 from orientd.operation_settings import (
@@ -264,6 +259,7 @@ class Settings(Table):
         access: the table ``[access]``.
         tcp: the table ``[tcp]``; without it there is the Unix socket only.
         metrics: the table ``[metrics]``; without it there are none.
+        fleet: the table ``[fleet]``; without it the daemon is alone.
         devices: the tables ``[devices.NAME]`` by name.
     """
 
@@ -273,6 +269,7 @@ class Settings(Table):
     access: AccessSettings = AccessSettings()
     tcp: TcpSettings | None = None
     metrics: MetricsSettings | None = None
+    fleet: FleetSettings | None = None
     devices: Annotated[dict[str, DeviceSettings], Field(min_length=1)]
 
     @model_validator(mode="before")

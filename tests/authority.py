@@ -32,12 +32,12 @@ class Authority:
             text=True,
         ).stdout
 
-    def issue(self, name, *, hosts="", dates=()):
+    def issue(self, name, *, hosts="", dates=(), use=""):
         """Sign a certificate; *hosts*, for a daemon, as OpenSSL writes alternative names."""
         names = ("-addext", f"subjectAltName={hosts}") if hosts else ()
         files = ("-keyout", f"{name}.key", "-out", f"{name}.csr")
         self.run("req", "-new", "-subj", f"/CN={name}", *names, *QUICK_KEY, *files)
-        use = "server" if hosts else "client"
+        use = use or ("server" if hosts else "client")
         self.run(
             "ca", "-batch", "-extensions", use, *dates, "-in", f"{name}.csr", "-out", f"{name}.pem"
         )

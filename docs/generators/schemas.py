@@ -13,7 +13,7 @@ from typing import Any, get_args
 from pydantic import BaseModel
 
 from generators import words
-from orientd.config import Settings
+from orientd.config import DeviceSettings, Settings
 from orientd.daemon.calls import Telemetry
 from orientd.planner import PRESETS, UNITS
 from orientd.schema import attribute_lines, motion_schema
@@ -25,6 +25,7 @@ _TABLES = {
     "access": "[access]",
     "tcp": "[tcp]",
     "metrics": "[metrics]",
+    "fleet": "[fleet]",
     "devices": "[devices.NAME]",
     "limits": "[devices.NAME.limits]",
 }
@@ -131,7 +132,7 @@ def _table(model: type[BaseModel], heading: str) -> Iterator[str]:
         if found is not None:
             inner.append((found, _TABLES[name]))
             continue
-        if name == "name":
+        if name == "name" and model is DeviceSettings:  # the key of its table
             continue
         if name not in said:
             raise ValueError(f"{model.__name__} does not say what {name} is")

@@ -41,7 +41,11 @@ Beside = Annotated[
 _REMOTE = {
     "address": Annotated[
         str | None,
-        typer.Option("--address", metavar="HOST:PORT", help="Reach a daemon over TCP, with TLS."),
+        typer.Option(
+            "--address",
+            metavar="HOST:PORT",
+            help="Reach a daemon over TCP, with TLS; or fleet:NAME of the cell $ORIENTD_CELL.",
+        ),
     ],
     "cert": Annotated[Path | None, typer.Option("--cert", help="For --address: who this is.")],
     "key": Annotated[Path | None, typer.Option("--key", help="For --address: of --cert.")],

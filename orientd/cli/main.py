@@ -21,7 +21,7 @@ _HOMES = {
     "methods": "daemon_commands",
     "plan": "motion_commands",
     "move": "motion_commands",
-    "home": "home",
+    "home": "turn",
     "turn": "turn",
     "track": "track",
     "teach": "teach",
@@ -46,6 +46,7 @@ _HOMES = {
     "service": "service",
     "lease": "lease",
     "audit": "audit",
+    "fleet": "fleet",
 }
 """The module of each command, or group of commands, in the order of the help."""
 

@@ -31,6 +31,7 @@ from orientd.rpc.control_pb2_grpc import add_ControlServicer_to_server
 if TYPE_CHECKING:
     from orientd.daemon.calls import Telemetry
     from orientd.daemon.cell import Cell
+    from orientd.daemon.fleet import FleetLink
     from orientd.daemon.service import ControlService
     from orientd.rpc import DaemonReport
 
@@ -106,6 +107,7 @@ class _Daemon:
         self._stopping = asyncio.Event()
         self._telemetry: Telemetry | None = None
         self._stops: StopWay | None = None
+        self._fleet: FleetLink | None = None
 
     async def run(self, inner: str) -> None:
         """Serve at *inner*, behind the door, until told to stop; then bring everything to rest."""
@@ -136,11 +138,14 @@ class _Daemon:
                 watchdog.start()
                 loop.add_signal_handler(signal.SIGHUP, self._reload, cell, entry)
                 gate.open(lambda into: add_ControlServicer_to_server(service, into))  # type: ignore[no-untyped-call] # generated
+                self._join_fleet(cell, service, entry, gate)
                 await self._serve(cell)
             finally:
                 await checks.enter_graceful_shutdown()
                 await asyncio.to_thread(cell.shutdown)
                 service.end_calls()
+                if self._fleet is not None:
+                    await self._fleet.close()
                 await cell.planners.close()
                 await server.stop(GRACE)
                 cell.close()
@@ -169,6 +174,8 @@ class _Daemon:
             entry.change(settings.access, settings.tcp)
             if self._stops is not None:
                 self._stops.admit(entry.tables())
+            if self._fleet is not None:
+                self._fleet.change(settings)
         except ConfigError as error:
             _log.error("reload: nothing changed: %s", error)
             return
@@ -206,6 +213,25 @@ class _Daemon:
         cell.listeners.append(telemetry.hear)
         entry.checkpoint.count_call = telemetry.count_call
         self._telemetry = telemetry
+
+    def _join_fleet(
+        self, cell: Cell, service: ControlService, entry: Admission, gate: StartupGate
+    ) -> None:
+        """Be one of the daemons of a cell, where the settings name one.
+
+        Raises:
+            ConfigError: Zenoh cannot be configured so.
+        """
+        if self._settings.fleet is None:
+            return
+        from orientd.daemon.fleet import FleetLink
+
+        self._fleet = FleetLink(
+            self._settings, self._socket, service=SERVICE, entry=entry, gate=gate,
+            state=service.present_state,
+            journal=cell.journal,
+        )  # fmt: skip
+        self._fleet.start()
 
     def _load(self, entry: Admission) -> tuple[Cell, ControlService]:
         """Import, and start, what takes its time."""

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from orientd.rpc.channel import Way
     from orientd.rpc.channel_options import server_options
     from orientd.rpc.client import Robot, connect
-    from orientd.rpc.connection import Connection
+    from orientd.rpc.connection import Connection, StartAt
     from orientd.rpc.descriptions import MethodDescription, PartReport
     from orientd.rpc.move_handle import MoveHandle
     from orientd.rpc.observer import Observer

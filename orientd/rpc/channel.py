@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
 
 import grpc
 
@@ -43,7 +42,7 @@ class Way:
         certificate: str | Path | None,
         key: str | Path | None,
         ca: str | Path | None,
-    ) -> Self:
+    ) -> Way:
         """Return the way that is asked for; what is ``None`` is looked up in the environment.
 
         ``ORIENTD_SOCKET``, or ``ORIENTD_ADDRESS`` with ``ORIENTD_CERT``, ``ORIENTD_KEY`` and
@@ -54,6 +53,10 @@ class Way:
         """
         if address is None and socket is None:
             address = os.environ.get("ORIENTD_ADDRESS", "")
+        if address and address.startswith("fleet:"):
+            from orientd.fleet import FleetMember
+
+            return FleetMember.at(address, certificate, key, ca)
         if not address:
             return cls(Path(socket).expanduser() if socket is not None else found_socket())
         files = {

@@ -21,7 +21,7 @@ from orientd.errors import OrientdError, RequestError
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.channel import Way
 from orientd.rpc.commands import Commands
-from orientd.rpc.connection import Connection
+from orientd.rpc.connection import Connection, StartAt
 from orientd.rpc.descriptions import DeviceDescription, MethodDescription
 from orientd.rpc.observer import Observer
 from orientd.rpc.reports import CellReport, OnTarget, Plan
@@ -59,8 +59,8 @@ def connect(
 
     Args:
         socket: where it listens; by default ``$ORIENTD_SOCKET``, or the user's runtime directory.
-        address: ``HOST:PORT``, where it listens for TLS; by default ``$ORIENTD_ADDRESS`` unless
-            *socket* is given.
+        address: ``HOST:PORT`` for TLS, or ``fleet:NAME`` in a cell; by default
+            ``$ORIENTD_ADDRESS`` unless *socket* is given.
         certificate: who this client is, a file; by default ``$ORIENTD_CERT``.
         key: of that certificate, a file; by default ``$ORIENTD_KEY``.
         ca: who has signed the daemon's certificate, a file; by default ``$ORIENTD_CA``.
@@ -255,7 +255,7 @@ class Robot(Commands):
         progress_rate_hz: float = 20.0,
         queue: bool = False,
         blend_tolerance: float = 0.0,
-        start_time: float | None = None,
+        start_time: float | StartAt | None = None,
         on_target: OnTarget | None = None,
         plan_timeout: float | None = None,
         **wishes: Unpack[Wishes],
@@ -299,7 +299,10 @@ class Robot(Commands):
         else:
             request.motion.CopyFrom(from_request(motion_request(keyframes, **wishes)))
         request.queue, request.blend_tolerance = queue, blend_tolerance
-        if start_time is not None:
+        metadata: tuple[tuple[str, str], ...] = ()
+        if isinstance(start_time, StartAt):
+            request.start_ns, metadata = start_time.monotonic_ns, start_time.metadata
+        elif start_time is not None:
             if not isinstance(start_time, int | float) or not math.isfinite(start_time):
                 raise RequestError("start_time", f"expected seconds, got {start_time!r}")
             request.start_time.FromNanoseconds(round(start_time * 1e9))
@@ -313,7 +316,7 @@ class Robot(Commands):
             if motion:
                 parts = in_pieces(pb.MoveLargeRequest, request, motion)
                 return self._connection.call(self._stub.MoveLarge, parts)
-            return self._connection.call(self._stub.Move, request)
+            return self._connection.call(self._stub.Move, request, metadata=metadata)
 
         self._moves = [move for move in self._moves if not move.is_done]
         handle = MoveHandle(

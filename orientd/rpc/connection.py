@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import grpc
@@ -18,6 +19,19 @@ Answer = TypeVar("Answer")
 LONGEST_COMMAND = 20.0
 """How long a command is asked for again that the device takes its time for, s."""
 _ASK_AGAIN = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class StartAt:
+    """A start time that no clock on the wall can move.
+
+    Attributes:
+        monotonic_ns: on the daemon's monotonic clock.
+        metadata: of the call, for whoever carries it.
+    """
+
+    monotonic_ns: int
+    metadata: tuple[tuple[str, str], ...] = ()
 
 
 class Connection:
@@ -90,7 +104,12 @@ class Connection:
         return wait
 
     def call(
-        self, method: Callable[..., Answer], request: object, *, timeout: float | None = None
+        self,
+        method: Callable[..., Answer],
+        request: object,
+        *,
+        timeout: float | None = None,
+        metadata: Sequence[tuple[str, str]] = (),
     ) -> Answer:
         """Call *method* of the stub, and return its answer or the stream of its answers.
 
@@ -100,12 +119,13 @@ class Connection:
             method: of the stub.
             request: a message, or an iterator over messages.
             timeout: how long the call may take, s; ``None`` for as long as it takes.
+            metadata: of the call, for whoever carries it.
 
         Raises:
             OrientdError: what the daemon raised, or that it is not there.
         """
         try:
-            return method(request, timeout=timeout)
+            return method(request, timeout=timeout, metadata=metadata or None)
         except grpc.RpcError as error:
             raise self.explain(error) from error
         except ValueError as error:

@@ -729,7 +729,7 @@ class GetPlanResponse(_message.Message):
     def __init__(self, plan: _Optional[_Union[Plan, _Mapping]] = ..., samples: _Optional[_Iterable[_Union[MotionSample, _Mapping]]] = ...) -> None: ...
 
 class MoveRequest(_message.Message):
-    __slots__ = ("lease_token", "device", "motion", "motion_id", "progress_rate_hz", "queue", "blend_tolerance", "start_time", "on_target", "plan_timeout", "lease_sequence")
+    __slots__ = ("lease_token", "device", "motion", "motion_id", "progress_rate_hz", "queue", "blend_tolerance", "start_time", "on_target", "plan_timeout", "lease_sequence", "start_ns")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     MOTION_FIELD_NUMBER: _ClassVar[int]
@@ -741,6 +741,7 @@ class MoveRequest(_message.Message):
     ON_TARGET_FIELD_NUMBER: _ClassVar[int]
     PLAN_TIMEOUT_FIELD_NUMBER: _ClassVar[int]
     LEASE_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    START_NS_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
     motion: MotionRequest
@@ -752,7 +753,8 @@ class MoveRequest(_message.Message):
     on_target: OnTarget
     plan_timeout: float
     lease_sequence: int
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., motion: _Optional[_Union[MotionRequest, _Mapping]] = ..., motion_id: _Optional[str] = ..., progress_rate_hz: _Optional[float] = ..., queue: bool = ..., blend_tolerance: _Optional[float] = ..., start_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., on_target: _Optional[_Union[OnTarget, _Mapping]] = ..., plan_timeout: _Optional[float] = ..., lease_sequence: _Optional[int] = ...) -> None: ...
+    start_ns: int
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., motion: _Optional[_Union[MotionRequest, _Mapping]] = ..., motion_id: _Optional[str] = ..., progress_rate_hz: _Optional[float] = ..., queue: bool = ..., blend_tolerance: _Optional[float] = ..., start_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., on_target: _Optional[_Union[OnTarget, _Mapping]] = ..., plan_timeout: _Optional[float] = ..., lease_sequence: _Optional[int] = ..., start_ns: _Optional[int] = ...) -> None: ...
 
 class MoveLargeRequest(_message.Message):
     __slots__ = ("request", "piece")

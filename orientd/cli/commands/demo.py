@@ -17,7 +17,8 @@ import typer
 
 from orientd.cli.command import AsJson, command
 from orientd.cli.output import say, say_json
-from orientd.errors import DaemonError, OrientdError
+from orientd.cli.own_daemon import end, wait_ready
+from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
     from orientd.rpc import Plan, Robot, Summary
@@ -40,9 +41,6 @@ KEYFRAMES = (
 
 # Gentler than the device could: so it is there to be watched, for about ten seconds.
 LIMITS = {"velocity": 0.9, "acceleration": 3.0, "jerk": 60.0, "linear_velocity": 0.2}
-
-READY_TIMEOUT = 20.0
-END_TIMEOUT = 15.0
 
 
 @command
@@ -118,34 +116,10 @@ def _daemon() -> Iterator[Path]:
                 start_new_session=True,
             )
         try:
-            _wait_ready(process, log)
+            wait_ready(process, log)
             yield socket
         finally:
-            _end(process)
-
-
-def _wait_ready(process: subprocess.Popen[bytes], log: Path) -> None:
-    timer = threading.Timer(READY_TIMEOUT, process.kill)
-    timer.start()
-    try:
-        line = process.stdout.readline() if process.stdout else b""
-    finally:
-        timer.cancel()
-    if not line.startswith(b"ready"):
-        last = (log.read_text(errors="replace").strip().splitlines() or ["it said nothing"])[-1]
-        raise DaemonError(f"the daemon did not start: {last}")
-
-
-def _end(process: subprocess.Popen[bytes]) -> None:
-    process.terminate()
-    try:
-        process.wait(END_TIMEOUT)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
-    for stream in (process.stdin, process.stdout):
-        if stream is not None:
-            stream.close()
+            end(process)
 
 
 def _introduce(robot: Robot) -> None:

@@ -1,9 +1,11 @@
-"""The command that turns a device at a constant rate, as a turntable."""
+"""Commands that turn a device by themselves: home, and at a constant rate."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import StrEnum
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -11,6 +13,9 @@ from orientd.cli.command import AsJson, Beside, DeviceName, Socket, command
 from orientd.cli.commands.device_commands import holder
 from orientd.cli.commands.motion_commands import follow, raise_unless_done
 from orientd.cli.output import say, say_json
+
+if TYPE_CHECKING:
+    from orientd.rpc import MoveHandle, Robot
 
 
 class AxisName(StrEnum):
@@ -26,6 +31,17 @@ class VelocityFrame(StrEnum):
 
     BODY = "body"
     WORLD = "world"
+
+
+@command
+def home(
+    device: DeviceName = "", lease: Beside = False, socket: Socket = None, as_json: AsJson = False
+) -> None:
+    """Turn every axis of a gimbal to zero, the way back it came.
+
+    Ctrl-C stops it on its path.
+    """
+    _run("home", lambda robot: robot.home(device), device, lease, socket, as_json)
 
 
 @command
@@ -49,16 +65,31 @@ def turn(
 
     Ctrl-C stops it on its path.
     """
+    omega = [rate if letter == axis.value else 0.0 for letter in "xyz"]
+
+    def begin(robot: Robot) -> MoveHandle:
+        return robot.turn(
+            omega, duration, device=device, velocity_frame=velocity_frame.value, name="turn"
+        )
+
+    _run("turn", begin, device, lease, socket, as_json)
+
+
+def _run(
+    name: str,
+    begin: Callable[[Robot], MoveHandle],
+    device: str,
+    is_beside: bool,
+    socket: Path | None,
+    as_json: bool,
+) -> None:
     from orientd.cli import texts
     from orientd.cli.shared_lease import commander
 
-    omega = [rate if letter == axis.value else 0.0 for letter in "xyz"]
-    with commander(socket, holder("turn"), device, is_beside=lease, is_shared=True) as robot:
-        handle = robot.turn(
-            omega, duration, device=device, velocity_frame=velocity_frame.value, name="turn"
-        )
+    with commander(socket, holder(name), device, is_beside=is_beside, is_shared=True) as robot:
+        handle = begin(robot)
         notes = handle.plan.certificate.notes
-        summary = follow(handle, title="turn", notes=notes, is_silent=as_json)
+        summary = follow(handle, title=name, notes=notes, is_silent=as_json)
     if as_json:
         say_json({"plan": handle.plan, "summary": summary, "speed": handle.speed})
     else:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from orientd.daemon.access.audit import AuditLog
 from orientd.daemon.access.authorization import Authorization, OwnerOf
-from orientd.daemon.access.identity import Identity, RolePolicy
+from orientd.daemon.access.identity import Credentials, Identity, RolePolicy
 from orientd.daemon.access.peer import Process
 from orientd.daemon.access.peer_credentials import PeerListener
 from orientd.daemon.access.throttle import Throttle
@@ -129,6 +129,18 @@ class Admission:
         origin = f"unix, process {process.pid}"
         identity = f"user:{process.uid}"
         self._audit.record(event="stopped", identity=identity, origin=origin, **what)
+
+    def record_stop_over(self, origin: str, identity: str, **what: Any) -> None:  # noqa: ANN401
+        """Record what somebody has stopped beside the daemon who came by *origin*."""
+        self._audit.record(event="stopped", identity=identity, origin=origin, **what)
+
+    def guest(self, credentials: Credentials, origin: str) -> str:
+        """Admit somebody who comes by no connection; see :meth:`PeerListener.guest`."""
+        return self._door.guest(credentials, origin)
+
+    def knows(self, peer: str) -> bool:
+        """Whether a guest is still admitted."""
+        return self._door.who(peer) is not None
 
     def named(self, name: str) -> Identity:
         """Return who is called *name*; see :meth:`RolePolicy.named`."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import functools
 import logging
 import os
 import resource
@@ -175,6 +176,22 @@ class PeerListener:
         if connection is None or self._policy.identify(connection.credentials) is None:
             return None
         return connection
+
+    def guest(self, credentials: Credentials, origin: str) -> str:
+        """Admit somebody who comes by no connection; return what :meth:`who` knows them by.
+
+        Args:
+            credentials: what they have proved elsewhere.
+            origin: where they come from, for people.
+        """
+        name = f"orientd-guest-{secrets.token_hex(16)}"
+        identity = self._policy.identify(credentials)
+        if identity is None:
+            self._refused(origin, f"nobody admits {credentials}")
+            return name
+        forget = functools.partial(self._connections.pop, name, None)
+        self._connections[name] = PeerConnection(credentials, origin, identity, forget)
+        return name
 
     # How
 

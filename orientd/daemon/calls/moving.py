@@ -190,22 +190,35 @@ class MovingCalls(Calls):
             raise RequestError("blend_tolerance", f"expected 0 to pi rad, got {blend!r}")
         if blend and not request.queue:
             raise RequestError("blend_tolerance", "expected with queue only")
-        start_ns = UNKNOWN
-        if request.HasField("start_time"):
-            if request.queue:
-                raise RequestError("start_time", "expected without queue only")
+        start_ns = self._start_ns(request)
+        return MoveOptions(is_queued=request.queue, blend=blend, start_ns=start_ns, gate=gate)
+
+    def _start_ns(self, request: pb.MoveRequest) -> int:
+        """Return when the motion of *request* is to begin, monotonic clock.
+
+        Raises:
+            RequestError: that is not well formed, or not ahead.
+        """
+        field = "start_ns" if request.start_ns else "start_time"
+        if not (request.start_ns or request.HasField("start_time")):
+            return UNKNOWN
+        if request.queue:
+            raise RequestError(field, "expected without queue only")
+        if request.start_ns:
+            if request.HasField("start_time"):
+                raise RequestError(field, "expected without start_time only")
+            ahead = request.start_ns - time.monotonic_ns()
+        else:
             try:
                 wanted_ns = request.start_time.ToNanoseconds()
             except ValueError as error:
-                raise RequestError("start_time", f"expected a time: {error}") from error
+                raise RequestError(field, f"expected a time: {error}") from error
             ahead = wanted_ns - time.time_ns()
-            if not 0 < ahead <= LONGEST_WAIT * 1e9:
-                raise RequestError(
-                    "start_time",
-                    f"expected up to {LONGEST_WAIT:g} s ahead of now, got {ahead * 1e-9:.6g} s",
-                )
-            start_ns = self._cell.instants.of(wanted_ns)
-        return MoveOptions(is_queued=request.queue, blend=blend, start_ns=start_ns, gate=gate)
+        if not 0 < ahead <= LONGEST_WAIT * 1e9:
+            raise RequestError(
+                field, f"expected up to {LONGEST_WAIT:g} s ahead of now, got {ahead * 1e-9:.6g} s"
+            )
+        return request.start_ns or self._cell.instants.of(wanted_ns)
 
     def _summary(self, run: ActiveMotion) -> pb.MoveResponse:
         from orientd.daemon.calls import motion_report

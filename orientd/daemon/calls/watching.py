@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterable
 
 from orientd.daemon.calls import report
 from orientd.daemon.calls.calls import Calls, Context, caller, device_message, interval, refuse
@@ -35,6 +35,13 @@ class WatchingCalls(Calls):
             )
         except OrientdError as error:
             await refuse(context, error)
+        return await self._state_of(devices)
+
+    async def present_state(self) -> pb.GetStateResponse:
+        """Return the daemon and all of its devices as they are now."""
+        return await self._state_of(self._cell.devices.values())
+
+    async def _state_of(self, devices: Iterable[Device]) -> pb.GetStateResponse:
         return pb.GetStateResponse(
             daemon=daemon_to_message(self._describe()),
             devices=[await _with_reason(device) for device in devices],

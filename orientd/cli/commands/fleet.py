@@ -1,0 +1,302 @@
+"""`orientd fleet`: several daemons as one cell."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from orientd.cli.command import AsJson, command
+from orientd.cli.output import is_terminal, say, say_json, table
+from orientd.errors import DaemonError, OrientdError
+
+if TYPE_CHECKING:
+    from orientd.fleet import Fleet, Heard, Together
+
+fleet = typer.Typer(
+    name="fleet", help="See, stop and move several daemons, over Zenoh.", no_args_is_help=True
+)
+
+Connect = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--connect", metavar="ENDPOINT", help="Of a daemon or router; default: $ORIENTD_FLEET."
+    ),
+]
+CellName = Annotated[str | None, typer.Option("--cell", help="Its name; default: $ORIENTD_CELL.")]
+Cert = Annotated[Path | None, typer.Option("--cert", help="Who this is; default: $ORIENTD_CERT.")]
+Key = Annotated[Path | None, typer.Option("--key", help="Of --cert; default: $ORIENTD_KEY.")]
+Ca = Annotated[Path | None, typer.Option("--ca", help="Of everybody; default: $ORIENTD_CA.")]
+
+STALE = 1.0
+"""Age at which what a daemon said counts as stale, s."""
+
+STOP_PRIORITY = 10
+"""Of SCHED_FIFO, where the command may have it: whatever else runs can wait for a stop."""
+
+_FIRST = 1.0
+"""How long the first state of a daemon may take, s."""
+
+
+def _connected(
+    connect: list[str] | None,
+    cell: str | None,
+    cert: Path | None,
+    key: Path | None,
+    ca: Path | None,
+) -> Fleet:
+    from orientd.fleet import connect_fleet
+
+    return connect_fleet(connect or None, cell=cell, certificate=cert, key=key, ca=ca)
+
+
+@fleet.command()
+@command
+def status(
+    connect: Connect = None,
+    cell: CellName = None,
+    cert: Cert = None,
+    key: Key = None,
+    ca: Ca = None,
+    once: Annotated[bool, typer.Option("--once", help="Do not go on, even on a terminal.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Show who is there, what moves, what is wrong, and how old each figure is.
+
+    On a terminal it goes on until Ctrl-C.
+    """
+    with _connected(connect, cell, cert, key, ca) as cell_of:
+        cell_of.watch()
+        _await_states(cell_of)
+        if as_json:
+            say_json({"daemons": _figures(cell_of)})
+            return
+        if once or not is_terminal():
+            say(*_table(cell_of))
+            return
+        from rich.live import Live
+        from rich.text import Text
+
+        with Live(auto_refresh=False) as live:
+            while True:
+                live.update(Text("\n".join(_table(cell_of))), refresh=True)
+                time.sleep(0.2)
+
+
+def _await_states(cell: Fleet) -> None:
+    end = time.monotonic() + _FIRST
+    while set(cell.daemons) - cell.heard().keys() and time.monotonic() < end:
+        time.sleep(0.01)
+    for name in cell.daemons:
+        cell.clock(name).measure()
+
+
+def _age(cell: Fleet, name: str, heard: Heard) -> tuple[float, float | None]:
+    """Return how old a state is and how far that may be wrong, s."""
+    now = time.monotonic_ns()
+    offset = cell.clock(name).at(now)
+    if offset is None:
+        return (now - heard.heard_ns) * 1e-9, None
+    return (now + offset.ns - heard.taken_ns) * 1e-9, offset.bound_ns * 1e-9
+
+
+def _figures(cell: Fleet) -> list[dict[str, Any]]:
+    from orientd.rpc import device_from_message
+
+    heard, alive = cell.heard(), cell.daemons
+    figures: list[dict[str, Any]] = []
+    for name in sorted({*alive, *heard}):
+        one: dict[str, Any] = {"daemon": name, "alive": name in alive, "age": None, "devices": []}
+        if name in heard:
+            one["age"], one["age_bound"] = _age(cell, name, heard[name])
+            one["is_stale"] = one["age"] > STALE
+            one["devices"] = [device_from_message(device) for device in heard[name].state.devices]
+        figures.append(one)
+    return figures
+
+
+def _table(cell: Fleet) -> list[str]:
+    from orientd.cli import texts
+
+    rows = []
+    for one in _figures(cell):
+        age = "-" if one["age"] is None else texts.milliseconds(one["age"])
+        if not one["alive"]:
+            wrong = "has left"
+        elif one["age"] is None:
+            wrong = "says nothing"
+        else:
+            wrong = "stale" if one["is_stale"] else ""
+        for device in one["devices"]:
+            problem = wrong or device.fault_text
+            rows.append(
+                [
+                    one["daemon"],
+                    device.name,
+                    texts.state(device),
+                    texts.motion(device),
+                    age,
+                    problem,
+                ]
+            )
+        if not one["devices"]:
+            rows.append([one["daemon"], "-", "-", "-", age, wrong])
+    return table(["daemon", "device", "state", "motion", "age", "wrong"], rows)
+
+
+@fleet.command()
+@command
+def stop(
+    connect: Connect = None,
+    cell: CellName = None,
+    cert: Cert = None,
+    key: Key = None,
+    ca: Ca = None,
+    halt: Annotated[
+        bool, typer.Option("--halt", help="As quickly as the limits allow, off the path.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Stop every device of the cell by one message, which each daemon acknowledges."""
+    from orientd.servo import set_scheduling
+
+    set_scheduling(STOP_PRIORITY)
+    with _connected(connect, cell, cert, key, ca) as cell_of:
+        answers = cell_of.stop(is_quickest=halt)
+    silent = [one for one in answers if one.problem]
+    if as_json:
+        say_json({"stopped": answers})
+    else:
+        for one in answers:
+            devices = ", ".join(f"{d['name']} ({str(d['state']).lower()})" for d in one.devices)
+            say(f"{one.daemon}: {one.problem or devices}, {one.seconds * 1e3:.1f} ms")
+    if silent:
+        raise DaemonError("; ".join(f"{one.daemon}: {one.problem}" for one in silent))
+
+
+@fleet.command()
+@command
+def move(
+    plan: Annotated[Path, typer.Argument(metavar="PLAN", help="A motion for each device.")],
+    connect: Connect = None,
+    cell: CellName = None,
+    cert: Cert = None,
+    key: Key = None,
+    ca: Ca = None,
+    start_in: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", help="From when all is planned to the start."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Move devices of several daemons from one instant, or none of them.
+
+    Ctrl-C stops all of them on their paths.
+    """
+    from orientd.fleet import move_together, read_plan
+
+    motions, planned_in = read_plan(plan)
+    if start_in is not None and not 0.0 < start_in <= 3600.0:
+        raise typer.BadParameter(f"expected above 0 s, got {start_in:g}", param_hint="--start-in")
+    with _connected(connect, cell, cert, key, ca) as cell_of:
+        together = move_together(
+            cell_of,
+            motions,
+            start_in=start_in or planned_in,
+            holder=f"orientd fleet move, process {os.getpid()}",
+            tell=(lambda _: None) if as_json else say,
+        )
+    tell_together(together, as_json=as_json)
+
+
+def tell_together(together: Together, *, as_json: bool) -> None:
+    """Say how motions went that were started together.
+
+    Raises:
+        OrientdError: one of them did not go as it was asked to.
+    """
+    from orientd.cli import texts
+
+    if as_json:
+        ended = [
+            {"daemon": one.motion.daemon, "device": one.motion.device, "plan": one.plan,
+             "summary": one.summary, "problem": one.problem}
+            for one in together.ended
+        ]  # fmt: skip
+        say_json({"motions": ended, "skew": together.skew, "skew_bound": together.skew_bound})
+    else:
+        for one in together.ended:
+            how = one.problem if one.summary is None else texts.ending(one.summary)
+            say(f"{one.motion}: {how}")
+        if together.skew is not None and together.skew_bound is not None:
+            say(
+                f"started within {together.skew * 1e3:.3f} ms of each other, "
+                f"known to {together.skew_bound * 1e3:.3f} ms"
+            )
+    if together.problem:
+        raise OrientdError(together.problem)
+
+
+@fleet.command()
+@command
+def router(
+    config: Annotated[
+        Path, typer.Option("--config", "-c", help="With [fleet] and [access.certificates].")
+    ],
+    show: Annotated[
+        bool, typer.Option("--print", help="Print the configuration for `zenohd`, and end.")
+    ] = False,
+) -> None:
+    """Be a router of a cell, until Ctrl-C: it joins networks, and lets nobody in without a role.
+
+    Prints one line beginning "ready" once it can be used.
+    """
+    import json
+    import threading
+
+    from orientd.fleet import nested, open_session, router_configuration
+
+    configuration = router_configuration(config)
+    if show:
+        say(json.dumps(nested(configuration), indent=2))
+        return
+    with open_session(configuration):
+        say(f"ready at {' '.join(configuration['listen/endpoints'])}")
+        threading.Event().wait()
+
+
+@fleet.command()
+@command
+def demo(
+    daemons: Annotated[int, typer.Option("--daemons", min=2, max=16, help="How many.")] = 3,
+    as_json: AsJson = False,
+) -> None:
+    """Start three daemons with a device each, and one motion on all of them at once.
+
+    They run on this machine with no hardware, and are gone when the motion has ended.
+    """
+    from orientd.cli.fleet_demo import cell
+    from orientd.fleet import FleetMotion, connect_fleet, move_together
+    from orientd.motion_file import parse
+
+    with cell(daemons) as endpoint, connect_fleet(endpoint, cell="demo") as cell_of:
+        names = [f"arm-{number}" for number in range(1, daemons + 1)]
+        cell_of.find(names)
+        cell_of.watch()
+        _await_states(cell_of)
+        if not as_json:
+            say(*_table(cell_of))
+        request = parse({
+            "keyframes": [{"rotation_vector": [0, 0, 0.8]}, {"rotation_vector": [0.4, 0.3, 0]}],
+            "approach": True,
+        })  # fmt: skip
+        together = move_together(
+            cell_of,
+            [FleetMotion(name, "", request) for name in names],
+            holder="orientd fleet demo",
+            tell=(lambda _: None) if as_json else say,
+        )
+    tell_together(together, as_json=as_json)

@@ -1,0 +1,276 @@
+"""The daemon's end of the gateway: start it, serve what it carries, tell it what happens."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import math
+import os
+import socket
+import sys
+import time
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from orientd.config import Settings
+from orientd.daemon.access import Admission, ClientCertificate, Process, StartupGate
+from orientd.daemon.fleet.carried import carry, too_large
+from orientd.errors import ConfigError, OrientdError
+from orientd.fleet import LENGTHS, Header, read_header, write_frame, zenoh_configuration
+from orientd.rpc import control_pb2 as pb
+
+if TYPE_CHECKING:
+    from orientd.daemon.observe import Journal
+
+_log = logging.getLogger(__name__)
+
+_AGAIN = 1.0
+"""Time after which the gateway is started again that has ended, s."""
+
+_END = 2.0
+"""How long the gateway may take to end, s."""
+
+_MOST_LAG = 1 << 20
+"""Bytes that the gateway may have left unread before states are left out."""
+
+State = Callable[[], Awaitable[pb.GetStateResponse]]
+"""Returns the daemon and its devices as they are now."""
+
+
+class FleetLink:
+    """A gateway for as long as the daemon runs."""
+
+    def __init__(
+        self,
+        settings: Settings,
+        path: Path,
+        *,
+        service: str,
+        entry: Admission,
+        gate: StartupGate,
+        state: State,
+        journal: Journal,
+    ) -> None:
+        """Prepare to join the cell of *settings*.
+
+        Args:
+            settings: of the daemon; it has the table ``[fleet]``.
+            path: of the control socket.
+            service: full name of what is called.
+            entry: knows who may come in.
+            gate: what is called stands behind it.
+            state: of the daemon.
+            journal: tells what happens.
+
+        Raises:
+            ConfigError: Zenoh cannot be configured so.
+        """
+        self._path, self._service, self._entry = path, service, entry
+        self._gate, self._state, self._journal = gate, state, journal
+        self._peers: dict[str, str] = {}
+        self._calls: dict[int, asyncio.Task[None]] = {}
+        self._watched = asyncio.Event()
+        self._writer: asyncio.StreamWriter | None = None
+        self._process: asyncio.subprocess.Process | None = None
+        self._tasks: list[asyncio.Task[None]] = []
+        self._configure(settings)
+
+    def _configure(self, settings: Settings) -> None:
+        fleet = settings.fleet
+        if fleet is None:
+            raise ConfigError("fleet: missing")
+        self._most = settings.access.message_bytes
+        self._is_tls, self._pause = fleet.is_tls, 1.0 / fleet.state_hz
+        self._begin: Header = {
+            "cell": fleet.cell,
+            "name": fleet.name,
+            "socket": str(self._path),
+            "zenoh": zenoh_configuration(
+                fleet, settings.tcp, callers=list(settings.access.certificates)
+            ),
+        }
+
+    def start(self) -> None:
+        """Join the cell, and come back to it whenever the gateway has ended."""
+        self._tasks = [
+            asyncio.create_task(work) for work in (self._keep(), self._publish(), self._tell())
+        ]
+
+    def change(self, settings: Settings) -> None:
+        """Go by other roles from now on: Zenoh reads them at its start alone.
+
+        Raises:
+            ConfigError: Zenoh cannot be configured so.
+        """
+        before = self._begin
+        self._configure(settings)
+        if self._begin != before and self._writer is not None:
+            self._writer.close()
+
+    async def close(self) -> None:
+        """Leave the cell, and end every call that came by it."""
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    # The process
+
+    async def _keep(self) -> None:
+        while True:
+            try:
+                await self._be_served()
+            except OSError as error:
+                _log.error("fleet: the gateway: %s", error)
+            finally:
+                await self._clean_up()
+            await asyncio.sleep(_AGAIN)
+
+    async def _be_served(self) -> None:
+        ours, theirs = socket.socketpair()
+        with theirs:
+            self._process = await asyncio.create_subprocess_exec(
+                sys.executable, "-m", "orientd.fleet", str(theirs.fileno()),
+                stdin=asyncio.subprocess.DEVNULL,
+                pass_fds=(theirs.fileno(),),
+                start_new_session=True,
+                cwd="/",
+            )  # fmt: skip
+        reader, self._writer = await asyncio.open_connection(sock=ours)
+        await self._send(self._begin)
+        with contextlib.suppress(asyncio.IncompleteReadError):
+            while True:
+                head, size = LENGTHS.unpack(await reader.readexactly(LENGTHS.size))
+                header = read_header(await reader.readexactly(head))
+                self._hear(header, await reader.readexactly(size))
+        _log.warning("fleet: the gateway has ended; it is started again")
+
+    async def _clean_up(self) -> None:
+        self._watched.clear()
+        calls, self._calls = list(self._calls.values()), {}
+        for call in calls:
+            call.cancel()
+        if self._writer is not None:
+            self._writer.close()
+            self._writer = None
+        process, self._process = self._process, None
+        if process is not None:
+            try:
+                await asyncio.wait_for(process.wait(), _END)
+            except (TimeoutError, asyncio.CancelledError):
+                process.kill()
+                await process.wait()
+        await asyncio.gather(*calls, return_exceptions=True)
+
+    def _hear(self, header: Header, body: bytes) -> None:
+        if "call" in header:
+            number = header["call"]
+            work = self._carry(number, header["method"], header["caller"], body)
+            self._calls[number] = asyncio.create_task(work)
+        elif "cancel" in header:
+            call = self._calls.get(header["cancel"])
+            if call is not None:
+                call.cancel()
+        elif "watched" in header:
+            self._watched.set() if header["watched"] else self._watched.clear()
+        elif "stopped" in header:
+            self._note_stop(header)
+        elif "joined" in header:
+            _log.info("fleet: joined cell %s as %s", self._begin["cell"], self._begin["name"])
+        elif "failed" in header:
+            _log.error("fleet: %s", header["failed"])
+
+    async def _send(self, header: Header, body: bytes = b"") -> None:
+        writer = self._writer
+        if writer is not None:
+            with contextlib.suppress(OSError):
+                writer.write(write_frame(header, body))
+                await writer.drain()
+
+    # Calls
+
+    async def _carry(self, number: int, method: str, caller: str, body: bytes) -> None:
+        status = b""
+        try:
+
+            async def send(answer: bytes) -> None:
+                await self._send({"answer": number}, answer)
+
+            peer = self._peer(caller)
+            if len(body) > self._most:
+                status = too_large(len(body), self._most)
+                return
+            status = await carry(self._find_handler, f"/{self._service}/{method}", peer, body, send)
+        finally:
+            self._calls.pop(number, None)
+            # Whoever cancels does not wait: what is written here is sent by and by.
+            if self._writer is not None:
+                self._writer.write(write_frame({"end": number}, status))
+
+    async def _find_handler(self, details: Any) -> Any:  # noqa: ANN401 - gRPC's
+        """Return what handles a call, behind the check that every call passes."""
+
+        async def behind(details: Any) -> Any:  # noqa: ANN401
+            return self._gate.service(details)
+
+        return await self._entry.checkpoint.intercept_service(behind, details)
+
+    def _peer(self, caller: str) -> str:
+        """Return what the door knows *caller* by, whose name Zenoh has checked."""
+        peer = self._peers.get(caller, "")
+        if not peer or not self._entry.knows(peer):
+            credentials: Process | ClientCertificate = (
+                ClientCertificate(caller, "", math.inf)
+                if self._is_tls
+                else Process(os.getpid(), os.geteuid(), tuple(os.getgroups()))
+            )
+            peer = self._peers[caller] = self._entry.guest(credentials, "fleet")
+        return peer
+
+    def _note_stop(self, header: Header) -> None:
+        caller = f"certificate:{header['caller']}" if self._is_tls else f"user:{os.geteuid()}"
+        names = [one["name"] for one in header.get("devices") or ()]
+        self._entry.record_stop_over("fleet", caller, kind=header["stopped"], devices=names)
+
+    # What happens
+
+    async def _publish(self) -> None:
+        """Publish the state at its rate, while anybody listens."""
+        number, due = 0, 0.0
+        while True:
+            await self._watched.wait()
+            if self._lag() < _MOST_LAG:
+                number += 1
+                now = time.monotonic_ns()
+                try:
+                    said = (await self._state()).SerializeToString()
+                except OrientdError as error:
+                    _log.warning("fleet: no state: %s", error)
+                else:
+                    await self._send({"state": number, "time_ns": now}, said)
+            due = max(due + self._pause, time.monotonic())
+            await asyncio.sleep(due - time.monotonic())
+
+    async def _tell(self) -> None:
+        """Publish events at once."""
+        loop, wake = asyncio.get_running_loop(), asyncio.Event()
+        subscription = self._journal.subscribe("", lambda: loop.call_soon_threadsafe(wake.set))
+        try:
+            while True:
+                await wake.wait()
+                wake.clear()
+                events, lost = subscription.take()
+                said = pb.WatchEventsResponse(
+                    events=[pb.Event.FromString(event) for event in events], lost=lost
+                )
+                await self._send(
+                    {"events": len(events), "time_ns": time.monotonic_ns()},
+                    said.SerializeToString(),
+                )
+        finally:
+            subscription.close()
+
+    def _lag(self) -> int:
+        transport: Any = None if self._writer is None else self._writer.transport
+        return 0 if transport is None else int(transport.get_write_buffer_size())

@@ -1,0 +1,182 @@
+"""Zenoh's configuration of a member of a cell: endpoints, TLS on both sides, access control.
+
+Access control is by the name in a certificate, which Zenoh checks at the link a message comes by:
+whoever is in no list reads nothing and commands nothing, and a caller's calls go to keys with their
+own name in them.  What a role may do there is decided by the daemon, as on its control socket.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from orientd.errors import ConfigError
+from orientd.fleet.keys import ROOT, as_caller, of_daemon, presence
+from orientd.fleet_settings import TLS, UNIX, FleetSettings
+from orientd.operation_settings import TcpSettings
+from orientd.rpc import check_folder
+
+LINK_LEASE_MS = 3000
+"""After how long without a sign of life a link is given up."""
+
+LARGEST_BYTES = 16 * 1024 * 1024
+"""Of a message; what the daemon takes is less."""
+
+_WATCHING = ("declare_liveliness_subscriber", "liveliness_query")
+_ANSWERING = ("put", "delete", "reply", "declare_queryable", "declare_subscriber",
+              "liveliness_token", *_WATCHING)  # fmt: skip
+_ALL = ("query", *_ANSWERING)
+
+Rule = dict[str, Any]
+
+
+def zenoh_configuration(
+    settings: FleetSettings,
+    tcp: TcpSettings | None = None,
+    *,
+    callers: Collection[str] = (),
+    is_router: bool = False,
+) -> dict[str, Any]:
+    """Return what Zenoh is to be configured with, by its own paths.
+
+    Args:
+        settings: of the member.
+        tcp: whose certificate is used where *settings* name none.
+        callers: names in the certificates of clients, whatever their roles.
+        is_router: whether it is a router rather than a daemon.
+
+    Raises:
+        ConfigError: TLS is asked for without a certificate, or the folder of a Unix socket is
+            open to others.
+    """
+    configuration = basic_configuration(settings.listen, settings.connect, is_router=is_router)
+    if not settings.is_tls:
+        return configuration
+    files: list[Path] = []
+    for name in ("certificate", "key", "ca"):
+        path = getattr(settings, name) or getattr(tcp, name, None)
+        if path is None:
+            raise ConfigError(f"fleet.{name}: missing, and there is none of [tcp] either")
+        files.append(path)
+    configuration |= tls_configuration(*files)
+    configuration["access_control"] = _access_control(settings, callers)
+    return configuration
+
+
+def basic_configuration(
+    listen: Sequence[str],
+    connect: Sequence[str],
+    *,
+    is_router: bool = False,
+    timeout: float | None = None,
+) -> dict[str, Any]:
+    """Return what every session is configured with.
+
+    Whoever listens is a peer, one of those that all connect to each other; whoever does not is a
+    client, for whom the router or peer that it is connected to carries everything.
+
+    Args:
+        listen: where others may connect.
+        connect: where to connect.
+        is_router: whether it carries between others.
+        timeout: how long to try to connect before that is an error, s; ``None`` for ever.
+
+    Raises:
+        DaemonError: the folder of a Unix socket is open to others.
+    """
+    for endpoint in (*listen, *connect):
+        if endpoint.startswith(UNIX):
+            check_folder(Path(endpoint.removeprefix(UNIX)).parent)
+    return {
+        "mode": "router" if is_router else "peer" if listen else "client",
+        # Without it Zenoh listens at a port of its own.
+        "listen/endpoints": list(listen),
+        "listen/exit_on_failure": True,
+        "connect/endpoints": list(connect),
+        "connect/exit_on_failure": timeout is not None,
+        "connect/timeout_ms": -1 if timeout is None else round(timeout * 1e3),
+        "scouting/multicast/enabled": False,
+        # By these, daemons that know one of them find the others.
+        "scouting/gossip/enabled": True,
+        "transport/link/tx/lease": LINK_LEASE_MS,
+        "transport/link/rx/max_message_size": LARGEST_BYTES,
+        "transport/link/protocols": [TLS.rstrip("/"), UNIX.rstrip("/")],
+        # Twice as many bytes more, for nothing that is shared here.
+        "transport/shared_memory/enabled": False,
+    }
+
+
+def tls_configuration(certificate: Path, key: Path, ca: Path) -> dict[str, Any]:
+    """Return the configuration of TLS with certificates on both sides."""
+    return {
+        "transport/link/tls": {
+            "root_ca_certificate": str(ca),
+            "listen_certificate": str(certificate),
+            "listen_private_key": str(key),
+            "connect_certificate": str(certificate),
+            "connect_private_key": str(key),
+            "enable_mtls": True,
+            "verify_name_on_connect": True,
+            "close_link_on_expiration": True,
+        }
+    }
+
+
+def _access_control(settings: FleetSettings, callers: Iterable[str]) -> Mapping[str, Any]:
+    cell = settings.cell
+    everything = [f"{ROOT}/{cell}/**"]
+    rules: list[Rule] = [
+        _rule("carry", _ALL, everything, "ingress", "egress"),
+        # Another daemon answers and tells, but asks for nothing.
+        _rule("tell", _ANSWERING, everything, "ingress"),
+        _rule("be told", _ALL, everything, "egress"),
+        _rule("watch", ("declare_subscriber",), _telemetry(cell), "ingress"),
+        _rule("see telemetry", ("put", "delete"), _telemetry(cell), "egress"),
+        _rule("look around", _WATCHING, [of_daemon(cell, "*", "alive")], "ingress"),
+        _rule("see daemons", ("liveliness_token",), [of_daemon(cell, "*", "alive")], "egress"),
+        _rule("see calls", ("declare_queryable",), [of_daemon(cell, "*", "as/**")], "egress"),
+    ]
+    looks = ["watch", "see telemetry", "look around", "see daemons", "see calls"]
+    subjects, policies = [], []
+    for number, name in enumerate(callers):
+        rules += [
+            _rule(f"ask {number}", ("query",), [_calls(cell, name)], "ingress"),
+            _rule(f"hear {number}", ("reply",), [_calls(cell, name)], "egress"),
+            _rule(f"be {number}", ("liveliness_token",), [presence(cell, name, "*")], "ingress"),
+        ]
+        own = [f"{what} {number}" for what in ("ask", "hear", "be")]
+        subjects.append({"id": f"caller {number}", "cert_common_names": [name]})
+        policies.append({"rules": [*looks, *own], "subjects": [f"caller {number}"]})
+    for kind, names, allowed in (
+        ("daemons", settings.daemons, ["tell", "be told"]),
+        ("routers", settings.routers, ["carry"]),
+    ):
+        if names:
+            subjects.append({"id": kind, "cert_common_names": list(names)})
+            policies.append({"rules": allowed, "subjects": [kind]})
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": subjects,
+        "policies": policies,
+    }
+
+
+def _calls(cell: str, caller: str) -> str:
+    return as_caller(cell, "*", caller, "**")
+
+
+def _telemetry(cell: str) -> list[str]:
+    return [of_daemon(cell, "*", what) for what in ("state", "events")]
+
+
+def _rule(name: str, messages: Iterable[str], keys: Sequence[str], *flows: str) -> Rule:
+    return {
+        "id": name,
+        "permission": "allow",
+        "flows": list(flows),
+        "messages": list(messages),
+        "key_exprs": list(keys),
+    }

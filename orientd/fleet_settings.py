@@ -1,0 +1,92 @@
+"""The table of the settings that makes a daemon one of several: its cell, over Zenoh.
+
+.. code-block:: toml
+
+    [fleet]
+    cell = "line"
+    name = "arm-3"
+    connect = ["tls/192.168.10.1:7447"]
+    certificate = "~/cell/arm-3.pem"
+    key = "~/cell/arm-3.key"
+    ca = "~/cell/ca.pem"
+    daemons = ["arm-1", "arm-2"]
+    routers = ["router"]
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import BeforeValidator, Field, model_validator
+from pydantic_core import PydanticCustomError
+
+from orientd.operation_settings import SomePath, Table
+
+UNIX = "unixsock-stream/"
+TLS = "tls/"
+
+NAME = r"^[A-Za-z][A-Za-z0-9_-]{0,31}$"
+
+
+def _zenoh_endpoint(value: object) -> object:
+    if not isinstance(value, str):
+        return value
+    path, address = value.removeprefix(UNIX), value.removeprefix(TLS)
+    _, colon, port = address.rpartition(":")
+    is_unix = path != value and path.startswith("/")
+    is_tls = address != value and colon and port.isascii() and port.isdigit() and "#" not in value
+    if not (is_unix or (is_tls and int(port) < 65536)):
+        raise PydanticCustomError("endpoint", f"{TLS}HOST:PORT or {UNIX}/PATH")
+    return value
+
+
+ZenohEndpoint = Annotated[str, BeforeValidator(_zenoh_endpoint)]
+Name = Annotated[str, Field(pattern=NAME)]
+
+
+class FleetSettings(Table):
+    """The table ``[fleet]``: reach this daemon, and have it found, over Zenoh.
+
+    Over TLS a caller is who their certificate says, with the role that ``[access.certificates]``
+    gives them.  A Unix socket is for the daemon's own user alone.
+
+    Attributes:
+        cell: name of the cell; a stop of the cell is of all daemons with the same.
+        name: of this daemon, unique in its cell.
+        listen: where others may connect: ``tls/HOST:PORT`` or ``unixsock-stream/PATH``.
+        connect: daemons or routers to connect to; daemons find the others by those.
+        certificate: of this daemon, for servers and clients, PEM; by default that of ``[tcp]``.
+        key: of that certificate, PEM; by default that of ``[tcp]``.
+        ca: what everybody's certificate is signed with, PEM; by default that of ``[tcp]``.
+        daemons: names in the certificates of the other daemons of the cell.
+        routers: names in the certificates of routers, which are trusted to have checked for whom
+            they carry calls.
+        state_hz: how often the state is published while anybody listens.
+    """
+
+    cell: Name
+    name: Name
+    listen: list[ZenohEndpoint] = Field(default_factory=list)
+    connect: list[ZenohEndpoint] = Field(default_factory=list)
+    certificate: SomePath | None = None
+    key: SomePath | None = None
+    ca: SomePath | None = None
+    daemons: list[str] = Field(default_factory=list)
+    routers: list[str] = Field(default_factory=list)
+    state_hz: Annotated[float, Field(gt=0.0, le=100.0)] = 10.0
+
+    @property
+    def is_tls(self) -> bool:
+        """Whether everybody shows a certificate."""
+        return any(endpoint.startswith(TLS) for endpoint in self.listen + self.connect)
+
+    @model_validator(mode="after")
+    def _check_endpoints(self) -> FleetSettings:
+        endpoints = self.listen + self.connect
+        if not endpoints:
+            raise ValueError(
+                "fleet.listen: expected an endpoint here or in fleet.connect, got none"
+            )
+        if self.is_tls and any(endpoint.startswith(UNIX) for endpoint in endpoints):
+            raise ValueError("fleet.listen: expected TLS everywhere, or Unix sockets everywhere")
+        return self

@@ -1,0 +1,159 @@
+"""Starts of a cell, many of them: over a slow link, with one unable, with whoever asks killed."""
+
+import os
+import random
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import pytest
+from fleet_cell import CELL, RunningCell
+from harness import until
+from slow_link import SlowLink
+
+import orientd
+from orientd.errors import StateError
+from orientd.fleet import FleetMotion, connect_fleet, move_together
+from orientd.motion_file import parse
+from orientd.stream import ServoState
+
+pytest.importorskip("zenoh")
+pytestmark = [pytest.mark.bench, pytest.mark.timeout(1200)]
+
+SHARE = float(os.environ.get("ORIENTD_BENCH_SHARE", "1"))
+"""Of the rounds that are to be run."""
+
+CYCLE = 2e-3
+LATEST_NS = 50_000_000
+"""Who is killed later than so long before the start has started it."""
+
+
+def turn(angle):
+    return parse({"keyframes": [{"rotation_vector": [0.0, 0.0, angle]}], "approach": True})
+
+
+def rounds(number):
+    return max(1, round(number * SHARE))
+
+
+@pytest.fixture
+def folder():
+    with tempfile.TemporaryDirectory(prefix="orientd-") as name:
+        yield Path(name)
+
+
+def test_a_slow_link_changes_nothing(folder, capsys):
+    """20 ms each way, 5 ms of jitter, between whoever asks and the router."""
+    skews, bounds, errors = [], [], []
+    with (
+        RunningCell(folder, 4, is_tls=True) as cell,
+        SlowLink(int(cell.router.rpartition(":")[2])) as link,
+        connect_fleet(
+            f"tls/127.0.0.1:{link.port}", cell=CELL, wait_for=cell.names, **cell.files("pendant")
+        ) as fleet,
+    ):
+        for number in range(rounds(100)):
+            request = turn(0.02 * (number % 2))
+            together = move_together(fleet, [FleetMotion(name, "", request) for name in cell.names])
+            assert together.problem == ""
+            now = time.monotonic_ns()
+            offsets = [fleet.clock(name).at(now) for name in cell.names]
+            # All clocks are one here: an offset is its error, and theirs differ by the true skew.
+            assert all(abs(offset.ns) <= offset.bound_ns for offset in offsets)
+            errors.append(max(o.ns for o in offsets) - min(o.ns for o in offsets))
+            skews.append(together.skew)
+            bounds.append(together.skew_bound)
+    with capsys.disabled():
+        print(
+            f"\nover 20 ms, 5 ms jitter: skew p50 {statistics.median(skews) * 1e3:.3f} ms, largest "
+            f"{max(skews) * 1e3:.3f} ms of {len(skews)}; bound p50 "
+            f"{statistics.median(bounds) * 1e3:.3f} ms; clocks apart by at most "
+            f"{max(errors) * 1e-6:.3f} ms"
+        )
+    assert max(skews) <= CYCLE
+
+
+def reports(cell):
+    found = {}
+    for name in cell.names:
+        with orientd.connect(cell.control(name)) as robot:
+            found[name] = robot.state()
+    return found
+
+
+def poses(cell):
+    return {name: one.devices["arm"].cycle.q for name, one in reports(cell).items()}
+
+
+def are_at_rest(cell):
+    return all(
+        one.devices["arm"].state in (ServoState.HOLDING, ServoState.IDLE) and not one.daemon.leases
+        for one in reports(cell).values()
+    )
+
+
+def test_with_one_unable_none_moves(folder, capsys):
+    with RunningCell(folder, 4) as cell, cell.fleet() as fleet:
+        before, chance = poses(cell), random.Random(2)
+        for _ in range(rounds(50)):
+            unable = chance.choice(cell.names)
+            with orientd.connect(cell.control(unable)) as robot:
+                robot.disable()
+            with pytest.raises(StateError):
+                move_together(fleet, [FleetMotion(name, "", turn(0.5)) for name in cell.names])
+            with orientd.connect(cell.control(unable)) as robot:
+                robot.enable()
+            assert poses(cell) == before
+    with capsys.disabled():
+        print(f"\none unable: none moved, {rounds(50)} of {rounds(50)}")
+
+
+ASKER = """
+import sys
+from orientd.fleet import FleetMotion, connect_fleet, move_together, together
+from orientd.motion_file import parse
+starts = together._starts
+def told(*given):
+    found = starts(*given)
+    print(found[1], flush=True)
+    return found
+together._starts = told
+endpoint, cell, *names = sys.argv[1:]
+fleet = connect_fleet(endpoint, cell=cell, wait_for=names)
+request = parse({"keyframes": [{"rotation_vector": [0, 0, 0.9]}], "approach": True})
+print("begin", flush=True)
+move_together(fleet, [FleetMotion(name, "", request) for name in names], start_in=0.7)
+"""
+
+
+def test_whoever_asks_is_killed_at_any_moment(folder, capsys):
+    """Nothing begins that was not started, and no lease stays for longer than its time."""
+    chance, began, prevented, longest = random.Random(3), 0, 0, 0.0
+    lease = 1.0
+    with RunningCell(folder, 3, lease=lease) as cell:
+        for _ in range(rounds(50)):
+            before = poses(cell)
+            arguments = [cell.endpoint, CELL, *cell.names]
+            with subprocess.Popen(
+                [sys.executable, "-c", ASKER, *arguments], stdout=subprocess.PIPE, text=True
+            ) as asker:
+                assert asker.stdout.readline().startswith("begin")
+                time.sleep(chance.uniform(0.0, 1.3))
+                asker.kill()
+                killed_ns = time.monotonic_ns()
+                said = asker.stdout.read().split()
+            until(lambda: are_at_rest(cell), "leases run out", 30.0)
+            longest = max(longest, (time.monotonic_ns() - killed_ns) * 1e-9)
+            if said and killed_ns > int(said[0]) - LATEST_NS:
+                began += 1
+            else:
+                prevented += 1
+                assert poses(cell) == before
+    with capsys.disabled():
+        print(
+            f"\nkilled {began + prevented} times: {prevented} before the start, none moved; "
+            f"at rest and free within {longest:.2f} s, the lease lasts {lease:g} s"
+        )

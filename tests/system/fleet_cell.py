@@ -1,0 +1,123 @@
+"""Cells of real daemons on this machine, over Unix sockets or over TLS with a router."""
+
+import contextlib
+import os
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+from authority import Authority
+
+from orientd.fleet import connect_fleet
+
+CELL = "lab"
+ROLES = {"watcher": "observer", "pendant": "operator", "chief": "administrator"}
+
+
+def free_port():
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        return listener.getsockname()[1]
+
+
+class RunningCell:
+    """Daemons ``arm-1``, ``arm-2`` ... with a loopback device ``arm`` each."""
+
+    def __init__(self, folder, daemons, *, is_tls=False, lease=1.0, more=""):
+        self.folder, self.is_tls, self.lease, self.more = Path(folder), is_tls, lease, more
+        self.names = [f"arm-{number}" for number in range(1, daemons + 1)]
+        self.processes = {}
+        if is_tls:
+            self.authority = Authority(self.folder / "ca")
+            for name in (*self.names, "router"):
+                self.authority.issue(name, hosts="IP:127.0.0.1", use="member")
+            for name in (*ROLES, "unknown"):
+                self.authority.issue(name)
+            self.router = f"tls/127.0.0.1:{free_port()}"
+            self.endpoint = self.router
+        else:
+            self.endpoint = self.socket_of(self.names[0])
+
+    def socket_of(self, name):
+        return f"unixsock-stream/{self.folder}/{name}.zenoh"
+
+    def files(self, name, folder="ca"):
+        ca = self.folder / folder
+        return {"certificate": ca / f"{name}.pem", "key": ca / f"{name}.key", "ca": ca / "ca.pem"}
+
+    def fleet(self, name="pendant", **more):
+        files = self.files(name) if self.is_tls else {}
+        return connect_fleet(self.endpoint, cell=CELL, **files, **{"wait_for": self.names, **more})
+
+    def control(self, name):
+        return self.folder / f"{name}.sock"
+
+    def audit(self, name):
+        return (self.folder / name / "orientd/audit.jsonl").read_text()
+
+    def _table(self, name):
+        text = f'[fleet]\ncell = "{CELL}"\nname = "{name}"\n'
+        if not self.is_tls:
+            connect = [self.endpoint] if name != self.names[0] else []
+            return f"{text}listen = ['{self.socket_of(name)}']\nconnect = {connect}\n"
+        where = f"{'listen' if name == 'router' else 'connect'} = ['{self.router}']\n"
+        files = "".join(f"{key} = '{path}'\n" for key, path in self.files(name).items())
+        whom = f"daemons = {self.names}\n" if name == "router" else "routers = ['router']\n"
+        roles = "".join(f"{who} = '{role}'\n" for who, role in ROLES.items())
+        return f"{text}{where}{files}{whom}[access.certificates]\n{roles}"
+
+    def start(self, name):
+        config = self.folder / f"{name}.toml"
+        text = self._table(name)
+        if name != "router":
+            text = (
+                f'[daemon]\nsocket = "{self.control(name)}"\nlease_seconds = {self.lease}\n{text}'
+                '[planner]\nprocesses = 1\n[devices.arm]\ndriver = "loopback"\n'
+                "stall_timeout = 5.0\nheartbeat_timeout = 5.0\nfeedback_timeout = 5.0\n" + self.more
+            )
+        config.write_text(text)
+        command = ["run"] if name != "router" else ["fleet", "router"]
+        with (self.folder / f"{name}.log").open("ab") as log:
+            self.processes[name] = subprocess.Popen(
+                [sys.executable, "-m", "orientd", *command, "-c", config],
+                stdout=subprocess.PIPE,
+                stderr=log,
+                text=True,
+                env={**os.environ, "XDG_STATE_HOME": str(self.folder / name)},
+            )
+        return self.processes[name]
+
+    def await_ready(self, name):
+        line = self.processes[name].stdout.readline()
+        assert line.startswith("ready"), (line, (self.folder / f"{name}.log").read_text())
+
+    def end(self, name, number=signal.SIGTERM):
+        process = self.processes.pop(name)
+        process.send_signal(number)
+        try:
+            process.wait(30.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+            raise
+        finally:
+            process.stdout.close()
+
+    def __enter__(self):
+        try:
+            names = [*(("router",) if self.is_tls else ()), *self.names]
+            for name in names:
+                self.start(name)
+            for name in names:
+                self.await_ready(name)
+        except BaseException:
+            self.__exit__()
+            raise
+        return self
+
+    def __exit__(self, *_):
+        with contextlib.ExitStack() as ends:
+            for name in list(self.processes):
+                ends.callback(self.end, name)

@@ -1,0 +1,241 @@
+"""A cell of real daemons with a real router between them: who may do what, and what ends how."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+from authority import OPENSSL, Authority
+from command_line import orientd as orientd_command
+from fleet_cell import CELL, RunningCell
+from harness import until
+
+import orientd
+from orientd.errors import AccessError, DaemonError, StateError
+from orientd.fleet import FleetMotion, connect_fleet, move_together
+from orientd.motion_file import parse
+from orientd.rpc import Outcome
+from orientd.stream import ServoState
+
+pytest.importorskip("zenoh")
+pytestmark = pytest.mark.skipif(OPENSSL is None, reason="there is no openssl here")
+
+LONG = parse({"keyframes": [{"rotation_vector": [0, 0, 3.0]}], "limits": {"velocity": 0.3}})
+
+
+def turn(angle):
+    return parse({"keyframes": [{"rotation_vector": [0.0, 0.0, angle]}]})
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("cell")
+    folder.chmod(0o700)
+    with RunningCell(folder, 2, is_tls=True) as cell:
+        yield cell
+
+
+@pytest.fixture
+def fleet(cell):
+    with cell.fleet() as fleet:
+        yield fleet
+        fleet.stop()
+
+
+def poses(cell):
+    """Return what each device is commanded to, by the control sockets."""
+    found = {}
+    for name in cell.names:
+        with orientd.connect(cell.control(name)) as robot:
+            (device,) = robot.state().devices.values()
+            found[name] = device.cycle.q
+    return found
+
+
+def are_at_rest(cell):
+    for name in cell.names:
+        with orientd.connect(cell.control(name)) as robot:
+            report = robot.state()
+            (device,) = report.devices.values()
+            if device.state is not ServoState.HOLDING or report.daemon.leases:
+                return False
+    return True
+
+
+def test_status_shows_every_daemon_and_the_age_of_its_figures(cell):
+    files = cell.files("watcher")
+    where = ("--connect", cell.endpoint, "--cell", CELL)
+    who = ("--cert", files["certificate"], "--key", files["key"], "--ca", files["ca"])
+    done = orientd_command("fleet", "status", "--json", *where, *who)
+    told = {one["daemon"]: one for one in json.loads(done.stdout)["daemons"]}
+    assert list(told) == cell.names
+    for one in told.values():
+        assert one["alive"]
+        assert one["age"] + one["age_bound"] > 0.0
+        assert [device["name"] for device in one["devices"]] == ["arm"]
+
+
+def test_one_stop_ends_every_motion_and_is_acknowledged_by_each(cell, fleet):
+    robots = [fleet.robot(name) for name in cell.names]
+    moves = [robot.move(LONG) for robot in robots]
+    told = {one.daemon: one for one in fleet.stop()}
+    assert list(told) == cell.names
+    for name, move, robot in zip(cell.names, moves, robots, strict=True):
+        assert told[name].problem == ""
+        assert told[name].devices[0]["state"] == "STREAMING"
+        assert move.wait(20.0).outcome is Outcome.STOPPED
+        robot.close()
+        until(lambda name=name: '"certificate:pendant"' in cell.audit(name), "the audit log")
+
+
+def test_a_daemon_that_hangs_is_stopped_all_the_same(cell, fleet):
+    with fleet.robot("arm-1") as robot:
+        move = robot.move(LONG)
+        daemon = cell.processes["arm-1"].pid
+        os.kill(daemon, signal.SIGSTOP)
+        try:
+            told = {one.daemon: one for one in fleet.stop()}
+        finally:
+            os.kill(daemon, signal.SIGCONT)
+        assert told["arm-1"].devices[0]["state"] == "STREAMING"
+        assert move.wait(20.0).outcome is Outcome.STOPPED
+
+
+def test_the_offset_of_a_clock_is_within_its_bound(cell, fleet):
+    for name in cell.names:
+        offset = fleet.clock(name).measure()
+        assert abs(offset.ns) <= offset.bound_ns  # all on the clock of one machine
+
+
+def test_motions_start_together_and_tell_their_skew(cell, fleet):
+    together = move_together(fleet, [FleetMotion(name, "", turn(0.2)) for name in cell.names])
+    assert together.problem == ""
+    assert [one.summary.outcome for one in together.ended] == [Outcome.DONE] * 2
+    assert together.skew >= 0.0
+    assert together.skew_bound > 0.0
+
+
+def test_none_moves_where_one_cannot(cell, fleet):
+    with orientd.connect(cell.control("arm-2")) as robot:
+        robot.disable()
+    before = poses(cell)
+    try:
+        with pytest.raises(StateError, match=r"arm-2.*idle"):
+            move_together(fleet, [FleetMotion(name, "", turn(0.5)) for name in cell.names])
+    finally:
+        with orientd.connect(cell.control("arm-2")) as robot:
+            robot.enable()
+    assert poses(cell) == before
+    until(lambda: are_at_rest(cell), "leases given back")
+
+
+def test_none_begins_where_one_was_never_asked(cell, fleet):
+    # As if whoever asks had died with half of the requests sent.
+    import orientd.fleet.together as module
+
+    before = poses(cell)
+    motions = [FleetMotion(name, "", turn(0.5)) for name in cell.names]
+    with fleet.robot("arm-1") as robot:
+        robot.acquire_lease()
+        plan = robot.plan(turn(0.5))
+        offsets = {name: fleet.clock(name).measure() for name in cell.names}
+        starts, _ = module._starts(fleet, motions, offsets, 0.5)
+        with pytest.raises(StateError, match="arm-2 was not ready in time"):
+            robot.move(plan, start_time=starts["arm-1"])
+    assert poses(cell) == before
+
+
+KILLED = """
+import sys
+sys.path[:0] = sys.argv[1:3]
+from pathlib import Path
+from orientd.fleet import FleetMotion, connect_fleet, move_together
+from orientd.motion_file import parse
+files = {name: Path(path) for name, path in zip(("certificate", "key", "ca"), sys.argv[4:7])}
+fleet = connect_fleet(sys.argv[3], cell="lab", wait_for=sys.argv[7:], **files)
+request = parse({"keyframes": [{"rotation_vector": [0, 0, 0.9]}]})
+def tell(what):
+    # It says that all move when all are armed: that is long before they do.
+    print(what.replace("moving", "armed"), flush=True)
+move_together(fleet, [FleetMotion(name, "", request) for name in sys.argv[7:]],
+              start_in=2.5, tell=tell)
+"""
+
+
+@pytest.mark.parametrize("moment", ["planning", "armed"])
+def test_nothing_begins_whose_asker_was_killed(cell, moment):
+    before = poses(cell)
+    arguments = [cell.endpoint, *map(str, cell.files("pendant").values()), *cell.names]
+    with subprocess.Popen(
+        [sys.executable, "-c", KILLED, "", "", *arguments], stdout=subprocess.PIPE, text=True
+    ) as asker:
+        while not asker.stdout.readline().startswith(moment):
+            assert asker.poll() is None
+        asker.kill()
+    until(lambda: are_at_rest(cell), "motions are dropped, and the lease runs out")
+    assert poses(cell) == before
+
+
+def test_an_observer_stops_and_does_nothing_else(cell):
+    with cell.fleet("watcher") as fleet:
+        assert [one.problem for one in fleet.stop()] == ["", ""]
+        with fleet.robot("arm-1") as robot, pytest.raises(AccessError, match="operator"):
+            robot.move(turn(0.1))
+
+
+def test_nobody_asks_in_the_name_of_another(cell):
+    with cell.fleet("watcher") as fleet:
+        fleet.caller = "pendant"
+        assert all(one.problem for one in fleet.stop(timeout=0.3))
+        with pytest.raises(DaemonError):
+            fleet.robot("arm-1")
+
+
+def test_a_certificate_without_a_role_reads_nothing(cell):
+    with pytest.raises(DaemonError, match="no daemon of cell"):
+        cell.fleet("unknown", wait_for=[], timeout=0.7)
+
+
+def test_a_stranger_is_not_let_in(cell):
+    other = Authority(cell.folder / "other")
+    other.issue("pendant")
+    files = cell.files("pendant", "other") | {"ca": cell.files("pendant")["ca"]}
+    with pytest.raises(DaemonError, match="not with this certificate"):
+        connect_fleet(cell.endpoint, cell=CELL, timeout=0.7, **files)
+
+
+def test_what_moves_stops_when_the_router_dies(cell, fleet):
+    robots = [fleet.robot(name) for name in cell.names]
+    for robot in robots:
+        robot.move(LONG)
+    cell.end("router", signal.SIGKILL)
+    try:
+        until(lambda: are_at_rest(cell), "motions stop")
+    finally:
+        cell.start("router")
+        cell.await_ready("router")
+    with cell.fleet() as again:
+        assert again.daemons == cell.names
+
+
+def test_a_daemon_that_was_killed_is_gone_at_once_and_comes_back(cell, fleet):
+    cell.end("arm-2", signal.SIGKILL)
+    until(lambda: fleet.daemons == ["arm-1"], "arm-2 is gone")
+    cell.start("arm-2")
+    cell.await_ready("arm-2")
+    until(lambda: fleet.daemons == cell.names, "arm-2 is back")
+
+
+def test_a_daemon_without_a_cell_loads_no_zenoh(cell):
+    loaded = "import sys, orientd.daemon.server, orientd.daemon.cell, orientd.config; "
+    asked = f"{loaded}print([m for m in sys.modules if 'zenoh' in m or m == 'orientd.fleet'])"
+    done = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_the_demo_starts_daemons_and_prints_the_skew():
+    done = orientd_command("fleet", "demo", "--daemons", "2")
+    assert "started within" in done.stdout
+    assert done.stdout.count(": done") == 2
