@@ -65,7 +65,8 @@ def parse(mapping: object) -> MotionRequest:
     if not isinstance(mapping, Mapping):
         expected = "a motion must be a mapping with the key 'keyframes'"
         raise RequestError("", f"{expected}, got {plain.shown(mapping)}")
-    request = MotionRequest(**plain.keys(mapping, _MOTION, ("keyframes",)))
+    needed = () if mapping.get("rate") is not None else ("keyframes",)
+    request = MotionRequest(**{"keyframes": (), **plain.keys(mapping, _MOTION, needed)})
     check_method(request)
     return request
 

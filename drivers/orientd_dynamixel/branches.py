@@ -7,9 +7,10 @@ to its last in one step; anything else is a slew, which costs more than any deto
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from orientd_dynamixel.certificate import AxisLimits
 from orientd_dynamixel.keyhole import Passage
 
 SLEW_COST = 1e3
+"""Of a second that the path stands still, or of a stop where nothing is known of its time."""
 ERROR_COST = 20.0
 _CHUNK = 1000
 _MATCH = 1e-5
@@ -38,6 +40,18 @@ class Choice:
     slews: tuple[int, ...]
     passages: tuple[Passage, ...]
     reached: int
+
+
+class SlewTime(NamedTuple):
+    """How long slews take.
+
+    Attributes:
+        stop: what a stop takes besides, s.
+        of: the time from change of the axis angles, rad, shape ``(n, axes)``, shape ``(n,)``.
+    """
+
+    stop: float
+    of: Callable[[Floats], Floats]
 
 
 def candidates(principal: Floats, limits: Sequence[AxisLimits]) -> Floats:
@@ -82,10 +96,11 @@ def continued(
     period: float,
     start: Floats,
     entry: float,
-) -> Choice | None:
-    """Return the way that stays on the branch and turn of *start*, if the axes can go it.
+) -> Choice:
+    """Return the way that stays on the branch and turn of *start*, as far as the axes can go it.
 
-    Where no passage and no slew is to be had there is no other, and nothing to search for.
+    Where no passage and no slew is to be had there is no other, and nothing to search for: from
+    branch to branch the outer axis is half a turn away.
 
     Args:
         principal: both branches, shape ``(n, 2, axes)``.
@@ -96,16 +111,18 @@ def continued(
     """
     most = np.array([limit.velocity for limit in limits]) * period * (1 + 1e-9) + 1e-12
     low, high = np.array([(limit.low - 1e-9, limit.high + 1e-9) for limit in limits]).T
+    best = Choice(np.full_like(principal[:, 0], np.nan), (), (), 0)
     for branch in (0, 1):
         angles = np.unwrap(principal[:, branch], axis=0)
         angles += 2 * np.pi * np.round((start - angles[0]) / (2 * np.pi))
-        if (
-            np.max(np.abs(angles[0] - start)) < entry
-            and np.all((angles >= low) & (angles <= high))
-            and np.all(np.abs(np.diff(angles, axis=0)) <= most)
-        ):
-            return Choice(angles, (), (), len(angles))
-    return None
+        if np.max(np.abs(angles[0] - start)) >= entry:
+            continue
+        is_off = np.any((angles < low) | (angles > high), axis=1)
+        is_off[1:] |= np.any(np.abs(np.diff(angles, axis=0)) > most, axis=1)
+        reached = int(np.argmax(is_off)) if np.any(is_off) else len(angles)
+        if reached > best.reached:
+            best = Choice(angles, (), (), reached)
+    return best
 
 
 def choose(
@@ -117,6 +134,7 @@ def choose(
     entry: float = 1e-3,
     passages: Sequence[Passage] = (),
     allow_slews: bool = False,
+    slew_time: SlewTime | None = None,
 ) -> Choice:
     """Return the cheapest way along the whole path.
 
@@ -128,6 +146,8 @@ def choose(
         entry: how far from *start* it may be entered, rad.
         passages: ways past the pole that may be taken.
         allow_slews: whether the path may stop for a change of branch or turn.
+        slew_time: by which the least time is chosen; without it the fewest stops are, and of those
+            the shortest way.
     """
     length, count = every.shape[:2]
     most = np.array([limit.velocity for limit in limits]) * period * (1 + 1e-9) + 1e-12
@@ -145,11 +165,19 @@ def choose(
         gaps = np.abs(every[begin:end, :, None, :] - every[begin - 1 : end - 1, None, :, :])
         travel = np.sum(gaps, axis=-1)
         too_far = np.any(gaps > most, axis=-1)
-        penalty = SLEW_COST if allow_slews else np.inf
-        steps = np.where(too_far, travel + penalty, travel)
+        steps = np.where(too_far, np.inf, travel)
+        stop = 0.0
+        if allow_slews and slew_time is None:
+            steps[too_far] = travel[too_far] + SLEW_COST
+        elif allow_slews and slew_time is not None:
+            steps[too_far] = SLEW_COST * slew_time.of(gaps[too_far])
+            stop = SLEW_COST * slew_time.stop
         steps[np.isnan(travel)] = np.inf
         for k in range(begin, end):
             total = steps[k - begin] + cost[None, :]
+            if stop:
+                # What goes on slowly for some samples stops once.
+                total += stop * (too_far[k - begin] & ~jumped[k - 1][None, :])
             pick = np.argmin(total, axis=1)
             cost = total[columns, pick]
             back[k] = pick

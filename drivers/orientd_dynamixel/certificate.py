@@ -121,6 +121,7 @@ class Slew:
         before: axis angles, rad.
         after: axis angles, rad.
         is_on_path: whether the path is gone along slowly instead of being left.
+        error: the largest angle by which the path is missed in it, rad.
     """
 
     start: float
@@ -129,6 +130,12 @@ class Slew:
     before: tuple[float, ...]
     after: tuple[float, ...]
     is_on_path: bool = False
+    error: float = 0.0
+
+    @property
+    def duration(self) -> float:
+        """How long it lasts, s."""
+        return self.end - self.start
 
 
 @dataclass(frozen=True, slots=True)

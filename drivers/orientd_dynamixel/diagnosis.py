@@ -19,6 +19,7 @@ from orientd_dynamixel.doctor import (
     scan,
 )
 from orientd_dynamixel.options import BAUD_RATES, GimbalOptions
+from orientd_dynamixel.settings import foreign
 
 _IDS = 21
 """Numbers asked besides those configured: 0 to 20."""
@@ -109,6 +110,11 @@ def _servo(servo: FoundServo, options: GimbalOptions) -> Finding:
     if servo.model != axis.model.number:
         mend = f"configured is {axis.model.name}"
         return Finding(name, text, Verdict.PROBLEM, mend)
+    own = foreign(axis, servo.settings)
+    if refused := own.keys() - options.overwrite:
+        said = ", ".join(f"{setting} {own[setting][0]}" for setting in sorted(refused))
+        mend = f"put it right with the vendor's wizard, or set overwrite = {sorted(refused)}"
+        return Finding(name, f"{text}; its own {said}", Verdict.PROBLEM, mend)
     return Finding(name, text, Verdict.OK)
 
 

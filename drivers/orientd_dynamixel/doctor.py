@@ -6,13 +6,14 @@ Nothing is changed: every finding comes with what to do about it.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from orientd.errors import DeviceError, LinkError
 from orientd_dynamixel.bus import BLOCK, READ_WAIT_S, OpenBus, ServoBus, explain_error, open_bus
 from orientd_dynamixel.options import BAUD_RATES, MODELS, ServoModel
+from orientd_dynamixel.settings import own_settings
 
 SCAN_WAIT_MS = 4.0
 ATTEMPTS = 4
@@ -37,6 +38,7 @@ class FoundServo:
         baud: the line speed at which it answered.
         return_delay_us: how long it waits before it answers.
         hardware_error: bits, 0 if all is well.
+        settings: its own, which have a meaning beside orientd, by name.
     """
 
     id: int
@@ -45,6 +47,7 @@ class FoundServo:
     baud: int
     return_delay_us: int
     hardware_error: int
+    settings: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -133,6 +136,7 @@ def _look(bus: ServoBus, number: int, baud: int, answer: tuple[int, int]) -> Fou
         number, *answer, baud,
         return_delay_us=2 * bus.read(number, 9, 1),
         hardware_error=bus.read(number, 70, 1),
+        settings=own_settings(bus, number),
     )  # fmt: skip
 
 

@@ -21,6 +21,7 @@ from orientd.driver import (
     Driver,
     Feedback,
     Finding,
+    PartHealth,
     Quaternion,
     Setpoint,
     ShapedPath,
@@ -31,6 +32,7 @@ from orientd.driver import (
 from orientd.errors import AxisFaultError, DeviceError, DeviceFaultError, LinkError
 from orientd_dynamixel import startup
 from orientd_dynamixel.axes import (
+    Conditions,
     Following,
     Standing,
     Supervisor,
@@ -40,15 +42,9 @@ from orientd_dynamixel.axes import (
     way,
 )
 from orientd_dynamixel.axis import Axis
-from orientd_dynamixel.bus import (
-    READ_WAIT_S,
-    Group,
-    OpenBus,
-    ServoBus,
-    listen,
-    open_bus,
-)
+from orientd_dynamixel.bus import READ_WAIT_S, Group, OpenBus, ServoBus, listen, open_bus
 from orientd_dynamixel.options import GimbalOptions, parse
+from orientd_dynamixel.settings import GOAL
 from orientd_dynamixel.tracker import AxisTracker
 
 
@@ -87,7 +83,8 @@ class DynamixelDriver(Driver):
         self._supervisor = Supervisor(self.settings, self._axes)
         self._turns = Turns(self.settings, self._axes)
         self._following = Following(self.settings, self._tracker, period_ns * 1e-9)
-        self._unknown = ""
+        self._prepared = startup.Prepared({}, [], "")
+        self._conditions = Conditions()
 
     def shape(
         self,
@@ -127,6 +124,12 @@ class DynamixelDriver(Driver):
             return ()
         return way(self.settings, joints, q, is_homing=self._is_homing)
 
+    def pointed(self, direction: Vector3, axis: str) -> Quaternion | None:
+        """Return how three axes point there without a roll."""
+        of = importlib.import_module("orientd_dynamixel.planning").pointed
+        found: Quaternion | None = of(self.settings, direction, axis)
+        return found
+
     def outline(self, joints: tuple[float, ...]) -> Sequence[Sequence[Vector3]]:
         """Return nested rings with pins."""
         outline = importlib.import_module("orientd_dynamixel.outline").outline
@@ -152,8 +155,8 @@ class DynamixelDriver(Driver):
                 on which turn it is.
         """
         bus, group = self._connected()
-        if self._unknown:
-            raise DeviceFaultError(self._unknown)
+        if self._prepared.unknown:
+            raise DeviceFaultError(self._prepared.unknown)
         self._settle(group)
         for axis in self._axes:
             check_angle(axis, axis.angle(startup.sound_position(bus, axis)))
@@ -232,8 +235,6 @@ class DynamixelDriver(Driver):
             check_angle(axis, angle)
             check_rate(axis, angle, last, span)
             goals.append(axis.ticks(angle))
-        for place, goal in self._standing.goals.items():
-            goals[place] = goal
         self._following.took(angles)
         self._send(bus, group, angles, goals, now_ns)
 
@@ -249,19 +250,17 @@ class DynamixelDriver(Driver):
             return self._tracker.forward(self._tracker.angles)
         angles = self._following.step(setpoint.q)
         goals = [axis.ticks(angle) for axis, angle in zip(self._axes, angles, strict=True)]
-        for place, goal in self._standing.goals.items():
-            goals[place] = goal
         self._send(bus, group, angles, goals, self.clock.now_ns())
         return self._tracker.forward(angles)
 
     def _send(
         self, bus: ServoBus, group: Group, angles: tuple[float, ...], goals: list[int], now_ns: int
     ) -> None:
-        bus.sync_write(
-            startup.GOAL, 4,
-            [(axis.options.id, goal) for axis, goal in zip(self._axes, goals, strict=True)],
-        )  # fmt: skip
-        for axis, goal in zip(self._axes, goals, strict=True):
+        for place, goal in self._standing.goals.items():
+            goals[place] = goal
+        told = list(zip(self._axes, goals, strict=True))
+        bus.sync_write(GOAL, 4, [(axis.options.id, goal) for axis, goal in told])
+        for axis, goal in told:
             axis.goal = goal
         self._tracker.angles = angles
         self._written_ns = now_ns
@@ -301,9 +300,18 @@ class DynamixelDriver(Driver):
 
     def diagnose(self) -> Sequence[Finding]:
         """Look at port, servos and the rate that the bus can hold."""
-        doctor = importlib.import_module("orientd_dynamixel.diagnosis")
-        found: list[Finding] = doctor.diagnose(self.settings, self.period_ns * 1e-9, self._open_bus)
+        diagnose = importlib.import_module("orientd_dynamixel.diagnosis").diagnose
+        found: list[Finding] = diagnose(self.settings, self.period_ns * 1e-9, self._open_bus)
         return found
+
+    def notices(self) -> Sequence[str]:
+        """Return which of the servos' own settings were overwritten, and what costs speed."""
+        return (*self._prepared.overwritten, *self.advice)
+
+    def health(self) -> Sequence[PartHealth]:
+        """Return voltage, temperature and current of every servo, with warnings."""
+        group = self._group
+        return () if group is None else self._conditions.judge(group)
 
     def park(self) -> None:
         """Park and switch the torque off, or leave it on, as the options say."""
@@ -341,19 +349,11 @@ class DynamixelDriver(Driver):
             options.port, options.baud, wait_ms=options.latency_ms, glance_s=glance_s
         )
         try:
-            firmware = {axis.options.id: startup.identify(bus, axis.options) for axis in self._axes}
-            self._turns.close()  # whoever deletes the file begins anew
-            self._turns.open()
-            unknown = []
-            for place, axis in enumerate(self._axes):
-                startup.clear_error(bus, axis.options, self._sleep)
-                has_kept_power = startup.has_kept_power(bus, axis.options)
-                startup.configure(bus, axis.options, may_overwrite=options.overwrite)
-                position = bus.read(axis.options.id, startup.POSITION, 4, is_signed=True)
-                unknown.append(self._turns.resolve(place, position, has_kept_power=has_kept_power))
-            self._unknown = "; ".join(filter(None, unknown))
-            self._group, self.advice = listen(bus, self._axes, options, firmware, self.period_ns)
+            self._prepared = startup.prepare(bus, options, self._axes, self._turns, self._sleep)
+            known = self._prepared.firmware
+            self._group, self.advice = listen(bus, self._axes, options, known, self.period_ns)
             self._group.synchronise(self.clock.now_ns)
+            self._conditions = Conditions(bus, self._axes)
         except DeviceError:
             bus.close()
             raise
@@ -377,7 +377,7 @@ class DynamixelDriver(Driver):
     def _report(self, group: Group) -> Feedback:
         angles, rates = [], []
         for place, (axis, reading) in enumerate(zip(self._axes, group.readings, strict=True)):
-            if not self._unknown:
+            if not self._prepared.unknown:
                 self._turns.note(place, reading.position)
             angles.append(axis.angle(reading.position))
             rates.append(axis.rate(reading.velocity))

@@ -67,6 +67,18 @@ def _turned_back(matrix: Floats, i: int, angle: Floats) -> Floats:
     return turned
 
 
+def _turned_about(q: Floats, axis: int, angle: Floats) -> Floats:
+    """Return *q* times the turn by *angle* about a coordinate axis."""
+    i, j, k = axis + 1, (axis + 1) % 3 + 1, (axis + 2) % 3 + 1
+    cos, sin = np.cos(angle / 2.0), np.sin(angle / 2.0)
+    turned = np.empty((*angle.shape, 4))
+    turned[..., 0] = cos * q[..., 0] - sin * q[..., i]
+    turned[..., i] = cos * q[..., i] + sin * q[..., 0]
+    turned[..., j] = cos * q[..., j] + sin * q[..., k]
+    turned[..., k] = cos * q[..., k] - sin * q[..., j]
+    return turned
+
+
 @dataclass(frozen=True)
 class Gimbal:
     """A gimbal of two or three axes.
@@ -113,7 +125,7 @@ class Gimbal:
         angles = self._angles(angles)
         q: Floats = np.broadcast_to(np.array(self.mount), (*angles.shape[:-1], 4))
         for number, axis in enumerate(self.axes):
-            q = multiply(q, from_axis_angle(np.eye(3)[axis], angles[..., number]))
+            q = _turned_about(q, axis, angles[..., number])
         return normalize(multiply(q, self.tool))
 
     def matrix(self, q: ArrayLike) -> Floats:
@@ -228,21 +240,23 @@ class Gimbal:
         return np.stack(columns, axis=-1)
 
     def manipulability(self, angles: ArrayLike) -> Floats:
-        """Return the least singular value of what the axis rates do; 0 is the pole.
+        r"""Return the least singular value of what the axis rates do; 0 is the pole.
 
         Of three axes that is of the Jacobian; of two, of the part that moves the pointing axis.
+        Neighbouring axes are at right angles, so only the cosine *c* between the outermost and the
+        innermost, or pointing, one matters: the squares of the singular values of the Jacobian are
+        :math:`1 \pm c` and 1, those of the part are 1 and :math:`1 - c^2`.
 
         Args:
             angles: axis angles in rad, shape ``(..., axes)``.
         """
-        jacobian = self.jacobian(angles)
+        middle = self._angles(angles)[..., 1]
+        is_same = self.inner_axis == self.axes[0]
+        sine = np.abs(np.sin(middle) if is_same else np.cos(middle))
         if len(self.axes) == 2:
-            unrotated = multiply(self.forward(angles), conjugate(self.tool))
-            direction = to_matrix(unrotated)[..., :, self.inner_axis]
-            along = np.einsum("...ij,...i->...j", jacobian, direction)
-            jacobian = jacobian - direction[..., :, None] * along[..., None, :]
-        sigma = np.linalg.svd(jacobian, compute_uv=False)
-        return np.asarray(sigma[..., len(self.axes) - 1], dtype=np.float64)
+            return np.asarray(sine, dtype=np.float64)
+        cosine = np.abs(np.cos(middle) if is_same else np.sin(middle))
+        return np.asarray(sine / np.sqrt(1.0 + cosine), dtype=np.float64)
 
     def turn_at_pole(self, matrix: Floats) -> Floats:
         """Return by how much the outer axis turns while the inner ones stand still at the pole.

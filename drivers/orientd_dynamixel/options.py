@@ -13,7 +13,8 @@
     pointing = true            # two axes: only the direction counts; false: the roll must fit, too
     max_deviation_deg = 0.0    # by how much a path near the pole may be missed; 0 refuses it
     turns_file = ""            # where whole turns are kept; by default in the XDG state directory
-    overwrite = false          # whether a servo's own homing offset and drive mode are set to 0
+    overwrite = false          # what of a servo's own settings may be overwritten: true, or a list
+                               # of "homing_offset", "drive_mode" and "operating_mode"
     allow_slews = false        # whether the tool may stop and leave its path to change branch
 
     [[axes]]                   # one for each letter of order
@@ -26,6 +27,7 @@
     limits_deg = [-170, 170]
     velocity_deg = 220         # degrees a second; 80 % of what the servo does without load
     acceleration_deg = 2290    # degrees a second squared
+    current_limit = 0.8        # A, where the servo measures it; it gives way at more (mode 5)
 
 Of all that stops the gimbal the servos' own watchdog is the last: it ends in an error that has to
 be reset, and the stop is abrupt.  A lost answer costs two cycles or ``latency_ms``, so ten of them
@@ -49,6 +51,10 @@ BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
 
 DEFAULT_ACCELERATION = 40.0
 """rad/s^2 of an axis where nothing else is said; an XM430 with a camera on it can do that."""
+
+
+OWN_SETTINGS = frozenset({"homing_offset", "drive_mode", "operating_mode"})
+"""Of a servo, with a meaning beside orientd: what they are set to is said, or refused."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +142,7 @@ class GimbalOptions:
     max_deviation: float
     allow_slews: bool
     turns_file: str | None
-    overwrite: bool
+    overwrite: frozenset[str]
 
 
 _AXIS_KEYS = {
@@ -208,8 +214,18 @@ def parse(options: Mapping[str, Any]) -> GimbalOptions:
         ),
         allow_slews=switch("allow_slews", options.get("allow_slews", False)),
         turns_file=turns_file,
-        overwrite=switch("overwrite", options.get("overwrite", False)),
+        overwrite=_overwrite(options.get("overwrite", False)),
     )
+
+
+def _overwrite(given: object) -> frozenset[str]:
+    """Return the settings that *given* permits to overwrite."""
+    if isinstance(given, bool):
+        return OWN_SETTINGS if given else frozenset()
+    if isinstance(given, (list, tuple)) and all(name in OWN_SETTINGS for name in given):
+        return frozenset(given)
+    names = ", ".join(sorted(OWN_SETTINGS))
+    raise ValueError(f"overwrite must be true, false or a list of {names}, got {given!r}")
 
 
 def _is_order(order: str) -> bool:
@@ -247,6 +263,8 @@ def _axis(row: object, place: int, letter: str) -> AxisOptions:
     current = row.get("current_limit")
     if current is not None and not model.current_unit:
         raise ValueError(f"{where}current_limit: a {model.name} has no limit of its current")
+    if current is not None:
+        current = number(f"{where}current_limit", current, model.current_unit, 4)
     name = row.get("name", letter.lower())
     if not isinstance(name, str) or not name:
         raise ValueError(f"{where}name must be a text, got {name!r}")
@@ -268,5 +286,5 @@ def _axis(row: object, place: int, letter: str) -> AxisOptions:
                 1e5,
             )
         ),
-        current_limit=None if current is None else number(f"{where}current_limit", current, 0, 4),
+        current_limit=current,
     )

@@ -8,13 +8,14 @@ and what cannot be done is refused with axis, value and time.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.errors import LimitError, PlanError, StartError
-from orientd.rotation import Floats, angle, check_unit
-from orientd_dynamixel.branches import Choice, candidates, choose, continued
+from orientd.rotation import Floats, angle, check_unit, conjugate, exp, log, multiply
+from orientd_dynamixel.branches import Choice, SlewTime, candidates, choose, continued
 from orientd_dynamixel.certificate import (
     AxisCertificate,
     AxisLimits,
@@ -22,13 +23,14 @@ from orientd_dynamixel.certificate import (
     AxisPeak,
     DeviationPolicy,
     Keyhole,
+    Slew,
     ToolLimits,
     peak,
     rates,
 )
 from orientd_dynamixel.keyhole import Passage, outer_line, passages, windows
 from orientd_dynamixel.kinematics import LOCK, Gimbal, wrapped
-from orientd_dynamixel.stops import Timeline, stop_time, with_stops
+from orientd_dynamixel.stops import Timeline, slew_times, stop_time, with_stops
 
 _SLACK = 1 + 1e-3
 _STILL = 1e-9
@@ -80,9 +82,11 @@ def plan_axes(
         raise ValueError(f"limits must be {len(gimbal.axes)}, got {len(limits)}")
     origin = None if start is None else np.asarray(start, dtype=np.float64)
     past = np.empty((0, len(limits))) if before is None else np.reshape(before, (-1, len(limits)))
-    choice = _choose(gimbal, q, period, limits, origin, policy)
-    _refuse(choice, gimbal, q, period, limits, policy, past)
-    path = _path(gimbal, q, period, limits, choice, past, tool or ToolLimits())
+    tool = tool or ToolLimits()
+    found = _choose(gimbal, q, period, limits, origin, policy, tool)
+    _refuse(found[0], gimbal, q, period, limits, policy, past)
+    paths = [_path(gimbal, q, period, limits, choice, past, tool) for choice in found]
+    path = min(paths, key=lambda one: len(one.times))
     _verify(path.certificate, limits)
     return path
 
@@ -94,7 +98,9 @@ def _choose(
     limits: Sequence[AxisLimits],
     start: Floats | None,
     policy: DeviationPolicy,
-) -> Choice:
+    tool: ToolLimits,
+) -> list[Choice]:
+    """Return the best way, or some of which the quickest is, where only their stops show it."""
     first, entry = None, _SAME
     if start is not None and _is_at_pole(gimbal, q[0]):
         line, _ = outer_line(gimbal, gimbal.matrix(q))
@@ -113,15 +119,21 @@ def _choose(
             ways += passages(gimbal, matrix, window, limits, period, policy.max_deviation)
     if start is not None and not ways:
         on_its_way = continued(principal, limits, period, start, entry)
-        if on_its_way is not None:
-            return on_its_way
+        if on_its_way.reached == len(q) or not policy.allow_slews:
+            return [on_its_way]
     every = candidates(principal, limits)
     choice = choose(every, limits, period, start=start, entry=entry, passages=ways)
-    if choice.reached < len(q) and policy.allow_slews:
-        choice = choose(
-            every, limits, period, start=start, entry=entry, passages=ways, allow_slews=True
+    if choice.reached == len(q) or not policy.allow_slews:
+        return [choice]
+    ramp = stop_time(q, period, tool)
+    quick = SlewTime(ramp, lambda gaps: slew_times(gaps, limits, tool))
+    return [
+        choose(
+            every, limits, period, start=start, entry=entry, passages=ways, allow_slews=True,
+            slew_time=slew_time,
         )
-    return choice
+        for slew_time in (quick, None)
+    ]  # fmt: skip
 
 
 def _principal(gimbal: Gimbal, q: Floats, first: float | None) -> Floats:
@@ -265,7 +277,7 @@ def _path(
             )
             for way in choice.passages
         ),
-        slews=line.slews,
+        slews=_honest(gimbal, q, period, reached, line),
     )
     return AxisPath(line.times, line.angles, reached, line.path_times, certificate)
 
@@ -289,21 +301,39 @@ def _verify(certificate: AxisCertificate, limits: Sequence[AxisLimits]) -> None:
                 )
 
 
+def _honest(
+    gimbal: Gimbal, q: Floats, period: float, reached: Floats, line: Timeline
+) -> tuple[Slew, ...]:
+    """Return the slews with how far each is off the path, which stands still or goes on slowly."""
+    told = []
+    for slew in line.slews:
+        part = slice(round(slew.start / period), round(slew.end / period) + 1)
+        at = line.path_times[part] / period
+        first = np.minimum(at.astype(np.int64), len(q) - 2)
+        turn = log(multiply(conjugate(q[first]), q[first + 1]))
+        asked = multiply(q[first], exp((at - first)[:, None] * turn))
+        told.append(replace(slew, error=float(np.max(_missed(gimbal, reached[part], asked)))))
+    return tuple(told)
+
+
+def _missed(gimbal: Gimbal, reached: Floats, q: Floats) -> Floats:
+    """Return the angle between orientations; of two axes, between the directions pointed to."""
+    if len(gimbal.axes) == 3:
+        return angle(reached, q)
+    inner = gimbal.inner_axis
+    made = gimbal.matrix(reached)[:, :, inner]
+    asked = gimbal.matrix(q)[:, :, inner]
+    cross = np.linalg.norm(np.cross(made, asked), axis=1)
+    return np.asarray(np.arctan2(cross, np.sum(made * asked, axis=1)), dtype=np.float64)
+
+
 def _when(line: Timeline, path_time: float) -> float:
     return float(line.times[int(np.searchsorted(line.path_times, path_time - 1e-9))])
 
 
 def _error(gimbal: Gimbal, q: Floats, period: float, choice: Choice, line: Timeline) -> AxisPeak:
     """Return the largest angle missed, measured on the orientations that the axes make."""
-    reached = gimbal.forward(choice.angles)
-    if len(gimbal.axes) == 3:
-        missed = angle(reached, q)
-    else:
-        inner = gimbal.inner_axis
-        made = gimbal.matrix(reached)[:, :, inner]
-        asked = gimbal.matrix(q)[:, :, inner]
-        cross = np.linalg.norm(np.cross(made, asked), axis=1)
-        missed = np.arctan2(cross, np.sum(made * asked, axis=1))
+    missed = _missed(gimbal, gimbal.forward(choice.angles), q)
     limit = max((way.error for way in choice.passages), default=0.0)
     at = int(np.argmax(missed))
     return AxisPeak(float(missed[at]), _when(line, at * period), limit)

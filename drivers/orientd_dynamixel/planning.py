@@ -11,8 +11,11 @@ from collections.abc import Mapping
 from math import degrees
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
+from orientd.driver import Vector3
+from orientd.rotation import conjugate, rotate
 from orientd_dynamixel.certificate import AxisCertificate, AxisLimits, AxisPath, DeviationPolicy
 from orientd_dynamixel.kinematics import Gimbal
 from orientd_dynamixel.options import GimbalOptions, parse
@@ -22,6 +25,32 @@ from orientd_dynamixel.path import plan_axes
 def gimbal_of(options: GimbalOptions) -> Gimbal:
     """Return the gimbal that *options* describe."""
     return Gimbal(options.order, options.mount, options.tool)
+
+
+def pointed(
+    options: GimbalOptions, direction: Vector3, axis: str
+) -> tuple[float, float, float, float] | None:
+    """Return the orientation that points there with the innermost of three axes at zero.
+
+    Args:
+        options: of the deployment.
+        direction: in the world.
+        axis: of the tool.
+
+    Returns:
+        ``None`` where there are two axes, or the innermost one is not what points.
+    """
+    gimbal = gimbal_of(options)
+    inner = np.eye(3)[gimbal.inner_axis]
+    points = rotate(np.array(gimbal.tool), np.eye(3)["xyz".index(axis)])
+    if len(gimbal.axes) == 2 or float(points @ inner) < 1.0 - 1e-9:
+        return None
+    matrix = np.zeros((3, 3))
+    matrix[:, gimbal.inner_axis] = rotate(conjugate(np.array(gimbal.mount)), direction)
+    outer, _ = gimbal.pointing(matrix)
+    middle = gimbal.rest(matrix, outer).inner[..., 0]
+    w, x, y, z = gimbal.forward([float(outer), float(middle), 0.0]).tolist()
+    return (w, x, y, z)
 
 
 def limits_of(options: GimbalOptions) -> list[AxisLimits]:
@@ -74,8 +103,10 @@ def describe(certificate: AxisCertificate, options: GimbalOptions) -> list[str]:
             f"{degrees(speed.limit):.1f}), {degrees(force.value):.0f} deg/s^2 at {force.time:.3f} s"
         )
     error = certificate.error
+    outside = " outside slews" if certificate.slews else ""
     lines.append(
-        f"the path is missed by at most {degrees(error.value):.4f} deg at {error.time:.3f} s"
+        f"the path is missed by at most {degrees(error.value):.4f} deg{outside} at "
+        f"{error.time:.3f} s"
     )
     lines += [
         f"{hole.start:.3f} to {hole.end:.3f} s: {hole.kind} near the pole, missing by at most "
@@ -85,5 +116,9 @@ def describe(certificate: AxisCertificate, options: GimbalOptions) -> list[str]:
     for slew in certificate.slews:
         goal = ", ".join(f"{degrees(angle):.1f}" for angle in slew.after)
         what = "goes on slowly" if slew.is_on_path else "stops and the axes slew"
-        lines.append(f"{slew.start:.3f} to {slew.end:.3f} s: the path {what} to {goal} deg")
+        off = f", off it by up to {degrees(slew.error):.1f} deg"
+        lines.append(
+            f"{slew.start:.3f} to {slew.end:.3f} s ({slew.duration:.2f} s): the path {what} to "
+            f"{goal} deg{off}"
+        )
     return lines

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import degrees, inf
+from typing import cast
 
 import numpy as np
 
@@ -47,7 +48,8 @@ def shape(
     start = None
     if joints:
         tracker.angles = joints
-        start = tracker.solve(orientations[0])[0]
+        w, x, y, z = map(float, orientations[0])
+        start = tracker.solve((w, x, y, z))[0]
     policy = DeviationPolicy(max_deviation=options.max_deviation, allow_slews=options.allow_slews)
     path = plan_axes(
         gimbal_of(options), orientations, period, limits_of(options), start=start, before=before,
@@ -57,11 +59,11 @@ def shape(
     figures = _figures(path, options)
     if len(options.axes) == 2 and not options.pointing:
         figures.append(_roll(path, orientations, period, options.roll_tolerance))
-    reached = path.q.tolist()
+    # Arrays, which are sequences too: a long path is ten thousands of rows.
     return ShapedPath(
-        [(w, x, y, z) for w, x, y, z in reached],
-        path.path_times.tolist(),
-        list(map(tuple, path.angles.tolist())),
+        cast("Sequence[Quaternion]", path.q),
+        cast("Sequence[float]", path.path_times),
+        cast("Sequence[tuple[float, ...]]", path.angles),
         tuple(figures),
         tuple(describe(path.certificate, options)),
     )
@@ -81,6 +83,12 @@ def _figures(path: AxisPath, options: GimbalOptions) -> list[Figure]:
         ]
     error = promised.error
     figures.append(Figure("pointing error", error.value, "rad", options.max_deviation, error.time))
+    if promised.slews:
+        worst = max(promised.slews, key=lambda slew: slew.error)
+        figures += [
+            Figure("pointing error in slews", worst.error, "rad", None, worst.start),
+            Figure("time in slews", sum(slew.duration for slew in promised.slews), "s"),
+        ]
     figures.append(Figure("manipulability", promised.manipulability, "1"))
     return figures
 

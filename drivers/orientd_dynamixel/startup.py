@@ -8,37 +8,54 @@ stops it.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 from orientd.errors import DeviceError, DeviceFaultError, LinkError
+from orientd_dynamixel.axes import Turns
 from orientd_dynamixel.axis import Axis, sendable
 from orientd_dynamixel.bus import (
     ATTEMPTS,
-    BLOCK,
-    RETURN_LEVEL,
-    VELOCITY_UNIT,
-    WATCHDOG_TRIPPED,
     ServoBus,
     explain_error,
 )
 from orientd_dynamixel.options import AxisOptions, GimbalOptions
+from orientd_dynamixel.settings import (
+    GOAL,
+    PARK_RATE,
+    POSITION,
+    PROFILE_ACCELERATION,
+    PROFILE_VELOCITY,
+    TORQUE,
+    WATCHDOG,
+    configure,
+    has_kept_power,
+    overwritten,
+    quiet_watchdog,
+)
 
-RETURN_DELAY, DRIVE_MODE, OPERATING_MODE, HOMING_OFFSET, CURRENT_LIMIT = 9, 10, 11, 20, 38
-VELOCITY_LIMIT = 44
-TORQUE, LEVEL, HARDWARE_ERROR, WATCHDOG = 64, 68, 70, 98
-PROFILE_ACCELERATION, PROFILE_VELOCITY, GOAL, POSITION = 108, 112, 116, 132
-EXTENDED_POSITION = 4
+HARDWARE_ERROR = 70
 WATCHDOG_UNIT_MS = 20
 BOOT_ATTEMPTS = 20
 BOOT_STEP_S = 0.05
 HELD_TICKS = 40
 """A goal this close to the position is kept: the torque was on, and the load hangs on it."""
 
-_PROFILE_MARGIN = 1.2
-"""Room for a servo to catch up with its goals."""
-
 Sleep = Callable[[float], None]
+
+
+class Prepared(NamedTuple):
+    """What was found and done when servos were prepared.
+
+    Attributes:
+        firmware: of each servo, by its id.
+        overwritten: which settings of their own were, in words.
+        unknown: which are on an unknown turn, in words; empty where none is.
+    """
+
+    firmware: dict[int, int]
+    overwritten: list[str]
+    unknown: str
 
 
 def identify(bus: ServoBus, axis: AxisOptions) -> int:
@@ -86,73 +103,27 @@ def clear_error(bus: ServoBus, axis: AxisOptions, sleep: Sleep) -> bool:
     return True
 
 
-def has_kept_power(bus: ServoBus, axis: AxisOptions) -> bool:
-    """Return whether a servo has had power since it was configured, and counts turns since then."""
-    mapped = b"".join(address.to_bytes(2, "little") for address in BLOCK)
-    found = bus.read(axis.id, axis.model.indirect_address, len(mapped))
-    is_counting = bus.read(axis.id, OPERATING_MODE, 1) == EXTENDED_POSITION
-    return is_counting and found == int.from_bytes(mapped, "little")
-
-
-def configure(bus: ServoBus, axis: AxisOptions, *, may_overwrite: bool = True) -> None:
-    """Put the settings of an axis' servo right, the permanent ones only where they differ.
+def prepare(
+    bus: ServoBus, options: GimbalOptions, axes: Sequence[Axis], turns: Turns, sleep: Sleep
+) -> Prepared:
+    """Put every servo right and find out on which turn it is; nothing moves.
 
     Raises:
-        DeviceFaultError: it has an offset or a direction of its own, which may not be overwritten,
-            or it does not take a setting.
+        LinkError: a servo is not there.
+        DeviceFaultError: one is another model, may not be put right, or cannot be.
     """
-    own = {
-        "homing offset": bus.read(axis.id, HOMING_OFFSET, 4, is_signed=True),
-        "drive mode": bus.read(axis.id, DRIVE_MODE, 1),
-    }
-    if any(own.values()) and not may_overwrite:
-        named = " and ".join(f"{name} {value}" for name, value in own.items() if value)
-        raise DeviceFaultError(
-            f"servo {axis.id} ({axis.name}) has {named}; orientd works with 0, which changes the "
-            "angles that it stands for: set it to 0 with the vendor's wizard, or have it "
-            "overwritten with overwrite = true, and put zero_deg and direction right"
-        )
-    permanent = [(RETURN_DELAY, 1, 0), (DRIVE_MODE, 1, 0), (OPERATING_MODE, 1, EXTENDED_POSITION),
-                 (HOMING_OFFSET, 4, 0)]  # fmt: skip
-    if axis.current_limit is not None:
-        permanent.append((CURRENT_LIMIT, 2, round(axis.current_limit / axis.model.current_unit)))
-    if bus.read(axis.id, LEVEL, 1) != RETURN_LEVEL:
-        bus.write(axis.id, LEVEL, RETURN_LEVEL, 1)
-    quiet_watchdog(bus, axis.id)
-    wrong = [row for row in permanent if bus.read(axis.id, row[0], row[1]) != row[2]]
-    if wrong:
-        bus.write(axis.id, TORQUE, 0, 1)
-        for address, count, value in wrong:
-            bus.write(axis.id, address, value, count)
-            if (kept := bus.read(axis.id, address, count)) != value:
-                raise DeviceFaultError(
-                    f"servo {axis.id} ({axis.name}) keeps {kept} at address {address}, "
-                    f"asked was {value}"
-                )
-    for number, address in enumerate(BLOCK):
-        bus.write(axis.id, axis.model.indirect_address + 2 * number, address, 2)
-    bus.write(axis.id, PROFILE_ACCELERATION, 0, 4)
-    # No more than what is asked of it, whatever lets go of it: a servo knows no other limit.
-    fastest = math.ceil(_PROFILE_MARGIN * axis.velocity * axis.gear / VELOCITY_UNIT)
-    bus.write(axis.id, PROFILE_VELOCITY, min(fastest, bus.read(axis.id, VELOCITY_LIMIT, 4)), 4)
-
-
-def quiet_watchdog(bus: ServoBus, servo: int) -> int | None:
-    """Switch the watchdog off; return the new goal if it had tripped.
-
-    A tripped servo has stopped, but may keep its old goal and go there once it is allowed to: its
-    goal becomes where it is.
-    """
-    state = bus.read(servo, WATCHDOG, 1)
-    if state != WATCHDOG_TRIPPED:
-        if state:
-            bus.write(servo, WATCHDOG, 0, 1)
-        return None
-    # Read first, so that nothing but the goal itself comes between the two writes.
-    goal = sendable(bus.read(servo, POSITION, 4, is_signed=True))
-    bus.write(servo, WATCHDOG, 0, 1)
-    bus.write(servo, GOAL, goal, 4)
-    return goal
+    firmware = {axis.options.id: identify(bus, axis.options) for axis in axes}
+    turns.close()  # whoever deletes the file begins anew
+    turns.open()
+    changed = overwritten(bus, [axis.options for axis in axes], options.overwrite)
+    unknown = []
+    for place, axis in enumerate(axes):
+        clear_error(bus, axis.options, sleep)
+        has_counted = has_kept_power(bus, axis.options)
+        configure(bus, axis.options)
+        position = bus.read(axis.options.id, POSITION, 4, is_signed=True)
+        unknown.append(turns.resolve(place, position, has_kept_power=has_counted))
+    return Prepared(firmware, changed, "; ".join(filter(None, unknown)))
 
 
 def sound_position(bus: ServoBus, axis: Axis) -> int:
@@ -268,8 +239,6 @@ def drop(bus: ServoBus, axes: Sequence[Axis]) -> None:
             continue
 
 
-PARK_RATE = 22
-"""Profile velocity of parking, 30 degrees a second."""
 PARK_ACCELERATION = 3
 PARK_LONGEST_S = 20.0
 

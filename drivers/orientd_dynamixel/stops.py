@@ -61,14 +61,24 @@ def quintic(u: Floats) -> Floats:
 
 def slew_duration(before: Floats, after: Floats, limits: Sequence[AxisLimits]) -> float:
     """Return how long the quintic slew between two sets of axis angles takes at least, s."""
-    needed = 0.0
-    for gap, limit in zip(np.abs(after - before), limits, strict=True):
-        needed = max(
-            needed,
-            _PEAK_SPEED * float(gap) / limit.velocity,
-            math.sqrt(_PEAK_ACCELERATION * float(gap) / limit.acceleration),
-        )
-    return needed
+    return float(slew_times(np.abs(after - before)[None], limits)[0])
+
+
+def slew_times(
+    gaps: Floats, limits: Sequence[AxisLimits], tool: ToolLimits | None = None
+) -> Floats:
+    """Return how long quintic slews over *gaps* take at least, s.
+
+    Args:
+        gaps: of the axis angles, rad, shape ``(n, axes)``.
+        limits: of every axis.
+        tool: what it keeps to; every axis turns it as quickly as itself.
+    """
+    tool = tool or ToolLimits()
+    speed = np.array([min(limit.velocity, tool.velocity) for limit in limits])
+    force = np.array([min(limit.acceleration, tool.acceleration) for limit in limits])
+    by_axis = np.maximum(_PEAK_SPEED * gaps / speed, np.sqrt(_PEAK_ACCELERATION * gaps / force))
+    return np.asarray(np.max(by_axis, axis=-1), dtype=np.float64)
 
 
 def stop_time(q: Floats, period: float, tool: ToolLimits) -> float:

@@ -22,6 +22,7 @@ _HOMES = {
     "plan": "motion_commands",
     "move": "motion_commands",
     "home": "home",
+    "turn": "turn",
     "track": "track",
     "teach": "teach",
     "batch": "batch",
@@ -45,7 +46,7 @@ _HOMES = {
     "service": "service",
     "lease": "lease",
     "audit": "audit",
-    "fleet": "fleet",
+    "fleet": ".fleet_commands",
 }
 """The module of each command, or group of commands, in the order of the help."""
 
@@ -61,7 +62,7 @@ class LazyCommands(Commands):
         del ctx
         if cmd_name not in _HOMES:
             return None
-        found = getattr(import_module(f"orientd.cli.commands.{_HOMES[cmd_name]}"), cmd_name)
+        found = getattr(import_module(f".{_HOMES[cmd_name]}", "orientd.cli.commands"), cmd_name)
         alone = typer.Typer(rich_markup_mode=None)
         if isinstance(found, typer.Typer):
             alone.add_typer(found)

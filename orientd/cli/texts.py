@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from orientd.planner import ANGULAR, AXES, Rate
-from orientd.rpc import DeviceReport, Outcome, Plan, Statistics, Summary, titled
+from orientd.rpc import DeviceReport, Outcome, PartReport, Plan, Statistics, Summary, titled
 from orientd.stream import ServoState
 
 if TYPE_CHECKING:
@@ -65,6 +65,22 @@ def state(device: DeviceReport) -> str:
     if device.is_free:
         return "can be moved by hand"
     return device.state.name.lower()
+
+
+def health(part: PartReport) -> str:
+    """Return how a part of a device is, and how long ago that was measured.
+
+    >>> health(PartReport("yaw", 0.42, voltage=12.1, temperature=41.0, current=-0.25))
+    '12.1 V, 41 degrees C, -0.25 A, 0.4 s ago'
+    >>> health(PartReport("yaw", 9.0, is_stale=True, temperature=75.0, warning="hot"))
+    '75 degrees C, 9.0 s ago (stale); warning: hot'
+    """
+    measured = ((part.voltage, ".1f", "V"), (part.temperature, ".0f", "degrees C"),
+                (part.current, ".2f", "A"))  # fmt: skip
+    told = [f"{value:{form}} {unit}" for value, form, unit in measured if value is not None]
+    stale = " (stale)" if part.is_stale else ""
+    warning = f"; warning: {part.warning}" if part.warning else ""
+    return f"{', '.join([*told, f'{part.age:.1f} s ago'])}{stale}{warning}"
 
 
 def age(seconds: float | None) -> str:

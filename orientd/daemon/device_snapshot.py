@@ -63,6 +63,7 @@ def take_snapshot(
         servo_pid=servo.pid,
         scheduling=servo.scheduling,
         memory_locked=servo.memory_locked,
+        health=servo.health,
     )
 
 

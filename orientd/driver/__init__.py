@@ -7,17 +7,7 @@ from typing import TYPE_CHECKING
 from orientd.lazy import lazily
 
 if TYPE_CHECKING:
-    from orientd.driver.contract import (
-        IDENTITY,
-        ZERO,
-        Driver,
-        Feedback,
-        Figure,
-        Quaternion,
-        Setpoint,
-        ShapedPath,
-        Vector3,
-    )
+    from orientd.driver.contract import Driver
     from orientd.driver.finding import Finding, Verdict
     from orientd.driver.options import (
         check_names,
@@ -29,5 +19,16 @@ if TYPE_CHECKING:
         whole,
     )
     from orientd.driver.registry import driver_target, make_driver
+    from orientd.driver.values import (
+        IDENTITY,
+        ZERO,
+        Feedback,
+        Figure,
+        PartHealth,
+        Quaternion,
+        Setpoint,
+        ShapedPath,
+        Vector3,
+    )
 
 __getattr__ = lazily(__name__)

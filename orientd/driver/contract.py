@@ -3,8 +3,7 @@
 A driver lives in the servo process, on its one thread.  It is constructed with its options,
 opened once, enabled and disabled by command, then called every cycle: first :meth:`Driver.read`,
 then :meth:`Driver.write`.  Both must return well within a period and never wait for anything
-but the device.  No NumPy here: a cycle is plain Python floats, and the values are named tuples,
-which are made in a quarter of the time of a frozen dataclass.
+but the device.  What passes between the two is in :mod:`orientd.driver.values`.
 """
 
 from __future__ import annotations
@@ -12,96 +11,12 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 from orientd.clock import Clock
 from orientd.driver.finding import Finding
+from orientd.driver.values import Feedback, PartHealth, Quaternion, Setpoint, ShapedPath, Vector3
 from orientd.errors import DeviceFaultError, PlanError
-
-Vector3 = tuple[float, float, float]
-"""``(x, y, z)``; its frame and unit are in the name of what holds it."""
-Quaternion = tuple[float, float, float, float]
-"""``(w, x, y, z)`` of norm 1, tool to world."""
-
-ZERO: Vector3 = (0.0, 0.0, 0.0)
-"""No velocity, or the origin."""
-IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
-"""The orientation of the world itself."""
-
-
-class Setpoint(NamedTuple):
-    """What the device is asked to do in one cycle.
-
-    Attributes:
-        time_ns: the cycle's deadline on the monotonic clock.
-        q: orientation ``(w, x, y, z)``, tool to world.
-        omega_body: angular velocity, rad/s, body frame.
-        alpha_body: its derivative in body components, rad/s^2.
-        position: tool position in the world, m.
-        velocity: its derivative, m/s.
-    """
-
-    time_ns: int
-    q: Quaternion
-    omega_body: Vector3 = ZERO
-    alpha_body: Vector3 = ZERO
-    position: Vector3 = ZERO
-    velocity: Vector3 = ZERO
-
-
-class Feedback(NamedTuple):
-    """What the device reported.
-
-    Attributes:
-        time_ns: when it was *measured*, on the monotonic clock; the servo computes the age.
-        q: measured orientation ``(w, x, y, z)``, tool to world.
-        omega_body: measured angular velocity, rad/s, body frame.
-        position: measured tool position in the world, m.
-        joints: whatever the device's axes are, rad; empty where it has none.
-    """
-
-    time_ns: int
-    q: Quaternion
-    omega_body: Vector3 = ZERO
-    position: Vector3 = ZERO
-    joints: tuple[float, ...] = ()
-
-
-class Figure(NamedTuple):
-    """One number that a driver certifies of a motion.
-
-    Attributes:
-        name: of what, in words.
-        value: in *unit*.
-        unit: as it is written, for example ``rad/s``.
-        limit: what was allowed, same unit; ``None`` where nothing limits it.
-        time: when in the motion, s; ``None`` where it is no one instant.
-    """
-
-    name: str
-    value: float
-    unit: str
-    limit: float | None = None
-    time: float | None = None
-
-
-class ShapedPath(NamedTuple):
-    """A path as a device's axes can follow it, on the same grid as the one it was made of.
-
-    Attributes:
-        orientations: one for each period; the first is that of the path given, and the path goes on
-            from it as that one does.  The last one is at rest.
-        path_times: how far along the path given each of them is, s; never decreasing.
-        joints: axis angles at each of them, rad, unwrapped.
-        figures: what holds for it.
-        notes: what there is to say of it, in words, a line each.
-    """
-
-    orientations: Sequence[Quaternion]
-    path_times: Sequence[float]
-    joints: Sequence[tuple[float, ...]]
-    figures: tuple[Figure, ...] = ()
-    notes: tuple[str, ...] = ()
 
 
 class Driver(ABC):
@@ -289,6 +204,20 @@ class Driver(ABC):
         """
         return ()
 
+    def pointed(self, direction: Vector3, axis: str) -> Quaternion | None:  # noqa: ARG002 - most devices roll as they like
+        """Return the orientation with which the device's axes point best where the roll is free.
+
+        Called where :meth:`shape` has refused the least turn of the tool for the angle of an axis.
+
+        Args:
+            direction: where to point, in the coordinates of the orientations.
+            axis: of the tool, ``x``, ``y`` or ``z``: what is to point there.
+
+        Returns:
+            ``None`` where there is no better one than the least turn.
+        """
+        return None
+
     def outline(self, joints: tuple[float, ...]) -> Sequence[Sequence[Vector3]]:  # noqa: ARG002 - many devices have no axes
         """Return the device's shape as it stands, for a picture of it.
 
@@ -301,6 +230,20 @@ class Driver(ABC):
         Returns:
             Lines, each from point to point, in the coordinates of the positions, m; empty where
             there is nothing to show.
+        """
+        return ()
+
+    def notices(self) -> Sequence[str]:
+        """Return what there is to say of the device once it is open, or reset, in words.
+
+        What was changed in it, and what keeps it from doing better; each is a warning.
+        """
+        return ()
+
+    def health(self) -> Sequence[PartHealth]:
+        """Return how the device's parts are, as last measured; empty where they do not tell.
+
+        Called once a second, in a cycle; must neither wait nor raise.
         """
         return ()
 

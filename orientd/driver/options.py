@@ -9,7 +9,7 @@ import math
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from orientd.driver.contract import IDENTITY, Quaternion
+from orientd.driver.values import IDENTITY, Quaternion
 from orientd.tolerances import NORM_TOLERANCE
 
 

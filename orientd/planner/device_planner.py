@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
 
 from orientd.driver import Driver
-from orientd.errors import RequestError
+from orientd.errors import LimitError, RequestError
 from orientd.planner.blending import blend
 from orientd.planner.fitting import plan_to_fit
 from orientd.planner.frames import Frame
-from orientd.planner.keyframes import in_device_coordinates, report_frame, with_frames
+from orientd.planner.keyframes import at_rate, in_device_coordinates, report_frame, with_frames
 from orientd.planner.limits import Limits
 from orientd.planner.motion import Motion
 from orientd.planner.recorded import RecordedMotion
 from orientd.planner.request import MotionRequest, State
+from orientd.rotation import rotate
 from orientd.stream import tuning_text
 
 _EXAMINED_EVERY = 0.008
@@ -51,7 +53,10 @@ class DevicePlanner:
 
     def placed(self, request: MotionRequest, start: State | None) -> MotionRequest:
         """Return *request* in the coordinates of the device; see :func:`in_device_coordinates`."""
-        return in_device_coordinates(with_frames(request, self._frames), start)
+        request = in_device_coordinates(with_frames(request, self._frames), start)
+        if start is None:
+            return request
+        return at_rate(request, start, self._limits.narrowed(request.limits))
 
     def report_frame(self, request: MotionRequest) -> Frame | None:
         """Return the frame that reports of *request* are in; see :func:`.report_frame`."""
@@ -83,18 +88,41 @@ class DevicePlanner:
         """
         self._check_options(request)
         request = self.placed(request, start)
-        motion = plan_to_fit(
-            self._examiner,
-            request,
-            start=start,
-            joints=tuple(joints),
-            limits=self._limits,
-            period=self._period,
-            before=before,
-            motion_id=motion_id,
-        )
+
+        def fitted(asked: MotionRequest) -> Motion:
+            return plan_to_fit(
+                self._examiner,
+                asked,
+                start=start,
+                joints=tuple(joints),
+                limits=self._limits,
+                period=self._period,
+                before=before,
+                motion_id=motion_id,
+            )
+
+        try:
+            motion = fitted(request)
+        except LimitError as error:
+            other = self._with_roll_of_axes(request)
+            if other is None or not error.quantity.startswith("angle of"):
+                raise
+            motion = fitted(other)
         self._examine(motion, tuple(joints), is_offline=is_offline)
         return motion
+
+    def _with_roll_of_axes(self, request: MotionRequest) -> MotionRequest | None:
+        """Return *request* with the roll that the device's axes have it, where that is free."""
+        keyframes = []
+        for keyframe in request.keyframes:
+            if keyframe.free_roll:
+                x, y, z = rotate(np.array(keyframe.q), np.eye(3)[0]).tolist()
+                q = self._examiner.pointed((x, y, z), request.pointing_axis)
+                if q is None:
+                    return None
+                keyframe = replace(keyframe, q=q, free_roll=False)
+            keyframes.append(keyframe)
+        return None if keyframes == request.keyframes else replace(request, keyframes=keyframes)
 
     def blend(
         self,

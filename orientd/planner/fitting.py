@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 
-from orientd.driver import Driver
+from orientd.driver import Driver, Quaternion
 from orientd.errors import LimitError, PlanError
 from orientd.planner.axis_path import reshaped
 from orientd.planner.limits import Limits
@@ -28,6 +29,8 @@ _SLOWEST = 0.1
 """Share of the device's speed below which no motion is slowed down for its axes."""
 _SHARES = (0.8, 0.5, 0.25)
 """Of the accelerations, for a pace that changes little; less leaves more to change it with."""
+_LAST_SHARE = 0.2
+"""The same for a lead-in to times that are the user's: it can only be as slow as it must."""
 _BEYOND = 0.1
 """How far beyond a lead-in its pace is looked for, s."""
 _FINEST, _MOST_SAMPLES = 16, 40_000
@@ -203,23 +206,28 @@ def _paced(
     """
     period, rates = motion.period, _rates(motion.limits)
     refusal: PlanError | None = None
-    for share in _SHARES:
+    is_timed = motion.request.times is not None
+    for share in (*_SHARES, _LAST_SHARE) if is_timed else _SHARES:
         course = _course(driver, motion, rates, share)
         if not len(course):
             return None
-        q = motion.sample(course).q.tolist()
+        q = _rows(motion.sample(course).q)
         try:
-            shape = driver.shape(period, list(map(tuple, q)), joints, before, rates)
+            shape = driver.shape(period, q, joints, before, rates)
             if shape is None:
                 return None
             cycles = period * np.arange(len(course), dtype=np.float64)
             along = np.interp(shape.path_times, cycles, course)
             note = f"the axes need {(len(course) - 1) * period / motion.duration:.3f} times as long"
-            shape = shape._replace(path_times=along.tolist(), notes=(*shape.notes, note))
+            times = cast("Sequence[float]", along)
+            shape = shape._replace(path_times=times, notes=(*shape.notes, note))
             return reshaped(motion, shape, joints_before=before)
         except PlanError as error:
             refusal = refusal or error
-    if refusal is not None and motion.request.times is not None:
+            if isinstance(error, LimitError) and error.quantity.startswith("angle of"):
+                refusal = error  # which no pace changes
+                break
+    if refusal is not None and is_timed:
         raise refusal
     return None
 
@@ -233,7 +241,7 @@ def _course(
     def found(begin: float, end: float, fixed: tuple[float, float], finest: int) -> Floats:
         count = round((end - begin) / period) * finest + 1
         grid = period / finest
-        path = list(map(tuple, motion.sample(begin + grid * np.arange(count)).q.tolist()))
+        path = _rows(motion.sample(begin + grid * np.arange(count)).q)
         fixed = (fixed[0] - begin, fixed[1] - begin)
         course = driver.pace(period, path, grid=grid, fixed=fixed, rates=rates, share=share)
         return begin + np.asarray(course, dtype=np.float64)
@@ -285,11 +293,14 @@ def _fitted(
 ) -> Motion:
     if type(driver).shape is Driver.shape:
         return motion
-    q = motion.records(0, motion.record_count)[:, :4]
-    shape = driver.shape(
-        motion.period, list(map(tuple, q.tolist())), joints, before, _rates(motion.limits)
-    )
+    q = _rows(motion.records(0, motion.record_count)[:, :4])
+    shape = driver.shape(motion.period, q, joints, before, _rates(motion.limits))
     return motion if shape is None else reshaped(motion, shape, joints_before=before)
+
+
+def _rows(q: Floats) -> Sequence[Quaternion]:
+    """Return orientations as a driver takes them: an array is a sequence, and rows are many."""
+    return cast("Sequence[Quaternion]", np.ascontiguousarray(q))
 
 
 def _rates(limits: Limits) -> tuple[float, float, float]:

@@ -23,7 +23,7 @@ from orientd.planner.connect import (
     position_lead,
     turns_with_stops,
 )
-from orientd.planner.keyframes import in_device_coordinates, with_least_roll, wound
+from orientd.planner.keyframes import at_rate, in_device_coordinates, with_least_roll, wound
 from orientd.planner.limits import LONGEST, Limits
 from orientd.planner.methods import Ends, check_method
 from orientd.planner.motion import Motion
@@ -90,6 +90,7 @@ def plan(
     if not (math.isfinite(period) and period > 0.0):
         raise ValueError(f"period must be positive, got {period} s")
     request = in_device_coordinates(request, start)
+    request = at_rate(request, start, limits.narrowed(request.limits))
     request = with_least_roll(wound(request, start), start)
     job = _Job.of(request, start, limits.narrowed(request.limits), period)
     name = motion_id or os.urandom(6).hex()
@@ -388,10 +389,9 @@ class _Job:
         lead = self.leads.get(key)
         if lead is None:
             at = keyframe_path.positions.first
-            first = State(first.q, first.omega_body, first.alpha_body, at)
             lead = self.leads[key] = lead_in(
                 self.start,
-                first,
+                State(first.q, first.omega_body, first.alpha_body, at),
                 limits=self.limits,
                 period=self.period,
                 caution=self.caution,

@@ -122,7 +122,8 @@ class MotionRequest:
     """A motion that somebody asks for.
 
     Attributes:
-        keyframes: at least one; a single one is where to go from wherever the device is.
+        keyframes: at least one; a single one is where to go from wherever the device is.  None with
+            a rate.
         method: a name in :data:`orientd.curves.METHODS`.
         start_velocity: angular velocity at the first keyframe, rad/s; ``None`` leaves it to the
             method, which is rest where the method can choose.
@@ -133,13 +134,16 @@ class MotionRequest:
         options: of the method.
         device_options: of the device's driver, for this motion; checked where it is planned for a
             device.
-        duration: without times, from first to last keyframe, s; by default ``"minimum"``.
+        duration: without times, from first to last keyframe, s; by default ``"minimum"``.  Of a
+            rate, for how long to turn at it.
         pace: without times, a share of the quickest, or ``"even"``, the method's own timing slowed.
         name: what people call the motion, in reports and logs; at most 80 printable characters.
         pointing_axis: axis of the tool that points where keyframes with a free roll say.
         frame: name of the frame of keyframes that name none, of the velocities at these, and of
             reports; empty for the device's own coordinates.
         frames: by name, besides those of the device's configuration, which give way to these.
+        rate: angular velocity to turn at from wherever the device is, for the duration, rad/s, in
+            the frame of the velocities; it is taken up from rest and left to rest.
         keys: the orientations, unit to rounding, shape ``(n, 4)``.
         times: the keyframes' times in seconds, shape ``(n,)``, or ``None``.
         positions: shape ``(n, 3)``, not a number where a keyframe has none; or ``None``.
@@ -164,6 +168,7 @@ class MotionRequest:
     pointing_axis: PointingAxis = "x"
     frame: str = ""
     frames: Mapping[str, Frame] = field(default_factory=dict)
+    rate: Vector3 | None = None
 
     keys: Floats = field(init=False, repr=False)
     times: Floats | None = field(init=False, repr=False)
@@ -172,6 +177,8 @@ class MotionRequest:
 
     def __post_init__(self) -> None:
         keyframes = tuple(self.keyframes)
+        if not keyframes and self.rate is not None:
+            keyframes = (Keyframe((1.0, 0.0, 0.0, 0.0), relative=True),)
         if not keyframes:
             raise RequestError("keyframes", "expected at least 1, got 0")
         if len(keyframes) == 1:
@@ -187,7 +194,7 @@ class MotionRequest:
             if len(text) > LONGEST_NAME or not text.isprintable():
                 expected = f"expected at most {LONGEST_NAME} printable characters"
                 raise RequestError(name, f"{expected}, got {len(text)}: {text[:20]!r}")
-        for name in ("start_velocity", "end_velocity"):
+        for name in ("start_velocity", "end_velocity", "rate"):
             velocity = getattr(self, name)
             if velocity is not None:
                 object.__setattr__(self, name, columns.vector(velocity, name))

@@ -62,7 +62,11 @@ def write(stream: IO[bytes]) -> Path:
     try:
         with RecordingWriter(part, offset_ns=header["offset_ns"]) as writer:
             writer.add_device(device, header["rate_hz"])
-            facts = {"reason": header["reason"], "fault_ns": str(header["fault_ns"])}
+            facts = {
+                "reason": header["reason"],
+                "fault_ns": str(header["fault_ns"]),
+                "health": json.dumps(header.get("health", [])),
+            }
             writer.add_configuration(header["configuration"], facts)
             for event in events:
                 writer.add_event(event)

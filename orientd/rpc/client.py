@@ -205,14 +205,14 @@ class Robot(Commands):
             StateError: the device is not at rest, ready to move.
             PlanError: it cannot be planned, or would break a limit.
         """
-        from orientd.rpc.motion_request import motion_request
+        from orientd.rpc.motion_request import motion_request, plan_seconds
         from orientd.rpc.wire import from_request, plan_from_message, samples_from_messages
 
         request = pb.PlanRequest(
             device=device,
             motion=from_request(motion_request(keyframes, **wishes)),
             sample_rate_hz=sample_rate_hz,
-            plan_timeout=_timeout(plan_timeout),
+            plan_timeout=plan_seconds(plan_timeout),
         )
         motion = cut_motion(request)
         if motion:
@@ -285,14 +285,14 @@ class Robot(Commands):
             StateError: the device is not at rest, ready to move.
             PlanError: it cannot be planned, or would break a limit.
         """
-        from orientd.rpc.motion_request import motion_request
+        from orientd.rpc.motion_request import motion_request, plan_seconds
         from orientd.rpc.move_handle import MoveHandle
         from orientd.rpc.wire import from_request
 
         request = pb.MoveRequest(
             device=device,
             progress_rate_hz=progress_rate_hz,
-            plan_timeout=_timeout(plan_timeout),
+            plan_timeout=plan_seconds(plan_timeout),
         )
         if isinstance(keyframes, Plan):
             request.motion_id = keyframes.motion_id
@@ -334,6 +334,16 @@ class Robot(Commands):
         """Bring the axes of a gimbal home, unwinding them; raises as :meth:`move`."""
         anywhere = {"quaternion": {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}}
         return self.move([anywhere], device=device, device_options={"home": True}, name="home")
+
+    def turn(self, rate: Sequence[float], duration: float, **wishes: Any) -> MoveHandle:  # noqa: ANN401 - as of move
+        """Turn at a constant rate from wherever the device is; raises as :meth:`move`.
+
+        Args:
+            rate: angular velocity, rad/s.
+            duration: for how long, s, besides taking it up from rest and coming to rest.
+            wishes: what :meth:`move` takes by name.
+        """
+        return self.move([], rate=rate, duration=duration, **wishes)
 
     def teach(self, *, device: str = "", by_hand: bool = True) -> Teaching:
         """Let a device be moved by hand, and take poses of it as keyframes; a context manager.
@@ -384,16 +394,3 @@ class Robot(Commands):
 
         self._command_of(device, begin)
         return Tracking(self._connection, start)
-
-
-def _timeout(seconds: float | None) -> float:
-    """Return a time out for planning as a message has it.
-
-    Raises:
-        RequestError: it is no time.
-    """
-    if seconds is None:
-        return 0.0
-    if not (isinstance(seconds, int | float) and 0.0 < seconds < math.inf):
-        raise RequestError("plan_timeout", f"expected seconds, more than 0, got {seconds!r}")
-    return float(seconds)

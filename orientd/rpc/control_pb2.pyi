@@ -72,6 +72,7 @@ class EventKind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     EVENT_KIND_RECORDED: _ClassVar[EventKind]
     EVENT_KIND_RECORDING_FAILED: _ClassVar[EventKind]
     EVENT_KIND_MOTION_PASSED: _ClassVar[EventKind]
+    EVENT_KIND_WARNING: _ClassVar[EventKind]
 
 class Outcome(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
@@ -123,6 +124,7 @@ EVENT_KIND_SERVO_DIED: EventKind
 EVENT_KIND_RECORDED: EventKind
 EVENT_KIND_RECORDING_FAILED: EventKind
 EVENT_KIND_MOTION_PASSED: EventKind
+EVENT_KIND_WARNING: EventKind
 OUTCOME_UNSPECIFIED: Outcome
 OUTCOME_DONE: Outcome
 OUTCOME_STOPPED: Outcome
@@ -252,7 +254,7 @@ class LookAt(_message.Message):
     def __init__(self, point: _Optional[_Union[Vector3, _Mapping]] = ..., place: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
 
 class MotionRequest(_message.Message):
-    __slots__ = ("method", "keyframes", "velocity_frame", "start_velocity", "end_velocity", "approach", "limits", "options", "device_options", "duration", "name", "pointing_axis", "frame", "frames", "duration_seconds", "pace", "pace_share")
+    __slots__ = ("method", "keyframes", "velocity_frame", "start_velocity", "end_velocity", "approach", "limits", "options", "device_options", "duration", "name", "pointing_axis", "frame", "frames", "duration_seconds", "pace", "pace_share", "rate")
     class FramesEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -277,6 +279,7 @@ class MotionRequest(_message.Message):
     DURATION_SECONDS_FIELD_NUMBER: _ClassVar[int]
     PACE_FIELD_NUMBER: _ClassVar[int]
     PACE_SHARE_FIELD_NUMBER: _ClassVar[int]
+    RATE_FIELD_NUMBER: _ClassVar[int]
     method: str
     keyframes: _containers.RepeatedCompositeFieldContainer[Keyframe]
     velocity_frame: Frame
@@ -294,7 +297,8 @@ class MotionRequest(_message.Message):
     duration_seconds: float
     pace: Pace
     pace_share: float
-    def __init__(self, method: _Optional[str] = ..., keyframes: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., start_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., end_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., approach: bool = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., device_options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., duration: _Optional[_Union[Duration, str]] = ..., name: _Optional[str] = ..., pointing_axis: _Optional[_Union[PointingAxis, str]] = ..., frame: _Optional[str] = ..., frames: _Optional[_Mapping[str, NamedFrame]] = ..., duration_seconds: _Optional[float] = ..., pace: _Optional[_Union[Pace, str]] = ..., pace_share: _Optional[float] = ...) -> None: ...
+    rate: Vector3
+    def __init__(self, method: _Optional[str] = ..., keyframes: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., start_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., end_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., approach: bool = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., device_options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., duration: _Optional[_Union[Duration, str]] = ..., name: _Optional[str] = ..., pointing_axis: _Optional[_Union[PointingAxis, str]] = ..., frame: _Optional[str] = ..., frames: _Optional[_Mapping[str, NamedFrame]] = ..., duration_seconds: _Optional[float] = ..., pace: _Optional[_Union[Pace, str]] = ..., pace_share: _Optional[float] = ..., rate: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
 
 class Peak(_message.Message):
     __slots__ = ("value", "time", "limit", "on_records")
@@ -457,7 +461,7 @@ class Device(_message.Message):
     def __init__(self, name: _Optional[str] = ..., driver: _Optional[str] = ..., rate_hz: _Optional[float] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., lead: _Optional[float] = ..., phase: _Optional[float] = ...) -> None: ...
 
 class DeviceReport(_message.Message):
-    __slots__ = ("device", "state", "fault", "fault_text", "is_paused", "speed", "motion_number", "motion_id", "path_time", "duration", "servo_pid", "scheduling", "is_memory_locked", "cycle", "motion_name", "is_free", "cycle_age")
+    __slots__ = ("device", "state", "fault", "fault_text", "is_paused", "speed", "motion_number", "motion_id", "path_time", "duration", "servo_pid", "scheduling", "is_memory_locked", "cycle", "motion_name", "is_free", "health", "cycle_age")
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     STATE_FIELD_NUMBER: _ClassVar[int]
     FAULT_FIELD_NUMBER: _ClassVar[int]
@@ -474,6 +478,7 @@ class DeviceReport(_message.Message):
     CYCLE_FIELD_NUMBER: _ClassVar[int]
     MOTION_NAME_FIELD_NUMBER: _ClassVar[int]
     IS_FREE_FIELD_NUMBER: _ClassVar[int]
+    HEALTH_FIELD_NUMBER: _ClassVar[int]
     CYCLE_AGE_FIELD_NUMBER: _ClassVar[int]
     device: Device
     state: State
@@ -491,8 +496,27 @@ class DeviceReport(_message.Message):
     cycle: Cycle
     motion_name: str
     is_free: bool
+    health: _containers.RepeatedCompositeFieldContainer[PartHealth]
     cycle_age: float
-    def __init__(self, device: _Optional[_Union[Device, _Mapping]] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., fault_text: _Optional[str] = ..., is_paused: bool = ..., speed: _Optional[float] = ..., motion_number: _Optional[int] = ..., motion_id: _Optional[str] = ..., path_time: _Optional[float] = ..., duration: _Optional[float] = ..., servo_pid: _Optional[int] = ..., scheduling: _Optional[str] = ..., is_memory_locked: bool = ..., cycle: _Optional[_Union[Cycle, _Mapping]] = ..., motion_name: _Optional[str] = ..., is_free: bool = ..., cycle_age: _Optional[float] = ...) -> None: ...
+    def __init__(self, device: _Optional[_Union[Device, _Mapping]] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., fault_text: _Optional[str] = ..., is_paused: bool = ..., speed: _Optional[float] = ..., motion_number: _Optional[int] = ..., motion_id: _Optional[str] = ..., path_time: _Optional[float] = ..., duration: _Optional[float] = ..., servo_pid: _Optional[int] = ..., scheduling: _Optional[str] = ..., is_memory_locked: bool = ..., cycle: _Optional[_Union[Cycle, _Mapping]] = ..., motion_name: _Optional[str] = ..., is_free: bool = ..., health: _Optional[_Iterable[_Union[PartHealth, _Mapping]]] = ..., cycle_age: _Optional[float] = ...) -> None: ...
+
+class PartHealth(_message.Message):
+    __slots__ = ("name", "age", "is_stale", "voltage", "temperature", "current", "warning")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    AGE_FIELD_NUMBER: _ClassVar[int]
+    IS_STALE_FIELD_NUMBER: _ClassVar[int]
+    VOLTAGE_FIELD_NUMBER: _ClassVar[int]
+    TEMPERATURE_FIELD_NUMBER: _ClassVar[int]
+    CURRENT_FIELD_NUMBER: _ClassVar[int]
+    WARNING_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    age: float
+    is_stale: bool
+    voltage: float
+    temperature: float
+    current: float
+    warning: str
+    def __init__(self, name: _Optional[str] = ..., age: _Optional[float] = ..., is_stale: bool = ..., voltage: _Optional[float] = ..., temperature: _Optional[float] = ..., current: _Optional[float] = ..., warning: _Optional[str] = ...) -> None: ...
 
 class LeaseReport(_message.Message):
     __slots__ = ("holder", "remaining", "identity", "devices")

@@ -47,3 +47,26 @@ class MethodDescription:
     interpolates: bool
     is_local: bool
     meets_end_velocities: bool
+
+
+@dataclass(frozen=True, slots=True)
+class PartReport:
+    """How one part of a device is: a servo, a joint.
+
+    Attributes:
+        name: of the part.
+        age: how long ago it was measured, s.
+        is_stale: whether that is longer ago than it should be.
+        voltage: of its supply, V; ``None`` where it is not told.
+        temperature: degrees Celsius; ``None`` where it is not told.
+        current: A; ``None`` where it is not told.
+        warning: what is soon to go wrong, in words; empty where nothing is.
+    """
+
+    name: str
+    age: float
+    is_stale: bool = False
+    voltage: float | None = None
+    temperature: float | None = None
+    current: float | None = None
+    warning: str = ""

@@ -7,6 +7,7 @@ because nothing says which of them is the scalar.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal, TypedDict, Unpack
 
@@ -50,6 +51,8 @@ class Wishes(TypedDict, total=False):
         frame: name of the frame of keyframes that name none, of the velocities, and of reports.
         frames: by name, each with ``base`` and ``tool`` as in a motion file, besides those of the
             device's configuration.
+        rate: angular velocity to turn at for *duration* seconds from wherever the device is, rad/s,
+            in *velocity_frame*; without keyframes.
     """
 
     times: ArrayLike
@@ -68,6 +71,7 @@ class Wishes(TypedDict, total=False):
     pointing_axis: Literal["x", "y", "z"]
     frame: str
     frames: Mapping[str, Any]
+    rate: ArrayLike
 
 
 def motion_request(
@@ -149,3 +153,16 @@ def _mapping(keyframe: object, place: str) -> dict[str, Any]:
 def _number(part: object) -> object:
     part = to_plain(part)
     return float(part) if isinstance(part, int) and not isinstance(part, bool) else part
+
+
+def plan_seconds(seconds: float | None) -> float:
+    """Return a time out for planning as a message has it.
+
+    Raises:
+        RequestError: it is no time.
+    """
+    if seconds is None:
+        return 0.0
+    if not (isinstance(seconds, int | float) and 0.0 < seconds < math.inf):
+        raise RequestError("plan_timeout", f"expected seconds, more than 0, got {seconds!r}")
+    return float(seconds)

@@ -14,11 +14,11 @@ from orientd.stream import Cycle, ServoState
 if TYPE_CHECKING:
     from orientd.planner import Certificate, Limits
     from orientd.rotation import Floats
+    from orientd.rpc.descriptions import PartReport
 
 
 Outline = tuple["Floats", ...]
 """A device's shape: lines from point to point in the world, m, each of shape ``(n, 3)``."""
-
 
 STALE = 1.0
 """s; what is older is no longer shown as what is."""
@@ -295,6 +295,7 @@ class DeviceReport:
         phase: where in a period of the monotonic clock its cycles begin, as a share of it.
         motion_name: what the newest motion's request calls it; empty where it does not.
         is_free: whether it was let go, to be moved by hand.
+        health: how its parts are, as last measured; empty where they do not tell.
         cycle_age: how long before this report the newest cycle was due, s; 0 before the first.
     """
 
@@ -319,6 +320,7 @@ class DeviceReport:
     phase: float = 0.0
     motion_name: str = ""
     is_free: bool = False
+    health: tuple[PartReport, ...] = ()
     cycle_age: float = 0.0
 
     @property

@@ -121,6 +121,7 @@ def run(descriptor: int, settings: ProcessSettings) -> int:
     freeze_garbage()
     ready = json.dumps({"scheduling": scheduling, "memory_locked": is_locked})
     memory.notes.publish(*pack_note(0, NoteKind.READY, 0, ready))
+    servo.teller.tell_notices()
     try:
         timer = DeadlineTimer(settings.spin_ns)
         run_cycles(

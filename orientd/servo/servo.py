@@ -22,6 +22,7 @@ from orientd.errors import (
     NotYetError,
     StateError,
 )
+from orientd.servo.device_teller import DeviceTeller
 from orientd.servo.path import PathPart, PathPoint
 from orientd.servo.setpoint_generator import SetpointGenerator
 from orientd.servo.state_table import Event, advance
@@ -68,6 +69,7 @@ class Servo:
         missed: deadlines that were skipped altogether.
         work_ns: how long the last cycle worked.
         setpoints: state, path, and what comes next.
+        teller: says what the driver has to say beside the cycles.
 
     Args:
         driver: an opened driver.
@@ -111,6 +113,7 @@ class Servo:
         self._taken = 0  # what was asked for before the process was ready counts
         self._stops = 0
         self._cycle_count = 0
+        self.teller = DeviceTeller(driver, memory, period_ns)
 
     @property
     def state(self) -> ServoState:
@@ -294,6 +297,7 @@ class Servo:
                 self._driver.disable()
             self._driver.reset()
             setpoints.clear_fault()
+            self.teller.tell_notices()
         elif command is Command.SHUTDOWN:
             self._is_orderly = True
             self.request_end("the daemon asked for it")
@@ -363,13 +367,8 @@ class Servo:
     def _publish(
         self, deadline_ns: int, lateness_ns: int, point: PathPoint, *, is_written: bool
     ) -> None:
-        flags = _WRITTEN if is_written else 0
-        measured = self._feedback
-        if measured:
-            flags |= _FEEDBACK
-        else:
-            measured = _NO_FEEDBACK
-        joints = measured.joints
+        measured = self._feedback or _NO_FEEDBACK
+        flags = (_WRITTEN if is_written else 0) | (_FEEDBACK if self._feedback else 0)
         setpoints, ring = self.setpoints, self._memory.cycles
         follower = setpoints.follower
         record = CYCLE_RECORD.pack(
@@ -394,7 +393,8 @@ class Servo:
             *measured.q,
             *measured.omega_body,
             *measured.position,
-            *((joints + NO_JOINTS)[:JOINTS] if joints else NO_JOINTS),
+            *(measured.joints + NO_JOINTS)[:JOINTS],
         )
         ring.append(record)
         self._cycle_count += 1
+        self.teller.tell_health(self._cycle_count)

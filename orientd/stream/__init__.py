@@ -1,5 +1,6 @@
 """What crosses the boundary between the daemon and a servo process, over shared memory."""
 
+from orientd.stream.health import newest_health, publish_health
 from orientd.stream.memory import (
     GIVEN_UP_WORD,
     HALTS_WORD,

@@ -16,6 +16,7 @@ from struct import Struct
 from orientd.stream.records import (
     COMMAND_RECORD,
     CYCLE_RECORD,
+    HEALTH_RECORD,
     NOTE_RECORD,
     PATH_RECORD,
     TARGET_RECORD,
@@ -28,6 +29,7 @@ COMMANDS = 16
 NOTES = 64
 TARGETS = 64
 TUNINGS = 4
+HEALTHS = 4
 DIRECTORY = "/dev/shm"
 
 STOPS_WORD, HALTS_WORD, TAKEN_WORD, TAKEN_AT_WORD = 1, 2, 3, 4
@@ -48,7 +50,7 @@ waiting for an answer.  Only stops are still carried out then."""
 
 
 class SharedMemory:
-    """The six rings between daemon and servo, and the heartbeat.
+    """The seven rings between daemon and servo, and the heartbeat.
 
     ========  ===============  ==========================================================
     ring      written by       holds
@@ -59,6 +61,7 @@ class SharedMemory:
     notes     servo            answers to commands, faults, in words
     targets   daemon           what to follow, as it arrives
     tunings   daemon           a driver's options for the motions to come, as JSON
+    health    servo            how the device's parts are, as JSON, once a second
     ========  ===============  ==========================================================
 
     Attributes:
@@ -84,7 +87,8 @@ class SharedMemory:
             rings.append(RecordRing(self._view[offset : offset + size], layout, count))
             offset += size
         self._rings = rings
-        self.path, self.commands, self.cycles, self.notes, self.targets, self.tunings = rings
+        self.path, self.commands, self.cycles, self.notes, *others = rings
+        self.targets, self.tunings, self.health = others
 
     @classmethod
     def create(cls, path_capacity: int, cycle_capacity: int) -> SharedMemory:
@@ -147,6 +151,7 @@ def _layouts(path_capacity: int, cycle_capacity: int) -> tuple[tuple[Struct, int
         (NOTE_RECORD, NOTES),
         (TARGET_RECORD, TARGETS),
         (TUNING_RECORD, TUNINGS),
+        (HEALTH_RECORD, HEALTHS),
     )
 
 

@@ -91,6 +91,11 @@ TUNING_TEXT_BYTES = 400
 TUNING_RECORD = struct.Struct(f"@QI{TUNING_TEXT_BYTES}s")
 
 
+# index, length of the text, text
+HEALTH_TEXT_BYTES = 2000
+HEALTH_RECORD = struct.Struct(f"@QI{HEALTH_TEXT_BYTES}s")
+
+
 class NoteKind(IntEnum):
     """What a note of the servo is about."""
 
@@ -102,6 +107,8 @@ class NoteKind(IntEnum):
     """The device is in a fault: the code is a :class:`~orientd.errors.Fault`."""
     ENDING = 4
     """The process ends: the text says why."""
+    NOTICE = 5
+    """The driver has something to say of its device, which is open now."""
 
 
 class CycleFlag(IntEnum):

@@ -25,7 +25,8 @@ from orientd.driver import Setpoint
 from orientd_dynamixel import DynamixelDriver
 link, rate, seconds = sys.argv[1], float(sys.argv[2]), float(sys.argv[3])
 period = round(1e9 / rate)
-driver = DynamixelDriver({"port": link, "axes": [{"id": k} for k in (1, 2, 3)], "max_losses": 50},
+driver = DynamixelDriver({"port": link, "axes": [{"id": k} for k in (1, 2, 3)], "max_losses": 50,
+                          "overwrite": ["operating_mode"]},
                          period_ns=period, clock=MonotonicClock())
 driver.open()
 driver.enable()

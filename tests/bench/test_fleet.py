@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from fleet_cell import RunningCell
 
-from orientd.cli.commands.fleet import STOP_PRIORITY
+from orientd.cli.fleet_commands import STOP_PRIORITY
 from orientd.fleet import FleetMotion, move_together
 from orientd.motion_file import parse
 from orientd.servo import set_scheduling

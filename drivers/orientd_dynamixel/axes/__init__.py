@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from orientd_dynamixel.axes.condition import Conditions
 from orientd_dynamixel.axes.following import Following
 from orientd_dynamixel.axes.standing import Standing
 from orientd_dynamixel.axes.supervisor import Supervisor, check_angle, check_rate
@@ -9,6 +10,7 @@ from orientd_dynamixel.axes.turns import Turns
 from orientd_dynamixel.axes.ways import way
 
 __all__ = [
+    "Conditions",
     "Following",
     "Standing",
     "Supervisor",

@@ -17,8 +17,10 @@ _FINER = 8
 """Points of the new course between two samples, so that its bends are smooth."""
 _SMOOTHED_S = 0.04
 """Over how long the pace is averaged, s of the path; the jerk falls with it."""
-_RESERVE = 0.98
-"""Share of the velocities to be used: the course is sampled anew."""
+_RESERVE, _MORE_RESERVE = 0.98, 0.9
+"""Share of the velocities to be used: the course is sampled anew.  The smaller one holds where the
+share of the accelerations is small, too, which is tried where others were too much."""
+_SMALL_SHARE = 0.2
 _ROOM = 1.02
 """By how much longer than just long enough a duration is named."""
 
@@ -52,8 +54,11 @@ def pace(
     times = grid * np.arange(len(q), dtype=np.float64)
     is_fixed = (times > fixed[0] - 0.5 * grid) & (times < fixed[1] + 0.5 * grid)
     _refuse(options, speed, force, fastest, hardest, is_fixed, times)
+    if np.all(is_fixed):
+        return np.arange(0.0, times[-1] + 0.5 * period, period).tolist()  # type: ignore[no-any-return]
     with np.errstate(divide="ignore"):
-        by_speed = np.min(_RESERVE * fastest / speed, axis=1)
+        reserve = _RESERVE if share > _SMALL_SHARE else _MORE_RESERVE
+        by_speed = np.min(reserve * fastest / speed, axis=1)
         by_force = np.sqrt(np.min(share * hardest / force, axis=1))
         change = np.min((1.0 - share) * hardest / speed, axis=1)
     most = np.where(is_fixed, 1.0, np.minimum(1.0, np.minimum(by_speed, by_force)))
@@ -113,11 +118,11 @@ def _course(most: Floats, change: Floats, grid: float, period: float) -> list[fl
     Along the path the square of the pace changes by twice its change in time.
     """
     square = most**2
-    for order in (range(1, len(square)), range(len(square) - 2, -1, -1)):
-        step = order.step
-        for k in order:
-            square[k] = min(square[k], square[k - step] + 2.0 * change[k] * grid)
-    pace = np.sqrt(square)
+    for way in (slice(None), slice(None, None, -1)):
+        # No more than the one before and what the pace may rise by since then.
+        rise = np.cumsum(2.0 * grid * change[way])
+        square[way] = rise + np.minimum.accumulate(square[way] - rise)
+    pace = np.sqrt(np.maximum(square, 0.0))
     # The least around each sample, averaged: never above it, and smooth.
     width = max(1, round(_SMOOTHED_S / grid))
     padded = np.pad(pace, 2 * width, mode="edge")

@@ -11,7 +11,7 @@ import contextlib
 from collections.abc import Sequence
 
 from orientd.errors import LinkError
-from orientd_dynamixel import startup
+from orientd_dynamixel import settings
 from orientd_dynamixel.axis import TICKS, Axis, sendable
 from orientd_dynamixel.bus import Group, ServoBus
 
@@ -71,13 +71,13 @@ class Standing:
             group.settle(now_ns, 0.0)
             with contextlib.suppress(LinkError):
                 servo = self._axes[place].options.id
-                position = bus.read(servo, startup.POSITION, 4, is_signed=True)
+                position = bus.read(servo, settings.POSITION, 4, is_signed=True)
                 self._settle(place, position, now_ns)
         for place, goal in self.goals.items():
             self._axes[place].goal = goal
         ids = [axis.options.id for axis in self._axes]
-        bus.sync_write(startup.PROFILE_VELOCITY, 4, [(one, startup.PARK_RATE) for one in ids])
-        bus.sync_write(startup.GOAL, 4, [(axis.options.id, axis.goal) for axis in self._axes])
+        bus.sync_write(settings.PROFILE_VELOCITY, 4, [(one, settings.PARK_RATE) for one in ids])
+        bus.sync_write(settings.GOAL, 4, [(axis.options.id, axis.goal) for axis in self._axes])
 
     def _settle(self, place: int, position: int, measured_ns: int) -> None:
         apart = abs(position - self._axes[place].goal)

@@ -5,9 +5,11 @@ from __future__ import annotations
 from orientd_dynamixel.bus.group import Group, listen
 from orientd_dynamixel.bus.reading import (
     BLOCK,
+    HEALTH,
     RETURN_LEVEL,
     VELOCITY_UNIT,
     WATCHDOG_TRIPPED,
+    Health,
     Reading,
     explain_error,
 )
@@ -16,11 +18,13 @@ from orientd_dynamixel.bus.servo_bus import ATTEMPTS, READ_WAIT_S, OpenBus, Serv
 __all__ = [
     "ATTEMPTS",
     "BLOCK",
+    "HEALTH",
     "READ_WAIT_S",
     "RETURN_LEVEL",
     "VELOCITY_UNIT",
     "WATCHDOG_TRIPPED",
     "Group",
+    "Health",
     "OpenBus",
     "Reading",
     "ServoBus",

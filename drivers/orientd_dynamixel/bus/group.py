@@ -6,6 +6,9 @@ A late answer must never pass for the answer to a later question, which the prot
 tell, so three things stand in its way: nothing is asked until the slowest answer would have come,
 and what came is thrown away; the order in which servos answer changes from request to request; and
 each block holds the servo's clock, which shows when it was measured.
+
+Now and then a block is asked for that holds voltage and temperature as well: three bytes more of
+each servo, in the place of the same question, so that no cycle waits for them.
 """
 
 from __future__ import annotations
@@ -18,11 +21,14 @@ from orientd.errors import DeviceFaultError, FeedbackError, LinkError
 from orientd_dynamixel.axis import TICKS, Axis
 from orientd_dynamixel.bus.reading import (
     BLOCK,
+    HEALTH,
     REALTIME_TICK,
     TICK_RANGE,
+    Health,
     Reading,
     behind_ms,
     decode,
+    decode_health,
 )
 from orientd_dynamixel.bus.servo_bus import ALERT, ServoBus
 from orientd_dynamixel.options import GimbalOptions
@@ -38,6 +44,8 @@ JUMP_TICKS = 24
 """What a reading may jump on top of what the axis can turn: backlash and rounding."""
 JUMP_MARGIN = 1.5
 _BUSY_SHARE = 0.8
+HEALTH_NS = 500_000_000
+"""From one look at the servos' health to the next."""
 
 
 @dataclass(slots=True)
@@ -94,6 +102,7 @@ class Group:
         time_ns: when the newest good reading was asked for.
         readings: by axis, the newest good ones.
         losses: what was not answered.
+        health: by axis, as last asked for.
     """
 
     def __init__(
@@ -113,12 +122,12 @@ class Group:
         self._is_fast = is_fast
         self._max_losses = max_losses
         self._quiet_ns = quiet_ns
-        rows = [(a.options.id, a.options.model.indirect_data, len(BLOCK)) for a in axes]
+        self.health: tuple[Health, ...] = ()
         # Neighbours in this list differ, so that two requests in a row are never alike.
-        self._orders = [list(order) for order in permutations(rows)]
-        count, block = len(rows), len(BLOCK)
-        self._answer_bytes = 8 + count * (block + 4) if is_fast else count * (block + 11)
+        self._orders = list(permutations((a.options.id, a.options.model) for a in axes))
         self._turn = 0
+        self._rows: list[tuple[int, int, int]] = []
+        self._health_due_ns = 0
         self._asked_ns = 0
         self._is_waiting = False
         self._quiet_until_ns = 0
@@ -133,14 +142,21 @@ class Group:
     def cycle_bytes(self) -> int:
         """Bytes on the line each cycle: goals out, request out, answers in."""
         count = len(self._axes)
-        return 14 + 5 * count + 14 + count + self._answer_bytes
+        return 14 + 5 * count + 14 + count + self._answer_bytes(len(BLOCK))
+
+    def _answer_bytes(self, block: int) -> int:
+        """Return the bytes of the answers, where each servo has a *block* to say."""
+        count = len(self._axes)
+        return 8 + count * (block + 4) if self._is_fast else count * (block + 11)
 
     def ask(self, now_ns: int) -> None:
         """Ask for the next reading, unless an answer is on its way or may still come."""
         if self._is_waiting or now_ns < self._quiet_until_ns:
             return
         self._turn = (self._turn + 1) % len(self._orders)
-        self._bus.request(self._orders[self._turn], is_fast=self._is_fast)
+        size = len(BLOCK) + (len(HEALTH) if now_ns >= self._health_due_ns else 0)
+        self._rows = [(servo, kind.indirect_data, size) for servo, kind in self._orders[self._turn]]
+        self._bus.request(self._rows, is_fast=self._is_fast)
         self._asked_ns = now_ns
         self._is_waiting = True
 
@@ -153,11 +169,11 @@ class Group:
         """
         if not self._is_waiting:
             return False
-        is_there = self._bus.available >= self._answer_bytes
+        rows = self._rows
+        is_there = self._bus.available >= self._answer_bytes(rows[0][2])
         if not is_there and now_ns - self._asked_ns < self._quiet_ns:
             return False
         self._is_waiting = False
-        rows = self._orders[self._turn]
         blocks, missing = self._bus.collect(
             rows, _TAIL_MS if is_there else 0.0, is_fast=self._is_fast
         )
@@ -168,7 +184,7 @@ class Group:
             if block.error & ~ALERT:
                 self._lose(now_ns, block.id, f"error {block.error & ~ALERT} instead of a reading")
                 return False
-        found = {block.id: decode(block.content) for block in blocks}
+        found = {block.id: decode(block.content[: len(BLOCK)]) for block in blocks}
         readings = tuple(found[axis.options.id] for axis in self._axes)
         for axis, reading in zip(self._axes, readings, strict=True):
             if problem := self._doubt(axis, reading):
@@ -180,13 +196,19 @@ class Group:
         self.losses.culprits.clear()
         for axis, reading in zip(self._axes, readings, strict=True):
             self._clocks[axis.options.id].learn(self._asked_ns, reading.tick_ms)
+        if rows[0][2] > len(BLOCK):
+            self._health_due_ns = self._asked_ns + HEALTH_NS
+            said = {block.id: block.content[len(BLOCK) :] for block in blocks}
+            self.health = tuple(
+                decode_health(said[axis.options.id], self._asked_ns) for axis in self._axes
+            )
         return True
 
     def settle(self, now_ns: int, wait_ms: float) -> None:
         """Get the line free for single questions: take or await what is on its way."""
         if self._is_waiting:
             self._is_waiting = False
-            self._bus.collect(self._orders[self._turn], wait_ms, is_fast=self._is_fast)
+            self._bus.collect(self._rows, wait_ms, is_fast=self._is_fast)
         self._quiet_until_ns = now_ns
         self._bus.clear()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
+from typing import NamedTuple
 
 BLOCK = (64, 68, 70, 98, 120, 121, *range(126, 136))
 """Addresses that are mapped together: torque, return level, hardware error, watchdog, tick,
@@ -12,6 +13,8 @@ current, velocity, position.
 The return level is there because it is never 0: a servo that has started again has forgotten the
 map and answers with zeros, which would be a position.
 """
+HEALTH = (144, 145, 146)
+"""Addresses that are mapped after those: voltage and temperature, which are read now and then."""
 RETURN_LEVEL = 2
 WATCHDOG_TRIPPED = 0xFF
 TICK_RANGE = 32768
@@ -20,6 +23,7 @@ VELOCITY_UNIT = 0.229 * 2 * 3.141592653589793 / 60
 """rad/s of one step."""
 
 _LAYOUT = struct.Struct("<BBBBHhii")
+_HEALTH_LAYOUT = struct.Struct("<HB")
 
 HARDWARE_ERRORS = {
     0: "input voltage",
@@ -68,6 +72,26 @@ def decode(content: bytes) -> Reading:
         bool(torque), level == RETURN_LEVEL, error, watchdog, tick, current,
         velocity * VELOCITY_UNIT, position,
     )  # fmt: skip
+
+
+class Health(NamedTuple):
+    """What one servo reports now and then.
+
+    Attributes:
+        time_ns: when it was asked.
+        voltage: of its supply, V.
+        temperature: degrees Celsius.
+    """
+
+    time_ns: int
+    voltage: float
+    temperature: float
+
+
+def decode_health(content: bytes, time_ns: int) -> Health:
+    """Return what a block of :data:`HEALTH`, asked for at *time_ns*, says."""
+    decivolts, temperature = _HEALTH_LAYOUT.unpack(content)
+    return Health(time_ns, 0.1 * decivolts, float(temperature))
 
 
 def explain_error(bits: int) -> str:

@@ -143,6 +143,8 @@ def status(socket: Socket = None, as_json: AsJson = False) -> None:
                 f"tracking {texts.small_angle(tracking_error(cycle))}"
             )
             say(f"  measured     {texts.age(device.feedback_age)}")
+        for part in device.health:
+            say(f"  {part.name:<11}  {texts.health(part)}")
 
 
 @command

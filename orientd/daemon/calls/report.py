@@ -8,11 +8,14 @@ from typing import TypeVar
 
 from orientd.daemon.device import Device
 from orientd.daemon.motions import ActiveMotion
+from orientd.driver import PartHealth
 from orientd.planner import Frame, Quaternion, Vector3
-from orientd.rpc import DeviceReport, Progress
+from orientd.rpc import DeviceReport, PartReport, Progress
 from orientd.stream import Cycle, ServoState, record_index
 
 NANOSECONDS = 1e9
+STALE_AFTER = 3.0
+"""Age of what is measured once a second at which it is too old, s."""
 _MOST_CYCLES = 4096
 
 Taken = TypeVar("Taken")
@@ -44,6 +47,21 @@ def device_report(device: Device) -> DeviceReport:
         motion_name=now.motion.facts.name if now.motion else "",
         is_free=device.is_free and now.state is ServoState.IDLE,
         cycle_age=cycle_age(now.cycle),
+        health=tuple(_part(part, time.monotonic_ns()) for part in now.health),
+    )
+
+
+def _part(part: PartHealth, now_ns: int) -> PartReport:
+    """Return how a part of a device is, with how old that is."""
+    age = (now_ns - part.time_ns) / NANOSECONDS
+    return PartReport(
+        part.name,
+        age,
+        age > STALE_AFTER,
+        part.voltage,
+        part.temperature,
+        part.current,
+        part.warning,
     )
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -97,6 +98,14 @@ class Telemetry:
         self._state = self._gauge(
             "device_state", "1 for the state that a device is in.", ["device", "state"]
         )
+        part = ["device", "part"]
+        self._voltage = self._gauge("part_voltage_volts", "Supply of a servo.", part)
+        self._temperature = self._gauge("part_temperature_celsius", "Temperature of a servo.", part)
+        self._current = self._gauge("part_current_amperes", "Current of a servo.", part)
+        self._part_age = self._gauge(
+            "part_health_age_seconds", "How long ago these were measured.", part
+        )
+        self._warnings = self._counter("warnings", "Warnings of a device.", device)
         build = self._gauge("build_info", "1, with the version.", ["version"])
         build.labels(orientd.__version__).set(1)
         self._followed: list[_Followed] = []
@@ -144,6 +153,8 @@ class Telemetry:
         if event.kind in (EventKind.FAULT, EventKind.SERVO_DIED):
             kind = device.snapshot().fault.name.lower()
             self._faults.labels(event.device, kind).inc()
+        if event.kind is EventKind.WARNING:
+            self._warnings.labels(event.device).inc()
         outcome = _OUTCOMES.get(event.kind)
         if outcome is not None:
             if outcome == "stopped" and device.snapshot().state is ServoState.FAULT:
@@ -183,6 +194,16 @@ class Telemetry:
                 self._age.labels(name).set(now.cycle.feedback_age_ns * 1e-9)
             if now.tracking_error is not None:
                 self._error.labels(name).set(now.tracking_error)
+            for part in now.health:
+                measured = (
+                    (self._voltage, part.voltage),
+                    (self._temperature, part.temperature),
+                    (self._current, part.current),
+                    (self._part_age, (time.monotonic_ns() - part.time_ns) * 1e-9),
+                )
+                for gauge, value in measured:
+                    if value is not None:
+                        gauge.labels(name, part.name).set(value)
 
     def _counter(self, name: str, text: str, labels: list[str]) -> Any:  # noqa: ANN401
         return self._prometheus.Counter(

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
 
+from orientd.driver import PartHealth
 from orientd.errors import Fault
 from orientd.stream import Cycle, ServoState
 
@@ -32,6 +33,7 @@ class EventKind(Enum):
     SERVO_DIED = "servo died"
     RECORDED = "recorded"
     RECORDING_FAILED = "recording failed"
+    WARNING = "warning"
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +79,7 @@ class DeviceSnapshot:
         servo_pid: process id of the servo, ``None`` where there is none.
         scheduling: what scheduling the servo has got.
         memory_locked: whether its memory is locked.
+        health: how the device's parts are, as last measured.
     """
 
     cycle: Cycle | None
@@ -92,3 +95,4 @@ class DeviceSnapshot:
     servo_pid: int | None
     scheduling: str
     memory_locked: bool
+    health: tuple[PartHealth, ...] = ()

@@ -17,10 +17,10 @@ from orientd.daemon.devices.servo_link import (
     ServoLink,
     report_directory,
 )
-from orientd.driver import driver_target
+from orientd.driver import PartHealth, driver_target
 from orientd.errors import GOING_DOWN, DaemonError, Fault, PendingError, StateError
 from orientd.servo import ProcessSettings
-from orientd.stream import Command, Cycle, NoteKind, ServoState
+from orientd.stream import Command, Cycle, NoteKind, ServoState, newest_health
 
 _LONGEST_END = 30.0
 """How long a servo may take to stop on its path and to park its device, s."""
@@ -43,6 +43,7 @@ class ServoSupervisor:
         failure: why there is no servo; empty while there is one.
         scheduling: what scheduling the process has got.
         memory_locked: whether its memory is locked.
+        health: how the device's parts are, as last heard.
     """
 
     def __init__(
@@ -78,6 +79,8 @@ class ServoSupervisor:
         self._last_words, self._last_fault = "", Fault.NONE
         self.scheduling = ""
         self.memory_locked = False
+        self.health: tuple[PartHealth, ...] = ()
+        self._health_heard = 0
         self._is_starting = False
 
     # The process
@@ -195,8 +198,21 @@ class ServoSupervisor:
                 self._tell(EventKind.FAULT, f"{name}: {self.fault_text}")
             elif note.kind is NoteKind.ENDING:
                 self._last_words, self._last_fault = note.text, Fault(note.code)
+            elif note.kind is NoteKind.NOTICE:
+                self._tell(EventKind.WARNING, note.text)
+        if link.memory.health.head != self._health_heard:
+            self._hear_health(link)
         if self._is_starting:
             self._enable_at_start(link, patience=0.0)
+
+    def _hear_health(self, link: ServoLink) -> None:
+        """Take note of how the device's parts are; warn of what was well before."""
+        self._health_heard = link.memory.health.head
+        known = {part.warning for part in self.health}
+        self.health = newest_health(link.memory.health) or self.health
+        for part in self.health:
+            if part.warning and part.warning not in known:
+                self._tell(EventKind.WARNING, part.warning)
 
     def _become_ready(self, link: ServoLink, text: str) -> None:
         self._last_fault = Fault.NONE

@@ -36,6 +36,12 @@ _OUTCOMES = {
     EventKind.MOTION_UNSETTLED: Outcome.UNSETTLED,
 }
 
+_LEVELS = {
+    EventKind.FAULT: logging.ERROR,
+    EventKind.SERVO_DIED: logging.ERROR,
+    EventKind.WARNING: logging.WARNING,
+}
+
 _KEPT_STARTS = 64
 """Motions with a start time whose beginnings are compared."""
 
@@ -229,9 +235,8 @@ class ActiveMotions:
         number = f" {titled(event.motion_number, name)}" if event.motion_number else ""
         ended = self._how(event)
         text = event.text if ended is None else ended[1]
-        is_bad = event.kind in (EventKind.FAULT, EventKind.SERVO_DIED)
         _log.log(
-            logging.ERROR if is_bad else logging.INFO,
+            _LEVELS.get(event.kind, logging.INFO),
             "%s: %s%s%s",
             event.device,
             event.kind.value,

@@ -129,6 +129,7 @@ class FlightRecorder:
             "keep_files": self._settings.keep_files,
             "keep_bytes": round(self._settings.keep_megabytes * 1e6),
             "events": [len(one) for one in events],
+            "health": [part._asdict() for part in device.snapshot().health],
         }
         try:
             descriptor = _packed(header, events, self._memories[event.device])

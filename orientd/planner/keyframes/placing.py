@@ -73,6 +73,7 @@ def in_device_coordinates(request: MotionRequest, start: State | None) -> Motion
         before = normalize(q)
         places.append((np.array(base.q), np.array(tool.q)))
         placed.append(_placed(keyframe, before, base, tool))
+    own = _named(request, request.frame, "frame") if request.frame else _DEVICE
     return replace(
         request,
         keyframes=placed,
@@ -80,6 +81,7 @@ def in_device_coordinates(request: MotionRequest, start: State | None) -> Motion
         frames={},
         start_velocity=_turned(request, request.start_velocity, *places[0]),
         end_velocity=_turned(request, request.end_velocity, *places[-1]),
+        rate=_turned(request, request.rate, np.array(own.base.q), np.array(own.tool.q)),
     )
 
 

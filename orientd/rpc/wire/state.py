@@ -9,7 +9,7 @@ from orientd.errors import Fault
 from orientd.floats import difference, norm
 from orientd.planner import ANGULAR, NO_AXES, Limits
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.descriptions import DeviceDescription, MethodDescription
+from orientd.rpc.descriptions import DeviceDescription, MethodDescription, PartReport
 from orientd.rpc.reports import DaemonReport, DeviceReport, LeaseReport, Outline
 from orientd.rpc.wire.codec import FAULTS, Codec
 from orientd.rpc.wire.values import (
@@ -112,6 +112,7 @@ def cycle_from_message(message: pb.Cycle) -> Cycle:
 _OF_DEVICE = tuple(DeviceDescription.__dataclass_fields__)
 _LIMITS = limits_to_message, limits_from_message
 
+PART = Codec(PartReport, pb.PartHealth)
 DEVICE = Codec(DeviceDescription, pb.Device, kinds={"limits": _LIMITS})
 DEVICE_REPORT = Codec(
     DeviceReport,
@@ -119,6 +120,7 @@ DEVICE_REPORT = Codec(
     names={name: f"device.{name}" for name in _OF_DEVICE},
     kinds={
         "limits": _LIMITS,
+        "health": PART.kind,
         "cycle": (cycle_to_message, cycle_from_message),
         # The message says 0 where there is no process.
         "servo_pid": (int, lambda pid: pid or None),

@@ -8,6 +8,7 @@
     disconnect ID | connect ID      the servo's cable, with its supply
     jam ID | free ID | load ID FRACTION
     error ID BITS                   a hardware error
+    heat ID CELSIUS | supply ID VOLT
     turn ID TICKS [SECONDS]         by hand, so far in so long; only without torque
     unplug | plug                   the adapter
     state ID                        answered by its registers, in ticks: position, goal, torque
@@ -73,6 +74,10 @@ def _obey(verb: str, words: list[str], server: PtyServer, now_ns: int) -> str:
             if servo.is_torque_on:
                 raise ValueError(f"servo {servo_id} holds: its torque is on")
             servo.shaft.turn(float(words[1]), float(words[2]) if len(words) > 2 else 0.0)
+        case "heat":
+            servo.temperature = int(words[1])
+        case "supply":
+            servo.supply = round(10.0 * float(words[1]))
         case "error":
             servo.fail(int(words[1], 0), now_ns)
         case "state":

@@ -31,6 +31,7 @@ class Aim:
         profile_speed: ticks/s of the profile; 0 is a step.
         profile_acceleration: ticks/s^2 of the profile; 0 is infinite.
         speed_limit: ticks/s that the voltage allows.
+        torque: share of the stall torque that may be used, above 0.
     """
 
     position: float | None = None
@@ -38,6 +39,7 @@ class Aim:
     profile_speed: float = 0.0
     profile_acceleration: float = 0.0
     speed_limit: float = 0.0
+    torque: float = 1.0
 
 
 class Shaft:
@@ -101,7 +103,7 @@ class Shaft:
             return
         self._turn_steps = 0
         self._advance_reference(aim)
-        limit = aim.speed_limit * max(0.0, 1.0 - self.load)
+        limit = aim.speed_limit * max(0.0, 1.0 - self.load / max(aim.torque, 1e-9))
         if aim.position is None:
             wanted = self.speed + (self.reference_speed - self.speed) * _LAG_GAIN
         else:

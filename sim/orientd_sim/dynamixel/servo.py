@@ -28,7 +28,7 @@ from orientd_sim.dynamixel.table import (
 BOOT_NS = 300_000_000
 WATCHDOG_UNIT_NS = 20_000_000
 WATCHDOG_TRIPPED = 0xFF
-OVERLOAD = 1 << 5
+VOLTAGE, OVERHEATING, OVERLOAD = 1 << 0, 1 << 2, 1 << 5
 
 _CURRENT, _VELOCITY, _POSITION, _EXTENDED, _CURRENT_POSITION, _PWM = MODES
 _POSITIONING = (_POSITION, _EXTENDED, _CURRENT_POSITION)
@@ -44,6 +44,8 @@ class EmulatedServo:
         model: what kind it is.
         shaft: its mechanics; tests jam or load it there.
         is_connected: whether its cable is plugged in and its supply is on.
+        supply: steps of 0.1 V.
+        temperature: degrees Celsius.
     """
 
     def __init__(
@@ -51,6 +53,7 @@ class EmulatedServo:
     ) -> None:
         self.model = model
         self.is_connected = True
+        self.supply, self.temperature = model.voltage, 32
         self._memory = bytearray(model.end)
         self._owner: dict[int, Register] = {}
         for register in model.registers.values():
@@ -71,8 +74,6 @@ class EmulatedServo:
         self._planned = (0.0, 0.0)
         self._stopped_at = 0.0
         self.shaft = Shaft(float(CENTRE), now_ns)
-
-    # What it is.
 
     @property
     def id(self) -> int:
@@ -113,8 +114,6 @@ class EmulatedServo:
         register = self.model.registers[self.model.address(name)]
         raw = self._memory[register.address : register.address + register.size]
         return int.from_bytes(raw, "little", signed=register.is_signed)
-
-    # What is read and written.
 
     def read(self, address: int, count: int, now_ns: int) -> tuple[int, bytes]:
         """Return an error number and *count* bytes from *address* on."""
@@ -173,8 +172,6 @@ class EmulatedServo:
         self.advance(now_ns)
         self._fed_ns = now_ns
 
-    # What happens to it.
-
     def reboot(self, now_ns: int) -> None:
         """Start again: RAM at its defaults, turns forgotten, silent for a while."""
         self.advance(now_ns)
@@ -212,12 +209,20 @@ class EmulatedServo:
     def fail(self, bits: int, now_ns: int) -> None:
         """Report a hardware error; those in the shutdown mask switch the torque off."""
         self.advance(now_ns)
+        self._fail(bits)
+
+    def _fail(self, bits: int) -> None:
         self._memory[70] |= bits
         if bits & self._memory[63]:
             self._memory[64] = 0
 
     def advance(self, now_ns: int) -> None:
-        """Let time pass: watchdog, motor, overload."""
+        """Let time pass: supply, heat, watchdog, motor, overload."""
+        low, high = self.value("min voltage limit"), self.value("max voltage limit")
+        bits = (not low <= self.supply <= high) * VOLTAGE
+        bits |= (self.temperature > self.value("temperature limit")) * OVERHEATING
+        if bits & ~self._memory[70]:
+            self._fail(bits)
         watchdog = self._memory[98]
         if 0 < watchdog < WATCHDOG_TRIPPED and self.is_torque_on:
             trip_ns = self._fed_ns + watchdog * WATCHDOG_UNIT_NS
@@ -229,11 +234,7 @@ class EmulatedServo:
                 self.shaft.settle()
         self.shaft.advance(now_ns, self._aim())
         if self.shaft.strain_s >= OVERLOAD_S and not self._memory[70] & OVERLOAD:
-            self._memory[70] |= OVERLOAD
-            if self._memory[63] & OVERLOAD:
-                self._memory[64] = 0
-
-    # Inside.
+            self._fail(OVERLOAD)
 
     def _target(self, address: int) -> int:
         source = self._data_source.get(address)
@@ -318,6 +319,8 @@ class EmulatedServo:
         mode = self._memory[11]
         limit = self.model.no_load_speed * TICKS_PER_RADIAN
         aim = Aim(speed_limit=limit * abs(self.value("goal pwm")) / 885)
+        if mode == _CURRENT_POSITION:
+            aim.torque = min(1.0, abs(self.value("goal current")) / self.value("current limit"))
         acceleration, speed = self.value("profile acceleration"), self.value("profile velocity")
         aim.profile_acceleration = acceleration * ACCELERATION_UNIT * TICKS_PER_RADIAN
         if mode in _POSITIONING:
@@ -369,6 +372,7 @@ class EmulatedServo:
             effort = max(-1.0, min(1.0, gap / scale)) if scale else 0.0
             if shaft.load:
                 effort = max(abs(effort), min(1.0, shaft.load)) * (1 if effort >= 0 else -1)
+            effort = max(-aim.torque, min(aim.torque, effort))
         self._set(120, (now_ns - self._boot_ns) // 1_000_000 % 32768)
         moving = self._is_moving()
         self._memory[122] = moving
@@ -382,8 +386,8 @@ class EmulatedServo:
         self._set(132, round(shaft.position) + offset)
         self._set(136, round(shaft.reference_speed / (VELOCITY_UNIT * TICKS_PER_RADIAN)))
         self._set(140, round(shaft.reference) + offset)
-        self._set(144, self.model.voltage)
-        self._memory[146] = 32
+        self._set(144, self.supply)
+        self._memory[146] = self.temperature
 
     def _set(self, address: int, value: int) -> None:
         self._store(self.model.registers[address], value)

@@ -55,7 +55,7 @@ class Rig:
 
         self.driver = DynamixelDriver(
             {"port": "virtual", "order": order, "latency_ms": latency_ms,
-             "turns_file": "",
+             "turns_file": "", "overwrite": ["operating_mode"],
              "axes": axes or axes_for(order, models=models), **options},
             period_ns=self.period_ns, clock=self.clock, open_bus=open_bus,
             sleep=lambda seconds: self.clock.advance(round(seconds * 1e9)),

@@ -1,5 +1,7 @@
 """Motions planned for a gimbal's axes as the daemon does it, and streamed through the driver."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -123,6 +125,34 @@ def test_slew_keeps_the_limits_of_the_tool(seconds):
     first, last = np.argmax(axes), np.argmin(axes)
     needed = 1.875 * (axes[first] - axes[last]) / LIMITS.velocity
     assert needed <= PERIOD * (last - first) < 1.1 * needed
+
+
+def turning(degrees, seconds):
+    turns = np.linspace(0, degrees, 7)
+    return {"approach": True, "keyframes": [
+        {"rotation_vector": [0, 0, np.deg2rad(turn)], "time": seconds * turn / degrees}
+        for turn in turns
+    ]}  # fmt: skip
+
+
+def test_a_certificate_says_how_far_a_slew_is_off_the_path_and_how_long():
+    motion = fit(turning(300, 12.0), allow_slews=True)
+    plain = planner.plan(
+        motion_file.parse(turning(300, 12.0)), start=State.at_rest([1, 0, 0, 0]),
+        limits=LIMITS, period=PERIOD,
+    )  # fmt: skip
+    # The way back of 360 degrees passes everything: half a turn away at the most.
+    missed = angle(motion.path.q, plain.sample(motion.path.course).q)
+    assert np.max(missed) > 3.0
+    assert figure(motion, "pointing error in slews").value == pytest.approx(np.max(missed), 1e-6)
+    stands = PERIOD * np.sum(np.diff(motion.path.course) < 1e-12)
+    assert figure(motion, "time in slews").value == pytest.approx(stands, abs=3 * PERIOD)
+    (note,) = [one for one in motion.certificate.notes if "stops and the axes slew" in one]
+    off = float(re.search(r"off it by up to ([\d.]+) deg", note)[1])
+    lasts = float(re.search(r"\(([\d.]+) s\)", note)[1])
+    assert off == pytest.approx(np.rad2deg(np.max(missed)), abs=0.1)
+    assert lasts == pytest.approx(figure(motion, "time in slews").value, abs=0.01)
+    assert any("deg outside slews at" in one for one in motion.certificate.notes)
 
 
 def test_angle_outside_the_limits_is_refused_with_axis_and_time():

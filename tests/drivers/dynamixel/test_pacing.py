@@ -19,9 +19,9 @@ AXES = [
 ]
 
 
-def planned(mapping, order="ZYX"):
+def planned(mapping, order="ZYX", axes=AXES):
     driver = DynamixelDriver(
-        {"port": "virtual", "order": order, "axes": AXES[: len(order)]},
+        {"port": "virtual", "order": order, "axes": axes[: len(order)]},
         period_ns=10_000_000, clock=ManualClock(1),
     )  # fmt: skip
     start = State.at_rest([1.0, 0.0, 0.0, 0.0])
@@ -62,14 +62,34 @@ def sky_pass(top_deg, seconds):
     ]}  # fmt: skip
 
 
-@pytest.mark.parametrize("top", [60, 89.5])
-def test_pass_of_a_satellite_is_planned_or_says_how_long_would_do(top):
-    seconds, pattern = 20.0, r"([\d.]+) s in place of ([\d.]+) s would do"
+def test_a_turntable_turns_as_often_as_its_axis_may():
+    wide = [dict(AXES[0], limits_deg=[-7200, 7200]), *AXES[1:]]
+    motion = planned({"rate": [0, 0, -1.2], "duration": 60}, axes=wide)
+    joints = motion.path.joints[:, 0]
+    assert joints[-1] < -72.0
+    assert np.max(np.diff(joints)) < 1e-9
+    held = slice(round(motion.start_time / 0.01) + 1, round(motion.end_time / 0.01))
+    assert np.diff(joints)[held] == pytest.approx(-0.012, abs=1e-9)
+    with pytest.raises(LimitError, match="angle of yaw"):
+        planned({"rate": [0, 0, -1.2], "duration": 60})
+
+
+LITTLE_ROLL = [*AXES[:2], dict(AXES[2], limits_deg=[-120, 120])]
+
+
+@pytest.mark.parametrize(
+    ("order", "top", "begun"),
+    [("ZY", 30, 20.0), ("ZY", 60, 20.0), ("ZY", 85, 20.0), ("ZY", 89.5, 20.0),
+     ("ZYX", 30, 20.0), ("ZYX", 60, 20.0), ("ZYX", 85, 120.0), ("ZYX", 89.5, 120.0),
+     ("ZYX", 89.9, 600.0)],
+)  # fmt: skip
+def test_pass_of_a_satellite_is_planned_or_says_how_long_would_do(order, top, begun):
+    seconds, pattern = begun, r"([\d.]+) s in place of ([\d.]+) s would do"
     try:
-        motion = planned(sky_pass(top, seconds), "ZY")
+        motion = planned(sky_pass(top, seconds), order, LITTLE_ROLL)
     except LimitError as error:
         seconds = float(re.search(pattern, str(error))[1])
-        motion = planned(sky_pass(top, seconds), "ZY")
+        motion = planned(sky_pass(top, seconds), order, LITTLE_ROLL)
     assert motion.end_time - motion.start_time == pytest.approx(seconds, abs=0.02)
     points = rotate(motion.sample(motion.keyframe_times).q, np.array([1.0, 0.0, 0.0]))
     asked = rotate(motion.request.keys, np.array([1.0, 0.0, 0.0]))

@@ -54,7 +54,8 @@ def emulator(tmp_path):
 def make(link, **options):
     axes = [{"id": k, "limits_deg": [-170, 170]} for k in (1, 2, 3)]
     return DynamixelDriver(
-        {"port": str(link), "axes": axes, "max_losses": 20, **options},
+        {"port": str(link), "axes": axes, "max_losses": 20,
+         "overwrite": ["operating_mode"], **options},
         period_ns=PERIOD_NS, clock=MonotonicClock(),
     )  # fmt: skip
 

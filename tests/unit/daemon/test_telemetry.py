@@ -11,6 +11,7 @@ import pytest
 
 from orientd.daemon.calls.telemetry import RECENT, Telemetry
 from orientd.daemon.devices.device_report import DeviceEvent, EventKind
+from orientd.driver import PartHealth
 from orientd.errors import ConfigError, Fault
 from orientd.operation_settings import MetricsSettings
 from orientd.stream import Cycle, CycleFlag, ServoState
@@ -64,8 +65,15 @@ class FakeDevice:
     def snapshot(self):
         newest = self.log[-1] if self.log else None
         return SimpleNamespace(
-            cycle=newest, state=self.state, fault=self.fault, tracking_error=0.01
+            cycle=newest,
+            state=self.state,
+            fault=self.fault,
+            tracking_error=0.01,
+            health=(PartHealth("yaw", 0, 12.1, 41.0, 0.5),),
         )
+
+
+_UNITS = ("seconds", "radians", "ratio", "state", "info", "volts", "celsius", "amperes")
 
 
 @pytest.fixture
@@ -166,7 +174,7 @@ def test_names_end_in_their_unit(telemetry):
         if family.type == "histogram":
             assert last == "seconds"
         if family.type == "gauge":
-            assert last in ("seconds", "radians", "ratio", "state", "info"), family.name
+            assert last in _UNITS, family.name
 
 
 def test_the_dashboard_asks_for_what_there_is(telemetry):

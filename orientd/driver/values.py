@@ -1,0 +1,115 @@
+"""The values that pass between the servo and a driver.
+
+No NumPy here: a cycle is plain Python floats, and the values are named tuples, which are made in a
+quarter of the time of a frozen dataclass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+Vector3 = tuple[float, float, float]
+"""``(x, y, z)``; its frame and unit are in the name of what holds it."""
+Quaternion = tuple[float, float, float, float]
+"""``(w, x, y, z)`` of norm 1, tool to world."""
+
+ZERO: Vector3 = (0.0, 0.0, 0.0)
+"""No velocity, or the origin."""
+IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
+"""The orientation of the world itself."""
+
+
+class Setpoint(NamedTuple):
+    """What the device is asked to do in one cycle.
+
+    Attributes:
+        time_ns: the cycle's deadline on the monotonic clock.
+        q: orientation ``(w, x, y, z)``, tool to world.
+        omega_body: angular velocity, rad/s, body frame.
+        alpha_body: its derivative in body components, rad/s^2.
+        position: tool position in the world, m.
+        velocity: its derivative, m/s.
+    """
+
+    time_ns: int
+    q: Quaternion
+    omega_body: Vector3 = ZERO
+    alpha_body: Vector3 = ZERO
+    position: Vector3 = ZERO
+    velocity: Vector3 = ZERO
+
+
+class Feedback(NamedTuple):
+    """What the device reported.
+
+    Attributes:
+        time_ns: when it was *measured*, on the monotonic clock; the servo computes the age.
+        q: measured orientation ``(w, x, y, z)``, tool to world.
+        omega_body: measured angular velocity, rad/s, body frame.
+        position: measured tool position in the world, m.
+        joints: whatever the device's axes are, rad; empty where it has none.
+    """
+
+    time_ns: int
+    q: Quaternion
+    omega_body: Vector3 = ZERO
+    position: Vector3 = ZERO
+    joints: tuple[float, ...] = ()
+
+
+class Figure(NamedTuple):
+    """One number that a driver certifies of a motion.
+
+    Attributes:
+        name: of what, in words.
+        value: in *unit*.
+        unit: as it is written, for example ``rad/s``.
+        limit: what was allowed, same unit; ``None`` where nothing limits it.
+        time: when in the motion, s; ``None`` where it is no one instant.
+    """
+
+    name: str
+    value: float
+    unit: str
+    limit: float | None = None
+    time: float | None = None
+
+
+class ShapedPath(NamedTuple):
+    """A path as a device's axes can follow it, on the same grid as the one it was made of.
+
+    Attributes:
+        orientations: one for each period; the first is that of the path given, and the path goes on
+            from it as that one does.  The last one is at rest.
+        path_times: how far along the path given each of them is, s; never decreasing.
+        joints: axis angles at each of them, rad, unwrapped.
+        figures: what holds for it.
+        notes: what there is to say of it, in words, a line each.
+    """
+
+    orientations: Sequence[Quaternion]
+    path_times: Sequence[float]
+    joints: Sequence[tuple[float, ...]]
+    figures: tuple[Figure, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+class PartHealth(NamedTuple):
+    """How one part of a device is: a servo, a joint.
+
+    Attributes:
+        name: of the part.
+        time_ns: when it was measured, monotonic clock.
+        voltage: of its supply, V; ``None`` where it is not told.
+        temperature: degrees Celsius; ``None`` where it is not told.
+        current: A, its sign that of the torque; ``None`` where it is not told.
+        warning: what is soon to go wrong, in words; empty where nothing is.
+    """
+
+    name: str
+    time_ns: int
+    voltage: float | None = None
+    temperature: float | None = None
+    current: float | None = None
+    warning: str = ""

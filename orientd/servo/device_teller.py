@@ -1,0 +1,30 @@
+"""What the driver says of its device beside the cycles: notices once it is open, its health."""
+
+from __future__ import annotations
+
+from orientd.driver import Driver
+from orientd.stream import NoteKind, SharedMemory, pack_note, publish_health
+
+_INTERVAL_NS = 1_000_000_000
+
+
+class DeviceTeller:
+    """Hand notices and health on to the daemon."""
+
+    def __init__(self, driver: Driver, memory: SharedMemory, period_ns: int) -> None:
+        """Say what *driver* says, in the rings of *memory*, with cycles of *period_ns*."""
+        self._driver = driver
+        self._memory = memory
+        self._every = max(1, _INTERVAL_NS // period_ns)
+
+    def tell_notices(self) -> None:
+        """Say what there is to say of a device that was opened, or reset."""
+        for text in self._driver.notices():
+            self._memory.notes.publish(*pack_note(0, NoteKind.NOTICE, 0, text))
+
+    def tell_health(self, cycle: int) -> None:
+        """Say once a second how the device's parts are; to be called every *cycle*."""
+        if cycle % self._every == 0:
+            parts = self._driver.health()
+            if parts:
+                publish_health(self._memory.health, parts)

@@ -1,0 +1,73 @@
+"""Turning at a constant rate: taken up within the limits, held, left; never the other way."""
+
+import math
+
+import numpy as np
+import pytest
+
+from orientd import motion_file
+from orientd.errors import LimitError, RequestError
+from orientd.planner import Limits, State, plan
+from orientd.rotation import conjugate, exp, log, multiply, rotate
+from orientd.rpc.wire.motion import from_request, to_request
+
+LIMITS = Limits(1.5, 8.0, 1500.0, 1.0, 10.0)
+START = State.at_rest(exp([0.3, -0.5, 0.9]))
+PERIOD = 0.01
+
+
+def turned(rate, duration, limits=LIMITS, **others):
+    request = motion_file.parse({"rate": rate, "duration": duration, **others})
+    return plan(to_request(from_request(request)), start=START, limits=limits, period=PERIOD)
+
+
+@pytest.mark.parametrize("rate", [[0, 0, 0.05], [0, 0, -1.4], [0.3, -0.4, 0.5]])
+@pytest.mark.parametrize("frame", ["body", "world"])
+def test_a_rate_is_held_for_the_duration_and_never_turned_against(rate, frame):
+    motion = turned(rate, 4.0, velocity_frame=frame)
+    samples = motion.sample(PERIOD * np.arange(motion.record_count))
+    omega = samples.omega_body if frame == "body" else rotate(samples.q, samples.omega_body)
+    unit = np.array(rate) / np.linalg.norm(rate)
+    along = omega @ unit
+    assert np.min(along) > -1e-9
+    assert np.max(np.linalg.norm(omega - along[:, None] * unit, axis=1)) < 1e-9
+    held = slice(math.ceil(motion.start_time / PERIOD), int(motion.end_time / PERIOD) + 1)
+    assert motion.end_time - motion.start_time == pytest.approx(4.0, abs=PERIOD)
+    assert omega[held] == pytest.approx(np.broadcast_to(rate, omega[held].shape), abs=1e-9)
+    assert samples.q[0] == pytest.approx(START.q, abs=1e-12)
+    assert (np.linalg.norm(omega[0]), np.linalg.norm(omega[-1])) == pytest.approx((0, 0), abs=1e-9)
+    # Not longer than taking up the rate needs at half the acceleration, twice.
+    assert motion.duration < 4.0 + 2 * (1.875 * np.linalg.norm(rate) / 4.0) + 0.3
+
+
+def test_many_turns_are_counted():
+    motion = turned([0, 0, 1.0], 60.0)
+    q = motion.sample(np.arange(motion.start_time, motion.end_time, 0.1)).q
+    steps = log(multiply(conjugate(q[:-1]), q[1:]))
+    assert np.sum(steps[:, 2]) == pytest.approx(60.0, abs=0.2)
+
+
+def test_a_rate_above_the_limit_is_refused():
+    with pytest.raises(LimitError, match="angular velocity"):
+        turned([0, 0, 1.6], 4.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"rate": [0, 0, 0]}, "rate: expected a velocity to turn with"),
+        ({"duration": None}, "duration: expected the seconds"),
+        ({"duration": "minimum"}, "duration: expected the seconds"),
+        ({"rate": [0, 0]}, "rate: expected"),
+        ({"end_velocity": [0, 0, 1]}, "end_velocity: a turn at a rate ends at rest"),
+        ({"keyframes": [{"quaternion": {"w": 1, "x": 0, "y": 0, "z": 0}}] * 2}, "give no keyframe"),
+    ],
+)
+def test_what_makes_no_turn_is_named(change, message):
+    with pytest.raises(RequestError, match=message):
+        turned(**{"rate": [0, 0, 0.5], "duration": 2.0, **change})
+
+
+def test_a_motion_without_keyframes_and_rate_is_none():
+    with pytest.raises(RequestError, match="keyframes"):
+        motion_file.parse({"duration": 2.0})
