@@ -84,13 +84,13 @@ def view(title: str, *, is_silent: bool) -> Iterator[ProgressView]:
 
             def render(self, task: Task) -> Text:
                 age = time.monotonic() - task.fields["heard"]
-                return Text(f"{age:.0f} s old" if age > STALE else "", style="bold red")
+                return Text(f"{age:.0f} s old" if age > STALE else "", "bold red", no_wrap=True)
 
         columns = (
+            Age(),
             TextColumn("{task.description}"),
             BarColumn(bar_width=20),
             TextColumn("{task.fields[times]}"),
-            Age(),
             TextColumn("{task.fields[figures]}", style="dim"),
         )
         with Bar(*columns) as bar:

@@ -89,11 +89,10 @@ def plan(
     """
     if not (math.isfinite(period) and period > 0.0):
         raise ValueError(f"period must be positive, got {period} s")
-    request = in_device_coordinates(request, start)
-    request = at_rate(request, start, limits.narrowed(request.limits))
-    request = with_least_roll(wound(request, start), start)
-    job = _Job.of(request, start, limits.narrowed(request.limits), period)
-    name = motion_id or os.urandom(6).hex()
+    within, name = limits.narrowed(request.limits), motion_id or os.urandom(6).hex()
+    turned = at_rate(in_device_coordinates(request, start), start, within)
+    request = with_least_roll(wound(turned, start), start)
+    job = _Job.of(request, start, within, period)
     if not request.approach or (start.is_at_rest and not request.is_single):
         return job.motion(name)
     first: LimitError | None = None

@@ -336,13 +336,7 @@ class Robot(Commands):
         return self.move([anywhere], device=device, device_options={"home": True}, name="home")
 
     def turn(self, rate: Sequence[float], duration: float, **wishes: Any) -> MoveHandle:  # noqa: ANN401 - as of move
-        """Turn at a constant rate from wherever the device is; raises as :meth:`move`.
-
-        Args:
-            rate: angular velocity, rad/s.
-            duration: for how long, s, besides taking it up from rest and coming to rest.
-            wishes: what :meth:`move` takes by name.
-        """
+        """Turn at *rate*, rad/s, for *duration* s, from rest to rest; raises as :meth:`move`."""
         return self.move([], rate=rate, duration=duration, **wishes)
 
     def teach(self, *, device: str = "", by_hand: bool = True) -> Teaching:

@@ -17,7 +17,7 @@ from orientd.planner.limits import Limits
 from orientd.planner.request import DEFAULT_METHOD
 from orientd.planner.timing.candidate_path import PathRequest
 from orientd.planner.timing.profile import pieces_of
-from orientd.rotation import Floats, align, angle
+from orientd.rotation import Floats, align, angle, between
 
 MOST_KEYFRAMES = 100
 """For which other times are tried; with more of them a plan would take too long."""
@@ -25,6 +25,7 @@ MOST_KEYFRAMES = 100
 _MOST_DESCENDED = 12
 """For which the slope of the duration is looked at, which takes a curve for each of them."""
 _DESCENTS = 2
+_SAME_AXIS = 1e-6  # of the length, across the first axis; more than for one turn at once
 
 
 def with_chosen_times(
@@ -42,7 +43,7 @@ def with_chosen_times(
     Returns:
         The path request, and coefficients and shares of a profile to begin with on the curve of
         that duration; ``None`` where other times are not tried: where the method is another one,
-        where a position moves, whole turns are made, or nothing limits the jerk.
+        where a position moves, whole turns are made, all is one turn, or nothing limits the jerk.
     """
     request, kept = path_request.request, path_request.kept
     if not (
@@ -57,6 +58,8 @@ def with_chosen_times(
     ):
         return None
     keys = align(request.keys[kept])
+    if _is_about_one_axis(keys):
+        return None
     count = len(keys) - 1
     pieces = pieces_of(count)
     chosen, coefficients = np.empty(count + 1), np.empty(count * pieces + 2)
@@ -78,3 +81,10 @@ def with_chosen_times(
     times = np.interp(path_request.times, path_request.times[kept], chosen)
     ends = replace(path_request.ends, leaves_freely=True)
     return replace(path_request, times=times, ends=ends), (coefficients, shares)
+
+
+def _is_about_one_axis(keys: Floats) -> bool:
+    """Return whether all steps turn one way about one axis: such a turn is known in closed form."""
+    steps = between(keys[:-1], keys[1:])[:, 1:]
+    lengths = np.sqrt(np.einsum("ij,ij->i", steps, steps))
+    return bool(np.all(steps @ steps[0] >= (1.0 - _SAME_AXIS) * lengths * lengths[0]))

@@ -74,7 +74,8 @@ def quickest(
     Raises:
         PlanError: none was found.
     """
-    turn = turned_at_once(keyframe_path, limits, share)
+    # Where a profile is known already it is not one turn about one axis.
+    turn = turned_at_once(keyframe_path, limits, share) if guess is None else None
     if turn is not None:
         return turn
     guess = guess if share == SHARE else None

@@ -3,6 +3,7 @@
 import time
 
 import pytest
+import rich
 
 from orientd.cli import progress, waiting
 from orientd.rpc.reports import Progress
@@ -69,9 +70,10 @@ def test_what_is_counted_is_passed_on_and_shown_on_a_terminal_alone(capsys, monk
 
 def test_a_live_line_says_when_it_is_old(capsys, monkeypatch):
     monkeypatch.setattr(progress, "is_terminal", lambda: True)
-    monkeypatch.setenv("COLUMNS", "200")
+    rich.reconfigure(width=200)
     now = time.monotonic()
     with progress.view("motion 1", is_silent=False) as view:
         view.show(REPORT)
         monkeypatch.setattr(progress.time, "monotonic", lambda: now + 5.0)
+    rich.reconfigure()
     assert "5 s old" in capsys.readouterr().out
