@@ -11,6 +11,7 @@ import socket
 import sys
 import time
 from collections.abc import Awaitable, Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,8 +27,8 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 
-_AGAIN = 1.0
-"""Time after which the gateway is started again that has ended, s."""
+_AGAIN, _SELDOM = 1.0, 30.0
+"""Time after which a gateway that has ended is started again: at first, and at the most, s."""
 
 _END = 2.0
 """How long the gateway may take to end, s."""
@@ -81,6 +82,9 @@ class FleetLink:
         fleet = settings.fleet
         if fleet is None:
             raise ConfigError("fleet: missing")
+        if find_spec("zenoh") is None:
+            problem = "needs `eclipse-zenoh`: pip install 'orientd-motion[fleet]'"
+            raise ConfigError(f"fleet: {problem}")
         self._most = settings.access.message_bytes
         self._is_tls, self._pause = fleet.is_tls, 1.0 / fleet.state_hz
         self._begin: Header = {
@@ -118,14 +122,18 @@ class FleetLink:
     # The process
 
     async def _keep(self) -> None:
+        pause = 0.5 * _AGAIN
         while True:
+            began = time.monotonic()
             try:
                 await self._be_served()
             except OSError as error:
                 _log.error("fleet: the gateway: %s", error)
             finally:
                 await self._clean_up()
-            await asyncio.sleep(_AGAIN)
+            lasted = time.monotonic() - began > _SELDOM
+            pause = _AGAIN if lasted else min(2.0 * pause, _SELDOM)
+            await asyncio.sleep(pause)
 
     async def _be_served(self) -> None:
         ours, theirs = socket.socketpair()
