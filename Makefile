@@ -8,7 +8,7 @@ BIN = $(VENV)/bin
 ROUNDS ?= 50
 SEED ?= 1
 
-.PHONY: demo test runs calculates check docs follow bench peers soak events chaos storm standard proto clean
+.PHONY: demo test runs calculates check docs follow bench peers soak events chaos storm standard proto lock clean
 
 demo: $(VENV)/.user
 	$(BIN)/orientd demo
@@ -109,13 +109,22 @@ $(VENV)/.user: pyproject.toml $(KERNELS) $(VENV)/.pip
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[plot]"
 	@touch $@
 
-$(VENV)/.dev: pyproject.toml $(KERNELS) $(VENV)/.pip
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[all,dev]"
+$(VENV)/.dev: pyproject.toml tests/constraints.txt $(KERNELS) $(VENV)/.pip
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c tests/constraints.txt -e ".[all,dev]" || { \
+	    echo "not with the versions of tests/constraints.txt: with the newest that are allowed"; \
+	    $(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[all,dev]"; }
 	@touch $@ $(VENV)/.user
 
 $(VENV)/.docs: pyproject.toml $(VENV)/.user
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[plot,metrics,ur,dynamixel,docs]"
 	@touch $@
+
+# The versions that `make test` installs, from the newest that pyproject.toml allows.
+lock:
+	$(PYTHON) -m venv build/lock
+	build/lock/bin/python -m pip install --quiet --disable-pip-version-check -e ".[all,dev]"
+	{ head -1 tests/constraints.txt; build/lock/bin/python -m pip freeze --exclude-editable | LC_ALL=C sort; } > build/constraints.txt
+	mv build/constraints.txt tests/constraints.txt
 
 clean:
 	rm -rf $(VENV) dist build .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -233,9 +233,9 @@ def is_alive(pid: int) -> bool:
         return False
 
 
-def resident_kib(pid: int) -> int:
-    """Return a process's resident memory."""
+def resident_kib(pid: int, kind: str = "VmRSS") -> int:
+    """Return a process's resident memory, KiB: all of it, or one kind as ``/proc`` calls it."""
     for line in Path(f"/proc/{pid}/status").read_text().splitlines():
-        if line.startswith("VmRSS:"):
+        if line.startswith(f"{kind}:"):
             return int(line.split()[1])
     raise AssertionError(f"no process {pid}")

@@ -61,9 +61,9 @@ def turn(
     socket: Socket = None,
     as_json: AsJson = False,
 ) -> None:
-    """Turn at a constant rate from wherever the device is, from rest and to rest.
+    """Turn at a constant rate, from rest and to rest, as a turntable.
 
-    Ctrl-C stops it on its path.
+    It begins wherever the device is.  Ctrl-C stops it on its path.
     """
     omega = [rate if letter == axis.value else 0.0 for letter in "xyz"]
 

@@ -65,7 +65,7 @@ def largest(q, period):
 @pytest.mark.parametrize("period", [0.01, 0.004])
 def test_a_certificate_holds_at_every_phase_between_two_cycles(period):
     shares = []
-    for motion in some_motions(5, 10, period):
+    for motion in some_motions(7, 10, period):
         peaks = [getattr(motion.certificate, f"peak_{name}") for name in NAMES]
         planned = [peak.on_records for peak in peaks]
         for phase in (0.125, 0.3, 0.5, 0.8):
