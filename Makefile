@@ -33,7 +33,7 @@ runs: $(VENV)/.dev
 
 calculates: $(VENV)/.dev
 	@mkdir -p build
-	@nice -n 5 $(CALCULATE) -n logical > build/calculates.txt 2>&1 || \
+	@nice -n 15 $(CALCULATE) -n logical > build/calculates.txt 2>&1 || \
 	    nice -n 5 $(CALCULATE) --last-failed >> build/calculates.txt 2>&1
 
 check: $(VENV)/.dev

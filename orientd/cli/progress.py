@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 from orientd.cli import texts
 from orientd.cli.output import is_terminal, say
 from orientd.rpc import STALE, Progress
+from orientd.stream import ServoState
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
@@ -100,7 +101,9 @@ def view(title: str, *, is_silent: bool) -> Iterator[ProgressView]:
 
 
 def _figures(progress: Progress) -> str:
-    speed = "" if progress.speed == 1.0 else f"  speed {progress.speed:.2f}"
+    # Before the first cycle of the motion, and after the last, no path is followed at any speed.
+    is_as_planned = progress.speed == 1.0 or progress.state is ServoState.HOLDING
+    speed = "" if is_as_planned else f"  speed {progress.speed:.2f}"
     paused = "  paused" if progress.is_paused else ""
     return (
         f"{texts.orientation(progress.q)}  {texts.rate(progress.omega_body):.3f} rad/s  "
