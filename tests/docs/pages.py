@@ -21,6 +21,7 @@ REASONS = {
     "an authority",
     "another user",
     "another terminal",
+    "a real-time host",
     "a cluster",
 }
 
