@@ -51,12 +51,16 @@ def test_what_servos_measure_is_told_everywhere_with_a_warning_in_time(bus, tmp_
     assert re.search(
         rf"pitch +12.0 V, 75 degrees C, 0.00 A, \d.\d s ago; warning: {re.escape(said)}", shown
     )
-    with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics") as answer:
-        metrics = answer.read().decode()
-    assert 'orientd_part_temperature_celsius{device="gimbal",part="pitch"} 75.0' in metrics
-    assert 'orientd_part_voltage_volts{device="gimbal",part="roll"} 12.0' in metrics
+
+    def metrics():
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics") as answer:
+            return answer.read().decode()
+
     # What was overwritten in three servos, and this.
-    assert 'orientd_warnings_total{device="gimbal"} 4.0' in metrics
+    until(lambda: 'orientd_warnings_total{device="gimbal"} 4.0' in metrics(), "the warnings")
+    told = metrics()
+    assert 'orientd_part_temperature_celsius{device="gimbal",part="pitch"} 75.0' in told
+    assert 'orientd_part_voltage_volts{device="gimbal",part="roll"} 12.0' in told
     out = tmp_path / "a.mcap"
     assert orientd("record", out, "--seconds", "1", "--socket", daemon.socket).returncode == 0
     (state, *_) = reader.load_recording(out).states
