@@ -130,7 +130,7 @@ def test_an_arm_is_taught_on_the_page(browser, tmp_path):
                 arm.ask("push " + " ".join(map(repr, joints.tolist())) + " 0.3")
                 arm.wait_until(lambda state: np.allclose(state["actual_q"], joints, atol=1e-9))
                 press(page, "Take this pose")
-                page.get_by_text("2. ").wait_for()
+                page.get_by_text("; 2. ").wait_for()
                 with page.expect_download() as download:
                     press(page, "Download the motion file")
                 taught = motion_file.loads(download.value.path().read_text(), "taught.yaml")
