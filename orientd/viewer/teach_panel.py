@@ -80,4 +80,6 @@ class TeachPanel:
     def _send_file(self, client: viser.ClientHandle | None) -> None:
         if client is not None:
             name = self._name.value or "taught"
-            client.send_file_download(f"{name}.yaml", self.lesson.content(name))
+            # Whoever has pressed it has said that the file is wanted.
+            content = self.lesson.content(name)
+            client.send_file_download(f"{name}.yaml", content, save_immediately=True)

@@ -133,7 +133,7 @@ def test_an_arm_is_taught_on_the_page(browser, tmp_path):
                 page.get_by_text("; 2. ").wait_for()
                 with page.expect_download() as download:
                     press(page, "Download the motion file")
-                taught = motion_file.loads(download.value.path().read_text(), "taught.yaml")
+                taught = motion_file.loads(download.value.path().read_bytes(), "taught.yaml")
                 press(page, "Hold it again")
                 page.get_by_text("Holding").wait_for()
         finally:
