@@ -22,15 +22,23 @@ def bus(tmp_path):
     it.end()
 
 
+@pytest.fixture
+def daemon(bus, tmp_path):
+    it = GimbalDaemon(tmp_path, bus.link)
+    it.process = None
+    yield it
+    if it.process is not None and it.process.poll() is None:
+        it.end()
+
+
 def free_port():
     with socket.socket() as it:
         it.bind(("127.0.0.1", 0))
         return it.getsockname()[1]
 
 
-def test_what_servos_measure_is_told_everywhere_with_a_warning_in_time(bus, tmp_path):
+def test_what_servos_measure_is_told_everywhere_with_a_warning_in_time(bus, daemon, tmp_path):
     port = free_port()
-    daemon = GimbalDaemon(tmp_path, bus.link)
     daemon.config.write_text(f"[metrics]\nport = {port}\n{daemon.config.read_text()}")
     daemon.start()
     bus.tell("heat 2 75")
@@ -70,9 +78,8 @@ def test_what_servos_measure_is_told_everywhere_with_a_warning_in_time(bus, tmp_
     assert "WARNING gimbal: warning: servo 1 (yaw): operating mode 3 is set to 4" in log
 
 
-def test_servos_that_are_powered_later_are_found_then(bus, tmp_path):
+def test_servos_that_are_powered_later_are_found_then(bus, daemon):
     bus.tell("disconnect 2")
-    daemon = GimbalDaemon(tmp_path, bus.link)
     daemon.process = begin(
         "run", "--config", daemon.config,
         env=environment(XDG_STATE_HOME=str(daemon.folder / "state")),
@@ -86,4 +93,3 @@ def test_servos_that_are_powered_later_are_found_then(bus, tmp_path):
     assert daemon.process.stdout.readline().startswith("ready")
     with connect(daemon.socket) as robot:
         assert robot.state().devices["gimbal"].state.name == "HOLDING"
-    daemon.end()
