@@ -44,8 +44,8 @@ _HOMES = {
     "bench": "bench",
     "sim": "sim",
     "service": "service",
-    "lease": "lease",
-    "audit": "audit",
+    "lease": "access_commands",
+    "audit": "access_commands",
     "fleet": "fleet",
 }
 """The module of each command, or group of commands, in the order of the help."""

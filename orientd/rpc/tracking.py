@@ -5,7 +5,6 @@ from __future__ import annotations
 import queue
 import sys
 import threading
-from types import TracebackType
 from typing import Literal, Self, get_args
 
 import grpc
@@ -54,12 +53,7 @@ class Tracking:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     @property

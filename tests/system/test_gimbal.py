@@ -16,13 +16,6 @@ pytest.importorskip("dynamixel_sdk")
 
 
 @pytest.fixture
-def bus(tmp_path):
-    it = EmulatedGimbal(tmp_path / "bus")
-    yield it
-    it.end()
-
-
-@pytest.fixture
 def daemon(bus, tmp_path):
     it = GimbalDaemon(tmp_path, bus.link).start()
     yield it

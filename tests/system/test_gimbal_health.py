@@ -6,20 +6,13 @@ import urllib.request
 
 import pytest
 from command_line import begin, environment, orientd
-from gimbal_bench import EmulatedGimbal, GimbalDaemon
+from gimbal_bench import GimbalDaemon
 from harness import until
 
 from orientd import connect
 from orientd.recorder import reader
 
 pytest.importorskip("dynamixel_sdk")
-
-
-@pytest.fixture
-def bus(tmp_path):
-    it = EmulatedGimbal(tmp_path / "bus")
-    yield it
-    it.end()
 
 
 @pytest.fixture
