@@ -201,8 +201,10 @@ def statistics(of: Statistics, plan: Plan) -> list[str]:
         share = 100.0 * measured / promised.limit
         return f"{measured:.5g} of {promised.limit:.5g} {unit} ({share:.1f} %)"
 
+    stalls = f"{count(of.stalls, 'time')}, as the servo process did not run: see `orientd doctor`"
     return [
         f"cycles               {of.cycles}, {count(of.overruns, 'overrun')}, {of.missed} missed",
+        *([f"on from rest         {stalls}"] if of.stalls else []),
         f"lateness             {percentiles} / {milliseconds(late.largest)} "
         "(p50 / p99 / p99.9 / max)",
         f"velocity sent        {against(of.velocity, limits.peak_velocity, 'rad/s')}",

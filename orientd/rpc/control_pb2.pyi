@@ -839,7 +839,7 @@ class Durations(_message.Message):
     def __init__(self, p50: _Optional[float] = ..., p99: _Optional[float] = ..., p99_9: _Optional[float] = ..., largest: _Optional[float] = ...) -> None: ...
 
 class MotionStatistics(_message.Message):
-    __slots__ = ("cycles", "overruns", "missed", "lateness", "work", "velocity", "acceleration", "jerk", "path_error", "tracking_error", "start_velocity_error", "end_velocity_error")
+    __slots__ = ("cycles", "overruns", "missed", "lateness", "work", "velocity", "acceleration", "jerk", "path_error", "tracking_error", "start_velocity_error", "end_velocity_error", "stalls")
     CYCLES_FIELD_NUMBER: _ClassVar[int]
     OVERRUNS_FIELD_NUMBER: _ClassVar[int]
     MISSED_FIELD_NUMBER: _ClassVar[int]
@@ -852,6 +852,7 @@ class MotionStatistics(_message.Message):
     TRACKING_ERROR_FIELD_NUMBER: _ClassVar[int]
     START_VELOCITY_ERROR_FIELD_NUMBER: _ClassVar[int]
     END_VELOCITY_ERROR_FIELD_NUMBER: _ClassVar[int]
+    STALLS_FIELD_NUMBER: _ClassVar[int]
     cycles: int
     overruns: int
     missed: int
@@ -864,7 +865,8 @@ class MotionStatistics(_message.Message):
     tracking_error: float
     start_velocity_error: float
     end_velocity_error: float
-    def __init__(self, cycles: _Optional[int] = ..., overruns: _Optional[int] = ..., missed: _Optional[int] = ..., lateness: _Optional[_Union[Durations, _Mapping]] = ..., work: _Optional[_Union[Durations, _Mapping]] = ..., velocity: _Optional[float] = ..., acceleration: _Optional[float] = ..., jerk: _Optional[float] = ..., path_error: _Optional[float] = ..., tracking_error: _Optional[float] = ..., start_velocity_error: _Optional[float] = ..., end_velocity_error: _Optional[float] = ...) -> None: ...
+    stalls: int
+    def __init__(self, cycles: _Optional[int] = ..., overruns: _Optional[int] = ..., missed: _Optional[int] = ..., lateness: _Optional[_Union[Durations, _Mapping]] = ..., work: _Optional[_Union[Durations, _Mapping]] = ..., velocity: _Optional[float] = ..., acceleration: _Optional[float] = ..., jerk: _Optional[float] = ..., path_error: _Optional[float] = ..., tracking_error: _Optional[float] = ..., start_velocity_error: _Optional[float] = ..., end_velocity_error: _Optional[float] = ..., stalls: _Optional[int] = ...) -> None: ...
 
 class MoveSummary(_message.Message):
     __slots__ = ("motion_number", "outcome", "text", "statistics", "settled_after", "start_lateness", "start_skew")

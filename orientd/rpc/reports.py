@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from orientd.rotation import Floats
     from orientd.rpc.descriptions import PartReport
 
-
 Outline = tuple["Floats", ...]
 """A device's shape: lines from point to point in the world, m, each of shape ``(n, 3)``."""
 
@@ -112,8 +111,7 @@ class Progress:
         omega_body: angular velocity sent last, rad/s.
         position: position sent last, m.
         lateness: the largest one of the cycles since the report before, s.
-        tracking_error: angle between what was sent and what was reported, rad; ``None`` without
-            feedback.
+        tracking_error: angle between what was sent and reported, rad; ``None`` without feedback.
         overruns: cycles of this motion so far that began more than half a period late.
     """
 
@@ -155,6 +153,7 @@ class Statistics:
         cycles: setpoints sent.
         overruns: cycles that began more than half a period late.
         missed: deadlines that were left out altogether.
+        stalls: times that it went on from rest, after its process had not run for a while.
         lateness: how late the cycles began.
         work: how long they worked.
         velocity: largest backward difference of the orientations sent, rad/s.
@@ -170,6 +169,7 @@ class Statistics:
     cycles: int
     overruns: int
     missed: int
+    stalls: int
     lateness: Durations
     work: Durations
     velocity: float

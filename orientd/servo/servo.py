@@ -50,7 +50,7 @@ from orientd.stream import (
 
 # Looking a member up in its enumeration takes longer than comparing it.
 _DRIVEN = (ServoState.STREAMING, ServoState.TRACKING)
-_WRITTEN, _FEEDBACK = int(CycleFlag.WRITTEN), int(CycleFlag.FEEDBACK)
+_FEEDBACK, _WRITTEN, _FROM_REST = map(int, CycleFlag)
 
 _NEVER_TOO_LATE = (Command.STOP, Command.HALT, Command.SHUTDOWN)
 
@@ -368,9 +368,9 @@ class Servo:
         self, deadline_ns: int, lateness_ns: int, point: PathPoint, *, is_written: bool
     ) -> None:
         measured = self._feedback or _NO_FEEDBACK
+        setpoints, ring, follower = self.setpoints, self._memory.cycles, self.setpoints.follower
         flags = (_WRITTEN if is_written else 0) | (_FEEDBACK if self._feedback else 0)
-        setpoints, ring = self.setpoints, self._memory.cycles
-        follower = setpoints.follower
+        flags |= _FROM_REST if setpoints.is_from_rest else 0
         record = CYCLE_RECORD.pack(
             ring.next,
             deadline_ns,

@@ -49,6 +49,7 @@ class SetpointGenerator:
         last: the last setpoint.
         path_clock: how fast the path is run through.
         follower: where on the path the setpoint is.
+        is_from_rest: whether motion goes on from rest with this cycle, after a stall.
     """
 
     def __init__(
@@ -90,6 +91,7 @@ class SetpointGenerator:
         self._is_waiting = False
         self._escape: Iterator[tuple[Quaternion, Vector3]] | None = None
         self._moved_ns, self._sent, self._is_there = 0, IDENTITY, False
+        self.is_from_rest = False
 
     @property
     def is_moving(self) -> bool:
@@ -106,7 +108,8 @@ class SetpointGenerator:
     def step(self, deadline_ns: int, now_ns: int) -> PathPoint:
         """Return the setpoint of the cycle that was due at *deadline_ns* and runs at *now_ns*."""
         gap_ns, self._moved_ns = now_ns - self._moved_ns, now_ns
-        if gap_ns > self._stalls.shortest_ns and self.is_moving:
+        self.is_from_rest = gap_ns > self._stalls.shortest_ns and self.is_moving
+        if self.is_from_rest:
             self._go_on_from_rest(gap_ns)
         state = self.state  # not is_moving: a call
         if state is _STREAMING or state is _STOPPING or state is _TRACKING:
@@ -197,10 +200,8 @@ class SetpointGenerator:
         self.path_clock.halt()
         # Where a narrower limit is broken already, what there is of it is taken away.
         speed = max(leg.servo_limits.linear_velocity, norm(guard.velocity))
-        self._servo_limits, self.motion = (
-            replace(leg.servo_limits, linear_velocity=speed),
-            leg.number,
-        )
+        self._servo_limits = replace(leg.servo_limits, linear_velocity=speed)
+        self.motion = leg.number
         self._sent, self._is_there = guard.q, False
         self._pursuit.begin(guard.q, guard.omega, guard.alpha, leg.servo_limits)
         self.state = following
@@ -281,11 +282,10 @@ class SetpointGenerator:
             self._finish(Event.REST)
         if rate == 1.0 == before:
             return path
-        change = (rate - before) / clock.period
         return PathPoint(
             path.q,
             combine(path.omega_body, rate, path.omega_body, 0.0),
-            combine(path.alpha_body, rate * rate, path.omega_body, change),
+            combine(path.alpha_body, rate * rate, path.omega_body, (rate - before) / clock.period),
             path.position,
             combine(path.velocity, rate, path.velocity, 0.0),
         )

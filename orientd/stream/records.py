@@ -118,6 +118,8 @@ class CycleFlag(IntEnum):
     """There is feedback at all."""
     WRITTEN = 2
     """A setpoint was written in this cycle."""
+    FROM_REST = 4
+    """Motion goes on from rest: the process had not run for so long that the device had stopped."""
 
 
 NO_AXES: Vector3 = (math.inf, math.inf, math.inf)

@@ -29,6 +29,7 @@ def _statistics(measured: MotionStatistics) -> Statistics:
         cycles=measured.cycles,
         overruns=measured.overruns,
         missed=measured.missed,
+        stalls=measured.stalls,
         lateness=_durations(measured.lateness),
         work=_durations(measured.work),
         velocity=measured.velocity,

@@ -69,6 +69,8 @@ class MotionStatistics:
         cycles: setpoints sent.
         overruns: cycles that began more than half a period late.
         missed: deadlines that passed altogether.
+        stalls: how often motion went on from rest, since the servo process had not run for a while;
+            what was sent before and after is not differentiated across it.
         lateness: how late the cycles began.
         work: how long the cycles worked.
         velocity: largest angular velocity sent, rad/s, by backward differences.
@@ -84,6 +86,7 @@ class MotionStatistics:
     cycles: int = 0
     overruns: int = 0
     missed: int = 0
+    stalls: int = 0
     lateness: Lateness = field(default_factory=Lateness)
     work: Lateness = field(default_factory=Lateness)
     velocity: float = 0.0
@@ -128,7 +131,7 @@ class MotionMeter:
         self._lateness, self._work = Histogram(), Histogram()
         self._cycles = 0
         self._counters: tuple[int, int] | None = None
-        self._overruns = self._missed = 0
+        self._overruns = self._missed = self._stalls = 0
         self._peaks = [0.0, 0.0, 0.0]
         self._path_error = self._tracking_error = 0.0
         self._before: Table | None = None
@@ -175,9 +178,14 @@ class MotionMeter:
         if self._after is not None:
             self._last_q, self._omega, self._alpha = self._after.last
             self._after = None
-        self._differentiate(np.vstack([self._last_q, block["sent_q"]]))
+        (resumed,) = np.nonzero(block["flags"] & CycleFlag.FROM_REST)
+        for number, sent in enumerate(np.split(block["sent_q"], resumed)):
+            if number:
+                self._omega, self._alpha = np.zeros(3), np.zeros(3)
+            if len(sent):
+                self._differentiate(sent)
+        self._stalls += len(resumed)
         self._compare(block)
-        self._last_q = block["sent_q"][-1]
 
     @property
     def last(self) -> tuple[Floats, Floats, Floats]:
@@ -190,6 +198,7 @@ class MotionMeter:
             cycles=self._cycles,
             overruns=self._overruns,
             missed=self._missed,
+            stalls=self._stalls,
             lateness=_lateness(self._lateness),
             work=_lateness(self._work),
             velocity=self._peaks[0],
@@ -217,12 +226,12 @@ class MotionMeter:
         self.began_ns = int(sent["deadline_ns"] + sent["lateness_ns"] + round(late_ns))
         return block[first:]
 
-    def _differentiate(self, q: NDArray[np.float64]) -> None:
-        h = self._motion.facts.period
+    def _differentiate(self, sent: NDArray[np.float64]) -> None:
+        h, q = self._motion.facts.period, np.vstack([self._last_q, sent])
         omega = rotation.log(rotation.multiply(rotation.conjugate(q[:-1]), q[1:])) / h
         alpha = np.diff(np.vstack([self._omega, omega]), axis=0) / h
         jerk = np.diff(np.vstack([self._alpha, alpha]), axis=0) / h
-        self._omega, self._alpha = omega[-1], alpha[-1]
+        self._last_q, self._omega, self._alpha = sent[-1], omega[-1], alpha[-1]
         for k, derivative in enumerate((omega, alpha, jerk)):
             largest = float(np.sqrt((derivative**2).sum(axis=1).max()))
             self._peaks[k] = max(self._peaks[k], largest)

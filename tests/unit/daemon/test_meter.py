@@ -6,7 +6,7 @@ import pytest
 from orientd import planner, rotation
 from orientd.daemon.motions.meter import Histogram, MotionMeter
 from orientd.recorder.cycle_table import CYCLES
-from orientd.stream import ServoState
+from orientd.stream import CycleFlag, ServoState
 
 PERIOD = 0.002
 FIRST = 700  # index in the path ring
@@ -57,6 +57,21 @@ def measure(motion, cycles, sizes=(64,)):
         meter.add([record.tobytes() for record in cycles[begin:end]])
         begin, turn = end, turn + 1
     return meter.statistics()
+
+
+@pytest.mark.parametrize("sizes", [(64,), (50,), (51,), (1,)])
+def test_stops_for_a_stall_are_counted_and_not_differentiated(motion, sizes):
+    cycles, rate = sent(motion)[:103], 0.5
+    cycles["state"][3:] = ServoState.STREAMING
+    turned = 0.5 * rate * (np.arange(51) * PERIOD) ** 2
+    turns = np.zeros((103, 3))
+    turns[2:53, 2], turns[52:, 2] = turned, turned[-1] + turned
+    cycles["sent_q"] = rotation.from_rotation_vector(turns)
+    assert measure(motion, cycles, sizes).acceleration == pytest.approx(0.05 / PERIOD, rel=0.05)
+    cycles["flags"][53] |= CycleFlag.FROM_REST
+    found = measure(motion, cycles, sizes)
+    assert found.stalls == 1
+    assert found.acceleration == pytest.approx(rate, rel=1e-6)
 
 
 def test_what_was_sent_as_planned_measures_as_certified(motion):

@@ -119,6 +119,7 @@ STATISTICS = Statistics(
     cycles=10,
     overruns=2,
     missed=1,
+    stalls=3,
     lateness=Durations(1.0, 2.0, 3.0, 4.0),
     work=Durations(5.0, 6.0, 7.0, 8.0),
     velocity=1.0,

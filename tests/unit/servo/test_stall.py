@@ -7,7 +7,16 @@ from rig import PERIOD, PERIOD_NS, TERMS, Rig, peaks, turn
 from orientd import rotation
 from orientd.errors import Fault
 from orientd.servo.stall import SHORTEST_NS, Stalls
-from orientd.stream import GIVEN_UP_WORD, NOT_GIVEN, UNKNOWN, Answer, Command, NoteKind, ServoState
+from orientd.stream import (
+    GIVEN_UP_WORD,
+    NOT_GIVEN,
+    UNKNOWN,
+    Answer,
+    Command,
+    CycleFlag,
+    NoteKind,
+    ServoState,
+)
 
 LIMITS = (TERMS.velocity, TERMS.acceleration, TERMS.jerk)
 
@@ -51,14 +60,15 @@ def test_motion_goes_on_from_rest_inside_the_limits(state, stall_ms):
 def test_first_setpoint_after_a_stall_is_where_the_device_has_come_to_rest():
     rig, _ = moving()
     before = rig.sent()[-1]
-    rig.stall(200)
+    assert not rig.cycle.flags & CycleFlag.FROM_REST
+    assert rig.stall(200).flags & CycleFlag.FROM_REST
     step = rotation.angle(before, rig.sent()[-1])
     assert step <= TERMS.acceleration * PERIOD**2
 
 
 def test_shorter_gap_is_ridden_out_as_planned():
     rig, path = moving()
-    rig.stall(SHORTEST_NS / 1e6 - 4)
+    assert not rig.stall(SHORTEST_NS / 1e6 - 4).flags & CycleFlag.FROM_REST
     rig.run_until(lambda servo: servo.state is ServoState.HOLDING)
     sent = rig.sent()
     begin = np.any(sent != sent[0], axis=1).argmax() - 1
