@@ -19,6 +19,8 @@ Written = tuple[str, Any]
 
 
 def _quaternion(content: object) -> Quaternion:
+    if not isinstance(content, Mapping):  # of four numbers nobody knows the order
+        raise plain.wrong("{w: ..., x: ..., y: ..., z: ...}", content)
     read = plain.keys(content, dict.fromkeys("wxyz", plain.number), "wxyz")
     return read["w"], read["x"], read["y"], read["z"]
 

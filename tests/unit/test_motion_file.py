@@ -150,7 +150,7 @@ def test_euler_angles_take_any_order_fixed_or_turning():
         (
             "keyframes:\n  - {quaternion: [1, 0, 0, 0]}\n" + SECOND,
             "keyframes[0].quaternion",
-            "expected a mapping, got [1, 0, 0, 0]",
+            "expected {w: ..., x: ..., y: ..., z: ...}, got [1, 0, 0, 0]",
         ),
         (KEYFRAMES + "  - {turns: 0.5}", "keyframes[2].turns", "expected a whole number, got 0.5"),
         # Numbers

@@ -91,6 +91,7 @@ def verify(
     begins and ends.
     """
     from orientd import config as configuration
+    from orientd.cli.texts import count
     from orientd.daemon import audit_path, verify_audit
 
     if file is None:
@@ -102,7 +103,7 @@ def verify(
         say_json({"is_whole": not found.problems, **vars(found)})
     else:
         before = f", those before line {found.first} forgotten" if found.first > 1 else ""
-        say(f"{found.lines} lines in {len(found.files)} files{before}")
+        say(f"{count(found.lines, 'line')} in {count(len(found.files), 'file')}{before}")
         say(f"the last is line {found.last}, {found.digest}", *found.problems)
     if found.problems:
         raise OrientdError(f"{file}: the chain is broken in {len(found.problems)} places")
