@@ -48,7 +48,7 @@ class Driver(ABC):
 
     @property
     def speed_scaling(self) -> float:
-        """How fast the device itself lets motions run, 0 to 1; the path clock follows it."""
+        """How fast the device itself lets motions run, 0 to 1; the time scaling follows it."""
         return 1.0
 
     def deadline_shift_ns(self, deadline_ns: int) -> int:  # noqa: ARG002 - most devices are always ready

@@ -106,7 +106,7 @@ class Progress:
         duration: the whole of it, s.
         state: what the servo is doing.
         is_paused: whether it stands, or comes to stand, on its path.
-        speed: rate of the path clock; 1 is as planned.
+        speed: rate of the time scaling; 1 is as planned.
         q: orientation sent last, ``(w, x, y, z)``.
         omega_body: angular velocity sent last, rad/s.
         position: position sent last, m.

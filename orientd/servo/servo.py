@@ -242,9 +242,9 @@ class Servo:
         index, code, motion, path_index, leave, final, start_ns, speed, *servo_limits = fields
         if index < ring.words[GIVEN_UP_WORD] and code not in _NEVER_TOO_LATE:
             return
-        leg = PathPart(motion, path_index, ServoLimits.from_floats(servo_limits), leave, final)
+        part = PathPart(motion, path_index, ServoLimits.from_floats(servo_limits), leave, final)
         try:
-            text = self._obey(Command(code), leg, speed, start_ns)
+            text = self._obey(Command(code), part, speed, start_ns)
             answer = Answer.REFUSED if text else Answer.DONE
         except StateError as error:
             is_early = isinstance(error, NotYetError)
@@ -264,7 +264,7 @@ class Servo:
             setpoints.stop(Event.STOP)
         pulse[TAKEN_WORD] = self._stops
 
-    def _obey(self, command: Command, leg: PathPart, speed: float, start_ns: int) -> str:
+    def _obey(self, command: Command, part: PathPart, speed: float, start_ns: int) -> str:
         """Carry out one command; return why it was refused, or nothing."""
         setpoints = self.setpoints
         if command is Command.STOP:
@@ -272,13 +272,13 @@ class Servo:
         elif command is Command.SPEED:
             return setpoints.set_speed(speed)
         elif command is Command.START:
-            return setpoints.start(leg, speed, start_ns)
+            return setpoints.start(part, speed, start_ns)
         elif command is Command.SPLICE:
-            return setpoints.splice(leg)
+            return setpoints.splice(part)
         elif command is Command.HALT:
             setpoints.halt()
         elif command is Command.TRACK:
-            setpoints.track(leg)
+            setpoints.track(part)
         elif command is Command.TUNE:
             return self._tune()
         elif command is Command.ENABLE:
@@ -385,7 +385,7 @@ class Servo:
             self.overruns,
             self.missed,
             follower.fraction,
-            setpoints.path_clock.rate,
+            setpoints.time_scaling.rate,
             *point.q,
             *point.omega_body,
             *point.alpha_body,

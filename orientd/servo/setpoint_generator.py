@@ -47,7 +47,7 @@ class SetpointGenerator:
         fault_text: the same in words.
         motion: number of the motion that the setpoints belong to; 0 before the first.
         last: the last setpoint.
-        path_clock: how fast the path is run through.
+        time_scaling: how fast the path is run through.
         follower: where on the path the setpoint is.
         is_from_rest: whether motion goes on from rest with this cycle, after a stall.
     """
@@ -76,10 +76,10 @@ class SetpointGenerator:
         self.fault_text = ""
         self.motion = 0
         self.last = PathPoint(IDENTITY, ZERO, ZERO, ZERO, ZERO)
-        self.path_clock = TimeScaling(period)
+        self.time_scaling = TimeScaling(period)
         self.follower = PathFollower(memory.path, period, _NO_LIMITS)
         self._guard = Guard(period)
-        self._brake_law = BrakeLaw(self.path_clock, self.follower, self._guard)
+        self._brake_law = BrakeLaw(self.time_scaling, self.follower, self._guard)
         self._pursuit = TargetFollower(memory.targets, period)
         self._stalls = Stalls(period_ns, stall_ns)
         self._driver = driver
@@ -90,8 +90,7 @@ class SetpointGenerator:
         self._start_ns = UNKNOWN
         self._is_waiting = False
         self._escape: Iterator[tuple[Quaternion, Vector3]] | None = None
-        self._moved_ns, self._sent, self._is_there = 0, IDENTITY, False
-        self.is_from_rest = False
+        self._moved_ns, self._sent, self._is_there, self.is_from_rest = 0, IDENTITY, False, False
 
     @property
     def is_moving(self) -> bool:
@@ -124,7 +123,7 @@ class SetpointGenerator:
         """Begin at rest at *q* and *position*."""
         self.last = PathPoint(q, ZERO, ZERO, position, ZERO)
         self._guard.anchor(q, position)
-        self.path_clock.halt()
+        self.time_scaling.halt()
 
     @property
     def is_following(self) -> bool:
@@ -159,57 +158,57 @@ class SetpointGenerator:
         self.state = advance(self.state, Event.RESET)
         self.fault, self.fault_text = Fault.NONE, ""
 
-    def start(self, leg: PathPart, speed: float, start_ns: int) -> str:
+    def start(self, part: PathPart, speed: float, start_ns: int) -> str:
         """Stream the path that *part* begins, from *start_ns* on; return why not, or nothing."""
         following = advance(self.state, Event.START)
-        first = self.follower.peek(leg.first)
+        first = self.follower.peek(part.first)
         if first is None:
-            return f"path record {leg.first} is not in the ring"
+            return f"path record {part.first} is not in the ring"
         gap = norm(difference(self.last.q, first.q))
         if not gap <= _START_TOLERANCE:
             return f"the path begins {gap:.3g} rad from the commanded orientation"
-        brake_rate = leg.servo_limits.brake_rate
+        brake_rate = part.servo_limits.brake_rate
         if not (brake_rate > 0.0 and 0.0 <= speed <= 1.0):
             return f"brake rate and speed must be positive, got {brake_rate!r} and {speed!r}"
         self._speed = speed
         self._start_ns, self._is_waiting = start_ns, True
-        self.path_clock.begin(brake_rate, 0.0)
-        self.follower.begin(leg)
-        self._adopt(leg)
+        self.time_scaling.begin(brake_rate, 0.0)
+        self.follower.begin(part)
+        self._adopt(part)
         self.state = following
         return ""
 
-    def splice(self, leg: PathPart) -> str:
+    def splice(self, part: PathPart) -> str:
         """Replace the rest of the path, or follow at its end; return why not, or nothing."""
         following = advance(self.state, Event.SPLICE)
-        clock, brake_rate = self.path_clock, leg.servo_limits.brake_rate
+        scaling, brake_rate = self.time_scaling, part.servo_limits.brake_rate
         if not brake_rate > 0.0:
             return f"brake rate must be positive, got {brake_rate!r}"
-        if clock.is_led or (not clock.is_steady and brake_rate < clock.brake_rate):
+        if scaling.is_led or (not scaling.is_steady and brake_rate < scaling.brake_rate):
             raise NotYetError("the speed is changing")
-        problem = self.follower.splice(leg)
+        problem = self.follower.splice(part)
         if not problem:
             self._brake_as_promised()
             self.state = following
         return problem
 
-    def track(self, leg: PathPart) -> None:
+    def track(self, part: PathPart) -> None:
         """Follow targets from here on, whatever moves at present."""
         following = advance(self.state, Event.TRACK)
         guard = self._guard
-        self.path_clock.halt()
+        self.time_scaling.halt()
         # Where a narrower limit is broken already, what there is of it is taken away.
-        speed = max(leg.servo_limits.linear_velocity, norm(guard.velocity))
-        self._servo_limits = replace(leg.servo_limits, linear_velocity=speed)
-        self.motion = leg.number
+        speed = max(part.servo_limits.linear_velocity, norm(guard.velocity))
+        self._servo_limits = replace(part.servo_limits, linear_velocity=speed)
+        self.motion = part.number
         self._sent, self._is_there = guard.q, False
-        self._pursuit.begin(guard.q, guard.omega, guard.alpha, leg.servo_limits)
+        self._pursuit.begin(guard.q, guard.omega, guard.alpha, part.servo_limits)
         self.state = following
 
     def stop(self, event: Event) -> None:
         """Begin to come to rest, on the path or away from the target."""
         following = advance(self.state, event)
-        self.path_clock.target = 0.0
+        self.time_scaling.target = 0.0
         self._pursuit.cease()
         self.state = following
 
@@ -230,7 +229,7 @@ class SetpointGenerator:
         self.fault, self.fault_text = fault, text
         self._escape = None
         self._pursuit.end()
-        self.path_clock.halt()
+        self.time_scaling.halt()
         self.state = advance(self.state, Event.FAIL)
         self._on_fault(fault, text)
         return True
@@ -243,7 +242,7 @@ class SetpointGenerator:
             return self._step_off_path()
         if self._pursuit.is_on:
             return self._follow(deadline_ns)
-        clock, follower, share = self.path_clock, self.follower, 1.0
+        scaling, follower, share = self.time_scaling, self.follower, 1.0
         if self.state is _STREAMING:
             speed = self._speed * self._driver.speed_scaling
             if self._is_waiting:
@@ -252,40 +251,41 @@ class SetpointGenerator:
                     return self._held
                 self._is_waiting = False
                 # The path is at rest there: it needs no run-up in time.
-                clock.begin(clock.brake_rate, speed)
-            clock.target = speed
-            if not follower.reaches(clock.braking_cycles):
+                scaling.begin(scaling.brake_rate, speed)
+            scaling.target = speed
+            if not follower.reaches(scaling.braking_cycles):
                 self.brake(Fault.PATH_STARVED, "the daemon did not deliver the path in time")
-        before, leg = clock.rate, follower.leg
-        if clock.is_led or clock.target == 0.0 < before:
+        before, part = scaling.rate, follower.part
+        if scaling.is_led or scaling.target == 0.0 < before:
             rate = self._brake_law.advance(self._servo_limits, may_end=self.state is _STOPPING)
         else:
-            rate = clock.advance()
+            rate = scaling.advance()
         try:
             path, place = follower.look(rate * share)
-            servo_limits = self._servo_limits if place.leg is leg else place.leg.servo_limits
+            servo_limits = self._servo_limits if place.part is part else place.part.servo_limits
             problem = self._guard.admit(path.q, path.position, servo_limits)
-            if problem and not clock.is_led and (rate != 1.0 or follower.fraction):
+            if problem and not scaling.is_led and (rate != 1.0 or follower.fraction):
                 path, place, rate, problem = self._ease(path, place, rate, problem)
         except StarvedError as error:
             return self.leave_path(Fault.PATH_STARVED, str(error))
         follower.move(place)
-        if follower.leg is not leg:
-            self._adopt(follower.leg)
+        if follower.part is not part:
+            self._adopt(follower.part)
         if problem:
             return self.leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")
         if follower.is_at_end:
-            clock.halt()
+            scaling.halt()
             self._finish(Event.FINISH if self.state is _STREAMING else Event.REST)
             return path
-        if self.state is _STOPPING and clock.is_at_rest and before == 0.0:
+        if self.state is _STOPPING and scaling.is_at_rest and before == 0.0:
             self._finish(Event.REST)
         if rate == 1.0 == before:
             return path
+        change = (rate - before) / scaling.period
         return PathPoint(
             path.q,
             combine(path.omega_body, rate, path.omega_body, 0.0),
-            combine(path.alpha_body, rate * rate, path.omega_body, (rate - before) / clock.period),
+            combine(path.alpha_body, rate * rate, path.omega_body, change),
             path.position,
             combine(path.velocity, rate, path.velocity, 0.0),
         )
@@ -309,21 +309,21 @@ class SetpointGenerator:
         Where the path bends sharply the differences between its records may be somewhat larger than
         on them, on which the certificate has looked: a little slower or faster keeps the limits.
         """
-        clock, follower, guard = self.path_clock, self.follower, self._guard
-        leg = place.leg
-        servo_limits = self._servo_limits if leg is follower.leg else leg.servo_limits
+        scaling, follower, guard = self.time_scaling, self.follower, self._guard
+        part = place.part
+        servo_limits = self._servo_limits if part is follower.part else part.servo_limits
         past, tried, other = Past(guard.omega, guard.alpha, guard.velocity), path, rate
         for _ in range(_EASINGS):
             rates = guard.rates(tried.q, tried.position)
-            found = eased(past, *rates, tried, other, servo_limits, clock.period)
+            found = eased(past, *rates, tried, other, servo_limits, scaling.period)
             if found is None or found + follower.fraction >= 2.0:
                 break
             seen, there = follower.look(found)
-            if there.leg is not leg:
+            if there.part is not part:
                 break
             other, tried = found, seen
             if not guard.admit(tried.q, tried.position, servo_limits):
-                clock.ease(other)
+                scaling.ease(other)
                 return tried, there, other, ""
         return path, place, rate, problem
 
@@ -331,7 +331,7 @@ class SetpointGenerator:
         """Have what moved go on from where the device has come to rest, if it may."""
         guard = self._guard
         guard.anchor(guard.q, guard.position)
-        self.path_clock.halt()
+        self.time_scaling.halt()
         self._escape = None
         problem = self._stalls.complain(stall_ns)
         if self.state is _STOPPING:
@@ -373,28 +373,28 @@ class SetpointGenerator:
         step = next(self._escape, None) if self._escape is not None else None
         if step is None:
             self._escape = None
-            self.path_clock.halt()
+            self.time_scaling.halt()
             self._finish(Event.REST)
             return PathPoint(guard.q, ZERO, ZERO, guard.position, ZERO)
         return PathPoint(step[0], guard.omega, guard.alpha, step[1], guard.velocity)
 
     def _finish(self, event: Event) -> None:
         """Go to rest: into holding, or into the fault that made the stop necessary."""
-        self.path_clock.halt()
+        self.time_scaling.halt()
         self._pursuit.end()
         if self.fault is not _NO_FAULT:
             self.fail(self.fault, self.fault_text)
         else:
             self.state = advance(self.state, event)
 
-    def _adopt(self, leg: PathPart) -> None:
+    def _adopt(self, part: PathPart) -> None:
         """Keep what the motion promised that the path has come to."""
-        self._servo_limits = leg.servo_limits
-        self.motion = leg.number
+        self._servo_limits = part.servo_limits
+        self.motion = part.number
         self._brake_as_promised()
 
     def _brake_as_promised(self) -> None:
         """Stop as what is on the path permits, and never slower than a change under way."""
-        slowest, clock = self.follower.slowest_brake_rate, self.path_clock
-        if not clock.is_led and (clock.is_steady or slowest > clock.brake_rate):
-            clock.brake_rate = slowest
+        slowest, scaling = self.follower.slowest_brake_rate, self.time_scaling
+        if not scaling.is_led and (scaling.is_steady or slowest > scaling.brake_rate):
+            scaling.brake_rate = slowest

@@ -223,7 +223,7 @@ class Cycle:
         overruns: cycles so far that began more than half a period late.
         missed: deadlines so far that were skipped altogether.
         path_fraction: where between two path records, in [0, 1).
-        speed: rate of the path clock, 1 is as planned.
+        speed: rate of the time scaling, 1 is as planned.
         q: orientation sent, ``(w, x, y, z)``.
         omega_body: angular velocity sent, rad/s.
         alpha_body: angular acceleration sent, rad/s^2.

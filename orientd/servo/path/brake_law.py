@@ -73,16 +73,16 @@ class BrakeLaw:
     """A stop of the time scaling that uses what the limits leave at each point of the path.
 
     Args:
-        clock: is handed over while a quick stop lasts.
+        scaling: is handed over while a quick stop lasts.
         follower: where the path is.
         guard: what was written.
     """
 
-    def __init__(self, clock: TimeScaling, follower: PathFollower, guard: Guard) -> None:
-        self._clock = clock
+    def __init__(self, scaling: TimeScaling, follower: PathFollower, guard: Guard) -> None:
+        self._scaling = scaling
         self._follower = follower
         self._guard = guard
-        self._steps = max(FEWEST_STEPS, round(STEPS_PER_SECOND * clock.period))
+        self._steps = max(FEWEST_STEPS, round(STEPS_PER_SECOND * scaling.period))
         self._is_coasting = False
         self._moves = -1
         self._taken = 0
@@ -96,14 +96,14 @@ class BrakeLaw:
         self._rates: list[float] = []
 
     def advance(self, servo_limits: ServoLimits, *, may_end: bool) -> float:
-        """Move the clock by one cycle of a stop and return the new rate.
+        """Advance the time scaling by one cycle of a stop and return the new rate.
 
         Args:
             servo limits: the limits.
             may_end: whether the end of the path is as good as a stop before it.
         """
-        clock = self._clock
-        if clock.moves != self._moves:
+        scaling = self._scaling
+        if scaling.moves != self._moves:
             self._renew(may_end=may_end)
         if self._rates:
             self._improve(servo_limits, may_end=may_end)
@@ -111,25 +111,25 @@ class BrakeLaw:
             self._rehearse(servo_limits, may_end=may_end)
         if self._rates:
             rate = self._rates.pop()
-            clock.lead(rate, is_last=rate == 0.0 and not self._rates)
+            scaling.lead(rate, is_last=rate == 0.0 and not self._rates)
         elif self._is_coasting:
-            clock.lead(clock.rate)
+            scaling.lead(scaling.rate)
         else:
-            clock.advance()
-        self._trouble -= clock.rate
-        self._moves = clock.moves
-        return clock.rate
+            scaling.advance()
+        self._trouble -= scaling.rate
+        self._moves = scaling.moves
+        return scaling.rate
 
     def _renew(self, *, may_end: bool) -> None:
         """Begin with another stop."""
-        clock = self._clock
+        scaling = self._scaling
         self._tries, self._expected, self._trouble, self._turning = 0, 0.0, 0.0, 0.0
         self._rollout, self._rates, self._is_straight = None, [], False
         self._choices = []
         # A path that ends sooner than the certified stop is left as it is.
-        rest = self._follower.records_left() * clock.period / clock.rate
-        is_even = clock.acceleration == 0.0
-        self._is_coasting = may_end and is_even and rest <= 1.0 / clock.brake_rate
+        rest = self._follower.records_left() * scaling.period / scaling.rate
+        is_even = scaling.acceleration == 0.0
+        self._is_coasting = may_end and is_even and rest <= 1.0 / scaling.brake_rate
 
     def _rehearse(self, servo_limits: ServoLimits, *, may_end: bool) -> None:
         """Go on with the rollout, or with others, as far as one cycle allows."""
@@ -210,7 +210,7 @@ class BrakeLaw:
         plan = self._choices.pop()
         reach = len(self._rates) if plan.until is not None else max(self._trouble, 0.0)
         return StopRollout(
-            self._clock,
+            self._scaling,
             self._follower,
             self._guard,
             lead=lead,
@@ -229,11 +229,11 @@ class BrakeLaw:
             _shortest(speed, push, servo_limits.acceleration, servo_limits.jerk),
             norm(past.velocity) / servo_limits.linear_acceleration,
         )
-        return time / self._clock.period
+        return time / self._scaling.period
 
     def _begin(self, servo_limits: ServoLimits) -> StopRollout:
         """Rehearse the next plan, from where the device is when that is over."""
-        guard, period = self._guard, self._clock.period
+        guard, period = self._guard, self._scaling.period
         past = Past(guard.omega, guard.alpha, guard.velocity)
         cycles = self._remaining(past, servo_limits)
         if self._tries == 0:
@@ -256,7 +256,7 @@ class BrakeLaw:
             cycles = max(cycles, (slowest + 2.4 * norm(guard.alpha) / servo_limits.jerk) / period)
         cycles = _ALLOWANCE * max(cycles, self._expected) + _SPARE
         return StopRollout(
-            self._clock,
+            self._scaling,
             self._follower,
             guard,
             lead=ceil(cycles / (self._steps - 1)) - 1,

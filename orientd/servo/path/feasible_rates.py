@@ -26,7 +26,7 @@ FASTEST = 1.02
 """Largest rate with which a sharp bend of the path is met."""
 
 _LEAST_RELEASE = 0.3
-_STILL = 1e-9  # rad/s: where the path stands still by itself, its clock does not matter
+_STILL = 1e-9  # rad/s: where the path stands still by itself, its rate does not matter
 
 
 class Past(NamedTuple):

@@ -74,7 +74,7 @@ class PathPlace(NamedTuple):
 
     record: int
     fraction: float
-    leg: PathPart
+    part: PathPart
     is_end: bool
 
 
@@ -93,7 +93,7 @@ class PathFollower:
         """Follow *ring*, whose records are *period* seconds of path time apart."""
         self.index = 0
         self.fraction = 0.0
-        self.leg = PathPart(0, 0, servo_limits)
+        self.part = PathPart(0, 0, servo_limits)
         self.is_at_end = False
         self.revision = 0
         self._reached = UNKNOWN
@@ -113,38 +113,38 @@ class PathFollower:
         fields = ring.read(index) or ring.read(index) or ring.read(index)
         return None if fields is None else point_of(fields)
 
-    def begin(self, leg: PathPart) -> None:
+    def begin(self, part: PathPart) -> None:
         """Stand on the first record of *part*, which is in the ring."""
-        self.leg = leg
+        self.part = part
         self.revision += 1
         self._ahead.clear()
-        self.index, self.fraction, self.is_at_end = leg.first, 0.0, False
+        self.index, self.fraction, self.is_at_end = part.first, 0.0, False
         self._reached = UNKNOWN
-        self._load(leg.first)
-        self._ring.words[TAIL_WORD] = leg.first
+        self._load(part.first)
+        self._ring.words[TAIL_WORD] = part.first
 
-    def splice(self, leg: PathPart) -> str:
+    def splice(self, part: PathPart) -> str:
         """Go over to *part* at its record ``leave``; what was to come after that is dropped.
 
         Returns:
             An empty string, or why that is not possible; then nothing has changed.
         """
-        if leg.leave < self.index + bool(self.fraction):
-            return f"the path has passed record {leg.leave}, it is at {self.index}"
-        legs = [self.leg, *self._ahead]
-        place = max(k for k, other in enumerate(legs) if other.first <= leg.leave)
-        if place + 1 < len(legs) and leg.leave > legs[place + 1].leave:
-            return f"record {leg.leave} is not on the path any more"
+        if part.leave < self.index + bool(self.fraction):
+            return f"the path has passed record {part.leave}, it is at {self.index}"
+        parts = [self.part, *self._ahead]
+        place = max(k for k, other in enumerate(parts) if other.first <= part.leave)
+        if place + 1 < len(parts) and part.leave > parts[place + 1].leave:
+            return f"record {part.leave} is not on the path any more"
         if place >= MOST_LEGS:
             return f"there are {place} motions ahead already"
-        old, new = self.peek(leg.leave), self.peek(leg.first)
+        old, new = self.peek(part.leave), self.peek(part.first)
         if old is None or new is None:
-            missing = leg.leave if old is None else leg.first
+            missing = part.leave if old is None else part.first
             return f"path record {missing} is not in the ring"
         problem = _differ(old, new)
         if problem:
             return problem
-        self._ahead = [*legs[1 : place + 1], leg]
+        self._ahead = [*parts[1 : place + 1], part]
         self._reached = UNKNOWN
         self.revision += 1
         return ""
@@ -152,23 +152,23 @@ class PathFollower:
     @property
     def slowest_brake_rate(self) -> float:
         """The least rate by which any part from here on may be slowed down, 1/s."""
-        return min(part.servo_limits.brake_rate for part in (self.leg, *self._ahead))
+        return min(part.servo_limits.brake_rate for part in (self.part, *self._ahead))
 
     @property
     def _final(self) -> int:
         """Index of the last part's last record, or :data:`UNKNOWN`."""
-        leg = self._ahead[-1] if self._ahead else self.leg
-        final = max(self._ring.words[FINAL_WORD] - 1, leg.final)
-        return final if final >= leg.first else UNKNOWN
+        part = self._ahead[-1] if self._ahead else self.part
+        final = max(self._ring.words[FINAL_WORD] - 1, part.final)
+        return final if final >= part.first else UNKNOWN
 
     def reaches(self, records: int) -> bool:
         """Whether the motion's end, or at least so many records beyond here, are in the ring."""
         if self.index + records <= self._reached:
             return True
         last, here, ahead = self._ring.head - 1, self.index, 0
-        for leg in self._ahead:
-            ahead += leg.leave - here
-            here = leg.first
+        for part in self._ahead:
+            ahead += part.leave - here
+            here = part.first
         self._reached = self.index + ahead + last - here
         if self.index + records <= self._reached:
             return True
@@ -187,14 +187,14 @@ class PathFollower:
 
         Nor is there one beyond a splice to a part of other servo limits.
         """
-        index, leg = self.index + records, self.leg
+        index, part = self.index + records, self.part
         for following in self._ahead:
             if index < following.leave:
                 break
-            if not following.servo_limits.has_limits_of(leg.servo_limits):
+            if not following.servo_limits.has_limits_of(part.servo_limits):
                 return None
-            index, leg = following.first + index - following.leave, following
-        is_last = leg is (self._ahead[-1] if self._ahead else self.leg)
+            index, part = following.first + index - following.leave, following
+        is_last = part is (self._ahead[-1] if self._ahead else self.part)
         if is_last and index > self._final != UNKNOWN:
             return None
         return self.peek(index)
@@ -207,23 +207,25 @@ class PathFollower:
         Raises:
             StarvedError: the path ends before that without being at rest.
         """
-        index, fraction, leg = self.index, self.fraction + records, self.leg
+        index, fraction, part = self.index, self.fraction + records, self.part
         if self._ahead and index == self._ahead[0].leave:
-            leg = self._ahead[0]
-            index = leg.first
+            part = self._ahead[0]
+            index = part.first
         if fraction >= 1.0:
             index, fraction = index + 1, fraction - 1.0
-            if leg is self.leg and self._ahead and index == self._ahead[0].leave:
-                leg = self._ahead[0]
-                index = leg.first
+            if part is self.part and self._ahead and index == self._ahead[0].leave:
+                part = self._ahead[0]
+                index = part.first
         is_end = False
-        if not self._ahead or (leg is not self.leg and len(self._ahead) == 1):
+        if not self._ahead or (part is not self.part and len(self._ahead) == 1):
             final = self._final
             if index >= final != UNKNOWN:
                 index, fraction, is_end = final, 0.0, True
         if index != self._loaded:
             self._load(index)
-        place = tuple.__new__(PathPlace, (index, fraction, leg, is_end))  # a call less than Place()
+        place = tuple.__new__(
+            PathPlace, (index, fraction, part, is_end)
+        )  # a call less than Place()
         if fraction == 0.0:
             return self._point, place
         if self._segment is None:  # else kept from the last time
@@ -235,9 +237,9 @@ class PathFollower:
 
     def move(self, place: PathPlace) -> None:
         """Go to where :meth:`look` has found a point."""
-        self.index, self.fraction, leg, self.is_at_end = place
-        if leg is not self.leg:
-            self.leg = leg
+        self.index, self.fraction, part, self.is_at_end = place
+        if part is not self.part:
+            self.part = part
             self._reached = UNKNOWN
             del self._ahead[0]
         self._ring.words[TAIL_WORD] = self.index

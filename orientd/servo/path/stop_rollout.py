@@ -95,7 +95,7 @@ class StopRollout:
 
     Attributes:
         rates: of the cycles rolled out so far.
-        lead: how many of them the certified law, a coasting clock, or another stop takes.
+        lead: how many of them the certified law, a steady rate, or another stop takes.
         plan: how to stop.
         outcome: of the rollout so far.
         past: how the device moves after it.
@@ -104,7 +104,7 @@ class StopRollout:
 
     def __init__(
         self,
-        clock: TimeScaling,
+        scaling: TimeScaling,
         follower: PathFollower,
         guard: Guard,
         *,
@@ -116,19 +116,19 @@ class StopRollout:
         """Begin at the present cycle, before it has moved anything.
 
         Args:
-            clock: as it is.
+            scaling: as it is.
             follower: where the path is.
             guard: what was written.
             lead: cycles before the plan begins.
             plan: how to stop.
-            is_coasting: whether the clock keeps its rate until then.
+            is_coasting: whether the rate is kept until then.
             along: rates of those cycles, where no certified law decides on them.
         """
         self.rates: list[float] = []
         self.lead = lead
         self.plan = plan
         self.outcome = RolloutOutcome.UNFINISHED
-        self._clock = copy(clock)
+        self._scaling = copy(scaling)
         self._is_coasting = is_coasting
         self._along = along
         self._follower = follower
@@ -136,7 +136,7 @@ class StopRollout:
         self._passed, self._here = 0, follower.index
         self._index, self._fraction = 0, follower.fraction
         self.past = Past(guard.omega, guard.alpha, guard.velocity)
-        self._rate, self._change = clock.rate, clock.acceleration * clock.period
+        self._rate, self._change = scaling.rate, scaling.acceleration * scaling.period
         self._pieces: dict[int, Piece] = {}
         self.gone = 0.0
         self._is_past = not plan.passes
@@ -206,7 +206,7 @@ class StopRollout:
             self.rates.append(rate)
             self.outcome = RolloutOutcome.END if may_end else RolloutOutcome.FAILED
             return
-        h = self._clock.period
+        h = self._scaling.period
         start = self._load(self._index)
         if start is None:
             self.outcome = RolloutOutcome.FAILED
@@ -275,11 +275,11 @@ class StopRollout:
         """Return the rate of a cycle before the plan begins."""
         if self._along:
             return self._along[len(self.rates)]
-        return self._rate if self._is_coasting else self._clock.advance()
+        return self._rate if self._is_coasting else self._scaling.advance()
 
     def _wanted(self, ahead: Ahead, servo_limits: ServoLimits) -> float:
         """Return the rate that this cycle of the plan would have if every rate were allowed."""
-        plan, turn, h = self.plan, self._turn, self._clock.period
+        plan, turn, h = self.plan, self._turn, self._scaling.period
         if plan.cycles is not None:
             left = plan.cycles - (len(self.rates) - self.lead)
             return brought_to_rest(self.past, ahead, h, left)
@@ -308,7 +308,7 @@ class StopRollout:
         end = self._follower.peek_ahead(index + 1 - self._passed)
         if start is None or end is None:
             return None
-        h = self._clock.period
+        h = self._scaling.period
         x, y, z = difference(start.q, end.q)
         turn = cubic(start.omega_body, end.omega_body, (x / h, y / h, z / h))
         travel = None

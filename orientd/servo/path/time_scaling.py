@@ -1,6 +1,6 @@
 r"""The time scaling: how fast the setpoint runs along its path, and how that may change.
 
-The clock's rate sigma is 1 as planned, 0 at rest.  It changes with bounded acceleration and jerk,
+The rate sigma is 1 as planned, 0 at rest.  It changes with bounded acceleration and jerk,
 :math:`|\dot\sigma| \le 2x` and :math:`|\ddot\sigma| \le 4x^2` for the motion's brake rate *x*, so
 that a stop from full speed takes :math:`1/x` seconds with a triangular :math:`\dot\sigma`.  The
 planner has made sure that every change of this kind keeps the motion's limits at every point of the
@@ -87,7 +87,7 @@ class TimeScaling:
 
     @property
     def is_at_rest(self) -> bool:
-        """Whether the clock stands still and is to stay so."""
+        """Whether it stands still and is to stay so."""
         return self.rate == 0.0 and self.target == 0.0
 
     def advance(self) -> float:
@@ -96,7 +96,7 @@ class TimeScaling:
         difference = self.target - self.rate
         if difference == 0.0 and self.acceleration == 0.0:
             return self.rate
-        # The fastest change from which the clock can still come down in time: changing the rate by
+        # The fastest change from which the rate can still come down in time: changing the rate by
         # c, c-d, c-2d, ... in the cycles to come covers (f+1)(c - d f/2), f = floor(c/d).
         step = self._step * self.period
         left = abs(difference) / step

@@ -116,7 +116,7 @@ def test_a_brake_rate_for_axes_is_that_for_a_norm_on_a_turn_about_one_of_them():
 
 
 def test_a_stop_on_the_path_keeps_the_limits_of_every_axis():
-    # The servo's own path clock on the motion's own curve, at the worst moments.
+    # The servo's own time scaling on the motion's own curve, at the worst moments.
     from orientd.servo.path.time_scaling import TimeScaling
 
     random = np.random.default_rng(7)

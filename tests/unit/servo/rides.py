@@ -148,7 +148,7 @@ class Ride:
         ] is (Answer.DONE)
         # Going there cycle by cycle would write exactly the records.
         setpoints.follower.begin(PathPart(1, here, servo_limits))
-        setpoints.path_clock.begin(servo_limits.brake_rate, 1.0)
+        setpoints.time_scaling.begin(servo_limits.brake_rate, 1.0)
         setpoints._is_waiting = False
         last = q[record - 2 : record + 1]
         omega = rotation.log(rotation.multiply(rotation.conjugate(last[:-1]), last[1:]))

@@ -84,8 +84,8 @@ def ahead(follower, records):
 
 def test_before_a_motion_there_is_nothing(ring, follower):
     assert (follower.index, follower.fraction, follower.is_at_end) == (0, 0.0, False)
-    assert (follower.leg, follower.revision) == (follower.leg, 0)
-    assert (follower.leg.number, follower.leg.first, follower.leg.servo_limits) == (0, 0, TERMS)
+    assert (follower.part, follower.revision) == (follower.part, 0)
+    assert (follower.part.number, follower.part.first, follower.part.servo_limits) == (0, 0, TERMS)
     assert not follower._ahead
     assert follower.peek(0) is None
     with pytest.raises(StarvedError, match="path record 3 is not in the ring"):
@@ -128,10 +128,10 @@ def test_whole_records_are_the_points_themselves_and_looking_stays_where_it_is(r
     for k in range(1, 5):
         p, place = follower.look(1.0)
         assert p == point(k)
-        assert (place.record, place.fraction, place.leg, place.is_end) == (
+        assert (place.record, place.fraction, place.part, place.is_end) == (
             k,
             0.0,
-            follower.leg,
+            follower.part,
             False,
         )
         assert (follower.index, ring.words[TAIL_WORD]) == (k - 1, k - 1)
@@ -236,8 +236,8 @@ def test_what_was_reached_before_another_motion_does_not_count(ring, follower):
 def test_a_splice_is_gone_over_to_at_its_record(ring, follower, step):
     begun(ring, follower, 10)
     first = lay(ring, range(5, 9))
-    leg = PathPart(2, first, TERMS, leave=5, final=first + 3)
-    assert follower.splice(leg) == ""
+    part = PathPart(2, first, TERMS, leave=5, final=first + 3)
+    assert follower.splice(part) == ""
     assert follower._ahead
     assert follower.revision == 2
     assert follower.records_left() == inf
@@ -245,8 +245,8 @@ def test_a_splice_is_gone_over_to_at_its_record(ring, follower, step):
     while not follower.is_at_end:
         along = min(along + step, 8.0)
         assert ahead(follower, step) == pytest.approx(along, abs=1e-6)
-        is_over = along >= 6.0 or (along >= 5.0 and follower.leg is leg)
-        assert (follower.leg is leg) == is_over
+        is_over = along >= 6.0 or (along >= 5.0 and follower.part is part)
+        assert (follower.part is part) == is_over
         if is_over:
             assert follower.index + follower.fraction == pytest.approx(first + along - 5)
             assert not follower._ahead
@@ -258,18 +258,18 @@ def test_a_splice_is_gone_over_to_at_its_record(ring, follower, step):
 def test_at_the_record_of_a_splice_the_new_leg_has_begun(ring, follower):
     begun(ring, follower, 10)
     first = lay(ring, range(2, 6))
-    leg = PathPart(2, first, TERMS, leave=2)
-    assert follower.splice(leg) == ""
+    part = PathPart(2, first, TERMS, leave=2)
+    assert follower.splice(part) == ""
     ahead(follower, 1.0)
     ahead(follower, 1.0)
-    assert (follower.index, follower.leg) == (first, leg)
+    assert (follower.index, follower.part) == (first, part)
     follower.begin(PathPart(3, 0, TERMS))
     ahead(follower, 1.0)
     ahead(follower, 1.0)
     # The record that was written last may be left too.
-    assert follower.splice(leg) == ""
+    assert follower.splice(part) == ""
     assert ahead(follower, 0.5) == pytest.approx(2.5, abs=1e-6)
-    assert (follower.index, follower.fraction, follower.leg) == (first, 0.5, leg)
+    assert (follower.index, follower.fraction, follower.part) == (first, 0.5, part)
 
 
 def test_the_end_of_a_leg_that_is_left_is_no_end(ring, follower):
@@ -306,8 +306,8 @@ def chained(ring, follower):
     firsts = [begun(ring, follower, 6)]
     for number in (2, 3):
         first = lay(ring, range(4 * (number - 1), 4 * (number - 1) + 6))
-        leg = PathPart(number, first, TERMS, leave=firsts[-1] + 4)
-        assert follower.splice(leg) == ""
+        part = PathPart(number, first, TERMS, leave=firsts[-1] + 4)
+        assert follower.splice(part) == ""
         firsts.append(first)
     return firsts
 
@@ -325,7 +325,7 @@ def test_several_legs_follow_one_another(ring, follower):
     assert follower.reaches(14)
     for k in range(1, 14):
         assert ahead(follower, 1.0) == pytest.approx(k)
-        assert follower.leg.number == 1 + (k >= 4) + (k >= 8)
+        assert follower.part.number == 1 + (k >= 4) + (k >= 8)
         assert bool(follower._ahead) == (k < 8)
         assert follower.reaches(13 - k)
     assert follower.is_at_end
@@ -358,7 +358,7 @@ def test_a_splice_ahead_of_another_drops_it(ring, follower):
     assert follower.splice(PathPart(4, first, TERMS, leave=2, final=first + 2)) == ""
     for _ in range(6):
         ahead(follower, 1.0)
-    assert (follower.leg.number, follower.index, follower.is_at_end) == (4, first + 2, True)
+    assert (follower.part.number, follower.index, follower.is_at_end) == (4, first + 2, True)
     assert firsts[2] < first
 
 
@@ -369,7 +369,7 @@ def test_a_splice_on_a_leg_ahead_keeps_those_before_it(ring, follower):
     numbers = []
     for _ in range(8):
         ahead(follower, 1.0)
-        numbers.append(follower.leg.number)
+        numbers.append(follower.part.number)
     assert numbers == [1, 1, 1, 2, 2, 4, 4, 4]
 
 
@@ -379,7 +379,7 @@ def test_a_leg_ahead_may_be_left_at_its_first_record(ring, follower):
     assert follower.splice(PathPart(4, first, TERMS, leave=firsts[1])) == ""
     for k in range(1, 7):
         assert ahead(follower, 1.0) == pytest.approx(k)
-    assert follower.leg.number == 4
+    assert follower.part.number == 4
 
 
 def test_a_record_beyond_where_its_leg_is_left_is_not_on_the_path(ring, follower):

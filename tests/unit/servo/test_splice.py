@@ -103,7 +103,7 @@ def test_a_motion_replaced_before_it_began_binds_no_stop_any_more():
     rig = Rig()
     first = rig.start(PATH)
     rig.run(300)
-    clock = rig.servo.setpoints.path_clock
+    clock = rig.servo.setpoints.time_scaling
     before = clock.brake_rate
     slow = replace(TERMS, brake_rate=0.5 * before)
     for servo_limits, ahead, expected in ((slow, 40, 0.5 * before), (TERMS, 20, before)):
@@ -119,7 +119,7 @@ def test_a_motion_replaced_before_it_began_binds_no_change_of_speed_any_more():
     rig = Rig()
     first = rig.start(PATH)
     rig.run(300)
-    clock = rig.servo.setpoints.path_clock
+    clock = rig.servo.setpoints.time_scaling
     before = clock.brake_rate
     target = rotation.exp([0.0, 0.9, 0.2])
     for servo_limits, ahead in ((replace(TERMS, brake_rate=0.5 * before), 40), (TERMS, 20)):
