@@ -30,7 +30,7 @@ CHOSEN = {
         "Tracking",
         "Teaching",
         "MeasuredPose",
-        "Wishes",
+        "RequestFields",
         "Plan",
         "Progress",
         "Summary",
@@ -54,7 +54,7 @@ HOMES = {
     "MeasuredPose": "orientd.teaching",
     "Teaching": "orientd.teaching",
     "Tracking": "orientd.rpc.tracking",
-    "Wishes": "orientd.rpc.motion_request",
+    "RequestFields": "orientd.rpc.motion_request",
     "DeviceDescription": "orientd.rpc.descriptions",
 }
 """Modules of what the front of the client does not offer by itself and its calls return."""

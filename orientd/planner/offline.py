@@ -26,20 +26,20 @@ def plan_offline(
     limits: Limits | Mapping[str, Rate] = DEFAULT_LIMITS,
     period: float = 0.002,
     start: State | None = None,
-    **wishes: Any,  # noqa: ANN401 - the arguments of a request
+    **fields: Any,  # noqa: ANN401 - the arguments of a request
 ) -> Motion:
     """Return the motion through keyframes, certified as for a device.
 
     Args:
         keys: a ``Rotation`` of SciPy, or a list of such and of named quaternions; or a whole
-            request, which takes nothing else of *times* to *turns* and of *wishes*.
+            request, which takes nothing else of *times* to *turns* and of *fields*.
         times: when each is passed, s; ``None`` passes them as quickly as the limits permit.
         positions: of the tool, m, shape ``(n, 3)``.
         turns: whole turns in each interval, shape ``(n - 1,)``.
         limits: of the device; a mapping lowers or raises those of :data:`.DEFAULT_LIMITS`.
         period: of the device, s.
         start: where it is; by default at rest at the first keyframe.
-        wishes: further arguments of :class:`.MotionRequest`: ``method``, ``start_velocity``,
+        fields: further arguments of :class:`.MotionRequest`: ``method``, ``start_velocity``,
             ``end_velocity``, ``velocity_frame``, ``approach``, ``duration``, ``pace``,
             ``options``, ``frame``, ``frames``.
 
@@ -50,7 +50,7 @@ def plan_offline(
     if isinstance(keys, MotionRequest):
         request = keys
     else:
-        request = MotionRequest(_keyframes(keys, times, positions, turns), **wishes)
+        request = MotionRequest(_keyframes(keys, times, positions, turns), **fields)
     request = in_device_coordinates(request, start)
     if start is None:
         start = State.at_rest(request.keys[0], request.keyframes[0].position or (0.0, 0.0, 0.0))

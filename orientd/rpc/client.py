@@ -37,7 +37,7 @@ from orientd.stream import Cycle
 
 if TYPE_CHECKING:
     from orientd.planner import MotionRequest
-    from orientd.rpc.motion_request import Wishes
+    from orientd.rpc.motion_request import RequestFields
     from orientd.rpc.move_handle import MoveHandle
     from orientd.rpc.tracking import Tracking
     from orientd.teaching import Teaching
@@ -179,7 +179,7 @@ class Robot(Commands):
         device: str = "",
         sample_rate_hz: float = 0.0,
         plan_timeout: float | None = None,
-        **wishes: Unpack[Wishes],
+        **fields: Unpack[RequestFields],
     ) -> Plan:
         """Plan a motion without running it.
 
@@ -192,7 +192,7 @@ class Robot(Commands):
                 device's own rate; 0 for not at all.
             plan_timeout: how long planning may take, s; by default, and at the most, as long as
                 the daemon's settings allow.
-            wishes: see :class:`~orientd.rpc.motion_request.Wishes`.
+            fields: see :class:`~orientd.rpc.motion_request.RequestFields`.
 
         Raises:
             RequestError: the motion is not well formed.
@@ -204,7 +204,7 @@ class Robot(Commands):
 
         request = pb.PlanRequest(
             device=device,
-            motion=from_request(motion_request(keyframes, **wishes)),
+            motion=from_request(motion_request(keyframes, **fields)),
             sample_rate_hz=sample_rate_hz,
             plan_timeout=plan_seconds(plan_timeout),
         )
@@ -252,7 +252,7 @@ class Robot(Commands):
         start_time: float | StartAt | None = None,
         on_target: OnTarget | None = None,
         plan_timeout: float | None = None,
-        **wishes: Unpack[Wishes],
+        **fields: Unpack[RequestFields],
     ) -> MoveHandle:
         """Plan a motion, start it, and return once it has begun.
 
@@ -271,7 +271,7 @@ class Robot(Commands):
                 with the same start time each is as far along its path as the others.
             on_target: what must be measured for the motion to count as done.
             plan_timeout: as for :meth:`plan`.
-            wishes: see :class:`~orientd.rpc.motion_request.Wishes`.
+            fields: see :class:`~orientd.rpc.motion_request.RequestFields`.
 
         Raises:
             RequestError: the motion is not well formed.
@@ -291,7 +291,7 @@ class Robot(Commands):
         if isinstance(keyframes, Plan):
             request.motion_id = keyframes.motion_id
         else:
-            request.motion.CopyFrom(from_request(motion_request(keyframes, **wishes)))
+            request.motion.CopyFrom(from_request(motion_request(keyframes, **fields)))
         request.queue, request.blend_tolerance = queue, blend_tolerance
         metadata: tuple[tuple[str, str], ...] = ()
         if isinstance(start_time, StartAt):
@@ -329,9 +329,9 @@ class Robot(Commands):
         anywhere = {"quaternion": {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}}
         return self.move([anywhere], device=device, device_options={"home": True}, name="home")
 
-    def turn(self, rate: Sequence[float], duration: float, **wishes: Any) -> MoveHandle:  # noqa: ANN401 - as of move
+    def turn(self, rate: Sequence[float], duration: float, **fields: Any) -> MoveHandle:  # noqa: ANN401 - as of move
         """Turn at *rate*, rad/s, for *duration* s, from rest to rest; raises as :meth:`move`."""
-        return self.move([], rate=rate, duration=duration, **wishes)
+        return self.move([], rate=rate, duration=duration, **fields)
 
     def teach(self, *, device: str = "", by_hand: bool = True) -> Teaching:
         """Let a device be moved by hand, and take poses of it as keyframes; a context manager.

@@ -26,7 +26,7 @@ EXPECTED = (
 )
 
 
-class Wishes(TypedDict, total=False):
+class RequestFields(TypedDict, total=False):
     """What a motion may be asked for besides its keyframes; the keys are those of a motion file.
 
     Attributes:
@@ -75,21 +75,21 @@ class Wishes(TypedDict, total=False):
 
 
 def motion_request(
-    keyframes: Iterable[object] | MotionRequest, **wishes: Unpack[Wishes]
+    keyframes: Iterable[object] | MotionRequest, **fields: Unpack[RequestFields]
 ) -> MotionRequest:
     """Return the request that says all this; it is that of a motion file, key by key.
 
     Args:
         keyframes: one at the least, each a ``Rotation`` of SciPy, a :class:`Quaternion`, or a
             mapping as in a motion file; or a whole request, which is returned as it is.
-        wishes: see :class:`Wishes`.
+        fields: see :class:`RequestFields`.
 
     Raises:
         RequestError: something is not well formed; the message names the field.
     """
     if isinstance(keyframes, MotionRequest):
         return keyframes
-    mapping = {key: to_plain(wish) for key, wish in wishes.items() if wish is not None}
+    mapping = {key: to_plain(field) for key, field in fields.items() if field is not None}
     columns = {key: mapping.pop(key, None) for key in ("times", "positions")}
     mapping["keyframes"] = keyframe_mappings(keyframes, **columns)
     return motion_file.parse(mapping)

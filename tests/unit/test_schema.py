@@ -65,9 +65,9 @@ def test_every_field_of_a_request_is_in_the_file_the_message_and_the_client():
     assert set(motion_file.motion_schema()["properties"]) == REQUEST
     # Where a field is a choice or a number, the number has a field of its own.
     assert names(pb.MotionRequest) == REQUEST | {"duration_seconds", "pace_share"}
-    wishes = motion_request.Wishes
-    assert wishes.__optional_keys__ == REQUEST - {"keyframes"} | COLUMNS
-    assert set(attribute_lines(wishes)) == wishes.__optional_keys__
+    fields = motion_request.RequestFields
+    assert fields.__optional_keys__ == REQUEST - {"keyframes"} | COLUMNS
+    assert set(attribute_lines(fields)) == fields.__optional_keys__
 
 
 def test_every_field_of_a_keyframe_is_in_the_file_and_the_message():
@@ -97,11 +97,11 @@ def test_every_field_survives_the_file_the_wire_and_the_client(field):
     keyframes = [Keyframe((1.0, 0.0, 0.0, 0.0)), Keyframe(TURNED)]
     request = MotionRequest(keyframes, **{field.name: value})
     mapping = motion_file.written(request)
-    wishes = {key: entry for key, entry in mapping.items() if key != "keyframes"}
+    fields = {key: entry for key, entry in mapping.items() if key != "keyframes"}
     for again in (
         motion_file.parse(mapping),
         to_request(from_request(request)),
-        motion_request.motion_request(mapping["keyframes"], **wishes),
+        motion_request.motion_request(mapping["keyframes"], **fields),
     ):
         assert getattr(again, field.name) == value
 

@@ -41,8 +41,8 @@ def track(
 
     with commander(socket, holder("track"), device, is_beside=lease, is_shared=True) as robot:
         with robot.track(device=device) as tracking:
-            for target, wishes in _targets():
-                tracking.aim(target, **{"time_to_live": time_to_live, **wishes})
+            for target, options in _targets():
+                tracking.aim(target, **{"time_to_live": time_to_live, **options})
         report = tracking.report
     if as_json:
         say_json(report)
@@ -57,7 +57,7 @@ def track(
 
 
 def _targets() -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
-    """Yield the orientation and the wishes of every line.
+    """Yield the orientation and the options of every line.
 
     Raises:
         RequestError: a line is not a JSON object.
@@ -71,5 +71,5 @@ def _targets() -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
             mapping = None
         if not isinstance(mapping, dict):
             raise RequestError(f"line {number}", f"expected a JSON object, got {line.strip()!r}")
-        wishes = {key: mapping.pop(key) for key in _KEYS if key in mapping}
-        yield mapping, wishes
+        options = {key: mapping.pop(key) for key in _KEYS if key in mapping}
+        yield mapping, options

@@ -182,9 +182,9 @@ class MovingCalls(Calls):
         """
         gate = None
         if request.HasField("on_target"):
-            wish = request.on_target
-            timeout = wish.timeout or SETTLING_TIMEOUT
-            gate = ArrivalCondition(wish.tolerance, wish.rate, wish.settle_time, timeout)
+            asked = request.on_target
+            timeout = asked.timeout or SETTLING_TIMEOUT
+            gate = ArrivalCondition(asked.tolerance, asked.rate, asked.settle_time, timeout)
         blend = request.blend_tolerance
         if not 0.0 <= blend < math.pi:
             raise RequestError("blend_tolerance", f"expected 0 to pi rad, got {blend!r}")

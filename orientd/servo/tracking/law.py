@@ -42,10 +42,10 @@ def push(change: float, limits: Bounds) -> float:
     return min(total / (m + 1) + 0.5 * step * m, limits.acceleration)
 
 
-def reach(alpha: Vector3, wish: Vector3, limits: Bounds) -> Vector3:
-    """Return how far one cycle's jerk gets from *alpha* towards *wish*, cut to the limit."""
+def reach(alpha: Vector3, wanted: Vector3, limits: Bounds) -> Vector3:
+    """Return how far one cycle's jerk gets from *alpha* towards *wanted*, cut to the limit."""
     step = limits.jerk * limits.period
-    x, y, z = wish
+    x, y, z = wanted
     size = sqrt(x * x + y * y + z * z)
     if size > limits.acceleration:
         s = limits.acceleration / size
@@ -59,15 +59,15 @@ def reach(alpha: Vector3, wish: Vector3, limits: Bounds) -> Vector3:
     return (x, y, z)
 
 
-def advance(omega: Vector3, alpha: Vector3, wish: Vector3, limits: Bounds) -> Vector3:
-    """Return the acceleration nearest to *wish* after which every limit can still be kept.
+def advance(omega: Vector3, alpha: Vector3, wanted: Vector3, limits: Bounds) -> Vector3:
+    """Return the acceleration nearest to *wanted* after which every limit can still be kept.
 
     From the state returned, ramping the acceleration to zero along its own direction keeps the
     velocity inside its ball: it moves along a chord.  So there is always a way on: that one.
     """
     step = limits.jerk * limits.period
     ax, ay, az = alpha
-    x, y, z = reach(alpha, wish, limits)
+    x, y, z = reach(alpha, wanted, limits)
     if _stays(omega, x, y, z, limits):
         return (x, y, z)
     size = sqrt(ax * ax + ay * ay + az * az)
@@ -106,7 +106,7 @@ def seek(
     limits: Bounds,
     slope: float,
 ) -> Vector3:
-    """Return the acceleration to wish for, to reach the angular velocity *goal* soonest.
+    """Return the acceleration to aim at, to reach the angular velocity *goal* soonest.
 
     The acceleration goes straight to a turning point and from there straight to zero, in the space
     of accelerations; which one, two rounds of a fixed-point iteration find.  About one axis this is
@@ -156,8 +156,8 @@ def halt(omega: Vector3, alpha: Vector3, limits: Bounds) -> tuple[Vector3, Vecto
     """Return velocity and acceleration one cycle further towards rest."""
     if norm(omega) < _STILL and norm(alpha) * limits.period < _STILL:
         return ZERO, ZERO
-    wish = seek(ZERO, omega, alpha, ZERO, limits, 1.0 / limits.period)
-    alpha = advance(omega, alpha, wish, limits)
+    wanted = seek(ZERO, omega, alpha, ZERO, limits, 1.0 / limits.period)
+    alpha = advance(omega, alpha, wanted, limits)
     return moved(omega, alpha, limits.period), alpha
 
 

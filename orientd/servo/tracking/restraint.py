@@ -51,16 +51,16 @@ class Restraint:
         self._is_close = needed < inf and (self._is_close or needed <= self._largest)
         return self._largest - size if self._is_close else inf
 
-    def held(self, wish: Vector3, *, is_linear: bool) -> Vector3:
-        """Return the acceleration to wish for, no more than the target's while it is close.
+    def held(self, wanted: Vector3, *, is_linear: bool) -> Vector3:
+        """Return the acceleration to aim at, no more than the target's while it is close.
 
         Args:
-            wish: what the law asks for, rad/s^2.
+            wanted: what the law asks for, rad/s^2.
             is_linear: whether it asks for a correction, not for catching up.
         """
         self._is_close = self._is_close and is_linear
-        size = norm(wish)
+        size = norm(wanted)
         if not self._is_close or size <= self._largest:
-            return wish
+            return wanted
         s = self._largest / size
-        return (s * wish[0], s * wish[1], s * wish[2])
+        return (s * wanted[0], s * wanted[1], s * wanted[2])

@@ -59,7 +59,7 @@ def steer(
     limits: Bounds,
     room: float = inf,
 ) -> tuple[Vector3, bool]:
-    """Return the acceleration to wish for, to meet a moving target soonest and stay with it.
+    """Return the acceleration to aim at, to meet a moving target soonest and stay with it.
 
     It is as much as possible of what closes in, and as much as necessary of what stops (relative to
     the target), so that a stop from the next state does not pass the target.  Near the target,
@@ -113,8 +113,8 @@ def steer(
     angle = fx * e[0] + fy * e[1] + fz * e[2]
     known = fx * alpha_target[0] + fy * alpha_target[1] + fz * alpha_target[2]
 
-    def excess(wish: Vector3) -> float:
-        rate = fx * wish[0] + fy * wish[1] + fz * wish[2] - known
+    def excess(wanted: Vector3) -> float:
+        rate = fx * wanted[0] + fy * wanted[1] + fz * wanted[2] - known
         stop = stopping_angle(speed + 0.5 * h * rate, rate, limits)
         return stop - angle + h * h * rate / 6.0
 
@@ -126,11 +126,11 @@ def steer(
     if under >= 0.0:
         return halt, False
     low, high = 0.0, 1.0
-    wish = halt
+    wanted = halt
     for _ in range(5):
         share = low + (high - low) * under / (under - over)
-        wish = _between(halt, go, share)
-        found = excess(wish)
+        wanted = _between(halt, go, share)
+        found = excess(wanted)
         if found > 0.0:
             high, over = share, found
         else:

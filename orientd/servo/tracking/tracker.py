@@ -127,8 +127,8 @@ class Tracker:
         else:
             self.is_at_rest = False
             self.place = self._reference.position_at(now_ns - self._period_ns)
-            wish = self._wish(found)
-            alpha = advance(self._omega, self._alpha, wish, self._bounds)
+            wanted = self._wanted(found)
+            alpha = advance(self._omega, self._alpha, wanted, self._bounds)
             omega = moved(self._omega, alpha, self._period)
         self._omega, self._alpha = omega, alpha
         h, omega = self._period, times(omega, units)
@@ -136,8 +136,8 @@ class Tracker:
         self._q = normalize(multiply(self._q, exp((x * h, y * h, z * h))))
         return TrackPoint(self._q, omega, times(alpha, units))
 
-    def _wish(self, found: ReferenceState) -> Vector3:
-        """Return the acceleration to wish for, to follow the target, in the law's units."""
+    def _wanted(self, found: ReferenceState) -> Vector3:
+        """Return the acceleration to aim at, to follow the target, in the law's units."""
         q, omega, alpha, (i, j, k) = found
         units, restraint = self._units, self._restraint
         # The velocity of a step is that of its middle.
@@ -156,8 +156,8 @@ class Tracker:
         x, y, z = alpha
         i, j, k = divided((i, j, k), units)
         alpha = (x + i, y + j, z + k)
-        wish, is_linear = steer(turn, self._omega, self._alpha, middle, alpha, limits, room)
-        return restraint.held(wish, is_linear=is_linear)
+        wanted, is_linear = steer(turn, self._omega, self._alpha, middle, alpha, limits, room)
+        return restraint.held(wanted, is_linear=is_linear)
 
     def _softened(self) -> Bounds:
         """Return the bounds for a target that moves, as late as it is heard of."""
