@@ -158,10 +158,9 @@ class Cell:
             self.is_closing = True
         self.runs.halt(self.devices.values(), GOING_DOWN)
         unfinished = self.runs.unfinished()
-        for run in unfinished:
-            # From a lower speed a stop may take longer than from full speed, but not than this.
-            stop_time = 1.0 / run.motion.facts.brake_rate if run.motion is not None else 0.0
-            wait([run.ended], timeout=stop_time + 1.0)
+        # From a lower speed a stop may take longer than from full speed, but not than this.
+        stops = [1.0 / run.motion.facts.brake_rate for run in unfinished if run.motion is not None]
+        wait([run.ended for run in unfinished], timeout=max(stops, default=0.0) + 1.0)
         with ThreadPoolExecutor(len(self.devices)) as pool:
             list(pool.map(lambda device: device.shutdown(), self.devices.values()))
         for run in unfinished:

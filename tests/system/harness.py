@@ -104,6 +104,7 @@ class DaemonProcess:
             env={
                 **os.environ,
                 "XDG_STATE_HOME": str(self.folder / "state"),
+                "PYTHONFAULTHANDLER": "1",
                 **self.environment,
             },
         )
@@ -129,11 +130,12 @@ class DaemonProcess:
             self.process.wait(30.0)
         is_stuck = self.process.poll() is None
         if is_stuck:
-            self.process.kill()
+            self.process.send_signal(signal.SIGABRT)  # it writes down where its threads are
             self.process.wait()
         self.process.stdout.close()
         self.log.close()
-        assert not is_stuck, "the daemon did not end within 30 s"
+        where = (self.folder / "log").read_text()[-4000:] if is_stuck else ""
+        assert not is_stuck, f"the daemon did not end within 30 s: {where}"
         return self.process.returncode
 
     def device(self) -> pb.DeviceReport:
