@@ -91,7 +91,9 @@ def lead_in(
         return _by_way_of_rest(start, first, positions, limits=limits, period=period)
     least = 0.0 if positions.is_held else float(positions.breaks[-1])
     try:
-        segment = connector(start, first, limits=limits, period=period, least=least)
+        segment = connector(
+            start, first, limits=limits, period=period, least=least, is_even=is_even
+        )
     except PlanError:
         return _by_way_of_rest(start, first, positions, limits=limits, period=period)
     if not positions.is_held:
