@@ -48,14 +48,14 @@ KERNEL(find_connector) {
 }
 
 KERNEL(shorten_connector) {
-    TAKE("vvmddmtvMTV");
+    TAKE("vvmdddmtvMTV");
     CHECK(a[0].v.n == STATE && a[1].v.n == STATE && is_matrix(a[2].m, 3, 4));
-    CHECK(is_matrix(a[5].m, 3, 4) && is_tensor(a[6].t, 3, FACTORS, 3) && a[7].v.n == 4);
-    CHECK(is_matrix(a[8].m, ELEMENTS, 4) && is_tensor(a[9].t, ELEMENTS, FACTORS, 3));
-    CHECK(a[10].v.n == ELEMENTS + 1);
+    CHECK(is_matrix(a[6].m, 3, 4) && is_tensor(a[7].t, 3, FACTORS, 3) && a[8].v.n == 4);
+    CHECK(is_matrix(a[9].m, ELEMENTS, 4) && is_tensor(a[10].t, ELEMENTS, FACTORS, 3));
+    CHECK(a[11].v.n == ELEMENTS + 1);
     index_t found;
-    RUN(found = shorten_connector(a[0].v, a[1].v, a[2].m, a[3].d, a[4].d, a[5].m, a[6].t, a[7].v,
-                                  a[8].m, a[9].t, a[10].v));
+    RUN(found = shorten_connector(a[0].v, a[1].v, a[2].m, a[3].d, a[4].d, a[5].d, a[6].m, a[7].t,
+                                  a[8].v, a[9].m, a[10].t, a[11].v));
     return PyLong_FromLongLong(found);
 }
 

@@ -3,8 +3,6 @@
 
 /* Of the limit of the velocity, which the spline keeps everywhere. */
 #define VELOCITY_SHARE 0.9998
-/* Of the jerk, where all of it is needed. */
-#define EASE 1.045
 /* Share of the limit of the velocity that is near it. */
 #define NEARLY 0.99
 /* Of the time in which the acceleration rises to its limit, the narrowest element. */
@@ -102,7 +100,7 @@ static void put_rates(spline_t *s) {
 
 /* Let go of the jerk's reserve while an acceleration falls that would else become too fast: what a
  * device moves with was planned with less of a reserve. */
-static void ease_end(spline_t *s, vec_t omega, vec_t alpha, bool is_end) {
+static void ease_end(spline_t *s, vec_t omega, vec_t alpha, double ease, bool is_end) {
     double falls = norm(alpha) / s->bounds.most[2][0], before = 0.0;
     if (!(norm(scaled_plus(0.5 * falls, alpha, omega)) > NEARLY * s->bounds.most[0][0]))
         return;
@@ -111,7 +109,7 @@ static void ease_end(spline_t *s, vec_t omega, vec_t alpha, bool is_end) {
         if (rate->order != 2)
             continue;
         if (before < falls)
-            rate->ease = EASE;
+            rate->ease = ease;
         before += s->width[rate->first] * s->duration;
     }
 }
@@ -174,7 +172,7 @@ static index_t put_shorter(const spline_t *s, matrix_t joins, tensor_t increment
 }
 
 index_t shorten_connector(row_t start, row_t end, matrix_t limits, double period, double least,
-                          matrix_t q, tensor_t w, row_t times_of, matrix_t joins,
+                          double ease, matrix_t q, tensor_t w, row_t times_of, matrix_t joins,
                           tensor_t increments, row_t breaks) {
     spline_t s;
     double total = times_of.v[3];
@@ -187,8 +185,8 @@ index_t shorten_connector(row_t start, row_t end, matrix_t limits, double period
     s.duration = total, s.least = fmax(least, period), s.most = total;
     put_elements(&s, period);
     put_rates(&s);
-    ease_end(&s, s.begin.omega, s.begin.alpha, false);
-    ease_end(&s, s.end.omega, times(-1.0, s.end.alpha), true);
+    ease_end(&s, s.begin.omega, s.begin.alpha, ease, false);
+    ease_end(&s, s.end.omega, times(-1.0, s.end.alpha), ease, true);
     put_first(&s, q, w, times_of);
     if (!shorten(&s, period) || !(s.duration < total - 0.5 * period))
         return 0;

@@ -18,7 +18,7 @@
 #include "connectors.h"
 
 enum {
-    INNER = 12,                        /* elements of one width, at most */
+    INNER = 16,                        /* elements of one width, at most */
     HALVINGS = 8,                      /* of that width towards either end, at most */
     ELEMENTS = INNER + 2 * (HALVINGS + 1),
     POINTS = ELEMENTS + 2,             /* control points; the first two and the last two are given */
@@ -68,12 +68,13 @@ bool shorten(spline_t *spline, double period);
  * are; none where nothing was found.
  *
  * start, end, limits, period, least: as of find_connector.
+ * ease: factor of the jerk's limits where an acceleration would else become too fast as it falls.
  * q, w, times: the connector that was found, as find_connector writes it.
  * joins: receives orientations that they begin at, signs continuous, shape (ELEMENTS, 4).
  * increments: receives their increments, shape (ELEMENTS, 5, 3).
  * breaks: receives when they begin, and when the last one ends, s, shape (ELEMENTS + 1,). */
 index_t shorten_connector(row_t start, row_t end, matrix_t limits, double period, double least,
-                          matrix_t q, tensor_t w, row_t times, matrix_t joins,
+                          double ease, matrix_t q, tensor_t w, row_t times, matrix_t joins,
                           tensor_t increments, row_t breaks);
 
 #endif
