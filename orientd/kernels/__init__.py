@@ -41,6 +41,7 @@ from orientd.kernels.native import (  # noqa: E402
     sample_path,
     sample_product,
     setpoint_extremes,
+    shorten_connector,
     solve_banded,
     try_joins,
 )
@@ -77,6 +78,7 @@ __all__ = [
     "sample_path",
     "sample_product",
     "setpoint_extremes",
+    "shorten_connector",
     "solve_banded",
     "try_joins",
 ]

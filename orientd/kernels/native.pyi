@@ -123,6 +123,10 @@ def find_connector(
     start: Floats, end: Floats, limits: Floats, period: float, least: float, q: Floats, w: Floats,
     times: Floats, /,
 ) -> bool: ...  # fmt: skip
+def shorten_connector(
+    start: Floats, end: Floats, limits: Floats, period: float, least: float, ease: float,
+    q: Floats, w: Floats, times: Floats, joins: Floats, increments: Floats, breaks: Floats, /,
+) -> int: ...  # fmt: skip
 def sample_product(
     times: Floats, breaks: Floats, base: Floats, axes: Floats, lengths: Floats,
     values: Floats, rates: Floats, curvatures: Floats, slack: float, out: Floats, /,

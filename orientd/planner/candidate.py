@@ -139,7 +139,13 @@ def to_single(
         return CandidateMotion(path, turn.end, turn.end, np.array([turn.end]), None)
     is_direct = is_even or is_free or not is_from_rest
     lead = lead_in(
-        start, target, limits=limits, period=period, is_direct=is_direct, caution=caution
+        start,
+        target,
+        limits=limits,
+        period=period,
+        is_direct=is_direct,
+        caution=caution,
+        is_even=is_even,
     )
     end = lead.cycles * period
     segments = [*lead.segments, *_leads_out(target, end, limits, period)]

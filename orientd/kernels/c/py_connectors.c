@@ -1,6 +1,7 @@
 /* Joins and connectors as Python calls them. */
 #include "binding.h"
 #include "connectors.h"
+#include "shorten.h"
 
 static bool is_matrix(matrix_t a, index_t n, index_t m) { return a.n == n && a.m == m; }
 static bool is_tensor(tensor_t a, index_t n, index_t m, index_t k) {
@@ -46,10 +47,23 @@ KERNEL(find_connector) {
     return PyBool_FromLong(is_found);
 }
 
+KERNEL(shorten_connector) {
+    TAKE("vvmdddmtvMTV");
+    CHECK(a[0].v.n == STATE && a[1].v.n == STATE && is_matrix(a[2].m, 3, 4));
+    CHECK(is_matrix(a[6].m, 3, 4) && is_tensor(a[7].t, 3, FACTORS, 3) && a[8].v.n == 4);
+    CHECK(is_matrix(a[9].m, ELEMENTS, 4) && is_tensor(a[10].t, ELEMENTS, FACTORS, 3));
+    CHECK(a[11].v.n == ELEMENTS + 1);
+    index_t found;
+    RUN(found = shorten_connector(a[0].v, a[1].v, a[2].m, a[3].d, a[4].d, a[5].d, a[6].m, a[7].t,
+                                  a[8].v, a[9].m, a[10].t, a[11].v));
+    return PyLong_FromLongLong(found);
+}
+
 PyMethodDef connectors_methods[] = {
     ENTRY(put_joins),
     ENTRY(try_joins),
     ENTRY(ramps_of_stop),
     ENTRY(find_connector),
+    ENTRY(shorten_connector),
     LAST_ENTRY,
 };

@@ -1,7 +1,9 @@
 """Connectors: the shortest way found from one state of motion to another, inside the limits.
 
-A connector is a quintic join with, where that is quicker or needed, a ramp before it and one
-behind: a ramp changes the acceleration alone, at the limit of the jerk.
+A connector that is found is a quintic join with, where that is quicker or needed, a ramp before it
+and one behind: a ramp changes the acceleration alone, at the limit of the jerk.  From that it is
+shortened to what the limits permit, which ``orientd/kernels/c/shorten.h`` explains, and is many
+short joins then.
 """
 
 from __future__ import annotations
@@ -26,11 +28,21 @@ from orientd.planner.path import PathSegment
 from orientd.planner.request import State
 from orientd.rotation import angle
 
+MOST_JOINS = 34
+"""That a connector is made of once it is as short as the limits permit."""
+
 _RAMPS = 6  # at most, that a stop may begin with
 
 
 def connector(
-    start: State, end: State, *, limits: Limits, period: float, least: float = 0.0
+    start: State,
+    end: State,
+    *,
+    limits: Limits,
+    period: float,
+    least: float = 0.0,
+    is_even: bool = False,
+    ease: float = 1.0,
 ) -> PathSegment:
     """Return a segment from path time 0 that leads from one state to another.
 
@@ -43,21 +55,28 @@ def connector(
         limits: to keep.
         period: it takes a whole number of periods, s.
         least: it takes at least this long, s.
+        is_even: whether to leave it as it is found rather than as short as the limits permit.
+        ease: factor of the jerk with its reserve, where it is needed to stay below the velocity.
 
     Raises:
         PlanError: nothing was found, or it takes longer than is planned.
     """
     q, w, times = np.empty((3, 4)), np.empty((3, FACTORS, 3)), np.empty(4)
-    table = limit_table(limits.with_reserve())
-    if not kernels.find_connector(
-        state_row(start), state_row(end), table, period, least, q, w, times
-    ):
+    given = state_row(start), state_row(end), limit_table(limits.with_reserve()), period, least
+    if not kernels.find_connector(*given, q, w, times):
         raise PlanError(
             f"no way found from {np.linalg.norm(start.omega_body):.4g} rad/s to "
             f"{np.linalg.norm(end.omega_body):.4g} rad/s over {angle(start.q, end.q):.4g} rad"
         )
     _, before, after, total = times.tolist()
     check_lead("a connector", total)
+    if not is_even:
+        joins, increments = np.empty((MOST_JOINS, 4)), np.empty((MOST_JOINS, FACTORS, 3))
+        breaks = np.empty(MOST_JOINS + 1)
+        count = kernels.shorten_connector(*given, ease, q, w, times, joins, increments, breaks)
+        if count:
+            curve = QuinticConnectors(joins[:count], increments[:count], breaks[: count + 1])
+            return PathSegment(curve, 0.0, float(breaks[count]))
     # A ramp that takes no time is none.
     first, last = int(before == 0.0), 3 - int(after == total)
     return PathSegment(

@@ -23,6 +23,7 @@ from orientd.planner.request import State
 from orientd.rotation import Floats
 
 _SLACK = 1e-9  # of a period
+_EASED = 0.993  # of the jerk, beyond which a stop would take far longer
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,6 +54,11 @@ class Caution(Enum):
     def share(self) -> float:
         """Share of the limits to use."""
         return self.value
+
+    @property
+    def ease(self) -> float:
+        """Factor by which what is used of the jerk may go beyond its reserve."""
+        return 1.0 if self is Caution.AT_LIMITS else _EASED / ACCELERATION_RESERVE
 
 
 def lead_in(
@@ -91,7 +97,15 @@ def lead_in(
         return _by_way_of_rest(start, first, positions, limits=limits, period=period)
     least = 0.0 if positions.is_held else float(positions.breaks[-1])
     try:
-        segment = connector(start, first, limits=limits, period=period, least=least)
+        segment = connector(
+            start,
+            first,
+            limits=limits,
+            period=period,
+            least=least,
+            is_even=is_even,
+            ease=caution.ease,
+        )
     except PlanError:
         return _by_way_of_rest(start, first, positions, limits=limits, period=period)
     if not positions.is_held:

@@ -7,9 +7,10 @@ from reference import connectors, joins
 from orientd import kernels
 from orientd.planner import DEFAULT_LIMITS, State
 from orientd.planner.certify.limit_tables import limit_table
-from orientd.planner.connect.connector import connector, ramped_stops
+from orientd.planner.connect.connector import MOST_JOINS, connector, ramped_stops
 from orientd.planner.connect.quintic_connector import QuinticConnectors, state_row, try_joins
-from orientd.rotation import angle, normalize
+from orientd.planner.timing.axis_turn import double_s
+from orientd.rotation import angle, exp, multiply, normalize
 
 PERIOD = 0.002
 LIMITS = [DEFAULT_LIMITS, DEFAULT_LIMITS.with_rates({"velocity": [2.0, 0.7, 1.5], "jerk": 300.0})]
@@ -160,3 +161,90 @@ def test_arrays_of_other_shapes_are_refused(place):
         kernels.find_connector(
             *rows, PERIOD, 0.0, np.empty((3, 4)), np.empty((3, 5, 3)), np.empty(4)
         )
+
+
+def shortened(start, end, limits, period, least=0.0, ease=1.0):
+    """Return the connector that the search finds and what it is shortened to, if it is."""
+    table = limit_table(limits.with_reserve())
+    given = state_row(start), state_row(end), table, period, least
+    way = connectors.Way(np.empty((3, 4)), np.empty((3, 5, 3)), np.empty(4))
+    assert kernels.find_connector(*given, *way)
+    q, w, breaks = np.empty((MOST_JOINS, 4)), np.empty((MOST_JOINS, 5, 3)), np.empty(MOST_JOINS + 1)
+    count = kernels.shorten_connector(*given, ease, *way, q, w, breaks)
+    curve = QuinticConnectors(q[:count], w[:count], breaks[: count + 1]) if count else None
+    return way, curve
+
+
+def shares(curve, limits):
+    """Return the largest shares of the limits of velocity, acceleration and jerk."""
+    spots = np.arange(0.0, curve.domain[1], 2.5e-4)
+    _, omega, alpha = curve.evaluate(spots)
+    jerk = np.diff(alpha, axis=0) / np.diff(spots)[:, None]
+    return [
+        max(
+            float(np.linalg.norm(rate, axis=1).max()) / getattr(limits, name),
+            float(np.max(np.abs(rate) / limits.axes(name))),
+        )
+        for rate, name in ((omega, "velocity"), (alpha, "acceleration"), (jerk, "jerk"))
+    ]
+
+
+@pytest.mark.parametrize("limits", LIMITS)
+@pytest.mark.parametrize("has_end_velocity", [False, True])
+def test_a_shortened_connector_is_shorter_and_keeps_the_limits(limits, has_end_velocity):
+    rng = np.random.default_rng(9)
+    ratios = []
+    for _ in range(30):
+        start, end = random_state(rng, 0.3), random_state(rng, 0.3 * has_end_velocity)
+        way, curve = shortened(start, end, limits, PERIOD)
+        if curve is None:
+            continue
+        ratios.append(curve.domain[1] / way.times[-1])
+        assert round(curve.domain[1] / PERIOD) * PERIOD == pytest.approx(curve.domain[1], abs=1e-12)
+        reserved = limits.with_reserve()
+        around = [
+            max(shares_of(state, reserved)[order] for state in (start, end)) for order in (0, 1)
+        ]
+        velocity, acceleration, jerk = shares(curve, reserved)
+        assert velocity <= max(1.0, around[0]) + 1e-3
+        assert acceleration <= max(1.0, around[1]) + 0.02
+        assert jerk <= 1.04
+        q, omega, alpha = (part[-1] for part in curve.ends())
+        assert angle(q, end.q) <= 1e-11
+        assert omega == pytest.approx(end.omega_body, abs=1e-12)
+        assert alpha == pytest.approx(end.alpha_body, abs=1e-9)
+    assert len(ratios) >= 20
+    assert max(ratios) < 1.0
+    assert np.median(ratios) <= 0.93
+
+
+def shares_of(state, limits):
+    """Return shares of the limits of velocity and acceleration that a state has."""
+    return [
+        max(np.linalg.norm(v) / getattr(limits, name), np.max(np.abs(v) / limits.axes(name)))
+        for v, name in ((state.omega_body, "velocity"), (state.alpha_body, "acceleration"))
+    ]
+
+
+def test_a_shortened_connector_from_rest_to_rest_is_the_quickest_turn():
+    rng = np.random.default_rng(10)
+    limits = DEFAULT_LIMITS.with_rates({"jerk": 300.0})
+    for _ in range(10):
+        axis = rng.normal(size=3)
+        turn = rng.uniform(0.2, 2.5) * axis / np.linalg.norm(axis)
+        start = State.at_rest(normalize(rng.normal(size=4)))
+        end = State.at_rest(multiply(start.q, exp(turn)))
+        _, curve = shortened(start, end, limits, PERIOD)
+        reserved = limits.with_reserve()
+        rates = reserved.velocity, reserved.acceleration, reserved.jerk
+        least = float(double_s(float(np.linalg.norm(turn)), *rates).sum())
+        assert least <= curve.domain[1] <= 1.015 * least + PERIOD
+
+
+def test_a_shortened_connector_takes_the_time_that_it_must():
+    rng = np.random.default_rng(12)
+    start, end = random_state(rng, 0.3), random_state(rng, 0.0)
+    way, _ = shortened(start, end, DEFAULT_LIMITS, PERIOD)
+    least = 1.1 * way.times[-1]
+    longer, curve = shortened(start, end, DEFAULT_LIMITS, PERIOD, least)
+    assert least <= (longer.times[-1] if curve is None else curve.domain[1]) <= longer.times[-1]

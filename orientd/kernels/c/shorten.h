@@ -1,0 +1,80 @@
+/* The shortest connector: an interior-point method over splines of the angular velocity.
+ *
+ * In body components the acceleration is the derivative of the velocity and the jerk that of the
+ * acceleration, so every limit is convex in a velocity given by control points; only where it
+ * leads to is not, and that is nearly linear in them.  The velocity is a quadratic spline
+ * with a knot at each end of its elements, so that its jerk is constant in an element, as that of
+ * the quickest motions; elements are narrow near the ends, where a connector that is late by a
+ * part of one is late by that for good.
+ *
+ * Sought are the control points c and the duration, by a primal-dual interior-point method from an
+ * infeasible start (Nocedal and Wright 2006, sec. 19.3) that keeps only the convex part of the
+ * curvature.  The band of the matrix is that of a jerk, which takes three control points; the
+ * duration and the orientation to arrive at are its border.
+ */
+#ifndef ORIENTD_SHORTEN_H
+#define ORIENTD_SHORTEN_H
+
+#include "connectors.h"
+
+enum {
+    INNER = 16,                        /* elements of one width, at most */
+    HALVINGS = 8,                      /* of that width towards either end, at most */
+    ELEMENTS = INNER + 2 * (HALVINGS + 1),
+    POINTS = ELEMENTS + 2,             /* control points; the first two and the last two are given */
+    FREE = 3 * (POINTS - 4),           /* components of the others */
+    BAND = 9,                          /* of a row, from the diagonal on */
+    RATES = 3 * ELEMENTS,              /* velocities, accelerations and jerks that are limited */
+    BORDER = 5,                        /* right sides: step, duration, orientation */
+};
+
+/* A limited rate: control points from the first on, with their shares, over a power of the
+ * duration.
+ *
+ * by_duration: what the given control points add with the duration.
+ * ease: factor of its limits. */
+typedef struct { int first, count, order; double share[3], by_duration[3], ease; } rate_t;
+
+/* A connector as a spline of its velocity. */
+typedef struct {
+    int elements;
+    double width[ELEMENTS];            /* shares of the duration */
+    double sum[ELEMENTS + 1];          /* of the widths at both sides of a node */
+    motion_t begin, end;               /* the sign of the end is the way round */
+    bounds_t bounds;
+    double least, most;                /* durations, s */
+    vec_t point[POINTS];
+    double duration;
+    quat_t node[ELEMENTS + 1];         /* orientations at the nodes */
+    int rates;
+    rate_t rate[RATES];
+} spline_t;
+
+/* Put the given control points in place for the duration. */
+void put_given(spline_t *spline);
+/* Velocity at a node. */
+vec_t velocity_at(const spline_t *spline, int node);
+/* Acceleration at a node. */
+vec_t acceleration_at(const spline_t *spline, int node);
+
+/* shorten_steps.c */
+
+/* Shorten a spline, to a whole number of periods; false where that has not converged. */
+bool shorten(spline_t *spline, double period);
+
+/* shorten.c */
+
+/* Write the joins of a connector that is shorter than one already found, and return how many they
+ * are; none where nothing was found.
+ *
+ * start, end, limits, period, least: as of find_connector.
+ * ease: factor of the jerk's limits where an acceleration would else become too fast as it falls.
+ * q, w, times: the connector that was found, as find_connector writes it.
+ * joins: receives orientations that they begin at, signs continuous, shape (ELEMENTS, 4).
+ * increments: receives their increments, shape (ELEMENTS, 5, 3).
+ * breaks: receives when they begin, and when the last one ends, s, shape (ELEMENTS + 1,). */
+index_t shorten_connector(row_t start, row_t end, matrix_t limits, double period, double least,
+                          double ease, matrix_t q, tensor_t w, row_t times, matrix_t joins,
+                          tensor_t increments, row_t breaks);
+
+#endif
