@@ -41,7 +41,7 @@ _LAG = 5e-3
 _RESERVE = 0.97
 """Share of the fastest slew that keeps the tool's limits; the rest is for stops on it."""
 _GLANCE = 4096
-"""Samples of a long path that are looked at first: what is too much is often the way to its begin."""
+"""Samples of a long path that are looked at first: what is too much is often its lead-in."""
 _ADVICE = "allow a deviation, a slower path or a slew, or choose another path"
 
 

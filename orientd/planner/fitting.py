@@ -278,7 +278,7 @@ def _pace(
     share: float,
     finest: int,
 ) -> Floats:
-    """Return the pace that the driver finds for the times of *span*, looking *finest* times a cycle."""
+    """Return the pace that the driver finds for the times of *span*, at most *finest* a cycle."""
     period, (begin, end) = motion.period, span
     cycles = round((end - begin) / period)
     finest = min(finest, max(1, _MOST_SAMPLES // (cycles + 1)))
