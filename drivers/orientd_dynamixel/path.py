@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from orientd.errors import LimitError, PlanError, StartError
 from orientd.rotation import Floats, angle, check_unit, conjugate, exp, log, multiply, rotate
-from orientd_dynamixel.branches import Choice, SlewTime, candidates, choose, continued
+from orientd_dynamixel.branches import Choice, SlewTime, candidates, choose, continued, near
 from orientd_dynamixel.certificate import (
     AxisCertificate,
     AxisLimits,
@@ -128,7 +128,7 @@ def _choose(
         on_its_way = continued(principal, limits, period, start, entry)
         if on_its_way.reached == len(q) or not policy.allow_slews:
             return [on_its_way]
-    every = candidates(principal, limits)
+    every = candidates(principal, near(principal, limits, start))
     choice = choose(every, limits, period, start=start, entry=entry, passages=ways)
     if choice.reached == len(q) or not policy.allow_slews:
         return [choice]
