@@ -8,7 +8,7 @@ to its last in one step; anything else is a slew, which costs more than any deto
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import NamedTuple
 
@@ -17,6 +17,7 @@ import numpy as np
 from orientd.rotation import Floats
 from orientd_dynamixel.certificate import AxisLimits
 from orientd_dynamixel.keyhole import Passage
+from orientd_dynamixel.kinematics import wrapped
 
 SLEW_COST = 1e3
 """Of a second that the path stands still, or of a stop where nothing is known of its time."""
@@ -88,6 +89,24 @@ def candidates(principal: Floats, limits: Sequence[AxisLimits]) -> Floats:
     order = np.argsort(~valid, axis=1, kind="stable")
     most = max(1, int(np.max(np.sum(valid, axis=1))))
     return np.take_along_axis(every, order[..., None], axis=1)[:, :most]
+
+
+def near(principal: Floats, limits: Sequence[AxisLimits], start: Floats | None) -> list[AxisLimits]:
+    """Return *limits* without the turns that are farther from *start* than the path could lead.
+
+    Args:
+        principal: both branches, shape ``(n, 2, axes)``.
+        limits: of every axis; one may have hundreds of turns.
+        start: axis angles where the path begins; ``None`` is about zero.
+    """
+    steps = np.abs(wrapped(np.diff(principal, axis=0)))
+    reach = np.max(np.sum(steps, axis=0), axis=0, initial=0.0) + 4 * np.pi
+    ends = np.array([(limit.low, limit.high) for limit in limits]).T
+    begun = np.clip(np.zeros(len(limits)) if start is None else start, *ends)
+    return [
+        replace(limit, low=max(limit.low, at - far), high=min(limit.high, at + far))
+        for limit, at, far in zip(limits, begun.tolist(), reach.tolist(), strict=True)
+    ]
 
 
 def continued(

@@ -24,7 +24,7 @@
     gear = 1.0                 # turns of the servo for one of the axis
     direction = 1              # or -1
     zero_deg = 0.0             # angle of the axis where the servo's position is 2048
-    limits_deg = [-170, 170]
+    limits_deg = [-170, 170]   # or "endless": as far as the servo counts, 255 turns either way
     velocity_deg = 220         # degrees a second; 80 % of what the servo does without load
     acceleration_deg = 2290    # degrees a second squared
     current_limit = 0.8        # A, where the servo measures it; it gives way at more (mode 5)
@@ -48,6 +48,9 @@ from orientd.driver import check_names, choice, number, numbers, quaternion, swi
 
 BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
 """Those that both the servos and the vendor's SDK know."""
+
+_MOST_TURNS = 255
+"""Of a servo, either way from where its position is 2048."""
 
 DEFAULT_ACCELERATION = 40.0
 """rad/s^2 of an axis where nothing else is said; an XM430 with a camera on it can do that."""
@@ -253,13 +256,19 @@ def _axis(row: object, place: int, letter: str) -> AxisOptions:
             f"what {model.name} does without load, got {math.degrees(velocity):.1f}"
         )
     limits = row.get("limits_deg", [-180, 180])
-    low, high = map(math.radians, numbers(f"{where}limits_deg", limits, 2))
+    zero = math.radians(number(f"{where}zero_deg", row.get("zero_deg", 0.0)))
+    if limits == "endless":
+        reach = 2 * math.pi * _MOST_TURNS / gear
+        low, high = zero - reach, zero + reach
+    else:
+        low, high = map(math.radians, numbers(f"{where}limits_deg", limits, 2))
     if not low < high:
         raise ValueError(f"{where}limits_deg must be the lower angle first, got {limits!r}")
-    zero = math.radians(number(f"{where}zero_deg", row.get("zero_deg", 0.0)))
     farthest = max(abs(low - zero), abs(high - zero)) * gear / (2 * math.pi) * 4096
     if farthest + 2048 > 1_048_575:
-        raise ValueError(f"{where}limits_deg must be within 255 turns of the servo, got {limits!r}")
+        raise ValueError(
+            f"{where}limits_deg must be within {_MOST_TURNS} turns of the servo, got {limits!r}"
+        )
     current = row.get("current_limit")
     if current is not None and not model.current_unit:
         raise ValueError(f"{where}current_limit: a {model.name} has no limit of its current")

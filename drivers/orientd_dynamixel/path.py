@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.errors import LimitError, PlanError, StartError
-from orientd.rotation import Floats, angle, check_unit, conjugate, exp, log, multiply
-from orientd_dynamixel.branches import Choice, SlewTime, candidates, choose, continued
+from orientd.rotation import Floats, angle, check_unit, conjugate, exp, log, multiply, rotate
+from orientd_dynamixel.branches import Choice, SlewTime, candidates, choose, continued, near
 from orientd_dynamixel.certificate import (
     AxisCertificate,
     AxisLimits,
@@ -40,6 +40,8 @@ _LAG = 5e-3
 """The same at the pole, where the angles are as measured, some ticks from what was commanded."""
 _RESERVE = 0.97
 """Share of the fastest slew that keeps the tool's limits; the rest is for stops on it."""
+_GLANCE = 4096
+"""Samples of a long path that are looked at first: what is too much is often its lead-in."""
 _ADVICE = "allow a deviation, a slower path or a slew, or choose another path"
 
 
@@ -110,6 +112,11 @@ def _choose(
             first = float(start[0])
         else:
             entry = 2.0 * _LAG
+    is_plain = start is not None and policy.max_deviation == 0.0 and not policy.allow_slews
+    if start is not None and is_plain and len(q) > 2 * _GLANCE:
+        begun = continued(_principal(gimbal, q[:_GLANCE], first), limits, period, start, entry)
+        if begun.reached < _GLANCE:
+            return [begun]
     principal = _principal(gimbal, q, first)
     ways: list[Passage] = []
     if policy.max_deviation > 0.0:
@@ -121,7 +128,7 @@ def _choose(
         on_its_way = continued(principal, limits, period, start, entry)
         if on_its_way.reached == len(q) or not policy.allow_slews:
             return [on_its_way]
-    every = candidates(principal, limits)
+    every = candidates(principal, near(principal, limits, start))
     choice = choose(every, limits, period, start=start, entry=entry, passages=ways)
     if choice.reached == len(q) or not policy.allow_slews:
         return [choice]
@@ -269,7 +276,7 @@ def _path(
         travel=tuple(
             (float(np.min(line.angles[:, a])), float(np.max(line.angles[:, a]))) for a in axes
         ),
-        error=_error(gimbal, q, period, choice, line),
+        error=_error(gimbal, q, period, choice, line, reached),
         manipulability=float(np.min(gimbal.manipulability(line.angles))),
         keyholes=tuple(
             Keyhole(
@@ -320,9 +327,8 @@ def _missed(gimbal: Gimbal, reached: Floats, q: Floats) -> Floats:
     """Return the angle between orientations; of two axes, between the directions pointed to."""
     if len(gimbal.axes) == 3:
         return angle(reached, q)
-    inner = gimbal.inner_axis
-    made = gimbal.matrix(reached)[:, :, inner]
-    asked = gimbal.matrix(q)[:, :, inner]
+    pointed = rotate(conjugate(gimbal.tool), np.eye(3)[gimbal.inner_axis])
+    made, asked = rotate(reached, pointed), rotate(q, pointed)
     cross = np.linalg.norm(np.cross(made, asked), axis=1)
     return np.asarray(np.arctan2(cross, np.sum(made * asked, axis=1)), dtype=np.float64)
 
@@ -331,9 +337,12 @@ def _when(line: Timeline, path_time: float) -> float:
     return float(line.times[int(np.searchsorted(line.path_times, path_time - 1e-9))])
 
 
-def _error(gimbal: Gimbal, q: Floats, period: float, choice: Choice, line: Timeline) -> AxisPeak:
+def _error(
+    gimbal: Gimbal, q: Floats, period: float, choice: Choice, line: Timeline, reached: Floats
+) -> AxisPeak:
     """Return the largest angle missed, measured on the orientations that the axes make."""
-    missed = _missed(gimbal, gimbal.forward(choice.angles), q)
+    made = gimbal.forward(choice.angles) if line.slews else reached
+    missed = _missed(gimbal, made, q)
     limit = max((way.error for way in choice.passages), default=0.0)
     at = int(np.argmax(missed))
     return AxisPeak(float(missed[at]), _when(line, at * period), limit)

@@ -16,6 +16,7 @@ from orientd_dynamixel.axes import Turns
 from orientd_dynamixel.axis import Axis, sendable
 from orientd_dynamixel.bus import (
     ATTEMPTS,
+    PATIENT_ATTEMPTS,
     ServoBus,
     explain_error,
 )
@@ -133,11 +134,20 @@ def sound_position(bus: ServoBus, axis: Axis) -> int:
         DeviceFaultError: it reports a hardware error.
     """
     servo = axis.options.id
-    if bits := bus.read(servo, HARDWARE_ERROR, 1):
+    if bits := _asked(bus, servo, HARDWARE_ERROR, 1):
         raise DeviceFaultError(
             f"servo {servo} ({axis.options.name}) reports {explain_error(bits)}; reset it"
         )
-    return bus.read(servo, POSITION, 4, is_signed=True)
+    return _asked(bus, servo, POSITION, 4)
+
+
+def _asked(bus: ServoBus, servo: int, address: int, count: int) -> int:
+    """Return a register, a position where it has four bytes; patiently.
+
+    Raises:
+        LinkError: the servo does not answer.
+    """
+    return bus.read(servo, address, count, is_signed=count == 4, attempts=PATIENT_ATTEMPTS)
 
 
 def engage(bus: ServoBus, axis: Axis) -> bool:
@@ -146,18 +156,18 @@ def engage(bus: ServoBus, axis: Axis) -> bool:
     A servo that holds already goes on with its goal.
     """
     servo, name = axis.options.id, axis.options.name
-    position = bus.read(servo, POSITION, 4, is_signed=True)
-    goal = bus.read(servo, GOAL, 4, is_signed=True)
-    was_on = bool(bus.read(servo, TORQUE, 1))
+    position = _asked(bus, servo, POSITION, 4)
+    goal = _asked(bus, servo, GOAL, 4)
+    was_on = bool(_asked(bus, servo, TORQUE, 1))
     if not (was_on and abs(goal - position) <= HELD_TICKS):
         goal = sendable(position)
         bus.write(servo, GOAL, goal, 4)
         bus.write(servo, TORQUE, 1, 1)
-        if not bus.read(servo, TORQUE, 1):
-            bits = bus.read(servo, HARDWARE_ERROR, 1)
+        if not _asked(bus, servo, TORQUE, 1):
+            bits = _asked(bus, servo, HARDWARE_ERROR, 1)
             why = f"it reports {explain_error(bits)}; reset it" if bits else "it says no more"
             raise DeviceFaultError(f"servo {servo} ({name}) does not switch its torque on: {why}")
-        goal = bus.read(servo, GOAL, 4, is_signed=True)
+        goal = _asked(bus, servo, GOAL, 4)
         if abs(goal - position) > HELD_TICKS:
             raise DeviceFaultError(
                 f"servo {servo} ({name}) has its goal {goal - position} ticks away from where it is"

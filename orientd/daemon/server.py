@@ -254,8 +254,6 @@ class _Daemon:
             cell.wait_ready, READY_TIMEOUT, is_cancelled=self._stopping.is_set
         )
         if not self._stopping.is_set():
-            for problem in problems:
-                _log.error("%s", problem)
             if problems and self._needs_devices:
                 raise DaemonError("; ".join(problems))
             self._on_ready(self._describe(cell), problems)

@@ -33,8 +33,11 @@ _LAST_SHARE = 0.2
 """The same for a lead-in to times that are the user's: it can only be as slow as it must."""
 _BEYOND = 0.1
 """How far beyond a lead-in its pace is looked for, s."""
-_FINEST, _MOST_SAMPLES = 16, 40_000
-"""Samples in a cycle on which a pace is looked for, and in all: near a pole axes turn quickly."""
+_FINEST, _FINEST_OF_LEAD, _MOST_SAMPLES = 16, 64, 40_000
+"""Samples in a cycle on which a pace is looked for, and in all: near a pole axes turn quickly.
+
+A lead-in to times of the user may pass the pole however closely, and is short.
+"""
 _LONG = 1.5
 """How much longer a pace may make a motion before all of it is tried slower, too."""
 _CLOSE = 1.02
@@ -211,9 +214,9 @@ def _paced(
         course = _course(driver, motion, rates, share)
         if not len(course):
             return None
-        q = _rows(motion.sample(course).q)
+        given = motion.sample(course)
         try:
-            shape = driver.shape(period, q, joints, before, rates)
+            shape = driver.shape(period, _rows(given.q), joints, before, rates)
             if shape is None:
                 return None
             cycles = period * np.arange(len(course), dtype=np.float64)
@@ -223,6 +226,8 @@ def _paced(
             shape = shape._replace(path_times=times, notes=(*shape.notes, note))
             return reshaped(motion, shape, joints_before=before)
         except PlanError as error:
+            if refusal is None and is_timed:
+                _check_times(driver, motion, rates)
             refusal = refusal or error
             if isinstance(error, LimitError) and error.quantity.startswith("angle of"):
                 refusal = error  # which no pace changes
@@ -237,30 +242,51 @@ def _course(
 ) -> Sequence[float]:
     """Return how far along *motion* to be in every cycle; slower where the times are not given."""
     period, end = motion.period, motion.duration
-
-    def found(begin: float, end: float, fixed: tuple[float, float], finest: int) -> Floats:
-        count = round((end - begin) / period) * finest + 1
-        grid = period / finest
-        path = _rows(motion.sample(begin + grid * np.arange(count)).q)
-        fixed = (fixed[0] - begin, fixed[1] - begin)
-        course = driver.pace(period, path, grid=grid, fixed=fixed, rates=rates, share=share)
-        return begin + np.asarray(course, dtype=np.float64)
-
-    finest = min(_FINEST, max(1, _MOST_SAMPLES // motion.record_count))
     if motion.request.times is None:
-        return found(0.0, end, (math.inf, -math.inf), finest).tolist()  # type: ignore[no-any-return]
+        free = (math.inf, -math.inf)
+        return _pace(driver, motion, (0.0, end), free, rates, share, _FINEST).tolist()  # type: ignore[no-any-return]
     # What the times of the user leave is a lead-in; from the first keyframe on they hold.
     begin = motion.start_time
-    found(begin, motion.end_time, (begin, motion.end_time), finest)
     lead = np.zeros(1)
     if begin > 0.0:
         after = min(end, begin + _BEYOND)
-        lead = found(0.0, after, (begin, after), _FINEST)
+        fixed = (begin, after)
+        lead = _pace(driver, motion, (0.0, after), fixed, rates, share, _FINEST_OF_LEAD)
         lead = lead[lead <= begin]
     if not len(lead):
         return ()
     rest = np.arange(lead[-1] + period, end, period)
-    return np.concatenate([lead, rest, [end]]).tolist()  # type: ignore[no-any-return]
+    return np.concatenate([lead, rest, [end]])  # type: ignore[return-value]
+
+
+def _check_times(driver: Driver, motion: Motion, rates: tuple[float, float, float]) -> None:
+    """Have the driver look at the part of *motion* whose times are the user's.
+
+    Raises:
+        LimitError: the axes cannot follow there, and how long it would have to last.
+    """
+    fixed = (motion.start_time, motion.end_time)
+    _pace(driver, motion, fixed, fixed, rates, _LAST_SHARE, _FINEST)
+
+
+def _pace(
+    driver: Driver,
+    motion: Motion,
+    span: tuple[float, float],
+    fixed: tuple[float, float],
+    rates: tuple[float, float, float],
+    share: float,
+    finest: int,
+) -> Floats:
+    """Return the pace that the driver finds for the times of *span*, at most *finest* a cycle."""
+    period, (begin, end) = motion.period, span
+    cycles = round((end - begin) / period)
+    finest = min(finest, max(1, _MOST_SAMPLES // (cycles + 1)))
+    grid = period / finest
+    path = _rows(motion.sample(begin + grid * np.arange(cycles * finest + 1)).q)
+    fixed = (fixed[0] - begin, fixed[1] - begin)
+    course = driver.pace(period, path, grid=grid, fixed=fixed, rates=rates, share=share)
+    return begin + np.asarray(course, dtype=np.float64)
 
 
 def _by_way(

@@ -36,6 +36,7 @@ from orientd.rpc.wire import (
 from orientd.stream import Cycle
 
 if TYPE_CHECKING:
+    from orientd.endless_turn import EndlessTurn
     from orientd.planner import MotionRequest
     from orientd.rpc.motion_request import RequestFields
     from orientd.rpc.move_handle import MoveHandle
@@ -332,6 +333,12 @@ class Robot(Commands):
     def turn(self, rate: Sequence[float], duration: float, **fields: Any) -> MoveHandle:  # noqa: ANN401 - as of move
         """Turn at *rate*, rad/s, for *duration* s, from rest to rest; raises as :meth:`move`."""
         return self.move([], rate=rate, duration=duration, **fields)
+
+    def turn_endlessly(self, rate: Sequence[float], **wishes: Any) -> EndlessTurn:  # noqa: ANN401
+        """Turn at *rate*, rad/s, until stopped or this client ends; raises as :meth:`move`."""
+        from orientd.endless_turn import EndlessTurn
+
+        return EndlessTurn(self, rate, **wishes)
 
     def teach(self, *, device: str = "", by_hand: bool = True) -> Teaching:
         """Let a device be moved by hand, and take poses of it as keyframes; a context manager.

@@ -118,6 +118,8 @@ def _field(name: str, hint: Any, default: object, says: str) -> Field:  # noqa: 
     )
 
 
-MOTION = _fields(MotionRequest)
-KEYFRAME = tuple(sorted(_fields(Keyframe), key=lambda field: field.name != "time"))
+MOTION: tuple[Field, ...] = _fields(MotionRequest)
+KEYFRAME: tuple[Field, ...] = tuple(
+    sorted(_fields(Keyframe), key=lambda field: field.name != "time")
+)
 """The time comes first where people write keyframes."""

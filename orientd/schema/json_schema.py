@@ -70,7 +70,11 @@ def motion_schema() -> dict[str, Any]:
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "orientd motion file",
-        **_table(_properties(MOTION), *(field.name for field in MOTION if field.is_needed)),
+        **_table(_properties(MOTION)),
+        "anyOf": [
+            *({"required": [field.name]} for field in MOTION if field.is_needed),
+            {"required": ["rate"]},
+        ],
         "$defs": {
             "Keyframe": {
                 **_table(_properties(KEYFRAME)),

@@ -73,7 +73,7 @@ class Page:
         self.port = server.get_port()
         self._status_text = ""
         server.gui.add_html(freshness.HTML)
-        self._beat, self._beats = server.gui.add_html(""), 0
+        self._beat = server.gui.add_html("")
         self._next_beat = 0.0
         self._status = server.gui.add_html("")
         self._stop = StopButtons(server, watcher)
@@ -105,8 +105,7 @@ class Page:
         self._notice_pages(now)
         if now >= self._next_beat:
             self._next_beat = now + 1.0 / freshness.BEATS_HZ
-            self._beats += 1
-            self._beat.content = freshness.beat(self._beats)
+            self._beat.content = freshness.beat(now, sight.age(now))
         had_device = self._scene.has_device
         with self._server.atomic():
             self._scene.move(sight.cycle, sight.outline)

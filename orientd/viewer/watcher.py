@@ -37,7 +37,8 @@ class Sight:
         outline: its shape.
         plan: of its newest motion.
         tracking_error: in the newest cycle, rad.
-        seen: when that was, s on :func:`time.monotonic`.
+        seen: when the daemon was last heard of, s on :func:`time.monotonic`.
+        alive: when the newest cycle of its servo was, where there is one, or *seen*.
     """
 
     problem: str = ""
@@ -48,11 +49,20 @@ class Sight:
     plan: Plan | None = None
     tracking_error: float | None = None
     seen: float = 0.0
+    alive: float = 0.0
 
     @property
     def report(self) -> DeviceReport | None:
         """The device that is shown, as it is."""
         return None if self.cell is None else self.cell.devices.get(self.device)
+
+    def age(self, now: float) -> float:
+        """Return how old what there is to see is, s.
+
+        Args:
+            now: s on :func:`time.monotonic`.
+        """
+        return max(0.0, now - min(self.seen, self.alive))
 
     def trouble(self, now: float) -> str:
         """Return why what there is to see is old; empty while it is not.
@@ -62,12 +72,10 @@ class Sight:
         """
         if self.problem:
             return self.problem
-        silent = now - self.seen
-        if silent > STALE:
-            return f"no word from the daemon for {silent:.0f} s"
-        report = self.report
-        if report is not None and report.is_stale:
-            return f"no cycle of its servo for {report.cycle_age + silent:.0f} s"
+        if now - self.seen > STALE:
+            return f"no word from the daemon for {now - self.seen:.0f} s"
+        if now - self.alive > STALE:
+            return f"no cycle of its servo for {now - self.alive:.0f} s"
         return ""
 
 
@@ -196,6 +204,7 @@ class Watcher:
 
     def _look(self, robot: Robot) -> None:
         """Take in the state, and fetch the plan of a motion that is new."""
+        asked = time.monotonic()
         cell = robot.state()
         with self._lock:
             device = self._sight.device
@@ -212,6 +221,8 @@ class Watcher:
             if self._sight.device not in ("", device):
                 return
             cycle = self._sight.cycle if self._streaming is not None else report.cycle
+            # What an old device was heard of says nothing of another one.
+            alive = self._sight.alive if self._sight.device == device else 0.0
             self._sight = replace(
                 self._sight,
                 problem="",
@@ -219,7 +230,8 @@ class Watcher:
                 device=device,
                 cycle=cycle,
                 plan=plan,
-                seen=time.monotonic(),
+                seen=max(asked, self._sight.seen),
+                alive=max(asked - report.cycle_age * (report.servo_pid is not None), alive),
             )
             if self._is_watched and self._streaming is None:
                 self._begin_stream(robot, report)
@@ -248,6 +260,7 @@ class Watcher:
         try:
             for cycles, outline in observer.sight(device, rate_hz=BATCHES_HZ):
                 strips.add(cycles)
+                now = time.monotonic()
                 with self._lock:
                     if self._observer is not observer:
                         return
@@ -256,7 +269,8 @@ class Watcher:
                         cycle=cycles[-1] if cycles else self._sight.cycle,
                         outline=outline,
                         tracking_error=strips.tracking_error,
-                        seen=time.monotonic(),
+                        seen=now,
+                        alive=now if cycles else self._sight.alive,
                     )
         except OrientdError:
             # The next look at the state says what is wrong.

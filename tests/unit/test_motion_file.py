@@ -339,9 +339,9 @@ def test_long_answers_are_cut(written):
     assert len(str(refusal(written(KEYFRAMES + f"approach: {'x' * 5000}")))) < 200
 
 
-def test_the_schema_needs_keyframes_and_forbids_unknown_keys():
+def test_the_schema_needs_keyframes_or_a_rate_and_forbids_unknown_keys():
     schema = motion_schema()
-    assert schema["required"] == ["keyframes"]
+    assert schema["anyOf"] == [{"required": ["keyframes"]}, {"required": ["rate"]}]
     assert schema["additionalProperties"] is False
     for model in schema["$defs"].values():
         assert model["additionalProperties"] is False

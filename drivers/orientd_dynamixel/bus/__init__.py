@@ -13,12 +13,20 @@ from orientd_dynamixel.bus.reading import (
     Reading,
     explain_error,
 )
-from orientd_dynamixel.bus.servo_bus import ATTEMPTS, READ_WAIT_S, OpenBus, ServoBus, open_bus
+from orientd_dynamixel.bus.servo_bus import (
+    ATTEMPTS,
+    PATIENT_ATTEMPTS,
+    READ_WAIT_S,
+    OpenBus,
+    ServoBus,
+    open_bus,
+)
 
 __all__ = [
     "ATTEMPTS",
     "BLOCK",
     "HEALTH",
+    "PATIENT_ATTEMPTS",
     "READ_WAIT_S",
     "RETURN_LEVEL",
     "VELOCITY_UNIT",

@@ -30,7 +30,7 @@ from orientd_dynamixel.bus.reading import (
     decode,
     decode_health,
 )
-from orientd_dynamixel.bus.servo_bus import ALERT, ServoBus
+from orientd_dynamixel.bus.servo_bus import ALERT, PATIENT_ATTEMPTS, ServoBus
 from orientd_dynamixel.options import GimbalOptions
 
 STALE_MS = 8.0
@@ -231,7 +231,9 @@ class Group:
             clock = ServoClock()
             for _ in range(_SOUNDINGS):
                 asked_ns = now_ns()
-                clock.learn(asked_ns, self._bus.read(servo, REALTIME_TICK, 2))
+                clock.learn(
+                    asked_ns, self._bus.read(servo, REALTIME_TICK, 2, attempts=PATIENT_ATTEMPTS)
+                )
             self._clocks[servo] = clock
 
     def _doubt(self, axis: Axis, reading: Reading) -> str:

@@ -24,6 +24,9 @@ PING, READ, WRITE, REBOOT = 0x01, 0x02, 0x03, 0x08
 ALERT = 0x80
 ATTEMPTS = 4
 """How often a servo is asked, outside the cycle, before it is said not to answer."""
+PATIENT_ATTEMPTS = 12
+"""The same as the torque comes on, where nothing else waits: a machine busy for a fifth of a
+second need not have the user ask again."""
 READ_WAIT_S = 0.002
 """How long one read of the port may wait; the SDK asks again until its timeout."""
 
@@ -111,15 +114,30 @@ class ServoBus:
             return None
         return int.from_bytes(answer.content[:2], "little"), answer.content[2]
 
-    def read(self, servo: int, address: int, count: int, *, is_signed: bool = False) -> int:
+    def read(
+        self,
+        servo: int,
+        address: int,
+        count: int,
+        *,
+        is_signed: bool = False,
+        attempts: int = ATTEMPTS,
+    ) -> int:
         """Return a register of *servo*.
+
+        Args:
+            servo: its id.
+            address: of the register.
+            count: its bytes.
+            is_signed: whether it is below zero at times.
+            attempts: how often to ask.
 
         Raises:
             LinkError: no answer, at any attempt.
             DeviceFaultError: it answered that it cannot.
         """
         request = address.to_bytes(2, "little") + count.to_bytes(2, "little")
-        for _ in range(ATTEMPTS):
+        for _ in range(attempts):
             answer = self._transact(servo, READ, request, count)
             if answer is not None:
                 return int.from_bytes(answer.content, "little", signed=is_signed)

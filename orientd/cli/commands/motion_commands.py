@@ -21,6 +21,7 @@ from orientd.errors import OrientdError, RequestError
 if TYPE_CHECKING:
     from orientd.config import DeviceSettings
     from orientd.driver import Feedback
+    from orientd.endless_turn import EndlessTurn
     from orientd.planner import MotionRequest, State
     from orientd.rpc import MoveHandle, OnTarget, Summary
 
@@ -231,7 +232,7 @@ def _gate(text: str) -> OnTarget:
 
 
 def follow(
-    handle: MoveHandle,
+    handle: MoveHandle | EndlessTurn,
     *,
     title: str,
     introduction: str = "",

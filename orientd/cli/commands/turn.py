@@ -13,8 +13,10 @@ from orientd.cli.command import AsJson, Beside, DeviceName, Socket, command
 from orientd.cli.commands.device_commands import holder
 from orientd.cli.commands.motion_commands import follow, raise_unless_done
 from orientd.cli.output import say, say_json
+from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
+    from orientd.endless_turn import EndlessTurn
     from orientd.rpc import MoveHandle, Robot
 
 
@@ -50,8 +52,13 @@ def turn(
         float, typer.Option("--rate", metavar="RAD/S", help="How fast; negative the other way.")
     ],
     duration: Annotated[
-        float, typer.Option("--duration", metavar="SECONDS", help="For how long at that rate.")
-    ],
+        float | None,
+        typer.Option(
+            "--duration",
+            metavar="SECONDS",
+            help="For how long at that rate; by default until it is stopped.",
+        ),
+    ] = None,
     axis: Annotated[AxisName, typer.Option("--axis", help="About which axis.")] = AxisName.Z,
     velocity_frame: Annotated[
         VelocityFrame, typer.Option("--frame", help="Whether it is the tool's or the world's.")
@@ -63,21 +70,23 @@ def turn(
 ) -> None:
     """Turn at a constant rate, from rest and to rest, as a turntable.
 
-    It begins wherever the device is.  Ctrl-C stops it on its path.
+    It begins wherever the device is.  Ctrl-C stops it on its path.  Without a duration it turns
+    until it is stopped, or until an axis of a gimbal comes near the last of its angles.
     """
     omega = [rate if letter == axis.value else 0.0 for letter in "xyz"]
 
-    def begin(robot: Robot) -> MoveHandle:
-        return robot.turn(
-            omega, duration, device=device, velocity_frame=velocity_frame.value, name="turn"
-        )
+    def begin(robot: Robot) -> MoveHandle | EndlessTurn:
+        frame = velocity_frame.value
+        if duration is None:
+            return robot.turn_endlessly(omega, device=device, velocity_frame=frame, name="turn")
+        return robot.turn(omega, duration, device=device, velocity_frame=frame, name="turn")
 
     _run("turn", begin, device, lease, socket, as_json)
 
 
 def _run(
     name: str,
-    begin: Callable[[Robot], MoveHandle],
+    begin: Callable[[Robot], MoveHandle | EndlessTurn],
     device: str,
     is_beside: bool,
     socket: Path | None,
@@ -94,4 +103,6 @@ def _run(
         say_json({"plan": handle.plan, "summary": summary, "speed": handle.speed})
     else:
         say(*texts.summary(summary, handle.plan, speed=handle.speed))
+    if problem := getattr(handle, "problem", ""):
+        raise OrientdError(f"the turn could not go on: {problem}")
     raise_unless_done(summary)

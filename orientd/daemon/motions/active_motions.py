@@ -93,6 +93,7 @@ class ActiveMotions:
         self._ids: dict[str, dict[int, tuple[str, str]]] = {}
         self._stops: dict[str, int] = {}
         self._reasons: dict[str, str] = {}
+        self._died: dict[str, str] = {}
         self._timed: list[ActiveMotion] = []
         self.hear_stops: Callable[[], object] = lambda: None
 
@@ -229,6 +230,16 @@ class ActiveMotions:
             if not run.ended.done():
                 run.ended.set_result(ended)
 
+    def _level(self, event: DeviceEvent) -> int:
+        """Return how loudly to log an event: a start that fails again as before is said once."""
+        if event.kind is EventKind.READY:
+            self._died.pop(event.device, None)
+        elif event.kind is EventKind.SERVO_DIED:
+            last, self._died[event.device] = self._died.get(event.device), event.text
+            if event.text == last:
+                return logging.DEBUG
+        return _LEVELS.get(event.kind, logging.INFO)
+
     def hear(self, event: DeviceEvent) -> None:
         """Note what a device reports; called from its own thread, or from within its start."""
         motion_id, name = self._identity_of(event)
@@ -236,7 +247,7 @@ class ActiveMotions:
         ended = self._how(event)
         text = event.text if ended is None else ended[1]
         _log.log(
-            _LEVELS.get(event.kind, logging.INFO),
+            self._level(event),
             "%s: %s%s%s",
             event.device,
             event.kind.value,

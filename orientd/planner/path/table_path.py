@@ -81,9 +81,10 @@ class TablePath:
         back = -period * np.array([[2.0], [1.0]])
         turn = back * given.omega_body[0] + 0.5 * back**2 * given.alpha_body[0]
         padded = np.concatenate([multiply(q[0], exp(turn)), q, q[-1:], q[-1:]])
-        centre = conjugate(q)
+        # The way back is the way there with the other sign, so each is calculated once.
+        one, two = (log(multiply(conjugate(padded[:-k]), padded[k:])) for k in (1, 2))
         count = len(q)
-        near = [log(multiply(centre, padded[k : k + count])) for k in (0, 1, 3, 4)]
+        near = (-two[:count], -one[1 : count + 1], one[2 : count + 2], two[2 : count + 2])
         omega = (8.0 * (near[2] - near[1]) - (near[3] - near[0])) / (12.0 * period)
         alpha = (16.0 * (near[1] + near[2]) - near[0] - near[3]) / (12.0 * period**2)
         pace = np.diff(course, prepend=course[0] - period, append=course[-1] + period) / period

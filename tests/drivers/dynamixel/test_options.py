@@ -4,6 +4,7 @@ import math
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from orientd import config
@@ -27,6 +28,15 @@ def test_example_deployment_is_read_by_the_daemon():
 
 def test_axis_takes_eighty_percent_of_the_speed_without_load():
     assert parse(GOOD).axes[0].velocity == pytest.approx(0.8 * 4.817)
+
+
+@pytest.mark.parametrize("gear", [1.0, 2.5])
+def test_an_endless_axis_goes_as_far_as_its_servo_counts(gear):
+    axis = {"id": 1, "limits_deg": "endless", "zero_deg": 10, "gear": gear}
+    yaw = parse({**GOOD, "axes": [axis, *GOOD["axes"][1:]]}).axes[0]
+    assert np.rad2deg([yaw.low, yaw.high]) == pytest.approx(
+        [10 - 91_800 / gear, 10 + 91_800 / gear]
+    )
 
 
 @pytest.mark.parametrize(

@@ -47,6 +47,16 @@ def test_many_turns_are_counted():
     assert np.sum(steps[:, 2]) == pytest.approx(60.0, abs=0.2)
 
 
+def test_a_turn_goes_on_at_the_rate_that_is_there():
+    first = turned([0, 0, -1.2], 20.0)
+    start = first.path.state(PERIOD * 700)
+    request = motion_file.parse({"rate": [0, 0, -1.2], "duration": 20.0})
+    motion = plan(request, start=start, limits=LIMITS, period=PERIOD)
+    assert motion.start_time == 0.0
+    omega = motion.sample(PERIOD * np.arange(round(motion.end_time / PERIOD))).omega_body
+    assert omega == pytest.approx(np.broadcast_to([0, 0, -1.2], omega.shape), abs=1e-9)
+
+
 def test_a_rate_above_the_limit_is_refused():
     with pytest.raises(LimitError, match="angular velocity"):
         turned([0, 0, 1.6], 4.0)
