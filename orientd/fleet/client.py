@@ -19,14 +19,16 @@ from orientd.fleet.access import basic_configuration, tls_configuration
 from orientd.fleet.certificate import common_name
 from orientd.fleet.channel import FleetChannel
 from orientd.fleet.clocks import ClockOffset
+from orientd.fleet.member import FleetMember
 from orientd.fleet.session import open_session
 from orientd.fleet_settings import TLS
-from orientd.rpc import Robot, Way, default_socket
+from orientd.rpc import Robot
 from orientd.rpc import control_pb2 as pb
 
 if TYPE_CHECKING:
-    import grpc
     import zenoh
+
+    from orientd.fleet.recording import FleetRecording
 
 SETTLING = 3.0
 """How long a client waits for the first daemon of the cell unless told otherwise, s."""
@@ -38,66 +40,6 @@ STOP_TIMEOUT = 2.0
 """How long a daemon may take to acknowledge a stop, s."""
 
 _ASK_TIMEOUT = 1.0
-
-ADDRESS = "fleet:"
-"""What the address of a daemon of a cell begins with: ``fleet:DAEMON``."""
-
-
-@dataclass(frozen=True)
-class FleetMember(Way):
-    """The way to a daemon of a cell.
-
-    Attributes:
-        fleet: knows the cell.
-        name: of the daemon.
-    """
-
-    fleet: Fleet | None = None
-    name: str = ""
-
-    @classmethod
-    def at(
-        cls,
-        address: str,
-        certificate: str | Path | None,
-        key: str | Path | None,
-        ca: str | Path | None,
-    ) -> FleetMember:
-        """Return the way to ``fleet:NAME``, of the cell that the environment names.
-
-        The certificates are as for :func:`connect_fleet`.
-        """
-        name = address.removeprefix(ADDRESS)
-        return cls(
-            _kept(name),
-            address,
-            certificate=None if certificate is None else Path(certificate),
-            key=None if key is None else Path(key),
-            ca=None if ca is None else Path(ca),
-            name=name,
-        )
-
-    def why_not(self) -> OrientdError | None:
-        """Return nothing: whether a daemon is there is what the call has found out."""
-        return None
-
-    def open(self) -> grpc.Channel:
-        """Return a channel to the daemon; without a fleet, one that ends its own.
-
-        Raises:
-            DaemonError: there is no such daemon, or no such cell.
-        """
-        if self.fleet is not None:
-            return self.fleet.channel(self.name)
-        fleet = connect_fleet(
-            wait_for=[self.name], certificate=self.certificate, key=self.key, ca=self.ca
-        )
-        return fleet.channel(self.name, on_close=fleet.close)
-
-
-def _kept(name: str) -> Path:
-    """Return where what belongs to a daemon of a cell is kept."""
-    return default_socket().with_name(f"{name}.fleet")
 
 
 @dataclass(frozen=True, slots=True)
@@ -377,7 +319,7 @@ class Fleet:
 
     def way(self, daemon: str) -> FleetMember:
         """Return the way to a daemon."""
-        return FleetMember(_kept(daemon), f"{self.cell}/{daemon}", fleet=self, name=daemon)
+        return FleetMember.of(self, daemon)
 
     def robot(self, daemon: str, *, holder: str = "", timeout: float = 30.0) -> Robot:
         """Return a daemon as :func:`orientd.connect` does: every call but ``track`` works.
@@ -395,3 +337,17 @@ class Fleet:
             robot.close()
             raise
         return robot
+
+    def record(
+        self, path: str | Path, daemons: Sequence[str] = (), *, has_scalars: bool = False
+    ) -> FleetRecording:
+        """Return what records every cycle, event and plan of the cell to one MCAP file.
+
+        Args:
+            path: of the file, which is overwritten.
+            daemons: their names; whoever is there meanwhile, where none is named.
+            has_scalars: whether every cycle is written as plain numbers too, for tools that plot.
+        """
+        from orientd.fleet.recording import FleetRecording
+
+        return FleetRecording(self, Path(path), daemons, has_scalars=has_scalars)

@@ -242,6 +242,47 @@ def tell_together(together: Together, *, as_json: bool) -> None:
 
 @fleet.command()
 @command
+def record(
+    file: Annotated[Path, typer.Argument(metavar="OUT.mcap", help="The file to write.")],
+    daemon: Annotated[
+        list[str] | None,
+        typer.Option("--daemon", metavar="NAME", help="Which daemons; default: all."),
+    ] = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option("--seconds", "-s", help="For how long; default: until Ctrl-C."),
+    ] = None,
+    scalars: Annotated[
+        bool, typer.Option("--scalars", help="Plain numbers of every cycle too.")
+    ] = False,
+    connect: Connect = None,
+    cell: CellName = None,
+    cert: Cert = None,
+    key: Key = None,
+    ca: Ca = None,
+    as_json: AsJson = False,
+) -> None:
+    """Record every cycle, event and plan of the cell to one MCAP file, on one clock.
+
+    Ctrl-C or SIGTERM ends it.  It is opened like one of `orientd record`; where each clock stood,
+    and how well that is known, is in it.
+    """
+    from orientd.cli.commands.record import check_output, ending, tell
+
+    check_output(file, seconds)
+    with _connected(connect, cell, cert, key, ca) as cell_of:
+        recording = cell_of.record(file, daemon or (), has_scalars=scalars)
+        if not as_json:
+            say(f"recording {', '.join(daemon or cell_of.daemons)} to {file}")
+        with ending(recording, seconds):
+            recording.run()
+    tell(recording, file, as_json=as_json)
+    if recording.problems:
+        raise DaemonError("; ".join(f"{name}: {why}" for name, why in recording.problems.items()))
+
+
+@fleet.command()
+@command
 def router(
     config: Annotated[
         Path, typer.Option("--config", "-c", help="With [fleet] and [access.certificates].")
