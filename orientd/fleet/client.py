@@ -19,13 +19,14 @@ from orientd.fleet.access import basic_configuration, tls_configuration
 from orientd.fleet.certificate import common_name
 from orientd.fleet.channel import FleetChannel
 from orientd.fleet.clocks import ClockOffset
-from orientd.fleet.member import FleetMember
+from orientd.fleet.reports import Heard, Stopped
 from orientd.fleet.session import open_session
 from orientd.fleet_settings import TLS
-from orientd.rpc import Robot
+from orientd.rpc import Robot, Way, default_socket
 from orientd.rpc import control_pb2 as pb
 
 if TYPE_CHECKING:
+    import grpc
     import zenoh
 
     from orientd.fleet.recording import FleetRecording
@@ -41,40 +42,65 @@ STOP_TIMEOUT = 2.0
 
 _ASK_TIMEOUT = 1.0
 
-
-@dataclass(frozen=True, slots=True)
-class Stopped:
-    """What a daemon says of a stop.
-
-    Attributes:
-        daemon: its name.
-        devices: of each ``name``, ``state`` and ``motion`` as the stop met them.
-        seconds: from the call until its answer was here.
-        taken_after: from the call until its servos had taken the stop, by its clock and what is
-            known of that, s; ``None`` where nothing is.
-        problem: why it is not known to have stopped; empty if it is.
-    """
-
-    daemon: str
-    devices: Sequence[dict[str, Any]]
-    seconds: float
-    taken_after: float | None = None
-    problem: str = ""
+ADDRESS = "fleet:"
+"""What the address of a daemon of a cell begins with: ``fleet:DAEMON``."""
 
 
-@dataclass(frozen=True, slots=True)
-class Heard:
-    """The newest state of a daemon.
+@dataclass(frozen=True)
+class FleetMember(Way):
+    """The way to a daemon of a cell.
 
     Attributes:
-        state: as the daemon tells it.
-        taken_ns: when, on the daemon's monotonic clock.
-        heard_ns: when it was here, on ours.
+        fleet: knows the cell.
+        name: of the daemon.
     """
 
-    state: pb.GetStateResponse
-    taken_ns: int
-    heard_ns: int
+    fleet: Fleet | None = None
+    name: str = ""
+
+    @classmethod
+    def at(
+        cls,
+        address: str,
+        certificate: str | Path | None,
+        key: str | Path | None,
+        ca: str | Path | None,
+    ) -> FleetMember:
+        """Return the way to ``fleet:NAME``, of the cell that the environment names.
+
+        The certificates are as for :func:`connect_fleet`.
+        """
+        name = address.removeprefix(ADDRESS)
+        return cls(
+            _kept(name),
+            address,
+            certificate=None if certificate is None else Path(certificate),
+            key=None if key is None else Path(key),
+            ca=None if ca is None else Path(ca),
+            name=name,
+        )
+
+    def why_not(self) -> OrientdError | None:
+        """Return nothing: whether a daemon is there is what the call has found out."""
+        return None
+
+    def open(self) -> grpc.Channel:
+        """Return a channel to the daemon; without a fleet, one that ends its own.
+
+        Raises:
+            DaemonError: there is no such daemon, or no such cell.
+        """
+        if self.fleet is not None:
+            return self.fleet.channel(self.name)
+        fleet = connect_fleet(
+            wait_for=[self.name], certificate=self.certificate, key=self.key, ca=self.ca
+        )
+        return fleet.channel(self.name, on_close=fleet.close)
+
+
+def _kept(name: str) -> Path:
+    """Return where what belongs to a daemon of a cell is kept."""
+    return default_socket().with_name(f"{name}.fleet")
 
 
 def connect_fleet(
@@ -319,7 +345,7 @@ class Fleet:
 
     def way(self, daemon: str) -> FleetMember:
         """Return the way to a daemon."""
-        return FleetMember.of(self, daemon)
+        return FleetMember(_kept(daemon), f"{self.cell}/{daemon}", fleet=self, name=daemon)
 
     def robot(self, daemon: str, *, holder: str = "", timeout: float = 30.0) -> Robot:
         """Return a daemon as :func:`orientd.connect` does: every call but ``track`` works.
