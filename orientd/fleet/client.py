@@ -348,7 +348,7 @@ class Fleet:
         return FleetMember(_kept(daemon), f"{self.cell}/{daemon}", fleet=self, name=daemon)
 
     def robot(self, daemon: str, *, holder: str = "", timeout: float = 30.0) -> Robot:
-        """Return a daemon as :func:`orientd.connect` does: every call but ``track`` works.
+        """Return a daemon as :func:`orientd.connect` does: every call works.
 
         Raises:
             DaemonError: it does not answer.
