@@ -150,10 +150,9 @@ class _Tool:
 
     def move(self, member: Member, device: DeviceReport) -> None:
         """Show how a device is; nothing of one that is not known to be so."""
-        sign, word, _ = words.state(device)
-        problem = member.problem or ("stale" if device.is_stale else "")
-        text = f"✕ {self._name}: {problem}" if problem else f"{self._name} {sign} {word}"
-        set_changed(self._label, text=text)
+        problem = member.problem or device.is_stale
+        # No state: a browser may draw a label a second after it has changed.
+        set_changed(self._label, text=f"✕ {self._name}" if problem else self._name)
         set_changed(self._sent, visible=not problem and device.cycle is not None)
         if device.cycle is not None:
             self._sent.wxyz = device.cycle.q

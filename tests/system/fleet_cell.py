@@ -32,19 +32,36 @@ def free_port():
 class RunningCell:
     """Daemons ``arm-1``, ``arm-2`` ... with a loopback device ``arm`` each."""
 
-    def __init__(self, folder, daemons, *, is_tls=False, lease=1.0, more="", ahead=None):
-        """Prepare them; the monotonic clocks of some may be *ahead* of ours by so many seconds."""
+    def __init__(
+        self,
+        folder,
+        daemons,
+        *,
+        is_tls=False,
+        lease=1.0,
+        more="",
+        ahead=None,
+        host="127.0.0.1",
+        prefix=(),
+    ):
+        """Prepare them.
+
+        Args:
+            ahead: by name, how far monotonic clocks are ahead of ours, s.
+            host: where the router listens.
+            prefix: of the commands that run daemons and the router.
+        """
         self.folder, self.is_tls, self.lease, self.more = Path(folder), is_tls, lease, more
-        self.ahead = ahead or {}
+        self.ahead, self.prefix = ahead or {}, prefix
         self.names = [f"arm-{number}" for number in range(1, daemons + 1)]
         self.processes = {}
         if is_tls:
             self.authority = Authority(self.folder / "ca")
             for name in (*self.names, "router"):
-                self.authority.issue(name, hosts="IP:127.0.0.1", use="member")
+                self.authority.issue(name, hosts=f"IP:{host}", use="member")
             for name in (*ROLES, "unknown"):
                 self.authority.issue(name)
-            self.router = f"tls/127.0.0.1:{free_port()}"
+            self.router = f"tls/{host}:{free_port()}"
             self.endpoint = self.router
         else:
             self.endpoint = self.socket_of(self.names[0])
@@ -94,7 +111,16 @@ class RunningCell:
         command = ["run"] if name != "router" else ["fleet", "router"]
         with (self.folder / f"{name}.log").open("ab") as log:
             self.processes[name] = subprocess.Popen(
-                [*self._clock(name), sys.executable, "-m", "orientd", *command, "-c", config],
+                [
+                    *self.prefix,
+                    *self._clock(name),
+                    sys.executable,
+                    "-m",
+                    "orientd",
+                    *command,
+                    "-c",
+                    config,
+                ],
                 stdout=subprocess.PIPE,
                 stderr=log,
                 text=True,

@@ -37,8 +37,8 @@ def page(cell):
         line = view.stdout.readline()
         assert line.startswith("ready"), (line, view.stderr.read())
         with open_browser() as browser:
-            page = new_page(browser, 900, 600)
-            page.goto(f"{line.split()[-1]}/?fixedDpr=0.5")
+            page = new_page(browser, 600, 400)
+            page.goto(f"{line.split()[-1]}/?fixedDpr=0.1")
             yield page
     finally:
         view.terminate()
