@@ -1,22 +1,25 @@
 """gRPC's channel to one daemon, over Zenoh: a stub of ``Control`` knows no difference.
 
 A call is a query with the request; its answers are replies, and its end is the end of the replies.
+Where there are many requests each of them is a query of its own (:mod:`orientd.fleet.requests`).
 What gRPC would raise is raised here in its name, with the same details.
 """
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import json
 import queue
 import threading
-from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, Self
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any, Self, cast
 
 import grpc
 
 from orientd.errors import OrientdError, StateError, TooMuchError
 from orientd.fleet import keys
+from orientd.fleet.requests import RequestStream
 from orientd.rpc import DETAILS_KEY, to_status
 
 if TYPE_CHECKING:
@@ -85,6 +88,7 @@ class _Answers(Iterator[Any]):
         self._replies: queue.SimpleQueue[zenoh.Reply | None] = queue.SimpleQueue()
         self._has_ended = threading.Event()
         self._is_cancelled = False
+        self.requests: RequestStream | None = None
 
     # Called by Zenoh
 
@@ -121,6 +125,8 @@ class _Answers(Iterator[Any]):
         if not self._has_ended.is_set() and not self._is_cancelled:
             self._is_cancelled = True
             self._replies.put(None)
+            if self.requests is not None:
+                self.requests.end()
             self._cancel()
         return True
 
@@ -161,11 +167,13 @@ class _Method:
         read: Read,
         *,
         is_stream: bool,
+        has_many: bool = False,
     ) -> None:
         if write is None or read is None:
             raise TypeError("expected a call of messages, got one of bytes")
         self._channel, self._name = channel, method.rpartition("/")[2]
-        self._write, self._read, self._is_stream = write, read, is_stream
+        self._write, self._read = write, read
+        self._is_stream, self._has_many = is_stream, has_many
 
     def __call__(
         self, request: object, timeout: float | None = None, metadata: Metadata | None = None
@@ -176,8 +184,13 @@ class _Method:
     def future(
         self, request: object, timeout: float | None = None, metadata: Metadata | None = None
     ) -> _Answers:
-        body, start = self._write(request), dict(metadata or ()).get(START_KEY)
-        return self._channel.begin(self._name, body, self._read, timeout, start)
+        start = dict(metadata or ()).get(START_KEY)
+        if not self._has_many:
+            return self._channel.begin(
+                self._name, self._write(request), self._read, timeout, start=start
+            )
+        requests = map(self._write, cast("Iterable[object]", request))
+        return self._channel.begin(self._name, b"", self._read, timeout, requests=requests)
 
 
 class FleetChannel(grpc.Channel):
@@ -204,37 +217,83 @@ class FleetChannel(grpc.Channel):
         body: bytes,
         read: Callable[[bytes], Any],
         timeout: float | None,
+        *,
         start: str | None = None,
+        requests: Iterable[bytes] | None = None,
     ) -> _Answers:
-        """Send a request; return the answers to come."""
+        """Begin a call; return the answers to come.
+
+        Args:
+            method: its name.
+            body: the request, as serialised.
+            read: makes a message of an answer.
+            timeout: how long the call may take, s; ``None`` for as long as it takes.
+            start: the start that a Move takes part in, JSON.
+            requests: all of them, instead of *body*, where the call has many.
+        """
         import zenoh
 
         name = f"{self._session.zid()}-{id(self):x}-{next(self._numbers)}"
         said: dict[str, Any] = {"session": str(self._session.zid()), "id": name}
         if start is not None:
             said["start"] = json.loads(start)
+        if requests is not None:
+            said["parts"] = True
         answers = _Answers(read, lambda: self._cancel(name))
         self._open.add(answers)
 
         def finish() -> None:
             self._open.discard(answers)
             answers.finish()
+            if answers.requests is not None:
+                answers.requests.end()
 
-        self._session.get(
-            self._key(f"rpc/{method}"),
-            zenoh.handlers.Callback(answers.take, finish),
-            target=zenoh.QueryTarget.ALL,
-            consolidation=zenoh.ConsolidationMode.NONE,
-            timeout=LONGEST_CALL if timeout is None else timeout,
-            payload=body,
-            attachment=json.dumps(said).encode(),
-            express=True,
-        )
+        answers_to = zenoh.handlers.Callback(answers.take, finish)
+        self._ask(method, answers_to, body, said, LONGEST_CALL if timeout is None else timeout)
+        if requests is not None:
+
+            def hear(_: zenoh.Reply) -> None:
+                """Go by the end of the replies, of which there are none."""
+
+            def send(part: dict[str, Any], body: bytes, taken: Callable[[], object]) -> None:
+                end_of = zenoh.handlers.Callback(hear, taken)
+                self._ask(method, end_of, body, {**said, **part}, LONGEST_CALL)
+
+            answers.requests = RequestStream(requests, send, answers.cancel)
         return answers
 
+    def _ask(
+        self,
+        method: str,
+        handler: zenoh.handlers.Callback[zenoh.Reply],
+        body: bytes,
+        said: dict[str, Any],
+        timeout: float,
+    ) -> None:
+        import zenoh
+
+        try:
+            self._session.get(
+                self._key(f"rpc/{method}"),
+                handler,
+                target=zenoh.QueryTarget.ALL,
+                consolidation=zenoh.ConsolidationMode.NONE,
+                congestion_control=zenoh.CongestionControl.BLOCK,
+                timeout=timeout,
+                payload=body,
+                attachment=json.dumps(said).encode(),
+                express=True,
+            )
+        except zenoh.ZError as error:
+            text = f"the cell was left: {error}".partition(" at /")[0]
+            raise FleetCallError(grpc.StatusCode.UNAVAILABLE, text) from error
+
     def _cancel(self, name: str) -> None:
-        # Whoever cancels does not wait for the other end to know.
-        self._session.get(self._key(f"cancel/{name}"), lambda _: None, timeout=1.0)
+        import zenoh
+
+        # Whoever cancels does not wait for the other end to know, which knows of a session's end.
+        with contextlib.suppress(zenoh.ZError):
+            self._session.get(self._key(f"cancel/{name}"), lambda _: None, timeout=1.0)
 
     def _key(self, what: str) -> str:
         return keys.as_caller(self._cell, self._daemon, self._caller, what)
@@ -253,13 +312,21 @@ class FleetChannel(grpc.Channel):
         """Return what makes a call with many answers."""
         return _Method(self, method, request_serializer, response_deserializer, is_stream=True)
 
-    def stream_unary(self, method: str, *_: object, **__: object) -> Any:  # noqa: ANN401
-        """Return what refuses a call with many requests."""
-        return _refuse(method)
+    def stream_unary(
+        self, method: str, request_serializer: Write, response_deserializer: Read, **_: object
+    ) -> Any:  # noqa: ANN401
+        """Return what makes a call with many requests and one answer."""
+        return _Method(
+            self, method, request_serializer, response_deserializer, is_stream=False, has_many=True
+        )
 
-    def stream_stream(self, method: str, *_: object, **__: object) -> Any:  # noqa: ANN401
-        """Return what refuses a call with many requests."""
-        return _refuse(method)
+    def stream_stream(
+        self, method: str, request_serializer: Write, response_deserializer: Read, **_: object
+    ) -> Any:  # noqa: ANN401
+        """Return what makes a call with many requests and many answers."""
+        return _Method(
+            self, method, request_serializer, response_deserializer, is_stream=True, has_many=True
+        )
 
     def subscribe(self, callback: object, try_to_connect: bool | None = False) -> None:
         """Tell nobody how the connection is: Zenoh finds its ways itself."""
@@ -278,11 +345,3 @@ class FleetChannel(grpc.Channel):
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-def _refuse(method: str) -> Callable[..., Any]:
-    def refuse(*_: object, **__: object) -> None:
-        text = f"{method.rpartition('/')[2]} is for the control socket alone, which keeps time"
-        raise FleetCallError(_UNIMPLEMENTED, text)
-
-    return refuse

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Self
 
 from orientd.errors import DaemonError, OrientdError
 from orientd.fleet import keys
@@ -18,6 +18,7 @@ from orientd.fleet.access import basic_configuration, tls_configuration
 from orientd.fleet.certificate import common_name
 from orientd.fleet.channel import FleetChannel
 from orientd.fleet.clocks import ClockOffset
+from orientd.fleet.reports import Heard, Stopped
 from orientd.fleet.session import open_session
 from orientd.fleet_settings import TLS
 from orientd.rpc import Robot, Way, default_socket
@@ -26,6 +27,8 @@ from orientd.rpc import control_pb2 as pb
 if TYPE_CHECKING:
     import grpc
     import zenoh
+
+    from orientd.fleet.recording import FleetRecording
 
 SETTLING = 3.0
 """How long a client waits for the first daemon of the cell unless told otherwise, s."""
@@ -97,41 +100,6 @@ class FleetMember(Way):
 def _kept(name: str) -> Path:
     """Return where what belongs to a daemon of a cell is kept."""
     return default_socket().with_name(f"{name}.fleet")
-
-
-@dataclass(frozen=True, slots=True)
-class Stopped:
-    """What a daemon says of a stop.
-
-    Attributes:
-        daemon: its name.
-        devices: of each ``name``, ``state`` and ``motion`` as the stop met them.
-        seconds: from the call until its answer was here.
-        taken_after: from the call until its servos had taken the stop, by its clock and what is
-            known of that, s; ``None`` where nothing is.
-        problem: why it is not known to have stopped; empty if it is.
-    """
-
-    daemon: str
-    devices: Sequence[dict[str, Any]]
-    seconds: float
-    taken_after: float | None = None
-    problem: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Heard:
-    """The newest state of a daemon.
-
-    Attributes:
-        state: as the daemon tells it.
-        taken_ns: when, on the daemon's monotonic clock.
-        heard_ns: when it was here, on ours.
-    """
-
-    state: pb.GetStateResponse
-    taken_ns: int
-    heard_ns: int
 
 
 def connect_fleet(
@@ -374,7 +342,7 @@ class Fleet:
         return FleetMember(_kept(daemon), f"{self.cell}/{daemon}", fleet=self, name=daemon)
 
     def robot(self, daemon: str, *, holder: str = "", timeout: float = 30.0) -> Robot:
-        """Return a daemon as :func:`orientd.connect` does: every call but ``track`` works.
+        """Return a daemon as :func:`orientd.connect` does: every call works.
 
         Raises:
             DaemonError: it does not answer.
@@ -389,3 +357,17 @@ class Fleet:
             robot.close()
             raise
         return robot
+
+    def record(
+        self, path: str | Path, daemons: Sequence[str] = (), *, has_scalars: bool = False
+    ) -> FleetRecording:
+        """Return what records every cycle, event and plan of the cell to one MCAP file.
+
+        Args:
+            path: of the file, which is overwritten.
+            daemons: their names; whoever is there meanwhile, where none is named.
+            has_scalars: whether every cycle is written as plain numbers too, for tools that plot.
+        """
+        from orientd.fleet.recording import FleetRecording
+
+        return FleetRecording(self, Path(path), daemons, has_scalars=has_scalars)

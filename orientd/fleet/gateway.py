@@ -16,7 +16,7 @@ import socket
 import threading
 import time
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -44,7 +44,12 @@ KEPT = 256
 
 @dataclass
 class _Call:
-    """A call that the daemon has been handed, or will be."""
+    """A call that the daemon has been handed, or will be.
+
+    Attributes:
+        parts: requests that it has not taken yet, of a call with many.
+        next_part: number of the next of them.
+    """
 
     query: zenoh.Query
     key: str
@@ -52,6 +57,8 @@ class _Call:
     session: str
     id: str
     start: str = ""
+    parts: deque[zenoh.Query] = field(default_factory=deque)
+    next_part: int = 0
 
 
 class Gateway:
@@ -78,6 +85,7 @@ class Gateway:
         self._lock = threading.Lock()
         self._numbers = itertools.count(1)
         self._calls: dict[int, _Call] = {}
+        self._called: dict[tuple[str, str], int] = {}
         self._sessions: set[str] = set()
         self._gone: deque[str] = deque(maxlen=KEPT)
         self._session = session = open_session(begin["zenoh"])
@@ -118,6 +126,8 @@ class Gateway:
                 self._events.put(body, attachment=json.dumps(header).encode())
             elif "answer" in header:
                 self._answer(header["answer"], body)
+            elif "taken" in header:
+                self._acknowledge(header["taken"])
             elif "end" in header:
                 self._end(header["end"], body)
         self._session.close()  # type: ignore[no-untyped-call] # Zenoh's stub
@@ -131,12 +141,16 @@ class Gateway:
             return
         call = _Call(query, key, caller, str(said.get("session")), str(said.get("id")))
         body = query.payload.to_bytes() if query.payload is not None else b""
+        if "part" in said:
+            self._take_part(query, (caller, call.id), said, body)
+            return
         number = next(self._numbers)
         with self._lock:
             is_room = len(self._calls) < MOST_CALLS
             is_gone = call.session in self._gone
             if is_room and not is_gone:
                 self._calls[number] = call
+                self._called[caller, call.id] = number
         if is_gone:
             return
         if not is_room:
@@ -145,6 +159,8 @@ class Gateway:
             query.drop()  # type: ignore[no-untyped-call] # Zenoh's stub
             return
         header = {"call": number, "method": keys.last_of(key), "caller": caller}
+        if said.get("parts"):
+            header["parts"] = True
         start = said.get("start")
         if not isinstance(start, dict):
             self._send(header, body)
@@ -166,10 +182,43 @@ class Gateway:
         if call is not None:
             call.query.reply(call.key, body)
 
-    def _end(self, number: int, body: bytes) -> None:
-        """End a call; *body* is what went wrong, a ``google.rpc.Status``, or nothing."""
+    def _take_part(
+        self, query: zenoh.Query, called: tuple[str, str], said: Header, body: bytes
+    ) -> None:
+        """Hand on one request of a call with many, which the same caller has begun."""
+        with self._lock:
+            number = self._called.get(called)
+            call = None if number is None else self._calls[number]
+            if call is not None:
+                is_next = said["part"] == call.next_part
+                call.next_part += 1
+                call.parts.append(query)
+        if call is None:
+            query.drop()  # type: ignore[no-untyped-call] # Zenoh's stub
+        elif not is_next:
+            # What comes in another order than it was sent in is no message.
+            self._send({"cancel": number})
+        else:
+            self._send({"part": number, "is_last": bool(said.get("last"))}, body)
+
+    def _acknowledge(self, number: int) -> None:
+        call = self._calls.get(number)
+        if call is not None and call.parts:
+            call.parts.popleft().drop()  # type: ignore[no-untyped-call] # Zenoh's stub
+
+    def _forget(self, number: int) -> _Call | None:
+        """Return a call that is under way no more."""
         with self._lock:
             call = self._calls.pop(number, None)
+            if call is not None:
+                self._called.pop((call.caller, call.id), None)
+        while call is not None and call.parts:
+            call.parts.popleft().drop()  # type: ignore[no-untyped-call] # Zenoh's stub
+        return call
+
+    def _end(self, number: int, body: bytes) -> None:
+        """End a call; *body* is what went wrong, a ``google.rpc.Status``, or nothing."""
+        call = self._forget(number)
         if call is None:
             return
         if body:
@@ -179,8 +228,7 @@ class Gateway:
         call.query.drop()  # type: ignore[no-untyped-call] # Zenoh's stub
 
     def _refuse(self, number: int, why: str) -> None:
-        with self._lock:
-            call = self._calls.pop(number, None)
+        call = self._forget(number)
         if call is not None:
             call.query.reply_err(json.dumps({"refused": why}).encode())
             call.query.drop()  # type: ignore[no-untyped-call] # Zenoh's stub

@@ -17,6 +17,9 @@ from dataclasses import dataclass, field
 KEPT = 64
 """Starts that are remembered: the others may be asked before this one."""
 
+NOT_READY = "not ready in time, so nothing begins"
+"""How the refusal of a start ends that may go well another time."""
+
 READY, DROPPED = b"ready", b"dropped"
 
 Say = Callable[[str, bytes], object]
@@ -151,4 +154,4 @@ class StartBarrier:
             if all(part.has_begun for part in one.parts):
                 return
             missing = ", ".join(sorted(one.among - one.ready)) or self._name
-        self.fail(start, f"{missing} was not ready in time, so nothing begins")
+        self.fail(start, f"{missing} was {NOT_READY}")

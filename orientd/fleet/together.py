@@ -13,16 +13,17 @@ import json
 import secrets
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from orientd.errors import DaemonError, OrientdError
+from orientd.errors import DaemonError, OrientdError, StateError
 from orientd.fleet.channel import START_KEY
 from orientd.fleet.clocks import Offset
 from orientd.fleet.plan_file import START_IN, FleetMotion
+from orientd.fleet.start_barrier import NOT_READY
 from orientd.rpc import MoveHandle, Robot, StartAt
 
 if TYPE_CHECKING:
@@ -34,6 +35,12 @@ LEAST_MARGIN_NS = 50_000_000
 
 _TRIPS = 6
 """Round trips of the slowest daemon that a start takes before its margin."""
+
+ATTEMPTS = 3
+"""Times that a start is given which some of the daemons hear of too late to take part."""
+
+_DROPPING = 0.3
+"""What the daemons may take to drop what was armed for a start that does not come, s."""
 
 _ARMING_NS = 150_000_000
 """What the daemons may take to feed a motion and arm it."""
@@ -101,7 +108,8 @@ def move_together(
     Args:
         fleet: of their daemons.
         motions: one for each device.
-        start_in: from when everything is planned to the start, s; more where the network is slow.
+        start_in: from when everything is planned to the start, s; more where the network is slow,
+            and where a start has to be given again because some heard of it too late.
         holder: what others are told who are refused because of this.
         tell: told what is being done.
 
@@ -115,19 +123,26 @@ def move_together(
         robots = _take_leases(fleet, ordered, holder, kept)
         tell("planning")
         plans = list(pool.map(lambda one: _plan(robots[one.daemon], one), ordered))
-        tell("measuring clocks")
-        offsets = dict(
-            zip(robots, pool.map(lambda name: _offset(fleet, name), robots), strict=True)
-        )
-        starts, start_ns = _starts(fleet, ordered, offsets, start_in)
-        tell(f"starting in {(start_ns - time.monotonic_ns()) * 1e-9:.2f} s")
-        begun = [
-            pool.submit(
-                robots[one.daemon].move, plan, device=one.device, start_time=starts[one.daemon]
+        for attempt in range(1, ATTEMPTS + 1):
+            starts, start_ns = _starts(
+                fleet, ordered, _offsets(fleet, robots, pool, tell), start_in
             )
-            for one, plan in zip(ordered, plans, strict=True)
-        ]
-        handles = _all_or_none(ordered, begun)
+            tell(f"starting in {(start_ns - time.monotonic_ns()) * 1e-9:.2f} s")
+            begun = [
+                pool.submit(
+                    robots[one.daemon].move, plan, device=one.device, start_time=starts[one.daemon]
+                )
+                for one, plan in zip(ordered, plans, strict=True)
+            ]
+            try:
+                handles = _all_or_none(ordered, begun)
+                break
+            except StateError as error:
+                if attempt == ATTEMPTS or NOT_READY not in str(error):
+                    raise
+                tell(f"{error}; once more")
+                time.sleep(_DROPPING)
+                start_in *= 2.0
         # Once more, close to the start: how far apart they began is judged by this.
         list(pool.map(lambda name: fleet.clock(name).measure(), robots))
         tell("moving")
@@ -152,6 +167,14 @@ def _take_leases(
 def _plan(robot: Robot, one: FleetMotion) -> Plan:
     with _of(str(one)):
         return robot.plan(one.request, device=one.device)
+
+
+def _offsets(
+    fleet: Fleet, daemons: Iterable[str], pool: ThreadPoolExecutor, tell: Tell
+) -> dict[str, Offset]:
+    tell("measuring clocks")
+    names = list(daemons)
+    return dict(zip(names, pool.map(lambda name: _offset(fleet, name), names), strict=True))
 
 
 def _offset(fleet: Fleet, daemon: str) -> Offset:

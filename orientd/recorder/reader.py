@@ -21,11 +21,12 @@ from orientd.bounded_file import MEBIBYTE, check_regular
 from orientd.errors import OrientdError
 from orientd.recorder import recording_pb2
 from orientd.recorder.cycle_table import CYCLES, Table, from_block
-from orientd.recorder.writer import RecordingError
+from orientd.recorder.writer import CLOCK, CONFIGURATION, RecordingError
 from orientd.rpc import control_pb2 as pb
 
 _CYCLES = recording_pb2.CycleBlock.DESCRIPTOR.full_name
 _EVENT = pb.Event.DESCRIPTOR.full_name
+_CLOCK = ("daemon", "time_ns", "offset_ns", "bound_ns")
 _STATE = pb.GetStateResponse.DESCRIPTOR.full_name
 
 LARGEST_CHUNK = 64 * MEBIBYTE
@@ -42,16 +43,32 @@ _FREE_CYCLES = 50_000
 _MOST_CYCLES_OF_BLOCK = 65_536
 
 
+@dataclass(frozen=True, slots=True)
+class ClockFact:
+    """Where a daemon's clock stood, monotonic clocks.
+
+    Attributes:
+        time_ns: when, on the clock of the file.
+        offset_ns: how far it was ahead of that.
+        bound_ns: how far that may be wrong, either way.
+    """
+
+    time_ns: int
+    offset_ns: int
+    bound_ns: int
+
+
 @dataclass(eq=False)
 class Recording:
     """What a file holds.
 
     Attributes:
-        cycles: of every device, in order, by name.
+        cycles: of every device, in order, by name; of a cell ``DAEMON/DEVICE``.
         events: of all devices, in order.
         states: what the daemon said of itself and its devices.
         facts: the metadata ``orientd``.
-        configuration: the daemon's settings.
+        configuration: the daemon's settings; of a cell those of each, by name.
+        clocks: of each daemon of a cell, where its clock stood against that of the file.
         offset_ns: from the monotonic clock to the time of day.
         is_complete: whether the file has its end.
     """
@@ -61,6 +78,7 @@ class Recording:
     states: list[pb.GetStateResponse] = field(default_factory=list)
     facts: dict[str, str] = field(default_factory=dict)
     configuration: dict[str, Any] = field(default_factory=dict)
+    clocks: dict[str, list[ClockFact]] = field(default_factory=dict)
     offset_ns: int = 0
     is_complete: bool = True
 
@@ -126,13 +144,17 @@ def _load(path: Path) -> Recording:
         elif isinstance(record, Metadata) and record.name == "orientd":
             recording.facts = dict(record.metadata)
             recording.offset_ns = int(recording.facts["clock_offset_ns"])
-        elif isinstance(record, Attachment) and record.name == "configuration.json":
-            recording.configuration = json.loads(record.data)
+        elif isinstance(record, Metadata) and record.name == CLOCK:
+            daemon, *told = (record.metadata[name] for name in _CLOCK)
+            recording.clocks.setdefault(daemon, []).append(ClockFact(*map(int, told)))
+        elif isinstance(record, Attachment) and record.name.endswith(CONFIGURATION):
+            daemon, settings = record.name.rpartition("/")[0], json.loads(record.data)
+            recording.configuration |= {daemon: settings} if daemon else settings
         elif isinstance(record, Message):
             channel = channels[record.channel_id]
             kind = schemas[channel.schema_id].name if channel.schema_id else ""
             if kind == _CYCLES:
-                device = channel.topic.split("/")[1]
+                device = channel.topic.rpartition("/")[0].removeprefix("/")
                 block = recording_pb2.CycleBlock.FromString(record.data)
                 room -= block.count
                 if room < 0 or block.count > _MOST_CYCLES_OF_BLOCK:

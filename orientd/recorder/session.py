@@ -14,7 +14,7 @@ import numpy as np
 from orientd.errors import UnknownNameError
 from orientd.recorder.cycle_table import from_records
 from orientd.recorder.writer import BLOCK, LIVE_CHUNK_BYTES, RecordingWriter
-from orientd.rpc import Robot
+from orientd.rpc import Configuration, Robot
 from orientd.stream import CYCLE_RECORD
 
 READ_HZ = 10.0
@@ -29,14 +29,159 @@ STATE_INTERVAL = 5.0
 _POLL = 0.1
 
 
-class RecordingSession:
-    """The recording of some devices, from :meth:`run` until it is told to end.
+class Tally:
+    """What has been recorded so far.
 
     Attributes:
-        cycles: recorded so far, by device.
+        cycles: by device.
         lost: cycles that the daemon had forgotten before they were read, by device.
-        events: recorded so far.
+        events: of all devices.
     """
+
+    def __init__(self) -> None:
+        """Begin with nothing."""
+        self.cycles: defaultdict[str, int] = defaultdict(int)
+        self.lost: defaultdict[str, int] = defaultdict(int)
+        self.events = 0
+
+
+class DaemonRecorder:
+    """Puts into a file what one daemon says of its devices; others may write there too."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        devices: Sequence[str] = (),
+        *,
+        daemon: str = "",
+        shift_ns: Callable[[], int] = lambda: 0,
+    ) -> None:
+        """Prepare to record.
+
+        Args:
+            robot: whose devices.
+            devices: their names; all, where none is named.
+            daemon: its name in the file of a cell, which stands before those of its devices.
+            shift_ns: returns how far the daemon's monotonic clock is ahead of the file's.
+
+        Raises:
+            UnknownNameError: there is no such device.
+        """
+        known = {device.name: device for device in robot.devices()}
+        for name in devices:
+            if name not in known:
+                raise UnknownNameError(
+                    "device", f"expected one of {', '.join(known)}, got {name!r}"
+                )
+        self._observer = robot.observe()
+        self._daemon, self._shift_ns = daemon, shift_ns
+        self._devices = [known[name] for name in devices or known]
+
+    def configuration(self) -> Configuration:
+        """Return the daemon's settings.
+
+        Raises:
+            DaemonError: the daemon is lost.
+        """
+        return self._observer.configuration()
+
+    def run(
+        self,
+        writer: RecordingWriter,
+        configuration: Configuration,
+        ending: threading.Event,
+        tally: Tally,
+        *,
+        on_state: Callable[[], None] = lambda: None,
+        on_progress: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Record until *ending* is set, or the daemon ends.
+
+        Args:
+            writer: of the file.
+            configuration: of the daemon.
+            ending: is waited for.
+            tally: is added to.
+            on_state: called before each report of the state, from this thread.
+            on_progress: called more often, from this thread.
+
+        Raises:
+            RecordingError: the file cannot be written any further.
+            DaemonError: the daemon is lost.
+        """
+        for device in self._devices:
+            writer.add_device(self._name(device.name), device.rate_hz)
+        writer.add_configuration(configuration.json, {}, daemon=self._daemon)
+        with ThreadPoolExecutor(len(self._devices) + 1) as pool:
+            work = [pool.submit(self._record_events, writer, tally)]
+            work += [
+                pool.submit(self._record_cycles, writer, tally, device.name)
+                for device in self._devices
+            ]
+            due = 0.0
+            try:
+                while not wait(work, _POLL, return_when="FIRST_COMPLETED").done:
+                    on_progress()
+                    if ending.is_set():
+                        time.sleep(2.0 / READ_HZ)  # for the cycles up to here
+                        break
+                    if time.monotonic() >= due:
+                        due = time.monotonic() + STATE_INTERVAL
+                        on_state()
+                        state = self._observer.state()
+                        now_ns = time.monotonic_ns()
+                        writer.add_state(state, now_ns, daemon=self._daemon)
+            finally:
+                self._observer.close()
+            for one in work:
+                one.result()
+
+    def _name(self, device: str) -> str:
+        return f"{self._daemon}/{device}" if self._daemon else device
+
+    def _record_cycles(self, writer: RecordingWriter, tally: Tally, device: str) -> None:
+        pending: list[bytes] = []
+        count, due = 0, time.monotonic() + LONGEST_HELD
+        name = self._name(device)
+        try:
+            for records, lost in self._observer.records(device, rate_hz=READ_HZ):
+                tally.lost[name] += lost
+                pending.append(records)
+                count += len(records) // CYCLE_RECORD.size
+                if count >= BLOCK or time.monotonic() >= due:
+                    self._add(writer, tally, name, pending)
+                    pending, count, due = [], 0, time.monotonic() + LONGEST_HELD
+        finally:
+            self._add(writer, tally, name, pending)
+
+    def _add(
+        self, writer: RecordingWriter, tally: Tally, name: str, pending: Sequence[bytes]
+    ) -> None:
+        if not pending:
+            return
+        table = from_records(pending)
+        shift_ns = self._shift_ns()
+        if shift_ns:
+            table = table.copy()
+            for column in ("deadline_ns", "feedback_time_ns"):
+                table[column] -= shift_ns
+        # A new servo process counts from the beginning.
+        for part in np.split(table, np.flatnonzero(np.diff(table["index"]) < 0) + 1):
+            writer.add_cycles(name, part)
+        tally.cycles[name] += len(table)
+
+    def _record_events(self, writer: RecordingWriter, tally: Tally) -> None:
+        names = {device.name for device in self._devices}
+        for event in self._observer.events():
+            if event.device in names:
+                event.device = self._name(event.device)
+                event.time_ns -= self._shift_ns()
+                writer.add_event(event)
+                tally.events += 1
+
+
+class RecordingSession(Tally):
+    """The recording of some devices of a daemon, from :meth:`run` until it is told to end."""
 
     def __init__(
         self, robot: Robot, path: Path, devices: Sequence[str] = (), *, has_scalars: bool = False
@@ -52,20 +197,10 @@ class RecordingSession:
         Raises:
             UnknownNameError: there is no such device.
         """
-        known = {device.name: device for device in robot.devices()}
-        for name in devices:
-            if name not in known:
-                raise UnknownNameError(
-                    "device", f"expected one of {', '.join(known)}, got {name!r}"
-                )
-        self._observer = robot.observe()
+        super().__init__()
+        self._recorder = DaemonRecorder(robot, devices)
         self._path, self._has_scalars = path, has_scalars
-        self._devices = [known[name] for name in devices or known]
         self._ending = threading.Event()
-        self._writing = threading.Lock()
-        self.cycles: defaultdict[str, int] = defaultdict(int)
-        self.lost: defaultdict[str, int] = defaultdict(int)
-        self.events = 0
 
     def end(self) -> None:
         """Have the recording completed; may be called from any thread, or a signal's handler."""
@@ -81,66 +216,11 @@ class RecordingSession:
             RecordingError: the file cannot be written any further.
             DaemonError: the daemon is lost; the file is complete up to there.
         """
-        observer = self._observer
-        configuration = observer.configuration()
+        configuration = self._recorder.configuration()
         with RecordingWriter(
             self._path,
             offset_ns=configuration.offset_ns,
             has_scalars=self._has_scalars,
             chunk_bytes=LIVE_CHUNK_BYTES,
         ) as writer:
-            for device in self._devices:
-                writer.add_device(device.name, device.rate_hz)
-            writer.add_configuration(configuration.json, {})
-            with ThreadPoolExecutor(len(self._devices) + 1) as pool:
-                work = [pool.submit(self._record_events, writer)]
-                work += [pool.submit(self._record_cycles, writer, d.name) for d in self._devices]
-                due = 0.0
-                try:
-                    while not wait(work, _POLL, return_when="FIRST_COMPLETED").done:
-                        on_progress()
-                        if self._ending.is_set():
-                            time.sleep(2.0 / READ_HZ)  # for the cycles up to here
-                            break
-                        if time.monotonic() >= due:
-                            due = time.monotonic() + STATE_INTERVAL
-                            state = observer.state()
-                            with self._writing:
-                                writer.add_state(state, time.monotonic_ns())
-                finally:
-                    self._ending.set()
-                    observer.close()
-                for one in work:
-                    one.result()
-
-    def _record_cycles(self, writer: RecordingWriter, device: str) -> None:
-        pending: list[bytes] = []
-        count, due = 0, time.monotonic() + LONGEST_HELD
-        try:
-            for records, lost in self._observer.records(device, rate_hz=READ_HZ):
-                self.lost[device] += lost
-                pending.append(records)
-                count += len(records) // CYCLE_RECORD.size
-                if count >= BLOCK or time.monotonic() >= due:
-                    self._add(writer, device, pending)
-                    pending, count, due = [], 0, time.monotonic() + LONGEST_HELD
-        finally:
-            self._add(writer, device, pending)
-
-    def _add(self, writer: RecordingWriter, device: str, pending: list[bytes]) -> None:
-        if not pending:
-            return
-        table = from_records(pending)
-        # A new servo process counts from the beginning.
-        for part in np.split(table, np.flatnonzero(np.diff(table["index"]) < 0) + 1):
-            with self._writing:
-                writer.add_cycles(device, part)
-        self.cycles[device] += len(table)
-
-    def _record_events(self, writer: RecordingWriter) -> None:
-        names = {device.name for device in self._devices}
-        for event in self._observer.events():
-            if event.device in names:
-                with self._writing:
-                    writer.add_event(event)
-                self.events += 1
+            self._recorder.run(writer, configuration, self._ending, self, on_progress=on_progress)

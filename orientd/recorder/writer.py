@@ -18,14 +18,18 @@ topic                    schema                         holds
 /log                     foxglove.Log                   events in words
 =======================  =============================  ===========================================
 
+In the file of a cell there is the daemon's name before it: ``/arm-1/arm/cycles``, ``/arm-1/state``,
+and the metadata ``clock`` of a daemon say where its clock stood.
+
 Times are times of day: the monotonic clock and an offset, which is in the metadata ``orientd``.
-The configuration is the attachment ``configuration.json``.
+The configuration is the attachment ``configuration.json``, of a cell ``arm-1/configuration.json``.
 """
 
 from __future__ import annotations
 
 import contextlib
 import os
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Self
@@ -47,6 +51,9 @@ SHOWN_HZ = 25.0
 
 BLOCK = 256
 """Cycles in a message."""
+
+CONFIGURATION, CLOCK = "configuration.json", "clock"
+"""Name of an attachment, and of metadata."""
 
 CHUNK_BYTES = 512 * 1024
 """What is compressed and written at a time, of a recording that is written at once."""
@@ -87,6 +94,8 @@ class _Sink:
 class RecordingWriter:
     """One recording that is being written; a context manager that completes it.
 
+    Several threads may add to it.
+
     Attributes:
         path: of the file.
         offset_ns: from the monotonic clock to the time of day.
@@ -120,6 +129,7 @@ class RecordingWriter:
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._ended = ""
+        self._lock = threading.RLock()
         try:
             self._sink = _Sink(path)
         except OSError as error:
@@ -139,7 +149,8 @@ class RecordingWriter:
 
     def add_device(self, name: str, rate_hz: float) -> None:
         """Say how fast a device's cycles come, before the first of them."""
-        self._rates[name] = rate_hz
+        with self._lock:
+            self._rates[name] = rate_hz
 
     def add_cycles(self, device: str, cycles: Table) -> None:
         """Add cycles of a device, in their order.
@@ -170,29 +181,57 @@ class RecordingWriter:
         for topic, time_ns, message in foxglove.event_shown(event, self.offset_ns):
             self._add(topic, time_ns, message)
 
-    def add_state(self, state: pb.GetStateResponse, time_ns: int) -> None:
+    def add_state(self, state: pb.GetStateResponse, time_ns: int, *, daemon: str = "") -> None:
         """Add what the daemon said of itself and its devices at *time_ns*, monotonic clock.
 
+        Args:
+            state: as the daemon says it, on its own clock.
+            time_ns: on the clock of the file.
+            daemon: its name, in the file of a cell.
+
         Raises:
             RecordingError: it cannot be written any further.
         """
-        self._add("/state", time_ns + self.offset_ns, state)
+        topic = f"/{daemon}/state" if daemon else "/state"
+        self._add(topic, time_ns + self.offset_ns, state)
 
-    def add_configuration(self, json: str, facts: dict[str, str]) -> None:
+    def add_configuration(self, json: str, facts: dict[str, str], *, daemon: str = "") -> None:
         """Add the daemon's settings, and what else there is to know of the recording.
 
+        Args:
+            json: the settings.
+            facts: whatever else.
+            daemon: its name, in the file of a cell.
+
         Raises:
             RecordingError: it cannot be written any further.
         """
-        facts = {
-            "clock_offset_ns": str(self.offset_ns),
-            "rates_hz": " ".join(f"{name}={rate!r}" for name, rate in self._rates.items()),
-            **facts,
-        }
         with self._guarded():
+            facts = {
+                "clock_offset_ns": str(self.offset_ns),
+                "rates_hz": " ".join(f"{name}={rate!r}" for name, rate in self._rates.items()),
+                **facts,
+            }
             self._writer.add_metadata("orientd", facts)
-            self._writer.add_attachment(
-                0, 0, "configuration.json", "application/json", json.encode()
+            name = f"{daemon}/{CONFIGURATION}" if daemon else CONFIGURATION
+            self._writer.add_attachment(0, 0, name, "application/json", json.encode())
+
+    def add_clock(self, daemon: str, *, time_ns: int, offset_ns: int, bound_ns: int) -> None:
+        """Add where the clock of a daemon stood against that of the file.
+
+        Args:
+            daemon: its name.
+            time_ns: when, monotonic clock.
+            offset_ns: how far it was ahead, by which its times in the file are shifted.
+            bound_ns: how far that may be wrong, either way.
+
+        Raises:
+            RecordingError: it cannot be written any further.
+        """
+        told = {"time_ns": time_ns, "offset_ns": offset_ns, "bound_ns": bound_ns}
+        with self._guarded():
+            self._writer.add_metadata(
+                CLOCK, {"daemon": daemon, **{name: str(ns) for name, ns in told.items()}}
             )
 
     def close(self) -> None:
@@ -201,7 +240,9 @@ class RecordingWriter:
         Raises:
             RecordingError: it cannot be completed.
         """
-        if not self._ended:
+        with self._lock:
+            if self._ended:
+                return
             with self._guarded():
                 self._writer.finish()
             self._ended = f"the recording {self.path} has ended"
@@ -226,14 +267,16 @@ class RecordingWriter:
 
     @contextlib.contextmanager
     def _guarded(self) -> Iterator[None]:
-        """Turn the end of the disk into the end of the recording."""
-        if self._ended:
-            raise RecordingError(self._ended)
-        try:
-            yield
-        except OSError as error:
-            self._ended = (
-                f"the recording {self.path} ends after {self._sink.tell()} bytes: {error.strerror}"
-            )
-            self._sink.close()
-            raise RecordingError(self._ended) from error
+        """Let one thread write; turn the end of the disk into the end of the recording."""
+        with self._lock:
+            if self._ended:
+                raise RecordingError(self._ended)
+            try:
+                yield
+            except OSError as error:
+                self._ended = (
+                    f"the recording {self.path} ends after {self._sink.tell()} bytes: "
+                    f"{error.strerror}"
+                )
+                self._sink.close()
+                raise RecordingError(self._ended) from error

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from orientd.rpc.connection import Connection, StartAt
     from orientd.rpc.descriptions import MethodDescription, PartReport
     from orientd.rpc.move_handle import MoveHandle
-    from orientd.rpc.observer import Observer
+    from orientd.rpc.observer import Configuration, Observer
     from orientd.rpc.reports import (
         STALE,
         CellReport,

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 from orientd.lazy import lazily
 
 if TYPE_CHECKING:
+    from orientd.viewer.cell import Member
+    from orientd.viewer.cell_page import CellPage
     from orientd.viewer.page import Page
     from orientd.viewer.web import is_loopback
 

@@ -27,8 +27,8 @@ _DEVICE = (110, 118, 130)
 _KEYFRAMES_ON_ALL_AXES = 12
 _MOST_NUMBERS = 60
 
-# From z, which meshes are about, to each axis.
-_TO_AXIS = ((0.5**0.5, 0.0, 0.5**0.5, 0.0), (0.5**0.5, -(0.5**0.5), 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+TO_AXIS = ((0.5**0.5, 0.0, 0.5**0.5, 0.0), (0.5**0.5, -(0.5**0.5), 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+"""From z, which meshes are about, to each axis."""
 
 
 class Scene:
@@ -72,7 +72,7 @@ class Scene:
         sheath, sheath_faces = geometry.tube(0.045, 0.78 * RADIUS, 0.017)
         collar, collar_faces = geometry.tube(0.76 * RADIUS, 0.78 * RADIUS, 0.019)
         for axis, (name, colour) in enumerate(zip(geometry.AXES, COLOURS, strict=True)):
-            wxyz, tip = _TO_AXIS[axis], np.eye(3)[axis]
+            wxyz, tip = TO_AXIS[axis], np.eye(3)[axis]
             scene.add_mesh_simple(
                 f"/tool/sent/{name}", vertices, faces, color=colour, wxyz=wxyz, cast_shadow=False
             )

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from html import escape
 
 from orientd.errors import Fault
 from orientd.planner import Certificate, Peak
 from orientd.rpc import DaemonReport, DeviceReport, titled
 from orientd.stream import ServoState
+from orientd.viewer.cell import Member
 from orientd.viewer.freshness import SEEN, STATE
 
 FAULTS = {
@@ -94,6 +96,37 @@ def status(
     return _page(*lines)
 
 
+def cell(members: Sequence[Member]) -> str:
+    """Return who is there, what they do and how old that is, as HTML."""
+    if not members:
+        return trouble("There is no daemon of this cell.")
+    lines = []
+    for member in members:
+        age = "" if member.age is None else _age(member)
+        title = f"<b>{escape(member.daemon)}</b>"
+        lines.append(f'<div style="display:flex;gap:0.5em;margin-top:0.6em">{title}{age}</div>')
+        if member.problem:
+            lines.append(_banner("✕ Out of date", f"{member.daemon} {member.problem}"))
+        for device in member.devices:
+            sign, word, more = state(device)
+            if member.problem or device.is_stale:
+                sign, word, more = "?", "Unknown", f"{word.lower()} when last heard of"
+            what = f"{sign} <b>{escape(word)}</b> {escape(more)}"
+            lines.append(_row(device.name, "", f'<span class="{STATE}">{what}</span>'))
+            if device.state is ServoState.FAULT:
+                lines.append(_banner(f"⚠ {FAULTS[device.fault]}", device.fault_text))
+    return _page(*lines)
+
+
+def _age(member: Member) -> str:
+    """Return the age of what a daemon has said, in steps that a reader can follow."""
+    age = member.age or 0.0
+    text = "less than 0.3 s old" if age < 0.3 else f"{age:.1f} s old"
+    if member.age_bound is not None and member.age_bound > 0.1:
+        text += f" (±{member.age_bound:.1f} s)"
+    return f'<span style="opacity:0.72">{text}</span>'
+
+
 def measured(device: DeviceReport) -> str:
     """Return how long ago the device was measured, in steps that a reader can follow."""
     age = device.feedback_age
@@ -153,9 +186,9 @@ def _banner(title: str, text: str) -> str:
     return f'<div role="alert" style="{style}"><b>{escape(title)}</b><br>{escape(text)}</div>'
 
 
-def _row(name: str, text: str) -> str:
+def _row(name: str, text: str, html: str = "") -> str:
     label = f'<span style="flex:0 0 7.2em;opacity:0.72">{escape(name)}</span>'
-    return f'<div style="display:flex">{label}<span>{escape(text)}</span></div>'
+    return f'<div style="display:flex">{label}<span>{escape(text)}{html}</span></div>'
 
 
 def _page(*lines: str) -> str:

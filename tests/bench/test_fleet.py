@@ -121,9 +121,13 @@ def gateways(cell):
 
 
 def test_64_daemons_at_10_hz(folder, capsys):
-    with RunningCell(folder, DAEMONS, more="rate_hz = 50\n") as cell, cell.fleet() as fleet:
+    # By a router, as so many are to be; they take their time to be there on two cores.
+    with (
+        RunningCell(folder, DAEMONS, is_tls=True, more="rate_hz = 50\n") as cell,
+        cell.fleet(timeout=120.0) as fleet,
+    ):
         fleet.watch()
-        time.sleep(2.0)
+        time.sleep(10.0)
         watched = gateways(cell)
         assert len(watched) == DAEMONS
         before, began, counted = sum(map(used, watched)), time.monotonic(), fleet.states

@@ -49,7 +49,7 @@ def test_a_slow_link_changes_nothing(folder, capsys):
     """20 ms each way, 5 ms of jitter, between whoever asks and the router."""
     skews, bounds, errors = [], [], []
     with (
-        RunningCell(folder, 4, is_tls=True) as cell,
+        RunningCell(folder, 4, is_tls=True, lease=5.0) as cell,
         SlowLink(int(cell.router.rpartition(":")[2])) as link,
         connect_fleet(
             f"tls/127.0.0.1:{link.port}", cell=CELL, wait_for=cell.names, **cell.files("pendant")

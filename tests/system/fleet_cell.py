@@ -13,7 +13,14 @@ from authority import Authority
 from orientd.fleet import connect_fleet
 
 CELL = "lab"
+AHEAD = ["unshare", "--time", "--monotonic"]
+"""Runs a command with a clock of its own, where the kernel and the user's rights permit."""
 ROLES = {"watcher": "observer", "pendant": "operator", "chief": "administrator"}
+
+
+def can_have_own_clocks():
+    done = subprocess.run([*AHEAD, "1", "true"], check=False, stderr=subprocess.DEVNULL)
+    return done.returncode == 0
 
 
 def free_port():
@@ -25,17 +32,36 @@ def free_port():
 class RunningCell:
     """Daemons ``arm-1``, ``arm-2`` ... with a loopback device ``arm`` each."""
 
-    def __init__(self, folder, daemons, *, is_tls=False, lease=1.0, more=""):
+    def __init__(
+        self,
+        folder,
+        daemons,
+        *,
+        is_tls=False,
+        lease=1.0,
+        more="",
+        ahead=None,
+        host="127.0.0.1",
+        prefix=(),
+    ):
+        """Prepare them.
+
+        Args:
+            ahead: by name, how far monotonic clocks are ahead of ours, s.
+            host: where the router listens.
+            prefix: of the commands that run daemons and the router.
+        """
         self.folder, self.is_tls, self.lease, self.more = Path(folder), is_tls, lease, more
+        self.ahead, self.prefix = ahead or {}, prefix
         self.names = [f"arm-{number}" for number in range(1, daemons + 1)]
         self.processes = {}
         if is_tls:
             self.authority = Authority(self.folder / "ca")
             for name in (*self.names, "router"):
-                self.authority.issue(name, hosts="IP:127.0.0.1", use="member")
+                self.authority.issue(name, hosts=f"IP:{host}", use="member")
             for name in (*ROLES, "unknown"):
                 self.authority.issue(name)
-            self.router = f"tls/127.0.0.1:{free_port()}"
+            self.router = f"tls/{host}:{free_port()}"
             self.endpoint = self.router
         else:
             self.endpoint = self.socket_of(self.names[0])
@@ -68,6 +94,10 @@ class RunningCell:
         roles = "".join(f"{who} = '{role}'\n" for who, role in ROLES.items())
         return f"{text}{where}{files}{whom}[access.certificates]\n{roles}"
 
+    def _clock(self, name):
+        ahead = self.ahead.get(name)
+        return [] if ahead is None else [*AHEAD, str(round(ahead))]
+
     def start(self, name):
         config = self.folder / f"{name}.toml"
         text = self._table(name)
@@ -81,7 +111,16 @@ class RunningCell:
         command = ["run"] if name != "router" else ["fleet", "router"]
         with (self.folder / f"{name}.log").open("ab") as log:
             self.processes[name] = subprocess.Popen(
-                [sys.executable, "-m", "orientd", *command, "-c", config],
+                [
+                    *self.prefix,
+                    *self._clock(name),
+                    sys.executable,
+                    "-m",
+                    "orientd",
+                    *command,
+                    "-c",
+                    config,
+                ],
                 stdout=subprocess.PIPE,
                 stderr=log,
                 text=True,

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 
 import pytest
 from authority import OPENSSL, Authority
@@ -16,7 +17,7 @@ import orientd
 from orientd.errors import AccessError, DaemonError, StateError
 from orientd.fleet import FleetMotion, connect_fleet, move_together
 from orientd.motion_file import parse
-from orientd.rpc import Outcome
+from orientd.rpc import Outcome, Robot
 from orientd.stream import ServoState
 
 pytest.importorskip("zenoh")
@@ -115,6 +116,26 @@ def test_motions_start_together_and_tell_their_skew(cell, fleet):
     assert [one.summary.outcome for one in together.ended] == [Outcome.DONE] * 2
     assert together.skew >= 0.0
     assert together.skew_bound > 0.0
+
+
+def test_a_start_that_one_is_asked_for_too_late_is_given_again(cell, fleet, monkeypatch):
+    move, is_refused = Robot.move, threading.Event()
+
+    def late(robot, *given, **more):
+        if robot.socket.name.startswith("arm-2"):
+            is_refused.wait(30.0)
+        try:
+            return move(robot, *given, **more)
+        except StateError:
+            is_refused.set()
+            raise
+
+    monkeypatch.setattr(Robot, "move", late)
+    told = []
+    motions = [FleetMotion(name, "", turn(0.3)) for name in cell.names]
+    together = move_together(fleet, motions, tell=told.append)
+    assert together.problem == ""
+    assert [line for line in told if "arm-2 was not ready in time" in line]
 
 
 def test_none_moves_where_one_cannot(cell, fleet):

@@ -10,11 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from orientd.cli.command import AsJson, command
+from orientd.cli.commands.view import PORT, need_view, serve_page
 from orientd.cli.output import is_terminal, say, say_json, table
 from orientd.errors import DaemonError, OrientdError
+from orientd.rpc import STALE
 
 if TYPE_CHECKING:
-    from orientd.fleet import Fleet, Heard, Together
+    from orientd.fleet import Fleet, Overview, Together
+    from orientd.viewer import Member
 
 fleet = typer.Typer(
     name="fleet", help="See, stop and move several daemons, over Zenoh.", no_args_is_help=True
@@ -31,14 +34,8 @@ Cert = Annotated[Path | None, typer.Option("--cert", help="Who this is; default:
 Key = Annotated[Path | None, typer.Option("--key", help="Of --cert; default: $ORIENTD_KEY.")]
 Ca = Annotated[Path | None, typer.Option("--ca", help="Of everybody; default: $ORIENTD_CA.")]
 
-STALE = 1.0
-"""Age at which what a daemon said counts as stale, s."""
-
 STOP_PRIORITY = 10
 """Of SCHED_FIFO, where the command may have it: whatever else runs can wait for a stop."""
-
-_FIRST = 1.0
-"""How long the first state of a daemon may take, s."""
 
 
 def _connected(
@@ -68,83 +65,80 @@ def status(
 
     On a terminal it goes on until Ctrl-C.
     """
-    with _connected(connect, cell, cert, key, ca) as cell_of:
-        cell_of.watch()
-        _await_states(cell_of)
+    from orientd.fleet import Overview
+
+    with _connected(connect, cell, cert, key, ca) as cell_of, Overview(cell_of) as overview:
         if as_json:
-            say_json({"daemons": _figures(cell_of)})
+            say_json({"daemons": [_figures(member) for member in overview.members()]})
             return
         if once or not is_terminal():
-            say(*_table(cell_of))
+            say(*_table(overview))
             return
         from rich.live import Live
         from rich.text import Text
 
         with Live(auto_refresh=False) as live:
             while True:
-                live.update(Text("\n".join(_table(cell_of))), refresh=True)
+                live.update(Text("\n".join(_table(overview))), refresh=True)
                 time.sleep(0.2)
 
 
-def _await_states(cell: Fleet) -> None:
-    end = time.monotonic() + _FIRST
-    while set(cell.daemons) - cell.heard().keys() and time.monotonic() < end:
-        time.sleep(0.01)
-    for name in cell.daemons:
-        cell.clock(name).measure()
+def _figures(member: Member) -> dict[str, Any]:
+    one = {"daemon": member.daemon, "alive": member.is_alive, "age": member.age}
+    if member.age is not None:
+        one |= {"age_bound": member.age_bound, "is_stale": member.age > STALE}
+    return {**one, "devices": member.devices}
 
 
-def _age(cell: Fleet, name: str, heard: Heard) -> tuple[float, float | None]:
-    """Return how old a state is and how far that may be wrong, s."""
-    now = time.monotonic_ns()
-    offset = cell.clock(name).at(now)
-    if offset is None:
-        return (now - heard.heard_ns) * 1e-9, None
-    return (now + offset.ns - heard.taken_ns) * 1e-9, offset.bound_ns * 1e-9
-
-
-def _figures(cell: Fleet) -> list[dict[str, Any]]:
-    from orientd.rpc import device_from_message
-
-    heard, alive = cell.heard(), cell.daemons
-    figures: list[dict[str, Any]] = []
-    for name in sorted({*alive, *heard}):
-        one: dict[str, Any] = {"daemon": name, "alive": name in alive, "age": None, "devices": []}
-        if name in heard:
-            one["age"], one["age_bound"] = _age(cell, name, heard[name])
-            one["is_stale"] = one["age"] > STALE
-            one["devices"] = [device_from_message(device) for device in heard[name].state.devices]
-        figures.append(one)
-    return figures
-
-
-def _table(cell: Fleet) -> list[str]:
+def _table(overview: Overview) -> list[str]:
     from orientd.cli import texts
 
     rows = []
-    for one in _figures(cell):
-        age = "-" if one["age"] is None else texts.milliseconds(one["age"])
-        if not one["alive"]:
-            wrong = "has left"
-        elif one["age"] is None:
-            wrong = "says nothing"
-        else:
-            wrong = "stale" if one["is_stale"] else ""
-        for device in one["devices"]:
-            problem = wrong or device.fault_text
-            rows.append(
-                [
-                    one["daemon"],
-                    device.name,
-                    texts.state(device),
-                    texts.motion(device),
-                    age,
-                    problem,
-                ]
-            )
-        if not one["devices"]:
-            rows.append([one["daemon"], "-", "-", "-", age, wrong])
+    for member in overview.members():
+        age = "-" if member.age is None else texts.milliseconds(member.age)
+        rows += [
+            [
+                member.daemon,
+                device.name,
+                texts.state(device),
+                texts.motion(device),
+                age,
+                member.problem or device.fault_text,
+            ]
+            for device in member.devices
+        ]
+        if not member.devices:
+            rows.append([member.daemon, "-", "-", "-", age, member.problem])
     return table(["daemon", "device", "state", "motion", "age", "wrong"], rows)
+
+
+@fleet.command()
+@command
+def view(
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Where to serve; 0 for any.")] = PORT,
+    host: Annotated[
+        str, typer.Option(help="The address to serve at; by default to this machine only.")
+    ] = "127.0.0.1",
+    connect: Connect = None,
+    cell: CellName = None,
+    cert: Cert = None,
+    key: Key = None,
+    ca: Ca = None,
+    no_open: Annotated[bool, typer.Option("--no-open", help="Open no browser.")] = False,
+    dark: Annotated[bool, typer.Option("--dark", help="Dark pages.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Show all devices of the cell beside each other in the browser, until Ctrl-C or SIGTERM.
+
+    Prints one line beginning "ready" with the address.  Anybody who can open the page can stop all.
+    """
+    need_view()
+    from orientd.fleet import Overview
+    from orientd.viewer import CellPage
+
+    with _connected(connect, cell, cert, key, ca) as cell_of, Overview(cell_of) as overview:
+        page = CellPage(overview, host=host, port=port, is_dark=dark)
+        serve_page(page, host, no_open=no_open, as_json=as_json)
 
 
 @fleet.command()
@@ -242,6 +236,47 @@ def tell_together(together: Together, *, as_json: bool) -> None:
 
 @fleet.command()
 @command
+def record(
+    file: Annotated[Path, typer.Argument(metavar="OUT.mcap", help="The file to write.")],
+    daemon: Annotated[
+        list[str] | None,
+        typer.Option("--daemon", metavar="NAME", help="Which daemons; default: all."),
+    ] = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option("--seconds", "-s", help="For how long; default: until Ctrl-C."),
+    ] = None,
+    scalars: Annotated[
+        bool, typer.Option("--scalars", help="Plain numbers of every cycle too.")
+    ] = False,
+    connect: Connect = None,
+    cell: CellName = None,
+    cert: Cert = None,
+    key: Key = None,
+    ca: Ca = None,
+    as_json: AsJson = False,
+) -> None:
+    """Record every cycle, event and plan of the cell to one MCAP file, on one clock.
+
+    Ctrl-C or SIGTERM ends it.  It is opened like one of `orientd record`; where each clock stood,
+    and how well that is known, is in it.
+    """
+    from orientd.cli.commands.record import check_output, ending, tell
+
+    check_output(file, seconds)
+    with _connected(connect, cell, cert, key, ca) as cell_of:
+        recording = cell_of.record(file, daemon or (), has_scalars=scalars)
+        if not as_json:
+            say(f"recording {', '.join(daemon or cell_of.daemons)} to {file}")
+        with ending(recording, seconds):
+            recording.run()
+    tell(recording, file, as_json=as_json)
+    if recording.problems:
+        raise DaemonError("; ".join(f"{name}: {why}" for name, why in recording.problems.items()))
+
+
+@fleet.command()
+@command
 def router(
     config: Annotated[
         Path, typer.Option("--config", "-c", help="With [fleet] and [access.certificates].")
@@ -279,16 +314,15 @@ def demo(
     They run on this machine with no hardware, and are gone when the motion has ended.
     """
     from orientd.cli.fleet_demo import cell
-    from orientd.fleet import FleetMotion, connect_fleet, move_together
+    from orientd.fleet import FleetMotion, Overview, connect_fleet, move_together
     from orientd.motion_file import parse
 
     with cell(daemons) as endpoint, connect_fleet(endpoint, cell="demo") as cell_of:
         names = [f"arm-{number}" for number in range(1, daemons + 1)]
         cell_of.find(names)
-        cell_of.watch()
-        _await_states(cell_of)
-        if not as_json:
-            say(*_table(cell_of))
+        with Overview(cell_of) as overview:
+            if not as_json:
+                say(*_table(overview))
         request = parse({
             "keyframes": [{"rotation_vector": [0, 0, 0.8]}, {"rotation_vector": [0.4, 0.3, 0]}],
             "approach": True,

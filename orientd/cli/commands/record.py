@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import signal
 import threading
+from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -17,7 +19,8 @@ from orientd.cli.output import say, say_json
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
-    from orientd.recorder import RecordingSession
+    from orientd.fleet import FleetRecording
+    from orientd.recorder import RecordingSession, Tally
 
 NEEDED = ("mcap", "mcap_protobuf", "foxglove_schemas_protobuf")
 
@@ -63,6 +66,26 @@ def record(
     Ctrl-C or SIGTERM ends it.  Foxglove and Lichtblick open it is.  What was planned, sent
     and measured are topics of their own.
     """
+    check_output(file, seconds)
+    from orientd.recorder import RecordingSession
+    from orientd.rpc import connect
+
+    with connect(socket, holder=holder("record")) as robot:
+        session = RecordingSession(robot, file, device or (), has_scalars=scalars)
+        if not as_json:
+            say(f"recording to {file}")
+        with ending(session, seconds):
+            session.run()
+    tell(session, file, as_json=as_json)
+
+
+def check_output(file: Path, seconds: float | None) -> None:
+    """Check that a recording can be written to *file*, for so long.
+
+    Raises:
+        typer.BadParameter: the name, or the time, is none.
+        OrientdError: it is there already, or what it takes is not installed.
+    """
     if seconds is not None and not 0.0 < seconds < threading.TIMEOUT_MAX:
         raise typer.BadParameter(f"expected more than 0, got {seconds:g}", param_hint="--seconds")
     if file.suffix != ".mcap":
@@ -72,32 +95,30 @@ def record(
     if file.is_file():
         raise OrientdError(f"cannot write {file}: it is there already")
     need_record()
-    from orientd.recorder import RecordingSession
-    from orientd.rpc import connect
-
-    with connect(socket, holder=holder("record")) as robot:
-        session = RecordingSession(robot, file, device or (), has_scalars=scalars)
-        before = {
-            number: signal.signal(number, lambda *_: session.end())
-            for number in (signal.SIGINT, signal.SIGTERM)
-            if threading.current_thread() is threading.main_thread()
-        }
-        timer = threading.Timer(seconds or 0.0, session.end)
-        timer.daemon = True
-        if seconds is not None:
-            timer.start()
-        try:
-            if not as_json:
-                say(f"recording to {file}")
-            session.run()
-        finally:
-            timer.cancel()
-            for number, handler in before.items():
-                signal.signal(number, handler)
-    _tell(session, file, as_json=as_json)
 
 
-def _tell(session: RecordingSession, file: Path, *, as_json: bool) -> None:
+@contextlib.contextmanager
+def ending(session: RecordingSession | FleetRecording, seconds: float | None) -> Iterator[None]:
+    """End a recording after so many seconds, or at Ctrl-C or SIGTERM."""
+    before = {
+        number: signal.signal(number, lambda *_: session.end())
+        for number in (signal.SIGINT, signal.SIGTERM)
+        if threading.current_thread() is threading.main_thread()
+    }
+    timer = threading.Timer(seconds or 0.0, session.end)
+    timer.daemon = True
+    if seconds is not None:
+        timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def tell(session: Tally, file: Path, *, as_json: bool) -> None:
+    """Say what was recorded to *file*."""
     size = file.stat().st_size
     if as_json:
         say_json(

@@ -7,7 +7,7 @@ import os
 import threading
 import webbrowser
 from importlib.util import find_spec
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -16,10 +16,15 @@ from orientd.cli.commands.device_commands import holder
 from orientd.cli.output import say, say_json
 from orientd.errors import OrientdError
 
+if TYPE_CHECKING:
+    from orientd.viewer import CellPage, Page
+
+PORT = 8080
+
 
 @command
 def view(
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Where to serve; 0 for any.")] = 8080,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Where to serve; 0 for any.")] = PORT,
     host: Annotated[
         str, typer.Option(help="The address to serve at; by default to this machine only.")
     ] = "127.0.0.1",
@@ -41,8 +46,7 @@ def view(
     Prints one line beginning "ready" with the address.  Anybody who can open the page can stop
     what moves; who takes the lease there can move it.
     """
-    if find_spec("viser") is None:
-        raise OrientdError("the view needs the extra `view`: pip install 'orientd-motion[view]'")
+    need_view()
     from orientd.cli.shared_lease import borrow
     from orientd.rpc import connect
     from orientd.viewer import Page, is_loopback
@@ -55,6 +59,21 @@ def view(
         may_command=is_loopback(host) if control is None else control,
         is_dark=dark,
     )
+    serve_page(page, host, no_open=no_open, as_json=as_json)
+
+
+def need_view() -> None:
+    """Say how to install what pages need, unless it is there.
+
+    Raises:
+        OrientdError: it is not.
+    """
+    if find_spec("viser") is None:
+        raise OrientdError("the view needs the extra `view`: pip install 'orientd-motion[view]'")
+
+
+def serve_page(page: Page | CellPage, host: str, *, no_open: bool, as_json: bool) -> None:
+    """Serve a page until Ctrl-C or SIGTERM, and open it in a browser where there is one."""
     url = f"http://{f'[{host}]' if ':' in host else host}:{page.port}"
     with contextlib.suppress(KeyboardInterrupt):
         if as_json:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
@@ -63,28 +64,57 @@ class _Context:
 _CODES = {code.value[0]: code for code in grpc.StatusCode}
 
 
-async def carry(find: FindHandler, method: str, peer: str, body: bytes, send: Send) -> bytes:
+class Requests:
+    """The requests of a call that has many, as they come."""
+
+    def __init__(self, *, taken: Callable[[], Awaitable[None]]) -> None:
+        """Begin with none; tell *taken* of each that the handler has had."""
+        self._taken = taken
+        self._bodies: asyncio.Queue[bytes | None] = asyncio.Queue()
+        self.waiting = 0
+        """Bytes that the handler has not taken yet."""
+
+    def add(self, body: bytes | None) -> None:
+        """Add one, as serialised; ``None`` after the last."""
+        self.waiting += len(body or b"")
+        self._bodies.put_nowait(body)
+
+    async def read(self, deserialize: Callable[[bytes], Any]) -> AsyncIterator[Any]:
+        """Yield each as a message."""
+        while (body := await self._bodies.get()) is not None:
+            self.waiting -= len(body)
+            await self._taken()
+            yield deserialize(body)
+
+
+async def carry(
+    find: FindHandler, method: str, peer: str, body: bytes | Requests, send: Send
+) -> bytes:
     """Handle one call, and send its answers; return the status that it ended with, empty if OK.
 
     Args:
         find: finds its handler.
         method: full name, ``/service/Name``.
         peer: what the door knows the caller by.
-        body: the request, as serialised.
+        body: the request, as serialised; or all of them, of a call that has many.
         send: takes the answers, as serialised.
     """
     handler = await find(_Details(method))
-    if handler is None or handler.request_streaming:
-        text = f"{method} is for the control socket alone"
-        return _written(_status(grpc.StatusCode.UNIMPLEMENTED, text))
+    if handler is None or handler.request_streaming != isinstance(body, Requests):
+        return _written(_status(grpc.StatusCode.UNIMPLEMENTED, f"there is no call {method}"))
     context = _Context(peer)
-    request = handler.request_deserializer(body)
+    if isinstance(body, Requests):
+        request: Any = body.read(handler.request_deserializer)
+        stream, single = handler.stream_stream, handler.stream_unary
+    else:
+        request = handler.request_deserializer(body)
+        stream, single = handler.unary_stream, handler.unary_unary
     try:
         if handler.response_streaming:
-            async for answer in handler.unary_stream(request, context):
+            async for answer in stream(request, context):
                 await send(handler.response_serializer(answer))
         else:
-            await send(handler.response_serializer(await handler.unary_unary(request, context)))
+            await send(handler.response_serializer(await single(request, context)))
     except _Refused:
         return _written(context.status)
     except Exception as error:  # noqa: BLE001 - as gRPC: one call is no reason to end

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from orientd.config import Settings
 from orientd.daemon.access import Admission, ClientCertificate, Process, StartupGate
-from orientd.daemon.fleet.carried import carry, too_large
+from orientd.daemon.fleet.carried import Requests, carry, too_large
 from orientd.errors import ConfigError, OrientdError
 from orientd.fleet import LENGTHS, Header, read_header, write_frame, zenoh_configuration
 from orientd.rpc import control_pb2 as pb
@@ -32,6 +32,9 @@ _AGAIN, _SELDOM = 1.0, 30.0
 
 _END = 2.0
 """How long the gateway may take to end, s."""
+
+_MOST_WAITING = 4 << 20
+"""Bytes of requests that one call may have waiting: callers keep to less (``fleet.requests``)."""
 
 _MOST_LAG = 1 << 20
 """Bytes that the gateway may have left unread before states are left out."""
@@ -72,6 +75,8 @@ class FleetLink:
         self._gate, self._state, self._journal = gate, state, journal
         self._peers: dict[str, str] = {}
         self._calls: dict[int, asyncio.Task[None]] = {}
+        self._requests: dict[int, Requests] = {}
+        self._cut_off: dict[int, bytes] = {}
         self._watched = asyncio.Event()
         self._writer: asyncio.StreamWriter | None = None
         self._process: asyncio.subprocess.Process | None = None
@@ -174,12 +179,16 @@ class FleetLink:
     def _hear(self, header: Header, body: bytes) -> None:
         if "call" in header:
             number = header["call"]
+            if header.get("parts"):
+                self._requests[number] = Requests(taken=lambda: self._send({"taken": number}))
             work = self._carry(number, header["method"], header["caller"], body)
             self._calls[number] = asyncio.create_task(work)
         elif "cancel" in header:
             call = self._calls.get(header["cancel"])
             if call is not None:
                 call.cancel()
+        elif "part" in header:
+            self._take_part(header["part"], body, is_last=header["is_last"])
         elif "watched" in header:
             self._watched.set() if header["watched"] else self._watched.clear()
         elif "stopped" in header:
@@ -198,6 +207,19 @@ class FleetLink:
 
     # Calls
 
+    def _take_part(self, number: int, body: bytes, *, is_last: bool) -> None:
+        """Take one request of a call with many; whoever sends more than they may is cut off."""
+        requests = self._requests.get(number)
+        if requests is None:
+            return
+        if is_last:
+            requests.add(None)
+        elif len(body) > self._most or requests.waiting > _MOST_WAITING:
+            self._cut_off[number] = too_large(len(body) + requests.waiting, self._most)
+            self._calls[number].cancel()
+        else:
+            requests.add(body)
+
     async def _carry(self, number: int, method: str, caller: str, body: bytes) -> None:
         status = b""
         try:
@@ -209,9 +231,14 @@ class FleetLink:
             if len(body) > self._most:
                 status = too_large(len(body), self._most)
                 return
-            status = await carry(self._find_handler, f"/{self._service}/{method}", peer, body, send)
+            requests = self._requests.get(number, body)
+            status = await carry(
+                self._find_handler, f"/{self._service}/{method}", peer, requests, send
+            )
         finally:
             self._calls.pop(number, None)
+            self._requests.pop(number, None)
+            status = self._cut_off.pop(number, status)
             # Whoever cancels does not wait: what is written here is sent by and by.
             if self._writer is not None:
                 self._writer.write(write_frame({"end": number}, status))

@@ -7,9 +7,10 @@ import pytest
 
 from orientd.errors import Fault
 from orientd.planner import DEFAULT_LIMITS
-from orientd.rpc.reports import DaemonReport, DeviceReport, LeaseReport
+from orientd.rpc.reports import STALE, DaemonReport, DeviceReport, LeaseReport
 from orientd.stream import ServoState
 from orientd.viewer import words
+from orientd.viewer.cell import Member
 
 DAEMON = DaemonReport("1", 7, 60.0, "/run/it.sock", "", "ana", 3.0)
 DEVICE = DeviceReport(
@@ -91,3 +92,16 @@ def test_a_measurement_has_an_age():
     assert words.measured(replace(DEVICE, cycle=cycle, cycle_age=3.0)) == "3.2 s ago"
     cycle.feedback_age_ns = 2_000_000
     assert words.measured(replace(DEVICE, cycle=cycle)) == "less than 0.1 s ago"
+
+
+def test_a_daemon_of_a_cell_that_is_gone_or_silent_is_not_told_as_it_was():
+    evil = "<img src=x>"
+    member = Member(evil, is_alive=True, age=0.1, age_bound=0.001, devices=[DEVICE])
+    html = words.cell([member])
+    assert "<b>Holding</b>" in html
+    assert "<img" not in html
+    for one in (replace(member, is_alive=False), replace(member, age=STALE + 0.1)):
+        html = words.cell([one])
+        assert "<b>Unknown</b> holding when last heard of" in html
+        assert "ready" not in html
+    assert "says nothing" in words.cell([Member("arm", is_alive=True)])

@@ -1,0 +1,179 @@
+"""The page of a cell: devices of all daemons beside each other, and one stop for all of them."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import viser
+
+from orientd.rpc import DeviceReport
+from orientd.viewer import freshness, geometry, web, words
+from orientd.viewer.cell import Cell, Member
+from orientd.viewer.controls import HALT, STOP
+from orientd.viewer.handles import set_changed
+from orientd.viewer.page import PANEL_WIDTH, UPRIGHT_DISTANCE
+from orientd.viewer.scene import COLOURS, RADIUS, TO_AXIS
+
+FRAMES_HZ = 10.0
+
+SPACING = 3.0 * RADIUS
+"""From one device to the next, m."""
+
+_RED, _QUIET = (176, 42, 22), (128, 128, 128)
+_LONG_TEXT = 8.0
+_FROM = np.array([0.3, -1.0, 0.6])
+"""Where one looks from: x to the right, the first row farthest away."""
+
+DISTANCE = 0.85
+"""From there to the middle, as a share of how wide the devices stand."""
+
+
+class CellPage:
+    """One page, as every browser shows it.  It has nothing that needs a lease."""
+
+    def __init__(self, cell: Cell, *, host: str, port: int, is_dark: bool) -> None:
+        """Serve the page.
+
+        Args:
+            cell: that is shown.
+            host: where to serve.
+            port: where to serve; 0 for any.
+            is_dark: whether pages are dark.
+
+        Raises:
+            OrientdError: the page cannot be served there.
+        """
+        self._cell, self._is_dark = cell, is_dark
+        self._server = server = web.serve(host, port)
+        self.port = server.get_port()
+        server.gui.add_html(freshness.HTML)
+        self._beat, self._beats = server.gui.add_html(""), 0
+        stop = server.gui.add_button(
+            f"{STOP} all", color=_RED, hint="Every device of the cell comes to rest on its path."
+        )
+        halt = server.gui.add_button(HALT, color="gray", hint="Every device of the cell.")
+        stop.on_click(lambda event: self._stop(event, is_quickest=False))
+        halt.on_click(lambda event: self._stop(event, is_quickest=True))
+        self._table = server.gui.add_html("")
+        server.scene.configure_default_lights(cast_shadow=False)
+        self._tools: dict[str, _Tool] = {}
+        server.on_client_connect(self._welcome)
+
+    def run(self, closing: threading.Event) -> None:
+        """Keep the page up to date until *closing* is set."""
+        try:
+            next_beat = 0.0
+            while not closing.wait(1.0 / FRAMES_HZ):
+                members = self._cell.members()
+                with self._server.atomic():
+                    self._show(members)
+                if time.monotonic() >= next_beat:
+                    next_beat = time.monotonic() + 1.0 / freshness.BEATS_HZ
+                    self._beats += 1
+                    self._beat.content = freshness.beat(self._beats)
+        finally:
+            web.stop(self._server)
+
+    def _show(self, members: Sequence[Member]) -> None:
+        set_changed(self._table, content=words.cell(members))
+        shown = [(member, device) for member in members for device in member.devices]
+        names = [f"{member.daemon}/{device.name}" for member, device in shown]
+        if names != list(self._tools):
+            for tool in self._tools.values():
+                tool.remove()
+            places = _grid(len(names))
+            self._tools = {
+                name: _Tool(self._server, name, place)
+                for name, place in zip(names, places, strict=True)
+            }
+            for client in self._server.get_clients().values():
+                self._aim(client)
+        for name, (member, device) in zip(names, shown, strict=True):
+            self._tools[name].move(member, device)
+
+    def _stop(self, event: Any, *, is_quickest: bool) -> None:  # noqa: ANN401 - the library's own
+        problem = self._cell.stop(is_quickest=is_quickest)
+        if problem and event.client is not None:
+            event.client.add_notification(
+                "Not acknowledged", problem, color="red", auto_close_seconds=_LONG_TEXT
+            )
+
+    def _welcome(self, client: viser.ClientHandle) -> None:
+        client.gui.configure_theme(
+            dark_mode=self._is_dark, show_logo=False, show_share_button=False,
+            control_width="large",
+        )  # fmt: skip
+        self._aim(client)
+
+    def _aim(self, client: viser.ClientHandle) -> None:
+        """Look at the middle of all devices, left of the panel."""
+        columns, rows = _shape(max(len(self._tools), 1))
+        camera = client.camera
+        width, height = camera.image_width, max(camera.image_height, 1)
+        distance = SPACING * max(columns, 1.4 * rows, 2.0) * DISTANCE
+        distance *= UPRIGHT_DISTANCE if height > width else 1.0
+        away = _FROM / np.linalg.norm(_FROM) * distance
+        right = np.cross((0.0, 0.0, 1.0), away)
+        metres_per_pixel = 2.0 * distance * math.tan(0.5 * camera.fov) / height
+        shift = 0.5 * PANEL_WIDTH * width * metres_per_pixel * right / np.linalg.norm(right)
+        camera.up_direction = (0.0, 0.0, 1.0)
+        camera.position = away + shift
+        camera.look_at = shift
+
+
+class _Tool:
+    """The axes of one device, as sent."""
+
+    def __init__(
+        self, server: viser.ViserServer, name: str, place: tuple[float, float, float]
+    ) -> None:
+        scene, self._name = server.scene, name
+        self._frame = scene.add_frame(f"/{name}", show_axes=False, position=place)
+        self._sent = scene.add_frame(f"/{name}/sent", show_axes=False)
+        vertices, faces = geometry.arrow(RADIUS, 0.01)
+        for axis, (letter, colour) in enumerate(zip(geometry.AXES, COLOURS, strict=True)):
+            scene.add_mesh_simple(
+                f"/{name}/sent/{letter}", vertices, faces, color=colour, wxyz=TO_AXIS[axis],
+                cast_shadow=False,
+            )  # fmt: skip
+            ring = geometry.circle(axis) * RADIUS
+            scene.add_line_segments(
+                f"/{name}/ring_{letter}", geometry.segments(ring), _QUIET, thickness=0.002
+            )
+        above = (0.0, 0.0, 1.25 * RADIUS)
+        self._label = scene.add_label(f"/{name}/label", name, position=above)
+
+    def move(self, member: Member, device: DeviceReport) -> None:
+        """Show how a device is; nothing of one that is not known to be so."""
+        problem = member.problem or device.is_stale
+        # No state: a browser may draw a label a second after it has changed.
+        set_changed(self._label, text=f"✕ {self._name}" if problem else self._name)
+        set_changed(self._sent, visible=not problem and device.cycle is not None)
+        if device.cycle is not None:
+            self._sent.wxyz = device.cycle.q
+
+    def remove(self) -> None:
+        self._frame.remove()
+
+
+def _shape(count: int) -> tuple[int, int]:
+    columns = math.ceil(math.sqrt(count)) if count > 4 else count
+    return columns, math.ceil(count / max(columns, 1))
+
+
+def _grid(count: int) -> list[tuple[float, float, float]]:
+    """Return where devices are drawn: row by row, the middle of all at the origin."""
+    columns, rows = _shape(count)
+    return [
+        (
+            SPACING * (k % columns - 0.5 * (columns - 1)),
+            SPACING * (0.5 * (rows - 1) - k // columns),
+            0.0,
+        )
+        for k in range(count)
+    ]

@@ -1,0 +1,76 @@
+"""The page of a cell of real daemons in a browser; skipped where there is no Chromium."""
+
+import signal
+
+import pytest
+from browser import CHROMIUM, new_page, open_browser
+from command_line import begin, environment
+from fleet_cell import CELL, RunningCell
+
+from orientd.motion_file import parse
+from orientd.rpc import Outcome
+
+pytest.importorskip("zenoh")
+pytest.importorskip("viser")
+pytest.importorskip("playwright.sync_api")
+
+pytestmark = pytest.mark.skipif(
+    CHROMIUM is None, reason="pages are tested in Chromium: install it (Debian: chromium)"
+)
+
+LONG = parse({"keyframes": [{"rotation_vector": [0, 0, 3.0]}], "limits": {"velocity": 0.1}})
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("cell")
+    folder.chmod(0o700)
+    with RunningCell(folder, 2, lease=10.0) as cell:
+        yield cell
+
+
+@pytest.fixture(scope="module")
+def page(cell):
+    variables = environment(ORIENTD_FLEET=cell.endpoint, ORIENTD_CELL=CELL)
+    view = begin("fleet", "view", "--no-open", "--port", 0, env=variables)
+    try:
+        line = view.stdout.readline()
+        assert line.startswith("ready"), (line, view.stderr.read())
+        with open_browser() as browser:
+            page = new_page(browser, 600, 400)
+            page.goto(f"{line.split()[-1]}/?fixedDpr=0.1")
+            yield page
+    finally:
+        view.terminate()
+        ended = view.communicate(timeout=15.0)
+    assert (view.returncode, *ended) == (0, "", "")
+
+
+def said(page, text):
+    """Return where the panel says *text*; the list of what is drawn has the same names."""
+    return page.locator("b", has_text=text)
+
+
+def test_the_page_shows_every_daemon_and_one_button_stops_all(cell, page):
+    for name in cell.names:
+        said(page, name).wait_for()
+    with cell.fleet() as fleet:
+        robots = [fleet.robot(name) for name in cell.names]
+        moves = [robot.move(LONG) for robot in robots]
+        said(page, "Moving").nth(1).wait_for(state="attached")
+        button = page.get_by_role("button", name="Stop all")
+        button.evaluate("button => button.click()")
+        assert [move.wait(20.0).outcome for move in moves] == [Outcome.STOPPED] * 2
+        said(page, "Holding").nth(1).wait_for(state="attached")
+        for robot in robots:
+            robot.close()
+
+
+def test_a_daemon_that_is_gone_is_said_to_be_unknown_and_comes_back(cell, page):
+    cell.end("arm-2", signal.SIGKILL)
+    page.get_by_text("arm-2 has left").wait_for()
+    said(page, "Unknown").wait_for(state="attached")
+    assert said(page, "Holding").count() == 1
+    cell.start("arm-2")
+    cell.await_ready("arm-2")
+    said(page, "Unknown").wait_for(state="detached")
