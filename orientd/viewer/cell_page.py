@@ -52,7 +52,7 @@ class CellPage:
         self._server = server = web.serve(host, port)
         self.port = server.get_port()
         server.gui.add_html(freshness.HTML)
-        self._beat, self._beats = server.gui.add_html(""), 0
+        self._beat = server.gui.add_html("")
         stop = server.gui.add_button(
             f"{STOP} all", color=_RED, hint="Every device of the cell comes to rest on its path."
         )
@@ -72,10 +72,11 @@ class CellPage:
                 members = self._cell.members()
                 with self._server.atomic():
                     self._show(members)
-                if time.monotonic() >= next_beat:
-                    next_beat = time.monotonic() + 1.0 / freshness.BEATS_HZ
-                    self._beats += 1
-                    self._beat.content = freshness.beat(self._beats)
+                now = time.monotonic()
+                if now >= next_beat:
+                    next_beat = now + 1.0 / freshness.BEATS_HZ
+                    # How old what each daemon says is stands beside it.
+                    self._beat.content = freshness.beat(now, age=0.0)
         finally:
             web.stop(self._server)
 
