@@ -328,7 +328,6 @@ def _streamed():
 ROWS = (
     ("90° about one axis: duration over the least possible", step_duration),
     ("another aim on the way: norms of ω / α / jerk over their limits", kept),
-    ("these motions take, on the average", mean_duration),
     ("step of α where the aim changes, rad/s²", acceleration_step),
     ("the new aim is planned in", planning),
     ("from +170° to −170° it turns by", short_way),
