@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from peer_timing import CASES, LIMITS, PERIOD, Orientd, Ruckig, Toppra, excess, mean_duration
 from scipy.spatial.transform import RotationSpline
@@ -30,7 +32,7 @@ def through(peer, vectors):
         return plan(request, start=State.at_rest(keys[0]), limits=LIMITS, period=PERIOD).duration
     if peer is Ruckig:
         # Way points need its paid version: it comes to rest at each.
-        return sum(peer.go(a, b).duration for a, b in zip(vectors[:-1], vectors[1:], strict=True))
+        return sum(peer.go(a, b).duration for a, b in pairwise(vectors))
     if peer is Toppra:
         return peer.through(vectors).duration
     turns = rotation.to_scipy(rotation.from_rotation_vector(vectors))
