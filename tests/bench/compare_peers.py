@@ -10,6 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import peer_curves
+import peer_durations
 import peer_timing
 
 PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "comparison.md"
@@ -54,6 +55,8 @@ def main():
         *table("Curves through keyframes", peer_curves.ROWS, peer_curves.PEERS),
         "",
         *table("Motion within limits", peer_timing.ROWS, peer_timing.PEERS),
+        "",
+        *table("Mean duration", peer_durations.ROWS, peer_durations.PEERS),
         "",
         f"Measured with {versions()}.",
     ]

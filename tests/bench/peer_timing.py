@@ -18,6 +18,7 @@ from peer_curves import duration
 from orientd import rotation
 from orientd.bench.clients import motion as wave
 from orientd.bench.servo import DEVICE, daemon
+from orientd.errors import PlanError
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.control_pb2_grpc import ControlStub
@@ -76,7 +77,10 @@ class Orientd:
         record = first.record_count // 3
         here = first.state_at(record)
         begun = time.thread_time()
-        new = cls.aimed(second, here)
+        try:
+            new = cls.aimed(second, here)
+        except PlanError:
+            return None
         taken = time.thread_time() - begun
         step = new.sample([0.0]).alpha_body[0] - here.alpha_body
         q = np.vstack([cls.setpoints(first)[:record], cls.setpoints(new)])
@@ -328,10 +332,12 @@ def _streamed():
 ROWS = (
     ("90° about one axis: duration over the least possible", step_duration),
     ("another aim on the way: norms of ω / α / jerk over their limits", kept),
-    ("these motions take, on the average", mean_duration),
     ("step of α where the aim changes, rad/s²", acceleration_step),
     ("the new aim is planned in", planning),
     ("from +170° to −170° it turns by", short_way),
-    ("along one curve, limits of ω and α only", same_curve),
+    (
+        "through 8 keyframes, limits of ω and α (TOPP-RA: along the curve of an even pace)",
+        same_curve,
+    ),
     ("a stop on a curved path leaves it by", stop),
 )

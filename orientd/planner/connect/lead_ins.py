@@ -49,6 +49,8 @@ class Caution(Enum):
     BY_WAY_OF_REST = 0.97
     AT_LIMITS = 0.9995
     """Without the reserve, for a state that is at the limits already."""
+    AS_FOUND = 0.9994
+    """The same with a connector as it is found, which a shorter one has gone beyond a limit for."""
 
     @property
     def share(self) -> float:
@@ -58,7 +60,12 @@ class Caution(Enum):
     @property
     def ease(self) -> float:
         """Factor by which what is used of the jerk may go beyond its reserve."""
-        return 1.0 if self is Caution.AT_LIMITS else _EASED / ACCELERATION_RESERVE
+        return 1.0 if self.is_at_limits else _EASED / ACCELERATION_RESERVE
+
+    @property
+    def is_at_limits(self) -> bool:
+        """Whether to do without the reserve."""
+        return self in (Caution.AT_LIMITS, Caution.AS_FOUND)
 
 
 def lead_in(
@@ -89,7 +96,7 @@ def lead_in(
         return from_rest(start, first, limits=limits, period=period, is_even=is_even)
     limits = (
         limits.with_reserve(caution.share / ACCELERATION_RESERVE)
-        if caution is Caution.AT_LIMITS
+        if caution.is_at_limits
         else limits.scaled(caution.share)
     )
     positions = position_lead(start, first.position, limits=limits, period=period)
@@ -103,7 +110,7 @@ def lead_in(
             limits=limits,
             period=period,
             least=least,
-            is_even=is_even,
+            is_even=is_even or caution is Caution.AS_FOUND,
             ease=caution.ease,
         )
     except PlanError:
