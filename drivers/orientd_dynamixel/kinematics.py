@@ -57,10 +57,10 @@ def _split(matrix: Floats, i: int, j: int, k: int) -> tuple[Floats, Floats, Floa
 
 
 def _turned_back(matrix: Floats, i: int, angle: Floats) -> Floats:
-    """Return ``R_i(-angle) matrix``."""
+    """Return ``R_i(-angle) matrix``; of columns, those."""
     u, v = (i + 1) % 3, (i + 2) % 3
     cos, sin = np.cos(angle)[..., None], np.sin(angle)[..., None]
-    turned = np.array(np.broadcast_to(matrix, (*cos.shape[:-1], 3, 3)))
+    turned = np.array(np.broadcast_to(matrix, (*cos.shape[:-1], *matrix.shape[-2:])))
     row_u, row_v = matrix[..., u, :], matrix[..., v, :]
     turned[..., u, :] = cos * row_u + sin * row_v
     turned[..., v, :] = cos * row_v - sin * row_u
@@ -157,11 +157,11 @@ class Gimbal:
         """
         i, j = self.axes[:2]
         t = self.inner_axis
-        turned = _turned_back(matrix, i, np.asarray(outer, dtype=np.float64))
+        outer = np.asarray(outer, dtype=np.float64)
         if len(self.axes) == 3:
-            b, missing, c = _split(turned, j, 3 - j - t, t)
+            b, missing, c = _split(_turned_back(matrix, i, outer), j, 3 - j - t, t)
             return InnerAxes(np.stack([b, c], axis=-1), np.abs(missing))
-        d = turned[..., :, t]
+        d = _turned_back(matrix[..., :, t : t + 1], i, outer)[..., 0]
         u, v = d[..., (j + 1) % 3], d[..., (j + 2) % 3]
         b = np.arctan2(v, u) if t == (j + 1) % 3 else np.arctan2(-u, v)
         error = np.arctan2(np.abs(d[..., j]), np.hypot(u, v))

@@ -56,6 +56,9 @@ def page_of(view, browser, width, height):
     """Open a page in a small window, of which a processor can draw enough."""
     opened = new_page(browser, width, height)
     opened.goto(f"{view.address}/?fixedDpr=0.5")
+    # No state is shown before the first pictures are drawn, which may take long without a card.
+    timely = "document.body.matches('.is-timely:not(.is-stale)')"
+    opened.wait_for_function(timely, polling=100, timeout=4 * PATIENCE)
     try:
         yield opened
     finally:

@@ -2,6 +2,7 @@
 
 import os
 import sys
+from types import SimpleNamespace
 
 import pytest
 
@@ -129,3 +130,12 @@ def test_a_servo_that_does_not_run_is_a_problem(monkeypatch):
     (finding,) = machine._servo()
     assert finding.verdict is Verdict.PROBLEM
     assert "no such thing" in finding.found
+
+
+@pytest.mark.parametrize(
+    ("mebibytes", "expected"), [(63, machine.Verdict.PROBLEM), (65, machine.Verdict.OK)]
+)
+def test_what_lies_in_shared_memory_takes_nothing_from_a_servo(monkeypatch, mebibytes, expected):
+    full = SimpleNamespace(f_bavail=0, f_blocks=256 * mebibytes, f_frsize=4096)
+    monkeypatch.setattr(machine.os, "statvfs", lambda _: full)
+    assert verdict(machine._shared_memory()) is expected

@@ -1,0 +1,30 @@
+"""What the log says of devices: a start that fails as before is said once."""
+
+import logging
+
+import pytest
+
+from orientd.daemon.devices import DeviceEvent, EventKind
+from orientd.daemon.motions import ActiveMotions
+
+DIED, READY = EventKind.SERVO_DIED, EventKind.READY
+
+
+@pytest.mark.parametrize(
+    ("events", "said"),
+    [
+        ([(DIED, "no port")] * 3, ["no port"]),
+        (
+            [(DIED, "no port"), (DIED, "no servo"), (DIED, "no port")],
+            ["no port", "no servo", "no port"],
+        ),
+        ([(DIED, "no port"), (READY, ""), (DIED, "no port")], ["no port", "no port"]),
+    ],
+)
+def test_a_start_that_fails_as_before_is_said_once(caplog, events, said):
+    motions = ActiveMotions({})
+    with caplog.at_level(logging.ERROR):
+        for kind, text in events:
+            motions.hear(DeviceEvent("arm", kind, 0, text, 0))
+    told = [record.getMessage() for record in caplog.records]
+    assert told == [f"arm: servo died: {text}" for text in said]
