@@ -19,7 +19,8 @@ from orientd.viewer.handles import set_changed
 from orientd.viewer.page import PANEL_WIDTH, UPRIGHT_DISTANCE
 from orientd.viewer.scene import COLOURS, RADIUS, TO_AXIS
 
-FRAMES_HZ = 10.0
+FRAMES_HZ = 5.0
+"""Half as often as daemons tell of themselves: many devices take a browser long to draw."""
 
 SPACING = 3.0 * RADIUS
 """From one device to the next, m."""
@@ -57,8 +58,8 @@ class CellPage:
             f"{STOP} all", color=_RED, hint="Every device of the cell comes to rest on its path."
         )
         halt = server.gui.add_button(HALT, color="gray", hint="Every device of the cell.")
-        stop.on_click(lambda event: self._stop(event, is_quickest=False))
-        halt.on_click(lambda event: self._stop(event, is_quickest=True))
+        stop.on_click(lambda event: self._press(event, is_quickest=False))
+        halt.on_click(lambda event: self._press(event, is_quickest=True))
         self._table = server.gui.add_html("")
         server.scene.configure_default_lights(cast_shadow=False)
         self._tools: dict[str, _Tool] = {}
@@ -97,8 +98,17 @@ class CellPage:
         for name, (member, device) in zip(names, shown, strict=True):
             self._tools[name].move(member, device)
 
-    def _stop(self, event: Any, *, is_quickest: bool) -> None:  # noqa: ANN401 - the library's own
-        problem = self._cell.stop(is_quickest=is_quickest)
+    @property
+    def text(self) -> str:
+        """What the panel says, as HTML."""
+        return str(self._table.content)
+
+    def stop(self, *, is_quickest: bool = False) -> str:
+        """Do what the buttons do; return what is not known to have stopped, empty if nothing."""
+        return self._cell.stop(is_quickest=is_quickest)
+
+    def _press(self, event: Any, *, is_quickest: bool) -> None:  # noqa: ANN401 - the library's own
+        problem = self.stop(is_quickest=is_quickest)
         if problem and event.client is not None:
             event.client.add_notification(
                 "Not acknowledged", problem, color="red", auto_close_seconds=_LONG_TEXT

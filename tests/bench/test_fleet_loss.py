@@ -51,6 +51,7 @@ with connect_fleet(endpoint, cell=cell, certificate=certificate, key=key, ca=ca,
             wrong = sum(abs(offset.ns) > offset.bound_ns for offset in offsets)
             print(json.dumps({"skew": together.skew, "bound": together.skew_bound, "wrong": wrong,
                               "problem": together.problem,
+                              "late": [one.summary.start_lateness for one in together.ended],
                               "again": sum("once more" in one for one in told)}), flush=True)
         except Exception as error:
             print(json.dumps({"problem": str(error)}), flush=True)
@@ -111,6 +112,10 @@ def test_starts_over_a_link_that_delays_and_loses(folder, capsys, delay, jitter,
             f"{sum(one['again'] for one in good)} times"
         )
     assert [one["problem"] for one in ended] == [""] * ROUNDS
+    for one in good:
+        if one["skew"] > CYCLE:
+            late = [round(lateness * 1e3, 3) for lateness in one["late"]]
+            print(f"{one['skew'] * 1e3:.3f} ms: began {late} ms late, by bound {one['bound']}")
     assert max(skews) <= CYCLE
     assert not any(one["wrong"] for one in good)
 

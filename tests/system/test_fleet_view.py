@@ -1,20 +1,24 @@
-"""The page of a cell of real daemons in a browser; skipped where there is no Chromium."""
+"""The page of a cell of real daemons: by itself, and in a browser where there is Chromium."""
 
 import signal
+import threading
+import urllib.request
 
 import pytest
 from browser import CHROMIUM, new_page, open_browser
 from command_line import begin, environment
 from fleet_cell import CELL, RunningCell
+from harness import until
 
+from orientd.fleet import Overview
 from orientd.motion_file import parse
 from orientd.rpc import Outcome
 
 pytest.importorskip("zenoh")
 pytest.importorskip("viser")
-pytest.importorskip("playwright.sync_api")
+CellPage = pytest.importorskip("orientd.viewer").CellPage
 
-pytestmark = pytest.mark.skipif(
+in_browser = pytest.mark.skipif(
     CHROMIUM is None, reason="pages are tested in Chromium: install it (Debian: chromium)"
 )
 
@@ -36,6 +40,7 @@ def page(cell):
     try:
         line = view.stdout.readline()
         assert line.startswith("ready"), (line, view.stderr.read())
+        pytest.importorskip("playwright.sync_api")
         with open_browser() as browser:
             page = new_page(browser, 600, 400)
             page.goto(f"{line.split()[-1]}/?fixedDpr=0.1")
@@ -46,11 +51,35 @@ def page(cell):
     assert (view.returncode, *ended) == (0, "", "")
 
 
+def test_a_page_keeps_up_with_its_cell_and_stops_all(cell):
+    with cell.fleet() as fleet, Overview(fleet) as overview:
+        page = CellPage(overview, host="127.0.0.1", port=0, is_dark=False)
+        ending = threading.Event()
+        serving = threading.Thread(target=page.run, args=(ending,))
+        serving.start()
+        try:
+            with urllib.request.urlopen(f"http://127.0.0.1:{page.port}") as found:
+                assert b"<html" in found.read()
+            robots = [fleet.robot(name) for name in cell.names]
+            moves = [robot.move(LONG) for robot in robots]
+            until(lambda: page.text.count("<b>Moving</b>") == 2, "motion on the page")
+            page.stop()
+            assert [move.wait(20.0).outcome for move in moves] == [Outcome.STOPPED] * 2
+            until(lambda: page.text.count("<b>Holding</b>") == 2, "rest on the page")
+            for robot in robots:
+                robot.close()
+        finally:
+            ending.set()
+            serving.join()
+
+
 def said(page, text):
     """Return where the panel says *text*; the list of what is drawn has the same names."""
     return page.locator("b", has_text=text)
 
 
+@pytest.mark.slow
+@in_browser
 def test_the_page_shows_every_daemon_and_one_button_stops_all(cell, page):
     for name in cell.names:
         said(page, name).wait_for()
@@ -66,6 +95,8 @@ def test_the_page_shows_every_daemon_and_one_button_stops_all(cell, page):
             robot.close()
 
 
+@pytest.mark.slow
+@in_browser
 def test_a_daemon_that_is_gone_is_said_to_be_unknown_and_comes_back(cell, page):
     cell.end("arm-2", signal.SIGKILL)
     page.get_by_text("arm-2 has left").wait_for()
