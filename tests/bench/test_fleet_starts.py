@@ -84,8 +84,7 @@ def test_a_slow_link_changes_nothing(folder, capsys):
 def test_clocks_on_the_wall_that_step_change_nothing(folder, capsys):
     """By up to a day, back and forth, of all daemons and their gateways, while motions begin.
 
-    No bound on the skew: waits of a libc with another time of day than the kernel's end at once,
-    and what then runs in circles takes time from the servos.
+    No bound on the skew: what the shim itself does to the servos' time is not known.
     """
     shim, offset = folder / "clock.so", folder / "offset"
     source = Path(__file__).parents[1] / "chaos/clock_shim.c"
