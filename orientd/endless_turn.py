@@ -32,19 +32,19 @@ class EndlessTurn:
         problem: why it did not go on; empty while it does, or where it was stopped.
     """
 
-    def __init__(self, robot: Robot, rate: Sequence[float], **wishes: Any) -> None:  # noqa: ANN401 - as of move
+    def __init__(self, robot: Robot, rate: Sequence[float], **fields: Any) -> None:  # noqa: ANN401 - as of move
         """Begin.
 
         Args:
             robot: a connection, whose lease must outlast the turn.
             rate: rad/s.
-            wishes: as of :meth:`.Robot.turn`.
+            fields: as of :meth:`.Robot.turn`.
 
         Raises:
             OrientdError: as of :meth:`.Robot.move`, also where an axis cannot turn for as long as
                 one motion of it.
         """
-        self._robot, self._rate, self._wishes = robot, rate, wishes
+        self._robot, self._rate, self._fields = robot, rate, fields
         self._handle = self._begin()
         self.plan: Plan = self._handle.plan
         self.speed = self._handle.speed
@@ -93,7 +93,7 @@ class EndlessTurn:
                 pass
 
     def _begin(self) -> MoveHandle:
-        return self._robot.turn(self._rate, SECONDS, **self._wishes)
+        return self._robot.turn(self._rate, SECONDS, **self._fields)
 
     def _work(self) -> None:
         while not self._handle.is_done:

@@ -42,7 +42,7 @@ from orientd.one_line import one_line
 from orientd.rpc import Outcome
 
 if TYPE_CHECKING:
-    from orientd.operation_settings import AccessSettings
+    from orientd.config import AccessSettings
 
 _log = logging.getLogger(__name__)
 

@@ -11,10 +11,9 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from orientd.config import TLS, UNIX, FleetSettings, TcpSettings
 from orientd.errors import ConfigError
 from orientd.fleet.keys import ROOT, as_caller, of_daemon, presence
-from orientd.fleet_settings import TLS, UNIX, FleetSettings
-from orientd.operation_settings import TcpSettings
 from orientd.rpc import check_folder
 
 LINK_LEASE_MS = 3000

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
+from orientd.config import TLS
 from orientd.errors import DaemonError, OrientdError
 from orientd.fleet import keys
 from orientd.fleet.access import basic_configuration, tls_configuration
@@ -20,7 +21,6 @@ from orientd.fleet.channel import FleetChannel
 from orientd.fleet.clocks import ClockOffset
 from orientd.fleet.reports import Heard, Stopped
 from orientd.fleet.session import open_session
-from orientd.fleet_settings import TLS
 from orientd.rpc import Robot, Way, default_socket
 from orientd.rpc import control_pb2 as pb
 

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from typing import Self
 
     from orientd.fleet.client import Fleet
+    from orientd.fleet.reports import Heard
 
 FIRST = 1.0
 """How long the first state of a daemon is waited for, s."""
@@ -55,14 +56,14 @@ class Overview:
             if name not in heard:
                 found.append(Member(name, name in alive))
                 continue
-            age, bound = self._age(name)
+            age, bound = self._age(name, heard[name])
             devices = [device_from_message(device) for device in heard[name].state.devices]
             found.append(Member(name, name in alive, age, bound, devices))
         return found
 
-    def _age(self, name: str) -> tuple[float, float | None]:
+    def _age(self, name: str, heard: Heard) -> tuple[float, float | None]:
         """Return how old a state is and how far that may be wrong, s."""
-        now, heard = time.monotonic_ns(), self._fleet.heard()[name]
+        now = time.monotonic_ns()
         offset = self._fleet.clock(name).at(now)
         if offset is None:
             return (now - heard.heard_ns) * 1e-9, None

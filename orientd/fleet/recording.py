@@ -27,7 +27,7 @@ from orientd.recorder import (
 if TYPE_CHECKING:
     from orientd.fleet.client import Fleet
 
-MOST = 256
+MOST_DAEMONS = 256
 """Daemons in one file."""
 
 _POLL = 0.1
@@ -77,7 +77,7 @@ class FleetRecording(Tally):
         self._has_scalars = has_scalars
         self._ending = threading.Event()
         self._background: Future[None] | None = None
-        self._pool = ThreadPoolExecutor(MOST, thread_name_prefix="orientd fleet record")
+        self._pool = ThreadPoolExecutor(MOST_DAEMONS, thread_name_prefix="orientd fleet record")
         self.problems: dict[str, str] = {}
 
     def end(self) -> None:

@@ -334,11 +334,11 @@ class Robot(Commands):
         """Turn at *rate*, rad/s, for *duration* s, from rest to rest; raises as :meth:`move`."""
         return self.move([], rate=rate, duration=duration, **fields)
 
-    def turn_endlessly(self, rate: Sequence[float], **wishes: Any) -> EndlessTurn:  # noqa: ANN401
+    def turn_endlessly(self, rate: Sequence[float], **fields: Any) -> EndlessTurn:  # noqa: ANN401
         """Turn at *rate*, rad/s, until stopped or this client ends; raises as :meth:`move`."""
         from orientd.endless_turn import EndlessTurn
 
-        return EndlessTurn(self, rate, **wishes)
+        return EndlessTurn(self, rate, **fields)
 
     def teach(self, *, device: str = "", by_hand: bool = True) -> Teaching:
         """Let a device be moved by hand, and take poses of it as keyframes; a context manager.

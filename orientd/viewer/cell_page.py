@@ -61,7 +61,6 @@ class CellPage:
         stop.on_click(lambda event: self._press(event, is_quickest=False))
         halt.on_click(lambda event: self._press(event, is_quickest=True))
         self._table = server.gui.add_html("")
-        server.scene.configure_default_lights(cast_shadow=False)
         self._tools: dict[str, _Tool] = {}
         server.on_client_connect(self._welcome)
 

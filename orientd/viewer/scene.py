@@ -37,7 +37,6 @@ class Scene:
     def __init__(self, server: viser.ViserServer) -> None:
         """Draw everything that is always there."""
         self._scene = scene = server.scene
-        scene.configure_default_lights(cast_shadow=False)
         self._tool = scene.add_frame("/tool", show_axes=False)
         scene.add_icosphere(
             "/tool/sphere", RADIUS, _QUIET, opacity=0.07, side="back", cast_shadow=False,

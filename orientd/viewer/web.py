@@ -75,6 +75,11 @@ def serve(host: str, port: int) -> viser.ViserServer:
         raise DaemonError(_in_use(host, port))
     _refuse_foreign_pages(server, is_local=is_loopback(host))
     server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
+    # A browser without a graphics card draws nothing for ten seconds while it makes the lights that
+    # surfaces reflect, and shadows again with every picture.
+    server.scene.configure_default_lights(cast_shadow=False)
+    server.scene.configure_environment_map(None)
+    server.scene.add_light_ambient("/light", intensity=2.0)
     # What it calls sharing shows the pages to everybody, by way of a machine of somebody else's.
     infra = server._websock_server  # noqa: SLF001 - there is no other way
     infra.unregister_handler(_messages.ShareUrlRequest)

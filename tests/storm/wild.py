@@ -32,24 +32,24 @@ def wild_motion(
     keys = [anywhere(chance)]
     for _ in range(1 if is_pair else chance.randrange(MOST_KEYFRAMES)):
         keys.append(_next(chance, keys[-1], nearest))
-    wishes: dict[str, Any] = {"approach": True, "method": method}
+    fields: dict[str, Any] = {"approach": True, "method": method}
     keyframes = [{"quaternion": dict(zip("wxyz", _signed(chance, q), strict=True))} for q in keys]
     kind = chance.choice(("own", "own", "minimum", "timed"))
     if kind == "minimum":
-        wishes["duration"] = "minimum"
+        fields["duration"] = "minimum"
     elif kind == "timed" and len(keys) > 1:
         step, is_even = chance.uniform(0.2, 4.0), chance.random() < 0.5
-        wishes["times"] = [
+        fields["times"] = [
             step * (k if is_even else k + chance.uniform(0.0, 0.6)) for k in range(len(keys))
         ]
     if chance.random() < 0.15:
         for keyframe in keyframes:
             keyframe["position"] = [chance.uniform(-0.2, 0.2) for _ in range(3)]
     if chance.random() < 0.05:
-        wishes["end_velocity"] = [chance.uniform(-0.4, 0.4) for _ in range(3)]
+        fields["end_velocity"] = [chance.uniform(-0.4, 0.4) for _ in range(3)]
     if chance.random() < 0.1:
-        wishes["limits"] = {"velocity": chance.uniform(0.3, 2.5)}
-    return keyframes, wishes
+        fields["limits"] = {"velocity": chance.uniform(0.3, 2.5)}
+    return keyframes, fields
 
 
 def anywhere(chance: random.Random) -> Quaternion:

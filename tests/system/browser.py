@@ -8,7 +8,12 @@ from command_line import begin
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
 # As the page is drawn without a graphics card.
-SOFTWARE = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+SOFTWARE = (
+    "--no-sandbox",
+    "--disable-gpu-compositing",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+)
 PATIENCE = 30_000
 """ms; a browser on a busy machine."""
 

@@ -21,9 +21,9 @@ from every_call import SERVICE, walk
 from harness import DEVICE, DaemonProcess, spin, until
 
 import orientd
+from orientd.config import Role
 from orientd.daemon.access.rules import RULES
 from orientd.errors import AccessError, DaemonError, LeaseError, RequestError
-from orientd.operation_settings import Role
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.control_pb2_grpc import ControlStub
 

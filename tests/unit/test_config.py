@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from orientd import config
+from orientd.config import Role
 from orientd.errors import ConfigError
-from orientd.operation_settings import Role
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "config").glob("*.toml"))
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from orientd import config, motion_file, operation_settings
+from orientd import config, motion_file
 from orientd.daemon.devices.device_report import EventKind
 from orientd.errors import Fault, RequestError
 from orientd.planner import Frame, Keyframe, Limits, MotionRequest, Pose
@@ -182,15 +182,7 @@ def test_every_choice_is_on_the_wire(ours, theirs, prefix):
 # The configuration
 
 
-TABLES = [
-    table
-    for module in (config, operation_settings)
-    for table in vars(module).values()
-    if isinstance(table, type)
-    and issubclass(table, operation_settings.Table)
-    and table.__module__ == module.__name__
-    and table is not operation_settings.Table
-]
+TABLES = list(dict.fromkeys([config.Settings, *config.Table.__subclasses__()]))
 
 
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: table.__name__)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from orientd.cli.command import AsJson, command
-from orientd.cli.commands.view import PORT, need_view, serve_page
+from orientd.cli.commands.view import PORT, Dark, Host, NoOpen, Port, need_view, serve_page
 from orientd.cli.output import is_terminal, say, say_json, table
 from orientd.errors import DaemonError, OrientdError
 from orientd.rpc import STALE
@@ -115,17 +115,15 @@ def _table(overview: Overview) -> list[str]:
 @fleet.command()
 @command
 def view(
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Where to serve; 0 for any.")] = PORT,
-    host: Annotated[
-        str, typer.Option(help="The address to serve at; by default to this machine only.")
-    ] = "127.0.0.1",
+    port: Port = PORT,
+    host: Host = "127.0.0.1",
     connect: Connect = None,
     cell: CellName = None,
     cert: Cert = None,
     key: Key = None,
     ca: Ca = None,
-    no_open: Annotated[bool, typer.Option("--no-open", help="Open no browser.")] = False,
-    dark: Annotated[bool, typer.Option("--dark", help="Dark pages.")] = False,
+    no_open: NoOpen = False,
+    dark: Dark = False,
     as_json: AsJson = False,
 ) -> None:
     """Show all devices of the cell beside each other in the browser, until Ctrl-C or SIGTERM.

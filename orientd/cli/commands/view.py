@@ -21,13 +21,18 @@ if TYPE_CHECKING:
 
 PORT = 8080
 
+Port = Annotated[int, typer.Option(min=0, max=65535, help="Where to serve; 0 for any.")]
+Host = Annotated[
+    str, typer.Option(help="The address to serve at; by default to this machine only.")
+]
+NoOpen = Annotated[bool, typer.Option("--no-open", help="Open no browser.")]
+Dark = Annotated[bool, typer.Option("--dark", help="Dark pages.")]
+
 
 @command
 def view(
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Where to serve; 0 for any.")] = PORT,
-    host: Annotated[
-        str, typer.Option(help="The address to serve at; by default to this machine only.")
-    ] = "127.0.0.1",
+    port: Port = PORT,
+    host: Host = "127.0.0.1",
     control: Annotated[
         bool | None,
         typer.Option(
@@ -35,8 +40,8 @@ def view(
             help="Whether pages may do more than stop and halt; by default on this machine only.",
         ),
     ] = None,
-    no_open: Annotated[bool, typer.Option("--no-open", help="Open no browser.")] = False,
-    dark: Annotated[bool, typer.Option("--dark", help="Begin with dark pages.")] = False,
+    no_open: NoOpen = False,
+    dark: Dark = False,
     lease: Beside = False,
     socket: Socket = None,
     as_json: AsJson = False,

@@ -9,6 +9,7 @@ from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from orientd.config import AccessSettings, TcpSettings
 from orientd.daemon.access.audit import AuditLog
 from orientd.daemon.access.authorization import Authorization, OwnerOf
 from orientd.daemon.access.identity import Credentials, Identity, RolePolicy
@@ -16,7 +17,6 @@ from orientd.daemon.access.peer import Process
 from orientd.daemon.access.peer_credentials import PeerListener
 from orientd.daemon.access.throttle import Throttle
 from orientd.daemon.devices import report_directory
-from orientd.operation_settings import AccessSettings, TcpSettings
 
 if TYPE_CHECKING:
     import ssl

@@ -11,9 +11,9 @@ from collections.abc import Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass
 
+from orientd.config import AccessSettings, Role
 from orientd.daemon.access.peer import Process
 from orientd.errors import ConfigError, RequestError
-from orientd.operation_settings import AccessSettings, Role
 
 
 @dataclass(frozen=True)

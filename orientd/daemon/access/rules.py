@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from orientd.operation_settings import Role
+from orientd.config import Role
 
 CONTROL = "orientd.v1.Control"
 

@@ -6,9 +6,9 @@ import ssl
 from collections.abc import Iterator
 from typing import Any
 
+from orientd.config import TcpSettings
 from orientd.daemon.access.identity import ClientCertificate
 from orientd.errors import ConfigError
-from orientd.operation_settings import TcpSettings
 
 
 class _Handshake(ssl.SSLObject):

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import orientd
+from orientd.config import MetricsSettings
 from orientd.daemon.calls.report import CycleReader, cycle_age
 from orientd.daemon.devices import DeviceEvent, EventKind
 from orientd.errors import ConfigError
-from orientd.operation_settings import MetricsSettings
 from orientd.stream import Cycle, ServoState
 
 if TYPE_CHECKING:

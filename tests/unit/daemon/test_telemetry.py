@@ -9,11 +9,11 @@ from types import SimpleNamespace
 
 import pytest
 
+from orientd.config import MetricsSettings
 from orientd.daemon.calls.telemetry import RECENT, Telemetry
 from orientd.daemon.devices.device_report import DeviceEvent, EventKind
 from orientd.driver import PartHealth
 from orientd.errors import ConfigError, Fault
-from orientd.operation_settings import MetricsSettings
 from orientd.stream import Cycle, CycleFlag, ServoState
 
 pytest.importorskip("prometheus_client")

@@ -29,9 +29,9 @@ def fingerprint(number):
     if chance.random() < 0.4:
         first = planned(ELSEWHERE, {}, start)
         start = first.state_at(chance.randrange(first.record_count))
-    keyframes, wishes = wild_motion(chance, [FAMILIES[number % len(FAMILIES)]], nearest=NEAREST)
+    keyframes, fields = wild_motion(chance, [FAMILIES[number % len(FAMILIES)]], nearest=NEAREST)
     try:
-        motion = planned(keyframes, wishes, start)
+        motion = planned(keyframes, fields, start)
     except OrientdError as error:
         return [f"{type(error).__name__}: {error}"]
     records = motion.records(0, motion.record_count)
@@ -43,8 +43,8 @@ def fingerprint(number):
     ]
 
 
-def planned(keyframes, wishes, start):
-    request = motion_request(keyframes, **wishes)
+def planned(keyframes, fields, start):
+    request = motion_request(keyframes, **fields)
     return plan(request, start=start, limits=DEFAULT_LIMITS, period=PERIOD, motion_id="same")
 
 

@@ -66,7 +66,7 @@ def test_times_are_one_for_each_keyframe():
         motion_request([{"time": 0, "rotation_vector": [0, 0, 0]}] * 2, times=[0, 1])
 
 
-def test_wishes_are_those_of_a_motion_file():
+def test_fields_are_those_of_a_motion_file():
     request = motion_request(
         Rotation.from_rotvec([[0, 0, 0], [0, 0, 0.1]]),
         method="kks_hermite",

@@ -6,10 +6,10 @@ import time
 
 import pytest
 
+from orientd.config import AccessSettings, Role
 from orientd.daemon.access.identity import ClientCertificate, Process, RolePolicy
 from orientd.daemon.access.peer_credentials import peer_process
 from orientd.errors import ConfigError, RequestError
-from orientd.operation_settings import AccessSettings, Role
 
 LATER = time.time() + 3600.0
 

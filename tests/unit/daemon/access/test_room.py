@@ -2,10 +2,10 @@
 
 import pytest
 
+from orientd.config import AccessSettings, Role
 from orientd.daemon.access import peer_credentials
 from orientd.daemon.access.identity import Identity, RolePolicy
 from orientd.daemon.access.peer_credentials import PeerListener
-from orientd.operation_settings import AccessSettings, Role
 
 ANA = Identity("user:1", "ana", Role.OPERATOR)
 MOST = 16

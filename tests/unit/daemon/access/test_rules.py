@@ -1,7 +1,7 @@
 """The table of roles has a row for every call, and says what is safe for what it does not have."""
 
+from orientd.config import Role
 from orientd.daemon.access.rules import CONTROL, RULES, rule
-from orientd.operation_settings import Role
 from orientd.rpc import control_pb2 as pb
 
 SERVICE = pb.DESCRIPTOR.services_by_name["Control"]

@@ -1,4 +1,4 @@
-"""The table of the settings that makes a daemon one of several: its cell, over Zenoh.
+"""The table that makes a daemon one of several: its cell, over Zenoh.
 
 .. code-block:: toml
 
@@ -20,7 +20,7 @@ from typing import Annotated
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from orientd.operation_settings import SomePath, Table
+from orientd.config.table import SomePath, Table
 
 UNIX = "unixsock-stream/"
 TLS = "tls/"

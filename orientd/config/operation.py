@@ -1,4 +1,4 @@
-"""The tables of the settings that say how the daemon is operated: who may reach it, and how.
+"""The tables that say how the daemon is operated: who may reach it and how, and what is kept.
 
 .. code-block:: toml
 
@@ -19,13 +19,13 @@
 from __future__ import annotations
 
 from enum import IntEnum
-from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer
+from pydantic import BeforeValidator, Field, PlainSerializer
 from pydantic_core import PydanticCustomError
 
-MEBIBYTE = 1024 * 1024
+from orientd.bounded_file import MEBIBYTE
+from orientd.config.table import SomePath, Table
 
 
 class Role(IntEnum):
@@ -37,11 +37,6 @@ class Role(IntEnum):
     """Plan, take the lease, and move."""
     ADMINISTRATOR = 3
     """Take the lease away from others."""
-
-
-def _expand(value: object) -> object:
-    # TOML knows no paths; anything but text is left for the model to refuse.
-    return Path(value).expanduser() if isinstance(value, str) else value
 
 
 def _role(value: object) -> object:
@@ -67,7 +62,6 @@ def _serial(value: object) -> object:
     return digits.upper().lstrip("0")
 
 
-SomePath = Annotated[Path, BeforeValidator(_expand)]
 SomeRole = Annotated[
     Role, BeforeValidator(_role), PlainSerializer(lambda role: role.name.lower(), return_type=str)
 ]
@@ -76,10 +70,35 @@ Serial = Annotated[str, BeforeValidator(_serial)]
 Count = Annotated[int, Field(ge=1)]
 
 
-class Table(BaseModel):
-    """A table of the settings: unknown keys are errors, and nothing is converted."""
+class DaemonSettings(Table):
+    """The table ``[daemon]``.
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    Attributes:
+        socket: where to listen; ``None`` is the user's runtime directory.
+        lease_seconds: how long a lease lasts when its holder does not renew it, s.
+        log_level: of what is logged.
+    """
+
+    socket: SomePath | None = None
+    lease_seconds: Annotated[float, Field(ge=0.2, le=3600.0)] = 5.0
+    log_level: Literal["debug", "info", "warning", "error"] = "info"
+
+
+class RecorderSettings(Table):
+    """The table ``[recorder]``: the flight recorder, which writes a file on every fault.
+
+    Attributes:
+        directory: where to; ``None`` is ``orientd/recordings`` in the user's state directory.
+        seconds: that are kept in memory and written, 0 for no flight recorder at all; a device
+            takes 344 bytes a cycle, 10 MB for 60 s at 500 Hz.
+        keep_files: how many files are kept, the newest.
+        keep_megabytes: how large they may be altogether.
+    """
+
+    directory: SomePath | None = None
+    seconds: Annotated[float, Field(ge=0.0, le=600.0)] = 60.0
+    keep_files: Annotated[int, Field(ge=1, le=100_000)] = 20
+    keep_megabytes: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] = 200.0
 
 
 class AccessSettings(Table):

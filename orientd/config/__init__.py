@@ -1,0 +1,29 @@
+"""The daemon's settings: one TOML file, every key checked, unknown keys refused.
+
+.. code-block:: toml
+
+    [daemon]
+    lease_seconds = 5.0
+
+    [devices.arm]
+    driver = "loopback"
+    rate_hz = 500
+
+    [devices.arm.limits]
+    velocity = 2.5
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from orientd.lazy import lazily
+
+if TYPE_CHECKING:
+    from orientd.config.devices import FIRST_PHASE, SPIN_US, DeviceSettings, LimitSettings
+    from orientd.config.fleet import TLS, UNIX, FleetSettings
+    from orientd.config.operation import AccessSettings, MetricsSettings, Role, TcpSettings
+    from orientd.config.settings import Settings, default_settings, find, load, parse
+    from orientd.config.table import Table
+
+__getattr__ = lazily(__name__)

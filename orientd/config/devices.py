@@ -1,0 +1,217 @@
+"""The tables of devices, and the limits in them; see :func:`.plain_values.angular_rate`.
+
+>>> from pydantic import TypeAdapter
+>>> TypeAdapter(AngularLimit).validate_python([2, 1, 3])
+(2.0, 1.0, 3.0)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import (
+    Field,
+    PlainSerializer,
+    PlainValidator,
+    ValidationInfo,
+    WithJsonSchema,
+    field_validator,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
+
+from orientd.config.table import Table
+from orientd.errors import RequestError
+from orientd.plain_values import angular_rate
+
+if TYPE_CHECKING:
+    from orientd.planner import Frame, Limits
+
+NANOSECONDS = 1_000_000_000
+MAX_RATE_HZ = 4000.0
+LONGEST_LEAD = 1.0
+"""s."""
+SPIN_US = 50
+"""Spun before a deadline unless a device says otherwise, us: 2.5 % of a core at 500 Hz."""
+FIRST_PHASE = 5 / 16
+"""Phase of the first device: beside whole milliseconds, where the kernel's own timers are."""
+
+
+def _angular_limit(content: object) -> float | tuple[float, float, float]:
+    try:
+        return angular_rate(content)
+    except ValueError as error:
+        # As pydantic words it for the other numbers of a table.
+        expected = str(error).replace("a number greater", "greater")
+        raise PydanticCustomError("limit", "{expected}", {"expected": expected}) from None
+
+
+_POSITIVE: dict[str, Any] = {"type": "number", "exclusiveMinimum": 0}
+
+AngularLimit = Annotated[
+    float | tuple[float, float, float],
+    PlainValidator(_angular_limit),
+    # By itself pydantic takes three numbers for a list that should be a tuple, and warns.
+    PlainSerializer(lambda limit: limit, return_type=Any),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                _POSITIVE,
+                {"type": "array", "items": _POSITIVE, "minItems": 3, "maxItems": 3},
+            ]
+        }
+    ),
+]
+LinearLimit = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+
+class LimitSettings(Table):
+    """The table ``[devices.NAME.limits]``; what is not given is the default of the planner.
+
+    The angular ones are limits of a norm, or of three components in the body frame.
+
+    Attributes:
+        preset: name of published limits, which the others of this table override.
+        velocity: largest angular velocity, rad/s.
+        acceleration: largest angular acceleration, rad/s^2.
+        jerk: largest angular jerk, rad/s^3.
+        linear_velocity: largest velocity of the position, m/s.
+        linear_acceleration: largest acceleration of the position, m/s^2.
+    """
+
+    preset: str | None = None
+    velocity: AngularLimit | None = None
+    acceleration: AngularLimit | None = None
+    jerk: AngularLimit | None = None
+    linear_velocity: LinearLimit | None = None
+    linear_acceleration: LinearLimit | None = None
+
+    @field_validator("preset")
+    @classmethod
+    def _know_preset(cls, name: str | None) -> str | None:
+        if name is not None:
+            from orientd.planner import PRESETS
+
+            if name not in PRESETS:
+                raise PydanticCustomError("preset", "one of " + ", ".join(PRESETS))
+        return name
+
+    def to_limits(self) -> Limits:
+        """Return the planner's limits: what is given here, preset or defaults for the rest."""
+        # A file of settings can be read and checked without loading NumPy.
+        from orientd.planner import DEFAULT_LIMITS, PRESETS
+
+        given = self.model_dump(exclude_none=True, exclude={"preset"})
+        base = DEFAULT_LIMITS if self.preset is None else PRESETS[self.preset].limits
+        return base.with_rates(given)
+
+
+class DeviceSettings(Table):
+    """The table ``[devices.NAME]``.
+
+    Attributes:
+        name: the key of the table.
+        driver: name of the driver in the registry.
+        rate_hz: cycles a second.
+        auto_enable: enable at start and after a reset.
+        heartbeat_timeout: the servo stops when it has not heard the daemon for so long, s.
+        feedback_timeout: feedback older than this is a fault, s.
+        stall_timeout: a servo process that did not run for longer in motion is a fault, s; after
+            a shorter time the motion goes on from rest.
+        phase: where in a period its cycles begin, as a share of it from 0 to below 1, on the
+            machine's monotonic clock.  Without it devices are spread over the period, so that not
+            all want the processor at once; those with the same number have their cycles together.
+        spin_us: the last part of the wait for a deadline that is spent spinning, microseconds.
+        priority: SCHED_FIFO priority asked for; 0 asks for none.
+        compensate_latency: s by which setpoints lead the path time that is reported, so that the
+            device is where the plan says; ``true`` for *latency*.
+        latency: s that the device is behind its setpoints, as `orientd doctor` has found it.
+        limits: what no motion of this device may exceed.
+        frames: that motions may name, each with ``base`` and ``tool`` as in a motion file.
+        options: the driver's own table.
+    """
+
+    name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,31}$")
+    driver: str
+    rate_hz: Annotated[float, Field(ge=1.0, le=MAX_RATE_HZ)] = 500.0
+    auto_enable: bool = True
+    heartbeat_timeout: Positive = 1.0
+    feedback_timeout: Positive = 0.1
+    stall_timeout: Positive = 0.5
+    phase: Annotated[float, Field(ge=0.0, lt=1.0)] = FIRST_PHASE
+    spin_us: Annotated[int, Field(ge=0, le=1000)] = SPIN_US
+    priority: Annotated[int, Field(ge=0, le=99)] = 80
+    compensate_latency: bool | float = False
+    latency: float | None = None
+    limits: LimitSettings = LimitSettings()
+    frames: dict[str, Any] = Field(default_factory=dict)
+    options: dict[str, Any] = Field(default_factory=dict)
+
+    @field_validator("compensate_latency", "latency", mode="before")
+    @classmethod
+    def _check_seconds(cls, given: object, checked: ValidationInfo) -> object:
+        may_switch = checked.field_name == "compensate_latency"
+        if isinstance(given, bool):
+            is_allowed = may_switch
+        else:
+            is_allowed = isinstance(given, (int, float)) and 0.0 <= given <= LONGEST_LEAD
+        if not is_allowed:
+            switch = ", or true or false" if may_switch else ""
+            raise ValueError(
+                f"devices.{checked.data.get('name')}.{checked.field_name}: expected a number of "
+                f"seconds from 0 to {LONGEST_LEAD:g}{switch}, got {given!r}"
+            )
+        return given
+
+    @model_validator(mode="after")
+    def _need_latency(self) -> DeviceSettings:
+        if self.compensate_latency is True and self.latency is None:
+            raise ValueError(
+                f"devices.{self.name}.compensate_latency: true needs latency, in seconds; "
+                f"`orientd doctor --config FILE --latency {self.name}` finds it"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _read_frames(self) -> DeviceSettings:
+        try:
+            self.to_frames()
+        except RequestError as error:
+            raise ValueError(
+                f"devices.{self.name}.frames.{error.field}: {error.problem}"
+            ) from error
+        return self
+
+    def to_frames(self) -> Mapping[str, Frame]:
+        """Return the frames as the planner has them.
+
+        Raises:
+            RequestError: one is not well formed.
+        """
+        if not self.frames:
+            return {}
+        # As with the limits, what needs NumPy is loaded when there is something for it.
+        from orientd.planner import named_frames
+        from orientd.schema import read_frames
+
+        return dict(named_frames(read_frames(self.frames)))
+
+    @property
+    def lead(self) -> float:
+        """By how much what is sent leads the path time that is reported, s."""
+        if self.compensate_latency is True:
+            return self.latency or 0.0
+        return float(self.compensate_latency)
+
+    @property
+    def period_ns(self) -> int:
+        """Length of a cycle in nanoseconds."""
+        return round(NANOSECONDS / self.rate_hz)
+
+    @property
+    def phase_ns(self) -> int:
+        """Where in a period of the monotonic clock its cycles begin."""
+        return int(self.phase * self.period_ns)

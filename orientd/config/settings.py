@@ -1,0 +1,186 @@
+"""A whole configuration: where it is, its tables, and what is said of one that is not allowed."""
+
+from __future__ import annotations
+
+import math
+import os
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import count
+from pathlib import Path
+from typing import Annotated, Any, get_args
+
+from pydantic import Field, ValidationError, model_validator
+
+from orientd.bounded_file import MEBIBYTE, read_bounded
+from orientd.config.devices import FIRST_PHASE, DeviceSettings, LimitSettings
+from orientd.config.fleet import FleetSettings
+from orientd.config.operation import (
+    AccessSettings,
+    DaemonSettings,
+    MetricsSettings,
+    PlannerSettings,
+    RecorderSettings,
+    TcpSettings,
+)
+from orientd.config.table import Table
+from orientd.errors import ConfigError
+from orientd.one_line import one_line
+from orientd.spelling import unknown_key
+
+_EXPECTED = {
+    "too_short": "at least one table [devices.NAME]",
+    "string_pattern_mismatch": "a letter, then at most 31 letters, digits, '-' or '_'",
+    "is_instance_of": "a path",
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "bool_type": "true or false",
+    "string_type": "a text",
+}
+
+
+class Settings(Table):
+    """A whole file.
+
+    Attributes:
+        daemon: the table ``[daemon]``.
+        recorder: the table ``[recorder]``.
+        planner: the table ``[planner]``.
+        access: the table ``[access]``.
+        tcp: the table ``[tcp]``; without it there is the Unix socket only.
+        metrics: the table ``[metrics]``; without it there are none.
+        fleet: the table ``[fleet]``; without it the daemon is alone.
+        devices: the tables ``[devices.NAME]`` by name.
+    """
+
+    daemon: DaemonSettings = DaemonSettings()
+    recorder: RecorderSettings = RecorderSettings()
+    planner: PlannerSettings = PlannerSettings()
+    access: AccessSettings = AccessSettings()
+    tcp: TcpSettings | None = None
+    metrics: MetricsSettings | None = None
+    fleet: FleetSettings | None = None
+    devices: Annotated[dict[str, DeviceSettings], Field(min_length=1)]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _name_devices(cls, table: object) -> object:
+        if not isinstance(table, Mapping) or not isinstance(table.get("devices"), Mapping):
+            return table
+        named: dict[str, object] = {}
+        phases = _spread()
+        for name, device in table["devices"].items():
+            if isinstance(device, Mapping) and "name" in device:
+                raise ValueError(f"devices.{name}.name: the table's own name is the device's name")
+            if isinstance(device, Mapping):
+                phase = {} if "phase" in device else {"phase": next(phases)}
+                device = {**phase, **device, "name": name}
+            named[name] = device
+        return {**table, "devices": named}
+
+
+def _spread() -> Iterator[float]:
+    """Yield phases that are spread over a period as evenly as can be, however many are taken.
+
+    The sequence of van der Corput (1935) in base 2, so that a device that is added at the end of a
+    configuration leaves the others where they are.
+    """
+    for number in count():
+        bits = f"{number:b}"[::-1]
+        yield (FIRST_PHASE + int(bits, 2) / 2 ** len(bits)) % 1.0
+
+
+def default_settings() -> Settings:
+    """Return what the daemon runs with when there is no file: one loopback device, ``arm``."""
+    return parse({"devices": {"arm": {"driver": "loopback"}}}, source="default settings")
+
+
+def find() -> Path | None:
+    """Return the file to use when none is named on the command line.
+
+    ``$ORIENTD_CONFIG``, or else ``orientd/orientd.toml`` in the user's configuration directory
+    if it is there, or else ``None``.
+    """
+    named = os.environ.get("ORIENTD_CONFIG")
+    if named:
+        return Path(named).expanduser()
+    home = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
+    path = Path(home) / "orientd" / "orientd.toml"
+    return path if path.is_file() else None
+
+
+def load(path: Path) -> Settings:
+    """Read the settings in *path*.
+
+    Raises:
+        ConfigError: the file cannot be read, is not TOML, or a key is unknown or not allowed; the
+            one line names the file, the key, what was expected and what came.
+    """
+    try:
+        text = read_bounded(path, MEBIBYTE).decode("utf-8")
+    except OSError as error:
+        raise ConfigError(f"cannot read {path}: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: not UTF-8 text (byte {error.start})") from error
+    try:
+        table = tomllib.loads(text)
+    # Numbers and dates out of range are a ValueError of another kind.
+    except ValueError as error:
+        raise ConfigError(f"{path}: not TOML: {error}") from error
+    except RecursionError as error:
+        raise ConfigError(f"{path}: not TOML: nested too deeply") from error
+    return parse(table, source=str(path))
+
+
+def parse(table: Mapping[str, Any], *, source: str) -> Settings:
+    """Check *table*, which came from *source* (for the message only).
+
+    Raises:
+        ConfigError: a key is unknown, missing or not allowed.
+    """
+    try:
+        return Settings.model_validate(table)
+    except ValidationError as error:
+        raise ConfigError(one_line(f"{source}: {_describe(error)}")) from error
+
+
+def _known_keys(table: Sequence[str]) -> list[str]:
+    """Return the keys of a table of the file."""
+    match table:
+        case []:
+            return list(Settings.model_fields)
+        case ["devices", _]:
+            return [key for key in DeviceSettings.model_fields if key != "name"]
+        case ["devices", _, _]:
+            return list(LimitSettings.model_fields)
+    kind = Settings.model_fields[table[0]].annotation
+    (model,) = (part for part in (kind, *get_args(kind)) if hasattr(part, "model_fields"))
+    return list(model.model_fields)
+
+
+_LONGEST_KEY = 60
+"""Characters of a key that are shown."""
+
+
+def _describe(error: ValidationError) -> str:
+    """Return the first complaint on one line: key, what was expected, what came."""
+    first, *others = error.errors(include_url=False)
+    if first["type"] == "missing":
+        # A misspelt key says more than that the right one is missing.
+        first = next((one for one in others if one["type"] == "extra_forbidden"), first)
+    place = [str(part)[:_LONGEST_KEY] for part in first["loc"] if part != "[key]"]
+    key = ".".join(place)
+    came = first["input"]
+    if first["type"] == "extra_forbidden":
+        *table, last = place
+        return f"{key}: {unknown_key(last, _known_keys(table))}"
+    if first["type"] == "missing":
+        return f"{key}: missing"
+    if first["type"] == "value_error":
+        return str(first["ctx"]["error"])
+    if first["type"] in ("model_type", "model_attributes_type", "dict_type"):
+        return f"{key}: expected a table, got {came!r}"
+    if isinstance(came, float) and not math.isfinite(came):
+        return f"{key}: expected a finite number, got {came!r}"
+    expected = _EXPECTED.get(first["type"]) or first["msg"].removeprefix("Input should be ")
+    return f"{key}: expected {expected}, got {came!r}"

@@ -1,0 +1,22 @@
+"""What every table of the configuration is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict
+
+
+def _expand(value: object) -> object:
+    # TOML knows no paths; anything but text is left for the model to refuse.
+    return Path(value).expanduser() if isinstance(value, str) else value
+
+
+SomePath = Annotated[Path, BeforeValidator(_expand)]
+
+
+class Table(BaseModel):
+    """A table of the settings: unknown keys are errors, and nothing is converted."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
