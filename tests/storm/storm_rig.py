@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 import re
 import time
@@ -21,9 +22,6 @@ PERIOD = 1.0 / RATE_HZ
 NEARLY_NS, STALL_NS = 30_000_000, 75_000_000
 """A servo process that did not run for 50 ms goes on from rest; a setpoint tells only when it was
 due, so that between these two it may go on either way."""
-
-SLOW = 0.05
-"""Angular velocity below which a step may be the first one from rest, rad/s."""
 
 SETPOINT = np.dtype(
     [("time_ns", "i8"), ("q", "f8", 4), ("rates", "f8", 6), ("position", "f8", 3), ("v", "f8", 3)]
@@ -147,37 +145,62 @@ def sent(path: Path) -> np.ndarray:
     return np.frombuffer(content[: len(content) // SETPOINT.itemsize * SETPOINT.itemsize], SETPOINT)
 
 
-def stretches(setpoints: np.ndarray) -> Iterator[np.ndarray]:
-    """Yield what was sent without a stall, each time from rest at what was sent before."""
+def stretches(setpoints: np.ndarray, limits) -> list[np.ndarray]:
+    """Return what was sent without a stall, each time from rest at what was sent before.
+
+    Cycles that were run late are stamped with when they were due, so the first one from rest may be
+    next to the gap; and a short gap may have been none.  What keeps *limits* best is what was.
+    """
     gaps = np.diff(setpoints["time_ns"])
-    steps = np.linalg.norm(rotation_vectors(setpoints["q"]), axis=1)
-    # A cycle that was run late is stamped with when it was due: the gap may come behind it.
-    stalled = np.maximum(gaps, np.append(gaps[1:], 0)) > NEARLY_NS
-    from_rest = stalled & (steps < SLOW * PERIOD)
-    cuts = np.flatnonzero(from_rest | (gaps > STALL_NS) & ~np.append(False, from_rest[:-1])) + 1
-    for first, end in zip([0, *cuts], [*cuts, len(setpoints)], strict=True):
+    found = np.flatnonzero(gaps > NEARLY_NS).tolist()
+    cuts = [0]
+    for gap, following in zip(found, [*found[1:], len(gaps)], strict=True):
+        begin, end = max(cuts[-1], gap - 4), min(following + 1, gap + 8)
+        choices = [(cut,) for cut in range(gap, min(gap + 3, end))]
+        choices += [()] if gaps[gap] <= STALL_NS else []
+        best = min(choices, key=lambda cut: _largest(setpoints, [begin, *cut, end], limits))
+        cuts += (cut for cut in best if cut > cuts[-1])
+    return list(_cut(setpoints, [*cuts, len(setpoints)]))
+
+
+def _cut(setpoints: np.ndarray, cuts: Sequence[int]) -> Iterator[np.ndarray]:
+    for first, end in itertools.pairwise(cuts):
         rest = setpoints[max(first - 1, 0) : max(first, 1)]
         yield np.concatenate([rest, rest, rest, setpoints[first:end]])
 
 
-def shares_of_limits(setpoints: np.ndarray, limits) -> dict[str, float]:
-    """Return the largest rates that were sent, as shares of *limits*, by backward differences."""
-    shares: dict[str, float] = {}
+def _largest(setpoints: np.ndarray, cuts: Sequence[int], limits) -> float:
+    """Return the largest share of *limits* from the first to the last of *cuts*."""
+    first, *pieces = _cut(setpoints, cuts)
+    # What leads up to them has been looked at, and does not begin from rest here.
+    pieces.append(first[3:])
+    shares = [max(_shares(piece, limits).values()) for piece in pieces if len(piece) > 3]
+    return max(shares, default=0.0)
 
-    def note(name: str, rate: np.ndarray) -> None:
-        largest = np.sqrt((rate * rate).sum(axis=1)).max(initial=0.0) / getattr(limits, name)
-        shares[name] = max(shares.get(name, 0.0), float(largest))
 
-    for stretch in stretches(setpoints):
-        omega = rotation_vectors(stretch["q"]) / PERIOD
-        alpha = np.diff(omega, axis=0) / PERIOD
-        velocity = np.diff(stretch["position"], axis=0) / PERIOD
-        note("velocity", omega)
-        note("acceleration", alpha)
-        note("jerk", np.diff(alpha, axis=0) / PERIOD)
-        note("linear_velocity", velocity)
-        note("linear_acceleration", np.diff(velocity, axis=0) / PERIOD)
-    return shares
+def shares_of_limits(setpoints: np.ndarray, limits) -> tuple[dict[str, float], int]:
+    """Return the largest rates that were sent, as shares of *limits*, and the stalls between."""
+    pieces = stretches(setpoints, limits)
+    shares = [_shares(piece, limits) for piece in pieces]
+    return {name: max(share[name] for share in shares) for name in shares[0]}, len(pieces) - 1
+
+
+def _shares(stretch: np.ndarray, limits) -> dict[str, float]:
+    """Return the largest rates of a stretch as shares of *limits*, by backward differences."""
+    omega = rotation_vectors(stretch["q"]) / PERIOD
+    alpha = np.diff(omega, axis=0) / PERIOD
+    velocity = np.diff(stretch["position"], axis=0) / PERIOD
+    rates = {
+        "velocity": omega,
+        "acceleration": alpha,
+        "jerk": np.diff(alpha, axis=0) / PERIOD,
+        "linear_velocity": velocity,
+        "linear_acceleration": np.diff(velocity, axis=0) / PERIOD,
+    }
+    return {
+        name: float(np.sqrt((rate * rate).sum(axis=1)).max(initial=0.0) / getattr(limits, name))
+        for name, rate in rates.items()
+    }
 
 
 def rotation_vectors(q: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ import grpc
 import numpy as np
 import pytest
 from command_line import orientd
-from storm_rig import DEVICES, Rig, memory_mib, sent, shares_of_limits, stretches
+from storm_rig import DEVICES, Rig, memory_mib, sent, shares_of_limits
 from wild import anywhere, wild_motion
 
 import orientd as api
@@ -259,11 +259,10 @@ def check_sent(rig, limits, calls):
     for name, path in rig.recordings.items():
         setpoints = sent(path)
         assert np.isfinite(setpoints["q"]).all()
-        shares = shares_of_limits(setpoints, limits[name])
+        shares, stalls = shares_of_limits(setpoints, limits[name])
         for quantity, share in shares.items():
             if not share <= GUARD_TOLERANCE:
                 calls.fail(f"{name}: {quantity} is {share:.6f} of its limit")
-        stalls = sum(1 for _ in stretches(setpoints)) - 1
         told = ", ".join(f"{quantity} {share:.4f}" for quantity, share in shares.items())
         lines.append(f"{name}: {len(setpoints)} setpoints, {stalls} stalls; of the limit: {told}")
     return lines
