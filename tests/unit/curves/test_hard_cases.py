@@ -9,7 +9,7 @@ import pytest
 
 from orientd.curves import METHODS
 from orientd.errors import PlanError
-from orientd.rotation import angle, exp, multiply, normalize
+from orientd.rotation import angle, conjugate, exp, log, multiply, normalize
 
 KEYED = [
     name
@@ -135,6 +135,37 @@ def test_it_is_as_smooth_as_it_says(name, case):
         resolution = 1e-8 + np.spacing(knots[-1]) * 1e6
         scale = 1.0 + np.abs(everywhere[order]).max()
         assert np.abs(right[order] - left[order]).max() < resolution * scale
+
+
+@pytest.mark.parametrize(
+    ("name", "case"),
+    with_a_curve(["half turns", "179.99 degrees", "intervals in a ratio of 10,000"]),
+)
+def test_its_rates_are_those_of_its_orientations(name, case):
+    curve = made(name, *CASES[case])
+    knots, spans = curve.knots[:-1], np.diff(curve.knots)
+    shares = np.array([[1e-4, 1e-3, 0.02, 0.3, 0.71, 0.98, 0.999]])
+    times = (knots[:, None] + shares * spans[:, None]).ravel()
+    room = (np.minimum(shares, 1.0 - shares) * spans[:, None]).ravel()
+    _, omega, alpha = curve.evaluate(times)
+    errors = []
+    # What turns sharply next to a knot wants other steps than what is even: the best of some.
+    for step in (room * 0.4**k for k in range(1, 13)):
+        turned, gained = [], []
+        for h in (step, 2.0 * step):
+            after, before = curve.evaluate(times + h), curve.evaluate(times - h)
+            width = ((times + h) - (times - h))[:, None]
+            turned.append(log(multiply(conjugate(before[0]), after[0])) / width)
+            gained.append((after[1] - before[1]) / width)
+        errors.append(
+            [
+                np.abs((4.0 * near - far) / 3.0 - rate).max(axis=1)
+                for (near, far), rate in ((turned, omega), (gained, alpha))
+            ]
+        )
+    least = np.min(errors, axis=0)
+    peaks = np.array([[max(1.0, np.abs(rate).max())] for rate in (omega, alpha)])
+    assert (least < 1e-6 * peaks).all()
 
 
 @pytest.mark.parametrize("name", KEYED)
