@@ -104,12 +104,12 @@ class DynamixelDriver(Driver):
         self, period: float, orientations: Sequence[Quaternion], *, grid: float,
         fixed: tuple[float, float], rates: Vector3, share: float,
     ) -> Sequence[float]:  # fmt: skip
-        """Return the quickest course that every axis can follow, slow only where one must be."""
+        """Return the quickest way along the path for every axis, slow only where one must be."""
         pace = importlib.import_module("orientd_dynamixel.axes.pacing").pace
-        course: list[float] = pace(
+        path_times: list[float] = pace(
             self.settings, period, orientations, grid=grid, fixed=fixed, rates=rates, share=share
         )
-        return course
+        return path_times
 
     def tune(self, options: Mapping[str, Any]) -> None:
         """Take ``home``: whether motions go home, whatever orientation they name."""

@@ -37,14 +37,14 @@ def reshaped(
     if not isinstance(motion.path, Path):
         raise ValueError("motion must be as it was planned")
     period, request = motion.period, motion.request
-    course = np.asarray(shape.path_times, dtype=np.float64)
+    path_times = np.asarray(shape.path_times, dtype=np.float64)
     q = check_unit(shape.orientations)
-    if q.shape != (len(course), 4) or len(course) < 2 or np.any(np.diff(course) < 0.0):
+    if q.shape != (len(path_times), 4) or len(path_times) < 2 or np.any(np.diff(path_times) < 0.0):
         raise ValueError(
             f"path_times must be one for each of the {len(q)} orientations and never decrease"
         )
     joints = np.asarray(shape.joints, dtype=np.float64)
-    if joints.ndim != 2 or len(joints) != len(course):
+    if joints.ndim != 2 or len(joints) != len(path_times):
         raise ValueError(
             f"joints must be a row for each of the {len(q)} orientations, got shape {joints.shape}"
         )
@@ -54,7 +54,7 @@ def reshaped(
             f"the device's axes begin {begun:.3g} rad from where the motion takes over in motion"
         )
     earlier = np.asarray(joints_before, dtype=np.float64) if len(joints_before) else None
-    path = TablePath.of(q, course, motion.path, period, joints, earlier)
+    path = TablePath.of(q, path_times, motion.path, period, joints, earlier)
 
     def setpoints(first: int, size: int) -> tuple[Floats, Floats]:
         times = period * np.arange(first, first + size, dtype=np.float64)
@@ -64,17 +64,19 @@ def reshaped(
 
     def moved(times: Floats) -> Floats:
         """Return when the path as shaped gets to *times* of the path as planned."""
-        grid = period * np.arange(len(course), dtype=np.float64)
-        if len(course) == motion.record_count and np.allclose(course, grid, rtol=0, atol=1e-9):
+        grid = period * np.arange(len(path_times), dtype=np.float64)
+        if len(path_times) == motion.record_count and np.allclose(
+            path_times, grid, rtol=0, atol=1e-9
+        ):
             return times
-        found = np.searchsorted(course, times - _SAME_TIME)
-        return np.minimum(found, len(course) - 1) * period
+        found = np.searchsorted(path_times, times - _SAME_TIME)
+        return np.minimum(found, len(path_times) - 1) * period
 
     begin, end, *keyframes = moved(
         np.array([motion.start_time, motion.end_time, *motion.keyframe_times])
     )
     # Where the path is another one, steps of the acceleration must be expected.
-    given = motion.sample(course).q
+    given = motion.sample(path_times).q
     changed = period * np.flatnonzero(angle(q, given) > SAME_ANGLE)
     rough = motion.rough
     if rough is not None:
@@ -86,7 +88,7 @@ def reshaped(
         rough = Rough(float(changed[0]), float(changed[-1]), 1)
     peaks = measure(
         setpoints,
-        len(course),
+        len(path_times),
         period,
         motion.limits,
         before=before(motion.start_state, period),
@@ -105,11 +107,11 @@ def reshaped(
         start_time=float(begin),
         end_time=float(end),
         keyframe_times=times,
-        record_count=len(course),
+        record_count=len(path_times),
         certificate=replace(
             certificate, figures=(*certificate.figures, *shape.figures), notes=shape.notes
         ),
         rough=rough,
         first_joints=path.joints_at(0),
-        last_joints=path.joints_at(len(course) - 1),
+        last_joints=path.joints_at(len(path_times) - 1),
     )

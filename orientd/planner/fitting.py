@@ -211,17 +211,18 @@ def _paced(
     refusal: PlanError | None = None
     is_timed = motion.request.times is not None
     for share in (*_SHARES, _LAST_SHARE) if is_timed else _SHARES:
-        course = _course(driver, motion, rates, share)
-        if not len(course):
+        path_times = _path_times(driver, motion, rates, share)
+        if not len(path_times):
             return None
-        given = motion.sample(course)
+        given = motion.sample(path_times)
         try:
             shape = driver.shape(period, _rows(given.q), joints, before, rates)
             if shape is None:
                 return None
-            cycles = period * np.arange(len(course), dtype=np.float64)
-            along = np.interp(shape.path_times, cycles, course)
-            note = f"the axes need {(len(course) - 1) * period / motion.duration:.3f} times as long"
+            cycles = period * np.arange(len(path_times), dtype=np.float64)
+            along = np.interp(shape.path_times, cycles, path_times)
+            longer = (len(path_times) - 1) * period / motion.duration
+            note = f"the axes need {longer:.3f} times as long"
             times = cast("Sequence[float]", along)
             shape = shape._replace(path_times=times, notes=(*shape.notes, note))
             return reshaped(motion, shape, joints_before=before)
@@ -237,7 +238,7 @@ def _paced(
     return None
 
 
-def _course(
+def _path_times(
     driver: Driver, motion: Motion, rates: tuple[float, float, float], share: float
 ) -> Sequence[float]:
     """Return how far along *motion* to be in every cycle; slower where the times are not given."""
@@ -285,8 +286,8 @@ def _pace(
     grid = period / finest
     path = _rows(motion.sample(begin + grid * np.arange(cycles * finest + 1)).q)
     fixed = (fixed[0] - begin, fixed[1] - begin)
-    course = driver.pace(period, path, grid=grid, fixed=fixed, rates=rates, share=share)
-    return begin + np.asarray(course, dtype=np.float64)
+    path_times = driver.pace(period, path, grid=grid, fixed=fixed, rates=rates, share=share)
+    return begin + np.asarray(path_times, dtype=np.float64)
 
 
 def _by_way(

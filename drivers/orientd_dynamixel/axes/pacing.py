@@ -14,11 +14,11 @@ from orientd_dynamixel.options import GimbalOptions
 from orientd_dynamixel.planning import gimbal_of
 
 _FINER = 8
-"""Points of the new course between two samples, so that its bends are smooth."""
+"""New path times between two samples, so that its bends are smooth."""
 _SMOOTHED_S = 0.04
 """Over how long the pace is averaged, s of the path; the jerk falls with it."""
 _RESERVE, _MORE_RESERVE = 0.98, 0.9
-"""Share of the velocities to be used: the course is sampled anew.  The smaller one holds where the
+"""Share of the velocities to be used: the path is sampled anew.  The smaller one holds where the
 share of the accelerations is small, too, which is tried where others were too much."""
 _SMALL_SHARE = 0.2
 _ROOM = 1.02

@@ -55,7 +55,7 @@ class TablePath:
     omega: Floats
     alpha: Floats
     positions: PositionPath
-    course: Floats
+    path_times: Floats
     joints: Floats
     earlier: Floats
 
@@ -63,7 +63,7 @@ class TablePath:
     def of(
         cls,
         q: Floats,
-        course: Floats,
+        path_times: Floats,
         original: Path,
         period: float,
         joints: Floats,
@@ -76,7 +76,7 @@ class TablePath:
         *earlier* says otherwise.
         """
         q = align(q)
-        given = original.sample(course)
+        given = original.sample(path_times)
         # Before it, what the original goes on from; at rest after, where its motion ends.
         back = -period * np.array([[2.0], [1.0]])
         turn = back * given.omega_body[0] + 0.5 * back**2 * given.alpha_body[0]
@@ -87,7 +87,10 @@ class TablePath:
         near = (-two[:count], -one[1 : count + 1], one[2 : count + 2], two[2 : count + 2])
         omega = (8.0 * (near[2] - near[1]) - (near[3] - near[0])) / (12.0 * period)
         alpha = (16.0 * (near[1] + near[2]) - near[0] - near[3]) / (12.0 * period**2)
-        pace = np.diff(course, prepend=course[0] - period, append=course[-1] + period) / period
+        pace = (
+            np.diff(path_times, prepend=path_times[0] - period, append=path_times[-1] + period)
+            / period
+        )
         is_paced = np.abs(pace - 1.0) > _ON_RECORD
         is_other = (angle(q, given.q) > SAME_ANGLE) | is_paced[:-1] | is_paced[1:]
         # A difference reaches two records far.
@@ -98,7 +101,7 @@ class TablePath:
         omega[-1], alpha[-1] = 0.0, 0.0
         if earlier is None:
             earlier = np.repeat(joints[:1], HISTORY, axis=0)
-        return cls(period, q, omega, alpha, original.positions, course, joints, earlier)
+        return cls(period, q, omega, alpha, original.positions, path_times, joints, earlier)
 
     @property
     def duration(self) -> float:
@@ -182,8 +185,8 @@ class TablePath:
 
     def _position(self, where: Floats) -> tuple[Floats, Floats]:
         grid = np.arange(len(self.q), dtype=np.float64)
-        position, velocity = self.positions.sample(np.interp(where, grid, self.course))
-        pace = np.gradient(self.course) / self.period
+        position, velocity = self.positions.sample(np.interp(where, grid, self.path_times))
+        pace = np.gradient(self.path_times) / self.period
         return position, velocity * np.interp(where, grid, pace)[:, None]
 
 

@@ -142,10 +142,10 @@ def test_a_certificate_says_how_far_a_slew_is_off_the_path_and_how_long():
         limits=LIMITS, period=PERIOD,
     )  # fmt: skip
     # The way back of 360 degrees passes everything: half a turn away at the most.
-    missed = angle(motion.path.q, plain.sample(motion.path.course).q)
+    missed = angle(motion.path.q, plain.sample(motion.path.path_times).q)
     assert np.max(missed) > 3.0
     assert figure(motion, "pointing error in slews").value == pytest.approx(np.max(missed), 1e-6)
-    stands = PERIOD * np.sum(np.diff(motion.path.course) < 1e-12)
+    stands = PERIOD * np.sum(np.diff(motion.path.path_times) < 1e-12)
     assert figure(motion, "time in slews").value == pytest.approx(stands, abs=3 * PERIOD)
     (note,) = [one for one in motion.certificate.notes if "stops and the axes slew" in one]
     off = float(re.search(r"off it by up to ([\d.]+) deg", note)[1])
