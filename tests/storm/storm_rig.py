@@ -7,7 +7,7 @@ import itertools
 import os
 import re
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,9 @@ PERIOD = 1.0 / RATE_HZ
 NEARLY_NS, STALL_NS = 30_000_000, 75_000_000
 """A servo process that did not run for 50 ms goes on from rest; a setpoint tells only when it was
 due, so that between these two it may go on either way."""
+
+MOST_CUTS = 30
+"""Looked back at, of those that may be."""
 
 SETPOINT = np.dtype(
     [("time_ns", "i8"), ("q", "f8", 4), ("rates", "f8", 6), ("position", "f8", 3), ("v", "f8", 3)]
@@ -152,30 +155,31 @@ def stretches(setpoints: np.ndarray, limits) -> list[np.ndarray]:
     next to the gap; and a short gap may have been none.  What keeps *limits* best is what was.
     """
     gaps = np.diff(setpoints["time_ns"])
-    found = np.flatnonzero(gaps > NEARLY_NS).tolist()
-    cuts = [0]
-    for gap, following in zip(found, [*found[1:], len(gaps)], strict=True):
-        begin, end = max(cuts[-1], gap - 4), min(following + 1, gap + 8)
-        choices = [(cut,) for cut in range(gap, min(gap + 3, end))]
-        choices += [()] if gaps[gap] <= STALL_NS else []
-        best = min(choices, key=lambda cut: _largest(setpoints, [begin, *cut, end], limits))
-        cuts += (cut for cut in best if cut > cuts[-1])
-    return list(_cut(setpoints, [*cuts, len(setpoints)]))
+    near = {gap + after for gap in np.flatnonzero(gaps > NEARLY_NS).tolist() for after in range(3)}
+    certain = np.flatnonzero(gaps > STALL_NS)
+    best: dict[int, tuple[float, list[int]]] = {0: (0.0, [0])}
+    for end in [*sorted(near & set(range(1, len(setpoints)))), len(setpoints)]:
+        # Every certain stall has a cut next to it, so only so many cuts may be the one before.
+        stalled = certain[certain + 2 < end]
+        least = max(stalled[-1] if len(stalled) else 0, sorted(best)[-MOST_CUTS:][0])
+        best[end] = min(
+            (
+                (
+                    max(worst, *_shares(_from_rest(setpoints, begin, end), limits).values()),
+                    [*cuts, end],
+                )
+                for begin, (worst, cuts) in best.items()
+                if begin >= least
+            ),
+            key=lambda found: (found[0], len(found[1])),
+            default=(np.inf, [0, end]),
+        )
+    return [_from_rest(setpoints, *ends) for ends in itertools.pairwise(best[len(setpoints)][1])]
 
 
-def _cut(setpoints: np.ndarray, cuts: Sequence[int]) -> Iterator[np.ndarray]:
-    for first, end in itertools.pairwise(cuts):
-        rest = setpoints[max(first - 1, 0) : max(first, 1)]
-        yield np.concatenate([rest, rest, rest, setpoints[first:end]])
-
-
-def _largest(setpoints: np.ndarray, cuts: Sequence[int], limits) -> float:
-    """Return the largest share of *limits* from the first to the last of *cuts*."""
-    first, *pieces = _cut(setpoints, cuts)
-    # What leads up to them has been looked at, and does not begin from rest here.
-    pieces.append(first[3:])
-    shares = [max(_shares(piece, limits).values()) for piece in pieces if len(piece) > 3]
-    return max(shares, default=0.0)
+def _from_rest(setpoints: np.ndarray, begin: int, end: int) -> np.ndarray:
+    rest = setpoints[max(begin - 1, 0) : max(begin, 1)]
+    return np.concatenate([rest, rest, rest, setpoints[begin:end]])
 
 
 def shares_of_limits(setpoints: np.ndarray, limits) -> tuple[dict[str, float], int]:
