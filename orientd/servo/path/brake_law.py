@@ -133,6 +133,10 @@ class BrakeLaw:
 
     def _rehearse(self, servo_limits: ServoLimits, *, may_end: bool) -> None:
         """Go on with the rollout, or with others, as far as one cycle allows."""
+        begun, taken = self._rollout, self._taken
+        if begun is not None and taken and begun.rates[taken - 1 : taken] != [self._scaling.rate]:
+            # The path has come to a motion whose certified law brakes harder.
+            self._rollout = None
         left = self._steps
         while left > 0:
             rollout = self._rollout

@@ -178,15 +178,21 @@ class Ride:
     def stop(self):
         """Stop and return the number of cycles in which anything moved."""
         written = len(self.rig.driver.setpoints)
-        self.rig.memory.commands.publish(
-            Command.STOP, 1, 0, UNKNOWN, UNKNOWN, 0, 1.0, *servo_limits_of(self.motion).floats()
-        )
-        self.run()
-        while self.rig.servo.is_moving:
-            self.run()
+        self.command_stop()
+        self.come_to_rest()
         q = np.array([s.q for s in self.rig.driver.setpoints[written:]])
         moves = np.flatnonzero(rotation.angle(q[:-1], q[1:]) > 1e-12)
         return int(moves[-1]) + 1 if len(moves) else 0
+
+    def command_stop(self):
+        self.rig.memory.commands.publish(
+            Command.STOP, 1, 0, UNKNOWN, UNKNOWN, 0, 1.0, *servo_limits_of(self.motion).floats()
+        )
+
+    def come_to_rest(self):
+        self.run()
+        while self.rig.servo.is_moving:
+            self.run()
 
     @property
     def rates(self):

@@ -107,6 +107,24 @@ def test_a_stop_that_just_fails_with_all_of_the_jerk_is_made_with_less_of_it():
     assert ride.rig.servo.state is ServoState.HOLDING
 
 
+@pytest.mark.parametrize("cycles", [1, 2, 3])
+def test_a_stop_keeps_the_limits_where_the_path_comes_to_a_motion_that_brakes_harder(cycles):
+    for motion in motions([7, 1], 3, "reserve"):
+        ride = Ride(Track(motion), motion.record_count // 3)
+        scaling = ride.rig.servo.setpoints.time_scaling
+        whole = scaling.brake_rate
+        scaling.brake_rate = 0.7 * whole
+        ride.command_stop()
+        for _ in range(cycles):
+            ride.run()
+        # While the stop is rolled out, from where the weaker brake would have led.
+        if not scaling.is_led:
+            scaling.brake_rate = whole
+        ride.come_to_rest()
+        assert ride.rig.servo.state is ServoState.HOLDING, ride.rig.servo.setpoints.fault_text
+        assert ride.excess() <= 1.001
+
+
 def test_a_stop_from_hardly_any_speed_is_made_at_once():
     # At 0.07 rad/s, which the jerk takes away in a cycle.
     *_, motion = motions([2, 1], 8, "reserve")
