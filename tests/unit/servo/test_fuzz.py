@@ -20,7 +20,7 @@ from setpoint_checker import reached
 from orientd import planner, rotation
 from orientd.daemon.devices.servo_link import servo_limits_of
 from orientd.daemon.motions.motion_queue import MotionQueue
-from orientd.errors import LateError, PlanError, StateError
+from orientd.errors import LateError, LimitError, PlanError, StateError
 from orientd.planner import Keyframe, Limits, MotionRequest, State
 from orientd.stream import NOT_GIVEN, UNKNOWN, Answer, Command, NoteKind, ServoState, unpack_note
 
@@ -147,8 +147,19 @@ class Fuzz:
         return MotionRequest([keyframe], approach=True)
 
     def plan(self, start):
-        motion = planner.plan(self.request(), start=start, limits=self.limits, period=PERIOD)
-        return motion.recorded()
+        # Now and then for lower limits, which refuses what moves beyond them.
+        share = self.random.choice([1.0, 1.0, 0.7, 0.4])
+        lower = self.limits.with_rates(
+            {name: share * getattr(self.limits, name) for name in planner.UNITS}
+        )
+        try:
+            return self.planned(start, lower)
+        except (LimitError, PlanError):
+            return self.planned(start, self.limits)
+
+    def planned(self, start, limits):
+        request = self.request()
+        return planner.plan(request, start=start, limits=limits, period=PERIOD).recorded()
 
     def retarget(self):
         self.tend()
