@@ -21,7 +21,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from orientd.config.table import Table
+from orientd.config.table import Name, Table
 from orientd.errors import RequestError
 from orientd.plain_values import angular_rate
 
@@ -63,9 +63,7 @@ AngularLimit = Annotated[
         }
     ),
 ]
-LinearLimit = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
 class LimitSettings(Table):
@@ -86,8 +84,8 @@ class LimitSettings(Table):
     velocity: AngularLimit | None = None
     acceleration: AngularLimit | None = None
     jerk: AngularLimit | None = None
-    linear_velocity: LinearLimit | None = None
-    linear_acceleration: LinearLimit | None = None
+    linear_velocity: Positive | None = None
+    linear_acceleration: Positive | None = None
 
     @field_validator("preset")
     @classmethod
@@ -134,7 +132,7 @@ class DeviceSettings(Table):
         options: the driver's own table.
     """
 
-    name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,31}$")
+    name: Name
     driver: str
     rate_hz: Annotated[float, Field(ge=1.0, le=MAX_RATE_HZ)] = 500.0
     auto_enable: bool = True

@@ -20,12 +20,10 @@ from typing import Annotated
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from orientd.config.table import SomePath, Table
+from orientd.config.table import Name, SomePath, Table
 
 UNIX = "unixsock-stream/"
 TLS = "tls/"
-
-NAME = r"^[A-Za-z][A-Za-z0-9_-]{0,31}$"
 
 
 def _zenoh_endpoint(value: object) -> object:
@@ -41,7 +39,6 @@ def _zenoh_endpoint(value: object) -> object:
 
 
 ZenohEndpoint = Annotated[str, BeforeValidator(_zenoh_endpoint)]
-Name = Annotated[str, Field(pattern=NAME)]
 
 
 class FleetSettings(Table):

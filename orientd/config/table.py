@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 
 def _expand(value: object) -> object:
@@ -14,6 +14,7 @@ def _expand(value: object) -> object:
 
 
 SomePath = Annotated[Path, BeforeValidator(_expand)]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,31}$")]
 
 
 class Table(BaseModel):
