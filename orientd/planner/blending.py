@@ -15,11 +15,11 @@ import numpy as np
 from orientd.errors import PlanError
 from orientd.planner.candidate import CandidateMotion
 from orientd.planner.certify import limit_table
-from orientd.planner.certifying import certified
 from orientd.planner.connect import join, try_joins
 from orientd.planner.limits import Limits
 from orientd.planner.motion import Motion
 from orientd.planner.path import Path, PathCurve, PathSegment, PositionPath, quintic
+from orientd.planner.plan_job import certified
 from orientd.planner.planning import plan
 from orientd.planner.recorded import HISTORY, RecordedMotion
 from orientd.planner.request import MotionRequest, State

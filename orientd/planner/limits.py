@@ -64,6 +64,7 @@ class Limits:
         axis_jerk: the same of the angular jerk.
 
     Raises:
+        TypeError: a limit is no number.
         ValueError: a limit is not positive.
     """
 
@@ -79,6 +80,10 @@ class Limits:
     def __post_init__(self) -> None:
         for name, unit in UNITS.items():
             limit = getattr(self, name)
+            if not isinstance(limit, int | float):
+                raise TypeError(
+                    f"{name} must be a number, got {limit!r}; Limits.partial takes three, too"
+                )
             if not limit > 0.0:
                 raise ValueError(f"{name} must be positive, got {limit} {unit}")
         for name in ANGULAR:

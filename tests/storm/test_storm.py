@@ -115,13 +115,13 @@ class Pilot:
                 self.robot.reset(self.device)
 
     def move(self, name="Move", **more):
-        keyframes, wishes = wild_motion(self.chance, self.methods)
-        work = lambda: self.robot.move(keyframes, device=self.device, **more, **wishes)  # noqa: E731
+        keyframes, fields = wild_motion(self.chance, self.methods)
+        work = lambda: self.robot.move(keyframes, device=self.device, **more, **fields)  # noqa: E731
         self.calls.make(name, work)
 
     def plan(self):
-        keyframes, wishes = wild_motion(self.chance, self.methods)
-        self.calls.make("Plan", self.robot.plan, keyframes, device=self.device, **wishes)
+        keyframes, fields = wild_motion(self.chance, self.methods)
+        self.calls.make("Plan", self.robot.plan, keyframes, device=self.device, **fields)
 
     def queue(self):
         for _ in range(self.chance.randint(1, 4)):
@@ -137,9 +137,9 @@ class Pilot:
         motions = [wild_motion(self.chance, self.methods) for _ in range(BURST)]
 
         def begin(motion):
-            keyframes, wishes = motion
+            keyframes, fields = motion
             make = self.calls.make
-            make("Move, at once", self.robot.move, keyframes, device=self.device, **wishes)
+            make("Move, at once", self.robot.move, keyframes, device=self.device, **fields)
 
         with ThreadPoolExecutor(BURST) as pool:
             list(pool.map(begin, motions))

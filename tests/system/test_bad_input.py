@@ -308,9 +308,9 @@ def test_a_start_that_is_no_time_is_refused(daemon, moment):
 )
 def test_a_target_that_is_not_well_formed_is_refused(daemon, field, value):
     with package.connect(daemon.socket) as robot, robot.track() as tracking:
-        wishes = {"angular_velocity": [0.0, 0.0, 1.0], field: value}
+        fields = {"angular_velocity": [0.0, 0.0, 1.0], field: value}
         with pytest.raises(RequestError, match=f"target.{field}: expected .*, got "):
-            tracking.aim(UPRIGHT, **wishes)
+            tracking.aim(UPRIGHT, **fields)
 
 
 def test_help_is_never_cut_short():

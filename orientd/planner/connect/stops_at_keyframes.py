@@ -12,8 +12,7 @@ from orientd.planner.limits import Limits
 from orientd.planner.methods import Ends
 from orientd.planner.path import Path, PathCurve, PathSegment, PositionPath
 from orientd.planner.request import DEFAULT_METHOD, MotionRequest, State
-from orientd.planner.timing import KeyframePath
-from orientd.rotation import Floats, angle
+from orientd.planner.timing import KeyframePath, least_with_stops
 
 STOPS = "comes to rest at every keyframe: between two that are near the curve is no quicker"
 
@@ -41,7 +40,7 @@ def turns_with_stops(
     moving = (ends.omega_start, ends.omega_end, ends.alpha_start)
     if not (is_plain and is_held) or any(np.any(end) for end in moving if end is not None):
         return None
-    if _least(request.keys, limits) >= shorter_than:
+    if least_with_stops(request.keys, limits) >= shorter_than:
         return None
     segments: list[PathSegment] = []
     times = [0.0]
@@ -58,11 +57,3 @@ def turns_with_stops(
     held = PositionPath.held(start.position)
     curve = PathCurve(Path.joined(segments, held).segments)
     return KeyframePath(PathSegment(curve, 0.0, times[-1]), held, np.array(times))
-
-
-def _least(keys: Floats, limits: Limits) -> float:
-    """Return what such turns take at the least, without limits of the jerk and of components, s."""
-    turns = angle(keys[:-1], keys[1:])
-    peaks = np.minimum(np.sqrt(turns * limits.acceleration), limits.velocity)
-    times = turns / np.maximum(peaks, 1e-300) + peaks / limits.acceleration
-    return float(np.sum(times[turns > 0.0]))

@@ -14,6 +14,12 @@ if TYPE_CHECKING:
         SHARE,
         phases_of_turn,
     )
+    from orientd.planner.timing.by_parts import (
+        corners,
+        least_with_rests,
+        least_with_stops,
+        quickest_by_parts,
+    )
     from orientd.planner.timing.candidate_path import KeyframePath, PathRequest
     from orientd.planner.timing.even_timing import evenly_paced
     from orientd.planner.timing.knot_times import with_chosen_times

@@ -54,6 +54,14 @@ class KeyframePath:
         segment = self.segment
         return self.positions.is_held and segment.rate > 0.0 and not segment.skipped
 
+    @property
+    def stop_time(self) -> float | None:
+        """How long a certain stop takes where it is slowest, s; ``None`` where nobody looked."""
+        if self.found is None:
+            return None
+        rate = self.found[2].brake_rate
+        return 1.0 / rate if rate else math.inf
+
     def has_acceleration_of(self, state: State, limits: Limits) -> bool:
         """Return whether it begins with the acceleration of *state*."""
         alpha = self.segment.ends()[0].alpha_body

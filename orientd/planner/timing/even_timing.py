@@ -30,6 +30,7 @@ def evenly_paced(
     other: Callable[[float], KeyframePath] | None,
     led: Callable[[KeyframePath], Led],
     everywhere: bool,
+    longest: float = LONGEST,
 ) -> Led | None:
     """Return a path with its leads in the shortest time that keeps the limits.
 
@@ -42,6 +43,7 @@ def evenly_paced(
             another rate.
         led: puts leads to a path.
         everywhere: whether to look at every record at every attempt.
+        longest: that it may take, s.
 
     Returns:
         What *led* made of the path; ``None`` where no duration keeps the limits.
@@ -56,6 +58,8 @@ def evenly_paced(
     guess = shape.duration * survey.factor
     if is_same:
         refusal.check_duration(guess)
+        if guess > longest:
+            return None
     # Two steps of the acceleration within a difference of the setpoints would add up.
     fewest = 1 if shape.continuity >= 2 else _CYCLES_A_STEP * intervals
     drafts: dict[int, Led] = {}
@@ -84,7 +88,7 @@ def evenly_paced(
             return LONGER
         return factor
 
-    most = int(LONGEST / period)
+    most = int(longest / period)
     if is_same:
         first = math.ceil(guess / period)
     else:

@@ -17,14 +17,14 @@ AXES = [
 ]
 
 
-def plan(begin_deg, *keyframes, **wishes):
+def plan(begin_deg, *keyframes, **fields):
     """Return the axis angles of the motion to *keyframes*, deg."""
     driver = DynamixelDriver(
         {"port": "virtual", "axes": AXES}, period_ns=10_000_000, clock=ManualClock(1)
     )
     joints = tuple(np.deg2rad(begin_deg))
     motion = DevicePlanner(driver, limits=LIMITS, period=0.01).plan(
-        MotionRequest(keyframes, **wishes),
+        MotionRequest(keyframes, **fields),
         start=State.at_rest(driver._tracker.forward(joints)), joints=joints,
     )  # fmt: skip
     return np.rad2deg(motion.path.joints)

@@ -56,7 +56,7 @@ def device_of(host, *, compensate_latency=False, **options):
         device.shutdown()
 
 
-def swing_motion(device, *, angle=0.3, seconds=3.0, count=1, home=None, **wishes):
+def swing_motion(device, *, angle=0.3, seconds=3.0, count=1, home=None, **fields):
     """Plan *count* turns from *home*, else from here, about one of the tool's axes and back."""
     start = device.commanded()
     home = start.q if home is None else home
@@ -65,7 +65,7 @@ def swing_motion(device, *, angle=0.3, seconds=3.0, count=1, home=None, **wishes
         Keyframe(away if k % 2 else home if k else start.q, k * seconds / 2)
         for k in range(2 * count + 1)
     ]
-    return plan(device, MotionRequest(keyframes=keyframes, **wishes))
+    return plan(device, MotionRequest(keyframes=keyframes, **fields))
 
 
 def swing(device, **settings):

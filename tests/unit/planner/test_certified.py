@@ -10,7 +10,7 @@ import pytest
 from planned import LIMITS, PERIOD, times_of
 
 from orientd.errors import LimitError
-from orientd.planner import Keyframe, Limits, MotionRequest, State, certifying, plan
+from orientd.planner import Keyframe, Limits, MotionRequest, State, plan, plan_job
 from orientd.planner.certify import summary as summing_up
 from orientd.planner.certify.certificate import Peak
 from orientd.planner.timing import quickest_timing
@@ -35,8 +35,8 @@ def made(request, *, start=HERE, limits=ARM):
 @pytest.fixture
 def measured(monkeypatch):
     """What a path was measured with; the quickest one is measured where it is found."""
-    spy = Mock(wraps=certifying.measure_path)
-    monkeypatch.setattr(certifying, "measure_path", spy)
+    spy = Mock(wraps=plan_job.measure_path)
+    monkeypatch.setattr(plan_job, "measure_path", spy)
     monkeypatch.setattr(quickest_timing, "measure_path", spy)
     return lambda: spy.call_args.kwargs
 

@@ -14,6 +14,11 @@ def test_a_limit_is_positive(limit):
         Limits.partial(jerk=limit)
 
 
+def test_a_limit_of_the_norm_is_one_number():
+    with pytest.raises(TypeError, match=r"acceleration must be a number, got \(17, 12, 20\)"):
+        Limits(2.5, (17, 12, 20), 40.0, 1.0, 1.0)
+
+
 def test_limits_are_within_others_when_none_is_higher():
     assert ARM.within(ARM)
     assert ARM.scaled(0.5).within(ARM)

@@ -162,7 +162,7 @@ def test_a_method_whose_velocity_jumps_is_refused_and_a_smooth_one_named():
         made("piecewise_slerp", times=[0, 1, 2, 3, 4])
     assert caught.value.quantity in ("angular acceleration", "angular jerk")
     with pytest.raises(PlanError, match=r"only C0.*c2_cumulative is C2"):
-        made("piecewise_slerp")
+        made("piecewise_slerp", pace="even")
 
 
 def test_turns_between_keyframes_that_are_the_same_have_no_axis():

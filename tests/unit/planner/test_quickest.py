@@ -263,13 +263,6 @@ def test_a_long_motion_can_be_stopped_on_what_is_read_ahead():
     assert motion.certificate.stop_time <= 6.0
 
 
-def test_a_curve_with_steps_of_the_acceleration_is_run_through_at_an_even_pace():
-    keys = rotations(np.random.default_rng(0), 5, 0.5)
-    motion = made([Keyframe(q) for q in keys], LIMITS["arm"], method="squad", approach=True)
-    (note,) = motion.certificate.notes
-    assert "needs a curve whose acceleration is continuous" in note
-
-
 def test_a_curve_of_an_odd_shape_is_planned_nevertheless():
     keys = (
         (-0.2527743801661137, -0.8973777927437618, 0.13831851207623608, 0.3341948519037767),

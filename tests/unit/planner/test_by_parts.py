@@ -1,0 +1,113 @@
+"""Curves with corners, and with velocities at their ends that nobody asked for, run quickly."""
+
+import math
+
+import numpy as np
+import pytest
+from planned import LIMITS, PERIOD, differences, rotations, times_of
+
+from orientd.curves import METHODS
+from orientd.planner import Keyframe, MotionRequest, State, plan
+from orientd.planner.timing.by_parts import RestingPart, corners
+from orientd.rotation import angle
+
+CORNERED = ("piecewise_slerp", "squad", "circular_blending", "shoemake_bezier", "nielson_shieh")
+MOVING_ENDS = ("normalized_cubic", "kks_interpolating", "rotation_vector_spline")
+KEYS = rotations(np.random.default_rng(0), 5, 0.5)
+FAR = rotations(np.random.default_rng(0), 5, 1.5)
+
+
+def made(method, keys=KEYS, *, limits=LIMITS["arm"], **fields):
+    request = MotionRequest([Keyframe(q) for q in keys], method=method, approach=True, **fields)
+    return plan(request, start=State.at_rest(request.keys[0]), limits=limits, period=PERIOD)
+
+
+def curve(method, keys=KEYS):
+    return METHODS[method](keys=np.array(keys), times=np.arange(len(keys), dtype=float))
+
+
+@pytest.mark.parametrize("method", ["squad", "shoemake_bezier", "circular_blending"])
+@pytest.mark.parametrize(("begin", "end"), [(0.0, 1.0), (1.0, 2.0), (0.0, 4.0)])
+def test_a_part_is_the_curve_from_rest_to_rest(method, begin, end):
+    part = RestingPart(curve(method), begin, end)
+    ends = part.ends()
+    assert np.abs(np.concatenate(ends[1:])).max() == 0.0
+    inside = np.linspace(*part.domain, 4001)[1:-1]
+    step = 1e-6 * part.domain[1]
+    inside = inside[np.abs(inside[:, None] - part.knots).min(axis=1) > 2.0 * step]
+    q, omega, alpha = part.evaluate(inside)
+    before, after = (part.evaluate(inside + sign * step) for sign in (-1.0, 1.0))
+    size = np.abs(omega).max()
+    turned = np.linalg.norm(omega, axis=1) - angle(before[0], after[0]) / (2.0 * step)
+    assert np.abs(turned).max() < 1e-4 * size
+    slope = (after[1] - before[1]) / (2.0 * step)
+    assert np.abs(alpha - slope).max() < 1e-4 * np.abs(alpha).max()
+    assert part.continuity == 2
+    assert np.abs(q - part.evaluate(inside[::-1])[0][::-1]).max() == 0.0
+
+
+def test_a_part_knows_when_it_passes_a_parameter():
+    whole = curve("squad")
+    part = RestingPart(whole, 0.0, 4.0)
+    parameters = np.linspace(0.0, 4.0, 81)
+    found = part.evaluate(part.places(parameters))[0]
+    assert angle(found, whole.evaluate(parameters)[0]).max() < 1e-7
+
+
+def test_corners_are_where_a_derivative_has_a_step():
+    assert corners(curve("squad")).tolist() == [1.0, 2.0, 3.0]
+    assert corners(curve("piecewise_slerp")).tolist() == [1.0, 2.0, 3.0]
+    assert not len(corners(curve("c2_cumulative")))
+    straight = [(math.cos(0.1 * k), 0.0, 0.0, math.sin(0.1 * k)) for k in range(5)]
+    assert not len(corners(curve("piecewise_slerp", straight)))
+
+
+@pytest.mark.parametrize("limits", ["arm", "slow", "soft"])
+@pytest.mark.parametrize("method", [*CORNERED, *MOVING_ENDS])
+def test_a_curve_is_never_slower_than_with_an_even_pace(method, limits):
+    quick = made(method, FAR, limits=LIMITS[limits])
+    largest = [max(rates) for rates in differences(quick.sample(times_of(quick)).q, PERIOD)]
+    allowed = (LIMITS[limits].velocity, LIMITS[limits].acceleration, LIMITS[limits].jerk)
+    assert all(rate <= 1.000001 * most for rate, most in zip(largest, allowed, strict=True))
+    if method != "piecewise_slerp":
+        even = made(method, FAR, limits=LIMITS[limits], pace="even")
+        assert quick.duration <= even.duration
+
+
+@pytest.mark.parametrize("method", [*CORNERED, *MOVING_ENDS])
+def test_the_way_is_the_curves_own(method):
+    motion = made(method, FAR)
+    whole = motion.request
+    times = np.linspace(motion.start_time, motion.end_time, 2001)
+    found = motion.sample(times).q
+    fine = METHODS[method](keys=whole.keys, times=_chord(whole.keys))
+    points = fine.evaluate(np.linspace(*fine.domain, 20_001))[0]
+    nearest = [2.0 * math.acos(min(1.0, float(np.abs(points @ q).max()))) for q in found]
+    assert max(nearest) < 2e-3
+    passed = motion.sample(motion.keyframe_times).q
+    assert angle(passed, whole.keys).max() < 1e-6
+
+
+def test_what_rests_on_its_way_says_so():
+    (note,) = made("squad", FAR).certificate.notes
+    assert note.startswith(
+        "comes to rest 3 times on its way, where squad is only C1; c2_cumulative"
+    )
+
+
+def test_keyframes_along_a_smooth_way_are_passed_at_an_even_pace():
+    near = curve("c2_cumulative", FAR).evaluate(np.linspace(0.0, 4.0, 40))[0]
+    (note,) = made("squad", near).certificate.notes
+    assert note.startswith("at an even pace: ")
+
+
+def test_a_keyframe_beside_another_does_not_take_longer_than_a_stop_there():
+    here = np.array(KEYS)
+    beside = here[2] + 1e-7 * np.array([0.0, 1.0, 0.0, 0.0])
+    keys = np.insert(here, 3, beside / np.linalg.norm(beside), axis=0)
+    assert made("bezier_catmull_rom", keys).duration < 1.5 * made("bezier_catmull_rom").duration
+
+
+def _chord(keys):
+    """Return times in proportion to what there is to turn."""
+    return np.concatenate([[0.0], np.cumsum(angle(keys[:-1], keys[1:]))])
