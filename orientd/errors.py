@@ -81,10 +81,20 @@ class LimitError(PlanError):
         value: the largest value reached, in SI units.
         limit: what was allowed, in the same units.
         time: when in the motion the largest value occurs, in seconds.
+        unit: of the value.
+        is_in_lead_in: whether that is on the way to the first keyframe, where that is known.
     """
 
     def __init__(
-        self, quantity: str, value: float, limit: float, time: float, unit: str, advice: str = ""
+        self,
+        quantity: str,
+        value: float,
+        limit: float,
+        time: float,
+        unit: str,
+        advice: str = "",
+        *,
+        is_in_lead_in: bool = False,
     ) -> None:
         text = (
             f"{quantity} reaches {value:.6g} {unit} at {time:.4f} s, "
@@ -96,6 +106,7 @@ class LimitError(PlanError):
         self.limit = limit
         self.time = time
         self.unit = unit
+        self.is_in_lead_in = is_in_lead_in
 
 
 class StartError(PlanError):

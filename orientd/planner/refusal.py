@@ -267,7 +267,10 @@ def check_limits(peaks: Peaks, place: Place) -> None:
     advice = place.name(peak.time)
     if _has_jumps(place.request):
         advice = f"{advice}; {_JUMPS}"
-    raise LimitError(quantity, peak.value, peak.limit, peak.time, unit, advice)
+    is_in_lead_in = peak.time < place.begin
+    raise LimitError(
+        quantity, peak.value, peak.limit, peak.time, unit, advice, is_in_lead_in=is_in_lead_in
+    )
 
 
 def check_stop(peaks: Peaks, place: Place) -> None:

@@ -12,14 +12,14 @@ from orientd.daemon.devices import ServoLink
 from orientd.daemon.motions.motion_queue import MotionQueue
 from orientd.daemon.motions.queued_motion import SplicePoint
 from orientd.daemon.planners import PlanCall, PlanInput, PlannedMotion, Planners, Rank
-from orientd.errors import LateError, PlanError
+from orientd.errors import LateError, LimitError, PlanError
 from orientd.planner import State as PlannedState
 
-_SHAPED_ATTEMPTS = 3
-"""How often a path that the driver shapes is planned from on the way before it begins at rest."""
+_LATER_ATTEMPTS = 3
+"""How often a later place on the way is tried: then what the driver shapes begins at rest."""
 
 _LATER = ((0.0,), (0.0, 0.15), (0.0, 0.3))
-"""How much later on the way axes are tried that cannot go on there, s.
+"""How much later on the way is tried what cannot go on there, s.
 
 A row is tried side by side, from where the device has come to while the one before was refused.
 """
@@ -56,8 +56,9 @@ class Takeover:
     ) -> Successor | None:
         """Plan a motion from *leave* on; ``None`` where the axes can begin it at rest only.
 
-        Where the axes could not go on from there, as in the midst of a passage near a singularity,
-        it is tried a little later on the way.
+        Where nothing could go on from there, as axes in the midst of a passage near a singularity
+        or a device that still gains speed just below its limit, it is tried a little later on the
+        way.
 
         Args:
             order: what to do.
@@ -70,26 +71,34 @@ class Takeover:
             PlanError: it cannot be planned, at rest neither; nothing has changed.
         """
         chosen, left = time.monotonic(), self.left(leave)
-        if not left.joints_at(leave.record):
-            return Successor(leave, await self._trial(order, left, leave.record), chosen)
-        for together in _LATER if attempt < _SHAPED_ATTEMPTS else ():
+        is_shaped = bool(left.joints_at(leave.record))
+        rows = _LATER if attempt < _LATER_ATTEMPTS else () if is_shaped else _LATER[:1]
+        refusal: PlanError | None = None
+        for together in rows:
             ahead = [leave.record + round(seconds / self._period) for seconds in together]
-            records = [one for one in ahead if one < min(left.last_record, left.at_hand[1])]
+            end = min(left.last_record, left.at_hand[1])
+            records = [one for one in ahead if one < end or (one == leave.record and not is_shaped)]
             trials = [self._trial(order, left, record) for record in records]
             ended = await asyncio.gather(*trials, return_exceptions=True)
             found = {}
             for record, motion in zip(records, ended, strict=True):
                 if isinstance(motion, PlannedMotion):
                     found[record] = motion
-                elif not isinstance(motion, PlanError):
+                elif isinstance(motion, PlanError):
+                    refusal = refusal or motion
+                else:
                     raise motion
             if found:
                 record = min(filter(self._is_ahead(leave), found), default=max(found))
                 return Successor(replace(leave, record=record), found[record], chosen)
+            if refusal is not None and not (is_shaped or _is_of_lead_in(refusal)):
+                raise refusal
             now = await choose()
             if now is None:
                 return None
             leave, chosen, left = now, time.monotonic(), self.left(now)
+        if refusal is not None and not is_shaped:
+            raise refusal
         # What cannot be planned from rest near there is not worth a stop.
         state, joints = left.state_at(leave.record), left.joints_at(leave.record)
         rest = PlannedState.at_rest(state.q, state.position)
@@ -120,3 +129,8 @@ class Takeover:
         cycle = self._link.newest()
         here = leave if cycle is None else self._queue.ahead(cycle, 0)
         return lambda record: here.number == leave.number and record > here.record
+
+
+def _is_of_lead_in(refusal: PlanError) -> bool:
+    """Return whether a motion was refused for how it would begin."""
+    return isinstance(refusal, LimitError) and refusal.is_in_lead_in

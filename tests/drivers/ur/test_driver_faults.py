@@ -174,7 +174,12 @@ def test_garbage_on_the_link_is_named_and_recovered_from(ur_robot):
         ur_robot.ask("garbage 7")
         fault, text, _ = fault_of(device)
         assert fault is Fault.SERVO_DIED
-        assert f"no RTDE packages: see what the controller at {ur_robot.host} sends" in text
+        # The client library itself may not survive what it reads.
+        told = (
+            f"no RTDE packages: see what the controller at {ur_robot.host} sends",
+            "the client library crashed",
+        )
+        assert any(words in text for words in told), text
         recover(device)
 
 
