@@ -223,8 +223,7 @@ def _as_quick_as_possible(job: PlanJob, motion_id: str, *, by_chord: bool = Fals
         by_chord: whether the path is that of an even pace.
     """
     path_request, keyframe_path, profile = job.shape(is_quick=not by_chord)
-    is_free = path_request.has_one_shape and job.request.total is None
-    if is_free and keyframe_path.positions.is_held:
+    if path_request.has_one_shape and job.request.total is None:
         rests = len(corners(keyframe_path.segment.curve))
         if not rests:
             return _timed(job, keyframe_path, profile, motion_id)

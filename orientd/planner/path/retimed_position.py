@@ -2,13 +2,29 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 
-from orientd.curves import TimeMap
 from orientd.planner.path.position import PositionPath
 from orientd.rotation import Floats
 
 _NEAR = 1e-6  # of the duration, for differences
+
+
+class Clock(Protocol):
+    """A path time by another one: a ``TimeMap``, for example."""
+
+    @property
+    def times(self) -> Floats:
+        """Its own, between which positions are a quintic."""
+
+    @property
+    def length(self) -> float:
+        """How far the path time goes."""
+
+    def __call__(self, times: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return the path time and its first two derivatives."""
 
 
 def motion_of(positions: PositionPath, times: Floats, end: float) -> tuple[Floats, Floats]:
@@ -20,7 +36,7 @@ def motion_of(positions: PositionPath, times: Floats, end: float) -> tuple[Float
     return velocity, change / (later - earlier)[:, None]
 
 
-def repositioned(positions: PositionPath, clock: TimeMap) -> PositionPath:
+def repositioned(positions: PositionPath, clock: Clock) -> PositionPath:
     """Return the positions on another clock, quintic from node to node."""
     if positions.is_held:
         return positions

@@ -31,12 +31,15 @@ class KeyframePath:
         positions: what the position does.
         times: of all keyframes of the request, s.
         found: period, limits and peaks of the records from hold to hold, once these were looked at.
+        stop_time: how long a certain stop takes where it is slowest, about, s; ``None`` where
+            nobody looked.
     """
 
     segment: PathSegment
     positions: PositionPath
     times: Floats
     found: tuple[float, Limits, Peaks] | None = None
+    stop_time: float | None = None
 
     @property
     def duration(self) -> float:
@@ -53,14 +56,6 @@ class KeyframePath:
         """Whether it is one curve run forwards from its beginning, at one position."""
         segment = self.segment
         return self.positions.is_held and segment.rate > 0.0 and not segment.skipped
-
-    @property
-    def stop_time(self) -> float | None:
-        """How long a certain stop takes where it is slowest, s; ``None`` where nobody looked."""
-        if self.found is None:
-            return None
-        rate = self.found[2].brake_rate
-        return 1.0 / rate if rate else math.inf
 
     def has_acceleration_of(self, state: State, limits: Limits) -> bool:
         """Return whether it begins with the acceleration of *state*."""

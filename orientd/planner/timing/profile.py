@@ -124,6 +124,13 @@ class Profile:
         c, sums = self.coefficients, h[:-1] + h[1:]
         return (h[1:] * c[:-1] + h[:-1] * c[1:]) / sums, 2.0 * np.diff(c) / sums
 
+    @property
+    def dips(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+        """Whether the squared rate falls below zero inside each element, between the nodes."""
+        values, slopes = self.nodes()
+        inner = values[:-1] + 0.5 * self.elements.widths * slopes[:-1]
+        return (inner <= 0.0) & (inner * inner >= values[:-1] * values[1:])
+
     def clock(self) -> TimeMap:
         """Return the parameter by time."""
         values, slopes = self.nodes()
@@ -173,6 +180,16 @@ class Profile:
         pieces = np.ceil(np.minimum(around, times / (_NARROW * period))).astype(np.intp)
         pieces = np.clip(pieces, 1, _MOST_PIECES)
         return None if (pieces == 1).all() else pieces
+
+    def lifted(self) -> tuple[Elements, Floats]:
+        """Return narrower elements where the squared rate dips, and coefficients above zero."""
+        c = self.coefficients.copy()
+        low = np.flatnonzero(c <= 0.0)
+        c[low] = np.inf
+        for place in low:
+            c[place] = c[max(place - 1, 0) : place + 2].min()
+        pieces = np.where(self.dips, _MOST_PIECES, 1)
+        return replace(self, coefficients=c).narrowed(pieces)
 
     def narrowed(self, pieces: Indices | None) -> tuple[Elements, Floats]:
         """Return elements cut into pieces, and the coefficients of the same profile on them."""

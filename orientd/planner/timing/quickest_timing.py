@@ -31,8 +31,10 @@ from orientd.tolerances import GUARD_TOLERANCE
 _GAPS = 0.03, 0.003, 5e-4, 3e-4  # share of the duration that a round may cost
 _FEWEST_ROUNDS, _MOST_ROUNDS = 2, 6  # of ever narrower elements
 _BUDGET = 420, 5  # elements of all rounds together, and of these for each interval between knots
+_DIPS = 4  # attempts to have no squared rate below zero between the nodes
 _ATTEMPTS = 5  # to get below the limits where they are exceeded between the places
 _ABOVE = 1.00005
+_SLIGHT = 1.01  # times a limit that a path slowed down by as much keeps without another look
 _FEW = 300  # elements, of which another round costs little
 _MANY = 2000  # elements, of which it costs too much
 _BEYOND = 1.0003  # share of a limit that is worth it
@@ -107,6 +109,12 @@ def quickest(
         lower = profile.elements.aiming_lower(profile.shares)
         with suppress(PlanError):
             profile = rates.profile(lower, profile.coefficients, _GAPS[-1], 10.0 * _GAPS[-1])
+    for _ in range(_DIPS):
+        if not profile.dips.any():
+            break
+        profile = rates.profile(*profile.lifted(), _GAPS[-1])
+    if profile.dips.any():
+        raise PlanError("no quickest timing was found: it would have to stand still on the way")
     # Where nothing moves at the ends the same pace, a little slower, mends a little too much.
     slower = 1.0 if any(rates.moves) else float(np.max(profile.shares.max(1) ** _ROOTS))
     excess = math.inf
@@ -124,6 +132,10 @@ def quickest(
         quick, excess = _looked_at(quick, limits, period, rates.moves)
         if excess <= 1.0:
             return quick
+        if excess <= _SLIGHT and not any(rates.moves):
+            # So much slower it is below them; the certificate looks at what it becomes part of.
+            slow = quick.slowed(quick.duration * excess * _ABOVE)
+            return replace(slow, stop_time=quick.stop_time)
         if any(rates.moves):
             elements = profile.elements.aiming_lower(profile.shares, max(excess, _ABOVE))
             profile = rates.profile(elements, profile.coefficients, _GAPS[-1], 10.0 * _GAPS[-1])
@@ -151,7 +163,9 @@ def _looked_at(
             brake_limits=limits.scaled(GUARD_TOLERANCE),
             rough=None,
         )
-        path = replace(path, found=(period, limits, peaks))
+        rate = peaks.brake_rate
+        stop_time = 1.0 / rate if rate else math.inf
+        path = replace(path, found=(period, limits, peaks), stop_time=stop_time)
     excess = max(
         peaks.spins,
         peaks.drawn[0],

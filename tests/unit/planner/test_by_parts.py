@@ -9,6 +9,7 @@ from planned import LIMITS, PERIOD, differences, rotations, times_of
 from orientd.curves import METHODS
 from orientd.planner import Keyframe, MotionRequest, State, plan
 from orientd.planner.timing.by_parts import RestingPart, corners
+from orientd.planner.timing.profile import Elements, Profile
 from orientd.rotation import angle
 
 CORNERED = ("piecewise_slerp", "squad", "circular_blending", "shoemake_bezier", "nielson_shieh")
@@ -111,3 +112,38 @@ def test_a_keyframe_beside_another_does_not_take_longer_than_a_stop_there():
 def _chord(keys):
     """Return times in proportion to what there is to turn."""
     return np.concatenate([[0.0], np.cumsum(angle(keys[:-1], keys[1:]))])
+
+
+@pytest.mark.parametrize("method", ["squad", "shoemake_bezier", "normalized_cubic", "slerp"])
+def test_positions_go_along_to_rest_with_it(method):
+    keys = FAR[:2] if method == "slerp" else FAR
+    random = np.random.default_rng(3)
+    places = random.uniform(-0.2, 0.2, (len(keys), 3))
+    keyframes = [Keyframe(q, position=tuple(p)) for q, p in zip(keys, places, strict=True)]
+    request = MotionRequest(keyframes, method=method, approach=True)
+    start = State.at_rest(request.keys[0], tuple(places[0]))
+    motion = plan(request, start=start, limits=LIMITS["arm"], period=PERIOD)
+    even = MotionRequest(**{**request.given(), "pace": "even"})
+    assert motion.duration <= plan(even, start=start, limits=LIMITS["arm"], period=PERIOD).duration
+    found = motion.sample(motion.keyframe_times)
+    assert np.abs(found.position - places).max() < 1e-6
+    sent = motion.sample(times_of(motion)).position
+    velocity = np.diff(sent, axis=0, prepend=places[:1], append=places[-1:]) / PERIOD
+    push = np.diff(velocity, axis=0) / PERIOD
+    assert np.linalg.norm(velocity, axis=1).max() <= 1.000001 * LIMITS["arm"].linear_velocity
+    assert np.linalg.norm(push, axis=1).max() <= 1.000001 * LIMITS["arm"].linear_acceleration
+
+
+def test_a_profile_that_dips_below_zero_between_its_nodes_is_lifted():
+    elements = Elements(np.linspace(0.0, 1.0, 6), np.ones((3, 5)))
+    coefficients = np.array([1.0, 1.0, 0.6, -0.55, 0.6, 1.0, 1.0])
+    profile = Profile(elements, coefficients, np.ones((3, 5)), np.zeros(2))
+    values, slopes = profile.nodes()
+    assert values.min() > 0.0
+    assert profile.dips.tolist() == [False, False, True, False, False]
+    inside = np.linspace(0.0, 0.2, 101)
+    bend = (slopes[3] - slopes[2]) / 0.2
+    assert (values[2] + slopes[2] * inside + 0.5 * bend * inside**2).min() < 0.0
+    finer, lifted = profile.lifted()
+    assert len(finer.places) == 9
+    assert not Profile(finer, lifted, np.ones((3, 8)), np.zeros(2)).dips.any()
