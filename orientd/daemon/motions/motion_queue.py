@@ -71,18 +71,25 @@ class MotionQueue:
         return next((queued for queued in self._queued_motions if queued.number == number), None)
 
     def ahead(self, cycle: Cycle, records: int) -> SplicePoint:
-        """Return where the servo will be *records* after *cycle*."""
-        place = next((k for k, s in enumerate(self._queued_motions) if s.number == cycle.motion), 0)
-        queued = self._queued_motions[place]
+        """Return where the servo will be *records* after *cycle*.
+
+        Raises:
+            LateError: all motions have ended meanwhile.
+        """
+        queued_motions = self._queued_motions[:]
+        if not queued_motions:
+            raise LateError("what ran has ended")
+        place = next((k for k, s in enumerate(queued_motions) if s.number == cycle.motion), 0)
+        queued = queued_motions[place]
         here = 0
         if queued.number == cycle.motion and queued.feeder is not None:
             here = max(0, cycle.path_index - queued.feeder.first_index)
-        while here + records > queued.last_record and place + 1 < len(self._queued_motions):
-            if not self._queued_motions[place + 1].is_running:
+        while here + records > queued.last_record and place + 1 < len(queued_motions):
+            if not queued_motions[place + 1].is_running:
                 break  # not in the ring: the servo cannot leave it yet
             records -= max(0, queued.last_record - here)
             place, here = place + 1, 0
-            queued = self._queued_motions[place]
+            queued = queued_motions[place]
         record = min(here + records, queued.last_record)
         return SplicePoint(queued.number, record)
 

@@ -8,10 +8,11 @@ import pytest
 from direct_planners import DirectPlanners, order_of
 
 from orientd import config
+from orientd.daemon.motions.motion_queue import MotionQueue
 from orientd.daemon.motions.queued_motion import SplicePoint
 from orientd.daemon.motions.takeover import Takeover
 from orientd.daemon.planners import PlanInput
-from orientd.errors import LimitError
+from orientd.errors import LateError, LimitError
 from orientd.planner import Keyframe, MotionRequest, State
 
 PERIOD = 0.002
@@ -40,7 +41,7 @@ def first(planners):
     return asyncio.run(planners.plan(job, order))
 
 
-def successor(planners, first, order, leave):
+def successor(planners, first, order, leave, *, cycle=None, ahead=None):
     """Return what takes over from the first motion, and how often a place was chosen anew."""
     chosen = []
 
@@ -48,8 +49,8 @@ def successor(planners, first, order, leave):
         chosen.append(time.monotonic())
         return leave
 
-    queue = SimpleNamespace(queued=lambda _: SimpleNamespace(motion=first))
-    link = SimpleNamespace(newest=lambda: None)
+    queue = SimpleNamespace(queued=lambda _: SimpleNamespace(motion=first), ahead=ahead)
+    link = SimpleNamespace(newest=lambda: cycle)
     takeover = Takeover(link, "arm", planners, queue, PERIOD)
     return asyncio.run(takeover.plan(order, leave, choose, 0)), len(chosen)
 
@@ -75,3 +76,10 @@ def test_what_nothing_on_the_way_can_mend_is_refused_at_once(planners, first):
     order = order_of(MotionRequest(keys, approach=True))
     with pytest.raises(LimitError, match="between keyframes"):
         successor(planners, first, order, SplicePoint(1, 20))
+
+
+def test_a_motion_that_ended_while_its_successor_was_planned_is_too_late(planners, first):
+    emptied = MotionQueue(SimpleNamespace(memory=None), lead=0.0, read_ahead=0)
+    cycle = SimpleNamespace(motion=1, path_index=0)
+    with pytest.raises(LateError, match="has ended"):
+        successor(planners, first, to(AIM), SplicePoint(1, 20), cycle=cycle, ahead=emptied.ahead)
