@@ -181,6 +181,10 @@ def keys(content: object, readers: Mapping[str, Reader], needed: Sequence[str]) 
         needed: the keys that must be there.
     """
     given = table(content)
+    # First, since a key that is missing is more often misspelt than forgotten.
+    for key in given:
+        if key not in readers:
+            raise RequestError(str(key), unknown_key(str(key), readers))
     read: dict[str, Any] = {}
     for key, reader in readers.items():
         if key in given:
@@ -189,17 +193,8 @@ def keys(content: object, readers: Mapping[str, Reader], needed: Sequence[str]) 
             except RequestError as error:
                 raise placed(key, error) from None
         elif key in needed:
-            # A key that is missing is more often misspelt than forgotten.
-            _refuse_others(given, readers)
             raise RequestError(key, "missing")
-    _refuse_others(given, readers)
     return read
-
-
-def _refuse_others(given: Mapping[Any, Any], known: Mapping[str, Reader]) -> None:
-    for key in given:
-        if key not in known:
-            raise RequestError(str(key), unknown_key(str(key), known))
 
 
 def shown(came: object) -> str:

@@ -16,7 +16,7 @@ import json
 import math
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -146,15 +146,15 @@ class _Level:
     size: int = 1
 
 
+@dataclass(slots=True)
 class _Reader:
     """Puts the events of one YAML document together to plain values."""
 
-    def __init__(self, source: str, most_values: int) -> None:
-        self._source = source
-        self._most_values = most_values
-        self._levels: list[_Level] = []
-        self._anchors: dict[str, tuple[Any, int]] = {}
-        self._roots: list[Any] = []
+    _source: str
+    _most_values: int
+    _levels: list[_Level] = field(default_factory=list)
+    _anchors: dict[str, tuple[Any, int]] = field(default_factory=dict)
+    _roots: list[Any] = field(default_factory=list)
 
     def read(self, events: Iterator[Any]) -> object:
         for event in events:
@@ -163,15 +163,12 @@ class _Reader:
                 if level is not None and level.key is None and isinstance(level.content, dict):
                     self._open_key(level, event)
                     continue
-                content = self._scalar(event)
-                self._anchor(event.anchor, content, 1)
-                self._add(content, 1)
+                self._add(self._scalar(event), 1, event.anchor)
             elif isinstance(event, (yaml.SequenceStartEvent, yaml.MappingStartEvent)):
                 self._open(event)
             elif isinstance(event, (yaml.SequenceEndEvent, yaml.MappingEndEvent)):
                 closed = self._levels.pop()
-                self._anchor(closed.anchor, closed.content, closed.size)
-                self._add(closed.content, closed.size)
+                self._add(closed.content, closed.size, closed.anchor)
             elif isinstance(event, yaml.AliasEvent):
                 self._add(*self._aliased(event))
             elif isinstance(event, yaml.DocumentStartEvent) and self._roots:
@@ -203,7 +200,9 @@ class _Reader:
                 self._place(), f"the key is given twice, again on line {_line(event)}"
             )
 
-    def _add(self, content: Any, size: int) -> None:  # noqa: ANN401 - whatever a file holds
+    def _add(self, content: Any, size: int, anchor: str | None = None) -> None:  # noqa: ANN401 - whatever a file holds
+        if anchor is not None:
+            self._anchors[anchor] = content, size
         if not self._levels:
             self._roots.append(content)
             return
@@ -216,10 +215,6 @@ class _Reader:
         else:
             level.content[level.key] = content
             level.key = None
-
-    def _anchor(self, name: str | None, content: Any, size: int) -> None:  # noqa: ANN401 - as above
-        if name is not None:
-            self._anchors[name] = content, size
 
     def _aliased(self, event: Any) -> tuple[Any, int]:  # noqa: ANN401 - as above
         self._refuse_as_key(event)
@@ -238,7 +233,8 @@ class _Reader:
         if _FLOAT.match(text):
             return float(text)
         if _INT.match(text):
-            return _whole(text)
+            # Python refuses to read thousands of digits as a whole number.
+            return int(text) if len(text) < 300 else float(text)
         return _WORDS.get(text.lower(), text)
 
     def _refuse_as_key(self, event: Any) -> None:  # noqa: ANN401 - as above
@@ -258,11 +254,6 @@ class _Reader:
             elif level.key is not None:
                 place += f".{level.key}" if place else level.key
         return place
-
-
-def _whole(text: str) -> int | float:
-    # Python refuses to read thousands of digits; as a number they are infinite.
-    return int(text) if len(text) < 300 else math.copysign(math.inf, -1 if text[0] == "-" else 1)
 
 
 def _line(event: Any) -> int:  # noqa: ANN401 - PyYAML has no types

@@ -108,7 +108,8 @@ def check_method(request: MotionRequest) -> Method:
         raise RequestError(
             f"keyframes[{index}].turns", f"{name} cannot make whole turns; {able} can"
         )
-    _check_axes(request)
+    if request.turns.any():
+        _check_axes(request)
     for field, velocity in (
         ("start_velocity", request.start_velocity),
         ("end_velocity", request.end_velocity),
@@ -127,8 +128,6 @@ def check_method(request: MotionRequest) -> Method:
 
 
 def _check_axes(request: MotionRequest) -> None:
-    if not request.turns.any():
-        return
     turned = np.flatnonzero(request.turns)
     steps = angle(request.keys[turned - 1], request.keys[turned])
     if np.any(steps <= _SAME) and "axis" not in request.options:

@@ -328,8 +328,8 @@ def test_aliases_repeat_what_they_name(written):
     ("levels", "told"), [(5, "expected a mapping"), (30, "more than 100000 values")]
 )
 def test_aliases_that_multiply_do_no_harm(written, levels, told):
-    lists = "\n".join(f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]" for k in range(1, levels))
-    text = f"a0: &a0 [1]\n{lists}\nkeyframes: *a{levels - 1}\n"
+    lists = [f"  a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]" for k in range(1, levels)]
+    text = "\n".join(["options:", "  a0: &a0 [1]", *lists, f"keyframes: *a{levels - 1}", ""])
     _, problem = refusal(written(text))
     assert told in problem
 

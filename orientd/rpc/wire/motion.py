@@ -167,9 +167,7 @@ def _from_struct(content: Any) -> Any:  # noqa: ANN401 - whatever a method's opt
     return [_from_struct(inner) for inner in content]
 
 
-def _to_struct(options: Mapping[str, Any]) -> Struct | None:
-    if not options:
-        return None
+def _to_struct(options: Mapping[str, Any]) -> Struct:
     struct = Struct()
     struct.update(plain.to_plain(options))
     return struct
@@ -299,6 +297,6 @@ def _given(of: object, entries: Iterable[_Entry]) -> dict[str, Any]:
     fields: dict[str, Any] = {}
     for entry in entries:
         value = getattr(of, entry.name)
-        if value is not None:
+        if value is not None and value != {}:
             fields[entry.wire] = value if entry.give is None else entry.give(value)
     return fields
