@@ -1,4 +1,4 @@
-"""The way of a keyframe from its file to the wire is short; ``orientd/schema/DECISION.md`` lists it."""
+"""The way of a keyframe from its file to the wire is short: see ``orientd/schema/DECISION.md``."""
 
 import sys
 from pathlib import Path
@@ -19,7 +19,7 @@ keyframes:
 
 
 def passed(work):
-    """Return what *work* returns, the functions with a name that it calls, and the types it sees."""
+    """Return what *work* returns, the named functions that it calls, and the types it sees."""
     functions, types = set(), set()
 
     def note(value):

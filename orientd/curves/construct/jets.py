@@ -3,7 +3,8 @@
 A jet carries a quantity with its first and second derivatives with respect to time.  A curve that
 is a composition of products, exponentials, logarithms and slerps has no short closed form for its
 angular velocity and acceleration, but every step of it has one for jets; composed, they are the
-derivatives of the construction itself, to rounding.  No difference quotient is involved.
+derivatives of the construction itself, to rounding.  No difference quotient is involved.  What has
+transcendental functions in it is in ``orientd/kernels/c/jets.c``.
 
 The leading axes are samples; the last axis of a vector or quaternion jet is its components.  A
 scalar jet has no component axis.
@@ -11,21 +12,13 @@ scalar jet has no component axis.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.rotation import Floats, conjugate, exp_half, multiply
-
-# acos(1 - y) / sqrt(y (2 - y)) = sum n! / (2n + 1)!! y^n, and sin(sqrt z) / sqrt z.
-_ANGLE_OVER_SINE = np.array(
-    [math.factorial(n) / math.prod(range(1, 2 * n + 2, 2)) for n in range(16)]
-)
-_SINC = np.array([(-1.0) ** n / math.factorial(2 * n + 1) for n in range(10)])
-_SMALL_VERSINE = 0.125
-_SMALL_SQUARE = 0.5
+from orientd import kernels
+from orientd.rotation import Floats, conjugate, multiply
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,114 +85,36 @@ def dot(a: Jet, b: Jet) -> Jet:
     )
 
 
-def product(p: Jet, q: Jet) -> Jet:
-    """Return the quaternion product of two jets (Leibniz' rule, the order kept)."""
-    return Jet(
-        multiply(p.value, q.value),
-        multiply(p.first, q.value) + multiply(p.value, q.first),
-        multiply(p.second, q.value)
-        + 2.0 * multiply(p.first, q.first)
-        + multiply(p.value, q.second),
-    )
-
-
-def inverse(q: Jet) -> Jet:
-    """Return the inverse of a unit quaternion jet, its conjugate."""
-    return Jet(conjugate(q.value), conjugate(q.first), conjugate(q.second))
-
-
 def exponential(v: Jet) -> Jet:
-    r"""Return the quaternion exponential of a half-angle vector jet.
-
-    With :math:`z = v \cdot v` both :math:`\cos\sqrt z` and :math:`S = \sin\sqrt z / \sqrt z` are
-    entire functions of *z*, with :math:`\cos' = -S/2`, :math:`S' = (\cos - S)/2z` and
-    :math:`S'' = -(S/2 + 3S')/2z`; below 1/2 their series takes over from the quotients.
-    """
-    z = dot(v, v)
-    cosine, sinc, first, second = _entire_functions(z.value)
-    scalar = z.composed(cosine, -0.5 * sinc, -0.5 * first)
-    vector = z.composed(sinc, first, second).widened() * v
-    return Jet(
-        np.concatenate([scalar.value[..., None], vector.value], axis=-1),
-        np.concatenate([scalar.first[..., None], vector.first], axis=-1),
-        np.concatenate([scalar.second[..., None], vector.second], axis=-1),
-    )
-
-
-def _entire_functions(z: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    is_small = z < _SMALL_SQUARE
-    root = np.sqrt(z)
-    cosine: Floats = np.cos(root)
-    safe = np.where(is_small, 1.0, z)
-    sinc = np.sin(root) / np.sqrt(safe)
-    first = (cosine - sinc) / (2.0 * safe)
-    second = -(0.5 * sinc + 3.0 * first) / (2.0 * safe)
-    series = _series(_SINC, np.where(is_small, z, 0.0))
-    return (
-        cosine,
-        np.where(is_small, series[0], sinc),
-        np.where(is_small, series[1], first),
-        np.where(is_small, series[2], second),
-    )
+    """Return the quaternion exponential of a half-angle vector jet."""
+    out = np.empty((3, v.value.size // 3, 4))
+    kernels.jet_exponential(*_rows(v, 3), out)
+    return _jet(out, v.value.shape[:-1])
 
 
 def logarithm(q: Jet) -> Jet:
     r"""Return the principal logarithm of a unit quaternion jet, a half-angle vector jet.
 
     The quaternion is taken with the sign it has, so lengths go up to :math:`\pi`, where the
-    logarithm is singular.  With :math:`c` the scalar part, :math:`s` the length of the vector part
-    and :math:`f = \theta / s`, the derivatives are :math:`f' = (c f - 1)/s^2` and
-    :math:`f'' = (f + 3 c f')/s^2`; near :math:`c = 1` the series in :math:`y = 1 - c`,
-    :math:`f = \sum n!/(2n+1)!!\, y^n`, takes over, so that coincident points are exact.
+    logarithm is singular; the jets of quaternions that coincide with 1 are exact.
     """
-    c = q.value[..., 0]
-    square = np.sum(q.value[..., 1:] * q.value[..., 1:], axis=-1)
-    angle = np.arctan2(np.sqrt(square), c)
-    versine = np.where(c > 0.0, square / (1.0 + np.abs(c)), 1.0)
-    is_small = versine < _SMALL_VERSINE
-    safe = np.where(is_small, 1.0, square)
-    factor = angle / np.sqrt(safe)
-    first = (c * factor - 1.0) / safe
-    second = (factor + 3.0 * c * first) / safe
-    series = _series(_ANGLE_OVER_SINE, np.where(is_small, versine, 0.0))
-    scalar = Jet(c, q.first[..., 0], q.second[..., 0]).composed(
-        np.where(is_small, series[0], factor),
-        np.where(is_small, -series[1], first),
-        np.where(is_small, series[2], second),
-    )
-    vector = Jet(q.value[..., 1:], q.first[..., 1:], q.second[..., 1:])
-    return scalar.widened() * vector
-
-
-def _series(coefficients: Floats, x: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return a polynomial with its first two derivatives (Horner's rule)."""
-    value, first, second = np.zeros_like(x), np.zeros_like(x), np.zeros_like(x)
-    for coefficient in coefficients[::-1]:
-        second = second * x + first
-        first = first * x + value
-        value = value * x + coefficient
-    return value, first, 2.0 * second
+    out = np.empty((3, q.value.size // 4, 3))
+    kernels.jet_logarithm(*_rows(q, 4), out)
+    return _jet(out, q.value.shape[:-1])
 
 
 def geodesic(start: Floats, step: Floats, u: Jet) -> Jet:
     r"""Return the jet of :math:`p \exp(u\, w)`, a great arc between fixed points.
-
-    A rotation about a fixed axis, so :math:`q' = u' q w` and :math:`q'' = u'' q w - u'^2 |w|^2 q`.
 
     Args:
         start: quaternions *p*, shape ``(..., 4)``.
         step: half-angle vectors *w*, shape ``(..., 3)``.
         u: scalar jet.
     """
-    q = multiply(start, exp_half(u.value[..., None] * step))
-    axis = np.concatenate([np.zeros((*step.shape[:-1], 1)), step], axis=-1)
-    along = multiply(q, axis)
-    square = np.sum(step * step, axis=-1)
-    return Jet(
-        q,
-        u.first[..., None] * along,
-        u.second[..., None] * along - (u.first * u.first * square)[..., None] * q,
-    )
+    out = np.empty((3, u.value.size, 4))
+    from_, along = (_contiguous(rows, width) for rows, width in ((start, 4), (step, 3)))
+    kernels.jet_geodesic(from_, along, *_scalars(u), out)
+    return _jet(out, u.value.shape)
 
 
 def slerp(p: Jet, q: Jet, u: Jet) -> Jet:
@@ -208,9 +123,30 @@ def slerp(p: Jet, q: Jet, u: Jet) -> Jet:
     Where *p* and *q* are antipodal the great arc between them is not defined and the derivatives
     come out infinite or not a number.
     """
-    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        step = logarithm(product(inverse(p), q))
-        return product(p, exponential(u.widened() * step))
+    out = np.empty((3, u.value.size, 4))
+    kernels.jet_slerp(*_rows(p, 4), *_rows(q, 4), *_scalars(u), out)
+    return _jet(out, u.value.shape)
+
+
+def _contiguous(rows: Floats, width: int) -> Floats:
+    return np.ascontiguousarray(rows).reshape(rows.size // width, width)
+
+
+def _rows(jet: Jet, width: int) -> tuple[Floats, Floats, Floats]:
+    return (
+        _contiguous(jet.value, width),
+        _contiguous(jet.first, width),
+        _contiguous(jet.second, width),
+    )
+
+
+def _scalars(jet: Jet) -> tuple[Floats, Floats, Floats]:
+    value, first, second = _rows(jet, 1)
+    return value[:, 0], first[:, 0], second[:, 0]
+
+
+def _jet(out: Floats, shape: tuple[int, ...]) -> Jet:
+    return Jet(*out.reshape(3, *shape, out.shape[-1]))
 
 
 def unit(c: Jet) -> Jet:

@@ -11,15 +11,13 @@ from orientd.curves.construct import (
     bezier_intervals,
     constant,
     cubic_bezier_points,
-    inverse,
     logarithm,
-    product,
     slerp,
     solve_blocks,
 )
 from orientd.curves.keyframes import check_aligned, resolve_times
 from orientd.errors import PlanError
-from orientd.rotation import Floats, exp_half, multiply, normalize
+from orientd.rotation import Floats, conjugate, exp_half, multiply, normalize
 from orientd.rotation import slerp as arc
 
 ITERATIONS = 40
@@ -176,6 +174,6 @@ def _residual(d: Floats, q: Floats, r: Floats, left: Floats, f: Floats) -> tuple
         slerp(moving[1], moving[2], constant(np.broadcast_to(r[1:], shape))),
     )
     met = slerp(before, after, constant(np.broadcast_to(f, shape)))
-    target = constant(np.broadcast_to(q[1:-1], met.value.shape))
-    missed = logarithm(product(inverse(target), met))
+    back = conjugate(q[1:-1])
+    missed = logarithm(Jet(*(multiply(back, part) for part in (met.value, met.first, met.second))))
     return missed.value[0], np.moveaxis(missed.first, 0, -1)
