@@ -61,7 +61,7 @@ async def _measure(settings: DeviceSettings) -> list[Cycle]:
             raise DaemonError(device.failure or f"not ready within {_READY:g} s")
         if device.snapshot().state is ServoState.IDLE:
             device.enable()
-        _await_holding(device, _READY)
+        await _holding(device, _READY)
         return await _move(device)
     finally:
         device.shutdown()
@@ -80,16 +80,17 @@ async def _move(device: Device) -> list[Cycle]:
     prepared = await device.prepare(order)
     before = device.snapshot().cycle
     device.start(prepared)
-    _await_holding(device, prepared.motion.facts.duration + _READY)
-    time.sleep(_SETTLING)
+    await _holding(device, prepared.motion.facts.duration + _READY)
+    await asyncio.sleep(_SETTLING)
     return device.cycles(before.index if before else 0)
 
 
-def _await_holding(device: Device, seconds: float) -> None:
+async def _holding(device: Device, seconds: float) -> None:
+    """Wait until the device holds; the event loop, which feeds it, goes on meanwhile."""
     ends = time.monotonic() + seconds
     while (now := device.snapshot()).state is not ServoState.HOLDING:
         if now.state is ServoState.FAULT:
             raise OrientdError(f"device {device.name} is in a fault: {now.fault_text}")
         if time.monotonic() > ends:
             raise DaemonError(f"device {device.name} does not come to hold within {seconds:g} s")
-        time.sleep(_POLL)
+        await asyncio.sleep(_POLL)
