@@ -59,7 +59,7 @@ class ActiveMotion:
         motion: what is run; ``None`` where the device follows targets.
         token: the lease that it was started with.
         start_ns: when it was to begin, if that was asked for.
-        reason: why it was told to end; empty while it was not, or together with the whole device.
+        reason: why it was told to end, by itself or with its device; empty while it was not.
         ended: how it ended and why, once it has.
     """
 
@@ -209,7 +209,7 @@ class ActiveMotions:
         for device in devices:
             with self._lock:
                 self._stops[device.name] = self._stops.get(device.name, 0) + 1
-                self._reasons[device.name] = reason
+            self.note_stop([device.name], reason)
             _log.info("%s: stop: %s", device.name, reason)
             try:
                 device.halt() if is_quickest else device.stop()
@@ -219,9 +219,14 @@ class ActiveMotions:
         return failures
 
     def note_stop(self, devices: Iterable[str], reason: str) -> None:
-        """Note that *devices* were stopped beside the daemon, and why."""
+        """Note that *devices* were told to stop, and why."""
+        stopped = dict.fromkeys(devices, reason)
         with self._lock:
-            self._reasons.update(dict.fromkeys(devices, reason))
+            self._reasons.update(stopped)
+            # What is asked for while they come to rest forgets the reason of the device.
+            for run in self._runs.values():
+                if run.device.name in stopped and not run.reason:
+                    run.reason = reason
 
     def conclude(self, run: ActiveMotion, ended: Ended) -> None:
         """Note how *run* ended, unless that is known."""

@@ -205,6 +205,19 @@ def test_the_reason_of_a_stop_is_not_that_of_a_later_one(cell, arm):
     assert run.ended.result(0) == (Outcome.STOPPED, "stopped on its path")
 
 
+def test_the_reason_of_a_stop_outlives_a_move_that_is_refused_meanwhile(cell, arm):
+    token = cell.lease_manager.acquire("ana").token
+    run = begin(cell, arm, token)
+    cell.runs.halt([arm], "halted by 'ben'", is_quickest=True)
+    with pytest.raises(StateError, match="not holding"):
+        cell.runs.begin(
+            arm, arm.commanded, motion=None, token=token, stops=cell.runs.stops(arm),
+            is_owned=lambda: True,
+        )  # fmt: skip
+    arm.stop()
+    assert run.ended.result(0) == (Outcome.STOPPED, "halted by 'ben'")
+
+
 def test_an_abandoned_motion_is_stopped_but_not_the_one_after_it(cell, arm):
     token = cell.lease_manager.acquire("ana").token
     first = begin(cell, arm, token)
