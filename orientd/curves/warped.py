@@ -45,11 +45,6 @@ class TimeMap:
         kernels.put_node_times(self.places, self.values, self.slopes, times)
         object.__setattr__(self, "times", times)
 
-    @property
-    def length(self) -> float:
-        """How far the parameter goes."""
-        return self.scale * (float(self.places[-1]) - 0.2 * float(self.leaves.sum()))
-
     def __call__(self, times: Floats) -> tuple[Floats, Floats, Floats]:
         """Return the parameter and its first two derivatives by time."""
         out: Floats = np.empty((3, len(times)))

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
         position_path,
         quintic,
     )
-    from orientd.planner.path.retimed_position import motion_of, repositioned
+    from orientd.planner.path.retimed_position import repositioned
     from orientd.planner.path.row_path import RowPath
     from orientd.planner.path.table_path import SAME_ANGLE, TablePath, between
 

@@ -102,6 +102,10 @@ class PositionPath:
             found = found * elapsed + power * (power - 1) * c[:, power]
         return np.where(inside[:, None], found, 0.0)
 
+    def motion(self, times: Floats) -> tuple[Floats, Floats]:
+        """Return velocities and accelerations at *times*, ``(n, 3)`` each."""
+        return self.sample(times)[1], self.push(times)
+
     def slowed(self, factor: float) -> PositionPath:
         """Return the same path *factor* times as slow."""
         powers = factor ** -np.arange(DEGREE + 1.0)

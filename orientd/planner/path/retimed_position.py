@@ -9,8 +9,6 @@ import numpy as np
 from orientd.planner.path.position import PositionPath
 from orientd.rotation import Floats
 
-_NEAR = 1e-6  # of the duration, for differences
-
 
 class Clock(Protocol):
     """A path time by another one: a ``TimeMap``, for example."""
@@ -19,21 +17,8 @@ class Clock(Protocol):
     def times(self) -> Floats:
         """Its own, between which positions are a quintic."""
 
-    @property
-    def length(self) -> float:
-        """How far the path time goes."""
-
     def __call__(self, times: Floats) -> tuple[Floats, Floats, Floats]:
         """Return the path time and its first two derivatives."""
-
-
-def motion_of(positions: PositionPath, times: Floats, end: float) -> tuple[Floats, Floats]:
-    """Return velocity and acceleration of a position."""
-    near = _NEAR * end
-    velocity = positions.sample(times)[1]
-    earlier, later = np.maximum(times - near, 0.0), np.minimum(times + near, end)
-    change = positions.sample(later)[1] - positions.sample(earlier)[1]
-    return velocity, change / (later - earlier)[:, None]
 
 
 def repositioned(positions: PositionPath, clock: Clock) -> PositionPath:
@@ -43,7 +28,7 @@ def repositioned(positions: PositionPath, clock: Clock) -> PositionPath:
     times = clock.times
     s, rate, change = clock(times)
     p = positions.sample(s)[0]
-    velocity, acceleration = motion_of(positions, s, clock.length)
+    velocity, acceleration = positions.motion(s)
     v = velocity * rate[:, None]
     a = acceleration * rate[:, None] ** 2 + velocity * np.nan_to_num(change)[:, None]
     # It may go on from a motion, and ends at rest.

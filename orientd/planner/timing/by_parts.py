@@ -104,13 +104,11 @@ class _PartClock:
     Attributes:
         part: of the curve.
         rate: seconds of the curve for one of the path.
-        length: of the whole path, s.
         times: of the part, from its beginning to its end, between which positions are a quintic.
     """
 
     part: RestingPart
     rate: float
-    length: float
     times: Floats
 
     def __call__(self, times: Floats) -> tuple[Floats, Floats, Floats]:
@@ -227,6 +225,6 @@ def _positions_of(keyframe_path: KeyframePath, part: RestingPart, rate: float) -
     nodes = np.unique(np.concatenate([knots, part.knots, fine]))
     nodes = nodes[np.append(np.diff(nodes) > _APART * end, True)]
     nodes[0] = 0.0
-    clock = _PartClock(part, rate, keyframe_path.duration, nodes / rate)
+    clock = _PartClock(part, rate, nodes / rate)
     first, last = positions.sample(clock(clock.times[[0, -1]])[0])[0]
     return replace(repositioned(positions, clock), first=first, last=last)

@@ -16,7 +16,6 @@ from orientd.curves import TimeMap, places_of
 from orientd.errors import PlanError
 from orientd.planner.certify import limit_table
 from orientd.planner.limits import Limits
-from orientd.planner.path import motion_of
 from orientd.planner.timing.candidate_path import KeyframePath
 from orientd.planner.timing.timing import Indices
 from orientd.rotation import Floats
@@ -344,8 +343,7 @@ class PathRates:
         turning = _by_parameter(omega, alpha, slope, bend)
         if self.path.positions.is_held:
             return *turning, *_NOTHING
-        motion = motion_of(self.path.positions, s, self.path.duration)
-        return *turning, *_by_parameter(*motion, slope, bend)
+        return *turning, *_by_parameter(*self.path.positions.motion(s), slope, bend)
 
 
 _NOTHING = np.empty((0, 3)), np.empty((0, 3))

@@ -119,10 +119,8 @@ def test_the_same_motion_said_in_any_frame_sends_the_same_setpoints(
     assert sent.record_count == same.record_count
     a, b = (one.sample(PERIOD * np.arange(one.record_count)) for one in (sent, same))
     nearest = np.minimum(np.abs(a.q - b.q).max(axis=1), np.abs(a.q + b.q).max(axis=1))
-    # The quickest timing is found step by step, from orientations that are the same to rounding.
-    least = 1e-10 if timing == "quickest" else 1e-12
-    assert nearest.max() < least
-    assert np.abs(a.position - b.position).max() < least
+    assert nearest.max() < 1e-12
+    assert np.abs(a.position - b.position).max() < 1e-12
 
 
 def test_reports_are_what_was_asked_for():
