@@ -14,12 +14,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orientd.errors import PlanError
+from orientd.kernels import solve_banded
 from orientd.rotation import Floats
 
 DEGREE = 5
 
 Motion3 = tuple[Floats, Floats, Floats]
 """Position, velocity and acceleration."""
+
+_STILL = np.zeros(3)
 
 # Peaks of the derivatives of 10u^3 - 15u^4 + 6u^5 on [0, 1].
 UNIT_VELOCITY = 1.875
@@ -171,24 +175,39 @@ class PositionPath:
 
 def quintic(first: Motion3, last: Motion3, duration: float) -> Floats:
     """Return the quintic between two positions with velocity and acceleration, ``(6, 3)``."""
-    (p0, v0, a0), (p1, v1, a1) = first, last
-    h = duration
-    way = p1 - p0 - h * v0 - 0.5 * h * h * a0
-    speed, push = h * (v1 - v0) - h * h * a0, h * h * (a1 - a0)
-    c: Floats = np.empty((DEGREE + 1, 3))
-    c[:3] = p0, v0, 0.5 * a0
-    c[3] = (10.0 * way - 4.0 * speed + 0.5 * push) / h**3
-    c[4] = (-15.0 * way + 7.0 * speed - push) / h**4
-    c[5] = (6.0 * way - 3.0 * speed + 0.5 * push) / h**5
-    return c
+    pieces = quintics(np.array([duration]), *map(np.stack, zip(first, last, strict=True)))
+    only: Floats = pieces[0]
+    return only
+
+
+def quintics(intervals: Floats, points: Floats, velocities: Floats, pushes: Floats) -> Floats:
+    """Return the quintics between positions with velocities and accelerations.
+
+    Args:
+        intervals: how long each takes, s, shape ``(n - 1,)``.
+        points: shape ``(n, 3)``, as the others.
+        velocities: there.
+        pushes: accelerations there.
+
+    Returns:
+        Coefficients of the powers of the time since each begins, shape ``(n - 1, 6, 3)``.
+    """
+    h, p, v, a = intervals[:, None], points[:-1], velocities[:-1], pushes[:-1]
+    way = points[1:] - p - h * (v + 0.5 * h * a)
+    speed, push = h * (velocities[1:] - v - h * a), h * h * (pushes[1:] - a)
+    return np.stack(
+        [
+            p, v, 0.5 * a,
+            (10.0 * way - 4.0 * speed + 0.5 * push) / h**3,
+            (-15.0 * way + 7.0 * speed - push) / h**4,
+            (6.0 * way - 3.0 * speed + 0.5 * push) / h**5,
+        ],
+        axis=1,
+    )  # fmt: skip
 
 
 def _quintic_move(start: Floats, end: Floats, duration: float) -> Floats:
-    coefficients: Floats = np.zeros((DEGREE + 1, 3))
-    coefficients[0] = start
-    for power, factor in ((3, 10.0), (4, -15.0), (5, 6.0)):
-        coefficients[power] = factor * (end - start) / duration**power
-    return coefficients
+    return quintic((start, _STILL, _STILL), (end, _STILL, _STILL), duration)
 
 
 def position_path(
@@ -209,30 +228,45 @@ def position_path(
     instants, points = times[is_given], positions[is_given]
     if len(points) == 1:
         return PositionPath.held(points[0])
-    if first is not None and len(points) > 1:
-        if len(points) == 2:
-            end = points[1], np.zeros(3), np.zeros(3)
-            pieces = quintic(first, end, float(instants[1] - instants[0]))[None]
-        else:
-            pieces = _spline(instants, points, first)
-        return PositionPath(instants, pieces, points[0], points[-1])
-    if len(points) == 2:
-        move = _quintic_move(points[0], points[1], float(instants[1] - instants[0]))
-        return PositionPath(instants, move[None], points[0], points[1])
-    return PositionPath(instants, _spline(instants, points), points[0], points[-1])
+    velocities, pushes = np.zeros((2, *points.shape))
+    if first is not None:
+        velocities[0], pushes[0] = first[1:]
+    intervals = np.diff(instants)
+    if len(points) > 2:
+        _join(intervals, points, velocities, pushes)
+    pieces = quintics(intervals, points, velocities, pushes)
+    return PositionPath(instants, pieces, points[0], points[-1])
 
 
-def _spline(instants: Floats, points: Floats, first: Motion3 | None = None) -> Floats:
-    """Return the pieces of the quintic spline, shape ``(n - 1, 6, 3)``."""
-    # SciPy takes half a second to import: only who moves the position through several points pays.
-    from scipy.interpolate import make_interp_spline
+def _join(intervals: Floats, points: Floats, velocities: Floats, pushes: Floats) -> None:
+    """Fill in velocities and accelerations with which third and fourth derivatives are continuous.
 
-    at_rest = [(1, np.zeros(3)), (2, np.zeros(3))]
-    begin = at_rest if first is None else [(1, first[1]), (2, first[2])]
-    spline = make_interp_spline(instants, points, k=DEGREE, bc_type=(begin, at_rest))
-    coefficients: Floats = np.empty((len(instants) - 1, DEGREE + 1, 3))
-    for power in range(DEGREE + 1):
-        coefficients[:, power] = spline(instants[:-1], nu=power) / math.factorial(power)
-    # As it was asked for, to the last digit.
-    coefficients[0, :3] = points[0], begin[0][1], 0.5 * begin[1][1]
-    return coefficients
+    Two equations for each inner point, in the derivatives at it and at its neighbours.
+    """
+    size = 2 * (len(points) - 2)
+    h, g = intervals[:-1], intervals[1:]
+    way = np.diff(points, axis=0) / intervals[:, None] ** 3
+    rows: Floats = np.empty((2, 6, len(h)))
+    rows[0] = -24 / h**2, -3 / h, 36 / g**2 - 36 / h**2, 9 / h + 9 / g, 24 / g**2, -3 / g
+    rows[1] = (
+        -168 / h**3, -24 / h**2, -192 / h**3 - 192 / g**3, 36 / h**2 - 36 / g**2,
+        -168 / g**3, 24 / g**2,
+    )  # fmt: skip
+    right: Floats = np.empty((len(h), 2, 3))
+    right[:, 0] = 60.0 * (way[1:] - way[:-1])
+    right[:, 1] = -360.0 * (way[1:] / g[:, None] + way[:-1] / h[:, None])
+    right[0] -= rows[:, 0, :1] * velocities[0] + rows[:, 1, :1] * pushes[0]
+    # Without units, which rows must not be compared with.
+    units = np.minimum(h, g) ** np.array([[2.0], [3.0]])
+    rows *= units[:, None]
+    right *= units.T[:, :, None]
+    band: Floats = np.zeros((7, size))
+    for place in range(12):
+        row = 2 * np.arange(len(h)) + place // 6
+        column = 2 * np.arange(len(h)) - 2 + place % 6
+        inside = (column >= 0) & (column < size)
+        band[3 + (row - column)[inside], column[inside]] = rows[place // 6, place % 6, inside]
+    solution = right.reshape(size, 3)
+    if not solve_banded(band, 3, 3, solution):
+        raise PlanError("no spline was found through the positions: their times are too uneven")
+    velocities[1:-1], pushes[1:-1] = solution[0::2], solution[1::2]

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from orientd.planner.path.position import PositionPath
+from orientd.planner.path.position import PositionPath, quintics
 from orientd.rotation import Floats
 
 
@@ -36,19 +36,5 @@ def repositioned(positions: PositionPath, clock: Clock) -> PositionPath:
     v[0], a[0] = velocity_0 * rate[0], acceleration_0 * rate[0] ** 2
     a[0] += velocity_0 * np.nan_to_num(change[0])
     v[-1] = a[-1] = 0.0
-    h = np.diff(times)[:, None]
-    gap = p[1:] - p[:-1] - h * (v[:-1] + 0.5 * h * a[:-1])
-    turn = h * (v[1:] - v[:-1] - h * a[:-1])
-    bend = h * h * (a[1:] - a[:-1])
-    coefficients = np.stack(
-        [
-            p[:-1],
-            v[:-1],
-            0.5 * a[:-1],
-            (10.0 * gap - 4.0 * turn + 0.5 * bend) / h**3,
-            (-15.0 * gap + 7.0 * turn - bend) / h**4,
-            (6.0 * gap - 3.0 * turn + 0.5 * bend) / h**5,
-        ],
-        axis=1,
-    )
+    coefficients = quintics(np.diff(times), p, v, a)
     return PositionPath(times, coefficients, positions.first, positions.last)

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.interpolate import make_interp_spline
 
 from orientd.planner.path.position import PositionPath, position_path
 
@@ -50,6 +51,27 @@ def test_derivatives_up_to_the_fourth_are_continuous_at_inner_points(order):
         np.abs(PATH.coefficients[:, 5]).max() * 120 + np.abs(derivative(PATH, TIMES[1:-1], 4)).max()
     )
     assert np.abs(after - before).max() < 8 * gap * rate
+
+
+@pytest.mark.parametrize("count", [3, 4, 9, 400])
+@pytest.mark.parametrize("uneven", [1.0, 1e3])
+def test_the_spline_is_that_of_scipy(count, uneven):
+    source = np.random.default_rng(count)
+    times = np.cumsum(np.exp(source.uniform(0.0, np.log(4.0 * uneven), count)) / uneven)
+    points = source.normal(size=(count, 3))
+    velocity, push = source.normal(size=(2, 3))
+    for first in (None, (points[0], velocity, push)):
+        path = position_path(times, points, np.zeros(3), first)
+        begin = np.zeros((2, 3)) if first is None else np.stack(first[1:])
+        ends = ([(1, begin[0]), (2, begin[1])], [(1, np.zeros(3)), (2, np.zeros(3))])
+        spline = make_interp_spline(times, points, k=5, bc_type=ends)
+        inside = np.linspace(times[0], times[-1], 2001)[:-1]
+        for ours, order in (
+            (path.sample(inside)[0], 0),
+            *zip(path.motion(inside), (1, 2), strict=True),
+        ):
+            exact = spline(inside, nu=order)
+            assert np.abs(ours - exact).max() < 1e-9 * np.abs(exact).max()
 
 
 def test_the_path_begins_and_ends_at_rest_without_acceleration():
