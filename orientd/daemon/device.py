@@ -123,6 +123,14 @@ class Device(SupervisedDevice):
         self._check_able()
         return await self._loaded().prepare(order, move_options, attempt=attempt)
 
+    async def await_steady(self) -> None:
+        """Wait while the speed along the path is changing.
+
+        Raises:
+            StateError: it goes on changing, or the device cannot move.
+        """
+        await self._loaded().await_steady()
+
     def start(self, prepared: Prepared) -> int:
         """Begin to stream a motion and return its number, once the servo has taken it up.
 

@@ -34,9 +34,6 @@ _log = logging.getLogger(__name__)
 ATTEMPTS = 6
 """How often a motion is planned anew because the device has passed where it was to begin."""
 
-_STEADYING = 0.05
-"""Time after which a device whose speed was changing is looked at again, s."""
-
 START_TOLERANCE = 1e-6
 """How far from where the device is commanded to be a kept plan may begin, rad and m."""
 
@@ -97,8 +94,10 @@ class MotionStarter:
             StateError: the device is not ready to move, or was stopped meanwhile.
             PlanError: it cannot be planned, or would break a limit.
         """
+        begun = time.monotonic()
         async with self._turn(device.name, order):
-            return await self._move(token, device, order, move_options, stops, received_ns)
+            waited = time.monotonic() - begun
+            return await self._move(token, device, order, move_options, stops, received_ns, waited)
 
     async def _move(
         self,
@@ -108,16 +107,19 @@ class MotionStarter:
         move_options: MoveOptions,
         stops: int,
         received_ns: int,
+        waited: float,
     ) -> tuple[ActiveMotion, MoveTiming]:
         attempt, late = 0, ""
         while attempt < ATTEMPTS and order.time_left:
             try:
                 prepared = await device.prepare(order, move_options, attempt=attempt)
+                waited += prepared.waited
                 planned_ns = time.monotonic_ns()
                 run = await self._begin(token, device, prepared, stops=stops)
             except NotYetError as error:
-                late = str(error)
-                await asyncio.sleep(_STEADYING)
+                late, begun = str(error), time.monotonic()
+                await device.await_steady()
+                waited += time.monotonic() - begun
             except LateError as error:
                 _log.info("%s: planned too late: %s", device.name, error)
                 attempt, late = attempt + 1, str(error)
@@ -127,6 +129,7 @@ class MotionStarter:
                     splicing=(time.monotonic_ns() - planned_ns) * 1e-9,
                     received_ns=received_ns,
                     attempts=attempt + 1,
+                    waiting=waited,
                 )
                 return run, timing
         raise StateError(f"device {device.name} was too quick for {attempt} plans: {late}")

@@ -777,16 +777,18 @@ class OnTarget(_message.Message):
     def __init__(self, tolerance: _Optional[float] = ..., rate: _Optional[float] = ..., settle_time: _Optional[float] = ..., timeout: _Optional[float] = ...) -> None: ...
 
 class MoveTiming(_message.Message):
-    __slots__ = ("planning", "splicing", "received_ns", "attempts")
+    __slots__ = ("planning", "splicing", "received_ns", "attempts", "waiting")
     PLANNING_FIELD_NUMBER: _ClassVar[int]
     SPLICING_FIELD_NUMBER: _ClassVar[int]
     RECEIVED_NS_FIELD_NUMBER: _ClassVar[int]
     ATTEMPTS_FIELD_NUMBER: _ClassVar[int]
+    WAITING_FIELD_NUMBER: _ClassVar[int]
     planning: float
     splicing: float
     received_ns: int
     attempts: int
-    def __init__(self, planning: _Optional[float] = ..., splicing: _Optional[float] = ..., received_ns: _Optional[int] = ..., attempts: _Optional[int] = ...) -> None: ...
+    waiting: float
+    def __init__(self, planning: _Optional[float] = ..., splicing: _Optional[float] = ..., received_ns: _Optional[int] = ..., attempts: _Optional[int] = ..., waiting: _Optional[float] = ...) -> None: ...
 
 class MoveStarted(_message.Message):
     __slots__ = ("motion_number", "plan", "timing", "speed")

@@ -233,12 +233,15 @@ class MoveTiming:
         splicing: s from there until the servo had taken the motion up.
         received_ns: when the request arrived, the daemon's monotonic clock.
         attempts: how often it was planned.
+        waiting: s of the planning in which the device was waited for: motions asked for before, a
+            stop, a change of speed.
     """
 
     planning: float
     splicing: float
     received_ns: int
     attempts: int
+    waiting: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -119,6 +119,15 @@ def test_it_may_be_replaced_while_paused_or_slowed(daemon, robot, what):
     daemon.assert_limits_kept()
 
 
+def test_what_is_asked_for_during_a_stop_waits_for_rest_and_says_so(daemon, robot):
+    long_turn(robot)
+    robot.stop()
+    second = robot.move([key(0.4, 0, 0)], approach=True)
+    assert 0.0 < second.timing.waiting < second.timing.planning
+    assert second.wait(20.0).outcome is Outcome.DONE
+    daemon.assert_limits_kept()
+
+
 def test_queued_motions_follow_one_another(daemon, robot):
     handles = [turn(robot, 0.8)]
     targets = [(0.3, 0, 0.8), (0, 0.3, 0.2), (0, 0, 0)]

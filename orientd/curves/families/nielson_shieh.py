@@ -124,6 +124,7 @@ class NielsonShieh(Curve):
             points: Floats = self._middles / self._weights[:, None]
         return points
 
+    @np.errstate(divide="ignore", invalid="ignore")  # what has no ratio of speeds is not a number
     def _sample(self, times: Floats) -> Samples:
         span = self._segments(times)
         slope, a = self._slopes[span], self._ratios[span]

@@ -1,8 +1,9 @@
-"""Wait for a device to come to rest, as a motion must that can be begun from rest only."""
+"""Wait for a device: for its rest, where a motion can begin from rest only, or a steady speed."""
 
 from __future__ import annotations
 
 import asyncio
+import math
 import time
 
 from orientd.daemon.devices import ServoLink
@@ -38,3 +39,19 @@ async def await_rest(link: ServoLink, period: float) -> None:
             return
         await asyncio.sleep(period)
     raise StateError("the device does not come to rest")
+
+
+async def await_steady(link: ServoLink, period: float) -> None:
+    """Wait while the speed along the path is changing; arguments and errors as above."""
+    end = time.monotonic() + LONGEST_STOP
+    index, speed = -1, math.nan
+    while time.monotonic() < end:
+        cycle = link.newest()
+        if cycle is None or cycle.state is not ServoState.STREAMING:
+            return
+        if cycle.index > index:
+            if cycle.speed == speed:
+                return
+            index, speed = cycle.index, cycle.speed
+        await asyncio.sleep(period)
+    raise StateError("the device does not come to a steady speed")

@@ -15,7 +15,7 @@ from typing import Any
 
 from orientd.daemon.devices import STOPPED, EventKind, ServoLink
 from orientd.daemon.motions.arrivals import Arrivals
-from orientd.daemon.motions.coming_to_rest import await_rest, stop_on_path
+from orientd.daemon.motions.coming_to_rest import await_rest, await_steady, stop_on_path
 from orientd.daemon.motions.corners import Corners
 from orientd.daemon.motions.horizon import ReplanningHorizon
 from orientd.daemon.motions.meter import MotionStatistics
@@ -111,6 +111,7 @@ class Motions:
             PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
         """
         kind = len(order.motion).bit_length(), move_options.is_queued
+        waited = await self._rest()
         leave = await self._leave(move_options, kind, attempt)
         chosen = time.monotonic()
         motion: PlannedMotion | None = None
@@ -127,12 +128,29 @@ class Motions:
                 leave, motion, chosen = successor
         if motion is None:
             if leave is not None:
+                begun, leave = time.monotonic(), None
                 await stop_on_path(self._link, self._period)
-                leave = None
+                waited += time.monotonic() - begun
             job = self._job(order, self.held(), self._joints())
             motion = await self._planners.plan(job, order)
         await motion.arrive(self._queue.needed(motion.facts))
-        return Prepared(motion, leave, move_options, chosen, kind)
+        return Prepared(motion, leave, move_options, chosen, kind, waited)
+
+    async def _rest(self) -> float:
+        """Wait for the end of a stop; return how long that took, s."""
+        begun, cycle = time.monotonic(), self._link.newest()
+        if cycle is None or cycle.state is not ServoState.STOPPING:
+            return 0.0
+        await await_rest(self._link, self._period)
+        return time.monotonic() - begun
+
+    async def await_steady(self) -> None:
+        """Wait while the speed along the path is changing.
+
+        Raises:
+            StateError: it goes on changing.
+        """
+        await await_steady(self._link, self._period)
 
     def _job(
         self,
@@ -174,7 +192,7 @@ class Motions:
         if move_options.start_ns != UNKNOWN:
             raise StateError("the device is moving: a start time needs one at rest")
         if cycle.state is ServoState.STOPPING:
-            await await_rest(self._link, self._period)
+            await self._rest()
             return None
         if not motion_queue.is_active:
             return None

@@ -83,6 +83,7 @@ class Prepared:
         options: how it is to begin and to end.
         chosen: when *leave* was chosen, monotonic clock, s.
         kind: of plan, which tells how long it takes.
+        waited: for the device to come to rest, s.
     """
 
     motion: PlannedMotion
@@ -90,3 +91,4 @@ class Prepared:
     move_options: MoveOptions = AT_ONCE
     chosen: float = 0.0
     kind: Kind = (0, False)
+    waited: float = 0.0

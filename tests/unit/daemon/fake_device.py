@@ -10,7 +10,7 @@ from orientd.daemon.motions.meter import MotionStatistics
 from orientd.daemon.motions.options import AT_ONCE, Prepared
 from orientd.daemon.planners import PlanInput
 from orientd.driver import IDENTITY, ZERO
-from orientd.errors import DaemonError, Fault, LateError, PlanError, StateError
+from orientd.errors import DaemonError, Fault, LateError, NotYetError, PlanError, StateError
 from orientd.planner import DEFAULT_LIMITS, State
 from orientd.stream import Cycle, ServoState
 
@@ -47,7 +47,7 @@ class FakeDevice:
         self.published = [cycle()]
         self.is_dead = self.is_free = False
         self.refusal = ""
-        self.lateness = 0
+        self.lateness = self.unsteady = 0
         self.began = {}
         self.during_start = lambda: None
         self.stops_beside = 0
@@ -80,8 +80,14 @@ class FakeDevice:
             raise LateError("the path has passed record 3, it is at 4")
         return Prepared(await self.plan(order), move_options=move_options)
 
+    async def await_steady(self):
+        self.calls.append("await_steady")
+
     def start(self, prepared):
         self.commanded()
+        if self.unsteady:
+            self.unsteady -= 1
+            raise NotYetError("the speed is changing")
         self.number += 1
         self.motion, self.state = prepared.motion, ServoState.STREAMING
         self.calls.append(f"start {self.number}")

@@ -360,6 +360,15 @@ def test_a_motion_that_is_planned_too_late_is_planned_again(cell, arm):
     assert (run.number, timing.attempts) == (1, 3)
 
 
+def test_a_motion_waits_for_a_steady_speed_and_says_so(cell, arm):
+    token = cell.lease_manager.acquire("ana").token
+    arm.unsteady = 2
+    run, timing = move(cell, token, arm)
+    assert (run.number, timing.attempts) == (1, 1)
+    assert arm.calls.count("await_steady") == 2
+    assert 0.0 < timing.waiting < timing.planning
+
+
 def test_a_device_that_is_always_too_quick_is_said_to_be(cell, arm):
     token = cell.lease_manager.acquire("ana").token
     arm.lateness = 100
