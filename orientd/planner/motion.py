@@ -169,6 +169,13 @@ class Motion:
         rows = self.rows(first, self.record_count - first if count is None else count)
         return RecordedMotion(self.facts, rows, first)
 
+    def noted(self, *notes: str) -> Motion:
+        """Return the same motion with more notes in its certificate."""
+        if not notes:
+            return self
+        certificate = replace(self.certificate, notes=(*self.certificate.notes, *notes))
+        return replace(self, certificate=certificate)
+
     def state_at(self, record: int) -> State:
         """Return the state at a record; see :meth:`.RecordedMotion.state_at`.
 

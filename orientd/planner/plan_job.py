@@ -164,15 +164,7 @@ class PlanJob:
         motion = certified(
             candidate, self.request, self.start, self.own, self.period, motion_id=motion_id
         )
-        return noted(motion, *self.merged)
-
-
-def noted(motion: Motion, *notes: str) -> Motion:
-    """Return a motion with more notes in its certificate."""
-    certificate = motion.certificate
-    if not notes:
-        return motion
-    return replace(motion, certificate=replace(certificate, notes=(*certificate.notes, *notes)))
+        return motion.noted(*self.merged)
 
 
 def certified(

@@ -17,7 +17,7 @@ from orientd.planner.connect import STOPS, Caution, turns_with_stops
 from orientd.planner.keyframes import at_rate, in_device_coordinates, with_least_roll, wound
 from orientd.planner.limits import LONGEST, Limits
 from orientd.planner.motion import Motion
-from orientd.planner.plan_job import PlanJob, noted
+from orientd.planner.plan_job import PlanJob
 from orientd.planner.request import DEFAULT_METHOD, MotionRequest, State
 from orientd.planner.timing import (
     LEAST_SHARE,
@@ -113,7 +113,7 @@ def _motion(job: PlanJob, name: str) -> Motion:
     stops = turns_with_stops(job.request, job.ends, job.start, job.limits, took)
     if stops is not None and stops.duration < took:
         with suppress(PlanError):
-            return noted(job.certified(job.with_leads(stops), name), STOPS)
+            return job.certified(job.with_leads(stops), name).noted(STOPS)
     if motion is None:
         raise refused or PlanError("no motion was tried")
     return motion
@@ -129,7 +129,7 @@ def _quick_or_even(job: PlanJob, name: str) -> Motion:
         raise
     except PlanError as error:
         even = replace(job, is_even=True, leads={})
-        return noted(_at_even_pace(even, name), f"at an even pace: {error}")
+        return _at_even_pace(even, name).noted(f"at an even pace: {error}")
 
 
 def _at_even_pace(job: PlanJob, name: str) -> Motion:
@@ -249,8 +249,7 @@ def _resting_or_even(
     if even is not None:
         return even
     method, level = job.request.method, keyframe_path.continuity
-    return noted(
-        motion,
+    return motion.noted(
         f"comes to rest {rests} times on its way, where {method} is only C{level}; "
         f"{DEFAULT_METHOD} is C2 and passes the same keyframes",
     )
@@ -265,7 +264,7 @@ def _even_within(job: PlanJob, motion_id: str, longest: float) -> Motion | None:
         raise
     except PlanError:
         return None
-    return noted(motion, EVEN) if motion.duration < longest else None
+    return motion.noted(EVEN) if motion.duration < longest else None
 
 
 def _timed(

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from orientd.rpc.channel_options import server_options
     from orientd.rpc.client import Robot, connect
     from orientd.rpc.connection import Connection, StartAt
-    from orientd.rpc.descriptions import MethodDescription, PartReport
+    from orientd.rpc.descriptions import MethodDescription, Outline, PartReport
     from orientd.rpc.move_handle import MoveHandle
     from orientd.rpc.observer import Configuration, Observer
     from orientd.rpc.reports import (
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
         MoveTiming,
         OnTarget,
         Outcome,
-        Outline,
         Plan,
         Progress,
         Samples,

@@ -5,6 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from orientd.planner import Limits
+from orientd.rotation import Floats
+
+Outline = tuple[Floats, ...]
+"""A device's shape: lines from point to point in the world, m, each of shape ``(n, 3)``."""
 
 
 @dataclass(frozen=True, slots=True)

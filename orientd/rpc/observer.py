@@ -12,7 +12,7 @@ import grpc
 from orientd.errors import DaemonError
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.connection import Connection
-from orientd.rpc.reports import Outline
+from orientd.rpc.descriptions import Outline
 from orientd.rpc.wire import outline_from_messages
 from orientd.stream import CYCLE_RECORD, Cycle, unpack_cycle
 

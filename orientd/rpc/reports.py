@@ -16,9 +16,6 @@ if TYPE_CHECKING:
     from orientd.rotation import Floats
     from orientd.rpc.descriptions import PartReport
 
-Outline = tuple["Floats", ...]
-"""A device's shape: lines from point to point in the world, m, each of shape ``(n, 3)``."""
-
 STALE = 1.0
 """s; what is older is no longer shown as what is."""
 

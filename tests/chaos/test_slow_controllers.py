@@ -37,7 +37,7 @@ def each_call_once(stage):
         def call(name=name):
             request = getattr(pb, f"{name}Request")(device=stage.device)
             if name not in ("Stop", "Halt"):
-                request.lease_token = robot._token()
+                request.lease_token = robot.lease_token
             robot._connection.ask(getattr(robot._stub, name), request)
 
         # What it says is looked at in the tests of the driver; here it is that it is said.

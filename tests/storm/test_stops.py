@@ -50,6 +50,10 @@ def free_port():
 @pytest.fixture(scope="module")
 def daemon(tmp_path_factory):
     folder = tmp_path_factory.mktemp("daemon")
+    state = folder / "state"
+    state.mkdir(mode=0o700)
+    small = ["mount", "-t", "tmpfs", "-o", "size=64m,mode=700", "tmpfs", str(state)]
+    is_small = os.getuid() == 0 and subprocess.run(small, check=False).returncode == 0
     authority = Authority(folder / "ca")
     authority.issue("server", hosts="IP:127.0.0.1")
     process = DaemonProcess(folder, lease=3600.0, patience=30.0)
@@ -65,6 +69,8 @@ def daemon(tmp_path_factory):
     with process:
         yield process
     resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+    if is_small:
+        subprocess.run(["umount", "--lazy", str(state)], check=True)
 
 
 @contextlib.contextmanager
@@ -134,24 +140,28 @@ def watchers(daemon):
 
 
 @contextlib.contextmanager
-def limited(daemon, what, most):
-    """Take from the daemon more than so much of a resource."""
+def without_descriptors(daemon):
     pid = daemon.process.pid
-    before = resource.prlimit(pid, what)
-    resource.prlimit(pid, what, (most, before[1]))
+    before = resource.prlimit(pid, resource.RLIMIT_NOFILE)
+    resource.prlimit(pid, resource.RLIMIT_NOFILE, (8, before[1]))
     try:
         yield
     finally:
-        resource.prlimit(pid, what, before)
+        resource.prlimit(pid, resource.RLIMIT_NOFILE, before)
 
 
-def without_descriptors(daemon):
-    return limited(daemon, resource.RLIMIT_NOFILE, 8)
-
-
+@contextlib.contextmanager
 def full_disk(daemon):
-    """Let no file of the daemon grow."""
-    return limited(daemon, resource.RLIMIT_FSIZE, 0)
+    """Fill the file system with the daemon's audit log and recordings."""
+    state = daemon.folder / "state"
+    if not state.is_mount():
+        pytest.skip("mounting a small file system is for root")
+    filling = state / "filling"
+    with filling.open("wb", buffering=0) as file, contextlib.suppress(OSError):
+        while True:
+            file.write(bytes(1 << 20))
+    yield
+    filling.unlink()
 
 
 class Cycles:

@@ -287,6 +287,20 @@ def test_silent_handshakes_keep_nobody_out(cell):
             one.close()
 
 
+def test_silent_connections_of_the_same_user_give_way(cell):
+    silent = [socket.socket(socket.AF_UNIX) for _ in range(200)]
+    try:
+        for one in silent:
+            one.connect(str(cell.daemon.socket))
+        with orientd.connect(cell.daemon.socket) as robot:
+            assert robot.state().daemon.pid == cell.daemon.process.pid
+        log = cell.daemon.folder / "log"
+        until(lambda: "gave way to a later one" in log.read_text(), "the log")
+    finally:
+        for one in silent:
+            one.close()
+
+
 def test_a_wrong_name_and_no_daemon_are_told_apart(cell):
     with pytest.raises(DaemonError, match=r"the certificate of the daemon at .* is for another"):
         orientd.connect(address=f"127.1:{cell.port}", **cell.files("pendant"))

@@ -44,6 +44,7 @@ _DESCRIPTORS, _OTHER_DESCRIPTORS = 3, 200
 """Files that a connection takes, and those that are kept for everything else."""
 
 _ALL = "all"
+_BACKLOG = 1024  # of those who are not let in yet; a client that finds it full gives up at once
 _CHUNK = 256 * 1024
 
 Refused = Callable[[str, str], None]
@@ -62,12 +63,14 @@ class PeerConnection:
         origin: where they came from, for people.
         identity: who that makes them at present.
         hang_up: ends it.
+        is_silent: whether nothing has come from there yet.
     """
 
     credentials: Credentials
     origin: str
     identity: Identity
     hang_up: Callable[[], object]
+    is_silent: bool = True
 
 
 class PeerListener:
@@ -96,6 +99,7 @@ class PeerListener:
         self.has_lease: Callable[[str], bool] = lambda _: False
         self._connections: dict[str, PeerConnection] = {}
         self._counts: Counter[str] = Counter()
+        self._counted: dict[PeerConnection, Counter[str]] = {}
         self._listeners: list[asyncio.Server] = []
         self._visits: set[asyncio.Task[None]] = set()
         self._context: ssl.SSLContext | None = None
@@ -122,7 +126,9 @@ class PeerListener:
         self._path = path
         self._let_reach()
         self._listeners.append(
-            await asyncio.start_unix_server(self._meet(self._from_unix), sock=listener)
+            await asyncio.start_unix_server(
+                self._meet(self._from_unix), sock=listener, backlog=_BACKLOG
+            )
         )
 
     async def open_tcp(self, host: str, port: int, context: ssl.SSLContext) -> int:
@@ -133,7 +139,9 @@ class PeerListener:
         """
         self._context = context
         try:
-            server = await asyncio.start_server(self._meet(self._from_tcp), host, port)
+            server = await asyncio.start_server(
+                self._meet(self._from_tcp), host, port, backlog=_BACKLOG
+            )
         except OSError as error:
             raise DaemonError(f"cannot listen at {host}:{port}: {error.strerror}") from error
         self._listeners.append(server)
@@ -264,23 +272,25 @@ class PeerListener:
     ) -> None:
         identity = self._policy.identify(credentials)
         # All processes of one user come from the same place; addresses from theirs.
-        counted = {origin.rpartition(":")[0] or "unix", _ALL}
+        counted = Counter({origin.rpartition(":")[0] or "unix", _ALL})
         problem = ""
         if identity is None:
             problem = f"nobody admits {credentials}"
         else:
-            counted.add(identity.key)
-            problem = self._why_full(identity, counted)
+            counted[identity.key] = 1
+            while (problem := self._why_full(identity, counted)) and self._gives_way(identity):
+                pass
         if identity is None or problem:
             self._refused(origin, problem)
             writer.transport.abort()
             return
         connection = PeerConnection(credentials, origin, identity, writer.transport.abort)
-        self._counts.update(counted)
+        self._counted[connection] = counted
+        self._counts += counted
         try:
             await self._carry(connection, reader, writer)
         finally:
-            self._counts -= Counter(counted)  # without those of whom there is none any more
+            self._forget(connection)
 
     def _why_full(self, identity: Identity, counted: Collection[str]) -> str:
         """Return why there is no room for one more connection, or nothing."""
@@ -295,6 +305,21 @@ class PeerListener:
                 f"there are {most - kept} connections already, and {kept} are kept for commanders"
             )
         return ""
+
+    def _gives_way(self, identity: Identity) -> bool:
+        """Hang up on the oldest connection of the same identity that has said nothing, if any."""
+        for connection in self._counted:
+            if connection.is_silent and connection.identity == identity:
+                self._forget(connection)
+                self._refused(connection.origin, "said nothing, and gave way to a later one")
+                connection.hang_up()
+                return True
+        return False
+
+    def _forget(self, connection: PeerConnection) -> None:
+        """Count a connection no more."""
+        # Without those of whom there is none any more.
+        self._counts -= self._counted.pop(connection, Counter())
 
     async def _carry(
         self, connection: PeerConnection, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
@@ -317,7 +342,7 @@ class PeerListener:
         self._connections[name] = connection
         try:
             ways = {
-                asyncio.ensure_future(_pour(reader, inner_writer)),
+                asyncio.ensure_future(_pour(reader, inner_writer, connection)),
                 asyncio.ensure_future(_pour(inner_reader, writer)),
             }
             try:
@@ -333,9 +358,15 @@ class PeerListener:
             writer.close()
 
 
-async def _pour(source: asyncio.StreamReader, into: asyncio.StreamWriter) -> None:
+async def _pour(
+    source: asyncio.StreamReader,
+    into: asyncio.StreamWriter,
+    connection: PeerConnection | None = None,
+) -> None:
     with contextlib.suppress(OSError):
         while chunk := await source.read(_CHUNK):
+            if connection is not None:
+                connection.is_silent = False
             into.write(chunk)
             await into.drain()
 

@@ -14,6 +14,7 @@ import mmap
 import os
 import signal
 import socket
+import warnings
 from collections import OrderedDict
 from types import FrameType
 from typing import Any
@@ -137,7 +138,9 @@ class Work:
         if count > most_keyframes:
             problem = f"expected at most {most_keyframes}, got {count}"
             raise RequestError("keyframes", problem)
-        request = to_request(message)
+        with warnings.catch_warnings(record=True) as doubts:
+            warnings.simplefilter("always")
+            request = to_request(message)
         duration = f", duration {request.duration}" if request.duration else ""
         self._say(f"planning {count} keyframes with {request.method}{duration}")
         planner = self._planners[job.device]
@@ -160,6 +163,7 @@ class Work:
             )
         else:
             raise ValueError("the job needs a start")
+        motion = motion.noted(*(str(doubt.message) for doubt in doubts))
         known = self._known[job.motion_id] = motion, leave, planner.report_frame(request)
         while len(self._known) > KEPT:
             self._known.popitem(last=False)
@@ -229,7 +233,9 @@ def _serve(peer: socket.socket, work: Work) -> None:
     files: list[int] = []
 
     def give_up(_number: int, _frame: FrameType | None) -> None:
+        nonlocal is_busy
         if is_busy:
+            is_busy = False
             raise Abandoned
 
     signal.signal(signal.SIGUSR1, give_up)
@@ -238,24 +244,30 @@ def _serve(peer: socket.socket, work: Work) -> None:
         failure: Failure | None = None
         try:
             is_busy = True
-            content = work.do(question, *files)
+            content, failure = _done(work, question, files)
             is_busy = False
         except Abandoned:
             failure = Failure.of(PlanError("nobody waits for it any more"))
-        except OrientdError as error:
-            failure = Failure.of(error)
-        except MemoryError:
-            failure = Failure.of(PlanError("the planner has not enough memory for it"))
-        except Exception as error:  # noqa: BLE001 - one request fails, and says why
-            failure = Failure.of(PlanError(f"planning failed: {type(error).__name__}: {error}"))
-        finally:
-            is_busy = False
         peer.sendall(frame(PlannerAnswer(content, failure, resident())))
         # Whoever waits for the motion does not wait for the rest of it.
         if failure is None and (rest := work.rest(question, *files)) is not None:
             peer.sendall(frame(PlannerAnswer(rest, None, resident())))
         while files:
             os.close(files.pop())
+
+
+def _done(
+    work: Work, question: Question, files: list[int]
+) -> tuple[bytes | PlannedRecords | None, Failure | None]:
+    """Return what was asked for, or why it cannot be had; to give it up interrupts both."""
+    try:
+        return work.do(question, *files), None
+    except OrientdError as error:
+        return None, Failure.of(error)
+    except MemoryError:
+        return None, Failure.of(PlanError("the planner has not enough memory for it"))
+    except Exception as error:  # noqa: BLE001 - one request fails, and says why
+        return None, Failure.of(PlanError(f"planning failed: {type(error).__name__}: {error}"))
 
 
 def _question(peer: socket.socket, files: list[int]) -> Any:  # noqa: ANN401 - whatever was framed

@@ -9,8 +9,8 @@ from orientd.errors import Fault
 from orientd.floats import difference, norm
 from orientd.planner import ANGULAR, NO_AXES, Limits
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.descriptions import DeviceDescription, MethodDescription, PartReport
-from orientd.rpc.reports import DaemonReport, DeviceReport, LeaseReport, Outline
+from orientd.rpc.descriptions import DeviceDescription, MethodDescription, Outline, PartReport
+from orientd.rpc.reports import DaemonReport, DeviceReport, LeaseReport
 from orientd.rpc.wire.codec import FAULTS, Codec
 from orientd.rpc.wire.values import (
     RATES,

@@ -17,6 +17,7 @@ from orientd.daemon.planners.lanes import MOST_WAITING
 from orientd.errors import DaemonError, DeadlineError, PlanError, RequestError, TooMuchError
 from orientd.planner import Keyframe, MotionRequest, State
 from orientd.rotation import exp
+from orientd.rpc import control_pb2 as pb
 from orientd.rpc.wire.motion import from_request
 
 SETTINGS = config.default_settings().devices["arm"]
@@ -92,6 +93,17 @@ def test_what_is_wrong_with_a_request_is_raised_where_it_was_asked():
             await planners.plan(job(b"nonsense"), PlanCall(b"nonsense"))
 
     run(test)
+
+
+def test_doubts_about_a_request_are_in_the_certificate():
+    keyframe = pb.Keyframe(rotation_vector=pb.Vector3(z=90.0))
+    content = pb.MotionRequest(approach=True, keyframes=[keyframe]).SerializeToString()
+
+    async def test(planners):
+        return await planners.plan(job(content), PlanCall(content, timeout=60.0))
+
+    (note,) = pb.Plan.FromString(run(test).plan).certificate.notes
+    assert "its unit is rad" in note
 
 
 def test_a_killed_planner_fails_one_request_and_is_replaced():
