@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from orientd.planner import Limits
-from orientd.rotation import Floats
 
-Outline = tuple[Floats, ...]
+if TYPE_CHECKING:
+    from orientd.rotation import Floats
+
+Outline = tuple["Floats", ...]
 """A device's shape: lines from point to point in the world, m, each of shape ``(n, 3)``."""
 
 

@@ -297,6 +297,7 @@ def _given(of: object, entries: Iterable[_Entry]) -> dict[str, Any]:
     fields: dict[str, Any] = {}
     for entry in entries:
         value = getattr(of, entry.name)
-        if value is not None and value != {}:
+        is_empty = isinstance(value, Mapping) and not value
+        if value is not None and not is_empty:
             fields[entry.wire] = value if entry.give is None else entry.give(value)
     return fields
