@@ -79,7 +79,6 @@ class Storm:
         self.owner = {}  # the terminal of each motion
         self.reasons = {}  # what may end a motion: by (device, number), or by device
         self.tally = Counter()
-        self.sharing = set()  # users of whom one terminal goes by the lease of another
 
     def permit(self, key, text):
         self.reasons.setdefault(key, []).append(text)
@@ -90,7 +89,6 @@ class Storm:
         self.tally[kind] += 1
         user = f"(user:{one.uid})"
         mine = [key for key, owner in self.owner.items() if owner is one]
-        shared = [key for key, owner in self.owner.items() if owner.uid == one.uid in self.sharing]
         if kind in ("move", "queue"):
             seconds, angle = self.any.uniform(0.3, 1.5), self.any.uniform(0.05, 0.3)
             answer = one.do("move", device, seconds, kind == "queue", angle)
@@ -105,7 +103,7 @@ class Storm:
             self.permit(key, f"stopped by .*{re.escape(user)}")
             one.do("cancel", *key)
         elif kind == "kill":
-            for key in mine + shared:
+            for key in mine:
                 self.permit(key, "its caller has gone away|the lease of .* has expired")
             self.permit(one, "")
             one.again()
@@ -113,7 +111,7 @@ class Storm:
             self.permit(device, f"the lease of .* was seized by .*{re.escape(user)}: a storm")
             one.do("seize", device)
         elif kind == "release":
-            for key in mine + shared:
+            for key in mine:
                 self.permit(key, "the lease of .* was released")
             one.do("release")
         elif kind == "stop":
@@ -128,7 +126,6 @@ class Storm:
             others = [two for two in self.terminals if two.uid == one.uid and two is not one]
             token = others[0].do("token")["is"]
             if token:
-                self.sharing.add(one.uid)
                 one.do("share", token)
 
     def judge(self, log):
