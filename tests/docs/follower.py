@@ -120,7 +120,9 @@ class Follower:
 
     def _run(self, place: str, text: str) -> str:
         done = subprocess.run(
-            ["bash", "-e", "-o", "pipefail", "-c", self._activated(text)],
+            # A command after theirs: the last one would be run in the shell's place, and no shell
+            # be there for those who look which one they are in.
+            ["bash", "-e", "-o", "pipefail", "-c", f"{self._activated(text)}\n:"],
             cwd=self.folder,
             env=self.environment,
             stdin=subprocess.DEVNULL,
