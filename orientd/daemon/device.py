@@ -328,6 +328,11 @@ class Device(SupervisedDevice):
             lead_cycles=self._lead_cycles,
         )
 
+    @property
+    def next_cycle(self) -> int:
+        """Number of the cycle that comes next; it begins again with each servo process."""
+        return self._servo.next_cycle
+
     def cycles(self, since: int, limit: int = 4096) -> list[Cycle]:
         """Return cycles from number *since* on, oldest first, as far as they are still known."""
         return [unpack_cycle(record) for record in self.cycle_records(since, limit)]

@@ -7,6 +7,7 @@ the same whichever does it, in the order of what was asked.
 from __future__ import annotations
 
 import contextlib
+import gc
 import itertools
 import socket
 from collections.abc import Callable, Iterable, Iterator
@@ -107,7 +108,9 @@ def in_parallel(
     need_backend(backend)
     import joblib
 
-    more = {"idle_worker_timeout": _IDLE} if backend == "loky" else {}
+    more: dict[str, Any] = {}
+    if backend == "loky":
+        more = {"idle_worker_timeout": _IDLE, "initializer": _settle, "initargs": (work,)}
     with _cluster(backend, address), joblib.parallel_config(backend, n_jobs=jobs, **more):
         tasks = (joblib.delayed(work)(part) for part in parts)
         # One part at a time: they are large already, and what is asked next depends on the pace.
@@ -122,6 +125,13 @@ def in_parallel(
             together = _ROUNDS * joblib.effective_n_jobs(jobs)
             while some := list(itertools.islice(tasks, together)):
                 yield from parallel(some)
+
+
+def _settle(work: object) -> None:
+    """Leave what a worker has loaded for *work* out of the garbage collection after each part."""
+    del work  # loaded by now
+    gc.collect()
+    gc.freeze()
 
 
 def need_backend(backend: str) -> None:

@@ -162,9 +162,9 @@ class DeviceStage:
         assert not self.left_servos(self.state().servo_pid)
 
     def reset(self):
-        """Reset the device until it holds."""
+        """Reset the device until it holds, unless it does already."""
         end = time.monotonic() + 30.0
-        while True:
+        while self.state().state is not ServoState.HOLDING:
             # Servos and robots need some time after their own stops until they can be unlocked.
             try:
                 self.robot.reset(self.device)

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from typing import TypeVar
 
 from orientd.daemon.device import Device
 from orientd.daemon.motions import ActiveMotion
 from orientd.driver import PartHealth
 from orientd.planner import Frame, Quaternion, Vector3
 from orientd.rpc import DeviceReport, PartReport, Progress
-from orientd.stream import Cycle, ServoState, record_index
+from orientd.stream import Cycle, ServoState, record_index, unpack_cycle
 
 NANOSECONDS = 1e9
 STALE_AFTER = 3.0
 """Age of what is measured once a second at which it is too old, s."""
 _MOST_CYCLES = 4096
-
-Taken = TypeVar("Taken")
 
 
 def device_report(device: Device) -> DeviceReport:
@@ -78,37 +74,26 @@ class CycleReader:
     def __init__(self, device: Device) -> None:
         """Begin with the next cycle."""
         self._device = device
-        newest = device.snapshot().cycle
-        self._next = newest.index + 1 if newest is not None else 0
+        self._next = device.next_cycle
 
-    def read(self, most: int | None = None) -> tuple[list[Cycle], int]:
-        """Return the cycles since the last call, and how many were gone before they were read.
+    def read(self) -> tuple[list[Cycle], int]:
+        """Return the cycles since the last call, and how many were gone before they were read."""
+        records, lost = self.read_records()
+        return [unpack_cycle(record) for record in records], lost
+
+    def read_records(self, most: int | None = None) -> tuple[list[bytes], int]:
+        """Do the same with records, which are the cycles as the servo has packed them.
 
         Args:
             most: how many to return at once; the next call goes on from there.
         """
-        return self._read(self._device.cycles, lambda cycle: cycle.index, most)
-
-    def read_records(self) -> tuple[list[bytes], int]:
-        """Do the same with records, which are the cycles as the servo has packed them."""
-        return self._read(self._device.cycle_records, record_index, None)
-
-    def _read(
-        self,
-        take: Callable[[int, int], list[Taken]],
-        index_of: Callable[[Taken], int],
-        most: int | None,
-    ) -> tuple[list[Taken], int]:
-        newest = self._device.snapshot().cycle
-        if newest is None:
-            return [], 0
-        if newest.index + 1 < self._next:
+        if self._device.next_cycle < self._next:
             self._next = 0  # another servo process, which counts from the beginning
-        taken: list[Taken] = []
+        taken: list[bytes] = []
         lost = 0
         chunk = _MOST_CYCLES if most is None else most
-        while more := take(self._next, chunk):
-            end = index_of(more[-1]) + 1
+        while more := self._device.cycle_records(self._next, chunk):
+            end = record_index(more[-1]) + 1
             lost += end - self._next - len(more)
             self._next = end
             taken += more

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import functools
 import time
 from collections.abc import AsyncIterator, Iterable
 
@@ -13,7 +14,7 @@ from orientd.daemon.supervised_device import TICK
 from orientd.errors import OrientdError
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc import cycle_to_message, daemon_to_message, outline_to_messages
-from orientd.stream import CYCLE_RECORD
+from orientd.stream import CYCLE_RECORD, record_index, unpack_cycle
 
 _HEARINGS = 10
 """How often the reason of a fault is asked for that the device's thread has not heard yet."""
@@ -62,14 +63,13 @@ class WatchingCalls(Calls):
         while not await self._is_closing_within(wait):
             wait = pause
             response = pb.WatchStateResponse()
+            records, response.lost = reader.read_records(None if request.as_records else _BATCH)
             if request.as_records:
-                records, response.lost = reader.read_records()
                 response.records, response.layout = b"".join(records), CYCLE_RECORD.format
             else:
-                cycles, response.lost = reader.read(_BATCH)
-                wait = 0.0 if len(cycles) == _BATCH else pause
+                wait = 0.0 if len(records) == _BATCH else pause
                 response.cycles.extend(
-                    cycle_to_message(cycle) for cycle in cycles if cycle.index % step == 0
+                    _message(record) for record in records if record_index(record) % step == 0
                 )
             if not (response.records or response.cycles or response.lost):
                 continue
@@ -139,3 +139,9 @@ async def _with_reason(device: Device) -> pb.DeviceReport:
         await asyncio.sleep(TICK)
         said = device_message(device)
     return said
+
+
+@functools.lru_cache(maxsize=1024)
+def _message(record: bytes) -> pb.Cycle:
+    """Return what a record says, made once for all who watch."""
+    return cycle_to_message(unpack_cycle(record))

@@ -278,6 +278,11 @@ class ServoLink:
                 return unpack_cycle(record)
         return None
 
+    @property
+    def next_cycle(self) -> int:
+        """Number of the cycle that comes next."""
+        return self.memory.cycles.head
+
     def cycle_records(self, since: int, limit: int) -> list[bytes]:
         """Return the records of cycles ``since, since + 1, ...``, as far as still in the ring."""
         ring = self.memory.cycles

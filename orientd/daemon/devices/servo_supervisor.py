@@ -176,6 +176,12 @@ class ServoSupervisor:
         link = self.link
         return link.newest() if link is not None and link.is_alive else None
 
+    @property
+    def next_cycle(self) -> int:
+        """Number of the cycle that comes next; a process that is started anew begins with 0."""
+        link = self.link
+        return 0 if link is None else link.next_cycle
+
     def cycle_records(self, since: int, limit: int) -> list[bytes]:
         """Return the records of cycles from number *since* on, as far as they are still known."""
         link = self.link

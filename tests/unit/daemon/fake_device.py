@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
+from dataclasses import fields
 
 from orientd.daemon.devices.device_report import DeviceEvent, DeviceSnapshot, EventKind
 from orientd.daemon.motions.meter import MotionStatistics
@@ -12,7 +14,7 @@ from orientd.daemon.planners import PlanInput
 from orientd.driver import IDENTITY, ZERO
 from orientd.errors import DaemonError, Fault, LateError, NotYetError, PlanError, StateError
 from orientd.planner import DEFAULT_LIMITS, State
-from orientd.stream import Cycle, ServoState
+from orientd.stream import CYCLE_RECORD, Cycle, ServoState
 
 
 def cycle(index=0, *, state=ServoState.HOLDING, lateness_ns=0, motion=0, overruns=0):
@@ -21,6 +23,14 @@ def cycle(index=0, *, state=ServoState.HOLDING, lateness_ns=0, motion=0, overrun
         index, index * 2_000_000, lateness_ns, 0, 0, 0, state, 0, motion, 2, overruns, 0, 0.0, 1.0,
         IDENTITY, ZERO, ZERO, ZERO, IDENTITY, ZERO, ZERO,
     )  # fmt: skip
+
+
+def record_of(one):
+    """Return a cycle as the servo packs it."""
+    values = [getattr(one, field.name) for field in fields(one)]
+    flat = [part for value in values for part in (value if isinstance(value, tuple) else (value,))]
+    count = len(CYCLE_RECORD.unpack(bytes(CYCLE_RECORD.size)))
+    return CYCLE_RECORD.pack(*flat, *(count - len(flat)) * [math.nan])
 
 
 class FakeDevice:
@@ -164,8 +174,12 @@ class FakeDevice:
             memory_locked=False,
         )
 
-    def cycles(self, since, limit=4096):
-        return [one for one in self.published if one.index >= since][:limit]
+    @property
+    def next_cycle(self):
+        return self.published[-1].index + 1 if self.published else 0
+
+    def cycle_records(self, since, limit):
+        return [record_of(one) for one in self.published if one.index >= since][:limit]
 
     def statistics(self, number):
         return MotionStatistics(cycles=7) if number == self.number else None

@@ -13,7 +13,7 @@ from orientd.daemon.calls import motion_report, report
 from orientd.daemon.motions.active_motions import ActiveMotion, ActiveMotions
 from orientd.daemon.planners import reporting
 from orientd.rpc.reports import Outcome
-from orientd.stream import ServoState
+from orientd.stream import ServoState, record_index
 
 SETTINGS = config.default_settings().devices["arm"]
 
@@ -67,8 +67,8 @@ def test_more_cycles_than_one_reading_takes_are_all_read(device):
 def test_who_is_behind_reads_on_where_a_full_batch_ended(device):
     reader = report.CycleReader(device)
     device.published = [cycle(k) for k in range(1, 8)]
-    batches = [reader.read(3) for _ in range(4)]
-    assert [([c.index for c in cycles], lost) for cycles, lost in batches] == [
+    batches = [reader.read_records(3) for _ in range(4)]
+    assert [([record_index(one) for one in records], lost) for records, lost in batches] == [
         ([1, 2, 3], 0),
         ([4, 5, 6], 0),
         ([7], 0),

@@ -8,6 +8,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from fake_device import record_of
 
 from orientd.config import MetricsSettings
 from orientd.daemon.calls.telemetry import RECENT, Telemetry
@@ -59,8 +60,12 @@ class FakeDevice:
         self.log = []
         self.state, self.fault = ServoState.HOLDING, Fault.NONE
 
-    def cycles(self, first, count):
-        return [one for one in self.log if one.index >= first][:count]
+    @property
+    def next_cycle(self):
+        return self.log[-1].index + 1 if self.log else 0
+
+    def cycle_records(self, first, count):
+        return [record_of(one) for one in self.log if one.index >= first][:count]
 
     def snapshot(self):
         newest = self.log[-1] if self.log else None
