@@ -61,11 +61,13 @@ def command(run: Callable[Parameters, None]) -> Callable[Parameters, None]:
     Where the command has ``as_json``, it is one JSON object instead, on standard error too.  Where
     it has ``socket`` to connect to, it gets the options of a daemon that is reached over TCP.
     """
+    signature = inspect.signature(run, eval_str=True)
+    remote = _REMOTE if "socket" in signature.parameters else {}
 
     @functools.wraps(run)
     def reporting(*arguments: Parameters.args, **options: Parameters.kwargs) -> None:
         as_json = bool(options.get("as_json"))
-        for name in _REMOTE:
+        for name in remote:
             given = options.pop(name, None)
             if given is not None:
                 os.environ[f"ORIENTD_{name.upper()}"] = str(given)
@@ -85,15 +87,14 @@ def command(run: Callable[Parameters, None]) -> Callable[Parameters, None]:
             what = f"{one_line(str(error.filename), 100)}: " if error.filename else ""
             fail(OrientdError(f"{what}{error.strerror or error}"), as_json=as_json)
 
-    signature = inspect.signature(run, eval_str=True)
-    if "socket" in signature.parameters:
+    if remote:
         more = [
             inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=kind)
-            for name, kind in _REMOTE.items()
+            for name, kind in remote.items()
         ]
         listed = [*signature.parameters.values(), *more]
         reporting.__signature__ = signature.replace(parameters=listed)  # type: ignore[attr-defined] # typer reads it
-        reporting.__annotations__ = {**run.__annotations__, **_REMOTE}
+        reporting.__annotations__ = {**run.__annotations__, **remote}
     return reporting
 
 

@@ -34,8 +34,8 @@ def batch(
     backend: Annotated[
         str, typer.Option("--backend", help="`loky`: this machine; `ray` or `dask`: a cluster.")
     ] = "loky",
-    cluster: Annotated[
-        str | None, typer.Option("--cluster", metavar="ADDRESS", help="Of the cluster, if any.")
+    address: Annotated[
+        str | None, typer.Option("--address", metavar="ADDRESS", help="Of the cluster, if any.")
     ] = None,
     jobs: Annotated[
         int, typer.Option("--jobs", "-j", help="How many at a time; -1: one on each core.")
@@ -56,7 +56,7 @@ def batch(
 
     if jobs == 0 or jobs < -1:
         raise typer.BadParameter(f"expected -1 or at least 1, got {jobs}", param_hint="--jobs")
-    settings = Settings(device_settings(config, device), records, backend, jobs, cluster)
+    settings = Settings(device_settings(config, device), records, backend, jobs, address)
     run = Batch(open_requests(file), output, settings)
     began, shown, progress = time.monotonic(), 0.0, None
     try:

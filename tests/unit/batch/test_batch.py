@@ -11,11 +11,13 @@ import numpy as np
 import pyarrow as arrow
 import pytest
 from pyarrow import csv, parquet
+from typer.testing import CliRunner
 
 from orientd import motion_file, planner
 from orientd.batch import Batch, Settings, open_requests, run
 from orientd.batch.rows import RECORD
 from orientd.cli.commands.motion_commands import device_settings
+from orientd.cli.main import app
 from orientd.errors import LimitError, OrientdError, RequestError
 from orientd.planner import many
 
@@ -186,6 +188,15 @@ def test_the_command_says_how_far_it_is_and_what_it_wrote(requests, tmp_path):
     )
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr == "orientd: expected a backend of loky, ray, dask, got 'grid'\n"
+
+
+def test_the_address_of_a_cluster_is_that_of_no_daemon(requests, tmp_path):
+    folder = tmp_path / "plans"
+    command = ["batch", str(requests.path), "-o", str(folder), "--address", "127.0.0.1:9"]
+    ended = CliRunner().invoke(app, command)
+    assert (ended.exit_code, ended.stdout) == (1, "0 of 6 requests (0%)\n")
+    says = "a cluster's address needs the backend ray or dask, got 127.0.0.1:9"
+    assert ended.stderr == f"orientd: {says}\n"
 
 
 def test_a_cluster_that_is_not_there_is_said_not_to_be(monkeypatch):
