@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import ctypes
 import gc
 import logging
 import os
@@ -48,6 +50,9 @@ FIRST_PAUSE, LONGEST_PAUSE = 2.0, 60.0
 GRACE = 1.0
 """How long calls may take to end once everything stands still, s."""
 
+_M_ARENA_MAX = -8  # of malloc.h
+_ARENAS = 2
+
 _LEASE_CHECKS = 0.02  # s between looks at whether the lease has run out
 
 
@@ -79,12 +84,19 @@ def run(
         DaemonError: there is a daemon at *socket* already, or it cannot be listened at.
         KernelsError: nothing could be planned, for want of compiled kernels that this machine runs.
     """
+    _share_arenas()
     processor.library()
     target(socket)  # whether the path can be that of a socket
     with claimed(socket), inner_socket(socket) as inner:
         asyncio.run(
             _Daemon(settings, socket, configuration, reread, on_ready, needs_devices).run(inner)
         )
+
+
+def _share_arenas() -> None:
+    """Have a score of threads share two heaps: one each would keep what it once needed."""
+    with contextlib.suppress(AttributeError):  # of a C library other than glibc
+        ctypes.CDLL(None).mallopt(_M_ARENA_MAX, _ARENAS)
 
 
 class _Daemon:
