@@ -22,7 +22,7 @@ import pytest
 from authority import OPENSSL, Authority
 from browser import CHROMIUM, open_browser, page_of, view_of
 from command_line import orientd as orientd_command
-from harness import DaemonProcess, spin, until
+from harness import DaemonProcess, resident_kib, spin, until
 
 import orientd
 from orientd.rpc import ask_to_stop
@@ -37,6 +37,8 @@ pytestmark = [
 ROUNDS = int(os.environ.get("ORIENTD_STORM_STOPS", "100"))
 ADMISSION = 2.0
 """Until a new client has been answered, s."""
+MEMORY = 256 * 1024
+"""That the daemon may have used, KiB."""
 
 
 def free_port():
@@ -266,3 +268,4 @@ def test_a_stop_reaches_the_servo_under_attack(daemon, way, attack):
     )
     assert max(took) <= BOUNDS[way] * 1e3
     assert max(waited) <= ADMISSION
+    assert resident_kib(daemon.process.pid, "VmHWM") <= MEMORY

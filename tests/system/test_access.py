@@ -18,7 +18,7 @@ from authority import OPENSSL, Authority
 from command_line import assert_refused, begin
 from command_line import orientd as orientd_command
 from every_call import SERVICE, walk
-from harness import DEVICE, DaemonProcess, spin, until
+from harness import DEVICE, DaemonProcess, resident_kib, spin, until
 
 import orientd
 from orientd.config import Role
@@ -277,11 +277,13 @@ def test_whoever_does_not_get_in_is_told_why(cell, name, folder, told):
         orientd.connect(address=cell.address, **files)
 
 
-def test_silent_handshakes_keep_nobody_out(cell):
-    silent = [socket.create_connection(("127.0.0.1", cell.port)) for _ in range(200)]
+def test_silent_handshakes_keep_nobody_out_and_take_no_memory(cell):
+    before = resident_kib(cell.daemon.process.pid)
+    silent = [socket.create_connection(("127.0.0.1", cell.port)) for _ in range(400)]
     try:
         with cell.robot("watcher", timeout=10.0) as robot:
             assert robot.state().daemon.pid == cell.daemon.process.pid
+        assert resident_kib(cell.daemon.process.pid) - before <= 20 * 1024
     finally:
         for one in silent:
             one.close()

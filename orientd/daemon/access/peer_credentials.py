@@ -26,7 +26,7 @@ from typing import Any
 
 from orientd.daemon.access.identity import ClientCertificate, Credentials, Identity, RolePolicy
 from orientd.daemon.access.peer import peer_process
-from orientd.daemon.access.tls import peer_certificate
+from orientd.daemon.access.tls import peer_certificate, until_spoken
 from orientd.errors import DaemonError
 
 _log = logging.getLogger(__name__)
@@ -140,7 +140,7 @@ class PeerListener:
         self._context = context
         try:
             server = await asyncio.start_server(
-                self._meet(self._from_tcp), host, port, backlog=_BACKLOG
+                self._meet(self._from_tcp, is_read=False), host, port, backlog=_BACKLOG
             )
         except OSError as error:
             raise DaemonError(f"cannot listen at {host}:{port}: {error.strerror}") from error
@@ -208,10 +208,12 @@ class PeerListener:
         if self._path is not None:
             self._path.chmod(0o666 if self._policy.admits_others else 0o600)
 
-    def _meet(self, receive: _Receive) -> _Meet:
+    def _meet(self, receive: _Receive, *, is_read: bool = True) -> _Meet:
         """Return what has *receive* look after everybody who comes, to their end or to ours."""
 
         def meet(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            if not is_read:
+                writer.transport.pause_reading()  # type: ignore[attr-defined] # it reads, too
             visit = asyncio.ensure_future(receive(reader, writer))
             self._visits.add(visit)
             visit.add_done_callback(self._visits.discard)
@@ -238,6 +240,8 @@ class PeerListener:
         self._handshakes[task] = host
         spare = writer.get_extra_info("socket").dup()
         try:
+            # TLS takes a quarter of a megabyte for each connection, which silence is not worth.
+            await until_spoken(spare, HANDSHAKE_TIMEOUT)
             await writer.start_tls(context, ssl_handshake_timeout=HANDSHAKE_TIMEOUT)
             certificate = peer_certificate(writer.get_extra_info("ssl_object"))
         except (OSError, ValueError, EOFError) as error:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import socket
 import ssl
 from collections.abc import Iterator
 from typing import Any
@@ -72,6 +74,23 @@ def server_context(settings: TcpSettings) -> ssl.SSLContext:
     except (OSError, ssl.SSLError) as error:
         raise ConfigError(f"tcp.{name}: cannot use {path}: {error}") from error
     return context
+
+
+async def until_spoken(peer: socket.socket, timeout: float) -> None:
+    """Wait until something has come from *peer*, or it has hung up.
+
+    Raises:
+        TimeoutError: it says nothing.
+    """
+    loop, heard = asyncio.get_running_loop(), asyncio.Event()
+    loop.add_reader(peer, heard.set)
+    try:
+        async with asyncio.timeout(timeout):
+            await heard.wait()
+    except TimeoutError:
+        raise TimeoutError(f"nothing was said for {timeout:g} s") from None
+    finally:
+        loop.remove_reader(peer)
 
 
 def peer_certificate(transport: ssl.SSLObject) -> ClientCertificate:
