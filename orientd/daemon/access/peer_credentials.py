@@ -330,6 +330,20 @@ class PeerListener:
     ) -> None:
         """Carry bytes both ways until either end has had enough."""
         name = f"orientd-{secrets.token_hex(16)}"
+        self._connections[name] = connection
+        try:
+            # Until something is said, the server need not know of it.
+            if first := await _chunk(reader):
+                connection.is_silent = False
+                await self._carry_in(name, first, reader, writer)
+        finally:
+            del self._connections[name]
+            # What is written is still sent; a peer that does not take it is not waited for.
+            writer.close()
+
+    async def _carry_in(
+        self, name: str, first: bytes, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
         inside = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         inside.setblocking(False)
         try:
@@ -343,34 +357,31 @@ class PeerListener:
             inside.close()
             writer.transport.abort()
             return
-        self._connections[name] = connection
+        inner_writer.write(first)
+        ways = {
+            asyncio.ensure_future(_pour(reader, inner_writer)),
+            asyncio.ensure_future(_pour(inner_reader, writer)),
+        }
         try:
-            ways = {
-                asyncio.ensure_future(_pour(reader, inner_writer, connection)),
-                asyncio.ensure_future(_pour(inner_reader, writer)),
-            }
-            try:
-                await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
-            finally:
-                for way in ways:
-                    way.cancel()
-                await asyncio.gather(*ways, return_exceptions=True)
+            await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
         finally:
-            del self._connections[name]
+            for way in ways:
+                way.cancel()
+            await asyncio.gather(*ways, return_exceptions=True)
             inner_writer.close()
-            # What is written is still sent; a peer that does not take it is not waited for.
-            writer.close()
 
 
-async def _pour(
-    source: asyncio.StreamReader,
-    into: asyncio.StreamWriter,
-    connection: PeerConnection | None = None,
-) -> None:
+async def _chunk(source: asyncio.StreamReader) -> bytes:
+    """Return what has come; nothing where the other end has gone."""
+    try:
+        return await source.read(_CHUNK)
+    except OSError:
+        return b""
+
+
+async def _pour(source: asyncio.StreamReader, into: asyncio.StreamWriter) -> None:
     with contextlib.suppress(OSError):
-        while chunk := await source.read(_CHUNK):
-            if connection is not None:
-                connection.is_silent = False
+        while chunk := await _chunk(source):
             into.write(chunk)
             await into.drain()
 
