@@ -145,7 +145,10 @@ def _settle(work: object) -> None:
 
 
 def _end_with(parent: int) -> None:
-    """End this process, whatever it waits for, once its parent has."""
+    """End this process, whatever it waits for, once its parent has.
+
+    What the kernel offers for that (PR_SET_PDEATHSIG) goes by the thread that began the worker.
+    """
     while os.getppid() == parent:
         time.sleep(_LOOK)
     os._exit(1)

@@ -32,7 +32,10 @@ from orientd.errors import DaemonError
 _log = logging.getLogger(__name__)
 
 HANDSHAKE_TIMEOUT = 5.0
-"""How long a TLS handshake may take, s."""
+"""How long a TLS handshake may take from the connection on, s."""
+
+LONGEST_SILENCE = 60.0
+"""How long somebody who was let in may say nothing at first, s."""
 
 MOST_HANDSHAKES = 32
 """TLS handshakes at the same time; for one more, the oldest of the busiest address is given up."""
@@ -240,9 +243,10 @@ class PeerListener:
         self._handshakes[task] = host
         spare = writer.get_extra_info("socket").dup()
         try:
-            # TLS takes a quarter of a megabyte for each connection, which silence is not worth.
-            await until_spoken(spare, HANDSHAKE_TIMEOUT)
-            await writer.start_tls(context, ssl_handshake_timeout=HANDSHAKE_TIMEOUT)
+            async with asyncio.timeout(HANDSHAKE_TIMEOUT):
+                # TLS takes a quarter of a megabyte for each connection, which silence is not worth.
+                await until_spoken(spare)
+                await writer.start_tls(context)
             certificate = peer_certificate(writer.get_extra_info("ssl_object"))
         except (OSError, ValueError, EOFError) as error:
             self._refused(origin, f"handshake: {_reason(error)}")
@@ -331,9 +335,13 @@ class PeerListener:
         """Carry bytes both ways until either end has had enough."""
         name = f"orientd-{secrets.token_hex(16)}"
         self._connections[name] = connection
+        first = b""
         try:
             # Until something is said, the server need not know of it.
-            if first := await _chunk(reader):
+            with contextlib.suppress(OSError):
+                async with asyncio.timeout(LONGEST_SILENCE):
+                    first = await reader.read(_CHUNK)
+            if first:
                 connection.is_silent = False
                 await self._carry_in(name, first, reader, writer)
         finally:
@@ -371,17 +379,9 @@ class PeerListener:
             inner_writer.close()
 
 
-async def _chunk(source: asyncio.StreamReader) -> bytes:
-    """Return what has come; nothing where the other end has gone."""
-    try:
-        return await source.read(_CHUNK)
-    except OSError:
-        return b""
-
-
 async def _pour(source: asyncio.StreamReader, into: asyncio.StreamWriter) -> None:
     with contextlib.suppress(OSError):
-        while chunk := await _chunk(source):
+        while chunk := await source.read(_CHUNK):
             into.write(chunk)
             await into.drain()
 
@@ -395,4 +395,6 @@ def most_together() -> int:
 def _reason(error: Exception) -> str:
     if isinstance(error, ssl.SSLError):
         return error.reason or str(error)
+    if isinstance(error, TimeoutError):
+        return f"not done within {HANDSHAKE_TIMEOUT:g} s"
     return str(error) or type(error).__name__
