@@ -4,6 +4,7 @@ import random
 
 import numpy as np
 import pytest
+from reference.wire import TORQUE, WireReader
 
 from orientd.errors import Fault
 from orientd.stream import ServoState
@@ -65,6 +66,19 @@ def turning(seconds=1.2):
     return q, rate[:, None] * axis, change[:, None] * axis
 
 
+def read_on_the_wire(gimbal):
+    """Return a reader of what goes to the servos from now on."""
+    reader, write = WireReader(), gimbal.port.writePort
+
+    def tapped(packet):
+        sent = write(packet)
+        reader.take(bytes(packet), gimbal.clock.now_ns() * 1e-9)
+        return sent
+
+    gimbal.port.writePort = tapped
+    return reader
+
+
 def positions(gimbal):
     gimbal.bus.advance(gimbal.clock.now_ns())
     return np.array([servo.shaft.position for servo in gimbal.bus.servos])
@@ -74,6 +88,7 @@ def caught(rig, gimbal_loop, cause, seed):
     """Return a loop in the fault that *cause* leads to amid a motion, and the servo it hit."""
     rng = random.Random(seed)
     gimbal = rig(rate_hz=500, is_paced=False, latency_ms=4.0)
+    gimbal.wire = read_on_the_wire(gimbal)
     loop = gimbal_loop(gimbal)
     loop.start(turning())
     loop.run(rng.randrange(150, 400))
@@ -86,6 +101,12 @@ def caught(rig, gimbal_loop, cause, seed):
     return loop, servo
 
 
+def _is_held(wire, servo):
+    """Return whether the last that was written of a servo's torque is that it be on."""
+    torque = [one.value for one in wire.written if (one.servo, one.address) == (servo, TORQUE)]
+    return torque[-1] == 1
+
+
 @pytest.mark.parametrize("cause", CAUSES)
 @pytest.mark.parametrize("rounds", ROUNDS)
 def test_nothing_snaps_when_what_held_it_lets_go(rig, gimbal_loop, cause, rounds):
@@ -94,6 +115,8 @@ def test_nothing_snaps_when_what_held_it_lets_go(rig, gimbal_loop, cause, rounds
         gimbal = loop.gimbal
         loop.run(300)
         before = positions(gimbal)
+        written = len(gimbal.wire.written)
+        asked = {servo: gimbal.wire.goals(servo)[-1] for servo in (1, 2, 3)}
         gimbal.bus.faults.clear()
         gimbal.port.is_plugged = True
         for servo in gimbal.bus.servos:
@@ -103,6 +126,15 @@ def test_nothing_snaps_when_what_held_it_lets_go(rig, gimbal_loop, cause, rounds
             loop.run(10)
             farthest = np.maximum(farthest, np.abs(positions(gimbal) - before))
         assert farthest.max() < DEGREE
+        # So somebody says who reads the wire alone: no goal is farther away than that, and what
+        # went over it is what the servos have.
+        wire = gimbal.wire
+        assert wire.damaged == 0
+        for servo, stood in enumerate(before, 1):
+            goals = [asked[servo], *wire.goals(servo, written)]
+            if _is_held(wire, servo):
+                assert max(abs(goal - stood) for goal in goals) < DEGREE
+            assert goals[-1] == gimbal.servo(servo).value("goal position")
 
 
 def test_healthy_axes_brake_on_the_path_while_the_failed_one_stands(rig, gimbal_loop):

@@ -1,0 +1,81 @@
+"""After a fault no goal on the wire leads away: a real daemon, read between it and the servos."""
+
+import random
+import time
+
+import pytest
+from gimbal_bench import GimbalDaemon
+from harness import until
+from reference.wire import PtyTee
+
+import orientd
+from orientd.stream import ServoState
+
+pytest.importorskip("dynamixel_sdk")
+
+DEVICE = "gimbal"
+DEGREE = 4096 / 360
+SERVOS = (1, 2, 3)
+CAUSES = {"jam": "jam {}", "overload": "error {} 32", "voltage": "error {} 1", "silent": "drop {}"}
+ROUNDS = [
+    pytest.param(1, id="once"),
+    pytest.param(50, id="many", marks=[pytest.mark.slow, pytest.mark.timeout(1200)]),
+]
+
+
+@pytest.fixture
+def tee(bus, tmp_path):
+    it = PtyTee(tmp_path / "tapped", bus.link)
+    yield it
+    it.end()
+
+
+@pytest.fixture
+def robot(tee, tmp_path):
+    daemon = GimbalDaemon(tmp_path, tee.link).start()
+    with orientd.connect(daemon.socket) as it:
+        yield it
+    daemon.end()
+
+
+def positions(bus):
+    return [bus.state(servo)["position"] for servo in SERVOS]
+
+
+def let_go(bus, servo):
+    """Undo what any cause does, but for what a servo remembers."""
+    bus.tell(f"free {servo}")
+    bus.tell(f"clear {servo}")
+
+
+@pytest.mark.parametrize("cause", CAUSES)
+@pytest.mark.parametrize("rounds", ROUNDS)
+def test_no_goal_on_the_wire_leads_away_after_a_fault(bus, tee, robot, cause, rounds):
+    chance = random.Random(rounds)
+
+    def state():
+        return robot.state().devices[DEVICE].state
+
+    start, end = {"rotation_vector": [0.3, 0.4, 0.8]}, {"rotation_vector": [-0.3, -0.4, -0.8]}
+    for _ in range(rounds):
+        until(lambda: state() is ServoState.HOLDING, "rest")
+        robot.move([start], approach=True).wait(30.0)
+        robot.move([end], approach=True)
+        time.sleep(chance.uniform(0.2, 1.2))
+        servo = chance.choice(SERVOS)
+        bus.tell(CAUSES[cause].format(servo))
+        until(lambda: state() is ServoState.FAULT, "the fault")
+        # What brakes has come to rest by then.
+        time.sleep(0.5)
+        stood, written = positions(bus), len(tee.reader.written)
+        goals = [tee.reader.goals(one)[-1] for one in SERVOS]
+        let_go(bus, servo)
+        for _ in range(10):
+            time.sleep(0.02)
+            assert max(abs(a - b) for a, b in zip(positions(bus), stood, strict=True)) < DEGREE
+        for one, goal, at in zip(SERVOS, goals, stood, strict=True):
+            later = [goal, *tee.reader.goals(one, written)]
+            assert max(abs(tick - at) for tick in later) < DEGREE
+            assert later[-1] == bus.state(one)["goal"]
+        assert tee.reader.damaged == 0
+        robot.reset(DEVICE)
