@@ -37,7 +37,15 @@ def _as_it_was(kind: type[OrientdError], args: tuple[Any, ...]) -> OrientdError:
 
 
 class OrientdError(Exception):
-    """The root of everything orientd raises about the world."""
+    """The root of everything orientd raises about the world.
+
+    Attributes:
+        planning: s from a motion's arrival at the daemon until it was refused; 0 for what is no
+            refusal of a motion.
+        waiting: of these spent on motions asked for before, a stop, a change of speed.
+    """
+
+    planning = waiting = 0.0
 
     def __reduce__(self) -> tuple[Any, ...]:
         # A constructor's arguments are not the exception's: what it has become is what crosses.

@@ -52,6 +52,9 @@ _REMOTE = {
     "ca": Annotated[Path | None, typer.Option("--ca", help="For --address: of the daemon.")],
 }
 
+LONG = 1.0
+"""What a refused motion took beyond this, s, is told."""
+
 Parameters = ParamSpec("Parameters")
 
 
@@ -103,8 +106,16 @@ def fail(error: OrientdError, *, as_json: bool) -> None:
     if as_json:
         print(json.dumps({"error": describe(error)}), file=sys.stderr)  # noqa: T201
     else:
-        print(f"orientd: {one_line(str(error))}", file=sys.stderr)  # noqa: T201
+        print(f"orientd: {one_line(str(error))}{_took(error)}", file=sys.stderr)  # noqa: T201
     raise typer.Exit(1) from None
+
+
+def _took(error: OrientdError) -> str:
+    """Return how long it took until a motion was refused, where that was long."""
+    if error.planning < LONG:
+        return ""
+    waiting = f"{error.waiting:.1f} s of it waiting for the device"
+    return f" (refused after {error.planning:.1f} s, {waiting})"
 
 
 def describe(error: OrientdError) -> dict[str, Any]:
@@ -112,6 +123,8 @@ def describe(error: OrientdError) -> dict[str, Any]:
     described: dict[str, Any] = {"kind": type(error).__name__, "message": str(error)}
     if isinstance(error, RequestError):
         described["field"] = error.field
+    if error.planning:
+        described |= {"planning": error.planning, "waiting": error.waiting}
     if isinstance(error, LimitError):
         for name in ("quantity", "value", "limit", "time", "unit"):
             described[name] = plain(getattr(error, name))

@@ -21,7 +21,14 @@ from orientd.daemon.leases import Lease
 from orientd.daemon.motions import AT_ONCE, ActiveMotion, ActiveMotions, MoveOptions, Prepared
 from orientd.daemon.observe import about
 from orientd.daemon.planners import PlanCall, PlannedMotion
-from orientd.errors import DeadlineError, LateError, NotYetError, StartError, StateError
+from orientd.errors import (
+    DeadlineError,
+    LateError,
+    NotYetError,
+    OrientdError,
+    StartError,
+    StateError,
+)
 from orientd.floats import difference, norm
 from orientd.rpc import MoveTiming, titled
 from orientd.stream import UNKNOWN
@@ -94,10 +101,12 @@ class MotionStarter:
             StateError: the device is not ready to move, or was stopped meanwhile.
             PlanError: it cannot be planned, or would break a limit.
         """
-        begun = time.monotonic()
-        async with self._turn(device.name, order):
-            waited = time.monotonic() - begun
-            return await self._move(token, device, order, move_options, stops, received_ns, waited)
+        try:
+            async with self._turn(device.name, order):
+                return await self._move(token, device, order, move_options, stops, received_ns)
+        except OrientdError as error:
+            error.waiting = sum(order.waits)
+            raise
 
     async def _move(
         self,
@@ -107,19 +116,17 @@ class MotionStarter:
         move_options: MoveOptions,
         stops: int,
         received_ns: int,
-        waited: float,
     ) -> tuple[ActiveMotion, MoveTiming]:
         attempt, late = 0, ""
         while attempt < ATTEMPTS and order.time_left:
             try:
                 prepared = await device.prepare(order, move_options, attempt=attempt)
-                waited += prepared.waited
                 planned_ns = time.monotonic_ns()
                 run = await self._begin(token, device, prepared, stops=stops)
             except NotYetError as error:
-                late, begun = str(error), time.monotonic()
-                await device.await_steady()
-                waited += time.monotonic() - begun
+                late = str(error)
+                with order.waiting():
+                    await device.await_steady()
             except LateError as error:
                 _log.info("%s: planned too late: %s", device.name, error)
                 attempt, late = attempt + 1, str(error)
@@ -129,7 +136,7 @@ class MotionStarter:
                     splicing=(time.monotonic_ns() - planned_ns) * 1e-9,
                     received_ns=received_ns,
                     attempts=attempt + 1,
-                    waiting=waited,
+                    waiting=sum(order.waits),
                 )
                 return run, timing
         raise StateError(f"device {device.name} was too quick for {attempt} plans: {late}")
@@ -143,8 +150,9 @@ class MotionStarter:
         """
         lock = self._turns[device]
         try:
-            async with asyncio.timeout(order.time_left):
-                await lock.acquire()
+            with order.waiting():
+                async with asyncio.timeout(order.time_left):
+                    await lock.acquire()
         except TimeoutError:
             raise DeadlineError(
                 f"planning did not begin within {order.timeout:g} s: device {device} is being "

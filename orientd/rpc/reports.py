@@ -82,6 +82,7 @@ class Plan:
         certificate: what was computed of it before any of it is sent.
         samples: the motion itself, where it was asked for.
         name: what its request calls it; empty where it does not.
+        planning: s that this took from the request's arrival on; 0 in what is not a plan's answer.
     """
 
     motion_id: str
@@ -92,6 +93,7 @@ class Plan:
     certificate: Certificate
     samples: Samples | None = None
     name: str = ""
+    planning: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,8 +193,7 @@ class Summary:
             s; ``None`` where that was not asked for, or did not come.
         start_lateness: how long after the start time that was asked for it began to be run, s;
             ``None`` where none was asked for.
-        start_skew: between the first device's beginning and the last one's, s, over the motions
-            with that start time.
+        start_skew: s from the first to the last beginning of motions with that start time.
     """
 
     motion_number: int
@@ -230,8 +231,7 @@ class MoveTiming:
         splicing: s from there until the servo had taken the motion up.
         received_ns: when the request arrived, the daemon's monotonic clock.
         attempts: how often it was planned.
-        waiting: s of the planning in which the device was waited for: motions asked for before, a
-            stop, a change of speed.
+        waiting: s of planning spent on motions asked for before, a stop, a change of speed.
     """
 
     planning: float

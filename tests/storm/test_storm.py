@@ -22,7 +22,7 @@ from wild import anywhere, wild_motion
 import orientd as api
 from orientd.bench.lateness import busy_cores, processes
 from orientd.errors import DaemonError, Fault, OrientdError, PlanError, RequestError, StateError
-from orientd.rpc import MoveHandle
+from orientd.rpc import MoveHandle, Plan
 from orientd.rpc import control_pb2 as pb
 from orientd.tolerances import GUARD_TOLERANCE
 
@@ -63,10 +63,13 @@ class Calls:
         error, said = None, 0.0
         try:
             answer = work(*arguments, **more)
-            said = answer.timing.planning if isinstance(answer, MoveHandle) else 0.0
+            if isinstance(answer, MoveHandle):
+                said = answer.timing.planning
+            elif isinstance(answer, Plan):
+                said = answer.planning
             return answer
         except REFUSALS as refusal:
-            error = refusal
+            error, said = refusal, refusal.planning
         except OrientdError as failure:
             error = failure
             if not (isinstance(error, DaemonError) and is_deadline(error)):

@@ -14,7 +14,7 @@ from harness import (
 
 import orientd
 from orientd import rotation
-from orientd.errors import LeaseError, RequestError
+from orientd.errors import LeaseError, LimitError, RequestError
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.reports import Outcome
 from orientd.stream import ServoState
@@ -126,6 +126,19 @@ def test_what_is_asked_for_during_a_stop_waits_for_rest_and_says_so(daemon, robo
     assert 0.0 < second.timing.waiting < second.timing.planning
     assert second.wait(20.0).outcome is Outcome.DONE
     daemon.assert_limits_kept()
+
+
+def test_a_refused_motion_says_how_long_the_device_was_waited_for(robot):
+    long_turn(robot)
+    robot.stop()
+    too_quick = [
+        {"rotation_vector": [0, 0, 0], "time": 0},
+        {"rotation_vector": [0, 0, 3], "time": 0.1},
+    ]
+    with pytest.raises(LimitError) as refused:
+        robot.move(too_quick, approach=True)
+    assert 0.0 < refused.value.waiting < refused.value.planning
+    assert robot.plan([key(0.4, 0, 0)], approach=True).planning > 0.0
 
 
 def test_queued_motions_follow_one_another(daemon, robot):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Awaitable, Callable
 from typing import Any, NoReturn, TypeVar
 
@@ -19,6 +20,10 @@ from orientd.rpc import control_pb2 as pb
 DEFAULT_REPORTS_HZ = 20.0
 SLOWEST_REPORTS_HZ = 0.1
 FASTEST_REPORTS_HZ = 100.0
+
+OVERTAKING = 0.05
+"""How long a command waits for those before it that are still on their way, s."""
+_OVERTAKEN = 0.001  # s between looks
 
 Result = TypeVar("Result")
 Context = grpc.aio.ServicerContext[Any, Any]
@@ -68,6 +73,16 @@ class Calls:
                 one.cancel()
         wake.clear()
         return not self._closing.is_set()
+
+    async def _in_turn(self, token: str, device: str, number: int) -> None:
+        """Wait a moment for commands that were begun before this one and are on their way.
+
+        What threads of one client begin together may arrive in another order, and an old command
+        is refused.
+        """
+        end, name = time.monotonic() + OVERTAKING, self._cell.device(device).name
+        while self._cell.leases.is_ahead(token, name, number) and time.monotonic() < end:
+            await asyncio.sleep(_OVERTAKEN)
 
     async def _do(self, context: Context, work: Callable[[], Result]) -> Result:
         try:

@@ -9,7 +9,7 @@ from orientd.daemon.access import present_caller
 from orientd.daemon.calls.calls import Calls, Context, device_message, refuse
 from orientd.daemon.calls.pausing import pause, resume
 from orientd.daemon.device import Device
-from orientd.errors import RequestError
+from orientd.errors import OrientdError, RequestError
 from orientd.rpc import control_pb2 as pb
 
 
@@ -102,6 +102,10 @@ class CommandingCalls(Calls):
             )
             return device_message(device)
 
+        try:
+            await self._in_turn(request.lease_token, request.device, request.lease_sequence)
+        except OrientdError as error:
+            await refuse(context, error)
         return await self._do(context, work)
 
 

@@ -43,13 +43,17 @@ class MovingCalls(Calls):
         return await self._plan(request, context, self._cell.streamed_keyframes)
 
     async def _plan(self, request: pb.PlanRequest, context: Context, most_keyframes: int) -> bytes:
+        received_ns = time.monotonic_ns()
         try:
             device = self._cell.device(request.device)
             rate_hz = _sample_rate(request.sample_rate_hz, device)
             order = self._order(request, context, most_keyframes, rate_hz)
             motion = await self._cell.plan(device, order)
-            return motion.response or _unsampled(motion)
+            # Messages put one behind the other are merged.
+            took = pb.PlanResponse(plan=pb.Plan(planning=_seconds_since(received_ns)))
+            return (motion.response or _unsampled(motion)) + took.SerializeToString()
         except OrientdError as error:
+            error.planning = _seconds_since(received_ns)
             await refuse(context, self._in_the_end(error))
 
     async def _gather(self, messages: AsyncIterator[Any], context: Context) -> Any:  # noqa: ANN401
@@ -124,6 +128,7 @@ class MovingCalls(Calls):
         run: ActiveMotion | None = None
         received_ns = time.monotonic_ns()
         try:
+            await self._in_turn(request.lease_token, request.device, request.lease_sequence)
             pause = interval("progress_rate_hz", request.progress_rate_hz)
             device = self._cell.device(request.device)
             self._cell.check(request.lease_token, device, request.lease_sequence)
@@ -141,6 +146,8 @@ class MovingCalls(Calls):
                     yield pb.MoveResponse(progress=progress)
             yield await self._in_worker(lambda: self._summary(run))
         except OrientdError as error:
+            if run is None:
+                error.planning = _seconds_since(received_ns)
             await refuse(context, self._in_the_end(error))
         finally:
             if run is not None and not run.ended.done():
@@ -262,10 +269,14 @@ def _progress(reader: report.ProgressReader) -> pb.MoveProgress | None:
     return None if progress is None else progress_to_message(progress)
 
 
+def _seconds_since(instant_ns: int) -> float:
+    return (time.monotonic_ns() - instant_ns) * 1e-9
+
+
 def _timing(received_ns: int, planned_ns: int, *, attempts: int) -> MoveTiming:
     return MoveTiming(
         planning=(planned_ns - received_ns) * 1e-9,
-        splicing=(time.monotonic_ns() - planned_ns) * 1e-9,
+        splicing=_seconds_since(planned_ns),
         received_ns=received_ns,
         attempts=attempts,
     )

@@ -28,6 +28,7 @@ class TrackingCalls(Calls):
         reading: asyncio.Task[None] | None = None
         try:
             begin = await _first(request_iterator)
+            await self._in_turn(begin.lease_token, begin.device, begin.lease_sequence)
             pause = interval("start.report_rate_hz", begin.report_rate_hz)
             device = self._cell.device(begin.device)
             limits = limits_to_wish(begin.limits)

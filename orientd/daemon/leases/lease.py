@@ -228,6 +228,12 @@ class LeaseTable:
                 self._numbers[token, device] = number
             return lease
 
+    def is_ahead(self, token: str, device: str, number: int) -> bool:
+        """Whether commands to *device* before *number*, of the same lease, have not come yet."""
+        with self._lock:
+            is_known = self._find(token) is not None
+            return is_known and number > self._numbers.get((token, device), 0) + 1
+
     def collect_expired(self) -> list[Lease]:
         """Return the leases that ran out since the last call, and forget them."""
         with self._lock:

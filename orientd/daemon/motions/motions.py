@@ -111,8 +111,8 @@ class Motions:
             PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
         """
         kind = len(order.motion).bit_length(), move_options.is_queued
-        waited = await self._rest()
-        leave = await self._leave(move_options, kind, attempt)
+        await self._rest(order)
+        leave = await self._leave(order, move_options, kind, attempt)
         chosen = time.monotonic()
         motion: PlannedMotion | None = None
         if leave is not None and move_options.is_queued:
@@ -122,27 +122,26 @@ class Motions:
             motion = await self._planners.plan(job, order, rank=Rank.URGENT)
             leave = replace(leave, record=motion.leave)
         elif leave is not None:
-            choose = partial(self._leave, move_options, kind, attempt)
+            choose = partial(self._leave, order, move_options, kind, attempt)
             successor = await self._takeover.plan(order, leave, choose, attempt)
             if successor is not None:
                 leave, motion, chosen = successor
         if motion is None:
             if leave is not None:
-                begun, leave = time.monotonic(), None
-                await stop_on_path(self._link, self._period)
-                waited += time.monotonic() - begun
+                leave = None
+                with order.waiting():
+                    await stop_on_path(self._link, self._period)
             job = self._job(order, self.held(), self._joints())
             motion = await self._planners.plan(job, order)
         await motion.arrive(self._queue.needed(motion.facts))
-        return Prepared(motion, leave, move_options, chosen, kind, waited)
+        return Prepared(motion, leave, move_options, chosen, kind)
 
-    async def _rest(self) -> float:
-        """Wait for the end of a stop; return how long that took, s."""
-        begun, cycle = time.monotonic(), self._link.newest()
-        if cycle is None or cycle.state is not ServoState.STOPPING:
-            return 0.0
-        await await_rest(self._link, self._period)
-        return time.monotonic() - begun
+    async def _rest(self, order: PlanCall) -> None:
+        """Wait for the end of a stop."""
+        cycle = self._link.newest()
+        if cycle is not None and cycle.state is ServoState.STOPPING:
+            with order.waiting():
+                await await_rest(self._link, self._period)
 
     async def await_steady(self) -> None:
         """Wait while the speed along the path is changing.
@@ -183,7 +182,7 @@ class Motions:
         return PlannedState.at_rest(cycle.q, cycle.position)
 
     async def _leave(
-        self, move_options: MoveOptions, kind: Kind, attempt: int
+        self, order: PlanCall, move_options: MoveOptions, kind: Kind, attempt: int
     ) -> SplicePoint | None:
         """Return where what runs is to be left at the earliest; ``None`` where nothing runs."""
         motion_queue, cycle = self._queue, self._link.newest()
@@ -192,7 +191,7 @@ class Motions:
         if move_options.start_ns != UNKNOWN:
             raise StateError("the device is moving: a start time needs one at rest")
         if cycle.state is ServoState.STOPPING:
-            await self._rest()
+            await self._rest(order)
             return None
         if not motion_queue.is_active:
             return None

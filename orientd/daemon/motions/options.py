@@ -83,7 +83,6 @@ class Prepared:
         options: how it is to begin and to end.
         chosen: when *leave* was chosen, monotonic clock, s.
         kind: of plan, which tells how long it takes.
-        waited: for the device to come to rest, s.
     """
 
     motion: PlannedMotion
@@ -91,4 +90,3 @@ class Prepared:
     move_options: MoveOptions = AT_ONCE
     chosen: float = 0.0
     kind: Kind = (0, False)
-    waited: float = 0.0

@@ -8,8 +8,10 @@ may wait is limited.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import time
 from collections import OrderedDict, deque
+from collections.abc import Iterator
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -51,6 +53,7 @@ class PlanCall:
         rate_hz: samples a second to report with the plan; 0 for none.
         most_keyframes: that the motion may have.
         began: when that time began, monotonic s.
+        waits: s, each that the device was waited for; see :meth:`waiting`.
     """
 
     motion: bytes
@@ -59,6 +62,16 @@ class PlanCall:
     rate_hz: float = 0.0
     most_keyframes: int = 20_000
     began: float = field(default_factory=time.monotonic)
+    waits: list[float] = field(default_factory=list)
+
+    @contextlib.contextmanager
+    def waiting(self) -> Iterator[None]:
+        """Count what the context takes as time in which the device is waited for."""
+        begun = time.monotonic()
+        try:
+            yield
+        finally:
+            self.waits.append(time.monotonic() - begun)
 
     @property
     def time_left(self) -> float:

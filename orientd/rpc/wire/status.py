@@ -27,6 +27,7 @@ from orientd.errors import (
     TooMuchError,
     UnknownNameError,
 )
+from orientd.rpc import control_pb2 as pb
 
 DETAILS_KEY = "grpc-status-details-bin"
 DOMAIN = "orientd"
@@ -58,6 +59,14 @@ class UnreachableError(DaemonError):
 
 def to_status(error: OrientdError) -> status_pb2.Status:
     """Return *error* as a status; the first line of its message is the status' message."""
+    status = _status(error)
+    if error.planning:
+        timing = pb.MoveTiming(planning=error.planning, waiting=error.waiting)
+        status.details.add().Pack(timing)
+    return status
+
+
+def _status(error: OrientdError) -> status_pb2.Status:
     message = (str(error).splitlines() or [type(error).__name__])[0][:MAX_MESSAGE_LENGTH]
     if isinstance(error, RequestError):
         is_unknown = isinstance(error, UnknownNameError)
@@ -81,6 +90,13 @@ def to_status(error: OrientdError) -> status_pb2.Status:
 
 def from_status(status: status_pb2.Status) -> OrientdError:
     """Return the exception that *status* was made of."""
+    error, timing = _exception(status), pb.MoveTiming()
+    if _find(status, timing):
+        error.planning, error.waiting = timing.planning, timing.waiting
+    return error
+
+
+def _exception(status: status_pb2.Status) -> OrientdError:
     bad_request = error_details_pb2.BadRequest()
     if _find(status, bad_request) and bad_request.field_violations:
         is_unknown = status.code == code_pb2.NOT_FOUND

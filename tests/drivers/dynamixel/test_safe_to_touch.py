@@ -127,12 +127,13 @@ def test_nothing_snaps_when_what_held_it_lets_go(rig, gimbal_loop, cause, rounds
             farthest = np.maximum(farthest, np.abs(positions(gimbal) - before))
         assert farthest.max() < DEGREE
         # So somebody says who reads the wire alone: no goal is farther away than that, and what
-        # went over it is what the servos have.
+        # went over it is what the servos have.  Over a wire that was unplugged nothing could be
+        # said any more: the servos' own watchdogs have stopped them before their last goals.
         wire = gimbal.wire
         assert wire.damaged == 0
         for servo, stood in enumerate(before, 1):
             goals = [asked[servo], *wire.goals(servo, written)]
-            if _is_held(wire, servo):
+            if _is_held(wire, servo) and cause != "unplugged":
                 assert max(abs(goal - stood) for goal in goals) < DEGREE
             assert goals[-1] == gimbal.servo(servo).value("goal position")
 

@@ -238,6 +238,8 @@ def test_of_several_devices_one_is_seized_and_the_others_are_left(pair):
 def test_a_command_that_was_overtaken_is_refused(pair):
     token = pair.acquire("ana").token
     pair.check(token, "arm", 1)
+    assert not pair.is_ahead(token, "arm", 2)
+    assert pair.is_ahead(token, "arm", 3)
     pair.check(token, "arm", 3)
     for old in (1, 2, 3):
         with pytest.raises(LeaseError, match=f"an old command: number {old} of its lease"):
@@ -245,3 +247,4 @@ def test_a_command_that_was_overtaken_is_refused(pair):
     pair.check(token, "leg", 1)
     pair.check(token, "arm")  # of a client that does not count
     pair.check(token, "arm", 4)
+    assert not pair.is_ahead("nonsense", "arm", 9)

@@ -38,6 +38,16 @@ def test_an_error_arrives_as_what_it_was(error):
     assert vars(arrived) == vars(error)
 
 
+@pytest.mark.parametrize("error", ERRORS, ids=lambda error: type(error).__name__)
+def test_a_refused_motion_tells_how_long_it_was_waited_for(error):
+    told = from_status(to_status(error)).__dict__ | {"planning": 4.25, "waiting": 3.5}
+    error = from_status(to_status(error))
+    error.planning, error.waiting = 4.25, 3.5
+    arrived = from_status(to_status(error))
+    assert vars(arrived) == told
+    assert type(arrived) is type(error)
+
+
 @pytest.mark.parametrize(
     ("error", "code"),
     [
