@@ -50,8 +50,8 @@ FIRST_PAUSE, LONGEST_PAUSE = 2.0, 60.0
 GRACE = 1.0
 """How long calls may take to end once everything stands still, s."""
 
-_M_ARENA_MAX = -8  # of malloc.h
-_ARENAS = 2
+_MALLOC = {-8: 2, -3: 2**16, -1: 2**16, -2: 2**12}
+"""Of malloc.h: at most two heaps, blocks from 64 KiB on of their own, heaps cut down at once."""
 
 _LEASE_CHECKS = 0.02  # s between looks at whether the lease has run out
 
@@ -84,7 +84,7 @@ def run(
         DaemonError: there is a daemon at *socket* already, or it cannot be listened at.
         KernelsError: nothing could be planned, for want of compiled kernels that this machine runs.
     """
-    _share_arenas()
+    _give_memory_back()
     processor.library()
     target(socket)  # whether the path can be that of a socket
     with claimed(socket), inner_socket(socket) as inner:
@@ -93,10 +93,11 @@ def run(
         )
 
 
-def _share_arenas() -> None:
-    """Have a score of threads share two heaps: one each would keep what it once needed."""
+def _give_memory_back() -> None:
+    """Have malloc give back what it needed once: by default each of a score of threads keeps it."""
     with contextlib.suppress(AttributeError):  # of a C library other than glibc
-        ctypes.CDLL(None).mallopt(_M_ARENA_MAX, _ARENAS)
+        for parameter, value in _MALLOC.items():
+            ctypes.CDLL(None).mallopt(parameter, value)
 
 
 class _Daemon:
