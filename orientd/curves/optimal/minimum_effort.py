@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+from functools import partial
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -15,15 +19,25 @@ from orientd.curves.construct import (
 from orientd.curves.families import check_given
 from orientd.curves.keyframes import check_aligned, check_choice, check_integer, resolve_times
 from orientd.curves.optimal.effort_equations import EffortEquations, EndRows
-from orientd.curves.optimal.effort_start import search, start_path
+from orientd.curves.optimal.effort_search import least_effort
+from orientd.curves.optimal.effort_start import refined, search, start_path
 from orientd.errors import PlanError
-from orientd.rotation import Floats, exp_half, multiply, rotate
+from orientd.rotation import Floats, angle, exp_half, multiply, rotate
 
 DIVISIONS = (1, 2, 4)
 """Into how many times as many spans an interval is divided until the effort is below that of the
 spline to start from: one that turns by radians in a span is not near one over finer knots."""
 
+FEWEST = 2
+"""Spans from which the search begins where it does not settle with more."""
+
+WIDE = 2.2
+"""Rad between keyframes, beyond which torque changes so much that two more spans are taken."""
+
 ENDS = ("natural", "clamped", "state")
+
+End = tuple[Floats | None, Floats | None]
+"""Angular velocity and acceleration that are given at an end."""
 
 
 class MinimumEffort(CumulativeCurve):
@@ -42,9 +56,9 @@ class MinimumEffort(CumulativeCurve):
     For acceleration a cubic is within 0.8 % (two spans) or 0.3 % (three) of the least integral
     there is (``min_acceleration``) for steps up to 170 degrees, where ``c2_cumulative`` takes up to
     10 % more; with steps of 10 degrees all three agree to 0.02 %.  Torque changes more within an
-    interval and wants order 6: with steps of 150 degrees two spans are within 0.4 % in the median
-    and three within 0.1 %, where a cubic of two spans takes 10 % more and ``c2_cumulative`` more
-    still.
+    interval and wants order 6, and two more spans where keyframes are far apart: with steps of up
+    to 170 degrees two spans are then within 1 % and three within 0.5 %, where a cubic of two
+    spans takes 10 % more and ``c2_cumulative`` more still.
 
     It is a stationary curve near the cumulative spline; large steps may have better ones further
     away.  For torque the search is made twice where up to ten keyframes are more than 2 rad apart,
@@ -118,27 +132,68 @@ class MinimumEffort(CumulativeCurve):
         last = check_given(check_choice(end, "end", ENDS), "end", omega_end, alpha_end)
         path, q = start_path(q, instants, first[0], last[0])
         has_acceleration = first[1] is not None or last[1] is not None
+        pose = partial(_Posed, q, instants, k, smooth, (first, last), matrix)
         problem = PlanError(_WORSE)
-        for more in DIVISIONS:
-            vector = effort_knots(instants, k, more * pieces, k - 1 - smooth)
-            basis = cumulative_basis(vector, k)
-            places = np.minimum(more * pieces * np.arange(len(instants)), len(basis.first))
-            ends = _end_rows(basis, first, last, is_free=matrix is not None)
-            equations = EffortEquations(
-                basis=basis, places=places, keys=q, ends=ends, inertia=matrix
-            )
+        for count in (*(more * pieces for more in DIVISIONS), FEWEST):
+            posed = pose(count)
             try:
-                solved = search(equations, path, vector, k, (first[0], last[0]))
+                solved = search(posed.equations, path, posed.knots, k, (first[0], last[0]))
             except PlanError as error:
                 problem = error
                 continue
             # The spline to start from knows nothing of accelerations at its ends.
-            if has_acceleration or equations.is_better(solved, path):
+            if has_acceleration or posed.equations.is_better(solved, path):
                 break
         else:
             raise problem
-        controls = _controls(basis, places, q, solved)
-        super().__init__(basis=basis, controls=controls, increments=solved, continuity=smooth)
+        is_wide = matrix is not None and bool(np.any(angle(q[1:], q[:-1]) > WIDE))
+        wanted = max(count, pieces + 2 * is_wide)
+        if wanted > count:
+            finer = pose(wanted)
+            with suppress(PlanError):
+                guess = refined(posed.curve(solved).evaluate, finer.knots, k)
+                posed, solved = finer, least_effort(finer.equations, guess)
+        super().__init__(**posed.parts(solved))
+
+
+class _Posed:
+    """What is to be found on a grid of so many spans between two keyframes."""
+
+    def __init__(
+        self,
+        keys: Floats,
+        instants: Floats,
+        order: int,
+        smoothness: int,
+        ends: tuple[End, End],
+        inertia: Floats | None,
+        spans: int,
+    ) -> None:
+        self.knots = effort_knots(instants, order, spans, order - 1 - smoothness)
+        self._basis = cumulative_basis(self.knots, order)
+        self._places = np.minimum(spans * np.arange(len(instants)), len(self._basis.first))
+        self._keys, self._smoothness = keys, smoothness
+        self.equations = EffortEquations(
+            basis=self._basis,
+            places=self._places,
+            keys=keys,
+            ends=_end_rows(self._basis, *ends, is_free=inertia is not None),
+            inertia=inertia,
+        )
+
+    def parts(self, solved: Floats) -> dict[str, Any]:
+        """Return what the curve of increments is made of."""
+        controls = _controls(self._basis, self._places, self._keys, solved)
+        return {
+            "basis": self._basis,
+            "controls": controls,
+            "increments": solved,
+            "continuity": self._smoothness,
+        }
+
+    def curve(self, solved: Floats) -> CumulativeCurve:
+        """Return the curve of increments."""
+        return CumulativeCurve(**self.parts(solved))
 
 
 _WORSE = (
@@ -192,8 +247,8 @@ def _check_between(value: object, name: str, least: int, most: int) -> int:
 
 def _end_rows(
     basis: CumulativeBasis,
-    first: tuple[Floats | None, Floats | None],
-    last: tuple[Floats | None, Floats | None],
+    first: End,
+    last: End,
     *,
     is_free: bool,
 ) -> EndRows:

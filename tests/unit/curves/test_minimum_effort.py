@@ -103,7 +103,7 @@ def transcribed(curve, inertia, pieces):
     return 2.0 * found.cost
 
 
-@pytest.mark.parametrize(("seed", "step"), [(0, 1.6), (1, 2.4)])
+@pytest.mark.parametrize(("seed", "step"), [(0, 1.6), (1, 2.4), (10, 2.4), (12, 2.7), (3, 2.95)])
 def test_with_an_inertia_it_is_near_what_points_on_a_grid_can_do(random_keys, seed, step):
     inertia = np.array([[1.0, 0.1, 0.0], [0.1, 0.6, -0.1], [0.0, -0.1, 0.5]])
     keys = random_keys(len(TIMES), step, seed=seed)
