@@ -4,7 +4,7 @@ import random
 import time
 
 import pytest
-from gimbal_bench import GimbalDaemon
+from gimbal_bench import GimbalDaemon, await_hold
 from harness import until
 from reference.wire import PtyTee
 
@@ -31,11 +31,16 @@ def tee(bus, tmp_path):
 
 
 @pytest.fixture
-def robot(tee, tmp_path):
-    daemon = GimbalDaemon(tmp_path, tee.link).start()
+def daemon(tee, tmp_path):
+    it = GimbalDaemon(tmp_path, tee.link).start()
+    yield it
+    it.end()
+
+
+@pytest.fixture
+def robot(daemon):
     with orientd.connect(daemon.socket) as it:
         yield it
-    daemon.end()
 
 
 def positions(bus):
@@ -50,21 +55,18 @@ def let_go(bus, servo):
 
 @pytest.mark.parametrize("cause", CAUSES)
 @pytest.mark.parametrize("rounds", ROUNDS)
-def test_no_goal_on_the_wire_leads_away_after_a_fault(bus, tee, robot, cause, rounds):
+def test_no_goal_on_the_wire_leads_away_after_a_fault(bus, tee, daemon, robot, cause, rounds):
     chance = random.Random(rounds)
-
-    def state():
-        return robot.state().devices[DEVICE].state
 
     start, end = {"rotation_vector": [0.3, 0.4, 0.8]}, {"rotation_vector": [-0.3, -0.4, -0.8]}
     for _ in range(rounds):
-        until(lambda: state() is ServoState.HOLDING, "rest")
+        await_hold(daemon, DEVICE)
         robot.move([start], approach=True).wait(30.0)
         robot.move([end], approach=True)
         time.sleep(chance.uniform(0.2, 1.2))
         servo = chance.choice(SERVOS)
         bus.tell(CAUSES[cause].format(servo))
-        until(lambda: state() is ServoState.FAULT, "the fault")
+        until(lambda: robot.state().devices[DEVICE].state is ServoState.FAULT, "the fault")
         # What brakes has come to rest by then.
         time.sleep(0.5)
         stood, written = positions(bus), len(tee.reader.written)
@@ -78,4 +80,3 @@ def test_no_goal_on_the_wire_leads_away_after_a_fault(bus, tee, robot, cause, ro
             assert max(abs(tick - at) for tick in later) < DEGREE
             assert later[-1] == bus.state(one)["goal"]
         assert tee.reader.damaged == 0
-        robot.reset(DEVICE)
