@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
-
+TYPE_CHECKING = False  # of typing, without loading it: a stop from the shell waits for this
 if TYPE_CHECKING:
+    from typing import Any
+
     from orientd import curves
     from orientd.fleet.client import connect_fleet
     from orientd.planner.offline import plan_offline as plan
@@ -39,9 +39,11 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - the signature PEP 562 asks for
-    if name in _HOMES:
-        module, written_as = _HOMES[name]
-        return getattr(import_module(module), written_as)
+    if name != "curves" and name not in _HOMES:
+        raise AttributeError(f"module 'orientd' has no attribute {name!r}")
+    from importlib import import_module
+
     if name == "curves":
         return import_module("orientd.curves")
-    raise AttributeError(f"module 'orientd' has no attribute {name!r}")
+    module, written_as = _HOMES[name]
+    return getattr(import_module(module), written_as)

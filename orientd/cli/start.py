@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
-import os
-import signal
 import sys
-from types import FrameType
-from typing import NoReturn
+
+from orientd import first_stop
+
+TYPE_CHECKING = False  # of typing, which takes as long to load as a stop takes to go out
+if TYPE_CHECKING:
+    from types import FrameType
+    from typing import NoReturn
 
 
 def main() -> NoReturn:
     """Run what the command line says: a stop before that is loaded, anything else by it."""
+    begun = first_stop.begin(sys.argv[1:])
+    import signal
+
     # Whoever ignores the signal, such as a shell for its background jobs, has a reason to.
     is_ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if is_ours:
         signal.signal(signal.SIGINT, _end)
     from orientd.cli import urgent
 
-    if urgent.run(sys.argv[1:]):
+    if urgent.run(sys.argv[1:], begun):
         sys.exit(0)
     from orientd.cli.main import main as run
 
@@ -29,6 +35,8 @@ def main() -> NoReturn:
 
 def _end(number: int, frame: FrameType | None) -> None:
     """End at once: nothing has begun, and an exception inside an import would be one of theirs."""
+    import os
+
     del number, frame
     os.write(2, b"orientd: interrupted\n")
     os._exit(1)

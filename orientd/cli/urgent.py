@@ -1,9 +1,9 @@
 """`orientd stop` and `orientd halt`, on their way before the command line is loaded.
 
 Typer, with the library it checks options by, takes some 0.2 s to load and gRPC's library 0.1 s
-more, in which what moves would move on; all of this takes 40 ms.  What these two commands are
-plainly asked for is read here, without both; whatever is not plain, and whatever goes wrong, is
-left to the command line, which asks the daemon again.
+more, in which what moves would move on.  What these two commands are plainly asked for is read
+without both, and sent before even this is loaded (:mod:`orientd.first_stop`); whatever is not
+plain, and whatever goes wrong, is left to the command line, which asks the daemon again.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from orientd.errors import OrientdError
+from orientd.first_stop import options
 from orientd.rpc import ask_to_stop, begin_call, found_socket, read_answer, text_fields
 
 TIMEOUT = 5.0
@@ -23,13 +24,17 @@ REPORT_TIMEOUT = 1.0
 """How long it may take to say how devices are that are stopped already, s."""
 
 _METHODS = {"stop": "Stop", "halt": "Halt"}
-_OPTIONS = {"--socket": "socket", "--device": "device", "-d": "device"}
 
 
-def run(arguments: list[str]) -> bool:
-    """Carry out the command that *arguments* say; return whether that is done."""
+def run(arguments: list[str], begun: int = -1) -> bool:
+    """Carry out the command that *arguments* say; return whether that is done.
+
+    Args:
+        arguments: of the command line.
+        begun: the connection by which the stop has gone out already; -1 where it has not.
+    """
     method = _METHODS.get(arguments[0]) if arguments else None
-    given = _options(arguments[1:]) if method else None
+    given = options(arguments[1:]) if method else None
     if method is None or given is None:
         return False
     socket = given.get("socket") or os.environ.get("ORIENTD_SOCKET")
@@ -39,7 +44,7 @@ def run(arguments: list[str]) -> bool:
     device = given.get("device", "")
     try:
         message = text_fields(device)
-        told = ask_to_stop(path, arguments[0], device)
+        told = ask_to_stop(path, arguments[0], device, begun=begun)
     except (ValueError, OrientdError):
         return False
     if told is None:
@@ -83,16 +88,3 @@ def _tell_little(told: list[dict[str, Any]], *, as_json: bool) -> None:
         lines = [f"{one['name']}: told to stop while {one['state']}" for one in devices]
         lines.append("the daemon does not answer")
     os.write(1, "".join(f"{line}\n" for line in lines).encode())
-
-
-def _options(arguments: list[str]) -> dict[str, str] | None:
-    """Return the options in *arguments* by name, or ``None`` where there is anything else."""
-    given: dict[str, str] = {}
-    waiting = iter(arguments)
-    for argument in waiting:
-        value = "" if argument == "--json" else next(waiting, "")
-        name = "json" if argument == "--json" else _OPTIONS.get(argument)
-        if name is None or (name != "json" and (not value or value.startswith("-"))):
-            return None
-        given[name] = value
-    return given

@@ -14,10 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from orientd.errors import AccessError, DaemonError, RequestError, UnknownNameError
+from orientd.first_stop import TIMEOUT, connected
 from orientd.rpc.trust import check_folder, check_peer
-
-TIMEOUT = 2.0
-"""How long an answer may take, s."""
 
 _ANSWER_BYTES = 1 << 20
 
@@ -27,13 +25,16 @@ def stop_socket(socket_path: Path) -> Path:
     return socket_path.with_name(f"{socket_path.name}.stop")
 
 
-def ask_to_stop(socket_path: Path, kind: str, device: str = "") -> list[dict[str, Any]] | None:
+def ask_to_stop(
+    socket_path: Path, kind: str, device: str = "", *, begun: int = -1
+) -> list[dict[str, Any]] | None:
     """Have devices stopped; return what each was doing, or ``None`` where there is no such way.
 
     Args:
         socket_path: of the daemon.
         kind: ``stop``, or ``halt`` for the quickest, off the path.
         device: its name; empty for all of them.
+        begun: the connection by which that was asked already; see :mod:`orientd.first_stop`.
 
     Returns:
         Of each device ``name``, ``state`` and ``motion`` as the stop met them.
@@ -43,7 +44,7 @@ def ask_to_stop(socket_path: Path, kind: str, device: str = "") -> list[dict[str
         UnknownNameError: there is no such device.
         DaemonError: a servo, or what listens there, does not answer.
     """
-    answer = _answer(stop_socket(socket_path), {"kind": kind, "device": device})
+    answer = _answer(stop_socket(socket_path), {"kind": kind, "device": device}, begun)
     if answer is None:
         return None
     if "refused" in answer:
@@ -72,33 +73,24 @@ def refusal(socket_path: Path) -> str:
     return str(answer.get("refused", ""))
 
 
-def _answer(path: Path, request: dict[str, str]) -> dict[str, Any] | None:
-    connection = socket.socket(socket.AF_UNIX)
-    with connection:
+def _answer(path: Path, request: dict[str, str], begun: int = -1) -> dict[str, Any] | None:
+    try:
+        descriptor = begun if begun >= 0 else connected(str(path)).detach()
+    except PermissionError as error:
+        raise AccessError(f"{path} does not admit user {os.geteuid()}") from error
+    except OSError:
+        return None
+    with socket.socket(fileno=descriptor) as connection:
         connection.settimeout(TIMEOUT)
-        try:
-            _connect(connection, path)
-        except PermissionError as error:
-            raise AccessError(f"{path} does not admit user {os.geteuid()}") from error
-        except OSError:
-            return None
         check_folder(path.absolute().parent)
         check_peer(path, connection)
         try:
-            # Whoever is refused is answered, and hung up on, before they say anything.
-            with contextlib.suppress(BrokenPipeError):
-                connection.sendall(json.dumps(request).encode() + b"\n")
+            if begun < 0:
+                # Whoever is refused is answered, and hung up on, before they say anything.
+                with contextlib.suppress(BrokenPipeError):
+                    connection.sendall(json.dumps(request).encode() + b"\n")
             with connection.makefile("rb") as incoming:
                 answer = json.loads(incoming.readline(_ANSWER_BYTES))
         except (OSError, ValueError) as error:
             raise DaemonError(f"what takes stops at {path} does not answer") from error
     return answer if isinstance(answer, dict) else None
-
-
-def _connect(connection: socket.socket, path: Path) -> None:
-    # By way of its directory: that path is never too long.
-    directory = os.open(path.parent, os.O_PATH | os.O_DIRECTORY | os.O_CLOEXEC)
-    try:
-        connection.connect(f"/proc/self/fd/{directory}/{path.name}")
-    finally:
-        os.close(directory)

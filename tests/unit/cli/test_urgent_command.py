@@ -1,5 +1,8 @@
 """A stop before the command line is loaded: what is read of it, and what is left to that."""
 
+import json
+import os
+import socket
 import subprocess
 import sys
 from concurrent import futures
@@ -7,6 +10,7 @@ from concurrent import futures
 import grpc
 import pytest
 
+from orientd import first_stop
 from orientd.cli import urgent
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.control_pb2_grpc import ControlServicer, add_ControlServicer_to_server
@@ -77,6 +81,60 @@ def test_a_daemon_that_is_reached_over_tcp_is_left_to_the_command_line(there, mo
     monkeypatch.delenv("ORIENTD_SOCKET")
     monkeypatch.setenv("ORIENTD_ADDRESS", "there:1")
     assert not urgent.run(["stop"])
+
+
+@pytest.fixture
+def listener(tmp_path, monkeypatch):
+    """Return what listens where stops are taken."""
+    monkeypatch.setenv("ORIENTD_SOCKET", str(tmp_path / "socket"))
+    with socket.socket(socket.AF_UNIX) as it:
+        it.bind(str(tmp_path / "socket.stop"))
+        it.listen(4)
+        it.settimeout(5.0)
+        yield it
+
+
+def said_by(listener):
+    """Return what somebody says, and hang up on them."""
+    connection, _ = listener.accept()
+    with connection, connection.makefile() as incoming:
+        return json.loads(incoming.readline())
+
+
+def test_what_the_command_line_plainly_says_is_sent_first(listener):
+    for arguments, kind, device in (
+        (["stop"], "stop", ""),
+        (["halt", "--json", "-d", "left_arm-2"], "halt", "left_arm-2"),
+    ):
+        os.close(first_stop.begin(arguments))
+        assert said_by(listener) == {"kind": kind, "device": device}
+
+
+@pytest.mark.parametrize(
+    "arguments", [[], ["status"], ["stop", "now"], ["stop", "-d", 'a"b'], ["stop", "-d", "a b"]]
+)
+def test_nothing_else_is_sent_first(listener, arguments):
+    assert first_stop.begin(arguments) == -1
+
+
+def test_nobody_is_told_first_where_nobody_listens_or_over_tcp(tmp_path, monkeypatch):
+    assert first_stop.begin(["stop", "--socket", str(tmp_path / "nowhere")]) == -1
+    monkeypatch.setenv("ORIENTD_ADDRESS", "there:1")
+    assert first_stop.begin(["stop"]) == -1
+
+
+def test_next_to_nothing_is_loaded_before_a_stop_is_sent():
+    program = (
+        "import sys\n"
+        "before = set(sys.modules)\n"
+        "from orientd.cli import start\n"
+        "print(*sorted(set(sys.modules) - before))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    ours = {"__future__", "_socket", "orientd", "orientd.cli", "orientd.cli.start"}
+    assert set(done.stdout.split()) == {*ours, "orientd.first_stop"}
 
 
 def test_nothing_large_is_loaded_before_it_is_sent():

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from orientd import first_stop
 from orientd.errors import DaemonError
 from orientd.rpc import address
 from orientd.rpc.address import MAX_PATH_BYTES, default_socket, target
@@ -34,7 +35,7 @@ def test_the_daemon_of_the_system_is_found_where_the_user_has_none(tmp_path, mon
     monkeypatch.delenv("ORIENTD_SOCKET", raising=False)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     own, shared = tmp_path / "orientd" / "control.sock", tmp_path / "system.sock"
-    monkeypatch.setattr(address, "SYSTEM_SOCKET", shared)
+    monkeypatch.setattr(first_stop, "SYSTEM_SOCKET", str(shared))
     assert address.found_socket() == own
     shared.touch()
     assert address.found_socket() == shared

@@ -1,0 +1,123 @@
+"""The beginning of a stop from the shell: where a daemon is to be found, and a word to it.
+
+Modules take longer to load than all the rest of bringing a device to rest.  So the word goes out
+before they are loaded; nothing is imported here but what Python has loaded by itself, and its
+built-in sockets.  Whether who listens may be trusted, and what they answer, is seen to afterwards
+(:mod:`orientd.rpc.stop_call`): a stop is nothing that a stranger could not be told.
+"""
+
+# ruff: noqa: PTH100, PTH110, PTH111, PTH116, SIM105 - pathlib and contextlib take as long to load
+
+from __future__ import annotations
+
+import _socket
+import os
+
+SYSTEM_SOCKET = "/run/orientd/control.sock"
+"""Of the daemon that runs as a service of the system."""
+
+TIMEOUT = 2.0
+"""How long an answer may take, s."""
+
+KINDS = ("stop", "halt")
+
+_OPTIONS = {"--socket": "socket", "--device": "device", "-d": "device"}
+_FIRST = -20
+"""The niceness of what is to come first, where that is permitted."""
+
+
+def runtime_directory() -> str:
+    """Return the directory of the user's sockets; it may not be there yet.
+
+    ``$XDG_RUNTIME_DIR/orientd``; or the first of ``$RUNTIME_DIRECTORY``, which systemd sets for a
+    service; or ``/run/user/<uid>/orientd``; and only where there is none of them
+    ``/tmp/orientd-<uid>``.
+    """
+    runtime = os.environ.get("XDG_RUNTIME_DIR")
+    if runtime:
+        return f"{runtime}/orientd"
+    offered = os.environ.get("RUNTIME_DIRECTORY", "").partition(":")[0]
+    if offered:
+        return offered
+    of_user = f"/run/user/{os.getuid()}"
+    if os.access(of_user, os.W_OK | os.X_OK) and os.stat(of_user).st_uid == os.getuid():
+        return f"{of_user}/orientd"
+    return f"/tmp/orientd-{os.getuid()}"
+
+
+def default_socket() -> str:
+    """Return where the daemon is unless the configuration says otherwise."""
+    named = os.environ.get("ORIENTD_SOCKET")
+    return os.path.expanduser(named) if named else f"{runtime_directory()}/control.sock"
+
+
+def found_socket() -> str:
+    """Return where a daemon is to be found: the user's own, or else the one of the system."""
+    own = default_socket()
+    is_named = "ORIENTD_SOCKET" in os.environ
+    if not is_named and not os.path.exists(own) and os.path.exists(SYSTEM_SOCKET):
+        return SYSTEM_SOCKET
+    return own
+
+
+def options(arguments: list[str]) -> dict[str, str] | None:
+    """Return the options in *arguments* by name, or ``None`` where there is anything else."""
+    given: dict[str, str] = {}
+    waiting = iter(arguments)
+    for argument in waiting:
+        value = "" if argument == "--json" else next(waiting, "")
+        name = "json" if argument == "--json" else _OPTIONS.get(argument)
+        if name is None or (name != "json" and (not value or value.startswith("-"))):
+            return None
+        given[name] = value
+    return given
+
+
+def begin(arguments: list[str]) -> int:
+    """Send the stop that the command line plainly says, if it says one.
+
+    Returns:
+        The connection that the answer comes by, a descriptor; -1 where nothing was sent.
+    """
+    kind = arguments[0] if arguments else ""
+    given = options(arguments[1:]) if kind in KINDS else None
+    if given is None or (not given.get("socket") and os.environ.get("ORIENTD_ADDRESS")):
+        return -1
+    device = given.get("device", "")
+    if not device.replace("_", "").replace("-", "").isalnum() and device:
+        return -1  # to be spelled by somebody who knows JSON
+    try:
+        os.setpriority(os.PRIO_PROCESS, 0, _FIRST)
+    except OSError:
+        pass
+    try:
+        connection = connected(f"{given.get('socket') or found_socket()}.stop")
+    except OSError:
+        return -1
+    try:
+        connection.sendall(f'{{"kind": "{kind}", "device": "{device}"}}\n'.encode())
+    except OSError:
+        pass  # whoever is refused is answered, and hung up on, before they say anything
+    return connection.detach()
+
+
+def connected(path: str) -> _socket.socket:
+    """Return a connection to the Unix socket at *path*.
+
+    Raises:
+        OSError: there is none, or it does not admit this user.
+    """
+    connection = _socket.socket(_socket.AF_UNIX)
+    try:
+        connection.settimeout(TIMEOUT)
+        folder, _, name = os.path.abspath(path).rpartition("/")
+        # By way of its directory: that path is never too long.
+        directory = os.open(folder or "/", os.O_PATH | os.O_DIRECTORY | os.O_CLOEXEC)
+        try:
+            connection.connect(f"/proc/self/fd/{directory}/{name}")
+        finally:
+            os.close(directory)
+    except BaseException:
+        connection.close()
+        raise
+    return connection
