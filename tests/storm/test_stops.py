@@ -223,7 +223,7 @@ def by_page(daemon, kind):
     return round(clicked * 1e6) - time.time_ns() + time.monotonic_ns()
 
 
-BOUNDS = {by_call: 0.05, by_command: 0.25, by_page: 0.25}
+BOUNDS = {by_call: 0.05, by_command: 0.05, by_page: 0.25}
 """From the call, the start of the command (which has Python to start) or the click in the browser
 (which draws without a graphics card meanwhile) to the first cycle that brakes, s."""
 

@@ -6,12 +6,13 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 
 import grpc
 import numpy as np
 import pytest
 from google.rpc import error_details_pb2, status_pb2
-from harness import DEVICE, DaemonProcess, spin, until
+from harness import DEVICE, DaemonProcess, channel_to, resident_kib, spin, until
 from scipy.spatial.transform import Rotation
 
 import orientd
@@ -26,6 +27,7 @@ from orientd.errors import (
     UnknownNameError,
 )
 from orientd.rpc import control_pb2 as pb
+from orientd.rpc.control_pb2_grpc import ControlStub
 from orientd.rpc.motion_request import Quaternion
 from orientd.rpc.reports import Outcome
 from orientd.rpc.wire import cut_motion, in_pieces
@@ -405,3 +407,18 @@ def test_a_device_without_axes_has_no_outline(robot):
     observer.close()
     assert cycles
     assert outline == ()
+
+
+def test_refused_plans_leave_no_memory(tmp_path):
+    with DaemonProcess(tmp_path) as daemon, channel_to(daemon.socket) as channel:
+        motion = spin(8000.0)
+        for _ in range(5):
+            asked = [
+                ControlStub(channel).Plan.future(pb.PlanRequest(motion=motion)) for _ in range(80)
+            ]
+            time.sleep(0.5)
+            for one in asked:
+                one.cancel()
+            until(lambda asked=asked: all(one.done() for one in asked), "the end of the calls")
+        assert len(motion.SerializeToString()) > 500_000
+        assert resident_kib(daemon.process.pid, "VmHWM") < 256 * 1024

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import gc
 import inspect
 import itertools
 import logging
@@ -32,6 +33,12 @@ from orientd.errors import AccessError, LeaseError, OrientdError, RequestError, 
 from orientd.rpc import DETAILS_KEY, to_status
 
 _log = logging.getLogger(__name__)
+
+_LEFT = 2**24
+"""Bytes of refused requests that may be left in memory."""
+
+_STREAMED = 2**20
+"""What a refused call is taken to leave whose requests came one by one, bytes."""
 
 Context = Any
 Handler = Any
@@ -64,6 +71,7 @@ class Authorization(Interceptor):
         self._owner_of: OwnerOf = lambda _: None
         self.count_call: CountCall = lambda *_: None
         self._numbers = itertools.count(1)
+        self._left = 0
         self._wrapped: dict[tuple[str, Handler], Handler] = {}
 
     def guard_leases(self, owner_of: OwnerOf) -> None:
@@ -139,8 +147,10 @@ class Authorization(Interceptor):
             yield call
         except (asyncio.CancelledError, GeneratorExit):
             self._conclude(call, "CANCELLED", "")
+            self._sweep(asked)
             raise
         except BaseException:
+            self._sweep(asked)
             code = context.code()
             name = code.name if isinstance(code, grpc.StatusCode) else "UNKNOWN"
             self._conclude(call, name, context.details() or "")
@@ -150,6 +160,17 @@ class Authorization(Interceptor):
         finally:
             if is_counted:
                 self._throttle.ends(key)
+
+    def _sweep(self, asked: Any) -> None:  # noqa: ANN401
+        """Have Python look for circles once those that refused calls have left may be large.
+
+        What ended a call holds, by way of its traceback, the request and gRPC's context, and that
+        holds what ended it.
+        """
+        self._left += asked.ByteSize() if isinstance(asked, Message) else _STREAMED
+        if self._left > _LEFT:
+            self._left = 0
+            gc.collect()
 
     def _has_lease(self, request: Message, key: str) -> bool:
         """Whether a request names a lease that is its caller's own."""
