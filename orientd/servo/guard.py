@@ -44,6 +44,11 @@ class Guard:
         self.q, self.omega, self.alpha = q, ZERO, ZERO
         self.position, self.velocity = position, ZERO
 
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether no difference of what was written last says that anything moves."""
+        return self.omega == self.alpha == self.velocity == ZERO
+
     def hold(self) -> None:
         """Take the same setpoint once more, which no limit forbids."""
         x, y, z = self.omega
@@ -127,7 +132,7 @@ class Guard:
         limits = bounds(
             self.period, servo_limits.velocity, servo_limits.acceleration, servo_limits.jerk
         )
-        while not self.omega == self.alpha == self.velocity == ZERO:
+        while not self.is_at_rest:
             omega, _ = halt(self.omega, self.alpha, loosened(limits, self.omega, self.alpha))
             yield self._step(omega, self._braked(servo_limits))
 

@@ -98,9 +98,9 @@ class SetpointGenerator:
         state = self.state
         return state is _STREAMING or state is _STOPPING or state is _TRACKING
 
-    @property
-    def _held(self) -> PathPoint:
-        """Where the device is held: the last setpoint, at rest."""
+    def _hold(self) -> PathPoint:
+        """Return the last setpoint once more, at rest."""
+        self._guard.hold()
         last = self.last
         return PathPoint(last.q, ZERO, ZERO, last.position, ZERO)
 
@@ -114,8 +114,7 @@ class SetpointGenerator:
         if state is _STREAMING or state is _STOPPING or state is _TRACKING:
             point = self._move(deadline_ns)
         else:
-            point = self._held
-            self._guard.hold()
+            point = self._hold()
         self.last = point
         return point
 
@@ -246,9 +245,10 @@ class SetpointGenerator:
         if self.state is _STREAMING:
             speed = self._speed * self._driver.speed_scaling
             if self._is_waiting:
-                share = self._share_run(deadline_ns)
+                # What the motion before sent last has to be over for differences over cycles, too.
+                share = self._share_run(deadline_ns) if self._guard.is_at_rest else 0.0
                 if share <= 0.0:
-                    return self._held
+                    return self._hold()
                 self._is_waiting = False
                 # The path is at rest there: it needs no run-up in time.
                 scaling.begin(scaling.brake_rate, speed)

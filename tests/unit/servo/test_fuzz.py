@@ -312,13 +312,18 @@ class Fuzz:
 def check(events, seed):
     fuzz = Fuzz(seed)
     fuzz.play(events)
+    assert_kept(fuzz)
+    return fuzz.counts
+
+
+def assert_kept(fuzz):
+    """Check that nothing moves, nothing was a fault, and no limit was broken."""
     assert fuzz.rig.cycle.state is ServoState.HOLDING, fuzz.rig.notes(NoteKind.FAULT)
     assert not fuzz.rig.notes(NoteKind.FAULT)
     setpoints = fuzz.rig.driver.setpoints
     found = reached([s.q for s in setpoints], [s.position for s in setpoints], PERIOD)
     for name, size in found.items():
         assert size <= 1.001 * getattr(fuzz.limits, name), name
-    return fuzz.counts
 
 
 @pytest.mark.parametrize(
@@ -338,3 +343,14 @@ def test_no_order_of_a_great_many_events_breaks_anything():
             counts += found
             if done % 10 == 0:
                 print(f"{ROUND * done} events, {time.monotonic() - begun:.0f} s, {dict(counts)}")
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_motion_may_begin_in_the_cycle_after_the_end_of_another(seed):
+    fuzz = Fuzz(seed)
+    for _ in range(60):
+        fuzz.retarget()
+        while fuzz.rig.cycle.state in (ServoState.STREAMING, ServoState.STOPPING):
+            fuzz.let_pass(1)
+    assert fuzz.number == 60
+    assert_kept(fuzz)
