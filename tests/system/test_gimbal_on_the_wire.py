@@ -4,11 +4,12 @@ import random
 import time
 
 import pytest
-from gimbal_bench import GimbalDaemon, await_hold
+from gimbal_bench import GimbalDaemon, seldom
 from harness import until
 from reference.wire import PtyTee
 
 import orientd
+from orientd.errors import OrientdError
 from orientd.stream import ServoState
 
 pytest.importorskip("dynamixel_sdk")
@@ -34,7 +35,7 @@ def tee(bus, tmp_path):
 def daemon(tee, tmp_path):
     it = GimbalDaemon(tmp_path, tee.link).start()
     yield it
-    it.end()
+    print(it.end()[1])
 
 
 @pytest.fixture
@@ -47,6 +48,26 @@ def positions(bus):
     return [bus.state(servo)["position"] for servo in SERVOS]
 
 
+def hold(robot):
+    """Have the gimbal hold again, which a busy machine may keep it from at first."""
+    told = []
+
+    def holds():
+        now = robot.state().devices[DEVICE]
+        if now.state is ServoState.FAULT:
+            told.append(now.fault_text)
+            try:
+                robot.reset(DEVICE)
+            except OrientdError as error:
+                told.append(str(error))
+        return now.state is ServoState.HOLDING
+
+    try:
+        until(seldom(holds), "rest")
+    except AssertionError as error:
+        raise AssertionError(robot.state().devices[DEVICE].state, told) from error
+
+
 def let_go(bus, servo):
     """Undo what any cause does, but for what a servo remembers."""
     bus.tell(f"free {servo}")
@@ -55,12 +76,12 @@ def let_go(bus, servo):
 
 @pytest.mark.parametrize("cause", CAUSES)
 @pytest.mark.parametrize("rounds", ROUNDS)
-def test_no_goal_on_the_wire_leads_away_after_a_fault(bus, tee, daemon, robot, cause, rounds):
+def test_no_goal_on_the_wire_leads_away_after_a_fault(bus, tee, robot, cause, rounds):
     chance = random.Random(rounds)
 
     start, end = {"rotation_vector": [0.3, 0.4, 0.8]}, {"rotation_vector": [-0.3, -0.4, -0.8]}
     for _ in range(rounds):
-        await_hold(daemon, DEVICE)
+        hold(robot)
         robot.move([start], approach=True).wait(30.0)
         robot.move([end], approach=True)
         time.sleep(chance.uniform(0.2, 1.2))

@@ -54,7 +54,7 @@ class Takeover:
     async def plan(
         self, order: PlanCall, leave: SplicePoint, choose: Choose, attempt: int
     ) -> Successor | None:
-        """Plan a motion from *leave* on; ``None`` where the axes can begin it at rest only.
+        """Plan a motion from *leave* on; ``None`` where it can be begun at rest only.
 
         Where nothing could go on from there, as axes in the midst of a passage near a singularity
         or a device that still gains speed just below its limit, it is tried a little later on the
@@ -97,8 +97,6 @@ class Takeover:
             if now is None:
                 return None
             leave, chosen, left = now, time.monotonic(), self.left(now)
-        if refusal is not None and not is_shaped:
-            raise refusal
         # What cannot be planned from rest near there is not worth a stop.
         state, joints = left.state_at(leave.record), left.joints_at(leave.record)
         rest = PlannedState.at_rest(state.q, state.position)

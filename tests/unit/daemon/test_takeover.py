@@ -8,6 +8,7 @@ import pytest
 from direct_planners import DirectPlanners, order_of
 
 from orientd import config
+from orientd.daemon.motions import takeover
 from orientd.daemon.motions.motion_queue import MotionQueue
 from orientd.daemon.motions.queued_motion import SplicePoint
 from orientd.daemon.motions.takeover import Takeover
@@ -69,6 +70,11 @@ def test_a_motion_that_cannot_begin_where_a_device_gains_speed_begins_a_little_l
     begun, left = found.motion.state_at(0), first.state_at(found.leave.record)
     assert (begun.q == left.q).all()
     assert begun.omega_body == pytest.approx(left.omega_body, abs=1e-12)
+
+
+def test_a_motion_that_can_begin_nowhere_on_the_way_begins_at_rest(planners, first, monkeypatch):
+    monkeypatch.setattr(takeover, "_LATER", ((0.0,), (0.0,)))
+    assert successor(planners, first, to(OTHER), SplicePoint(1, RISING)) == (None, 2)
 
 
 def test_what_nothing_on_the_way_can_mend_is_refused_at_once(planners, first):

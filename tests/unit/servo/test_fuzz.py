@@ -172,7 +172,15 @@ class Fuzz:
         elif cycle.state is ServoState.STREAMING and motion_queue.is_active:
             leave = motion_queue.ahead(cycle, int(self.random.integers(2, 9)))
             left = motion_queue.queued(leave.number)
-            motion = self.plan(left.motion.state_at(leave.record))
+            try:
+                motion = self.plan(left.motion.state_at(leave.record))
+            except LimitError as error:
+                # It gains speed just below its limit: what nothing can take over from is stopped.
+                if not error.is_in_lead_in:
+                    raise
+                self.counts["stopped"] += 1
+                self.stop()
+                return
             self.number += 1
             try:
                 motion_queue.replace(motion, self.number, leave)
