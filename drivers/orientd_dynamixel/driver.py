@@ -75,10 +75,9 @@ class DynamixelDriver(Driver):
             self.settings.order, self.settings.mount, self.settings.tool,
             is_pointing=self.settings.pointing,
         )  # fmt: skip
-        self._is_enabled = self._is_homing = self._is_free = False
+        self._is_enabled = self._is_homing = self._is_free = self._is_out_of_reach = False
         self._feedback: Feedback | None = None
-        self._is_out_of_reach = False
-        self._written_ns = 0
+        self._closed, self._written_ns = f"{self.settings.port} is not open", 0
         self._standing = Standing(self._axes)
         self._supervisor = Supervisor(self.settings, self._axes)
         self._turns = Turns(self.settings, self._axes)
@@ -354,7 +353,8 @@ class DynamixelDriver(Driver):
             self._group, self.advice = listen(bus, self._axes, options, known, self.period_ns)
             self._group.synchronise(self.clock.now_ns)
             self._conditions = Conditions(bus, self._axes)
-        except DeviceError:
+        except DeviceError as error:
+            self._closed = str(error)
             bus.close()
             raise
         self._bus = bus
@@ -362,7 +362,7 @@ class DynamixelDriver(Driver):
 
     def _connected(self) -> tuple[ServoBus, Group]:
         if self._bus is None or self._group is None:
-            raise LinkError(f"{self.settings.port} is not open")
+            raise LinkError(self._closed)
         return self._bus, self._group
 
     def _settle(self, group: Group) -> None:

@@ -54,7 +54,7 @@ def hold(robot):
 
     def holds():
         now = robot.state().devices[DEVICE]
-        if now.state is ServoState.FAULT:
+        if now.state in (ServoState.FAULT, ServoState.IDLE):
             told.append(now.fault_text)
             try:
                 robot.reset(DEVICE)

@@ -187,3 +187,14 @@ def test_pause_of_a_busy_machine_is_ridden_out(rig, pause_ms):
     it.run(50)
     assert it.driver._group.losses.in_a_row == 0
     assert [it.value(k, "bus watchdog") for k in (1, 2, 3)] == [25, 25, 25]
+
+
+def test_what_kept_a_reset_from_recovering_stays_what_is_told(rig):
+    it = rig()
+    it.start()
+    it.servo(2).disconnect(it.clock.now_ns())
+    with pytest.raises(LinkError, match=r"servo 2 \(pitch\) does not answer") as refused:
+        it.driver.reset()
+    with pytest.raises(LinkError) as told:
+        it.driver.read()
+    assert str(told.value) == str(refused.value)
