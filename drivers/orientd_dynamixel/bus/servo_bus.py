@@ -265,17 +265,17 @@ class ServoBus:
                 answer, result = self._receive()
                 if result != 0:
                     return None
-                if answer[4] == servo:
+                # What comes late answers an earlier question, mostly one of another size.
+                content, error = _unstuffed(answer), answer[8]
+                if answer[4] == servo and (error & ~ALERT or len(content) == count):
                     break
-            content = _unstuffed(answer)
-            error = answer[8]
         if error & ~ALERT:
             number = error & ~ALERT
             raise DeviceFaultError(
                 f"servo {servo} refused instruction {instruction:#04x}: "
                 f"{_ERRORS.get(number, f'error {number}')}"
             )
-        return Block(servo, error, content) if len(content) >= count else None
+        return Block(servo, error, content)
 
     def _receive(self) -> tuple[list[int], int]:
         # As a fast packet: any id is let through, and nothing is unstuffed, which the SDK gets

@@ -24,6 +24,7 @@
 11  a late reply answers the next read
     test_11_late_reply_is_the_answer_to_the_next_read_of_the_sdk
     test_11_late_reply_never_answers_a_later_question
+    test_11_late_reply_of_another_size_is_not_the_answer
 12  instructions are sent unstuffed
     test_12_goal_that_holds_a_header_is_moved_by_a_tick
     test_12_sdk_sends_that_goal_unstuffed
@@ -269,6 +270,23 @@ def test_11_late_reply_never_answers_a_later_question(rig, order, fast, late_ms)
         ticks = 2048 + feedback.joints[0] * 4096 / 6.283185307
         near = min(track, key=lambda row: abs(row[0] - feedback.time_ns))
         assert abs(ticks - near[1]) <= 2.5 * 6.6
+
+
+def test_11_late_reply_of_another_size_is_not_the_answer(monkeypatch):
+    bus, port, ph = bare()
+    write = port.writePort
+
+    def write_behind(packet):
+        port._input = status(1, 0, bytes(range(1, 11)))
+        return write(packet)
+
+    monkeypatch.setattr(port, "writePort", write_behind)
+    it = ours(bus, port, ph)
+    assert it.read(1, 70, 1) == 0
+    assert it.read(1, 132, 4) == 2048
+    it.write(1, 112, 5, 4)
+    assert it.read(1, 112, 4) == 5
+    assert it.ping(1) == (1020, 48)
 
 
 def test_12_goal_that_holds_a_header_is_moved_by_a_tick(rig):
