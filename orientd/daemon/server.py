@@ -50,8 +50,9 @@ FIRST_PAUSE, LONGEST_PAUSE = 2.0, 60.0
 GRACE = 1.0
 """How long calls may take to end once everything stands still, s."""
 
-_MALLOC = {-8: 2, -3: 2**16, -1: 2**16, -2: 2**12}
-"""Of malloc.h: at most two heaps, blocks from 64 KiB on of their own, heaps cut down at once."""
+_M_ARENA_MAX = -8  # of malloc.h
+_ARENAS = 2
+_TRIMS = 5.0  # s between the times at which what is free is given back
 
 _LEASE_CHECKS = 0.02  # s between looks at whether the lease has run out
 
@@ -84,7 +85,7 @@ def run(
         DaemonError: there is a daemon at *socket* already, or it cannot be listened at.
         KernelsError: nothing could be planned, for want of compiled kernels that this machine runs.
     """
-    _give_memory_back()
+    _share_arenas()
     processor.library()
     target(socket)  # whether the path can be that of a socket
     with claimed(socket), inner_socket(socket) as inner:
@@ -93,11 +94,10 @@ def run(
         )
 
 
-def _give_memory_back() -> None:
-    """Have malloc give back what it needed once: by default each of a score of threads keeps it."""
+def _share_arenas() -> None:
+    """Have a score of threads share two heaps: one each would keep what it once needed."""
     with contextlib.suppress(AttributeError):  # of a C library other than glibc
-        for parameter, value in _MALLOC.items():
-            ctypes.CDLL(None).mallopt(parameter, value)
+        ctypes.CDLL(None).mallopt(_M_ARENA_MAX, _ARENAS)
 
 
 class _Daemon:
@@ -262,7 +262,10 @@ class _Daemon:
         return cell, ControlService(cell, lambda: self._describe(cell), who=entry.named)
 
     async def _serve(self, cell: Cell) -> None:
-        tasks = [asyncio.create_task(_expire_leases(cell))]
+        tasks = [
+            asyncio.create_task(_expire_leases(cell)),
+            asyncio.create_task(_give_memory_back()),
+        ]
         problems = await asyncio.to_thread(
             cell.wait_ready, READY_TIMEOUT, is_cancelled=self._stopping.is_set
         )
@@ -325,6 +328,15 @@ class _Daemon:
             return
         _log.info("daemon: %s: stopping", name)
         self._stopping.set()
+
+
+async def _give_memory_back() -> None:
+    """Return to the system what is free in the heaps: the C library does it for their ends alone."""
+    with contextlib.suppress(AttributeError):  # of a C library other than glibc
+        trim = ctypes.CDLL(None).malloc_trim
+        while True:
+            await asyncio.sleep(_TRIMS)
+            await asyncio.to_thread(trim, 0)
 
 
 async def _expire_leases(cell: Cell) -> None:
