@@ -331,7 +331,7 @@ class _Daemon:
 
 
 async def _give_memory_back() -> None:
-    """Return to the system what is free in the heaps: the C library does it for their ends alone."""
+    """Return free memory to the system, which the C library does for the ends of heaps alone."""
     with contextlib.suppress(AttributeError):  # of a C library other than glibc
         trim = ctypes.CDLL(None).malloc_trim
         while True:
