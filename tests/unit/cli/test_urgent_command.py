@@ -83,6 +83,14 @@ def test_a_daemon_that_is_reached_over_tcp_is_left_to_the_command_line(there, mo
     assert not urgent.run(["stop"])
 
 
+@pytest.fixture(autouse=True)
+def priorities(monkeypatch):
+    """Return what priorities are asked for, in place of these."""
+    asked = []
+    monkeypatch.setattr(os, "setpriority", lambda *arguments: asked.append(arguments))
+    return asked
+
+
 @pytest.fixture
 def listener(tmp_path, monkeypatch):
     """Return what listens where stops are taken."""
@@ -101,13 +109,14 @@ def said_by(listener):
         return json.loads(incoming.readline())
 
 
-def test_what_the_command_line_plainly_says_is_sent_first(listener):
+def test_what_the_command_line_plainly_says_is_sent_first(listener, priorities):
     for arguments, kind, device in (
         (["stop"], "stop", ""),
         (["halt", "--json", "-d", "left_arm-2"], "halt", "left_arm-2"),
     ):
         os.close(first_stop.begin(arguments))
         assert said_by(listener) == {"kind": kind, "device": device}
+        assert priorities.pop() == (os.PRIO_PROCESS, 0, -20)
 
 
 @pytest.mark.parametrize(
