@@ -50,8 +50,8 @@ FIRST_PAUSE, LONGEST_PAUSE = 2.0, 60.0
 GRACE = 1.0
 """How long calls may take to end once everything stands still, s."""
 
-_M_ARENA_MAX = -8  # of malloc.h
-_ARENAS = 2
+_MALLOC = {-8: 2, -3: 2**16}
+"""Of malloc.h: at most two heaps, and blocks of their own from 64 KiB on."""
 _TRIMS = 5.0  # s between the times at which what is free is given back
 
 _LEASE_CHECKS = 0.02  # s between looks at whether the lease has run out
@@ -95,9 +95,10 @@ def run(
 
 
 def _share_arenas() -> None:
-    """Have a score of threads share two heaps: one each would keep what it once needed."""
+    """Have a score of threads share two heaps, without what is large, which they would keep."""
     with contextlib.suppress(AttributeError):  # of a C library other than glibc
-        ctypes.CDLL(None).mallopt(_M_ARENA_MAX, _ARENAS)
+        for parameter, value in _MALLOC.items():
+            ctypes.CDLL(None).mallopt(parameter, value)
 
 
 class _Daemon:

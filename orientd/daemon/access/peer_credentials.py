@@ -48,8 +48,7 @@ _DESCRIPTORS, _OTHER_DESCRIPTORS = 3, 200
 
 _ALL = "all"
 _BACKLOG = 1024  # of those who are not let in yet; a client that finds it full gives up at once
-_CHUNK = 256 * 1024
-
+_CHUNK = 32 * 1024
 Refused = Callable[[str, str], None]
 """Called with where somebody came from and why they were turned away."""
 
@@ -380,6 +379,7 @@ class PeerListener:
 
 
 async def _pour(source: asyncio.StreamReader, into: asyncio.StreamWriter) -> None:
+    vars(into.transport)["max_size"] = _CHUNK  # by itself it reads into 256 KiB every time
     with contextlib.suppress(OSError):
         while chunk := await source.read(_CHUNK):
             into.write(chunk)
