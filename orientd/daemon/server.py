@@ -52,7 +52,6 @@ GRACE = 1.0
 
 _MALLOC = {-8: 2, -3: 2**16}
 """Of malloc.h: at most two heaps, and blocks of their own from 64 KiB on."""
-_TRIMS = 5.0  # s between the times at which what is free is given back
 
 _LEASE_CHECKS = 0.02  # s between looks at whether the lease has run out
 
@@ -263,10 +262,7 @@ class _Daemon:
         return cell, ControlService(cell, lambda: self._describe(cell), who=entry.named)
 
     async def _serve(self, cell: Cell) -> None:
-        tasks = [
-            asyncio.create_task(_expire_leases(cell)),
-            asyncio.create_task(_give_memory_back()),
-        ]
+        tasks = [asyncio.create_task(_expire_leases(cell))]
         problems = await asyncio.to_thread(
             cell.wait_ready, READY_TIMEOUT, is_cancelled=self._stopping.is_set
         )
@@ -329,15 +325,6 @@ class _Daemon:
             return
         _log.info("daemon: %s: stopping", name)
         self._stopping.set()
-
-
-async def _give_memory_back() -> None:
-    """Return free memory to the system, which the C library does for the ends of heaps alone."""
-    with contextlib.suppress(AttributeError):  # of a C library other than glibc
-        trim = ctypes.CDLL(None).malloc_trim
-        while True:
-            await asyncio.sleep(_TRIMS)
-            await asyncio.to_thread(trim, 0)
 
 
 async def _expire_leases(cell: Cell) -> None:
