@@ -60,38 +60,43 @@ def found_socket() -> str:
     return own
 
 
-def options(arguments: list[str]) -> dict[str, str] | None:
-    """Return the options in *arguments* by name, or ``None`` where there is anything else."""
-    given: dict[str, str] = {}
-    waiting = iter(arguments)
+def plain(arguments: list[str]) -> dict[str, str] | None:
+    """Return what the command line plainly asks for, or ``None`` where there is anything else.
+
+    Returns:
+        ``kind``, ``device`` and the daemon's ``socket``; and ``json`` where that is wanted.
+    """
+    if not arguments or arguments[0] not in KINDS:
+        return None
+    given = {"kind": arguments[0], "device": "", "socket": ""}
+    waiting = iter(arguments[1:])
     for argument in waiting:
         value = "" if argument == "--json" else next(waiting, "")
         name = "json" if argument == "--json" else _OPTIONS.get(argument)
         if name is None or (name != "json" and (not value or value.startswith("-"))):
             return None
         given[name] = value
-    return given
+    named = given["socket"] or os.environ.get("ORIENTD_SOCKET")
+    if not named and os.environ.get("ORIENTD_ADDRESS"):
+        return None
+    return given | {"socket": given["socket"] or found_socket()}
 
 
-def begin(arguments: list[str]) -> int:
-    """Send the stop that the command line plainly says, if it says one.
+def begin(asked: dict[str, str]) -> int:
+    """Send the stop that is plainly asked for.
 
     Returns:
         The connection that the answer comes by, a descriptor; -1 where nothing was sent.
     """
-    kind = arguments[0] if arguments else ""
-    given = options(arguments[1:]) if kind in KINDS else None
-    if given is None or (not given.get("socket") and os.environ.get("ORIENTD_ADDRESS")):
-        return -1
-    device = given.get("device", "")
-    if not device.replace("_", "").replace("-", "").isalnum() and device:
+    kind, device = asked["kind"], asked["device"]
+    if device and not device.replace("_", "").replace("-", "").isalnum():
         return -1  # to be spelled by somebody who knows JSON
     try:
         os.setpriority(os.PRIO_PROCESS, 0, _FIRST)
     except OSError:
         pass
     try:
-        connection = connected(f"{given.get('socket') or found_socket()}.stop")
+        connection = connected(f"{asked['socket']}.stop")
     except OSError:
         return -1
     try:

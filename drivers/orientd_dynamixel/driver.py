@@ -77,7 +77,8 @@ class DynamixelDriver(Driver):
         )  # fmt: skip
         self._is_enabled = self._is_homing = self._is_free = self._is_out_of_reach = False
         self._feedback: Feedback | None = None
-        self._closed, self._written_ns = f"{self.settings.port} is not open", 0
+        self._closed = f"{self.settings.port} is not open"
+        self._written_ns = 0
         self._standing = Standing(self._axes)
         self._supervisor = Supervisor(self.settings, self._axes)
         self._turns = Turns(self.settings, self._axes)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import _signal as signal  # type: ignore[import-not-found] # no enumerations, a stop would wait
+import os
 import sys
 
 from orientd import first_stop
@@ -14,17 +16,17 @@ if TYPE_CHECKING:
 
 def main() -> NoReturn:
     """Run what the command line says: a stop before that is loaded, anything else by it."""
-    begun = first_stop.begin(sys.argv[1:])
-    import signal
-
     # Whoever ignores the signal, such as a shell for its background jobs, has a reason to.
     is_ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if is_ours:
         signal.signal(signal.SIGINT, _end)
-    from orientd.cli import urgent
+    asked = first_stop.plain(sys.argv[1:])
+    if asked is not None:
+        begun = first_stop.begin(asked)
+        from orientd.cli import urgent
 
-    if urgent.run(sys.argv[1:], begun):
-        sys.exit(0)
+        if urgent.run(asked, begun):
+            sys.exit(0)
     from orientd.cli.main import main as run
 
     if is_ours:
@@ -35,8 +37,6 @@ def main() -> NoReturn:
 
 def _end(number: int, frame: FrameType | None) -> None:
     """End at once: nothing has begun, and an exception inside an import would be one of theirs."""
-    import os
-
     del number, frame
     os.write(2, b"orientd: interrupted\n")
     os._exit(1)

@@ -14,8 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from orientd.errors import OrientdError
-from orientd.first_stop import options
-from orientd.rpc import ask_to_stop, begin_call, found_socket, read_answer, text_fields
+from orientd.rpc import ask_to_stop, begin_call, read_answer, text_fields
 
 TIMEOUT = 5.0
 """How long the daemon may take over a stop, s."""
@@ -23,37 +22,29 @@ TIMEOUT = 5.0
 REPORT_TIMEOUT = 1.0
 """How long it may take to say how devices are that are stopped already, s."""
 
-_METHODS = {"stop": "Stop", "halt": "Halt"}
 
-
-def run(arguments: list[str], begun: int = -1) -> bool:
-    """Carry out the command that *arguments* say; return whether that is done.
+def run(asked: dict[str, str], begun: int = -1) -> bool:
+    """Carry out a stop; return whether that is done.
 
     Args:
-        arguments: of the command line.
+        asked: see :func:`orientd.first_stop.plain`.
         begun: the connection by which the stop has gone out already; -1 where it has not.
     """
-    method = _METHODS.get(arguments[0]) if arguments else None
-    given = options(arguments[1:]) if method else None
-    if method is None or given is None:
-        return False
-    socket = given.get("socket") or os.environ.get("ORIENTD_SOCKET")
-    if not socket and os.environ.get("ORIENTD_ADDRESS"):
-        return False
-    path = Path(socket or found_socket())
-    device = given.get("device", "")
+    path, kind, device = Path(asked["socket"]), asked["kind"], asked["device"]
     try:
         message = text_fields(device)
-        told = ask_to_stop(path, arguments[0], device, begun=begun)
+        told = ask_to_stop(path, kind, device, begun=begun)
     except (ValueError, OrientdError):
         return False
     if told is None:
-        caller = f"orientd {arguments[0]}, process {os.getpid()}"
-        content = _asked(path, f"orientd.v1.Control/{method}", text_fields(device, caller))
+        caller = f"orientd {kind}, process {os.getpid()}"
+        content = _asked(
+            path, f"orientd.v1.Control/{kind.capitalize()}", text_fields(device, caller)
+        )
     else:
         content = _asked(path, "orientd.v1.Control/GetState", message, timeout=REPORT_TIMEOUT)
         if content is None:
-            _tell_little(told, as_json="json" in given)
+            _tell_little(told, as_json="json" in asked)
             return True
     if content is None:
         return False
@@ -67,7 +58,7 @@ def run(arguments: list[str], begun: int = -1) -> bool:
     # A HaltResponse is the same on the wire as a StopResponse.
     answer = (StopResponse if told is None else GetStateResponse).FromString(content)
     try:
-        tell([device_from_message(one) for one in answer.devices], as_json="json" in given)
+        tell([device_from_message(one) for one in answer.devices], as_json="json" in asked)
     except BrokenPipeError:
         output.close_output()
         raise SystemExit(1) from None

@@ -134,7 +134,8 @@ class MinimumEffort(CumulativeCurve):
         has_acceleration = first[1] is not None or last[1] is not None
         pose = partial(_Posed, q, instants, k, smooth, (first, last), matrix)
         problem = PlanError(_WORSE)
-        for count in (*(more * pieces for more in DIVISIONS), FEWEST):
+        counts = [more * pieces for more in DIVISIONS]
+        for count in counts if FEWEST in counts else [*counts, FEWEST]:
             posed = pose(count)
             try:
                 solved = search(posed.equations, path, posed.knots, k, (first[0], last[0]))

@@ -49,6 +49,7 @@ _DESCRIPTORS, _OTHER_DESCRIPTORS = 3, 200
 _ALL = "all"
 _BACKLOG = 1024  # of those who are not let in yet; a client that finds it full gives up at once
 _CHUNK = 32 * 1024
+
 Refused = Callable[[str, str], None]
 """Called with where somebody came from and why they were turned away."""
 
@@ -356,18 +357,16 @@ class PeerListener:
         try:
             inside.bind(f"\0{name}")
             await asyncio.get_running_loop().sock_connect(inside, self._inner)
-            inner_reader, inner_writer = await asyncio.open_unix_connection(
-                sock=inside, limit=_CHUNK
-            )
+            source, into = await asyncio.open_unix_connection(sock=inside, limit=_CHUNK)
         except OSError as error:
             _log.warning("door: the server does not answer: %s", error)
             inside.close()
             writer.transport.abort()
             return
-        inner_writer.write(first)
+        into.write(first)
         ways = {
-            asyncio.ensure_future(_pour(reader, inner_writer)),
-            asyncio.ensure_future(_pour(inner_reader, writer)),
+            asyncio.ensure_future(_pour(reader, into)),
+            asyncio.ensure_future(_pour(source, writer)),
         }
         try:
             await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
@@ -375,11 +374,12 @@ class PeerListener:
             for way in ways:
                 way.cancel()
             await asyncio.gather(*ways, return_exceptions=True)
-            inner_writer.close()
+            into.close()
 
 
 async def _pour(source: asyncio.StreamReader, into: asyncio.StreamWriter) -> None:
-    vars(into.transport)["max_size"] = _CHUNK  # by itself it reads into 256 KiB every time
+    # By itself asyncio reads into 256 KiB every time, for a few hundred bytes.
+    vars(into.transport)["max_size"] = _CHUNK
     with contextlib.suppress(OSError):
         while chunk := await source.read(_CHUNK):
             into.write(chunk)

@@ -16,6 +16,18 @@ from orientd.rpc import control_pb2 as pb
 from orientd.rpc.control_pb2_grpc import ControlServicer, add_ControlServicer_to_server
 
 
+def run(arguments):
+    """Do what a command line plainly asks for; return whether that is done."""
+    asked = first_stop.plain(arguments)
+    return asked is not None and urgent.run(asked)
+
+
+def begin(arguments):
+    """Send what a command line plainly asks for; return the connection, or -1."""
+    asked = first_stop.plain(arguments)
+    return -1 if asked is None else first_stop.begin(asked)
+
+
 class Told(ControlServicer):
     """Devices that are told to stop, and note it."""
 
@@ -44,7 +56,7 @@ def there(tmp_path, monkeypatch):
 
 
 def test_a_stop_is_sent_and_told(there, capsys):
-    assert urgent.run(["stop", "--json"])
+    assert run(["stop", "--json"])
     (request,) = there.stops
     assert request.device == ""
     assert request.caller.startswith("orientd stop, process ")
@@ -52,7 +64,7 @@ def test_a_stop_is_sent_and_told(there, capsys):
 
 
 def test_a_halt_of_one_device_is_sent(there):
-    assert urgent.run(["halt", "-d", "leg"])
+    assert run(["halt", "-d", "leg"])
     (request,) = there.halts
     assert request.device == "leg"
     assert not there.stops
@@ -73,14 +85,14 @@ def test_a_halt_of_one_device_is_sent(there):
     ],
 )
 def test_whatever_else_is_left_to_the_command_line(there, arguments):
-    assert not urgent.run(arguments)
+    assert not run(arguments)
     assert not there.stops
 
 
 def test_a_daemon_that_is_reached_over_tcp_is_left_to_the_command_line(there, monkeypatch):
     monkeypatch.delenv("ORIENTD_SOCKET")
     monkeypatch.setenv("ORIENTD_ADDRESS", "there:1")
-    assert not urgent.run(["stop"])
+    assert not run(["stop"])
 
 
 @pytest.fixture(autouse=True)
@@ -114,7 +126,7 @@ def test_what_the_command_line_plainly_says_is_sent_first(listener, priorities):
         (["stop"], "stop", ""),
         (["halt", "--json", "-d", "left_arm-2"], "halt", "left_arm-2"),
     ):
-        os.close(first_stop.begin(arguments))
+        os.close(begin(arguments))
         assert said_by(listener) == {"kind": kind, "device": device}
         assert priorities.pop() == (os.PRIO_PROCESS, 0, -20)
 
@@ -123,13 +135,13 @@ def test_what_the_command_line_plainly_says_is_sent_first(listener, priorities):
     "arguments", [[], ["status"], ["stop", "now"], ["stop", "-d", 'a"b'], ["stop", "-d", "a b"]]
 )
 def test_nothing_else_is_sent_first(listener, arguments):
-    assert first_stop.begin(arguments) == -1
+    assert begin(arguments) == -1
 
 
 def test_nobody_is_told_first_where_nobody_listens_or_over_tcp(tmp_path, monkeypatch):
-    assert first_stop.begin(["stop", "--socket", str(tmp_path / "nowhere")]) == -1
+    assert begin(["stop", "--socket", str(tmp_path / "nowhere")]) == -1
     monkeypatch.setenv("ORIENTD_ADDRESS", "there:1")
-    assert first_stop.begin(["stop"]) == -1
+    assert begin(["stop"]) == -1
 
 
 def test_next_to_nothing_is_loaded_before_a_stop_is_sent():

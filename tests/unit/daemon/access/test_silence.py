@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import socket
 import ssl
 
 import pytest
@@ -60,3 +61,26 @@ def test_a_handshake_that_is_not_done_is_given_up(door, refused, monkeypatch, sa
 
     asyncio.run(slow())
     assert refused == [f"handshake: not done within {SOON:g} s"]
+
+
+def test_connections_are_read_in_pieces():
+    """The name of what says so is asyncio's, and is not promised to stay."""
+
+    async def sizes():
+        ours, theirs = socket.socketpair()
+        theirs.setblocking(False)
+        reader, writer = await asyncio.open_connection(sock=ours, limit=2**20)
+        found, feed = [], reader.feed_data
+        reader.feed_data = lambda content: (found.append(len(content)), feed(content))
+        nothing = asyncio.StreamReader()
+        nothing.feed_eof()
+        await peer_credentials._pour(nothing, writer)
+        await asyncio.get_running_loop().sock_sendall(theirs, bytes(100_000))
+        theirs.close()
+        await reader.read()
+        writer.close()
+        return found
+
+    found = asyncio.run(sizes())
+    assert sum(found) == 100_000
+    assert max(found) <= 32 * 1024
