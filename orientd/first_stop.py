@@ -83,20 +83,33 @@ def plain(arguments: list[str]) -> dict[str, str] | None:
 
 
 def begin(asked: dict[str, str]) -> int:
-    """Send the stop that is plainly asked for.
+    """Send the stop that is plainly asked for, before all else that there is to do.
 
     Returns:
-        The connection that the answer comes by, a descriptor; -1 where nothing was sent.
+        As :func:`send` does.
     """
-    kind, device = asked["kind"], asked["device"]
-    if device and not device.replace("_", "").replace("-", "").isalnum():
-        return -1  # to be spelled by somebody who knows JSON
     try:
         os.setpriority(os.PRIO_PROCESS, 0, _FIRST)
     except OSError:
         pass
+    return send(asked["socket"], asked["kind"], asked["device"])
+
+
+def send(socket_path: str, kind: str, device: str = "") -> int:
+    """Send a stop to the daemon at *socket_path*, and wait for nothing.
+
+    Args:
+        socket_path: of the daemon.
+        kind: one of :data:`KINDS`.
+        device: its name; empty for all of them.
+
+    Returns:
+        The connection that the answer comes by, a descriptor; -1 where nothing was sent.
+    """
+    if device and not device.replace("_", "").replace("-", "").isalnum():
+        return -1  # to be spelled by somebody who knows JSON
     try:
-        connection = connected(f"{asked['socket']}.stop")
+        connection = connected(f"{socket_path}.stop")
     except OSError:
         return -1
     try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 from orientd.errors import OrientdError
@@ -30,6 +31,12 @@ def stopped_message(told: Mapping[str, Any]) -> pb.DeviceReport:
 class Commands(LeaseHolder):
     """A client that commands devices; all but what stops them needs their leases."""
 
+    @property
+    def local_socket(self) -> Path | None:
+        """The daemon's socket; ``None`` where it is asked by another way."""
+        way = self._connection.way
+        return None if way.address else way.socket
+
     def stop(self, device: str = "") -> list[DeviceReport]:
         """Bring a device, or all of them, to rest on the path.  Needs no lease.
 
@@ -50,8 +57,8 @@ class Commands(LeaseHolder):
         return self._rest("halt", device)
 
     def _rest(self, kind: str, device: str) -> list[DeviceReport]:
-        connection = self._connection
-        told = None if connection.way.address else ask_to_stop(connection.way.socket, kind, device)
+        connection, local = self._connection, self.local_socket
+        told = None if local is None else ask_to_stop(local, kind, device)
         if told is None:
             method, request = _OVER_GRPC[kind]
             answer = connection.ask(

@@ -13,7 +13,7 @@ from orientd.lazy import lazily
 if TYPE_CHECKING:
     from orientd.viewer.cell import Member
     from orientd.viewer.cell_page import CellPage
+    from orientd.viewer.own_page import is_loopback
     from orientd.viewer.page import Page
-    from orientd.viewer.web import is_loopback
 
 __getattr__ = lazily(__name__)

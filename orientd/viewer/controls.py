@@ -6,7 +6,8 @@ What is pressed on one page happens once, and every page shows it.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any
 
 import viser
@@ -32,7 +33,13 @@ _LONG_TEXT = 8.0
 
 
 class StopButtons:
-    """Stop and halt, of every device; anybody may, whether or not the daemon is known to answer."""
+    """Stop and halt, of every device; anybody may, whether or not the daemon is known to answer.
+
+    Attributes:
+        kinds: of stops, by what is written on the buttons.
+    """
+
+    kinds: Mapping[str, str] = MappingProxyType({STOP: "stop", HALT: "halt"})
 
     def __init__(self, server: viser.ViserServer, watcher: Watcher) -> None:
         """Put them on the page."""

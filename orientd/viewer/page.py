@@ -16,6 +16,7 @@ from orientd.viewer import freshness, web, words
 from orientd.viewer.charts import Charts
 from orientd.viewer.controls import Borrow, Controls, StopButtons
 from orientd.viewer.scene import RADIUS, Scene
+from orientd.viewer.stop_relay import StopRelay
 from orientd.viewer.watcher import Sight, Watcher
 
 FRAMES_HZ = 30.0
@@ -77,6 +78,11 @@ class Page:
         self._next_beat = 0.0
         self._status = server.gui.add_html("")
         self._stop = StopButtons(server, watcher)
+        self._relay: StopRelay | None = None
+        daemon = watcher.robot().local_socket
+        if daemon is not None:
+            self._relay = StopRelay(host, self.port, daemon, self._stop.kinds)
+            server.gui.add_html(self._relay.html)
         self._choice: Any = None
         self._add_choice()
         self._controls: Controls | None = None
@@ -98,6 +104,8 @@ class Page:
                 self._frame(time.monotonic())
         finally:
             self._watcher.close()
+            if self._relay is not None:
+                self._relay.close()
             web.stop(self._server)
 
     def _frame(self, now: float) -> None:

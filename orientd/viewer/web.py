@@ -1,7 +1,7 @@
 """The web server of the pages: where it may listen, and who may talk to it.
 
-The pages can stop a robot, and more.  A browser lets any web page open a connection to this
-machine, so a connection is taken only from a page that was served here.
+The pages can stop a robot, and more, so a connection is taken only from a page that was served
+here.
 """
 
 from __future__ import annotations
@@ -10,48 +10,18 @@ import contextlib
 import io
 import logging
 import socket
-from collections.abc import Mapping
-from ipaddress import ip_address
-from urllib.parse import urlsplit
 
 import viser
 from viser import _messages
 
 from orientd.errors import DaemonError
+from orientd.viewer.own_page import is_loopback, is_own_page
 
 TITLE = "orientd"
 
 
 class _ForeignPageError(Exception):
     """A page from elsewhere wants to talk."""
-
-
-def is_own_page(headers: Mapping[str, str], *, is_local: bool) -> bool:
-    """Return whether a connection comes from a page that was served here, or from no browser.
-
-    Args:
-        headers: of the request.
-        is_local: whether pages are served to this machine only: then under its own names only, as
-            the name of another machine can be made to mean this one.
-    """
-    origin, host = headers.get("Origin"), headers.get("Host", "")
-    if is_local and not is_loopback(urlsplit(f"//{host}").hostname or ""):
-        return False
-    return origin is None or urlsplit(origin).netloc == host
-
-
-def is_loopback(host: str) -> bool:
-    """Return whether *host* is a name or an address of this machine for itself.
-
-    >>> is_loopback("localhost"), is_loopback("127.0.0.1"), is_loopback("192.0.2.1")
-    (True, True, False)
-    """
-    if host == "localhost":
-        return True
-    try:
-        return ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 def serve(host: str, port: int) -> viser.ViserServer:

@@ -4,8 +4,10 @@ import contextlib
 import signal
 import socket
 import urllib.request
+from pathlib import Path
 
 import pytest
+from browser import children
 from command_line import assert_refused, begin, orientd
 from harness import DEVICE, DaemonProcess, spin, until
 
@@ -15,9 +17,13 @@ from orientd.rpc.client import connect
 from orientd.rpc.reports import Outcome
 from orientd.stream import ServoState
 from orientd.viewer.proposal import Proposal
+from orientd.viewer.stop_relay import StopRelay
 from orientd.viewer.watcher import Watcher
 
 pytest.importorskip("viser")
+
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect as connect_page
 
 TURN = (
     b"keyframes: [{rotation_vector: [0.1, 0, 0]}, {rotation_vector: [0, 0, 0.2]}]\napproach: true\n"
@@ -158,3 +164,54 @@ def test_a_proposal_that_the_device_has_moved_away_from_is_refused(daemon):
         with pytest.raises(Exception, match="plan it again"):
             proposal.send(robot, DEVICE)
         assert proposal.plan is not None
+
+
+PAGES = 8080
+
+
+@pytest.fixture
+def relay(daemon):
+    process = StopRelay("127.0.0.1", PAGES, daemon.socket, {})
+    yield process
+    process.close()
+
+
+def page_at(relay, origin):
+    """A page's connection, once the process listens."""
+    return connect_page(f"ws://127.0.0.1:{relay.port}", origin=origin, open_timeout=30.0)
+
+
+@pytest.mark.parametrize("kind", ["stop", "halt"])
+def test_a_page_has_devices_stopped_by_a_process_of_its_own(daemon, relay, kind):
+    with moving(daemon, 60.0), page_at(relay, f"http://127.0.0.1:{PAGES}") as page:
+        page.send(kind)
+        assert page.recv(timeout=10.0) == "done"
+        until(lambda: daemon.device().state == pb.STATE_HOLDING, "rest")
+
+
+def test_a_page_is_told_of_a_stop_that_was_not_done(daemon, relay, tmp_path):
+    elsewhere = StopRelay("127.0.0.1", PAGES, tmp_path / "none.sock", {})
+    try:
+        with page_at(elsewhere, f"http://127.0.0.1:{PAGES}") as page:
+            page.send("stop")
+            assert page.recv(timeout=10.0) == ""
+    finally:
+        elsewhere.close()
+
+
+@pytest.mark.parametrize(
+    "origin",
+    ["https://elsewhere.example", f"http://elsewhere.example:{PAGES}", "http://127.0.0.1:9090"],
+)
+def test_a_page_from_elsewhere_stops_nothing(relay, origin):
+    with pytest.raises(InvalidStatus, match="403"), page_at(relay, origin):
+        pass
+
+
+def test_a_view_that_is_killed_leaves_no_process(daemon):
+    view = begin("view", "--no-open", "--port", 0, "--socket", daemon.socket)
+    assert view.stdout.readline().startswith("ready")
+    (child,) = children(view.pid)
+    view.kill()
+    view.communicate()
+    until(lambda: not Path(f"/proc/{child}").exists(), "the end of what takes its stops")

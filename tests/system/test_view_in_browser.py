@@ -7,7 +7,7 @@ import signal
 
 import numpy as np
 import pytest
-from browser import CHROMIUM, new_page, open_browser, page_of, view_of
+from browser import CHROMIUM, children, new_page, open_browser, page_of, view_of
 from gimbal_bench import SLOW_MACHINE, ExampleDaemon, await_hold
 from harness import DaemonProcess, spin, until
 
@@ -99,6 +99,30 @@ def test_the_stop_button_stops_a_motion_of_somebody_else(daemon, page):
     assert last.summary.outcome == pb.OUTCOME_STOPPED
     assert f"(user:{os.getuid()})" in last.summary.text.partition("stopped by")[2]
     page.get_by_text("Holding").wait_for()
+    daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))
+
+
+@pytest.mark.parametrize("frozen", ["page", "relay"])
+def test_the_stop_button_stops_whichever_of_its_processes_hangs(daemon, view, page, frozen):
+    daemon.token = daemon.stub.AcquireLease(pb.AcquireLeaseRequest(holder="ana")).lease.token
+    stream = daemon.move(spin(60.0))
+    page.get_by_text("Moving").wait_for()
+    (relay,) = children(view.pid)
+    hangs = {"page": view.pid, "relay": relay}[frozen]
+    os.kill(hangs, signal.SIGSTOP)
+    try:
+        daemon.renew()
+        press(page, "Stop")
+        *_, last = stream
+    finally:
+        os.kill(hangs, signal.SIGCONT)
+    assert last.summary.outcome == pb.OUTCOME_STOPPED
+    page.get_by_text("Holding").wait_for()
+    # What was pressed has happened once.
+    daemon.renew()
+    stream = daemon.move(spin(1.0))
+    *_, last = stream
+    assert last.summary.outcome == pb.OUTCOME_DONE, last.summary
     daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))
 
 
