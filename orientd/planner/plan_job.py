@@ -89,6 +89,12 @@ class PlanJob:
         ends = Ends(omega_start, request.omega_end, alpha_start)
         return cls(request, start, limits, own, period, ends, not request.is_quickest)
 
+    @property
+    def may_be_more_cautious(self) -> bool:
+        """Whether there is another way to lead in."""
+        is_led = self.request.approach and not self.start.is_at_rest
+        return is_led and self.caution is not list(Caution)[-1]
+
     def shape(self, *, is_quick: bool) -> tuple[PathRequest, KeyframePath, FirstProfile | None]:
         """Return the path request of keyframes without times, and a path of about its duration.
 

@@ -123,11 +123,15 @@ def _quick_or_even(job: PlanJob, name: str) -> Motion:
     try:
         try:
             return _as_quick_as_possible(job, name)
-        except LimitError:
+        except LimitError as error:
+            if error.is_in_lead_in:
+                raise
             return _as_quick_as_possible(job, name, by_chord=True)
     except (StartError, refusal.TotalError):
         raise
     except PlanError as error:
+        if isinstance(error, LimitError) and error.is_in_lead_in and job.may_be_more_cautious:
+            raise
         even = replace(job, is_even=True, leads={})
         return _at_even_pace(even, name).noted(f"at an even pace: {error}")
 
@@ -294,9 +298,10 @@ def _timed(
         except LimitError as error:
             # What is drawn between the records is a little more, where the jerk has a step.
             over = error.value / error.limit
-            if not (1.0 < over <= _MOST_DRAWN and share > LEAST_SHARE):
+            is_of_timing = 1.0 < over <= _MOST_DRAWN and not error.is_in_lead_in
+            if not (is_of_timing and share > LEAST_SHARE):
                 raise
-            share /= over
+            share /= over**2  # it falls by about half of what the share does
             continue
         rate, last = motion.certificate.brake_rate, stop_time
         stop_time = 1.0 / rate if rate else math.inf

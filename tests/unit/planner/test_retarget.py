@@ -1,5 +1,7 @@
 """A new aim for a device on its way: whatever it does, the limits hold across the seam."""
 
+import random
+
 import numpy as np
 import pytest
 from planned import LIMITS, PERIOD, differences, rotations, vector
@@ -290,3 +292,19 @@ def test_limits_that_the_present_motion_is_just_at_are_none_to_refuse():
     motion = plan(request, start=start, limits=ARM, period=PERIOD)
     assert motion.limits.velocity == most
     assert np.abs(motion.state_at(0).omega_body - start.omega_body).max() < 1e-13
+
+
+def test_what_the_way_to_the_first_keyframe_needs_slows_none_of_the_keyframes():
+    limits, chance = Limits(2.0, 8.0, 80.0, 0.5, 2.0), random.Random(39)
+    start = State.at_rest(HERE)
+    for _ in range(7):
+        steps = [[chance.uniform(-1.0, 1.0) for _ in range(3)]]
+        steps += [[chance.uniform(-0.15, 0.15) for _ in range(3)] for _ in range(20)]
+        keys = Rotation.from_rotvec(np.cumsum(steps[:20], axis=0)).as_quat(scalar_first=True)
+        request = MotionRequest([Keyframe(tuple(q)) for q in keys.tolist()], approach=True)
+        second = plan(request, start=start, limits=limits, period=PERIOD)
+        at_rest = State.at_rest(start.q)
+        from_rest = plan(request, start=at_rest, limits=limits, period=PERIOD)
+        took = second.end_time - second.start_time
+        assert took < 1.01 * (from_rest.end_time - from_rest.start_time), second.certificate.notes
+        start = second.state_at(int(chance.uniform(40, 80)))
