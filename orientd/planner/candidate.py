@@ -127,7 +127,9 @@ def to_single(
     is_free = is_from_rest and bool((position == start.position).all())
     turn, total = None, request.total
     if is_free and not (is_even and total is None):
-        turn = approach(start.q, target.q, limits, is_even=is_even, jerk_share=jerk_share)
+        turn = approach(
+            start.q, target.q, limits, is_even=is_even, jerk_share=jerk_share, is_part=False
+        )
     if total is not None:
         if turn is None:
             raise PlanError("a single keyframe is reached in a duration by turning from rest only")

@@ -20,6 +20,7 @@ from orientd.planner.motion import Motion
 from orientd.planner.plan_job import PlanJob
 from orientd.planner.request import DEFAULT_METHOD, MotionRequest, State
 from orientd.planner.timing import (
+    CAREFUL_JERK_SHARE,
     LEAST_SHARE,
     LONGEST_STOP,
     SHARE,
@@ -110,8 +111,10 @@ def _motion(job: PlanJob, name: str) -> Motion:
         raise
     except PlanError as error:
         refused = error
-    stops = turns_with_stops(job.request, job.ends, job.start, job.limits, took)
-    if stops is not None and stops.duration < took:
+    for share in (SHARE, CAREFUL_JERK_SHARE):
+        stops = turns_with_stops(job.request, job.ends, job.start, job.limits, took, share)
+        if stops is None or stops.duration >= took:
+            break
         with suppress(PlanError):
             return job.certified(job.with_leads(stops), name).noted(STOPS)
     if motion is None:

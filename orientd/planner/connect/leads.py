@@ -237,7 +237,8 @@ def approach(
     limits: Limits,
     *,
     is_even: bool = False,
-    jerk_share: float | None = None,
+    jerk_share: float = CAREFUL_JERK_SHARE,
+    is_part: bool = True,
 ) -> PathSegment | None:
     """Return the quickest turn from rest at *q0* to rest at *q1*, the short way round.
 
@@ -248,7 +249,8 @@ def approach(
         q1: where it ends.
         limits: to keep.
         is_even: whether it is to be a quintic, as long as its peaks need, instead.
-        jerk_share: of the jerk to use where it is all of a motion; ``None`` where it is a part.
+        jerk_share: of the jerk to use.
+        is_part: whether it is one of a longer motion.
 
     Raises:
         PlanError: it takes longer than is planned.
@@ -258,13 +260,7 @@ def approach(
         return None
     axis = _axis_between(q0.tolist(), q1.tolist())
     if math.isfinite(limits.acceleration) and not is_even:
-        phases = phases_of_turn(
-            axis,
-            turn,
-            limits,
-            jerk_share=jerk_share or CAREFUL_JERK_SHARE,
-            is_part=jerk_share is None,
-        )
+        phases = phases_of_turn(axis, turn, limits, jerk_share=jerk_share, is_part=is_part)
         check_lead("an approach", float(phases.sum()))
         curve: Curve = AxisTurn(q0, axis, turn, phases)
         return PathSegment(curve, 0.0, curve.domain[1])

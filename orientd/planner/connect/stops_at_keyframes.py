@@ -23,6 +23,7 @@ def turns_with_stops(
     start: State,
     limits: Limits,
     shorter_than: float,
+    jerk_share: float,
 ) -> KeyframePath | None:
     """Return the turns from keyframe to keyframe, from rest to rest, where there are only such.
 
@@ -34,6 +35,7 @@ def turns_with_stops(
         start: where the device is commanded to be.
         limits: to keep.
         shorter_than: what may be left out at a glance is what takes longer, s.
+        jerk_share: of the jerk to use.
     """
     is_plain = request.method == DEFAULT_METHOD and request.total is None
     is_held = request.positions is None and not request.turns.any()
@@ -46,7 +48,7 @@ def turns_with_stops(
     times = [0.0]
     for here, there in pairwise(request.keys):
         try:
-            turn = approach(here, there, limits)
+            turn = approach(here, there, limits, jerk_share=jerk_share)
         except PlanError:
             return None
         if turn is not None:

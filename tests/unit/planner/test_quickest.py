@@ -15,6 +15,7 @@ from orientd.planner.path.path import PathSegment
 from orientd.planner.path.position import PositionPath
 from orientd.planner.timing.candidate_path import KeyframePath
 from orientd.planner.timing.quickest_timing import quickest
+from orientd.rotation import exp, multiply
 
 HERE = (1.0, 0.0, 0.0, 0.0)
 OPTIMA = json.loads((Path(__file__).parents[2] / "data/quickest/optima.json").read_text())
@@ -139,6 +140,16 @@ def test_a_path_at_the_quickest_pace_is_sampled_as_its_curve_is():
     t = np.sort(random.uniform(0.0, motion.duration - 1e-6, 2000))
     for found, expected in zip(motion.path.sample(t)[:3], segment.sample(t), strict=True):
         np.testing.assert_allclose(found, expected, atol=1e-11 * np.abs(expected).max())
+
+
+def test_a_stop_at_every_keyframe_takes_as_long_as_a_turn_to_each():
+    q = [HERE, about_z(0.002)]
+    q.append(tuple(multiply(np.array(q[1]), exp([0.0, 0.6, 0.0])).tolist()))
+    motion, *turns = [
+        made([Keyframe(key) for key in keys], LIMITS["arm"]) for keys in (q, q[:2], q[1:])
+    ]
+    assert any(note.startswith("comes to rest at every") for note in motion.certificate.notes)
+    assert motion.duration <= sum(turn.duration for turn in turns) * (1.0 + 1e-5)
 
 
 def test_times_at_keyframes_are_chosen_the_same_way_at_any_share_of_the_pace():
