@@ -87,6 +87,7 @@ class StopRelay:
 
 # As in `drop`: an element's own event is what runs a script of a page that is put in as HTML.
 _SCRIPT = """
+window.stopPort = PORT;  // another one where the view was started again
 if (!window.stopsAtOnce) {
   window.stopsAtOnce = true;
   const kinds = KINDS, unanswered = [];
@@ -101,7 +102,7 @@ if (!window.stopsAtOnce) {
   };
   const open = () => {
     try {
-      way = new WebSocket(`ws://${location.hostname}:PORT`);
+      way = new WebSocket(`ws://${location.hostname}:${stopPort}`);
       way.onclose = () => setTimeout(open, 1000);
       way.onmessage = ({data}) => {
         if (unanswered.length === 0) return;
