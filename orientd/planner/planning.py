@@ -10,6 +10,7 @@ from functools import partial
 
 import numpy as np
 
+from orientd.curves import AxisTurn
 from orientd.errors import LimitError, PlanError, StartError
 from orientd.planner import refusal
 from orientd.planner.candidate import CandidateMotion, to_single
@@ -304,7 +305,8 @@ def _timed(
             is_of_timing = 1.0 < over <= _MOST_DRAWN and not error.is_in_lead_in
             if not (is_of_timing and share > LEAST_SHARE):
                 raise
-            share /= over**2  # it falls by about half of what the share does
+            # It falls as the share does about one axis, by about half as much along a curve.
+            share /= over if isinstance(quick.segment.curve, AxisTurn) else over**2
             continue
         rate, last = motion.certificate.brake_rate, stop_time
         stop_time = 1.0 / rate if rate else math.inf
