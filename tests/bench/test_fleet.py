@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from fleet_cell import RunningCell
+from harness import children
 
 from orientd.cli.commands.fleet import STOP_PRIORITY
 from orientd.fleet import FleetMotion, move_together
@@ -112,10 +113,9 @@ def used(process):
 
 def gateways(cell):
     pids = [process.pid for process in cell.processes.values()]
-    children = [Path(f"/proc/{pid}/task/{pid}/children").read_text().split() for pid in pids]
     return [
-        int(child)
-        for child in itertools.chain(*children)
+        child
+        for child in itertools.chain(*map(children, pids))
         if b"orientd.fleet" in Path(f"/proc/{child}/cmdline").read_bytes()
     ]
 

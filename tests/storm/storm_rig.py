@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from harness import DaemonProcess, until
+from harness import DaemonProcess, children, until
 
 from orientd.rpc import control_pb2 as pb
 
@@ -89,17 +89,6 @@ class Rig(DaemonProcess):
             return pid if spent[pid] > 0.1 else 0
 
         return until(busy, "a planner at work")
-
-
-def children(pid: int) -> set[int]:
-    """Return the processes that *pid* has started and that run."""
-    found = set()
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        with contextlib.suppress(OSError):
-            state, parent = path.read_text().rpartition(")")[2].split()[:2]
-            if int(parent) == pid and state != "Z":
-                found.add(int(path.parent.name))
-    return found
 
 
 def command_line(pid: int) -> str:

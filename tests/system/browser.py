@@ -2,7 +2,6 @@
 
 import contextlib
 import shutil
-from pathlib import Path
 
 from command_line import begin
 
@@ -28,12 +27,6 @@ def open_browser():
         opened = player.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE)
         yield opened
         opened.close()
-
-
-def children(pid):
-    """The processes that a process has begun, by whichever of its threads."""
-    tasks = Path(f"/proc/{pid}/task").iterdir()
-    return [int(child) for task in tasks for child in (task / "children").read_text().split()]
 
 
 @contextlib.contextmanager

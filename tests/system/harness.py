@@ -235,6 +235,13 @@ def is_alive(pid: int) -> bool:
         return False
 
 
+def children(pid: int) -> set[int]:
+    """Return the processes that run and that *pid* has begun, by whichever of its threads."""
+    tasks = Path(f"/proc/{pid}/task").glob("*/children")
+    found = {int(child) for task in tasks for child in task.read_text().split()}
+    return set(filter(is_alive, found))
+
+
 def resident_kib(pid: int, kind: str = "VmRSS") -> int:
     """Return a process's resident memory, KiB: all of it, or one kind as ``/proc`` calls it."""
     for line in Path(f"/proc/{pid}/status").read_text().splitlines():

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from command_line import COMMAND
-from harness import until
+from harness import children, until
 
 pytest.importorskip("joblib")
 pytest.importorskip("pyarrow")
@@ -29,8 +29,7 @@ def test_no_worker_outlives_whoever_asked_and_was_killed(tmp_path):
     silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     with subprocess.Popen(command, **silent) as asker:
         until(lambda: list(folder.glob("parts/*.parquet")), "a part")
-        children = Path(f"/proc/{asker.pid}/task/{asker.pid}/children").read_text().split()
-        workers = [pid for pid in children if b"LokyProcess" in command_line(pid)]
+        workers = [pid for pid in children(asker.pid) if b"LokyProcess" in command_line(pid)]
         asker.kill()
     assert len(workers) == 2
     until(lambda: not any(map(command_line, workers)), "their end", seconds=20.0)

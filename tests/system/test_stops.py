@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from command_line import assert_refused, orientd
-from harness import DEVICE, DaemonProcess, is_alive, spin, until
+from harness import DEVICE, DaemonProcess, children, spin, until
 
 import orientd as package
 from orientd.errors import UnknownNameError
@@ -170,10 +170,8 @@ def test_the_process_that_takes_stops_is_started_again(daemon):
 
 def stops_of(daemon):
     """Return the numbers of the processes that take stops of a daemon."""
-    found = []
-    children = Path(f"/proc/{daemon.process.pid}/task").glob("*/children")
-    for pid in {int(one) for path in children for one in path.read_text().split()}:
-        command = Path(f"/proc/{pid}/cmdline")
-        if is_alive(pid) and b"orientd.daemon.stops" in command.read_bytes():
-            found.append(pid)
-    return found
+    return [
+        pid
+        for pid in children(daemon.process.pid)
+        if b"orientd.daemon.stops" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    ]

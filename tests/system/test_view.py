@@ -4,12 +4,10 @@ import contextlib
 import signal
 import socket
 import urllib.request
-from pathlib import Path
 
 import pytest
-from browser import children
 from command_line import assert_refused, begin, orientd
-from harness import DEVICE, DaemonProcess, spin, until
+from harness import DEVICE, DaemonProcess, children, is_alive, spin, until
 
 from orientd.errors import DaemonError
 from orientd.rpc import control_pb2 as pb
@@ -214,4 +212,4 @@ def test_a_view_that_is_killed_leaves_no_process(daemon):
     (child,) = children(view.pid)
     view.kill()
     view.communicate()
-    until(lambda: not Path(f"/proc/{child}").exists(), "the end of what takes its stops")
+    until(lambda: not is_alive(child), "the end of what takes its stops")

@@ -7,9 +7,9 @@ import signal
 
 import numpy as np
 import pytest
-from browser import CHROMIUM, children, new_page, open_browser, page_of, view_of
+from browser import CHROMIUM, new_page, open_browser, page_of, view_of
 from gimbal_bench import SLOW_MACHINE, ExampleDaemon, await_hold
-from harness import DaemonProcess, spin, until
+from harness import DaemonProcess, children, spin, until
 
 from orientd import motion_file
 from orientd.rotation import angle
