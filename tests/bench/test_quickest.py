@@ -1,12 +1,14 @@
 """How quick motions without times are: beside Ruckig, TOPP-RA, an even pace, and stops."""
 
 import logging
+import os
 import runpy
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+from connector_search import searched
 from scipy.spatial.transform import Rotation
 
 from orientd.errors import PlanError
@@ -16,6 +18,9 @@ from orientd.rotation import exp
 pytestmark = [pytest.mark.bench, pytest.mark.timeout(900)]
 
 PERIOD = 0.002
+CONNECTORS = int(os.environ.get("ORIENTD_BENCH_CONNECTORS", "24"))
+"""That are searched for, to rest and to a velocity; a second or two each."""
+
 ARM = Limits(2.5, 17.0, 8500.0, 1.0, 10.0)
 
 
@@ -181,90 +186,33 @@ def test_keyframes_beside_one_another_cost_no_more_than_stops():
     assert beyond <= 1.00001
 
 
-def searched(state, goal, limits, random, duration):
-    """Return the least duration of 10,000 ways from a state of motion to rest, by evolution.
-
-    They are polynomials of the rotation vector from the state on: the quintic of both ends and two
-    more free terms.  Rates are differences of the rotations on 80 instants.
-    """
-    here = Rotation.from_quat(state.q, scalar_first=True)
-    turn = (here.inv() * Rotation.from_quat(goal, scalar_first=True)).as_rotvec()
-    s = np.linspace(0.0, 1.0, 80)
-    powers = s[:, None] ** np.arange(6)
-    free = (s * (1.0 - s)) ** 3 * 64.0
-    ends = np.linalg.inv(
-        [
-            [1, 0, 0, 0, 0, 0],
-            [0, 1, 0, 0, 0, 0],
-            [0, 0, 2, 0, 0, 0],
-            [1, 1, 1, 1, 1, 1],
-            [0, 1, 2, 3, 4, 5],
-            [0, 0, 2, 6, 12, 20],
-        ]
-    )
-    best, centre, width = np.inf, np.r_[np.log(1.5 * duration), np.zeros(6)], 0.5
-    for _ in range(100):
-        tried = centre + width * random.normal(size=(100, 7)) * ([0.3] + [0.5] * 6)
-        times = np.exp(tried[:, 0])
-        given = np.zeros((100, 6, 3))
-        given[:, 1] = times[:, None] * state.omega_body
-        given[:, 2] = times[:, None] ** 2 * state.alpha_body
-        given[:, 3] = turn
-        bumps = tried[:, 1:].reshape(100, 2, 3)
-        vectors = np.einsum("sp,pe,nec->nsc", powers, ends, given)
-        vectors += free[:, None] * bumps[:, :1] + (free * (2.0 * s - 1.0))[:, None] * bumps[:, 1:]
-        q = Rotation.from_rotvec(vectors.reshape(-1, 3))
-        step = (times / (len(s) - 1))[:, None, None]
-        q = q.as_quat().reshape(100, len(s), 4)
-        turns = Rotation.from_quat(q[:, :-1].reshape(-1, 4)).inv() * Rotation.from_quat(
-            q[:, 1:].reshape(-1, 4)
-        )
-        omega = turns.as_rotvec().reshape(100, -1, 3) / step
-        alpha = np.diff(omega, axis=1) / step
-        jerk = np.diff(alpha, axis=1) / step
-        excess = np.max(
-            [
-                (np.linalg.norm(rate, axis=2).max(axis=1) / most) ** (1 / power)
-                for power, (rate, most) in enumerate(
-                    (
-                        (omega, limits.velocity),
-                        (alpha, limits.acceleration),
-                        (jerk, limits.jerk),
-                    ),
-                    1,
-                )
-            ],
-            axis=0,
-        )
-        score = times * np.maximum(excess, 1.0) ** 3
-        found = int(np.argmin(score))
-        if excess[found] <= 1.0:
-            best = min(best, float(times[found]))
-        centre = tried[np.argsort(score)[:10]].mean(axis=0)
-        width *= 0.97
-    return best
-
-
-def test_from_motion_to_a_keyframe_it_is_as_quick_as_a_search_of_connectors():
+@pytest.mark.parametrize("is_to_rest", [True, False], ids=["to rest", "to a velocity"])
+def test_from_motion_to_a_keyframe_it_is_as_quick_as_a_search_of_connectors(is_to_rest):
     random = np.random.default_rng(8)
-    limits = Limits(2.5, 17.0, 300.0, 1.0, 10.0)
+    kept = (
+        Limits(2.5, 17.0, 300.0, 1.0, 10.0),
+        Limits(2.5, 17.0, 300.0, 1.0, 10.0, axis_velocity=(2.0, 0.7, 1.5)),
+    )
     ratios, refused = [], 0
-    for _ in range(12):
+    for number in range(CONNECTORS // 2):
+        limits = kept[number % 2]
         first = made(through(random, 4, 1.0), limits)
         record = int(random.integers(first.record_count // 4, 3 * first.record_count // 4))
         state = first.state_at(record)
-        turn = random.normal(size=3)
+        turn, omega = random.normal(size=(2, 3))
         turn *= random.uniform(0.1, 2.0) / np.linalg.norm(turn)
+        omega *= 0.0 if is_to_rest else random.uniform(0.04, 0.6) / np.linalg.norm(omega)
         goal = Rotation.from_quat(state.q, scalar_first=True) * Rotation.from_rotvec(turn)
         goal = goal.as_quat(scalar_first=True)
-        request = MotionRequest(keyframes(goal[None]))
+        request = MotionRequest(keyframes(goal[None]), end_velocity=tuple(omega.tolist()))
         try:
-            duration = plan(request, start=state, limits=limits, period=PERIOD).duration
+            # Behind a keyframe that is passed it comes to rest.
+            took = plan(request, start=state, limits=limits, period=PERIOD).end_time
         except PlanError:
             refused += 1
             continue
-        ratios.append(duration / searched(state, goal, limits, random, duration))
-    print(f"\nrefused {refused} of 12")
+        ratios.append(took / searched(state, goal, omega, limits, random))
+    print(f"\nrefused {refused} of {CONNECTORS // 2}")
     _, largest = shown("duration over the best of 10,000 connectors", ratios)
     assert largest <= 1.05
 

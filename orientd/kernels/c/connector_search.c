@@ -227,8 +227,8 @@ INLINE quat_t nearer(quat_t q, quat_t other) {
     return q.w * other.w + q.x * other.x + q.y * other.y + q.z * other.z < 0.0 ? opposite(q) : q;
 }
 
-bool find_connector(row_t start, row_t end, matrix_t limits, double period, double least_duration,
-                    matrix_t q, tensor_t w, row_t times_of) {
+way_t find_connector(row_t start, row_t end, matrix_t limits, double period,
+                     double least_duration, matrix_t q, tensor_t w, row_t times_of) {
     motion_t begin = state_at(start.v), finish = state_at(end.v), back = mirrored(finish);
     search_t search;
     search.period = period, search.least = least_duration;
@@ -244,7 +244,7 @@ bool find_connector(row_t start, row_t end, matrix_t limits, double period, doub
     vec_t of[3][FACTORS] = {0};
     const try_t *kept = shortest(&search, put_grid(&begin, &finish, norm(way), &search), of[1]);
     if (kept == NULL)
-        return false;
+        return NO_WAY;
     int one = kept->pair / search.out_of.count, other = kept->pair % search.out_of.count;
     double before = search.into.durations[one], after = search.out_of.durations[other];
     motion_t from = search.into.ends[one], to = search.out_of.ends[other];
@@ -262,5 +262,24 @@ bool find_connector(row_t start, row_t end, matrix_t limits, double period, doub
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < FACTORS; k++)
             put_vec(w.v + (i * FACTORS + k) * 3, of[i][k]);
-    return true;
+    return kept->way ? LONGER_WAY : SHORTER_WAY;
+}
+
+void guess_connector(row_t start, row_t end, matrix_t limits, double period, double least_duration,
+                     matrix_t q, tensor_t w, row_t times_of) {
+    motion_t begin = state_at(start.v), finish = state_at(end.v);
+    search_t search;
+    search.period = period, search.least = least_duration;
+    search.bounds = bounds_of(&begin, &finish, limits);
+    quat_t turn = relative(begin.q, finish.q);
+    double angle = 2.0 * norm(logarithm(turn.w < 0.0 ? opposite(turn) : turn));
+    double total = search.totals[put_grid(&begin, &finish, angle, &search) / 2];
+    vec_t of[3][FACTORS] = {0};
+    put_increments(&begin, &finish, total, of[1]);
+    put_quat(row_of(q, 0), begin.q), put_quat(row_of(q, 1), begin.q);
+    put_quat(row_of(q, 2), arrival(begin.q, of[1]));
+    times_of.v[0] = times_of.v[1] = 0.0, times_of.v[2] = times_of.v[3] = total;
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < FACTORS; k++)
+            put_vec(w.v + (i * FACTORS + k) * 3, of[i][k]);
 }

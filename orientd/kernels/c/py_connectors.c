@@ -42,20 +42,28 @@ KERNEL(find_connector) {
     TAKE("vvmddMTV");
     CHECK(a[0].v.n == STATE && a[1].v.n == STATE && is_matrix(a[2].m, 3, 4));
     CHECK(is_matrix(a[5].m, 3, 4) && is_tensor(a[6].t, 3, FACTORS, 3) && a[7].v.n == 4);
-    bool is_found;
-    RUN(is_found = find_connector(a[0].v, a[1].v, a[2].m, a[3].d, a[4].d, a[5].m, a[6].t, a[7].v));
-    return PyBool_FromLong(is_found);
+    way_t way;
+    RUN(way = find_connector(a[0].v, a[1].v, a[2].m, a[3].d, a[4].d, a[5].m, a[6].t, a[7].v));
+    return PyLong_FromLongLong(way);
+}
+
+KERNEL(guess_connector) {
+    TAKE("vvmddMTV");
+    CHECK(a[0].v.n == STATE && a[1].v.n == STATE && is_matrix(a[2].m, 3, 4));
+    CHECK(is_matrix(a[5].m, 3, 4) && is_tensor(a[6].t, 3, FACTORS, 3) && a[7].v.n == 4);
+    RUN(guess_connector(a[0].v, a[1].v, a[2].m, a[3].d, a[4].d, a[5].m, a[6].t, a[7].v));
+    Py_RETURN_NONE;
 }
 
 KERNEL(shorten_connector) {
-    TAKE("vvmdddmtvMTV");
+    TAKE("vvmddddmtvMTV");
     CHECK(a[0].v.n == STATE && a[1].v.n == STATE && is_matrix(a[2].m, 3, 4));
-    CHECK(is_matrix(a[6].m, 3, 4) && is_tensor(a[7].t, 3, FACTORS, 3) && a[8].v.n == 4);
-    CHECK(is_matrix(a[9].m, ELEMENTS, 4) && is_tensor(a[10].t, ELEMENTS, FACTORS, 3));
-    CHECK(a[11].v.n == ELEMENTS + 1);
+    CHECK(is_matrix(a[7].m, 3, 4) && is_tensor(a[8].t, 3, FACTORS, 3) && a[9].v.n == 4);
+    CHECK(is_matrix(a[10].m, ELEMENTS, 4) && is_tensor(a[11].t, ELEMENTS, FACTORS, 3));
+    CHECK(a[12].v.n == ELEMENTS + 1);
     index_t found;
-    RUN(found = shorten_connector(a[0].v, a[1].v, a[2].m, a[3].d, a[4].d, a[5].d, a[6].m, a[7].t,
-                                  a[8].v, a[9].m, a[10].t, a[11].v));
+    RUN(found = shorten_connector(a[0].v, a[1].v, a[2].m, a[3].d, a[4].d, a[5].d, a[6].d, a[7].m,
+                                  a[8].t, a[9].v, a[10].m, a[11].t, a[12].v));
     return PyLong_FromLongLong(found);
 }
 
@@ -64,6 +72,7 @@ PyMethodDef connectors_methods[] = {
     ENTRY(try_joins),
     ENTRY(ramps_of_stop),
     ENTRY(find_connector),
+    ENTRY(guess_connector),
     ENTRY(shorten_connector),
     LAST_ENTRY,
 };

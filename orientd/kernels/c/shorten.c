@@ -83,12 +83,22 @@ static void add_rate(spline_t *s, int order, int first, int count, const double 
     put_vec(rate->by_duration, given);
 }
 
-/* What is limited: control points, and what the velocity is between, never go beyond them. */
+/* What is limited: control points, and what the velocity is between, never go beyond them.
+ *
+ * Those of the velocity are of parts of the elements: where it bends, those of whole ones are
+ * PARTS^2 times as far beyond it, which a device that gains speed just below its limit cannot
+ * afford. */
 static void put_rates(spline_t *s) {
     int n = s->elements;
     s->rates = 0;
-    for (int k = 2; k < n; k++)
-        add_rate(s, 0, k, 1, (double[]){1.0});
+    for (int k = 1; k < n - 1; k++) {
+        double before = s->width[k] / s->sum[k], after = s->width[k] / s->sum[k + 1];
+        for (int part = 0; part < PARTS; part++) {
+            double u = (double)part / PARTS, v = u + 1.0 / PARTS;
+            double first = before * (1.0 - u) * (1.0 - v), last = after * u * v;
+            add_rate(s, 0, k, 3, (double[]){first, 1.0 - first - last, last});
+        }
+    }
     for (int k = 1; k < n; k++)
         add_rate(s, 1, k, 2, (double[]){-2.0 / s->sum[k], 2.0 / s->sum[k]});
     for (int k = 0; k < n; k++) {
@@ -98,12 +108,26 @@ static void put_rates(spline_t *s) {
     }
 }
 
+/* Norm of a vector, or size of one of its components. */
+static double size_of(vec_t v, int kind) {
+    return kind == 0 ? norm(v) : fabs(kind == 1 ? v.x : kind == 2 ? v.y : v.z);
+}
+
+/* How long an acceleration takes to fall that would else become too fast, s. */
+static double falls_in(const bounds_t *bounds, vec_t omega, vec_t alpha) {
+    double longest = 0.0;
+    for (int k = 0; k < 4; k++) {
+        double falls = size_of(alpha, k) / bounds->most[2][k];
+        if (size_of(scaled_plus(0.5 * falls, alpha, omega), k) > NEARLY * bounds->most[0][k])
+            longest = fmax(longest, falls);
+    }
+    return longest;
+}
+
 /* Let go of the jerk's reserve while an acceleration falls that would else become too fast: what a
  * device moves with was planned with less of a reserve. */
 static void ease_end(spline_t *s, vec_t omega, vec_t alpha, double ease, bool is_end) {
-    double falls = norm(alpha) / s->bounds.most[2][0], before = 0.0;
-    if (!(norm(scaled_plus(0.5 * falls, alpha, omega)) > NEARLY * s->bounds.most[0][0]))
-        return;
+    double falls = falls_in(&s->bounds, omega, alpha), before = 0.0;
     for (int i = 0; i < s->rates; i++) {
         rate_t *rate = &s->rate[is_end ? s->rates - 1 - i : i];
         if (rate->order != 2)
@@ -172,8 +196,8 @@ static index_t put_shorter(const spline_t *s, matrix_t joins, tensor_t increment
 }
 
 index_t shorten_connector(row_t start, row_t end, matrix_t limits, double period, double least,
-                          double ease, matrix_t q, tensor_t w, row_t times_of, matrix_t joins,
-                          tensor_t increments, row_t breaks) {
+                          double longest, double ease, matrix_t q, tensor_t w, row_t times_of,
+                          matrix_t joins, tensor_t increments, row_t breaks) {
     spline_t s;
     double total = times_of.v[3];
     if (!(total >= FEWEST * period && total > least))
@@ -182,13 +206,13 @@ index_t shorten_connector(row_t start, row_t end, matrix_t limits, double period
     s.bounds = bounds_of(&s.begin, &s.end, limits);
     for (int k = 0; k < 4; k++)
         s.bounds.most[0][k] = fmax(s.bounds.most[0][k], VELOCITY_SHARE * row_of(limits, 0)[k]);
-    s.duration = total, s.least = fmax(least, period), s.most = total;
+    s.duration = total, s.least = fmax(least, period), s.most = longest + period;
     put_elements(&s, period);
     put_rates(&s);
     ease_end(&s, s.begin.omega, s.begin.alpha, ease, false);
     ease_end(&s, s.end.omega, times(-1.0, s.end.alpha), ease, true);
     put_first(&s, q, w, times_of);
-    if (!shorten(&s, period) || !(s.duration < total - 0.5 * period))
+    if (!shorten(&s, period) || !(s.duration < longest + 0.5 * period))
         return 0;
     return put_shorter(&s, joins, increments, breaks);
 }

@@ -24,7 +24,8 @@ enum {
     POINTS = ELEMENTS + 2,             /* control points; the first two and the last two are given */
     FREE = 3 * (POINTS - 4),           /* components of the others */
     BAND = 9,                          /* of a row, from the diagonal on */
-    RATES = 3 * ELEMENTS,              /* velocities, accelerations and jerks that are limited */
+    PARTS = 3,                         /* of an element, whose velocities are limited each */
+    RATES = (PARTS + 2) * ELEMENTS,    /* velocities, accelerations and jerks that are limited */
     BORDER = 5,                        /* right sides: step, duration, orientation */
 };
 
@@ -64,17 +65,18 @@ bool shorten(spline_t *spline, double period);
 
 /* shorten.c */
 
-/* Write the joins of a connector that is shorter than one already found, and return how many they
- * are; none where nothing was found.
+/* Write the joins of a connector that is shorter than one already found, or than a guess, and
+ * return how many they are; none where nothing was found.
  *
  * start, end, limits, period, least: as of find_connector.
+ * longest: it takes no longer than this, s.
  * ease: factor of the jerk's limits where an acceleration would else become too fast as it falls.
- * q, w, times: the connector that was found, as find_connector writes it.
+ * q, w, times: the connector to begin with, as find_connector writes it.
  * joins: receives orientations that they begin at, signs continuous, shape (ELEMENTS, 4).
  * increments: receives their increments, shape (ELEMENTS, 5, 3).
  * breaks: receives when they begin, and when the last one ends, s, shape (ELEMENTS + 1,). */
 index_t shorten_connector(row_t start, row_t end, matrix_t limits, double period, double least,
-                          double ease, matrix_t q, tensor_t w, row_t times, matrix_t joins,
-                          tensor_t increments, row_t breaks);
+                          double longest, double ease, matrix_t q, tensor_t w, row_t times,
+                          matrix_t joins, tensor_t increments, row_t breaks);
 
 #endif

@@ -10,11 +10,13 @@
 #define TO_BOUNDARY 0.95    /* of the way */
 #define LONGEST_STEP 0.3    /* of the duration */
 #define STUCK 1e-3          /* share of a step that is not worth another one */
-#define RIDGE 1e-9          /* on the diagonal, beside what is of the order of one */
-#define MISSED 1e-4         /* share of a limit, and rad, that may be missed on the way */
+#define RIDGE 3e-4          /* on the diagonal, beside what is of the order of one: steps of what
+                             * few limits hold would else be too long for the orientation */
+#define NEARLY 1e-3         /* share of a limit, and rad, that may be missed on the way */
+#define MISSED 1e-4         /* the same in the end */
 #define ARRIVED 1e-12       /* rad, in the end */
 
-enum { STEPS = 20, LAST_STEPS = 6, KINDS = 4, BORDERS = 3 };
+enum { STEPS = 20, LAST_STEPS = 8, KINDS = 4, BORDERS = 3 };
 
 /* A limit of the norm of a rate, or of a component; or of the duration.
  *
@@ -422,7 +424,6 @@ static bool arrive(steps_t *at) {
             s->point[k] = plus(s->point[k], vec_at(change));
         }
         put_turning(at);
-       
     }
     return missed(at) <= ARRIVED;
 }
@@ -436,15 +437,13 @@ bool shorten(spline_t *spline, double period) {
     double gap, above, share = 1.0, gone = 0.5;
     for (int step = 0;; step++) {
         gap = gap_of(&at, &above);
-        if (gone > TO_BOUNDARY - 0.2 && gap < CLOSE_ENOUGH && above < MISSED && missed(&at) < MISSED)
+        bool is_inside = above < NEARLY && missed(&at) < NEARLY;
+        bool is_short = gone > TO_BOUNDARY - 0.2 && gap < CLOSE_ENOUGH;
+        /* What gets no shorter may still be a connector. */
+        if ((is_inside && is_short) || step == STEPS || !(gone > STUCK))
             break;
-       
-        if (step == STEPS)
-            return false;
         share = step == 0 ? 1.0 : gone > 0.9 ? 0.1 : gone > 0.5 ? 0.3 : 0.6;
         gone = advance(&at, fmax(share * gap, LAST_WEIGHT) / at.limits, 0.0);
-        if (!(gone > STUCK))
-            return false;
     }
     double goal = ceil(spline->duration / period - 1e-9) * period;
     for (int step = 0; step < LAST_STEPS; step++) {

@@ -3,12 +3,13 @@
 A connector that is found is a quintic join with, where that is quicker or needed, a ramp before it
 and one behind: a ramp changes the acceleration alone, at the limit of the jerk.  From that it is
 shortened to what the limits permit, which ``orientd/kernels/c/shorten.h`` explains, and is many
-short joins then.
+short joins then.  Where there is none, or one the longer way round, the same begins with a guess.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,11 +27,13 @@ from orientd.planner.connect.quintic_connector import (
 from orientd.planner.limits import Limits
 from orientd.planner.path import PathSegment
 from orientd.planner.request import State
-from orientd.rotation import angle
+from orientd.rotation import Floats, angle
 
 MOST_JOINS = 34
 """That a connector is made of once it is as short as the limits permit."""
 
+_SHORTER_WAY = 1  # of the ways round
+_LONGER = 4.0  # times a guess of how long a connector takes
 _RAMPS = 6  # at most, that a stop may begin with
 
 
@@ -61,27 +64,63 @@ def connector(
     Raises:
         PlanError: nothing was found, or it takes longer than is planned.
     """
-    q, w, times = np.empty((3, 4)), np.empty((3, FACTORS, 3)), np.empty(4)
     given = state_row(start), state_row(end), limit_table(limits.with_reserve()), period, least
-    if not kernels.find_connector(*given, q, w, times):
+    found = _empty()
+    way = kernels.find_connector(*given, *found)
+    shorter = None
+    if way:
+        check_lead("a connector", found.end)
+        if not is_even:
+            shorter = _shortened(given, found, found.end - period, ease)
+    if not is_even and (shorter is None or way != _SHORTER_WAY):
+        # Nothing found, nothing shorter, or the longer way round: perhaps there is a better one.
+        guess = _empty()
+        kernels.guess_connector(*given, *guess)
+        longest = shorter.end if shorter else found.end if way else _LONGER * guess.end
+        shorter = _shortened(given, guess, longest - period, ease) or shorter
+    if shorter:
+        return shorter
+    if not way:
         raise PlanError(
             f"no way found from {np.linalg.norm(start.omega_body):.4g} rad/s to "
             f"{np.linalg.norm(end.omega_body):.4g} rad/s over {angle(start.q, end.q):.4g} rad"
         )
-    _, before, after, total = times.tolist()
-    check_lead("a connector", total)
-    if not is_even:
-        joins, increments = np.empty((MOST_JOINS, 4)), np.empty((MOST_JOINS, FACTORS, 3))
-        breaks = np.empty(MOST_JOINS + 1)
-        count = kernels.shorten_connector(*given, ease, q, w, times, joins, increments, breaks)
-        if count:
-            curve = QuinticConnectors(joins[:count], increments[:count], breaks[: count + 1])
-            return PathSegment(curve, 0.0, float(breaks[count]))
     # A ramp that takes no time is none.
+    _, before, after, total = found.times.tolist()
     first, last = int(before == 0.0), 3 - int(after == total)
-    return PathSegment(
-        QuinticConnectors(q[first:last], w[first:last], times[first : last + 1]), 0.0, total
+    curve = QuinticConnectors(
+        found.q[first:last], found.w[first:last], found.times[first : last + 1]
     )
+    return PathSegment(curve, 0.0, total)
+
+
+class _Found(NamedTuple):
+    """What the kernels write of a connector: a ramp, a join and another ramp."""
+
+    q: Floats
+    w: Floats
+    times: Floats
+
+    @property
+    def end(self) -> float:
+        return float(self.times[-1])
+
+
+def _empty() -> _Found:
+    return _Found(np.empty((3, 4)), np.empty((3, FACTORS, 3)), np.empty(4))
+
+
+def _shortened(
+    given: tuple[Floats, Floats, Floats, float, float], found: _Found, longest: float, ease: float
+) -> PathSegment | None:
+    """Return what a connector is shortened to, if that takes no longer."""
+    joins, increments = np.empty((MOST_JOINS, 4)), np.empty((MOST_JOINS, FACTORS, 3))
+    breaks = np.empty(MOST_JOINS + 1)
+    count = kernels.shorten_connector(*given, longest, ease, *found, joins, increments, breaks)
+    if not count:
+        return None
+    curve = QuinticConnectors(joins[:count], increments[:count], breaks[: count + 1])
+    return PathSegment(curve, 0.0, float(breaks[count]))
 
 
 def ramped_stops(

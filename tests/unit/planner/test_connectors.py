@@ -5,7 +5,7 @@ import pytest
 from reference import connectors, joins
 
 from orientd import kernels
-from orientd.planner import DEFAULT_LIMITS, State
+from orientd.planner import DEFAULT_LIMITS, Limits, State
 from orientd.planner.certify.limit_tables import limit_table
 from orientd.planner.connect.connector import MOST_JOINS, connector, ramped_stops
 from orientd.planner.connect.quintic_connector import QuinticConnectors, state_row, try_joins
@@ -170,7 +170,7 @@ def shortened(start, end, limits, period, least=0.0, ease=1.0):
     way = connectors.Way(np.empty((3, 4)), np.empty((3, 5, 3)), np.empty(4))
     assert kernels.find_connector(*given, *way)
     q, w, breaks = np.empty((MOST_JOINS, 4)), np.empty((MOST_JOINS, 5, 3)), np.empty(MOST_JOINS + 1)
-    count = kernels.shorten_connector(*given, ease, *way, q, w, breaks)
+    count = kernels.shorten_connector(*given, way.times[-1] - period, ease, *way, q, w, breaks)
     curve = QuinticConnectors(q[:count], w[:count], breaks[: count + 1]) if count else None
     return way, curve
 
@@ -213,7 +213,7 @@ def test_a_shortened_connector_is_shorter_and_keeps_the_limits(limits, has_end_v
         assert angle(q, end.q) <= 1e-11
         assert omega == pytest.approx(end.omega_body, abs=1e-12)
         assert alpha == pytest.approx(end.alpha_body, abs=1e-9)
-    assert len(ratios) >= 20
+    assert len(ratios) >= 28
     assert max(ratios) < 1.0
     assert np.median(ratios) <= 0.93
 
@@ -224,6 +224,29 @@ def shares_of(state, limits):
         max(np.linalg.norm(v) / getattr(limits, name), np.max(np.abs(v) / limits.axes(name)))
         for v, name in ((state.omega_body, "velocity"), (state.alpha_body, "acceleration"))
     ]
+
+
+def state(turn, omega, alpha=(0.0, 0.0, 0.0)):
+    return State(exp(np.array(turn)), np.array(omega), np.array(alpha), np.zeros(3))
+
+
+def test_a_device_that_gains_speed_just_below_its_limit_has_a_connector():
+    limits = Limits(2.5, 17.0, 300.0, 1.0, 10.0)
+    start = state(np.zeros(3), (1.251, -1.022, 1.277), (7.54, -7.7, 11.59))
+    end = state((-0.174, 0.056, 0.055), (0.967, 0.077, -0.686))
+    _, curve = shortened(start, end, limits, PERIOD)
+    assert curve.domain[1] <= 0.65  # 0.76 before it is shortened
+
+
+def test_a_guess_is_shortened_where_no_connector_is_found():
+    limits = Limits(2.5, 17.0, 300.0, 1.0, 10.0, axis_velocity=(2.0, 0.7, 1.5))
+    start = state(np.zeros(3), (1.956, -0.02, -0.048), (4.57, -11.72, -0.29))
+    end = state((0.14, -1.28, 0.83), (-0.1, 0.2, 0.34))
+    assert searched(start, end, limits, PERIOD, 0.0) is None
+    way = connector(start, end, limits=limits, period=PERIOD)
+    assert way.end <= 1.4  # by way of rest it is 2.03
+    velocity, acceleration, jerk = shares(way.curve, limits)
+    assert max(velocity, acceleration, jerk) <= 1.0
 
 
 def test_a_shortened_connector_from_rest_to_rest_is_the_quickest_turn():
