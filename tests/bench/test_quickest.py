@@ -211,7 +211,8 @@ def test_from_motion_to_a_keyframe_it_is_as_quick_as_a_search_of_connectors(is_t
         except PlanError:
             refused += 1
             continue
-        ratios.append(took / searched(state, goal, omega, limits, random))
+        search = np.random.default_rng(number)
+        ratios.append(took / searched(state, goal, omega, limits, search))
     print(f"\nrefused {refused} of {CONNECTORS // 2}")
     _, largest = shown("duration over the best of 10,000 connectors", ratios)
     assert largest <= 1.05
