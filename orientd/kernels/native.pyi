@@ -122,10 +122,10 @@ def ramps_of_stop(
 def find_connector(
     start: Floats, end: Floats, limits: Floats, period: float, least: float, q: Floats, w: Floats,
     times: Floats, /,
-) -> int: ...  # fmt: skip
+) -> bool: ...  # fmt: skip
 def guess_connector(
-    start: Floats, end: Floats, limits: Floats, period: float, least: float, q: Floats, w: Floats,
-    times: Floats, /,
+    start: Floats, end: Floats, limits: Floats, period: float, least: float, rates: float,
+    duration: float, q: Floats, w: Floats, times: Floats, /,
 ) -> None: ...  # fmt: skip
 def shorten_connector(
     start: Floats, end: Floats, limits: Floats, period: float, least: float, longest: float,

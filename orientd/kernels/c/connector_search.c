@@ -227,8 +227,8 @@ INLINE quat_t nearer(quat_t q, quat_t other) {
     return q.w * other.w + q.x * other.x + q.y * other.y + q.z * other.z < 0.0 ? opposite(q) : q;
 }
 
-way_t find_connector(row_t start, row_t end, matrix_t limits, double period,
-                     double least_duration, matrix_t q, tensor_t w, row_t times_of) {
+bool find_connector(row_t start, row_t end, matrix_t limits, double period, double least_duration,
+                    matrix_t q, tensor_t w, row_t times_of) {
     motion_t begin = state_at(start.v), finish = state_at(end.v), back = mirrored(finish);
     search_t search;
     search.period = period, search.least = least_duration;
@@ -244,7 +244,7 @@ way_t find_connector(row_t start, row_t end, matrix_t limits, double period,
     vec_t of[3][FACTORS] = {0};
     const try_t *kept = shortest(&search, put_grid(&begin, &finish, norm(way), &search), of[1]);
     if (kept == NULL)
-        return NO_WAY;
+        return false;
     int one = kept->pair / search.out_of.count, other = kept->pair % search.out_of.count;
     double before = search.into.durations[one], after = search.out_of.durations[other];
     motion_t from = search.into.ends[one], to = search.out_of.ends[other];
@@ -262,18 +262,25 @@ way_t find_connector(row_t start, row_t end, matrix_t limits, double period,
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < FACTORS; k++)
             put_vec(w.v + (i * FACTORS + k) * 3, of[i][k]);
-    return kept->way ? LONGER_WAY : SHORTER_WAY;
+    return true;
+}
+
+/* With a share of the velocity and acceleration that it has. */
+static motion_t with_share(motion_t state, double share) {
+    state.omega = times(share, state.omega), state.alpha = times(share, state.alpha);
+    return state;
 }
 
 void guess_connector(row_t start, row_t end, matrix_t limits, double period, double least_duration,
-                     matrix_t q, tensor_t w, row_t times_of) {
+                     double rates, double duration, matrix_t q, tensor_t w, row_t times_of) {
     motion_t begin = state_at(start.v), finish = state_at(end.v);
     search_t search;
     search.period = period, search.least = least_duration;
     search.bounds = bounds_of(&begin, &finish, limits);
     quat_t turn = relative(begin.q, finish.q);
     double angle = 2.0 * norm(logarithm(turn.w < 0.0 ? opposite(turn) : turn));
-    double total = search.totals[put_grid(&begin, &finish, angle, &search) / 2];
+    double total = duration * search.totals[put_grid(&begin, &finish, angle, &search) / 2];
+    begin = with_share(begin, rates), finish = with_share(finish, rates);
     vec_t of[3][FACTORS] = {0};
     put_increments(&begin, &finish, total, of[1]);
     put_quat(row_of(q, 0), begin.q), put_quat(row_of(q, 1), begin.q);

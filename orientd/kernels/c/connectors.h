@@ -200,10 +200,8 @@ index_t ramps_of_stop(row_t state, matrix_t limits, double period, matrix_t ends
 
 /* connector_search.c */
 
-typedef enum { NO_WAY, SHORTER_WAY, LONGER_WAY } way_t;
-
-/* Write the shortest connector that is found, a ramp, a join and another ramp, and return which
- * way round the join is, or that there is none.
+/* Write the shortest connector that is found, a ramp, a join and another ramp, and return whether
+ * there is one.
  *
  * start, end: states, shape (10,).
  * limits: of velocity, acceleration and jerk with their reserve, norm and components, shape (3, 4).
@@ -212,10 +210,14 @@ typedef enum { NO_WAY, SHORTER_WAY, LONGER_WAY } way_t;
  * q: receives the orientations that the three begin at, signs continuous, shape (3, 4).
  * w: receives the increments of the three, shape (3, 5, 3); of one that takes no time none.
  * times: receives when the three begin and when the last one ends, s, shape (4,). */
-way_t find_connector(row_t start, row_t end, matrix_t limits, double period, double least,
-                     matrix_t q, tensor_t w, row_t times);
-/* Write a join the shorter way round that need not keep the limits, as find_connector does. */
+bool find_connector(row_t start, row_t end, matrix_t limits, double period, double least,
+                    matrix_t q, tensor_t w, row_t times);
+
+/* Write a join, the shorter way round, that need not keep the limits, as find_connector does.
+ *
+ * rates: share of the velocities and accelerations of the states that it has at its ends.
+ * duration: share of the middle one of those that find_connector looks at. */
 void guess_connector(row_t start, row_t end, matrix_t limits, double period, double least,
-                     matrix_t q, tensor_t w, row_t times);
+                     double rates, double duration, matrix_t q, tensor_t w, row_t times);
 
 #endif

@@ -42,16 +42,17 @@ KERNEL(find_connector) {
     TAKE("vvmddMTV");
     CHECK(a[0].v.n == STATE && a[1].v.n == STATE && is_matrix(a[2].m, 3, 4));
     CHECK(is_matrix(a[5].m, 3, 4) && is_tensor(a[6].t, 3, FACTORS, 3) && a[7].v.n == 4);
-    way_t way;
-    RUN(way = find_connector(a[0].v, a[1].v, a[2].m, a[3].d, a[4].d, a[5].m, a[6].t, a[7].v));
-    return PyLong_FromLongLong(way);
+    bool is_found;
+    RUN(is_found = find_connector(a[0].v, a[1].v, a[2].m, a[3].d, a[4].d, a[5].m, a[6].t, a[7].v));
+    return PyBool_FromLong(is_found);
 }
 
 KERNEL(guess_connector) {
-    TAKE("vvmddMTV");
+    TAKE("vvmddddMTV");
     CHECK(a[0].v.n == STATE && a[1].v.n == STATE && is_matrix(a[2].m, 3, 4));
-    CHECK(is_matrix(a[5].m, 3, 4) && is_tensor(a[6].t, 3, FACTORS, 3) && a[7].v.n == 4);
-    RUN(guess_connector(a[0].v, a[1].v, a[2].m, a[3].d, a[4].d, a[5].m, a[6].t, a[7].v));
+    CHECK(is_matrix(a[7].m, 3, 4) && is_tensor(a[8].t, 3, FACTORS, 3) && a[9].v.n == 4);
+    RUN(guess_connector(a[0].v, a[1].v, a[2].m, a[3].d, a[4].d, a[5].d, a[6].d, a[7].m,
+                        a[8].t, a[9].v));
     Py_RETURN_NONE;
 }
 

@@ -3,7 +3,8 @@
 A connector that is found is a quintic join with, where that is quicker or needed, a ramp before it
 and one behind: a ramp changes the acceleration alone, at the limit of the jerk.  From that it is
 shortened to what the limits permit, which ``orientd/kernels/c/shorten.h`` explains, and is many
-short joins then.  Where there is none, or one the longer way round, the same begins with a guess.
+short joins then.  Where there is none it begins with guesses, and with limits of axes, too: there
+may then be several connectors that are shorter than all near them.
 """
 
 from __future__ import annotations
@@ -32,8 +33,13 @@ from orientd.rotation import Floats, angle
 MOST_JOINS = 34
 """That a connector is made of once it is as short as the limits permit."""
 
-_SHORTER_WAY = 1  # of the ways round
-_LONGER = 4.0  # times a guess of how long a connector takes
+CONNECTOR_RESERVE = 0.96
+"""Share of acceleration and jerk that a connector uses, so that a motion can be stopped in it."""
+
+_GUESSES = ((1.0, 0.6), (0.0, 1.3))
+"""Rates at their ends and durations, as shares; of fifteen kinds the two that led furthest."""
+
+_LONGER = 8.0  # times a guess of how long a connector takes
 _RAMPS = 6  # at most, that a stop may begin with
 
 
@@ -64,23 +70,20 @@ def connector(
     Raises:
         PlanError: nothing was found, or it takes longer than is planned.
     """
-    given = state_row(start), state_row(end), limit_table(limits.with_reserve()), period, least
-    found = _empty()
-    way = kernels.find_connector(*given, *found)
-    shorter = None
-    if way:
+    table = limit_table(limits.with_reserve(CONNECTOR_RESERVE))
+    given = state_row(start), state_row(end), table, period, least
+    found = _Found.empty()
+    is_found = kernels.find_connector(*given, *found)
+    if is_found:
         check_lead("a connector", found.end)
-        if not is_even:
-            shorter = _shortened(given, found, found.end - period, ease)
-    if not is_even and (shorter is None or way != _SHORTER_WAY):
-        # Nothing found, nothing shorter, or the longer way round: perhaps there is a better one.
-        guess = _empty()
-        kernels.guess_connector(*given, *guess)
-        longest = shorter.end if shorter else found.end if way else _LONGER * guess.end
-        shorter = _shortened(given, guess, longest - period, ease) or shorter
-    if shorter:
-        return shorter
-    if not way:
+    if not is_even:
+        ways = [_shortened(given, found, found.end - period, ease)] if is_found else []
+        if not any(ways) or limits.has_axes:
+            ways += [_shortened_guess(given, *guess, ease) for guess in _GUESSES]
+        shorter = [way for way in ways if way and not (is_found and way.end >= found.end)]
+        if shorter:
+            return min(shorter, key=lambda way: way.end)
+    if not is_found:
         raise PlanError(
             f"no way found from {np.linalg.norm(start.omega_body):.4g} rad/s to "
             f"{np.linalg.norm(end.omega_body):.4g} rad/s over {angle(start.q, end.q):.4g} rad"
@@ -101,13 +104,13 @@ class _Found(NamedTuple):
     w: Floats
     times: Floats
 
+    @classmethod
+    def empty(cls) -> _Found:
+        return cls(np.empty((3, 4)), np.empty((3, FACTORS, 3)), np.empty(4))
+
     @property
     def end(self) -> float:
         return float(self.times[-1])
-
-
-def _empty() -> _Found:
-    return _Found(np.empty((3, 4)), np.empty((3, FACTORS, 3)), np.empty(4))
 
 
 def _shortened(
@@ -121,6 +124,14 @@ def _shortened(
         return None
     curve = QuinticConnectors(joins[:count], increments[:count], breaks[: count + 1])
     return PathSegment(curve, 0.0, float(breaks[count]))
+
+
+def _shortened_guess(
+    given: tuple[Floats, Floats, Floats, float, float], rates: float, duration: float, ease: float
+) -> PathSegment | None:
+    guess = _Found.empty()
+    kernels.guess_connector(*given, rates, duration, *guess)
+    return _shortened(given, guess, _LONGER * guess.end, ease)
 
 
 def ramped_stops(

@@ -13,11 +13,11 @@ from enum import Enum
 import numpy as np
 
 from orientd.errors import PlanError
-from orientd.planner.connect.connector import connector, ramped_stops
+from orientd.planner.connect.connector import CONNECTOR_RESERVE, connector, ramped_stops
 from orientd.planner.connect.leads import approach, approach_cycles, lead_out
 from orientd.planner.connect.position_stop import position_lead
 from orientd.planner.connect.quintic_connector import join
-from orientd.planner.limits import ACCELERATION_RESERVE, Limits, is_still
+from orientd.planner.limits import Limits, is_still
 from orientd.planner.path import PathSegment, PositionPath
 from orientd.planner.request import State
 from orientd.rotation import Floats
@@ -60,7 +60,7 @@ class Caution(Enum):
     @property
     def ease(self) -> float:
         """Factor by which what is used of the jerk may go beyond its reserve."""
-        return 1.0 if self.is_at_limits else _EASED / ACCELERATION_RESERVE
+        return 1.0 if self.is_at_limits else _EASED / CONNECTOR_RESERVE
 
     @property
     def is_at_limits(self) -> bool:
@@ -95,7 +95,7 @@ def lead_in(
     if start.is_at_rest and not is_direct:
         return from_rest(start, first, limits=limits, period=period, is_even=is_even)
     limits = (
-        limits.with_reserve(caution.share / ACCELERATION_RESERVE)
+        limits.with_reserve(caution.share / CONNECTOR_RESERVE)
         if caution.is_at_limits
         else limits.scaled(caution.share)
     )
