@@ -24,7 +24,7 @@ enum {
     POINTS = ELEMENTS + 2,             /* control points; the first two and the last two are given */
     FREE = 3 * (POINTS - 4),           /* components of the others */
     BAND = 9,                          /* of a row, from the diagonal on */
-    PARTS = 3,                         /* of an element, whose velocities are limited each */
+    PARTS = 4,                         /* of an element, whose velocities are limited each */
     RATES = (PARTS + 2) * ELEMENTS,    /* velocities, accelerations and jerks that are limited */
     BORDER = 5,                        /* right sides: step, duration, orientation */
 };

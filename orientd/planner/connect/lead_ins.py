@@ -49,6 +49,8 @@ class Caution(Enum):
     BY_WAY_OF_REST = 0.97
     AT_LIMITS = 0.9995
     """Without the reserve, for a state that is at the limits already."""
+    JUST_BELOW_LIMITS = 0.998
+    """The same, for what is drawn between two setpoints where the jerk has a step."""
     AS_FOUND = 0.9994
     """The same with a connector as it is found, which a shorter one has gone beyond a limit for."""
 
@@ -65,7 +67,7 @@ class Caution(Enum):
     @property
     def is_at_limits(self) -> bool:
         """Whether to do without the reserve."""
-        return self in (Caution.AT_LIMITS, Caution.AS_FOUND)
+        return self in (Caution.AT_LIMITS, Caution.JUST_BELOW_LIMITS, Caution.AS_FOUND)
 
 
 def lead_in(

@@ -5,7 +5,7 @@ import pytest
 from reference import connectors, joins
 
 from orientd import kernels
-from orientd.planner import DEFAULT_LIMITS, Limits, State
+from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.certify.limit_tables import limit_table
 from orientd.planner.connect.connector import MOST_JOINS, connector, ramped_stops
 from orientd.planner.connect.quintic_connector import QuinticConnectors, state_row, try_joins
@@ -247,6 +247,18 @@ def test_a_guess_is_shortened_where_no_connector_is_found():
     assert way.end <= 1.4  # by way of rest it is 2.03
     velocity, acceleration, jerk = shares(way.curve, limits)
     assert max(velocity, acceleration, jerk) <= 1.0
+
+
+def test_a_device_on_the_verge_of_its_limits_is_led_as_quickly():
+    limits = Limits(2.5, 17.0, 300.0, 1.0, 10.0, axis_velocity=(2.0, 0.7, 1.5))
+    start = state(
+        np.zeros(3),
+        (1.90985269, 0.49147812, 0.64848893),
+        (7.25734338, 0.48637041, -4.34911179),
+    )
+    goal = Keyframe(tuple(exp(np.array([1.12, 0.23, 1.58])).tolist()))
+    motion = plan(MotionRequest([goal]), start=start, limits=limits, period=PERIOD)
+    assert motion.duration <= 1.2  # 1.91 with a connector as it is found
 
 
 def test_a_shortened_connector_from_rest_to_rest_is_the_quickest_turn():
