@@ -24,6 +24,7 @@ from orientd.rotation import Floats
 
 _SLACK = 1e-9  # of a period
 _EASED = 0.993  # of the jerk, beyond which a stop would take far longer
+_LESS_EASED = 0.985  # where what is drawn between two setpoints goes beyond the jerk
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,6 +46,7 @@ class Caution(Enum):
     """How to lead in: a peak between the points that were looked at asks for the next one."""
 
     NONE = 1.0
+    LESS_EASED = 0.9999
     SOME = 0.98
     BY_WAY_OF_REST = 0.97
     AT_LIMITS = 0.9995
@@ -62,7 +64,9 @@ class Caution(Enum):
     @property
     def ease(self) -> float:
         """Factor by which what is used of the jerk may go beyond its reserve."""
-        return 1.0 if self.is_at_limits else _EASED / CONNECTOR_RESERVE
+        if self.is_at_limits:
+            return 1.0
+        return (_LESS_EASED if self is Caution.LESS_EASED else _EASED) / CONNECTOR_RESERVE
 
     @property
     def is_at_limits(self) -> bool:
