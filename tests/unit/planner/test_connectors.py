@@ -255,7 +255,13 @@ def test_a_guess_is_shortened_where_no_connector_is_found():
         # 1.91 s with a connector as it is found
         ((1.90985, 0.49148, 0.64849), (7.25734, 0.48637, -4.34911), (1.12, 0.23, 1.58), 0.7, 1.2),
         # none with as much of the jerk as others use
-        ((-0.39034, -2.31676, 0.49213), (9.89504, -8.4157, 1.93443), (0.5, -1.0, 0.3), 99.0, 1.2),
+        (
+            (-0.39034, -2.31676, 0.49213),
+            (9.89504, -8.4157, 1.93443),
+            (0.34, -0.46, -1.88),
+            99.0,
+            1.2,
+        ),
     ],
 )
 def test_a_device_on_the_verge_of_its_limits_is_led_as_quickly(
