@@ -1,6 +1,7 @@
 """Taking over from a motion where another one cannot begin at once: a little later on the way."""
 
 import asyncio
+import math
 import time
 from types import SimpleNamespace
 
@@ -14,7 +15,7 @@ from orientd.daemon.motions.queued_motion import SplicePoint
 from orientd.daemon.motions.takeover import Takeover
 from orientd.daemon.planners import PlanInput
 from orientd.errors import LateError, LimitError
-from orientd.planner import Keyframe, MotionRequest, State
+from orientd.planner import Keyframe, Limits, MotionRequest, State
 
 PERIOD = 0.002
 LIMITS = {"velocity": 2.0, "acceleration": 8.0, "jerk": 80.0}
@@ -24,6 +25,8 @@ AIM = (0.49571101017829, -0.089257329299611, -0.5334378595928744, -0.67952025246
 OTHER = (0.35431759385143013, 0.1360839929634544, -0.6275530104419681, -0.6797921804725902)
 RISING = 159
 """A record at which the first motion gains speed just below its limit, at its largest jerk."""
+GENTLE = Limits(math.inf, math.inf, 70.0, math.inf, math.inf)
+"""Less jerk than that, with which no motion can begin there."""
 
 
 def to(q, **fields):
@@ -60,11 +63,11 @@ def test_a_motion_that_cannot_begin_where_a_device_gains_speed_begins_a_little_l
     planners, first
 ):
     leave = SplicePoint(1, RISING)
-    state = first.state_at(RISING)
+    state, order = first.state_at(RISING), to(OTHER, limits=GENTLE)
     with pytest.raises(LimitError, match="in the lead-in") as refused:
-        asyncio.run(planners.plan(PlanInput("arm", to(OTHER).motion, start=state), to(OTHER)))
+        asyncio.run(planners.plan(PlanInput("arm", order.motion, start=state), order))
     assert refused.value.is_in_lead_in
-    found, chosen = successor(planners, first, to(OTHER), leave)
+    found, chosen = successor(planners, first, order, leave)
     assert found.leave.record == RISING + round(0.15 / PERIOD)
     assert chosen == 1
     begun, left = found.motion.state_at(0), first.state_at(found.leave.record)
@@ -74,7 +77,8 @@ def test_a_motion_that_cannot_begin_where_a_device_gains_speed_begins_a_little_l
 
 def test_a_motion_that_can_begin_nowhere_on_the_way_begins_at_rest(planners, first, monkeypatch):
     monkeypatch.setattr(takeover, "_LATER", ((0.0,), (0.0,)))
-    assert successor(planners, first, to(OTHER), SplicePoint(1, RISING)) == (None, 2)
+    order = to(OTHER, limits=GENTLE)
+    assert successor(planners, first, order, SplicePoint(1, RISING)) == (None, 2)
 
 
 def test_what_nothing_on_the_way_can_mend_is_refused_at_once(planners, first):
