@@ -1,8 +1,9 @@
-"""The quickest of 10,000 connectors between two states of motion, as evolution finds it.
+"""The quickest of 10,000 connectors between two states of motion, by the cross-entropy method.
 
 A connector's rotation vector, from its beginning on, moves along three axes at right angles that
 Ruckig times together.  Sought are these axes, how velocity, acceleration and jerk are shared
-between them, and how much of each limit is used.
+between them, and how much of each limit is used: the best of many draws from a normal distribution
+are the centre of the next, narrower one (Rubinstein 1999).
 """
 
 import numpy as np
@@ -19,7 +20,10 @@ NARROWED = 0.97
 
 
 def rotation_vector_rate(turn, omega_body):
-    """Return the rate of a rotation vector by the angular velocity, body frame, rad/s."""
+    """Return the rate of a rotation vector by the angular velocity, body frame, rad/s.
+
+    The right Jacobian of SO(3) leads back (Sola, Deray and Atchuthan 2018, eq. 143).
+    """
     size = np.linalg.norm(turn)
     x, y, z = turn
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

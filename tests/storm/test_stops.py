@@ -15,7 +15,6 @@ import subprocess
 import sys
 import threading
 import time
-from pathlib import Path
 
 import grpc
 import numpy as np
@@ -39,7 +38,7 @@ ROUNDS = int(os.environ.get("ORIENTD_STORM_STOPS", "100"))
 ADMISSION = 2.0
 """Until a new client has been answered, s."""
 MEMORY = 256 * 1024
-"""That the daemon may use under each attack, KiB."""
+"""That the daemon may have used, KiB."""
 
 
 def free_port():
@@ -249,7 +248,6 @@ def way(request, daemon):
 @pytest.mark.parametrize("attack", ATTACKS, ids=lambda attack: attack.__name__)
 def test_a_stop_reaches_the_servo_under_attack(daemon, way, attack):
     cycles, took, waited = Cycles(daemon), [], [0.0]
-    Path(f"/proc/{daemon.process.pid}/clear_refs").write_text("5")  # the highest is that of now
     for number in range(ROUNDS):
         daemon.move(spin(60.0))
         until(lambda: daemon.device().path_time > 0.05, "motion")

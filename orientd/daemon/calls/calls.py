@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from collections import defaultdict
 from collections.abc import Awaitable, Callable
 from typing import Any, NoReturn, TypeVar
 
@@ -50,6 +51,7 @@ class Calls:
         self._who = who
         self._describe = describe
         self._closing = asyncio.Event()
+        self._turns: defaultdict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
 
     def end_calls(self) -> None:
         """Let every WatchState come to its end."""
@@ -74,8 +76,10 @@ class Calls:
         wake.clear()
         return not self._closing.is_set()
 
-    async def _in_turn(self, token: str, device: str, number: int) -> None:
+    async def _in_turn(self, token: str, device: str, number: int) -> asyncio.Lock:
         """Wait a moment for commands that were begun before this one and are on their way.
+
+        Returns what is held while the command is done and its answer is made.
 
         What threads of one client begin together may arrive in another order, and an old command
         is refused.
@@ -83,6 +87,7 @@ class Calls:
         end, name = time.monotonic() + OVERTAKING, self._cell.device(device).name
         while self._cell.leases.is_ahead(token, name, number) and time.monotonic() < end:
             await asyncio.sleep(_OVERTAKEN)
+        return self._turns[name]
 
     async def _do(self, context: Context, work: Callable[[], Result]) -> Result:
         try:

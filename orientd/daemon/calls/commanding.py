@@ -103,10 +103,12 @@ class CommandingCalls(Calls):
             return device_message(device)
 
         try:
-            await self._in_turn(request.lease_token, request.device, request.lease_sequence)
+            turn = await self._in_turn(request.lease_token, request.device, request.lease_sequence)
         except OrientdError as error:
             await refuse(context, error)
-        return await self._do(context, work)
+        # The next one's turn comes with this one's check; it is done, and told, after this one.
+        async with turn:
+            return await self._do(context, work)
 
 
 def _caller(named: str) -> str:

@@ -26,6 +26,12 @@ typedef struct { double value[FACTORS], rate[FACTORS], curvature[FACTORS]; } bas
  * infinite where nothing limits it. */
 typedef struct { double most[3][4]; } bounds_t;
 
+/* What one of the four bounds is of: the norm of a vector, or the size of a component. */
+INLINE double size_of(vec_t v, int bound) {
+    return bound == 0 ? norm(v) : fabs(bound == 1 ? v.x : bound == 2 ? v.y : v.z);
+}
+
+
 /* What a join is sampled from; a factor that does not turn has any axis. */
 typedef struct {
     vec_t axis[FACTORS];

@@ -42,12 +42,9 @@ bounds_t bounds_of(const motion_t *start, const motion_t *end, matrix_t limits) 
             bounds.most[order][k] = row_of(limits, order)[k] * (order ? 1.0 : VELOCITY_MARGIN);
     vec_t has[2][2] = {{start->omega, end->omega}, {start->alpha, end->alpha}};
     for (int order = 0; order < 2; order++)
-        for (int i = 0; i < 2; i++) {
-            vec_t v = has[order][i];
-            double sizes[4] = {norm(v), fabs(v.x), fabs(v.y), fabs(v.z)};
+        for (int i = 0; i < 2; i++)
             for (int k = 0; k < 4; k++)
-                bounds.most[order][k] = fmax(bounds.most[order][k], sizes[k]);
-        }
+                bounds.most[order][k] = fmax(bounds.most[order][k], size_of(has[order][i], k));
     for (int order = 0; order < 3; order++)
         for (int k = 0; k < 4; k++)
             bounds.most[order][k] *= 1.0 + ROUNDING;

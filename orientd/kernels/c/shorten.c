@@ -108,11 +108,6 @@ static void put_rates(spline_t *s) {
     }
 }
 
-/* Norm of a vector, or size of one of its components. */
-static double size_of(vec_t v, int kind) {
-    return kind == 0 ? norm(v) : fabs(kind == 1 ? v.x : kind == 2 ? v.y : v.z);
-}
-
 /* How long an acceleration takes to fall that would else become too fast, s. */
 static double falls_in(const bounds_t *bounds, vec_t omega, vec_t alpha) {
     double longest = 0.0;

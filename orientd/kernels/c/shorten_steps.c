@@ -12,7 +12,7 @@
 #define STUCK 1e-3          /* share of a step that is not worth another one */
 #define RIDGE 3e-4          /* on the diagonal, beside what is of the order of one: steps of what
                              * few limits hold would else be too long for the orientation */
-#define NEARLY 1e-3         /* share of a limit, and rad, that may be missed on the way */
+#define MISSED_FIRST 1e-3   /* share of a limit, and rad, that may be missed on the way */
 #define MISSED 1e-4         /* the same in the end */
 #define ARRIVED 1e-12       /* rad, in the end */
 
@@ -437,7 +437,7 @@ bool shorten(spline_t *spline, double period) {
     double gap, above, share = 1.0, gone = 0.5;
     for (int step = 0;; step++) {
         gap = gap_of(&at, &above);
-        bool is_inside = above < NEARLY && missed(&at) < NEARLY;
+        bool is_inside = above < MISSED_FIRST && missed(&at) < MISSED_FIRST;
         bool is_short = gone > TO_BOUNDARY - 0.2 && gap < CLOSE_ENOUGH;
         /* What gets no shorter may still be a connector. */
         if ((is_inside && is_short) || step == STEPS || !(gone > STUCK))

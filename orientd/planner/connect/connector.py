@@ -37,7 +37,7 @@ CONNECTOR_RESERVE = 0.96
 """Share of acceleration and jerk that a connector uses, so that a motion can be stopped in it."""
 
 _GUESSES = ((1.0, 0.6), (0.0, 1.3))
-"""Rates at their ends and durations, as shares; of fifteen kinds the two that led furthest."""
+"""Rates at the ends, and durations, of guesses, as shares: see ``guess_connector``."""
 
 _LONGER = 8.0  # times a guess of how long a connector takes
 _RAMPS = 6  # at most, that a stop may begin with
@@ -129,6 +129,7 @@ def _shortened(
 def _shortened_guess(
     given: tuple[Floats, Floats, Floats, float, float], rates: float, duration: float, ease: float
 ) -> PathSegment | None:
+    """Return what a connector is that begins with a guess, if one comes of it."""
     guess = _Found.empty()
     kernels.guess_connector(*given, rates, duration, *guess)
     return _shortened(given, guess, _LONGER * guess.end, ease)

@@ -24,7 +24,7 @@ from orientd.rotation import Floats
 
 _SLACK = 1e-9  # of a period
 _EASED = 0.993  # of the jerk, beyond which a stop would take far longer
-_LESS_EASED = 0.985  # where what is drawn between two setpoints goes beyond the jerk
+_LESS_EASED = 0.985
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,12 +47,13 @@ class Caution(Enum):
 
     NONE = 1.0
     LESS_EASED = 0.9999
+    """With more of the jerk's reserve, where what is drawn between two setpoints goes beyond it."""
     SOME = 0.98
     BY_WAY_OF_REST = 0.97
     AT_LIMITS = 0.9995
     """Without the reserve, for a state that is at the limits already."""
     JUST_BELOW_LIMITS = 0.998
-    """The same, for what is drawn between two setpoints where the jerk has a step."""
+    """The same with a little of it, for what is drawn where the jerk has a step."""
     AS_FOUND = 0.9994
     """The same with a connector as it is found, which a shorter one has gone beyond a limit for."""
 
