@@ -7,8 +7,7 @@ or two calls; whether a slot holds a whole record is for its reader to check.
 
 from __future__ import annotations
 
-import os
-
+from orientd.daemon.ring_file import RingFile
 from orientd.stream import CYCLE_RECORD, RecordRing
 
 _STRIDE = RecordRing.stride(CYCLE_RECORD)
@@ -19,14 +18,12 @@ _MARGIN = 16
 """Slots that the servo may be about to write."""
 
 
-class CycleMemory:
+class CycleMemory(RingFile):
     """The newest cycles of one device, across restarts of its servo process."""
 
     def __init__(self, capacity: int) -> None:
         """Reserve room for *capacity* cycles; memory is used as they come."""
-        self._size = capacity * _STRIDE
-        self._file = os.memfd_create("orientd-cycles", os.MFD_CLOEXEC)
-        self._written = 0
+        super().__init__("orientd-cycles", capacity * _STRIDE)
         self._ring: RecordRing | None = None
         self._next = 0
 
@@ -44,38 +41,10 @@ class CycleMemory:
             return
         first = max(self._next, head - ring.capacity + _MARGIN)
         for piece in ring.slots(first, head - first):
-            self._append(piece)
+            self.append(piece)
         self._next = head
 
     @property
     def is_empty(self) -> bool:
         """Whether the device has run no cycle yet."""
-        return not self._written
-
-    def _append(self, piece: memoryview) -> None:
-        piece = piece[-self._size :]
-        at = self._written % self._size
-        rest = self._size - at
-        os.pwrite(self._file, piece[:rest], at)
-        if len(piece) > rest:
-            os.pwrite(self._file, piece[rest:], 0)
-        self._written += len(piece)
-
-    def close(self) -> None:
-        """Give the memory back; nothing is copied any more."""
-        os.close(self._file)
-
-    def copy_to(self, descriptor: int) -> None:
-        """Write the slots to a file, oldest first; they go on changing, the oldest first.
-
-        Raises:
-            OSError: there is no room for them.
-        """
-        kept = min(self._written, self._size)
-        oldest = (self._written - kept) % self._size
-        for begin, end in ((oldest, min(oldest + kept, self._size)), (0, oldest)):
-            while begin < end:
-                sent = os.sendfile(descriptor, self._file, begin, end - begin)
-                if not sent:
-                    break
-                begin += sent
+        return not self.end

@@ -11,13 +11,11 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from queue import SimpleQueue
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 from orientd.daemon.devices import DeviceEvent, EventKind
+from orientd.daemon.ring_file import RingFile
 from orientd.rpc import control_pb2 as pb
-
-if TYPE_CHECKING:
-    pass
 
 _log = logging.getLogger(__name__)
 
@@ -77,6 +75,15 @@ class Subscription:
         self._journal.forget(self)
 
 
+class _Kept(NamedTuple):
+    """Where an event is kept."""
+
+    device: str
+    time_ns: int
+    place: int
+    length: int
+
+
 class Journal:
     """Events as serialised messages ``orientd.v1.Event``, the newest of them kept."""
 
@@ -91,8 +98,8 @@ class Journal:
         self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
         self._subscriptions: list[Subscription] = []
-        self._kept: deque[tuple[str, int, bytes]] = deque()
-        self._kept_bytes = 0
+        self._kept: deque[_Kept] = deque()
+        self._file = RingFile("orientd-events", KEPT_BYTES)
 
     def hear(self, event: DeviceEvent) -> None:
         """Take note of an event; waits for nothing.  May be called from any thread."""
@@ -122,8 +129,8 @@ class Journal:
     def kept(self, device: str, since_ns: int) -> list[bytes]:
         """Return the events of *device* since an instant of the monotonic clock."""
         with self._lock:
-            return [event for name, time_ns, event in self._kept
-                    if name == device and time_ns >= since_ns]  # fmt: skip
+            return [self._file.read(one.place, one.length) for one in self._kept
+                    if one.device == device and one.time_ns >= since_ns]  # fmt: skip
 
     def close(self) -> None:
         """Take note of nothing more."""
@@ -133,11 +140,18 @@ class Journal:
             self._queue.put(None)
             thread.join()
 
-    def _drop(self, since_ns: int) -> None:
-        """Keep no events that are older, nor too many; the newest stays in any case."""
-        kept = self._kept
-        while len(kept) > 1 and (self._kept_bytes > KEPT_BYTES or kept[0][1] < since_ns):
-            self._kept_bytes -= len(kept.popleft()[2])
+    def _keep(self, event: DeviceEvent, message: bytes) -> None:
+        """Keep an event, and none that are older than they may be, or that it takes the room of."""
+        kept, file = self._kept, self._file
+        if len(message) > file.size:
+            kept.clear()
+            file.restart(len(message))
+        place = file.end
+        file.append(message)
+        kept.append(_Kept(event.device, event.time_ns, place, len(message)))
+        oldest, oldest_ns = file.end - file.size, event.time_ns - self._oldest_ns
+        while kept and (kept[0].place < oldest or kept[0].time_ns < oldest_ns):
+            kept.popleft()
 
     def _work(self) -> None:
         while (event := self._queue.get()) is not None:
@@ -147,10 +161,11 @@ class Journal:
                 _log.exception("%s: cannot report an event", event.device)
                 continue
             with self._lock:
-                self._kept.append((event.device, event.time_ns, message))
-                self._kept_bytes += len(message)
-                self._drop(event.time_ns - self._oldest_ns)
                 subscriptions = self._subscriptions
+                try:
+                    self._keep(event, message)
+                except OSError as error:
+                    _log.warning("%s: cannot keep an event: %s", event.device, error)
             for subscription in subscriptions:
                 subscription.put(event.device, message)
 

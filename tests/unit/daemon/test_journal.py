@@ -1,0 +1,53 @@
+"""The journal keeps the newest events, as many as it has room for."""
+
+import pytest
+
+from orientd.daemon.devices import DeviceEvent, EventKind
+from orientd.daemon.observe import journal as module
+from orientd.daemon.observe.journal import Journal
+from orientd.daemon.ring_file import RingFile
+from orientd.rpc import control_pb2 as pb
+
+
+def kept_of(texts, *, room, monkeypatch, seconds=60.0, device="arm"):
+    """Return the texts that are kept of these, said 1 s after another."""
+    monkeypatch.setattr(module, "KEPT_BYTES", room)
+    journal = Journal(kept=seconds)
+    for number, text in enumerate(texts):
+        journal.hear(DeviceEvent("arm", EventKind.WARNING, 0, text, number * 10**9))
+    journal.close()
+    return [pb.Event.FromString(event).text for event in journal.kept(device, 0)]
+
+
+def test_events_are_kept_as_they_were(monkeypatch):
+    texts = [str(number) * (1 + 7 * number) for number in range(40)]
+    assert kept_of(texts, room=100_000, monkeypatch=monkeypatch) == texts
+    assert kept_of(texts, room=100_000, monkeypatch=monkeypatch, device="leg") == []
+
+
+@pytest.mark.parametrize("room", [200, 333, 1000])
+def test_the_newest_are_kept_where_there_is_no_room_for_all(monkeypatch, room):
+    texts = [f"{number:0{30 + number % 7}}" for number in range(100)]
+    kept = kept_of(texts, room=room, monkeypatch=monkeypatch)
+    assert kept == texts[-len(kept) :]
+    assert room / 70 < len(kept) < room / 30
+
+
+def test_old_ones_are_forgotten(monkeypatch):
+    texts = [str(number) for number in range(100)]
+    assert kept_of(texts, room=10**6, monkeypatch=monkeypatch, seconds=9.5) == texts[-10:]
+
+
+def test_one_that_there_is_no_room_for_is_kept_in_any_case(monkeypatch):
+    texts = ["a", "b" * 5000, "c"]
+    assert kept_of(texts[:2], room=100, monkeypatch=monkeypatch) == texts[1:2]
+    assert kept_of(texts, room=100, monkeypatch=monkeypatch) == texts[2:]
+
+
+def test_a_ring_reads_what_goes_around_its_end():
+    ring = RingFile("test", 10)
+    for content in (b"abcdefg", b"hijklmn"):
+        place = ring.end
+        ring.append(content)
+        assert ring.read(place, 7) == content
+    assert ring.read(4, 10) == b"efghijklmn"
