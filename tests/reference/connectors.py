@@ -294,17 +294,33 @@ def ramps(
     if limits.has_axes:
         durations = np.maximum(durations, np.max(np.abs(change) / reserved.axis_jerk, axis=1))
     durations = np.maximum(durations, period)
+    most = bounds.most[0]
     if in_cycles:
-        durations = np.ceil(durations / period - 1e-9) * period
+        most = np.maximum(most, limit_table(limits)[0, : len(most)])
+        least, durations = durations, np.ceil(durations / period - 1e-9) * period
+        is_fast = _are_fast(omega + 0.5 * durations[:, None] * (alpha + goals), most)
+        is_fast &= durations > period
+        is_fast[0] = False
+        # What whole cycles there are of a ramp that would become too fast with the last one.
+        durations = np.where(is_fast, durations - period, durations)
+        share = np.where(is_fast, durations / least, 1.0)[:, None]
+        goals = np.where(is_fast[:, None], alpha + share * change, goals)
     durations[0] = 0.0
     speeds = omega + 0.5 * durations[:, None] * (alpha + goals)
-    is_slow = np.sqrt(np.einsum("ni,ni->n", speeds, speeds)) <= bounds.most[0, 0]
-    if limits.has_axes:
-        is_slow &= np.all(np.abs(speeds) <= bounds.most[0, 1:], axis=1)
+    is_slow = ~_are_fast(speeds, most)
     is_slow[0] = True
     goals, durations, speeds = goals[is_slow], durations[is_slow], speeds[is_slow]
     q = turned(state.q, omega, alpha, goals, durations)
     return Ramps(Ends(q, speeds, goals), durations)
+
+
+def _are_fast(speeds: Floats, most: Floats) -> Booleans:
+    """Return which angular velocities are above a bound on the norm, or on a component."""
+    sizes = np.sqrt(np.einsum("ni,ni->n", speeds, speeds))[:, None]
+    if len(most) > 1:
+        sizes = np.concatenate([sizes, np.abs(speeds)], axis=1)
+    is_fast: Booleans = np.any(sizes > most, axis=1)
+    return is_fast
 
 
 def turned(q: Floats, omega: Floats, alpha: Floats, goals: Floats, durations: Floats) -> Floats:

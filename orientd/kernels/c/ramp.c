@@ -30,22 +30,39 @@ static quat_t after_ramp(const motion_t *state, vec_t goal, double duration) {
     return here;
 }
 
-/* Add the ramp to an acceleration, unless it becomes too fast. */
+/* How long a change of the acceleration takes with all of the jerk, s. */
+static double duration_of(vec_t change, const double jerk[4]) {
+    return fmax(fmax(norm(change) / jerk[0], fabs(change.x) / jerk[1]),
+                fmax(fabs(change.y) / jerk[2], fabs(change.z) / jerk[3]));
+}
+
+/* The angular velocity at the end of a ramp. */
+static vec_t speed_after(const motion_t *state, vec_t goal, double duration) {
+    return plus(state->omega, times(0.5 * duration, plus(state->alpha, goal)));
+}
+
+/* Add the ramp to an acceleration, unless it becomes too fast: in cycles, the whole ones that there
+ * are of it where it would be with the last one, and right up to the limit. */
 static void add_ramp(ramps_t *ramps, const motion_t *state, vec_t goal, matrix_t limits,
                      const bounds_t *bounds, double period, bool in_cycles) {
     double duration = 0.0;
+    vec_t speed = state->omega;
     if (ramps->count) {
+        double most[4];
+        for (int k = 0; k < 4; k++)
+            most[k] = fmax(bounds->most[0][k], in_cycles ? row_of(limits, 0)[k] : 0.0);
         vec_t change = minus(goal, state->alpha);
-        const double *jerk = row_of(limits, 2);
-        duration = fmax(fmax(norm(change) / jerk[0], fabs(change.x) / jerk[1]),
-                        fmax(fabs(change.y) / jerk[2], fabs(change.z) / jerk[3]));
-        duration = fmax(duration, period);
-        if (in_cycles)
-            duration = ceil(duration / period - 1e-9) * period;
+        double least = fmax(duration_of(change, row_of(limits, 2)), period);
+        duration = in_cycles ? ceil(least / period - 1e-9) * period : least;
+        speed = speed_after(state, goal, duration);
+        if (in_cycles && exceeds(speed, most) && duration > period) {
+            duration -= period;
+            goal = plus(state->alpha, times(duration / least, change));
+            speed = speed_after(state, goal, duration);
+        }
+        if (exceeds(speed, most))
+            return;
     }
-    vec_t speed = plus(state->omega, times(0.5 * duration, plus(state->alpha, goal)));
-    if (ramps->count && exceeds(speed, bounds->most[0]))
-        return;
     ramps->ends[ramps->count] = (motion_t){after_ramp(state, goal, duration), speed, goal};
     ramps->durations[ramps->count++] = duration;
 }

@@ -25,7 +25,7 @@ from orientd.planner.connect.quintic_connector import (
     join,
     state_row,
 )
-from orientd.planner.limits import Limits
+from orientd.planner.limits import ACCELERATION_RESERVE, Limits
 from orientd.planner.path import PathSegment
 from orientd.planner.request import State
 from orientd.rotation import Floats, angle
@@ -41,6 +41,10 @@ _GUESSES = ((1.0, 0.6), (0.0, 1.3))
 
 _LONGER = 8.0  # times a guess of how long a connector takes
 _RAMPS = 6  # at most, that a stop may begin with
+_VERGE = 0.99  # of the velocity, to which an acceleration has to fall at once
+_FALL = 0.999  # of the jerk, with which it does
+_FALLS = 2  # ramps, at most
+_STILL = 1e-6  # of the velocity: what rises by less has no acceleration to speak of
 
 
 def connector(
@@ -149,3 +153,46 @@ def ramped_stops(
     for end, increments, duration in zip(ends[:count], w, durations.tolist(), strict=False):
         ramp = PathSegment(join(state.q, increments, duration), 0.0, duration) if duration else None
         yield ramp, State(end[:4], end[4:7], end[7:], state.position)
+
+
+def fallen(
+    state: State, limits: Limits, period: float, *, is_wanted: bool = False
+) -> tuple[list[PathSegment], State]:
+    """Return the ramps in which an acceleration falls that has to, and the state they lead to.
+
+    What rises to a limit of its velocity with all of the jerk has to let the acceleration fall at
+    once, since no join that bends a little later keeps that limit.  Whole periods at that jerk may
+    leave a little of it, which one more takes away.
+
+    Args:
+        state: where the device is commanded to be.
+        limits: to keep.
+        period: each ramp takes a whole number of periods, s.
+        is_wanted: whether it is to fall in any case.
+
+    Returns:
+        No ramp where the acceleration may go on.
+    """
+    ramps: list[PathSegment] = []
+    within = limits.with_reserve(_FALL / ACCELERATION_RESERVE)
+    while len(ramps) < _FALLS and (_has_to_fall(state, limits) or is_wanted):
+        found = ((ramp, end) for ramp, end in ramped_stops(state, within, period) if ramp)
+        ramp, state = next(found, (None, state))
+        if ramp is None:
+            break
+        ramps.append(ramp.shifted(ramps[-1].end if ramps else 0.0))
+        is_wanted = False
+    return ramps, state
+
+
+def _has_to_fall(state: State, limits: Limits) -> bool:
+    velocity, _, jerk = limit_table(limits)
+    duration = float(np.max(_sizes(state.alpha_body) / jerk))
+    shares = _sizes(state.omega_body) / velocity
+    reached = _sizes(state.omega_body + 0.5 * duration * state.alpha_body) / velocity
+    return bool(np.any(reached > np.maximum(_VERGE, shares + _STILL)))
+
+
+def _sizes(vector: Floats) -> Floats:
+    """Return the norm of a vector and the sizes of its components, shape ``(4,)``."""
+    return np.abs([np.linalg.norm(vector), *vector])

@@ -7,13 +7,20 @@ always an answer.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
+from functools import partial
 
 import numpy as np
 
 from orientd.errors import PlanError
-from orientd.planner.connect.connector import CONNECTOR_RESERVE, connector, ramped_stops
+from orientd.planner.connect.connector import (
+    CONNECTOR_RESERVE,
+    connector,
+    fallen,
+    ramped_stops,
+)
 from orientd.planner.connect.leads import approach, approach_cycles, lead_out
 from orientd.planner.connect.position_stop import position_lead
 from orientd.planner.connect.quintic_connector import join
@@ -48,6 +55,8 @@ class Caution(Enum):
     NONE = 1.0
     LESS_EASED = 0.9999
     """With more of the jerk's reserve, where what is drawn between two setpoints goes beyond it."""
+    FALLING_FIRST = 0.9998
+    """With the acceleration taken away before anything else, where it begins just below a limit."""
     SOME = 0.98
     BY_WAY_OF_REST = 0.97
     AT_LIMITS = 0.9995
@@ -101,32 +110,42 @@ def lead_in(
     """
     if start.is_at_rest and not is_direct:
         return from_rest(start, first, limits=limits, period=period, is_even=is_even)
-    limits = (
+    within = (
         limits.with_reserve(caution.share / CONNECTOR_RESERVE)
         if caution.is_at_limits
         else limits.scaled(caution.share)
     )
-    positions = position_lead(start, first.position, limits=limits, period=period)
+    positions = position_lead(start, first.position, limits=within, period=period)
     if caution is Caution.BY_WAY_OF_REST:
-        return _by_way_of_rest(start, first, positions, limits=limits, period=period)
+        return _by_way_of_rest(start, first, positions, limits=within, period=period)
     least = 0.0 if positions.is_held else float(positions.breaks[-1])
-    try:
-        segment = connector(
-            start,
-            first,
-            limits=limits,
-            period=period,
-            least=least,
-            is_even=is_even or caution is Caution.AS_FOUND,
-            ease=caution.ease,
-        )
-    except PlanError:
-        return _by_way_of_rest(start, first, positions, limits=limits, period=period)
+    connect = partial(
+        connector,
+        end=first,
+        limits=within,
+        period=period,
+        is_even=is_even or caution is Caution.AS_FOUND,
+        ease=caution.ease,
+    )
+    ways: list[list[PathSegment]] = []
+    is_falling = caution is Caution.FALLING_FIRST
+    if not is_falling:
+        with suppress(PlanError):
+            ways.append([connect(start, least=least)])
+    ramps, end = fallen(start, limits, period, is_wanted=is_falling)
+    if ramps:
+        begin = ramps[-1].end
+        with suppress(PlanError):
+            ways.append([*ramps, connect(end, least=least - begin).shifted(begin)])
+    if not ways:
+        return _by_way_of_rest(start, first, positions, limits=within, period=period)
+    segments = min(ways, key=lambda way: way[-1].end)
+    end_time = segments[-1].end
     if not positions.is_held:
         positions = position_lead(
-            start, first.position, limits=limits, period=period, least=segment.end
+            start, first.position, limits=within, period=period, least=end_time
         )
-    return LeadIn((segment,), round(segment.end / period), positions)
+    return LeadIn(tuple(segments), round(end_time / period), positions)
 
 
 def from_rest(

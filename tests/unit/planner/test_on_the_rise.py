@@ -1,0 +1,79 @@
+"""Another aim while a motion still rises to a limit: as quickly as one a cycle later would be."""
+
+import numpy as np
+import pytest
+from reference import connectors
+
+from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
+from orientd.planner.connect.connector import fallen, ramped_stops
+from orientd.rotation import exp
+
+NORMS = Limits(2.5, 17.0, 300.0, 1.0, 10.0)
+SLOW = Limits(2.0, 10.0, 100.0, 1.0, 10.0)
+ALL_AXES = SLOW.with_rates(
+    {"velocity": [1.2, 1.0, 1.5], "acceleration": [8.0, 5.0, 7.0], "jerk": [80.0, 60.0, 70.0]}
+)
+LIMITS = [
+    (NORMS, 1.03),
+    (NORMS.with_rates({"velocity": [2.0, 0.7, 1.5]}), 1.03),
+    (SLOW, 1.03),
+    (ALL_AXES, 1.08),
+]
+TURNS = [((0.0, 0.0, 1.0), (0.5, 0.0, 0.3)), ((0.3, 0.6, -0.8), (-0.3, -0.6, 0.8))]
+PERIOD = 0.002
+
+
+def turned(turn, start, limits, period=PERIOD):
+    goal = Keyframe(tuple(exp(np.array(turn)).tolist()))
+    return plan(MotionRequest([goal]), start=start, limits=limits, period=period)
+
+
+@pytest.mark.parametrize(("limits", "most"), LIMITS)
+@pytest.mark.parametrize(("turn", "aim"), TURNS)
+def test_who_waits_for_a_cycle_gains_nothing(limits, most, turn, aim):
+    first = turned(turn, State.at_rest(np.array([1.0, 0.0, 0.0, 0.0])), limits)
+    rising = range(5, first.record_count // 2)
+    took = np.array([turned(aim, first.state_at(k), limits).duration for k in rising])
+    assert np.all(took[:-1] <= most * (took[1:] + PERIOD))
+
+
+def rising_state(share):
+    """Return a state from which the velocity rises to a *share* of its limit, and no further."""
+    axis = np.array([0.6, 0.0, 0.8])
+    size = 8.2155
+    omega = share * SLOW.velocity - size**2 / (2.0 * SLOW.jerk)
+    q = np.array([1.0, 0.0, 0.0, 0.0])
+    return State(q, omega * axis, size * axis, np.zeros(3))
+
+
+def test_an_acceleration_that_has_to_falls_in_whole_cycles_below_the_limit():
+    state = rising_state(0.9989)
+    ramps, end = fallen(state, SLOW, PERIOD)
+    assert [round(1000 * ramp.end) for ramp in ramps] == [82, 84]
+    assert np.linalg.norm(end.alpha_body) <= 1e-12
+    assert 0.9989 * SLOW.velocity <= np.linalg.norm(end.omega_body) <= SLOW.velocity
+    for ramp in ramps:
+        times = np.linspace(ramp.begin, ramp.end, 50)
+        _, omega, alpha = ramp.curve.evaluate(times - ramp.begin)
+        assert np.linalg.norm(omega, axis=1).max() <= SLOW.velocity
+        jerk = np.diff(alpha, axis=0) / np.diff(times)[:, None]
+        assert np.linalg.norm(jerk, axis=1).max() <= SLOW.jerk
+
+
+def test_an_acceleration_that_may_go_on_does():
+    assert fallen(rising_state(0.9), SLOW, PERIOD)[0] == []
+    assert len(fallen(rising_state(0.9), SLOW, PERIOD, is_wanted=True)[0]) == 1
+
+
+@pytest.mark.parametrize("share", [0.9, 0.9989, 0.9999, 1.01])
+def test_ramps_up_to_the_limit_are_those_of_numpy(share):
+    state = rising_state(share)
+    bounds = connectors.Bounds.of(state, state, SLOW, 0.999)
+    limits = SLOW.with_reserve(0.999 / 0.95)
+    reference = connectors.ramps(state, np.zeros(3), bounds, limits, PERIOD, in_cycles=True)
+    found = list(ramped_stops(state, limits, PERIOD))
+    assert [ramp.end if ramp else 0.0 for ramp, _ in found] == reference.durations.tolist()
+    for k, (_, end) in enumerate(found):
+        assert np.abs(end.q - reference.ends.q[k]).max() <= 1e-14
+        assert np.abs(end.omega_body - reference.ends.omega[k]).max() <= 1e-14
+        assert np.abs(end.alpha_body - reference.ends.alpha[k]).max() <= 1e-13
