@@ -84,4 +84,7 @@ def test_some_command_lines_of_nonsense_are_refused_in_words(tmp_path, monkeypat
 @pytest.mark.storm
 @pytest.mark.timeout(0)
 def test_command_lines_of_nonsense_are_refused_in_words(tmp_path, monkeypatch):
-    print(f"{LINES} command lines: {rehearse(tmp_path, LINES, SEED, monkeypatch)}")
+    found = rehearse(tmp_path, LINES, SEED, monkeypatch)
+    print(f"{LINES} command lines: {found}")
+    assert found[1]
+    assert found[2]

@@ -1,8 +1,8 @@
 """Lead-ins: from wherever a device is, and however it moves, to the first keyframe.
 
 From rest that is an approach, and a run-up where the keyframe is passed with a velocity.  From a
-motion it is a connector; where none is found, a stop and then the way from rest, so that there is
-always an answer.
+motion it is a connector, after the acceleration has fallen where it has to at once; where none is
+found, a stop and then the way from rest, so that there is always an answer.
 """
 
 from __future__ import annotations
