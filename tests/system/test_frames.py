@@ -44,8 +44,10 @@ def test_a_motion_in_a_configured_frame_is_reported_in_it_and_sent_as_the_flange
         reports = list(handle)
         assert handle.wait().outcome is Outcome.DONE
         cycle = robot.state().devices[DEVICE].cycle
-    assert reports[-1].position == pytest.approx([0, 0.02, 0.1], abs=1e-3)
-    assert rotation.angle(reports[-1].q, plan.samples.q[-1]) < 0.02
+    # The last one was on the way yet, on a busy machine long before the end.
+    nearest = np.argmin(np.abs(plan.samples.times - reports[-1].path_time))
+    assert reports[-1].position == pytest.approx(plan.samples.position[nearest], abs=1e-3)
+    assert rotation.angle(reports[-1].q, plan.samples.q[nearest]) < 0.02
     assert cycle.q == pytest.approx(kept.q[-1], abs=1e-12)
     turned = rotation.multiply(cycle.q, rotation.from_euler("y", [np.pi / 2]))
     assert rotation.angle(turned, rotation.exp([0, 0, 0.3])) < 1e-9

@@ -6,7 +6,7 @@ import signal
 import numpy as np
 import pytest
 from command_line import assert_refused, orientd
-from gimbal_bench import ROOT, EmulatedGimbal, GimbalDaemon
+from gimbal_bench import ROOT, EmulatedGimbal, GimbalDaemon, await_hold
 from harness import until
 
 from orientd import connect
@@ -18,6 +18,7 @@ pytest.importorskip("dynamixel_sdk")
 @pytest.fixture
 def daemon(bus, tmp_path):
     it = GimbalDaemon(tmp_path, bus.link).start()
+    await_hold(it, "gimbal")
     yield it
     it.end()
 
@@ -54,6 +55,7 @@ def deviating(bus, tmp_path):
     """A gimbal that may pass by the pole and miss its path by up to 3 degrees."""
     deviation = ("max_deviation_deg = 0.0", "max_deviation_deg = 3.0")
     it = GimbalDaemon(tmp_path, bus.link, *WIDE, deviation).start()
+    await_hold(it, "gimbal")
     yield it
     it.end()
 

@@ -66,6 +66,11 @@ class Watched:
     def report(self):
         return self.robot.state().devices[DEVICE]
 
+    def is_at_speed_after(self, path_time):
+        """Whether the motion is that far, at full speed; it goes on from rest after a stall."""
+        report = self.report
+        return report.path_time > path_time and report.cycle.speed == 1.0
+
     def pitch(self):
         """Return the angle of pitch as measured, deg."""
         return (self.bus.state(2)["position"] - 2048) * 360 / 4096
@@ -166,7 +171,7 @@ def numbers(cycles):
 
 def test_gimbal_is_given_a_new_target_on_its_way(gimbal):
     first = gimbal.robot.move([key(0, 0, 0), key(0, -0.6, 2.0)], approach=True)
-    until(lambda: gimbal.report.path_time > 0.5, "a motion under way")
+    until(lambda: gimbal.is_at_speed_after(0.5), "a motion under way")
     second = gimbal.robot.move([key(0.4, 0.5, 0.6)], approach=True)
     assert second.wait(30.0).outcome is Outcome.DONE
     assert first.wait(5.0).outcome is Outcome.REPLACED
