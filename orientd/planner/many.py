@@ -116,7 +116,8 @@ def in_parallel(
 
     more: dict[str, Any] = {}
     if backend == "loky":
-        more = {"idle_worker_timeout": _IDLE, "initializer": _settle, "initargs": (work,)}
+        settled = {"initializer": _settle, "initargs": (work, os.getpid())}
+        more = {"idle_worker_timeout": _IDLE, **settled}
     with _cluster(backend, address), joblib.parallel_config(backend, n_jobs=jobs, **more):
         tasks = (joblib.delayed(work)(part) for part in parts)
         # One part at a time: they are large already, and what is asked next depends on the pace.
@@ -133,15 +134,19 @@ def in_parallel(
                 yield from parallel(some)
 
 
-def _settle(work: object) -> None:
+def _settle(work: object, asker: int) -> None:
     """Be a worker that leaves no trace: not in the time of its parts, nor behind who asked.
 
     What is loaded for *work* by now is left out of the garbage collection after each part.
+
+    Args:
+        work: what will be asked for.
+        asker: process that began this one, and may have ended since.
     """
     del work
     gc.collect()
     gc.freeze()
-    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
+    threading.Thread(target=_end_with, args=(asker,), daemon=True).start()
 
 
 def _end_with(parent: int) -> None:

@@ -2,6 +2,7 @@
 
 import json
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,15 @@ def command_line(pid):
         return Path(f"/proc/{pid}/cmdline").read_bytes()
     except FileNotFoundError:
         return b""
+
+
+def test_a_worker_whose_asker_is_gone_before_it_has_begun_ends():
+    """As one does whose asker is killed while it still loads what it needs."""
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    begin = f"import time, orientd.planner.many as many; many._settle(None, {gone.pid})"
+    worker = [sys.executable, "-c", f"{begin}; time.sleep(30)"]
+    assert subprocess.run(worker, timeout=20.0).returncode == 1
 
 
 def test_no_worker_outlives_whoever_asked_and_was_killed(tmp_path):
