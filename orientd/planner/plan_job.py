@@ -89,6 +89,10 @@ class PlanJob:
         ends = Ends(omega_start, request.omega_end, alpha_start)
         return cls(request, start, limits, own, period, ends, not request.is_quickest)
 
+    def with_caution(self, caution: Caution) -> PlanJob:
+        """Return the job to be led in with *caution*."""
+        return self if caution is self.caution else replace(self, caution=caution, leads={})
+
     @property
     def may_be_more_cautious(self) -> bool:
         """Whether there is another way to lead in."""

@@ -14,7 +14,7 @@ from orientd.curves import AxisTurn
 from orientd.errors import LimitError, PlanError, StartError
 from orientd.planner import refusal
 from orientd.planner.candidate import CandidateMotion, to_single
-from orientd.planner.connect import STOPS, Caution, turns_with_stops
+from orientd.planner.connect import STOPS, WITHOUT_RESERVE, Caution, turns_with_stops
 from orientd.planner.keyframes import at_rate, in_device_coordinates, with_least_roll, wound
 from orientd.planner.limits import LONGEST, Limits
 from orientd.planner.motion import Motion
@@ -33,6 +33,16 @@ from orientd.planner.timing import (
     quickest,
     quickest_by_parts,
 )
+from orientd.rotation import between, log
+
+_AHEAD = 0.7
+"""Cosine between the velocity and the way to a keyframe that is ahead of a device."""
+
+_NEAR = 1.25
+"""Times as far as it takes to stop with all of the limits: what is nearer may be overshot."""
+
+_WORTH = 0.95
+"""Of a duration: going without the reserve is worth that much."""
 
 EVEN = "at an even pace: no quicker with a rest wherever the acceleration has a step"
 
@@ -88,12 +98,42 @@ def plan(
     first: LimitError | None = None
     for caution in Caution:
         try:
-            if caution is not job.caution:
-                job = replace(job, caution=caution, leads={})
-            return _motion(job, name)
+            motion = _motion(job.with_caution(caution), name)
         except LimitError as error:
             first = first or error
+        else:
+            return _without_reserve(job, motion) if _arrives(job) else motion
     raise first or PlanError("no lead-in was tried")
+
+
+def _arrives(job: PlanJob) -> bool:
+    """Return whether a single keyframe is ahead of a device, and hardly further than a stop."""
+    speed = float(np.linalg.norm(job.start.omega_body))
+    if not (job.request.is_single and speed):
+        return False
+    way, direction = log(between(job.start.q, job.request.keys[0])), job.start.omega_body / speed
+    _, most, jerk = job.limits.along(direction.tolist())
+    # An acceleration falls first.
+    fall = max(0.0, float(direction @ job.start.alpha_body)) / jerk
+    highest = speed + 0.5 * jerk * fall**2
+    is_long = highest * jerk > most**2
+    half = 0.5 * (highest / most + most / jerk) if is_long else math.sqrt(highest / jerk)
+    stop = speed * fall + jerk * fall**3 / 3.0 + highest * half
+    distance = float(np.linalg.norm(way))
+    return distance < _NEAR * stop and float(way @ direction) > _AHEAD * distance
+
+
+def _without_reserve(job: PlanJob, motion: Motion) -> Motion:
+    """Return *motion*, or one without the reserve where that is much quicker.
+
+    What brakes with all of the limits and is to stop a little later with less of them overshoots.
+    """
+    for caution in WITHOUT_RESERVE:
+        with suppress(PlanError):
+            other = _motion(job.with_caution(caution), motion.id)
+            if other.duration < _WORTH * motion.duration:
+                return other
+    return motion
 
 
 def _motion(job: PlanJob, name: str) -> Motion:

@@ -58,13 +58,16 @@ class Caution(Enum):
     FALLING_FIRST = 0.9998
     """With the acceleration taken away before anything else, where it begins just below a limit."""
     SOME = 0.98
-    BY_WAY_OF_REST = 0.97
     AT_LIMITS = 0.9995
     """Without the reserve, for a state that is at the limits already."""
     JUST_BELOW_LIMITS = 0.998
     """The same with a little of it, for what is drawn where the jerk has a step."""
+    NEAR_LIMITS = 0.994
+    """The same with a little more."""
     AS_FOUND = 0.9994
     """The same with a connector as it is found, which a shorter one has gone beyond a limit for."""
+    BY_WAY_OF_REST = 0.97
+    """By a stop and a way from rest, which takes longest."""
 
     @property
     def share(self) -> float:
@@ -81,7 +84,11 @@ class Caution(Enum):
     @property
     def is_at_limits(self) -> bool:
         """Whether to do without the reserve."""
-        return self in (Caution.AT_LIMITS, Caution.JUST_BELOW_LIMITS, Caution.AS_FOUND)
+        return self in (*WITHOUT_RESERVE, Caution.AS_FOUND)
+
+
+WITHOUT_RESERVE = (Caution.AT_LIMITS, Caution.JUST_BELOW_LIMITS, Caution.NEAR_LIMITS)
+"""What is tried where the reserve would make a device overshoot."""
 
 
 def lead_in(

@@ -1,10 +1,10 @@
-"""Another aim while a motion still rises to a limit: as quickly as one a cycle later would be."""
+"""An aim on the way, while a motion rises to a limit, and the same again while it arrives."""
 
 import numpy as np
 import pytest
 from reference import connectors
 
-from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
+from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.connect.connector import fallen, ramped_stops
 from orientd.rotation import exp
 
@@ -35,6 +35,16 @@ def test_who_waits_for_a_cycle_gains_nothing(limits, most, turn, aim):
     rising = range(5, first.record_count // 2)
     took = np.array([turned(aim, first.state_at(k), limits).duration for k in rising])
     assert np.all(took[:-1] <= most * (took[1:] + PERIOD))
+
+
+@pytest.mark.parametrize("limits", [NORMS, SLOW, DEFAULT_LIMITS])
+@pytest.mark.parametrize("turn", [(0.0, 0.0, 0.4), (0.3, 0.8, 0.4)])
+def test_who_is_given_the_same_aim_again_arrives_hardly_later(limits, turn):
+    motion = turned(turn, State.at_rest(np.array([1.0, 0.0, 0.0, 0.0])), limits)
+    for record in range(5, motion.record_count - 4, 3):
+        left = (motion.record_count - 1 - record) * PERIOD
+        again = turned(turn, motion.state_at(record), limits)
+        assert again.duration <= left + 0.15 * max(left, 0.1), record
 
 
 def rising_state(share):
