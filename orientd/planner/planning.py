@@ -107,13 +107,16 @@ def plan(
 
 
 def _arrives(job: PlanJob) -> bool:
-    """Return whether a single keyframe is ahead of a device, and hardly further than a stop."""
+    """Return whether a single keyframe is ahead of a device, and hardly further than a stop.
+
+    How far that is: half a double S (Biagiotti and Melchiorri 2008, section 3.4), behind the fall
+    of an acceleration.
+    """
     speed = float(np.linalg.norm(job.start.omega_body))
     if not (job.request.is_single and speed):
         return False
     way, direction = log(between(job.start.q, job.request.keys[0])), job.start.omega_body / speed
     _, most, jerk = job.limits.along(direction.tolist())
-    # An acceleration falls first.
     fall = max(0.0, float(direction @ job.start.alpha_body)) / jerk
     highest = speed + 0.5 * jerk * fall**2
     is_long = highest * jerk > most**2

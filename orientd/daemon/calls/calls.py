@@ -79,10 +79,11 @@ class Calls:
     async def _in_turn(self, token: str, device: str, number: int) -> asyncio.Lock:
         """Wait a moment for commands that were begun before this one and are on their way.
 
-        Returns what is held while the command is done and its answer is made.
-
         What threads of one client begin together may arrive in another order, and an old command
         is refused.
+
+        Returns:
+            What is held while the command is done and its answer is made.
         """
         end, name = time.monotonic() + OVERTAKING, self._cell.device(device).name
         while self._cell.leases.is_ahead(token, name, number) and time.monotonic() < end:

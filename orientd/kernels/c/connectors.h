@@ -31,7 +31,6 @@ INLINE double size_of(vec_t v, int bound) {
     return bound == 0 ? norm(v) : fabs(bound == 1 ? v.x : bound == 2 ? v.y : v.z);
 }
 
-
 /* What a join is sampled from; a factor that does not turn has any axis. */
 typedef struct {
     vec_t axis[FACTORS];

@@ -41,9 +41,9 @@ _GUESSES = ((1.0, 0.6), (0.0, 1.3))
 
 _LONGER = 8.0  # times a guess of how long a connector takes
 _RAMPS = 6  # at most, that a stop may begin with
-_VERGE = 0.99  # of the velocity, to which an acceleration has to fall at once
-_FALL = 0.999  # of the jerk, with which it does
-_FALLS = 2  # ramps, at most
+_VERGE = 0.99  # of the velocity: what rises beyond has to let its acceleration fall at once
+_FALL = 0.999  # of the jerk, with which it falls
+_FALLS = 2  # ramps in which it falls, at most
 _STILL = 1e-6  # of the velocity: what rises by less has no acceleration to speak of
 
 
