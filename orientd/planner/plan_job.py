@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 
 from orientd.curves import METHODS, corrections_at_most
+from orientd.errors import LimitError, PlanError
 from orientd.planner import refusal
 from orientd.planner.candidate import CandidateMotion, with_leads
 from orientd.planner.certify import before, measure_path, summed_up
@@ -33,6 +35,9 @@ _HOPELESS = 1e3  # times as long as a motion may take, with each keyframe
 _END_SLACK = 1e-9  # of a period
 _MOST_CORRECTIONS = 300  # of a curve that is one of many to try
 
+Shape = tuple[PathRequest, KeyframePath, FirstProfile | None]
+"""What a path is made from, the path in about its duration, and a profile if one is known."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanJob:
@@ -49,6 +54,8 @@ class PlanJob:
             as it does where keyframes have times: these ask for stops that take less time.
         caution: with which to lead in.
         leads: lead-ins already found, by the state they lead to.
+        shapes: keyframe paths already found, by whether they are for the quickest way.
+        timings: the same timed, by path and share of the limits.
         merged: what there is to say of keyframes that are passed as one.
     """
 
@@ -61,6 +68,8 @@ class PlanJob:
     is_even: bool
     caution: Caution = Caution.NONE
     leads: dict[bytes, LeadIn] = field(default_factory=dict)
+    shapes: dict[bool, Shape] = field(default_factory=dict)
+    timings: dict[tuple[KeyframePath, float], KeyframePath] = field(default_factory=dict)
     merged: list[str] = field(default_factory=list)
 
     @classmethod
@@ -90,22 +99,46 @@ class PlanJob:
         return cls(request, start, limits, own, period, ends, not request.is_quickest)
 
     def with_caution(self, caution: Caution) -> PlanJob:
-        """Return the job to be led in with *caution*."""
+        """Return the job to be led in with *caution*; what is found of its path stays known."""
         return self if caution is self.caution else replace(self, caution=caution, leads={})
 
-    @property
-    def may_be_more_cautious(self) -> bool:
-        """Whether there is another way to lead in."""
-        is_led = self.request.approach and not self.start.is_at_rest
-        return is_led and self.caution is not list(Caution)[-1]
+    def is_for_more_caution(self, error: PlanError) -> bool:
+        """Return whether what went wrong is the lead-in, and there is another way to lead in."""
+        return (
+            isinstance(error, LimitError)
+            and error.is_in_lead_in
+            and self.request.approach
+            and not self.start.is_at_rest
+            and self.caution is not list(Caution)[-1]
+        )
 
-    def shape(self, *, is_quick: bool) -> tuple[PathRequest, KeyframePath, FirstProfile | None]:
-        """Return the path request of keyframes without times, and a path of about its duration.
+    def shape(self, *, is_quick: bool) -> Shape:
+        """Return what keyframes without times make.
 
         Args:
             is_quick: whether to choose times for the quickest way, by the own limits so that the
-                path is the same at any share of its pace; a profile comes with it if one is known.
+                path is the same at any share of its pace.
         """
+        shape = self.shapes.get(is_quick)
+        if shape is None:
+            shape = self.shapes[is_quick] = self._shape(is_quick=is_quick)
+        return shape
+
+    def timed(
+        self,
+        keyframe_path: KeyframePath,
+        share: float,
+        find: Callable[..., KeyframePath],
+    ) -> KeyframePath:
+        """Return a path as *find* times it with a share of the limits, once for all lead-ins."""
+        quick = self.timings.get((keyframe_path, share))
+        if quick is None:
+            quick = self.timings[keyframe_path, share] = find(
+                keyframe_path, self.limits, self.period, share=share
+            )
+        return quick
+
+    def _shape(self, *, is_quick: bool) -> Shape:
         if not is_quick:
             refusal.check_continuity(self.request)
         is_uniform = not METHODS[self.request.method].interpolates

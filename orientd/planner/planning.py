@@ -27,6 +27,8 @@ from orientd.planner.timing import (
     SHARE,
     FirstProfile,
     KeyframePath,
+    Profile,
+    QuickPath,
     corners,
     evenly_paced,
     least_with_rests,
@@ -49,7 +51,7 @@ EVEN = "at an even pace: no quicker with a rest wherever the acceleration has a 
 _MOST_DRAWN = 1.1  # times what is on the records is the most that is drawn between them
 _MOST_TIMINGS = 12  # until a stop is short enough, each of them a whole search
 _NO_LONGER = 0.98  # of a stop's time, above which twice the reserve has not helped
-_LEAST_MORE = 2.0  # times the reserve, for the next timing
+_LEAST_MORE, _GREATEST_MORE = 2.0, 4.0  # times the reserve, for the next timing
 
 
 def plan(
@@ -154,6 +156,8 @@ def _motion(job: PlanJob, name: str) -> Motion:
     except (StartError, refusal.TotalError):
         raise
     except PlanError as error:
+        if job.is_for_more_caution(error):
+            raise
         refused = error
     for share in (SHARE, CAREFUL_JERK_SHARE):
         stops = turns_with_stops(job.request, job.ends, job.start, job.limits, took, share)
@@ -177,7 +181,7 @@ def _quick_or_even(job: PlanJob, name: str) -> Motion:
     except (StartError, refusal.TotalError):
         raise
     except PlanError as error:
-        if isinstance(error, LimitError) and error.is_in_lead_in and job.may_be_more_cautious:
+        if job.is_for_more_caution(error):
             raise
         even = replace(job, is_even=True, leads={})
         return _at_even_pace(even, name).noted(f"at an even pace: {error}")
@@ -336,9 +340,11 @@ def _timed(
         has_rests: whether to begin and end at rest, and to rest at corners.
     """
     find = quickest_by_parts if has_rests else quickest
+    guess: FirstProfile | Profile | None = profile
     share, before, stop_time = SHARE, None, math.inf
     for _ in range(_MOST_TIMINGS):
-        quick = find(keyframe_path, job.limits, job.period, share=share, guess=profile)
+        quick = job.timed(keyframe_path, share, partial(find, guess=guess))
+        guess = quick.profile if isinstance(quick, QuickPath) else profile
         quick = quick.in_total(job.request.total)
         try:
             motion = job.certified(job.with_leads(quick), motion_id)
@@ -364,6 +370,6 @@ def _timed(
         if share <= LEAST_SHARE:
             break
         # How fast a stop can be goes with the square root of the reserve.
-        more = max(1.05 * (stop_time / LONGEST_STOP) ** 2, _LEAST_MORE)
+        more = min(max(1.05 * (stop_time / LONGEST_STOP) ** 2, _LEAST_MORE), _GREATEST_MORE)
         share = max(1.0 - more * (1.0 - share), LEAST_SHARE)
     raise refusal.of_slow_stop(stop_time, LONGEST_STOP, share)

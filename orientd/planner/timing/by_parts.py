@@ -16,6 +16,7 @@ from orientd.planner.limits import Limits
 from orientd.planner.path import Path, PathCurve, PathSegment, PositionPath, repositioned
 from orientd.planner.timing.axis_turn import SHARE
 from orientd.planner.timing.candidate_path import KeyframePath
+from orientd.planner.timing.profile import Profile
 from orientd.planner.timing.quickest_timing import FirstProfile, quickest
 from orientd.rotation import Floats, angle
 
@@ -167,7 +168,7 @@ def quickest_by_parts(
     period: float,
     *,
     share: float = SHARE,
-    guess: FirstProfile | None = None,
+    guess: FirstProfile | Profile | None = None,
 ) -> KeyframePath:
     """Return the same path in the shortest time that keeps the limits, at rest at its corners.
 

@@ -7,7 +7,7 @@ and after it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -83,7 +83,14 @@ class KeyframePath:
         """Return the same curve taking *duration* seconds."""
         factor = duration / self.duration
         positions = self.positions if self.positions.is_held else self.positions.slowed(factor)
-        return KeyframePath(self.segment.slowed(duration), positions, self.times * factor)
+        return replace(
+            self,
+            segment=self.segment.slowed(duration),
+            positions=positions,
+            times=self.times * factor,
+            found=None,
+            stop_time=None,
+        )
 
     def in_total(self, total: float | None) -> KeyframePath:
         """Return the same path taking *total* seconds, which are no fewer; as it is for ``None``.

@@ -30,6 +30,7 @@ _CHANGE = 0.5  # of the squared rate in an element
 _GIVEN = 1.0002  # share of a limit that is used where an end is at it
 _MISSED = 1.01  # share of a limit between the places that were looked at
 _MOST_PIECES = 4
+_LEAVING_PIECES = 3
 _EASE = 3.0  # one over the share of the elements near an end that moves
 _SECANTS = 12
 _ROUNDING = 1e-13
@@ -172,6 +173,9 @@ class Profile:
         wanted = np.maximum(
             np.maximum(ramp / _RAMP, change / _CHANGE), self.shares.max(0) / _MISSED
         )
+        # The jerk of what leaves rest bends between the places that were looked at.
+        for end in np.array([0, -1])[self.leaves > 0.0]:
+            wanted[end] = max(wanted[end], _LEAVING_PIECES)
         # What is beside a quick change may become one.
         around = np.maximum(
             wanted, np.maximum(np.append(0.0, wanted[:-1]), np.append(wanted[1:], 0.0))
@@ -324,6 +328,25 @@ class PathRates:
         ):
             raise PlanError("no quickest timing was found: the limits leave no way along the path")
         return Profile(elements, found, shares, self.leaves)
+
+    def jerk_steps(self, profile: Profile) -> Floats:
+        """Return how much of its limits the jerk changes by behind each element.
+
+        Shape ``(n,)``; behind the last one it ends.
+        """
+        first, second, *_ = self._derivatives(profile.elements)
+        values, slopes = profile.nodes()
+        width = profile.elements.widths[:, None]
+        begin, middle, end = second[:-1:2], second[1::2], second[2::2]
+        bend = 0.5 * np.diff(slopes)[:, None] / width
+        # What both sides of a node have in common is left out.
+        after = (4.0 * middle - 3.0 * begin - end) / width * values[:-1, None] + first[:-1:2] * bend
+        before = (begin - 4.0 * middle + 3.0 * end) / width * values[1:, None] + first[2::2] * bend
+        before[:-1] -= after[1:]
+        change = np.sqrt(np.maximum(values[1:], 0.0))[:, None] * before
+        norms = np.sqrt(np.einsum("ij,ij->i", change, change)) / self.limits.jerk
+        steps: Floats = np.maximum(norms, np.max(np.abs(change) / self.limits.axis_jerk, axis=1))
+        return steps
 
     def _turning(self, places: Floats) -> tuple[Floats, Floats, Floats, Floats, Floats]:
         s = np.empty((3, len(places)))

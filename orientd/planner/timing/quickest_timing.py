@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -34,6 +34,8 @@ _BUDGET = 420, 5  # elements of all rounds together, and of these for each inter
 _DIPS = 4  # attempts to have no squared rate below zero between the nodes
 _ATTEMPTS = 5  # to get below the limits where they are exceeded between the places
 _ABOVE = 1.00005
+_BELOW = 1.0003
+_DRAWN_BY = 3.0  # cycles on either side of a step that it is seen in
 _SLIGHT = 1.01  # times a limit that a path slowed down by as much keeps without another look
 _FEW = 300  # elements, of which another round costs little
 _MANY = 2000  # elements, of which it costs too much
@@ -52,13 +54,24 @@ def aimed_at(limits: Limits, share: float = SHARE) -> Limits:
     return limits.with_reserve(share).times(velocity=VELOCITY_SHARE, linear_velocity=VELOCITY_SHARE)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class QuickPath(KeyframePath):
+    """A path in the shortest time that keeps some share of the limits.
+
+    Attributes:
+        profile: that it is timed by.
+    """
+
+    profile: Profile | None = None
+
+
 def quickest(
     keyframe_path: KeyframePath,
     limits: Limits,
     period: float,
     *,
     share: float = SHARE,
-    guess: FirstProfile | None = None,
+    guess: FirstProfile | Profile | None = None,
 ) -> KeyframePath:
     """Return the same path in the shortest time that keeps the limits.
 
@@ -71,7 +84,7 @@ def quickest(
         period: of the device, s.
         share: of the limits of acceleration and jerk to use.
         guess: the quickest profile to the gap of the first round, if it is known, with the usual
-            share.
+            share; or the one of nearly the same share.
 
     Raises:
         PlanError: none was found.
@@ -80,9 +93,28 @@ def quickest(
     turn = turned_at_once(keyframe_path, limits, share) if guess is None else None
     if turn is not None:
         return turn
-    guess = guess if share == SHARE else None
     rates = PathRates.of(keyframe_path, aimed_at(limits, share))
-    elements = Elements.first(keyframe_path, rates)
+    if isinstance(guess, Profile):
+        profile = rates.profile(guess.elements, guess.coefficients, _GAPS[-1], 10.0 * _GAPS[-1])
+    else:
+        profile = _found(rates, guess if share == SHARE else None, share, period)
+    beyond, size = float(profile.shares.max()), len(profile.coefficients)
+    if size < _MANY and beyond > (_BEYOND if size < _FEW else _FAR_BEYOND):
+        elements = profile.elements.aiming_lower(profile.shares)
+        with suppress(PlanError):
+            profile = rates.profile(elements, profile.coefficients, _GAPS[-1], 10.0 * _GAPS[-1])
+    for _ in range(_DIPS):
+        if not profile.dips.any():
+            break
+        profile = rates.profile(*profile.lifted(), _GAPS[-1])
+    if profile.dips.any():
+        raise PlanError("no quickest timing was found: it would have to stand still on the way")
+    return _kept(keyframe_path, rates, profile, limits, period)
+
+
+def _found(rates: PathRates, guess: FirstProfile | None, share: float, period: float) -> Profile:
+    """Return the quickest profile that is found on ever narrower elements."""
+    elements = Elements.first(rates.path, rates)
     coefficients = rates.guess(elements) if guess is None else guess[0]
     count, most = 0, _BUDGET[0] + _BUDGET[1] * (len(rates.knots) - 1)
     for round_ in range(_MOST_ROUNDS):
@@ -103,18 +135,44 @@ def quickest(
         pieces = profile.pieces(rates, period)
         if pieces is None and gap == _GAPS[-1]:
             break
+        if round_:
+            lower = _less_at_steps(rates, profile, share, period)
+            if lower is not None:
+                np.maximum(profile.elements.aims[2], lower, out=profile.elements.aims[2])
         elements, coefficients = profile.narrowed(pieces)
-    beyond, size = float(profile.shares.max()), len(profile.coefficients)
-    if size < _MANY and beyond > (_BEYOND if size < _FEW else _FAR_BEYOND):
-        lower = profile.elements.aiming_lower(profile.shares)
-        with suppress(PlanError):
-            profile = rates.profile(lower, profile.coefficients, _GAPS[-1], 10.0 * _GAPS[-1])
-    for _ in range(_DIPS):
-        if not profile.dips.any():
-            break
-        profile = rates.profile(*profile.lifted(), _GAPS[-1])
-    if profile.dips.any():
-        raise PlanError("no quickest timing was found: it would have to stand still on the way")
+    return profile
+
+
+def _less_at_steps(
+    rates: PathRates, profile: Profile, share: float, period: float
+) -> Floats | None:
+    """Return by what to divide the limits of the jerk in each element; ``None`` for nothing.
+
+    Where the jerk has a step between two records, what a servo draws there has up to a 192nd of the
+    step more, as a cubic that has place and velocity in common with the motion at both.  There is
+    room for less of it above the share of the limits that is used.
+    """
+    over = (1.0 + rates.jerk_steps(profile) / 192.0) * _BELOW * share / GUARD_TOLERANCE
+    steps = np.flatnonzero(over > 1.0)
+    if not len(steps):
+        return None
+    times, less = profile.clock().times, np.ones(len(over))
+    at = times[steps + 1]
+    begins = np.searchsorted(times, at - _DRAWN_BY * period, side="right") - 1
+    ends = np.searchsorted(times, at + _DRAWN_BY * period)
+    for begin, end, most in zip(np.maximum(begins, 0), ends, over[steps], strict=True):
+        less[begin:end] = np.maximum(less[begin:end], most)
+    return less
+
+
+def _kept(
+    keyframe_path: KeyframePath, rates: PathRates, profile: Profile, limits: Limits, period: float
+) -> KeyframePath:
+    """Return the path at the speed of a profile, or as much slower as its records need it.
+
+    Raises:
+        PlanError: they keep the limits at no such speed.
+    """
     # Where nothing moves at the ends the same pace, a little slower, mends a little too much.
     slower = 1.0 if any(rates.moves) else float(np.max(profile.shares.max(1) ** _ROOTS))
     excess = math.inf
@@ -183,8 +241,9 @@ def _retimed(keyframe_path: KeyframePath, profile: Profile) -> KeyframePath:
     clock = profile.clock()
     warp = replace(clock, first=segment.curve.domain[0], scale=segment.rate)
     duration = float(clock.times[-1])
-    return KeyframePath(
+    return QuickPath(
         PathSegment(Retimed(segment.curve, warp), 0.0, duration),
         repositioned(keyframe_path.positions, clock),
         clock.times_of(keyframe_path.times),
+        profile=profile,
     )

@@ -2,7 +2,7 @@
 
 import json
 import math
-from pathlib import Path
+from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
@@ -11,14 +11,18 @@ from planned import LIMITS, PERIOD, anywhere, differences, random_request, rotat
 from orientd.curves import METHODS
 from orientd.errors import RequestError
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
-from orientd.planner.path.path import PathSegment
+from orientd.planner.certify import before, measure_path
+from orientd.planner.connect import Caution
+from orientd.planner.path.path import Path, PathSegment
 from orientd.planner.path.position import PositionPath
+from orientd.planner.plan_job import PlanJob
 from orientd.planner.timing.candidate_path import KeyframePath
 from orientd.planner.timing.quickest_timing import quickest
 from orientd.rotation import exp, multiply
+from orientd.tolerances import GUARD_TOLERANCE
 
 HERE = (1.0, 0.0, 0.0, 0.0)
-OPTIMA = json.loads((Path(__file__).parents[2] / "data/quickest/optima.json").read_text())
+OPTIMA = json.loads((FilePath(__file__).parents[2] / "data/quickest/optima.json").read_text())
 
 
 def about_z(turn):
@@ -130,6 +134,51 @@ def test_with_jerk_limit_it_is_near_the_optimum_found_on_a_fine_grid(case):
     assert -0.001 < quick.duration / case["duration"] - 1.0 < 0.005
     # Times at the keyframes chosen for the quickest way make it no longer than by their distances.
     assert alone(made(request.keyframes, limits)) < 1.001 * quick.duration
+
+
+@pytest.mark.parametrize("jerk", [40.0, 80.0])
+def test_what_is_drawn_between_the_records_hardly_ever_needs_a_second_timing(jerk):
+    limits = Limits.partial(velocity=1.0, acceleration=4.0, jerk=jerk)
+    beyond, slower = 0, []
+    for seed in range(20):
+        random = np.random.default_rng(seed)
+        request = MotionRequest([Keyframe(q) for q in rotations(random, 12, 0.4)])
+        job = PlanJob.of(request, State.at_rest(request.keys[0]), limits, PERIOD)
+        _, shape, profile = job.shape(is_quick=True)
+        quick = quickest(shape, limits, PERIOD, guess=profile)
+        whole = Path.joined([quick.segment], quick.positions)
+        peaks = measure_path(
+            whole,
+            math.ceil(quick.duration / PERIOD) + 1,
+            PERIOD,
+            limits,
+            before=before(State.at_rest(whole.first), PERIOD),
+            brake_limits=limits,
+            rough=None,
+        )
+        beyond += max(peaks.drawn) > GUARD_TOLERANCE
+        slower.append(quick.duration / float(quick.profile.clock().times[-1]))
+    assert beyond <= 1
+    # Nor need the pace be lower for what the records have as the path leaves rest.
+    assert np.median(slower) < 1.0005
+
+
+def test_another_lead_in_leads_to_the_path_as_it_was_timed():
+    random, found = np.random.default_rng(2), []
+    asked = random_request(random, LIMITS["arm"], approach=True)
+    job = PlanJob.of(asked, anywhere(random), LIMITS["arm"], PERIOD)
+    keyframe_path = core_of(1)
+
+    def find(path, limits, period, *, share):
+        found.append(quickest(path, limits, period, share=share))
+        return found[-1]
+
+    first = job.timed(keyframe_path, 0.99, find)
+    cautious = job.with_caution(Caution.SOME)
+    assert cautious.timed(keyframe_path, 0.99, find) is first
+    assert cautious.timed(keyframe_path, 0.98, find).duration > first.duration
+    assert len(found) == 2
+    assert cautious.shape(is_quick=True) is job.shape(is_quick=True)
 
 
 def test_a_path_at_the_quickest_pace_is_sampled_as_its_curve_is():
