@@ -200,16 +200,26 @@ class Planners:
         return _Answered(question, answer.content, waiting.file, waiting.rest)
 
     def _dispatch(self) -> None:
-        """Give every planner that has nothing to do the first of what it may do."""
-        for process in sorted(self._idle, key=lambda idle: -idle.number):
+        """Give every planner that has nothing to do the first of what it may do.
+
+        A moving device is served by the first of them, which give way to nobody and have done the
+        same lately; all else by the last, so that the first stay free.
+        """
+        order = sorted(self._idle, key=lambda idle: idle.number)
+        for process in order:
+            self._give(process, Rank.URGENT)
+        for process in reversed(order):
             # Until all are there, the last of those that are takes everything.
             is_last = process.number == max(self._started, default=0)
-            slowest = Rank.LARGE if is_last else Rank(min(process.number, Rank.LARGE))
-            waiting = self._lanes.take(slowest)
-            if waiting is not None:
-                self._idle.remove(process)
-                waiting.process = process
-                self._spawn(self._serve(process, waiting))
+            self._give(process, Rank.LARGE if is_last else Rank(min(process.number, Rank.LARGE)))
+
+    def _give(self, process: PlannerProcess, slowest: Rank) -> None:
+        """Give a planner the first of what waits, unless it is slower than what it may do."""
+        waiting = self._lanes.take(slowest) if process in self._idle else None
+        if waiting is not None:
+            self._idle.remove(process)
+            waiting.process = process
+            self._spawn(self._serve(process, waiting))
 
     async def _serve(self, process: PlannerProcess, waiting: Waiting) -> None:
         what = waiting.question.what

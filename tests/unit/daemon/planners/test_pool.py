@@ -205,6 +205,20 @@ def test_a_moving_device_does_not_wait_for_a_large_plan():
     run(test, processes=3)
 
 
+def test_a_moving_device_is_served_by_the_planner_that_gives_way_to_nobody():
+    async def test(planners):
+        served = {Rank.URGENT: 0, Rank.SMALL: 2}
+        for rank, number in (*served.items(), *served.items()):
+            while len(planners._idle) < 3:
+                await asyncio.sleep(0.01)
+            before = {process.number: process.questions for process in planners._all}
+            await planners.plan(job(), quick(), rank=rank)
+            after = {process.number: process.questions for process in planners._all}
+            assert [one for one in after if after[one] != before[one]] == [number]
+
+    run(test, processes=3)
+
+
 def test_whoever_waits_is_told_when_the_daemon_ends():
     async def test(planners):
         asked = [asyncio.ensure_future(planners.plan(job(), quick())) for _ in range(3)]
