@@ -19,10 +19,11 @@ from orientd.stream import NOT_GIVEN, Command, Cycle, ServoState, unpack_cycle
 
 if TYPE_CHECKING:
     # Loaded with the first motion: until then the daemon stays small.
-    from orientd.daemon.motions import Motions, MotionStatistics
+    from orientd.daemon.motions import Motions
     from orientd.daemon.planners import PlanCall, PlannedMotion, Planners
     from orientd.planner import Limits
     from orientd.planner import State as PlannedState
+    from orientd.rpc import Statistics
 
 _log = logging.getLogger(__name__)
 
@@ -354,7 +355,7 @@ class Device(SupervisedDevice):
             self._has_no_outline = True
             return ()
 
-    def statistics(self, motion_number: int) -> MotionStatistics | None:
+    def statistics(self, motion_number: int) -> Statistics | None:
         """Return what was measured of a motion; ``None`` unless it is one of the newest."""
         with self._lock:
             return None if self._motions is None else self._motions.statistics(motion_number)

@@ -228,10 +228,9 @@ class MovingCalls(Calls):
         return request.start_ns or self._cell.instants.of(wanted_ns)
 
     def _summary(self, run: ActiveMotion) -> pb.MoveResponse:
-        from orientd.daemon.calls import motion_report
         from orientd.rpc import summary_to_message
 
-        summary = motion_report.summary(run, self._cell.runs)
+        summary = report.summary(run, self._cell.runs)
         return pb.MoveResponse(summary=summary_to_message(summary))
 
 

@@ -1,14 +1,14 @@
-"""What the daemon says about its devices, as values for the wire."""
+"""What the daemon says about its devices and their motions, as values for the wire."""
 
 from __future__ import annotations
 
 import time
 
 from orientd.daemon.device import Device
-from orientd.daemon.motions import ActiveMotion
+from orientd.daemon.motions import ActiveMotion, ActiveMotions
 from orientd.driver import PartHealth
 from orientd.planner import Frame, Quaternion, Vector3
-from orientd.rpc import DeviceReport, PartReport, Progress
+from orientd.rpc import DeviceReport, PartReport, Progress, Summary
 from orientd.stream import Cycle, ServoState, record_index, unpack_cycle
 
 NANOSECONDS = 1e9
@@ -138,6 +138,21 @@ class ProgressReader:
             tracking_error=now.tracking_error,
             overruns=max(0, now.cycle.overruns - self._overruns),
         )
+
+
+def summary(run: ActiveMotion, runs: ActiveMotions) -> Summary:
+    """Return how *run*, which has ended, went beside the others of *runs*."""
+    outcome, text = run.ended.result(timeout=0)
+    lateness, skew = runs.starts(run)
+    return Summary(
+        motion_number=run.number,
+        outcome=outcome,
+        text=text,
+        statistics=run.device.statistics(run.number),
+        settled_after=run.device.settled_after(run.number),
+        start_lateness=lateness,
+        start_skew=skew,
+    )
 
 
 def _seen(

@@ -8,7 +8,6 @@ from orientd.lazy import lazily
 
 if TYPE_CHECKING:
     from orientd.daemon.motions.active_motions import ActiveMotion, ActiveMotions
-    from orientd.daemon.motions.meter import Lateness, MotionStatistics
     from orientd.daemon.motions.motions import Motions
     from orientd.daemon.motions.options import AT_ONCE, ArrivalCondition, MoveOptions, Prepared
     from orientd.daemon.motions.plan_store import PlanStore

@@ -6,8 +6,6 @@ they pass.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,12 +14,14 @@ from orientd.daemon.motions.latency_compensation import LedSetpoints
 from orientd.planner import RecordedMotion, Vector3
 from orientd.recorder import Table, from_records
 from orientd.rotation import Floats
+from orientd.rpc import Durations, Statistics
 from orientd.stream import CycleFlag, ServoState
 
 _BIN = np.log(1.01)
 _BINS = 2200
 """From 1 ns to 3.2 s."""
 
+NANOSECONDS = 1e9
 
 _SAME = 1e-6
 """Path times nearer than this, in periods, are the same."""
@@ -51,55 +51,12 @@ class Histogram:
         return float(min(np.exp((place + 0.5) * _BIN), self.largest_ns))
 
 
-@dataclass(frozen=True, slots=True)
-class Lateness:
-    """How late cycles began, or how long they worked, in nanoseconds."""
-
-    p50_ns: float = 0.0
-    p99_ns: float = 0.0
-    p99_9_ns: float = 0.0
-    largest_ns: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class MotionStatistics:
-    """What was measured of a motion so far.
-
-    Attributes:
-        cycles: setpoints sent.
-        overruns: cycles that began more than half a period late.
-        missed: deadlines that passed altogether.
-        stalls: how often motion went on from rest, since the servo process had not run for a while;
-            what was sent before and after is not differentiated across it.
-        lateness: how late the cycles began.
-        work: how long the cycles worked.
-        velocity: largest angular velocity sent, rad/s, by backward differences.
-        acceleration: largest angular acceleration sent, rad/s^2.
-        jerk: largest angular jerk sent, rad/s^3.
-        path_error: largest angle between what was sent and the plan at that path time, rad.
-        tracking_error: largest angle between what was sent and the feedback in the same cycle, rad;
-            for a device that is led, between the feedback and what was sent a lead before it.
-        start_velocity_error: error of the angular velocity at the first keyframe, rad/s.
-        end_velocity_error: the same at the last keyframe; ``None`` where it was not reached.
-    """
-
-    cycles: int = 0
-    overruns: int = 0
-    missed: int = 0
-    stalls: int = 0
-    lateness: Lateness = field(default_factory=Lateness)
-    work: Lateness = field(default_factory=Lateness)
-    velocity: float = 0.0
-    acceleration: float = 0.0
-    jerk: float = 0.0
-    path_error: float = 0.0
-    tracking_error: float = 0.0
-    start_velocity_error: float | None = None
-    end_velocity_error: float | None = None
-
-
 class MotionMeter:
     """Measure one motion, block of cycles by block.
+
+    Peaks are of backward differences, which are not taken across a stall, from which the motion
+    goes on from rest.  Feedback is compared with what was sent in the same cycle; for a device that
+    is led, with what was sent a lead before it.
 
     Attributes:
         number: the motion's number.
@@ -192,15 +149,15 @@ class MotionMeter:
         """Orientation sent last, and its first and second backward differences."""
         return self._last_q, self._omega, self._alpha
 
-    def statistics(self) -> MotionStatistics:
+    def statistics(self) -> Statistics:
         """Return the figures so far."""
-        return MotionStatistics(
+        return Statistics(
             cycles=self._cycles,
             overruns=self._overruns,
             missed=self._missed,
             stalls=self._stalls,
-            lateness=_lateness(self._lateness),
-            work=_lateness(self._work),
+            lateness=_durations(self._lateness),
+            work=_durations(self._work),
             velocity=self._peaks[0],
             acceleration=self._peaks[1],
             jerk=self._peaks[2],
@@ -306,10 +263,10 @@ class MotionMeter:
         return float(np.linalg.norm(sent - np.array(wanted)))
 
 
-def _lateness(histogram: Histogram) -> Lateness:
-    return Lateness(
-        histogram.percentile_ns(50.0),
-        histogram.percentile_ns(99.0),
-        histogram.percentile_ns(99.9),
-        float(histogram.largest_ns),
+def _durations(histogram: Histogram) -> Durations:
+    return Durations(
+        p50=histogram.percentile_ns(50.0) / NANOSECONDS,
+        p99=histogram.percentile_ns(99.0) / NANOSECONDS,
+        p99_9=histogram.percentile_ns(99.9) / NANOSECONDS,
+        largest=histogram.largest_ns / NANOSECONDS,
     )

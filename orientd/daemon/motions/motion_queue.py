@@ -12,11 +12,12 @@ from collections import OrderedDict
 
 from orientd.daemon.devices import ServoLink, servo_limits_of
 from orientd.daemon.motions.feeder import BLOCK, Feeder
-from orientd.daemon.motions.meter import MotionMeter, MotionStatistics
+from orientd.daemon.motions.meter import MotionMeter
 from orientd.daemon.motions.queued_motion import QueuedMotion, SplicePoint
 from orientd.daemon.planners import PlannedMotion
 from orientd.errors import LateError, NotYetError, StateError
 from orientd.planner import MotionFacts
+from orientd.rpc import Statistics
 from orientd.servo import TAIL_WORD
 from orientd.stream import UNKNOWN, Command, Cycle, ServoState, record_index
 
@@ -46,7 +47,7 @@ class MotionQueue:
         self._read_ahead = read_ahead
         self._queued_motions: list[QueuedMotion] = []
         self._meters: dict[int, MotionMeter] = {}
-        self._measured: OrderedDict[int, tuple[MotionStatistics, int | None]] = OrderedDict()
+        self._measured: OrderedDict[int, tuple[Statistics, int | None]] = OrderedDict()
         self._metered = 0
 
     # What there is
@@ -106,7 +107,7 @@ class MotionQueue:
             )
         return SplicePoint(self.last.number, record)
 
-    def statistics(self, number: int) -> MotionStatistics | None:
+    def statistics(self, number: int) -> Statistics | None:
         """Return what was measured of motion *number*; ``None`` where that is not known."""
         return self._figures(number)[0]
 
@@ -114,7 +115,7 @@ class MotionQueue:
         """Return when motion *number* began to move, monotonic clock, where that is known."""
         return self._figures(number)[1]
 
-    def _figures(self, number: int) -> tuple[MotionStatistics | None, int | None]:
+    def _figures(self, number: int) -> tuple[Statistics | None, int | None]:
         meter = self._meters.get(number)
         if meter is None:
             return self._measured.get(number, (None, None))

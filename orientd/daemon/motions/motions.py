@@ -18,7 +18,6 @@ from orientd.daemon.motions.arrivals import Arrivals
 from orientd.daemon.motions.coming_to_rest import await_rest, await_steady, stop_on_path
 from orientd.daemon.motions.corners import Corners
 from orientd.daemon.motions.horizon import ReplanningHorizon
-from orientd.daemon.motions.meter import MotionStatistics
 from orientd.daemon.motions.motion_queue import MotionQueue
 from orientd.daemon.motions.options import Kind, MoveOptions, Prepared
 from orientd.daemon.motions.queued_motion import QueuedMotion, SplicePoint
@@ -27,6 +26,7 @@ from orientd.daemon.planners import Continuation, PlanCall, PlanInput, PlannedMo
 from orientd.errors import LateError, NotYetError, StateError
 from orientd.planner import HISTORY, Joints, RecordedMotion
 from orientd.planner import State as PlannedState
+from orientd.rpc import Statistics
 from orientd.stream import UNKNOWN, Command, Cycle, ServoState
 
 Tell = Callable[[EventKind, int, str], None]
@@ -331,7 +331,7 @@ class Motions:
         """Return a motion that is under way or waits for its turn."""
         return self._queue.queued(number)
 
-    def statistics(self, number: int) -> MotionStatistics | None:
+    def statistics(self, number: int) -> Statistics | None:
         """Return what was measured of motion *number*; ``None`` unless it is one of the newest."""
         self._measure()
         return self._queue.statistics(number)

@@ -8,13 +8,19 @@ import time
 from dataclasses import fields
 
 from orientd.daemon.devices.device_report import DeviceEvent, DeviceSnapshot, EventKind
-from orientd.daemon.motions.meter import MotionStatistics
 from orientd.daemon.motions.options import AT_ONCE, Prepared
 from orientd.daemon.planners import PlanInput
 from orientd.driver import IDENTITY, ZERO
 from orientd.errors import DaemonError, Fault, LateError, NotYetError, PlanError, StateError
 from orientd.planner import DEFAULT_LIMITS, State
+from orientd.rpc import Durations, Statistics
 from orientd.stream import CYCLE_RECORD, Cycle, ServoState
+
+AT_NO_TIME = Durations(0.0, 0.0, 0.0, 0.0)
+STATISTICS = Statistics(
+    7, 0, 0, 0, AT_NO_TIME, AT_NO_TIME, 0.0, 0.0, 0.0, 0.0, 0.0, None, None
+)  # fmt: skip
+"""What is measured of every motion."""
 
 
 def cycle(index=0, *, state=ServoState.HOLDING, lateness_ns=0, motion=0, overruns=0):
@@ -182,7 +188,7 @@ class FakeDevice:
         return [record_of(one) for one in self.published if one.index >= since][:limit]
 
     def statistics(self, number):
-        return MotionStatistics(cycles=7) if number == self.number else None
+        return STATISTICS if number == self.number else None
 
     def tell(self, kind, text):
         self.events(DeviceEvent(self.name, kind, self.number, text, time.monotonic_ns()))

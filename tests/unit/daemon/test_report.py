@@ -9,7 +9,7 @@ from fake_device import FakeDevice, cycle
 
 from orientd import config, planner
 from orientd.cli import texts
-from orientd.daemon.calls import motion_report, report
+from orientd.daemon.calls import report
 from orientd.daemon.motions.active_motions import ActiveMotion, ActiveMotions
 from orientd.daemon.planners import reporting
 from orientd.rpc.reports import Outcome
@@ -105,7 +105,7 @@ def test_a_summary_has_the_statistics_of_its_motion_only(device, motion):
     for number, cycles in ((2, 7), (1, None)):
         run = ActiveMotion(device, number, motion.recorded(), "")
         run.ended.set_result((Outcome.STOPPED, "why"))
-        summary = motion_report.summary(run, ActiveMotions({}))
+        summary = report.summary(run, ActiveMotions({}))
         assert (summary.outcome, summary.text) == (Outcome.STOPPED, "why")
         assert (summary.statistics and summary.statistics.cycles) == cycles
 
