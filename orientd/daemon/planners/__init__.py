@@ -12,13 +12,7 @@ from typing import TYPE_CHECKING
 from orientd.lazy import lazily
 
 if TYPE_CHECKING:
-    from orientd.daemon.planners.jobs import (
-        Continuation,
-        PlanInput,
-        PlannerDevice,
-        Report,
-        new_motion_id,
-    )
+    from orientd.daemon.planners.jobs import Continuation, PlanInput, PlannerDevice
     from orientd.daemon.planners.lanes import PlanCall, Rank
     from orientd.daemon.planners.large import LargeRequests
     from orientd.daemon.planners.planned_motion import PlannedMotion

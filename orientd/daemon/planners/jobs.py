@@ -2,6 +2,7 @@
 
 A frame is a length and a pickle; both ends are of one installation and one user.  Records do not
 go that way: with a question for them comes the descriptor of the file that they are written to.
+The first frame to the process that planners are forked from is the list of devices to plan for.
 """
 
 from __future__ import annotations
@@ -51,17 +52,6 @@ class PlannerDevice:
     frames: Mapping[str, Frame] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
-class SetUp:
-    """The first frame: what a planner needs to know of the daemon.
-
-    Attributes:
-        devices: to plan for.
-    """
-
-    devices: tuple[PlannerDevice, ...]
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Continuation:
     """The motion before one that is to follow it.
@@ -77,11 +67,6 @@ class Continuation:
     earliest: int
 
 
-def new_motion_id() -> str:
-    """Return a name that no other motion has."""
-    return os.urandom(6).hex()
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanInput:
     """A motion to plan, with everything that it depends on.
@@ -89,7 +74,7 @@ class PlanInput:
     Attributes:
         device: what is to move.
         motion: a serialised ``orientd.v1.MotionRequest``.
-        motion_id: names the motion.
+        motion_id: names the motion, and no other.
         start: where the device will be; not of a continuation.
         joints: its axis angles there, rad.
         before: axis angles planned for the cycles before, where it moves.
@@ -98,7 +83,7 @@ class PlanInput:
 
     device: str
     motion: bytes
-    motion_id: str = field(default_factory=new_motion_id)
+    motion_id: str = field(default_factory=lambda: os.urandom(6).hex())
     start: State | None = None
     joints: Joints = ()
     before: tuple[Joints, ...] = ()

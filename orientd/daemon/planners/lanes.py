@@ -16,7 +16,13 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field
 from enum import IntEnum
 
-from orientd.daemon.planners.jobs import PlannerAnswer, Question, Records, RemainingRecords
+from orientd.daemon.planners.jobs import (
+    PlannedRecords,
+    PlannerAnswer,
+    Question,
+    Records,
+    RemainingRecords,
+)
 from orientd.daemon.planners.process import PlannerProcess
 from orientd.daemon.planners.record_file import RecordFile
 from orientd.errors import TooMuchError
@@ -89,13 +95,17 @@ class Waiting:
     """A question and who waits for the answer."""
 
     question: Question
-    rank: Rank
     caller: str
     size: int
     answer: asyncio.Future[PlannerAnswer]
     file: RecordFile | None
     rest: Future[RemainingRecords] = field(default_factory=Future)
     process: PlannerProcess | None = None
+
+    @property
+    def content(self) -> bytes | PlannedRecords | RemainingRecords | None:
+        """What the question was answered with."""
+        return self.answer.result().content
 
 
 @dataclass(slots=True)
@@ -140,7 +150,7 @@ class Lanes:
             self._check(order, size)
         answer = asyncio.get_running_loop().create_future()
         file = RecordFile() if isinstance(question.what, Records) else None
-        asked = Waiting(question, rank, order.caller, size, answer, file)
+        asked = Waiting(question, order.caller, size, answer, file)
         self._lanes[rank].put(asked)
         return asked
 

@@ -12,7 +12,6 @@ import logging
 import os
 from collections.abc import Coroutine, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass
 
 from orientd.daemon.planners.jobs import (
     Methods,
@@ -23,12 +22,11 @@ from orientd.daemon.planners.jobs import (
     Records,
     RemainingRecords,
     Report,
-    SetUp,
 )
 from orientd.daemon.planners.lanes import Lanes, PlanCall, Rank, Waiting
 from orientd.daemon.planners.planned_motion import PlannedMotion
 from orientd.daemon.planners.process import GIVE_UP, ForkServer, PlannerProcess
-from orientd.daemon.planners.record_file import Chunk, RecordFile
+from orientd.daemon.planners.record_file import Chunk
 from orientd.errors import GOING_DOWN, DaemonError, DeadlineError
 from orientd.rotation import Floats
 
@@ -48,22 +46,11 @@ _NICE = {0: 0, 1: 5}
 _NICEST = 10
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Answered:
-    """What a question was answered with, and what is to follow."""
-
-    question: Question
-    content: bytes | PlannedRecords | RemainingRecords | None
-    file: RecordFile | None
-    rest: Future[RemainingRecords]
-
-
-def _chunk(answered: _Answered) -> tuple[PlannedRecords, Chunk]:
+def _chunk(answered: Waiting) -> tuple[PlannedRecords, Chunk]:
     what, planned, file = answered.question.what, answered.content, answered.file
     if not isinstance(what, Records) or not isinstance(planned, PlannedRecords) or file is None:
         raise DaemonError("the planner said something else")
-    count, columns = planned.shape
-    return planned, Chunk(what.first, count, columns, file)
+    return planned, Chunk(what.first, *planned.shape, file)
 
 
 class Planners:
@@ -88,7 +75,7 @@ class Planners:
             timeout: how long a request may take at the most, s.
         """
         self.timeout = timeout
-        self._set_up = SetUp(tuple(devices))
+        self._devices = devices
         self._count = processes
         self._lanes = Lanes()
         self._idle: list[PlannerProcess] = []
@@ -178,7 +165,8 @@ class Planners:
 
     # How
 
-    async def _ask(self, question: Question, rank: Rank, order: PlanCall) -> _Answered:
+    async def _ask(self, question: Question, rank: Rank, order: PlanCall) -> Waiting:
+        """Return what waited for the answer, once it is there."""
         if self._is_closing:
             raise DaemonError(GOING_DOWN)
         waiting = self._lanes.enter(question, rank, order)
@@ -197,7 +185,7 @@ class Planners:
             self._give_up(waiting)
         if answer.error is not None:
             raise answer.error.error()
-        return _Answered(question, answer.content, waiting.file, waiting.rest)
+        return waiting
 
     def _dispatch(self) -> None:
         """Give every planner that has nothing to do the first of what it may do.
@@ -230,7 +218,7 @@ class Planners:
                 waiting.answer.set_result(answer)
             if answer.error is None and isinstance(what, Records) and what.is_first:
                 async with asyncio.timeout(_MORE):
-                    answer = await process.hear_more()
+                    answer = await process.hear()
                 if isinstance(answer.content, RemainingRecords):
                     waiting.rest.set_result(answer.content)
         except (DaemonError, TimeoutError) as error:
@@ -298,7 +286,7 @@ class Planners:
         async with self._turn:
             if self._server is None:
                 self._server = ForkServer()
-                await self._server.start(self._set_up)
+                await self._server.start(self._devices)
             return self._server
 
     async def _replace(self, process: PlannerProcess) -> None:
@@ -316,11 +304,10 @@ class Planners:
             self._server.end()
             self._server = None
 
-    def _spawn(self, work: Coroutine[None, None, None]) -> asyncio.Task[None]:
+    def _spawn(self, work: Coroutine[None, None, None]) -> None:
         task = asyncio.get_running_loop().create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
-        return task
 
 
 def default_processes() -> int:

@@ -11,6 +11,7 @@ import signal
 import socket
 import subprocess
 import sys
+from collections.abc import Sequence
 from typing import Any
 
 from orientd.daemon.planners.jobs import (
@@ -18,8 +19,8 @@ from orientd.daemon.planners.jobs import (
     PID,
     STAGE_BYTES,
     PlannerAnswer,
+    PlannerDevice,
     Question,
-    SetUp,
     frame,
     unframed,
 )
@@ -40,8 +41,8 @@ class ForkServer:
         self._process: subprocess.Popen[bytes] | None = None
         self._turn = asyncio.Lock()
 
-    async def start(self, set_up: SetUp) -> None:
-        """Start the process and wait until it has loaded everything.
+    async def start(self, devices: Sequence[PlannerDevice]) -> None:
+        """Start the process and wait until it has loaded what plans for *devices*.
 
         Raises:
             DaemonError: it has ended instead.
@@ -57,7 +58,7 @@ class ForkServer:
                 env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
             )
         self._reader, self._writer = await asyncio.open_connection(sock=self._socket)
-        self._writer.write(frame(set_up))
+        self._writer.write(frame(devices))
         try:
             await _frame_from(self._reader)
         except (asyncio.IncompleteReadError, ConnectionError) as error:
@@ -141,15 +142,20 @@ class PlannerProcess:
                 socket.send_fds(self._socket, [asked[: HEADER.size]], [file.descriptor])
             asked = asked[HEADER.size :]
         self._writer.write(asked)
-        return await self._hear()
+        return await self.hear()
 
-    async def hear_more(self) -> PlannerAnswer:
-        """Return the second answer to a question that has two.
+    async def hear(self) -> PlannerAnswer:
+        """Return the next answer; the second one to a question that has two.
 
         Raises:
             DaemonError: the process has ended instead.
         """
-        return await self._hear()
+        try:
+            answer: PlannerAnswer = await _frame_from(self._reader)
+        except (asyncio.IncompleteReadError, ConnectionError) as error:
+            what = f" while {self.stage}" if self.stage else ""
+            raise DaemonError(f"the planner process {self.pid} ended{what}") from error
+        return answer
 
     @property
     def stage(self) -> str:
@@ -182,14 +188,6 @@ class PlannerProcess:
             if descriptor >= 0:
                 os.close(descriptor)
         self._handle = self._memory = -1
-
-    async def _hear(self) -> PlannerAnswer:
-        try:
-            answer: PlannerAnswer = await _frame_from(self._reader)
-        except (asyncio.IncompleteReadError, ConnectionError) as error:
-            what = f" while {self.stage}" if self.stage else ""
-            raise DaemonError(f"the planner process {self.pid} ended{what}") from error
-        return answer
 
 
 async def _frame_from(reader: asyncio.StreamReader) -> Any:  # noqa: ANN401 - whatever was framed

@@ -56,14 +56,7 @@ def samples_of(motion: Motion, rate_hz: float, frame: Frame | None = None) -> Sa
         frame: what to see it from; ``None`` for the coordinates of the device.
     """
     times, sampled = _sampled(motion, rate_hz, frame)
-    return Samples(
-        times=times,
-        q=sampled.q,
-        omega_body=sampled.omega_body,
-        alpha_body=sampled.alpha_body,
-        position=sampled.position,
-        velocity=sampled.velocity,
-    )
+    return Samples(times, *sampled)
 
 
 def known_methods() -> list[MethodDescription]:

@@ -16,6 +16,7 @@ import signal
 import socket
 import warnings
 from collections import OrderedDict
+from collections.abc import Iterable
 from types import FrameType
 from typing import Any
 
@@ -36,7 +37,6 @@ from orientd.daemon.planners.jobs import (
     Question,
     Records,
     RemainingRecords,
-    SetUp,
     frame,
     unframed,
 )
@@ -63,10 +63,9 @@ class Abandoned(BaseException):
 class Work:
     """What a planner can do, apart from hearing of it."""
 
-    def __init__(self, set_up: SetUp) -> None:
-        """Make a planner for each device, of which *set_up* tells."""
-        self._planners = {device.name: _planner(device) for device in set_up.devices}
-        self._periods = {device.name: device.period_ns * 1e-9 for device in set_up.devices}
+    def __init__(self, devices: Iterable[PlannerDevice]) -> None:
+        """Make a planner for each device."""
+        self._planners = {device.name: _planner(device) for device in devices}
         self._memory: memoryview | None = None
         self._known: OrderedDict[str, tuple[Motion, int, Frame | None]] = OrderedDict()
 
@@ -192,10 +191,10 @@ def main(channel: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the daemon's to hear
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody waits for planners here
     with socket.socket(fileno=channel) as peer:
-        set_up = _set_up(peer)
-        if set_up is None:
+        devices = _framed(peer, [])
+        if devices is None:
             return
-        work = Work(set_up)
+        work = Work(devices)
         work.warm_up()
         # What there is now is shared with every planner, as long as nobody touches it.
         gc.collect()
@@ -239,7 +238,7 @@ def _serve(peer: socket.socket, work: Work) -> None:
             raise Abandoned
 
     signal.signal(signal.SIGUSR1, give_up)
-    while (question := _question(peer, files)) is not None:
+    while (question := _framed(peer, files)) is not None:
         content: bytes | PlannedRecords | None = None
         failure: Failure | None = None
         try:
@@ -270,21 +269,12 @@ def _done(
         return None, Failure.of(PlanError(f"planning failed: {type(error).__name__}: {error}"))
 
 
-def _question(peer: socket.socket, files: list[int]) -> Any:  # noqa: ANN401 - whatever was framed
-    """Return the next question, and add the descriptor that comes with it; ``None`` at the end."""
+def _framed(peer: socket.socket, files: list[int]) -> Any:  # noqa: ANN401 - whatever was framed
+    """Return what comes next, and add the descriptor that comes with it; ``None`` at the end."""
     header, descriptors, _, _ = socket.recv_fds(peer, HEADER.size, 1)
     files += descriptors
     more = _exactly(peer, HEADER.size - len(header)) if header else None
-    return None if more is None else _body(peer, header + more)
-
-
-def _set_up(peer: socket.socket) -> SetUp | None:
-    header = _exactly(peer, HEADER.size)
-    return None if header is None else _body(peer, header)
-
-
-def _body(peer: socket.socket, header: bytes | bytearray) -> Any:  # noqa: ANN401 - as above
-    body = _exactly(peer, HEADER.unpack(header)[0])
+    body = None if more is None else _exactly(peer, HEADER.unpack(header + more)[0])
     return None if body is None else unframed(body)
 
 

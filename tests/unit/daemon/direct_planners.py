@@ -8,7 +8,7 @@ from concurrent.futures import Future
 
 from orientd.daemon.cell import planner_device
 from orientd.daemon.planners import PlanCall, PlanInput, PlannedMotion
-from orientd.daemon.planners.jobs import Methods, PlannedRecords, Question, Records, Report, SetUp
+from orientd.daemon.planners.jobs import Methods, PlannedRecords, Question, Records, Report
 from orientd.daemon.planners.record_file import Chunk, RecordFile
 from orientd.daemon.planners.worker import Work
 from orientd.rpc.wire.motion import from_request
@@ -20,7 +20,7 @@ class DirectPlanners:
     timeout = 10.0
 
     def __init__(self, settings):
-        self.work = Work(SetUp(tuple(map(planner_device, settings))))
+        self.work = Work(map(planner_device, settings))
 
     async def plan(self, job: PlanInput, order: PlanCall, *, rank=None) -> PlannedMotion:
         question, file = Question(Records(rate_hz=order.rate_hz), job), RecordFile()
