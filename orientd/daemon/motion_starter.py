@@ -212,7 +212,7 @@ class MotionStarter:
 
     def _abandon_begun(self, beginning: Future[ActiveMotion]) -> None:
         if beginning.exception() is None:
-            self._commanders.submit(self.abandon, beginning.result(), GONE)
+            self._commanders.submit(self._runs.abandon, beginning.result(), GONE)
 
     def track(self, token: str, device: Device, limits: Limits, *, stops: int) -> ActiveMotion:
         """Have *device* follow targets from now on; see :meth:`Device.aim`.
@@ -266,10 +266,6 @@ class MotionStarter:
             ),
         )
         return run
-
-    def abandon(self, run: ActiveMotion, reason: str) -> None:
-        """Stop *run* on its path, or take it out where it waits, unless it has ended."""
-        self._runs.abandon(run, reason)
 
 
 def check_start(device: Device, motion: PlannedMotion) -> None:

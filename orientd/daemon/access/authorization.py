@@ -2,7 +2,8 @@
 
 It knows the caller by their connection, and asks: does the table of roles let them make this call,
 are they within what one caller may ask for, and is the lease they name their own?  Commands, and
-whatever is refused, are recorded with what came of them.
+whatever is refused, are recorded with what came of them.  Handlers raise what they refuse a call
+for: it is told in full here.
 """
 
 from __future__ import annotations
@@ -136,15 +137,15 @@ class Authorization(Interceptor):
                     raise TooMuchError(f"at most {self._throttle.at_once} calls at the same time")
                 if isinstance(asked, Message | Illegible):
                     self._look_at(asked, key)
-                    call.request, call.told = asked, request_text.describe
+                    call.request = asked
                 else:
                     call.request = self._looking(asked, call, key, context)
+                if found.is_command:
+                    self._audit.record(event="asked", **call.who(), **call.what())
+                CALLER.set(connection.identity)
+                yield call
             except OrientdError as error:
                 await _refuse(context, error)
-            if found.is_command:
-                self._audit.record(event="asked", **call.who(), **call.what())
-            CALLER.set(connection.identity)
-            yield call
         except (asyncio.CancelledError, GeneratorExit):
             self._conclude(call, "CANCELLED", "")
             self._sweep(asked)
@@ -262,7 +263,6 @@ class _Call:
         self.name = method.rpartition("/")[2]
         self.rule = found
         self.request: Any = None
-        self.told: Callable[[Message], dict[str, Any]] | None = None
         self.result: dict[str, Any] = {}
         self._connection = connection
 
@@ -283,7 +283,9 @@ class _Call:
 
     def what(self) -> dict[str, Any]:
         """Return what was asked for, where that came with the call."""
-        return {} if self.told is None else {"request": self.told(self.request)}
+        if not isinstance(self.request, Message):
+            return {}
+        return {"request": request_text.describe(self.request)}
 
     def hear(self, answer: object) -> None:
         """Note what an answer says of the motion that the call began."""
@@ -307,6 +309,7 @@ class _Call:
 
 
 async def _refuse(context: Context, error: OrientdError) -> NoReturn:
+    """End the call with *error*, in full."""
     status = to_status(error)
     codes = {code.value[0]: code for code in grpc.StatusCode}
     await context.abort(

@@ -1,12 +1,15 @@
-"""How a call is done: away from the event loop, refused in full, and over when the daemon ends."""
+"""How a call is done: away from the event loop, in its turn, and over when the daemon ends.
+
+What a call is refused for is raised as an :class:`~orientd.errors.OrientdError`.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import time
 from collections import defaultdict
-from collections.abc import Awaitable, Callable
-from typing import Any, NoReturn, TypeVar
+from collections.abc import Callable
+from typing import Any
 
 import grpc
 
@@ -14,8 +17,8 @@ from orientd.daemon.access import Identity
 from orientd.daemon.calls import report
 from orientd.daemon.cell import Cell
 from orientd.daemon.device import Device
-from orientd.errors import OrientdError, RequestError
-from orientd.rpc import DETAILS_KEY, DaemonReport, device_to_message, to_status
+from orientd.errors import RequestError
+from orientd.rpc import DaemonReport, device_to_message
 from orientd.rpc import control_pb2 as pb
 
 DEFAULT_REPORTS_HZ = 20.0
@@ -26,7 +29,6 @@ OVERTAKING = 0.05
 """How long a command waits for those before it that are still on their way, s."""
 _OVERTAKEN = 0.001  # s between looks
 
-Result = TypeVar("Result")
 Context = grpc.aio.ServicerContext[Any, Any]
 
 
@@ -90,15 +92,6 @@ class Calls:
             await asyncio.sleep(_OVERTAKEN)
         return self._turns[name]
 
-    async def _do(self, context: Context, work: Callable[[], Result]) -> Result:
-        try:
-            return await self._in_worker(work)
-        except OrientdError as error:
-            await refuse(context, error)
-
-    def _in_worker(self, work: Callable[[], Result]) -> Awaitable[Result]:
-        return self._cell.in_worker(work)
-
 
 def caller(context: Context) -> str:
     """Return who calls, for turns: a connection."""
@@ -119,12 +112,3 @@ def interval(field: str, rate_hz: float) -> float:
             field, f"expected {SLOWEST_REPORTS_HZ:g} to {FASTEST_REPORTS_HZ:g}, got {rate_hz:g}"
         )
     return 1.0 / rate_hz
-
-
-async def refuse(context: Context, error: OrientdError) -> NoReturn:
-    """End the call with *error*, in full."""
-    status = to_status(error)
-    codes = {code.value[0]: code for code in grpc.StatusCode}
-    await context.abort(
-        codes[status.code], status.message, ((DETAILS_KEY, status.SerializeToString()),)
-    )

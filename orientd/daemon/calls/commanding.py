@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
 
 from orientd.daemon.access import present_caller
-from orientd.daemon.calls.calls import Calls, Context, device_message, refuse
-from orientd.daemon.calls.pausing import pause, resume
+from orientd.daemon.calls.calls import Calls, Context, device_message
 from orientd.daemon.device import Device
-from orientd.errors import OrientdError, RequestError
+from orientd.errors import RequestError, StateError
 from orientd.rpc import control_pb2 as pb
+from orientd.stream import ServoState
 
-
-class _CommandRequest(Protocol):
-    """What every command to a device says."""
-
-    @property
-    def lease_token(self) -> str: ...
-
-    @property
-    def device(self) -> str: ...
-
-    @property
-    def lease_sequence(self) -> int: ...
+_CommandRequest = (
+    pb.PauseRequest
+    | pb.ResumeRequest
+    | pb.SetSpeedRequest
+    | pb.EnableRequest
+    | pb.DisableRequest
+    | pb.ResetRequest
+)
+"""What every command to a device says: which, and under which lease."""
 
 
 class CommandingCalls(Calls):
@@ -37,7 +33,7 @@ class CommandingCalls(Calls):
             devices = self._cell.stop(request.device, caller, motion=request.motion_number)
             return pb.StopResponse(devices=[device_message(device) for device in devices])
 
-        return await self._do(context, work)
+        return await self._cell.in_worker(work)
 
     async def Halt(self, request: pb.HaltRequest, context: Context) -> pb.HaltResponse:
         """Stop devices as quickly as the limits allow."""
@@ -47,16 +43,16 @@ class CommandingCalls(Calls):
             devices = self._cell.stop(request.device, caller, is_quickest=True)
             return pb.HaltResponse(devices=[device_message(device) for device in devices])
 
-        return await self._do(context, work)
+        return await self._cell.in_worker(work)
 
     async def Pause(self, request: pb.PauseRequest, context: Context) -> pb.PauseResponse:
         """Pause a motion."""
-        device = await self._command(context, request, "pause", pause)
+        device = await self._command(request, "pause", pause)
         return pb.PauseResponse(device=device)
 
     async def Resume(self, request: pb.ResumeRequest, context: Context) -> pb.ResumeResponse:
         """Go on with a paused motion."""
-        device = await self._command(context, request, "resume", resume)
+        device = await self._command(request, "resume", resume)
         return pb.ResumeResponse(device=device)
 
     async def SetSpeed(self, request: pb.SetSpeedRequest, context: Context) -> pb.SetSpeedResponse:
@@ -64,15 +60,15 @@ class CommandingCalls(Calls):
         speed = request.speed
         if not 0.0 < speed <= 1.0:
             problem = f"expected more than 0 and at most 1, got {speed:g}"
-            await refuse(context, RequestError("speed", problem))
+            raise RequestError("speed", problem)
         device = await self._command(
-            context, request, f"speed {speed:g}", lambda device: device.set_speed(speed)
+            request, f"speed {speed:g}", lambda device: device.set_speed(speed)
         )
         return pb.SetSpeedResponse(device=device)
 
     async def Enable(self, request: pb.EnableRequest, context: Context) -> pb.EnableResponse:
         """Make a device follow."""
-        device = await self._command(context, request, "enable", lambda device: device.enable())
+        device = await self._command(request, "enable", lambda device: device.enable())
         return pb.EnableResponse(device=device)
 
     async def Disable(self, request: pb.DisableRequest, context: Context) -> pb.DisableResponse:
@@ -80,21 +76,17 @@ class CommandingCalls(Calls):
         is_freed = request.by_hand
         what = "disable, to be moved by hand" if is_freed else "disable"
         device = await self._command(
-            context, request, what, lambda device: device.disable(is_freed=is_freed)
+            request, what, lambda device: device.disable(is_freed=is_freed)
         )
         return pb.DisableResponse(device=device)
 
     async def Reset(self, request: pb.ResetRequest, context: Context) -> pb.ResetResponse:
         """Clear a fault."""
-        device = await self._command(context, request, "reset", lambda device: device.reset())
+        device = await self._command(request, "reset", lambda device: device.reset())
         return pb.ResetResponse(device=device)
 
     async def _command(
-        self,
-        context: Context,
-        request: _CommandRequest,
-        what: str,
-        act: Callable[[Device], None],
+        self, request: _CommandRequest, what: str, act: Callable[[Device], None]
     ) -> pb.DeviceReport:
         def work() -> pb.DeviceReport:
             device = self._cell.command(
@@ -102,16 +94,39 @@ class CommandingCalls(Calls):
             )
             return device_message(device)
 
-        try:
-            turn = await self._in_turn(request.lease_token, request.device, request.lease_sequence)
-        except OrientdError as error:
-            await refuse(context, error)
+        turn = await self._in_turn(request.lease_token, request.device, request.lease_sequence)
         # The next one's turn comes with this one's check; it is done, and told, after this one.
         async with turn:
-            return await self._do(context, work)
+            return await self._cell.in_worker(work)
 
 
 def _caller(named: str) -> str:
     """Return who calls, as was checked; as they name themselves only where nothing was."""
     caller = present_caller()
     return str(caller) if caller.key else named
+
+
+def pause(device: Device) -> None:
+    """Pause the motion that *device* runs.
+
+    Raises:
+        StateError: it runs none.
+    """
+    _check_moving(device, "pause")
+    device.pause()
+
+
+def resume(device: Device) -> None:
+    """Go on with the motion that *device* has paused.
+
+    Raises:
+        StateError: it has none.
+    """
+    _check_moving(device, "resume")
+    device.resume()
+
+
+def _check_moving(device: Device, what: str) -> None:
+    state = device.snapshot().state
+    if state is not ServoState.STREAMING:
+        raise StateError(f"device {device.name} is {state.name.lower()}: no motion to {what}")

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from orientd.daemon.access import present_caller
-from orientd.daemon.calls.calls import Calls, Context, refuse
+from orientd.daemon.calls.calls import Calls, Context
 from orientd.daemon.leases import Lease
-from orientd.errors import OrientdError
 from orientd.rpc import control_pb2 as pb
 
 
@@ -17,8 +16,7 @@ class LeasingCalls(Calls):
     ) -> pb.AcquireLeaseResponse:
         """Take the lease of devices that are free."""
         caller = present_caller()
-        lease = await self._do(
-            context,
+        lease = await self._cell.in_worker(
             lambda: self._cell.lease_manager.acquire(
                 request.holder,
                 caller.key,
@@ -33,18 +31,15 @@ class LeasingCalls(Calls):
         self, request: pb.RenewLeaseRequest, context: Context
     ) -> pb.RenewLeaseResponse:
         """Hold the lease for its full time again."""
-        try:
-            # At once and not in a worker, which might be busy until the lease has run out.
-            lease = self._cell.leases.renew(request.token)
-        except OrientdError as error:
-            await refuse(context, error)
+        # At once and not in a worker, which might be busy until the lease has run out.
+        lease = self._cell.leases.renew(request.token)
         return pb.RenewLeaseResponse(lease=self._lease_message(lease))
 
     async def ReleaseLease(
         self, request: pb.ReleaseLeaseRequest, context: Context
     ) -> pb.ReleaseLeaseResponse:
         """Give the lease back."""
-        await self._do(context, lambda: self._cell.lease_manager.release(request.token))
+        await self._cell.in_worker(lambda: self._cell.lease_manager.release(request.token))
         return pb.ReleaseLeaseResponse()
 
     async def TransferLease(
@@ -56,7 +51,7 @@ class LeasingCalls(Calls):
             to = self._who(request.to)
             return self._cell.lease_manager.transfer(request.token, to.key, to.name)
 
-        lease = await self._do(context, work)
+        lease = await self._cell.in_worker(work)
         return pb.TransferLeaseResponse(seconds=self._cell.leases.remaining(lease))
 
     async def SeizeLease(
@@ -64,8 +59,7 @@ class LeasingCalls(Calls):
     ) -> pb.SeizeLeaseResponse:
         """Take the lease whoever holds it."""
         caller = present_caller()
-        lease = await self._do(
-            context,
+        lease = await self._cell.in_worker(
             lambda: self._cell.lease_manager.seize(
                 request.holder,
                 caller.key,

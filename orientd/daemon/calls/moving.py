@@ -11,7 +11,7 @@ from collections.abc import AsyncGenerator, AsyncIterator
 from typing import Any, cast
 
 from orientd.daemon.calls import report
-from orientd.daemon.calls.calls import Calls, Context, caller, interval, refuse
+from orientd.daemon.calls.calls import Calls, Context, caller, interval
 from orientd.daemon.device import Device
 from orientd.daemon.motion_starter import GONE
 from orientd.daemon.motions import ActiveMotion, ArrivalCondition, MoveOptions
@@ -54,14 +54,14 @@ class MovingCalls(Calls):
             return (motion.response or _unsampled(motion)) + took.SerializeToString()
         except OrientdError as error:
             error.planning = _seconds_since(received_ns)
-            await refuse(context, self._in_the_end(error))
+            raise self._in_the_end(error) from None
 
     async def _gather(self, messages: AsyncIterator[Any], context: Context) -> Any:  # noqa: ANN401
         try:
             timeout = self._cell.planners.timeout
             return await self._cell.large.gather(messages, caller(context), timeout)
         except OrientdError as error:
-            await refuse(context, self._in_the_end(error))
+            raise self._in_the_end(error) from None
 
     async def GetPlan(
         self, request: pb.GetPlanRequest, context: Context
@@ -78,7 +78,7 @@ class MovingCalls(Calls):
                 return _unsampled(motion)
             return await self._cell.planners.report(motion.job, order, rate_hz)
         except OrientdError as error:
-            await refuse(context, self._in_the_end(error))
+            raise self._in_the_end(error) from None
 
     def _order(
         self,
@@ -144,14 +144,14 @@ class MovingCalls(Calls):
                 progress = _progress(reader)
                 if progress is not None:
                     yield pb.MoveResponse(progress=progress)
-            yield await self._in_worker(lambda: self._summary(run))
+            yield await self._cell.in_worker(lambda: self._summary(run))
         except OrientdError as error:
             if run is None:
                 error.planning = _seconds_since(received_ns)
-            await refuse(context, self._in_the_end(error))
+            raise self._in_the_end(error) from None
         finally:
             if run is not None and not run.ended.done():
-                self._cell.in_worker(functools.partial(self._cell.starter.abandon, run, GONE))
+                self._cell.in_worker(functools.partial(self._cell.runs.abandon, run, GONE))
 
     async def _start(
         self,
@@ -178,7 +178,12 @@ class MovingCalls(Calls):
             motion = self._cell.plans.find(device.name, request.motion_id)
             planned_ns = time.monotonic_ns()
             run = await self._cell.starter.start(token, device, motion, move_options, stops=stops)
-            return run, _timing(received_ns, planned_ns, attempts=0)
+            return run, MoveTiming(
+                planning=(planned_ns - received_ns) * 1e-9,
+                splicing=_seconds_since(planned_ns),
+                received_ns=received_ns,
+                attempts=0,
+            )
         raise RequestError("motion", "expected a motion or a motion_id, got neither")
 
     def _move_options(self, request: pb.MoveRequest) -> MoveOptions:
@@ -270,12 +275,3 @@ def _progress(reader: report.ProgressReader) -> pb.MoveProgress | None:
 
 def _seconds_since(instant_ns: int) -> float:
     return (time.monotonic_ns() - instant_ns) * 1e-9
-
-
-def _timing(received_ns: int, planned_ns: int, *, attempts: int) -> MoveTiming:
-    return MoveTiming(
-        planning=(planned_ns - received_ns) * 1e-9,
-        splicing=_seconds_since(planned_ns),
-        received_ns=received_ns,
-        attempts=attempts,
-    )

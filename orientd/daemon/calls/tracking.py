@@ -7,11 +7,11 @@ import functools
 from collections.abc import AsyncIterator
 from typing import Any
 
-from orientd.daemon.calls.calls import Calls, Context, interval, refuse
+from orientd.daemon.calls.calls import Calls, Context, interval
 from orientd.daemon.calls.track_call import TrackCall
 from orientd.daemon.motion_starter import GONE
 from orientd.daemon.motions import ActiveMotion
-from orientd.errors import OrientdError, RequestError, StateError
+from orientd.errors import RequestError, StateError
 from orientd.rpc import Outcome, limits_to_wish, report_to_message
 from orientd.rpc import control_pb2 as pb
 
@@ -23,7 +23,6 @@ class TrackingCalls(Calls):
         self, request_iterator: AsyncIterator[pb.TrackRequest], context: Context
     ) -> AsyncIterator[pb.TrackResponse]:
         """Follow the caller's targets until there are no more."""
-        starter = self._cell.starter
         run: ActiveMotion | None = None
         reading: asyncio.Task[None] | None = None
         try:
@@ -34,8 +33,8 @@ class TrackingCalls(Calls):
             limits = limits_to_wish(begin.limits)
             self._cell.check(begin.lease_token, device, begin.lease_sequence)
             stops = self._cell.runs.stops(device)
-            run = await self._in_worker(
-                lambda: starter.track(begin.lease_token, device, limits, stops=stops)
+            run = await self._cell.in_worker(
+                lambda: self._cell.starter.track(begin.lease_token, device, limits, stops=stops)
             )
             following = TrackCall(device)
             reading = asyncio.ensure_future(_read_targets(request_iterator, following))
@@ -45,20 +44,20 @@ class TrackingCalls(Calls):
                 await asyncio.wait(waiting, timeout=pause)
                 if reading in waiting and reading.done():
                     waiting.discard(reading)
-                    await self._in_worker(lambda: starter.abandon(run, "the targets have ended"))
+                    await self._cell.in_worker(
+                        lambda: self._cell.runs.abandon(run, "the targets have ended")
+                    )
                 now = following.report()
                 if now is not None:
                     yield report_to_message(now)
             outcome, text = run.ended.result(timeout=0)
             if outcome is Outcome.FAULT:
                 raise StateError(text)
-        except OrientdError as error:
-            await refuse(context, error)
         finally:
             if reading is not None:
                 reading.cancel()
             if run is not None and not run.ended.done():
-                self._cell.in_worker(functools.partial(starter.abandon, run, GONE))
+                self._cell.in_worker(functools.partial(self._cell.runs.abandon, run, GONE))
 
 
 async def _first(requests: AsyncIterator[pb.TrackRequest]) -> pb.TrackStart:

@@ -8,10 +8,9 @@ import time
 from collections.abc import AsyncIterator, Iterable
 
 from orientd.daemon.calls import report
-from orientd.daemon.calls.calls import Calls, Context, caller, device_message, interval, refuse
+from orientd.daemon.calls.calls import Calls, Context, caller, device_message, interval
 from orientd.daemon.device import Device
 from orientd.daemon.supervised_device import TICK
-from orientd.errors import OrientdError
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc import cycle_to_message, daemon_to_message, outline_to_messages
 from orientd.stream import CYCLE_RECORD, record_index, unpack_cycle
@@ -28,15 +27,9 @@ class WatchingCalls(Calls):
 
     async def GetState(self, request: pb.GetStateRequest, context: Context) -> pb.GetStateResponse:
         """Report on the daemon and its devices."""
-        try:
-            devices = (
-                [self._cell.device(request.device)]
-                if request.device
-                else self._cell.devices.values()
-            )
-        except OrientdError as error:
-            await refuse(context, error)
-        return await self._state_of(devices)
+        if request.device:
+            return await self._state_of([self._cell.device(request.device)])
+        return await self.present_state()
 
     async def present_state(self) -> pb.GetStateResponse:
         """Return the daemon and all of its devices as they are now."""
@@ -52,11 +45,8 @@ class WatchingCalls(Calls):
         self, request: pb.WatchStateRequest, context: Context
     ) -> AsyncIterator[pb.WatchStateResponse]:
         """Report cycles until the caller goes."""
-        try:
-            device = self._cell.device(request.device)
-            pause = interval("rate_hz", request.rate_hz)
-        except OrientdError as error:
-            await refuse(context, error)
+        device = self._cell.device(request.device)
+        pause = interval("rate_hz", request.rate_hz)
         reader = report.CycleReader(device)
         step = max(1, request.decimation)
         wait = pause
@@ -81,10 +71,7 @@ class WatchingCalls(Calls):
         self, request: pb.WatchEventsRequest, context: Context
     ) -> AsyncIterator[pb.WatchEventsResponse]:
         """Report events until the caller goes."""
-        try:
-            device = self._cell.device(request.device).name if request.device else ""
-        except OrientdError as error:
-            await refuse(context, error)
+        device = self._cell.device(request.device).name if request.device else ""
         loop, wake = asyncio.get_running_loop(), asyncio.Event()
         subscription = self._cell.journal.subscribe(
             device, lambda: loop.call_soon_threadsafe(wake.set)
@@ -103,7 +90,6 @@ class WatchingCalls(Calls):
         self, request: pb.GetConfigurationRequest, context: Context
     ) -> pb.GetConfigurationResponse:
         """Report the settings."""
-        del request, context
         answer = pb.GetConfigurationResponse(json=self._cell.configuration)
         answer.monotonic_ns = time.monotonic_ns()
         answer.time.FromNanoseconds(time.time_ns())
@@ -111,17 +97,12 @@ class WatchingCalls(Calls):
 
     async def ListMethods(self, request: pb.ListMethodsRequest, context: Context) -> bytes:
         """List the families of curves."""
-        del request
-        try:
-            return await self._cell.planners.methods(caller(context))
-        except OrientdError as error:
-            await refuse(context, error)
+        return await self._cell.planners.methods(caller(context))
 
     async def ListDevices(
         self, request: pb.ListDevicesRequest, context: Context
     ) -> pb.ListDevicesResponse:
         """List the devices."""
-        del request, context
         reports = map(device_message, self._cell.devices.values())
         return pb.ListDevicesResponse(devices=[report.device for report in reports])
 

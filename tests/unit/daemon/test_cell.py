@@ -9,7 +9,7 @@ from fake_device import FakeDevice
 
 from orientd import config
 from orientd.clock import ManualClock
-from orientd.daemon.calls.pausing import pause, resume
+from orientd.daemon.calls.commanding import pause, resume
 from orientd.daemon.cell import Cell
 from orientd.daemon.motions.options import AT_ONCE, MoveOptions
 from orientd.daemon.motions.plan_store import KEPT_PLANS
@@ -223,9 +223,9 @@ def test_an_abandoned_motion_is_stopped_but_not_the_one_after_it(cell, arm):
     first = begin(cell, arm, token)
     arm.finish()
     second = begin(cell, arm, token)
-    cell.starter.abandon(first, "gone")
+    cell.runs.abandon(first, "gone")
     assert not second.ended.done()
-    cell.starter.abandon(second, "gone")
+    cell.runs.abandon(second, "gone")
     assert second.ended.result(0) == (Outcome.STOPPED, "gone")
 
 
