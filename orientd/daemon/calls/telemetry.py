@@ -6,12 +6,12 @@ that reads what the servos have published anyhow; no servo and no call waits for
 
 from __future__ import annotations
 
+import functools
 import logging
 import threading
 import time
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import orientd
@@ -61,52 +61,54 @@ class Telemetry:
             ) from error
         self._prometheus = prometheus
         self.registry = prometheus.CollectorRegistry()
+        kept: dict[str, Any] = {"namespace": "orientd", "registry": self.registry}
+        counter: Any = functools.partial(prometheus.Counter, **kept)
+        gauge: Any = functools.partial(prometheus.Gauge, **kept)
+        histogram: Any = functools.partial(prometheus.Histogram, **kept)
         device = ["device"]
-        self._cycles = self._counter("cycles", "Cycles of the servo.", device)
-        self._overruns = self._counter(
+        self._cycles = counter("cycles", "Cycles of the servo.", device)
+        self._overruns = counter(
             "cycle_overruns", "Cycles that began more than half a period late.", device
         )
-        self._missed = self._counter(
+        self._missed = counter(
             "cycle_missed_deadlines", "Deadlines that were left out altogether.", device
         )
-        self._faults = self._counter("faults", "Faults of a device.", ["device", "kind"])
-        self._motions = self._counter("motions", "Motions that have ended.", ["device", "outcome"])
-        self._calls = self._counter("rpcs", "Calls that were answered.", ["method", "code"])
-        self._lateness = self._histogram(
-            "cycle_lateness_seconds", "How late cycles began.", device, LATENESS_BUCKETS
+        self._faults = counter("faults", "Faults of a device.", ["device", "kind"])
+        self._motions = counter("motions", "Motions that have ended.", ["device", "outcome"])
+        self._calls = counter("rpcs", "Calls that were answered.", ["method", "code"])
+        self._lateness = histogram(
+            "cycle_lateness_seconds", "How late cycles began.", device, buckets=LATENESS_BUCKETS
         )
-        self._call_times = self._histogram(
+        self._call_times = histogram(
             "rpc_duration_seconds",
             "From a call to the end of its answer.",
             ["method"],
-            CALL_BUCKETS,
+            buckets=CALL_BUCKETS,
         )
-        self._age = self._gauge(
+        self._age = gauge(
             "feedback_age_seconds",
             "How old the newest feedback was when its cycle was due.",
             device,
         )
-        self._cycle_age = self._gauge(
+        self._cycle_age = gauge(
             "cycle_age_seconds", "How long ago the newest cycle was due.", device
         )
-        self._success = self._gauge(
+        self._success = gauge(
             "cycle_success_ratio", f"Of the last {RECENT} cycles, those that were in time.", device
         )
-        self._error = self._gauge(
+        self._error = gauge(
             "tracking_error_radians", "Angle between where a device is and is to be.", device
         )
-        self._state = self._gauge(
+        self._state = gauge(
             "device_state", "1 for the state that a device is in.", ["device", "state"]
         )
         part = ["device", "part"]
-        self._voltage = self._gauge("part_voltage_volts", "Supply of a servo.", part)
-        self._temperature = self._gauge("part_temperature_celsius", "Temperature of a servo.", part)
-        self._current = self._gauge("part_current_amperes", "Current of a servo.", part)
-        self._part_age = self._gauge(
-            "part_health_age_seconds", "How long ago these were measured.", part
-        )
-        self._warnings = self._counter("warnings", "Warnings of a device.", device)
-        build = self._gauge("build_info", "1, with the version.", ["version"])
+        self._voltage = gauge("part_voltage_volts", "Supply of a servo.", part)
+        self._temperature = gauge("part_temperature_celsius", "Temperature of a servo.", part)
+        self._current = gauge("part_current_amperes", "Current of a servo.", part)
+        self._part_age = gauge("part_health_age_seconds", "How long ago these were measured.", part)
+        self._warnings = counter("warnings", "Warnings of a device.", device)
+        build = gauge("build_info", "1, with the version.", ["version"])
         build.labels(orientd.__version__).set(1)
         self._followed: list[_Followed] = []
         self._done = threading.Event()
@@ -205,29 +207,6 @@ class Telemetry:
                     if value is not None:
                         gauge.labels(name, part.name).set(value)
 
-    def _counter(self, name: str, text: str, labels: list[str]) -> Any:  # noqa: ANN401
-        return self._prometheus.Counter(
-            name, text, labels, namespace="orientd", registry=self.registry
-        )
-
-    def _gauge(self, name: str, text: str, labels: list[str]) -> Any:  # noqa: ANN401
-        return self._prometheus.Gauge(
-            name, text, labels, namespace="orientd", registry=self.registry
-        )
-
-    def _histogram(
-        self, name: str, text: str, labels: list[str], buckets: tuple[float, ...]
-    ) -> Any:  # noqa: ANN401
-        return self._prometheus.Histogram(
-            name, text, labels, namespace="orientd", registry=self.registry, buckets=buckets
-        )
-
-
-@dataclass
-class _Tally:
-    overruns: int
-    missed: int
-
 
 class _Followed:
     """One device, and what was counted of it last."""
@@ -237,19 +216,19 @@ class _Followed:
         self.reader = CycleReader(device)
         self.recent: deque[bool] = deque(maxlen=RECENT)
         self._half_ns = 0.5e9 / device.rate_hz
-        self._last: _Tally | None = None
+        self._last: tuple[int, int] | None = None
 
     def count(self, cycles: list[Cycle]) -> tuple[int, int]:
         """Return how many of *cycles* were overruns, and how many deadlines were missed by them."""
         overruns = missed = 0
         for cycle in cycles:
-            last = self._last or _Tally(cycle.overruns, cycle.missed)
+            counted = cycle.overruns, cycle.missed
+            pairs = zip(counted, self._last or counted, strict=True)
             # A servo process that was started anew counts from the beginning.
-            left_out = cycle.missed - last.missed if cycle.missed >= last.missed else cycle.missed
-            more = cycle.overruns - last.overruns
-            overruns += more if more >= 0 else cycle.overruns
+            late, left_out = (now - last if now >= last else now for now, last in pairs)
+            overruns += late
             missed += left_out
             self.recent.extend([False] * min(left_out, RECENT))
             self.recent.append(cycle.lateness_ns <= self._half_ns)
-            self._last = _Tally(cycle.overruns, cycle.missed)
+            self._last = counted
         return overruns, missed
