@@ -21,8 +21,6 @@ from orientd.stream import UNKNOWN
 
 if TYPE_CHECKING:
     from orientd.daemon.device import Device
-
-if TYPE_CHECKING:
     from orientd.daemon.planners import PlannedMotion
 
 _log = logging.getLogger(__name__)

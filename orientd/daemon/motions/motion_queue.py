@@ -135,9 +135,9 @@ class MotionQueue:
         feeder.clear()
         self._feed_first(feeder)
         self._metered = link.memory.cycles.head
-        self._command(Command.START, queued, speed=speed, start_ns=start_ns)
+        self._command(Command.START, queued, feeder, speed=speed, start_ns=start_ns)
         self._queued_motions = [queued]
-        self._add_meter(queued, after=None)
+        self._add_meter(queued, feeder, after=None)
 
     def replace(self, motion: PlannedMotion, number: int, leave: SplicePoint) -> list[QueuedMotion]:
         """Have *motion* replace everything after *leave*; return the motions that are dropped.
@@ -310,17 +310,17 @@ class MotionQueue:
         """Put the beginning of *queued* into the ring and have the servo go over to it."""
         ring = self._link.memory.path
         head = ring.head
-        queued.feeder = self._feeder(queued)
+        feeder = queued.feeder = self._feeder(queued)
         first = left.feeder.first_index if left.feeder is not None else 0
         try:
-            self._feed_first(queued.feeder)
-            self._command(Command.SPLICE, queued, leave_index=first + record)
+            self._feed_first(feeder)
+            self._command(Command.SPLICE, queued, feeder, leave_index=first + record)
         except StateError as error:
             # Nobody has heard of these records; what is fed next goes where they are.
             ring.advance(head)
             queued.feeder = None
             raise error if isinstance(error, LateError) else LateError(str(error)) from error
-        self._add_meter(queued, after=self._meters.get(left.number))
+        self._add_meter(queued, feeder, after=self._meters.get(left.number))
 
     def _feeder(self, queued: QueuedMotion) -> Feeder:
         return Feeder(self._link.memory.path, queued.motion, read_ahead=self._read_ahead)
@@ -351,14 +351,12 @@ class MotionQueue:
         self,
         command: Command,
         queued: QueuedMotion,
+        feeder: Feeder,
         *,
         speed: float = 0.0,
         start_ns: int = UNKNOWN,
         leave_index: int = UNKNOWN,
     ) -> None:
-        feeder = queued.feeder
-        if feeder is None:
-            raise ValueError("the stage has no feeder")
         self._link.beat()
         self._link.ask(
             command,
@@ -375,9 +373,9 @@ class MotionQueue:
         queued.is_running = True
         feeder.take_up()
 
-    def _add_meter(self, queued: QueuedMotion, *, after: MotionMeter | None) -> None:
-        feeder = queued.feeder
-        first = 0 if feeder is None else feeder.first_index
+    def _add_meter(
+        self, queued: QueuedMotion, feeder: Feeder, *, after: MotionMeter | None
+    ) -> None:
         self._meters[queued.number] = MotionMeter(
-            queued.motion, queued.number, first, lead=self._lead, after=after
+            queued.motion, queued.number, feeder.first_index, lead=self._lead, after=after
         )

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -16,7 +16,7 @@ from typing import Any
 from orientd.daemon.devices import STOPPED, EventKind, ServoLink
 from orientd.daemon.motions.arrivals import Arrivals
 from orientd.daemon.motions.coming_to_rest import await_rest, await_steady, stop_on_path
-from orientd.daemon.motions.corners import Corners
+from orientd.daemon.motions.corners import Corners, Tell
 from orientd.daemon.motions.horizon import ReplanningHorizon
 from orientd.daemon.motions.motion_queue import MotionQueue
 from orientd.daemon.motions.options import Kind, MoveOptions, Prepared
@@ -24,12 +24,10 @@ from orientd.daemon.motions.queued_motion import QueuedMotion, SplicePoint
 from orientd.daemon.motions.takeover import Takeover
 from orientd.daemon.planners import Continuation, PlanCall, PlanInput, PlannedMotion, Planners, Rank
 from orientd.errors import LateError, NotYetError, StateError
-from orientd.planner import HISTORY, Joints, RecordedMotion
+from orientd.planner import HISTORY, RecordedMotion
 from orientd.planner import State as PlannedState
 from orientd.rpc import Statistics
 from orientd.stream import UNKNOWN, Command, Cycle, ServoState
-
-Tell = Callable[[EventKind, int, str], None]
 
 
 class Motions:
@@ -92,7 +90,8 @@ class Motions:
             tail = await self._tail(last.motion, last.motion.last_record)
             start = tail.state_at(last.motion.last_record)
             joints = last.motion.facts.last_joints or self._joints()
-        return await self._planners.plan(self._job(order, start, joints), order)
+        job = PlanInput(self._name, order.motion, start=start, joints=joints)
+        return await self._planners.plan(job, order)
 
     async def prepare(
         self, order: PlanCall, move_options: MoveOptions, *, attempt: int
@@ -118,7 +117,8 @@ class Motions:
         if leave is not None and move_options.is_queued:
             left = self._takeover.left(leave)
             tail = await self._tail(left, leave.record)
-            job = self._job(order, after=Continuation(tail, move_options.blend, leave.record))
+            after = Continuation(tail, move_options.blend, leave.record)
+            job = PlanInput(self._name, order.motion, after=after)
             motion = await self._planners.plan(job, order, rank=Rank.URGENT)
             leave = replace(leave, record=motion.leave)
         elif leave is not None:
@@ -131,7 +131,8 @@ class Motions:
                 leave = None
                 with order.waiting():
                     await stop_on_path(self._link, self._period)
-            job = self._job(order, self.held(), self._joints())
+            start, joints = self.held(), self._joints()
+            job = PlanInput(self._name, order.motion, start=start, joints=joints)
             motion = await self._planners.plan(job, order)
         await motion.arrive(self._queue.needed(motion.facts))
         return Prepared(motion, leave, move_options, chosen, kind)
@@ -150,15 +151,6 @@ class Motions:
             StateError: it goes on changing.
         """
         await await_steady(self._link, self._period)
-
-    def _job(
-        self,
-        order: PlanCall,
-        start: PlannedState | None = None,
-        joints: Joints = (),
-        after: Continuation | None = None,
-    ) -> PlanInput:
-        return PlanInput(self._name, order.motion, start=start, joints=joints, after=after)
 
     async def _tail(self, motion: PlannedMotion, earliest: int) -> RecordedMotion:
         """Return the end of a motion, as far as one that follows it may need it."""

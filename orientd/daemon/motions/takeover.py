@@ -91,7 +91,8 @@ class Takeover:
             if found:
                 record = min(filter(self._is_ahead(leave), found), default=max(found))
                 return Successor(replace(leave, record=record), found[record], chosen)
-            if refusal is not None and not (is_shaped or _is_of_lead_in(refusal)):
+            is_of_lead_in = isinstance(refusal, LimitError) and refusal.is_in_lead_in
+            if refusal is not None and not (is_shaped or is_of_lead_in):
                 raise refusal
             now = await choose()
             if now is None:
@@ -127,8 +128,3 @@ class Takeover:
         cycle = self._link.newest()
         here = leave if cycle is None else self._queue.ahead(cycle, 0)
         return lambda record: here.number == leave.number and record > here.record
-
-
-def _is_of_lead_in(refusal: PlanError) -> bool:
-    """Return whether a motion was refused for how it would begin."""
-    return isinstance(refusal, LimitError) and refusal.is_in_lead_in

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import copy
 import math
 from collections.abc import Callable
@@ -132,10 +133,9 @@ class PlannedMotion(RecordedMotion):
         coming = self._coming
         if coming is not None and coming.done():
             self._coming = None
-            try:
+            # If it was not to be had, it is asked for again below.
+            with contextlib.suppress(OrientdError):
                 self._add(coming.result(), first)
-            except OrientdError:
-                coming = None  # asked for again below
         end = self.at_hand[1]
         is_last = not self._is_whole or end > self.last_record
         if self._coming is None and not is_last and first > end - CHUNK // 2:
