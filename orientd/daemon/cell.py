@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import threading
 import time
 from collections.abc import Awaitable, Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor, wait
@@ -19,7 +18,6 @@ from orientd.clock import Clock, MonotonicClock
 from orientd.config import DeviceSettings, Settings
 from orientd.daemon.device import Device
 from orientd.daemon.devices import DeviceEvent
-from orientd.daemon.instants import Instants
 from orientd.daemon.leases import Lease, LeaseManager, LeaseTable
 from orientd.daemon.motion_starter import MotionStarter
 from orientd.daemon.motions import ActiveMotions, PlanStore
@@ -82,9 +80,7 @@ class Cell:
             seconds=settings.daemon.lease_seconds,
             clock=clock or MonotonicClock(),
         )
-        self._lock = threading.Lock()
         self.plans = PlanStore()
-        self.instants = Instants()
         self.is_closing = False
         self.configuration = settings.model_dump_json(exclude_none=True)
         self.listeners: list[Callable[[DeviceEvent, Device], object]] = []
@@ -154,8 +150,7 @@ class Cell:
 
     def shutdown(self) -> None:
         """Stop every device on its path, let the motions end, and release everything."""
-        with self._lock:
-            self.is_closing = True
+        self.is_closing = True
         self.runs.halt(self.devices.values(), GOING_DOWN)
         unfinished = self.runs.unfinished()
         # From a lower speed a stop may take longer than from full speed, but not than this.
@@ -284,9 +279,8 @@ class Cell:
             DaemonError: the daemon is going down.
         """
         lease = self.leases.check(token, device.name, number)
-        with self._lock:
-            if self.is_closing:
-                raise DaemonError(GOING_DOWN)
+        if self.is_closing:
+            raise DaemonError(GOING_DOWN)
         return lease
 
 

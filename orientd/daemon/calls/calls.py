@@ -6,6 +6,7 @@ What a call is refused for is raised as an :class:`~orientd.errors.OrientdError`
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import time
 from collections import defaultdict
 from collections.abc import Callable
@@ -60,12 +61,10 @@ class Calls:
         self._closing.set()
 
     async def _is_closing_within(self, seconds: float) -> bool:
-        try:
+        with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(seconds):
                 await self._closing.wait()
-        except TimeoutError:
-            return False
-        return True
+        return self._closing.is_set()
 
     async def _is_woken(self, wake: asyncio.Event) -> bool:
         """Wait for *wake*; return whether it came before the daemon's end."""

@@ -27,6 +27,9 @@ SETTLING_TIMEOUT = 5.0
 LONGEST_WAIT = 3600.0
 """How far ahead a start time may be, s."""
 
+KEPT_INSTANTS = 64
+"""Start times that are remembered, for the motions of other devices."""
+
 
 class MovingCalls(Calls):
     """Calls that plan and run motions."""
@@ -230,7 +233,7 @@ class MovingCalls(Calls):
             raise RequestError(
                 field, f"expected up to {LONGEST_WAIT:g} s ahead of now, got {ahead * 1e-9:.6g} s"
             )
-        return request.start_ns or self._cell.instants.of(wanted_ns)
+        return request.start_ns or _instant(wanted_ns)
 
     def _summary(self, run: ActiveMotion) -> pb.MoveResponse:
         from orientd.rpc import summary_to_message
@@ -252,6 +255,16 @@ def _started(run: ActiveMotion, timing: MoveTiming) -> pb.MoveResponse:
             speed=run.device.snapshot().speed,
         )
     )
+
+
+@functools.lru_cache(KEPT_INSTANTS)
+def _instant(time_ns: int) -> int:
+    """Return when it will be *time_ns* since the epoch, on the monotonic clock.
+
+    Whoever asks for the same time is given the same instant, whatever is done to the clock on the
+    wall meanwhile.
+    """
+    return time.monotonic_ns() + time_ns - time.time_ns()
 
 
 def _sample_rate(rate_hz: float, device: Device) -> float:
