@@ -12,6 +12,7 @@ import json
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -115,9 +116,8 @@ def _lines(files: list[Path]) -> Iterator[tuple[str, bytes]]:
     for path in files:
         try:
             with path.open("rb") as file:
-                number = 0
-                while line := file.readline(LONGEST_LINE):
-                    number += 1
+                lines = iter(partial(file.readline, LONGEST_LINE), b"")
+                for number, line in enumerate(lines, 1):
                     yield f"{path.name}, line {number}", line.removesuffix(b"\n")
         except OSError as error:
             raise OrientdError(f"cannot read {path}: {error.strerror}") from error

@@ -126,9 +126,7 @@ class Admission:
 
     def record_stop(self, process: Process, **what: Any) -> None:  # noqa: ANN401 - as JSON holds
         """Record what *process* has stopped beside the daemon."""
-        origin = f"unix, process {process.pid}"
-        identity = f"user:{process.uid}"
-        self._audit.record(event="stopped", identity=identity, origin=origin, **what)
+        self.record_stop_over(f"unix, process {process.pid}", f"user:{process.uid}", **what)
 
     def record_stop_over(self, origin: str, identity: str, **what: Any) -> None:  # noqa: ANN401
         """Record what somebody has stopped beside the daemon who came by *origin*."""

@@ -79,10 +79,7 @@ class WatchingCalls(Calls):
         try:
             yield pb.WatchEventsResponse()
             while await self._is_woken(wake):
-                events, lost = subscription.take()
-                yield pb.WatchEventsResponse(
-                    events=[pb.Event.FromString(event) for event in events], lost=lost
-                )
+                yield subscription.take()
         finally:
             subscription.close()
 

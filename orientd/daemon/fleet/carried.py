@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
-from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any, NoReturn
 
 import grpc
@@ -19,15 +19,10 @@ Send = Callable[[bytes], Awaitable[None]]
 """Sends one answer on."""
 
 FindHandler = Callable[[Any], Awaitable[Any]]
-"""Returns what handles a call, with the check of it in front; ``None`` for no such call."""
+"""Returns what handles a call, with the check of it in front; ``None`` for no such call.
 
-
-@dataclass(frozen=True)
-class _Details:
-    """What gRPC tells of a call before its handler is found."""
-
-    method: str
-    invocation_metadata: Sequence[tuple[str, str]] = ()
+It is given what gRPC tells of a call at first: its method.
+"""
 
 
 class _Refused(Exception):  # noqa: N818 - nobody but this module sees it
@@ -99,7 +94,7 @@ async def carry(
         body: the request, as serialised; or all of them, of a call that has many.
         send: takes the answers, as serialised.
     """
-    handler = await find(_Details(method))
+    handler = await find(SimpleNamespace(method=method))
     if handler is None or handler.request_streaming != isinstance(body, Requests):
         return _written(_status(grpc.StatusCode.UNIMPLEMENTED, f"there is no call {method}"))
     context = _Context(peer)

@@ -295,12 +295,9 @@ class FleetLink:
             while True:
                 await wake.wait()
                 wake.clear()
-                events, lost = subscription.take()
-                said = pb.WatchEventsResponse(
-                    events=[pb.Event.FromString(event) for event in events], lost=lost
-                )
+                said = subscription.take()
                 await self._send(
-                    {"events": len(events), "time_ns": time.monotonic_ns()},
+                    {"events": len(said.events), "time_ns": time.monotonic_ns()},
                     said.SerializeToString(),
                 )
         finally:

@@ -55,11 +55,6 @@ class FlightRecorder:
         self._memories: dict[str, CycleMemory] = {}
         self._thread: threading.Thread | None = None
 
-    @property
-    def directory(self) -> Path:
-        """Where files are written."""
-        return self._settings.directory or Path(report_directory()) / "recordings"
-
     def attach(self, device: Device) -> None:
         """Have *device* keep its newest cycles from now on, unless nothing is to be recorded."""
         if self._settings.seconds:
@@ -116,6 +111,7 @@ class FlightRecorder:
         device = self._devices[event.device]
         since_ns = event.time_ns - round((self._settings.seconds + _NOTICE) * 1e9)
         events = self._journal.kept(event.device, since_ns)
+        directory = self._settings.directory or Path(report_directory()) / "recordings"
         header = {
             "device": device.name,
             "rate_hz": device.rate_hz,
@@ -125,7 +121,7 @@ class FlightRecorder:
             "offset_ns": time.time_ns() - time.monotonic_ns(),
             "layout": CYCLE_RECORD.format,
             "configuration": self._configuration,
-            "directory": str(self.directory),
+            "directory": str(directory),
             "keep_files": self._settings.keep_files,
             "keep_bytes": round(self._settings.keep_megabytes * 1e6),
             "events": [len(one) for one in events],
@@ -145,10 +141,8 @@ def _packed(header: dict[str, Any], events: list[bytes], memory: CycleMemory) ->
     """Return a file in memory: a line of JSON, the events, the slots."""
     descriptor = os.memfd_create("orientd-flight", os.MFD_CLOEXEC)
     try:
-        for piece in [json.dumps(header).encode() + b"\n", *events]:
-            rest = memoryview(piece)
-            while rest:
-                rest = rest[os.write(descriptor, rest) :]
+        with os.fdopen(descriptor, "wb", closefd=False) as file:
+            file.writelines([json.dumps(header).encode() + b"\n", *events])
         memory.copy_to(descriptor)
         os.lseek(descriptor, 0, os.SEEK_SET)
     except OSError:

@@ -19,10 +19,6 @@ from orientd.rpc import control_pb2 as pb
 
 _log = logging.getLogger(__name__)
 
-SAMPLES_HZ = 50.0
-MOST_SAMPLES = 4000
-"""Of a motion, in the event of its start."""
-
 KEPT_BYTES = 4 << 20
 """Of events, for the flight recorder."""
 
@@ -62,13 +58,13 @@ class Subscription:
         except RuntimeError:  # the watcher's event loop has ended
             self.close()
 
-    def take(self) -> tuple[list[bytes], int]:
+    def take(self) -> pb.WatchEventsResponse:
         """Return the events that wait, and how many were dropped since this was last called."""
         with self._lock:
             taken, lost = list(self._waiting), self._lost
             self._waiting.clear()
             self._lost = 0
-        return taken, lost
+        return pb.WatchEventsResponse(events=map(pb.Event.FromString, taken), lost=lost)
 
     def close(self) -> None:
         """Wait for no more events."""

@@ -126,15 +126,12 @@ def _sampled(motion: Motion, rate_hz: float, frame: Frame | None = None) -> tupl
 
 def _samples(number: int, times: Floats, parts: list[Floats]) -> bytes:
     """Return a repeated field of ``MotionSample``, serialised: times and the first few *parts*."""
-    sizes = [9, *(2 + 9 * part.shape[1] for part in parts)]
-    table = np.zeros((len(times), 2 + sum(sizes) + (1 if sum(sizes) > 127 else 0)), dtype=np.uint8)
-    table[:, 0] = number << 3 | _LENGTH
-    if sum(sizes) > 127:
-        table[:, 1], table[:, 2] = sum(sizes) & 127 | 128, sum(sizes) >> 7
-    else:
-        table[:, 1] = sum(sizes)
-    at = table.shape[1] - sum(sizes)
-    at = _double(table, at, 1, times)
+    size = 9 + sum(2 + 9 * part.shape[1] for part in parts)
+    length = [size & 127 | 128, size >> 7] if size > 127 else [size]
+    head = [number << 3 | _LENGTH, *length]
+    table = np.zeros((len(times), len(head) + size), dtype=np.uint8)
+    table[:, : len(head)] = head
+    at = _double(table, len(head), 1, times)
     for field, part in enumerate(parts, start=2):
         table[:, at], table[:, at + 1] = field << 3 | _LENGTH, 9 * part.shape[1]
         at += 2
