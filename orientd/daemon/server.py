@@ -135,9 +135,7 @@ class _Daemon:
         await server.start()
         try:
             await entry.open(self._socket)
-            self._stops = StopWay(
-                self._socket, entry.tables(), who=entry.who, record=entry.record_stop
-            )
+            self._stops = StopWay(self._socket, entry.policy, record=entry.record_stop)
             for name in ("", SERVICE):
                 await checks.set(name, health_pb2.HealthCheckResponse.SERVING)
             cell, service = await asyncio.to_thread(self._load, entry)
@@ -186,7 +184,7 @@ class _Daemon:
             # The files that it names may have changed where the settings have not.
             entry.change(settings.access, settings.tcp)
             if self._stops is not None:
-                self._stops.admit(entry.tables())
+                self._stops.admit(entry.policy)
             if self._fleet is not None:
                 self._fleet.change(settings)
         except ConfigError as error:
@@ -249,10 +247,8 @@ class _Daemon:
     def _load(self, entry: Admission) -> tuple[Cell, ControlService]:
         """Import, and start, what takes its time."""
         from orientd.daemon.cell import Cell
-        from orientd.daemon.motions import Motions
         from orientd.daemon.service import ControlService
 
-        del Motions  # loaded before anything moves
         cell = Cell(self._settings)
         kernels = processor.level()
         _log.info("daemon: orientd %s with kernels for %s", orientd.__version__, kernels)

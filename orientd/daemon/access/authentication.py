@@ -46,7 +46,12 @@ def audit_path(access: AccessSettings) -> Path:
 
 
 class Admission:
-    """Everything that stands between a caller and the service."""
+    """Everything that stands between a caller and the service.
+
+    Attributes:
+        policy: who may do what at present.
+        checkpoint: what every call passes.
+    """
 
     def __init__(self, access: AccessSettings, tcp: TcpSettings | None, inner: str) -> None:
         """Prepare to let in whom the settings admit; nobody comes in yet.
@@ -60,13 +65,13 @@ class Admission:
             ConfigError: the settings name what is not there.
         """
         self._tcp = tcp
-        self._policy, self._context = _checked(access, tcp)
+        self.policy, self._context = _checked(access, tcp)
         self._revocations = _revocations(tcp)
         path = audit_path(access)
         self._audit = AuditLog(path, most_bytes=access.audit_bytes, most_files=access.audit_files)
         self._throttle = Throttle(per_second=access.requests_per_second, at_once=access.streams)
         self._door = PeerListener(
-            self._policy, inner, most_connections=access.connections, refused=self._refused
+            self.policy, inner, most_connections=access.connections, refused=self._refused
         )
         self.checkpoint = Authorization(
             self._door, self._audit, self._throttle, keyframes=access.keyframes
@@ -94,7 +99,7 @@ class Admission:
             ConfigError: the settings name what is not there; then nothing has changed.
         """
         present = None if self._tcp is None else tcp or self._tcp
-        self._policy, self._context = _checked(access, present)
+        self.policy, self._context = _checked(access, present)
         self._tcp = present
         revocations = _revocations(present)
         if revocations != self._revocations:
@@ -104,7 +109,7 @@ class Admission:
         self._throttle.per_second = access.requests_per_second
         self._throttle.at_once = access.streams
         self.checkpoint.keyframes = access.keyframes
-        self._door.change(self._policy, self._context)
+        self._door.change(self.policy, self._context)
 
     def guard_leases(self, owner_of: OwnerOf, owners: Callable[[], Collection[str]]) -> None:
         """Refuse tokens of others from now on, and keep room for whoever holds a lease.
@@ -113,16 +118,8 @@ class Admission:
             owner_of: returns whose a lease is by its token.
             owners: returns who holds any.
         """
-        self.checkpoint.guard_leases(owner_of)
+        self.checkpoint.owner_of = owner_of
         self._door.has_lease = lambda key: key in owners()
-
-    def tables(self) -> dict[str, list[int]]:
-        """Return who may come in by the Unix socket; see :meth:`RolePolicy.tables`."""
-        return self._policy.tables()
-
-    def who(self, process: Process) -> str:
-        """Return who *process* is, for people."""
-        return str(self._policy.identify(process) or f"user {process.uid}")
 
     def record_stop(self, process: Process, **what: Any) -> None:  # noqa: ANN401 - as JSON holds
         """Record what *process* has stopped beside the daemon."""
@@ -142,7 +139,7 @@ class Admission:
 
     def named(self, name: str) -> Identity:
         """Return who is called *name*; see :meth:`RolePolicy.named`."""
-        return self._policy.named(name)
+        return self.policy.named(name)
 
     async def close(self) -> None:
         """Hang up on everybody, and finish the audit log."""

@@ -16,6 +16,7 @@ import itertools
 import logging
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
+from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
 import grpc
@@ -25,7 +26,7 @@ from orientd.daemon.access import request_text
 from orientd.daemon.access.audit import AuditLog
 from orientd.daemon.access.gate import Interceptor
 from orientd.daemon.access.identity import CALLER
-from orientd.daemon.access.legible import Illegible, legible
+from orientd.daemon.access.legible import legible
 from orientd.daemon.access.peer_credentials import PeerConnection, PeerListener
 from orientd.daemon.access.rules import Rule, rule
 from orientd.daemon.access.throttle import Throttle
@@ -48,7 +49,7 @@ CountCall = Callable[[str, str, float], object]
 """Told the name of a call that has ended, its code, and how long it took in s."""
 
 OwnerOf = Callable[[str], str | None]
-"""Returns whose a lease is by its token; ``None`` if it is nobody's."""
+"""Returns whose a lease is by its token, for others to be refused; ``None`` if it is nobody's."""
 
 
 class Authorization(Interceptor):
@@ -69,15 +70,11 @@ class Authorization(Interceptor):
         self._door = door
         self._audit = audit
         self._throttle = throttle
-        self._owner_of: OwnerOf = lambda _: None
+        self.owner_of: OwnerOf = lambda _: None
         self.count_call: CountCall = lambda *_: None
         self._numbers = itertools.count(1)
         self._left = 0
         self._wrapped: dict[tuple[str, Handler], Handler] = {}
-
-    def guard_leases(self, owner_of: OwnerOf) -> None:
-        """Refuse tokens of leases that are somebody else's from now on."""
-        self._owner_of = owner_of
 
     async def intercept_service(
         self,
@@ -125,7 +122,7 @@ class Authorization(Interceptor):
     async def _call(self, method: str, asked: Any, context: Context) -> AsyncIterator[_Call]:  # noqa: ANN401
         """Admit a call, and record how it ends."""
         found, connection = rule(method), self._door.who(context.peer())
-        call = _Call(next(self._numbers), method, found, connection)
+        call = _Call(next(self._numbers), method.rpartition("/")[2], found, connection)
         key = "" if connection is None else connection.identity.key
         is_counted = False
         try:
@@ -135,7 +132,7 @@ class Authorization(Interceptor):
                 is_counted = self._throttle.begins(key, has_lease=has_lease)
                 if not is_counted and found.is_limited:
                     raise TooMuchError(f"at most {self._throttle.at_once} calls at the same time")
-                if isinstance(asked, Message | Illegible):
+                if isinstance(asked, Message | RequestError):
                     self._look_at(asked, key)
                     call.request = asked
                 else:
@@ -176,7 +173,7 @@ class Authorization(Interceptor):
     def _has_lease(self, request: Message, key: str) -> bool:
         """Whether a request names a lease that is its caller's own."""
         token = request_text.token(request)
-        return bool(token and key) and self._owner_of(token) == key
+        return bool(token and key) and self.owner_of(token) == key
 
     def _admit(
         self, call: _Call, found: Rule, connection: PeerConnection | None, *, has_lease: bool
@@ -203,17 +200,17 @@ class Authorization(Interceptor):
             )
         return connection
 
-    def _look_at(self, request: Message | Illegible, key: str) -> None:
+    def _look_at(self, request: Message | RequestError, key: str) -> None:
         """Check what a message itself says.
 
         Raises:
             LeaseError: it names a lease that is somebody else's.
             RequestError: it is no message, or has too many keyframes.
         """
-        if isinstance(request, Illegible):
-            raise RequestError("", f"the request cannot be read: {request.problem}")
+        if isinstance(request, RequestError):
+            raise request
         token = request_text.token(request)
-        owner = self._owner_of(token) if token else None
+        owner = self.owner_of(token) if token else None
         if owner is not None and owner != key:
             raise LeaseError(f"the lease is held by {owner}, its token is of no use to {key}")
         count = request_text.keyframes(request)
@@ -252,23 +249,21 @@ class Authorization(Interceptor):
             )
 
 
+@dataclass(eq=False)
 class _Call:
     """One call under way."""
 
-    def __init__(
-        self, number: int, method: str, found: Rule, connection: PeerConnection | None
-    ) -> None:
-        self.number = number
-        self.began = time.monotonic()
-        self.name = method.rpartition("/")[2]
-        self.rule = found
-        self.request: Any = None
-        self.result: dict[str, Any] = {}
-        self._connection = connection
+    number: int
+    name: str
+    rule: Rule
+    connection: PeerConnection | None
+    began: float = field(default_factory=time.monotonic)
+    request: Any = None
+    result: dict[str, Any] = field(default_factory=dict)
 
     def who(self) -> dict[str, Any]:
         """Return what every record of this call begins with."""
-        connection = self._connection
+        connection = self.connection
         if connection is None:
             return {"call": self.number, "method": self.name, "identity": "", "origin": ""}
         identity = connection.identity

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from orientd.daemon.access import Process
+from orientd.daemon.access import Process, RolePolicy
 from orientd.daemon.devices import DeviceEvent, EventKind
 from orientd.daemon.stops.process import LINK_BYTES
 from orientd.errors import DaemonError
@@ -37,13 +37,8 @@ _LOGGED = 1.0
 
 _MOST_REPEATED = 1000
 
-Who = Callable[[Process], str]
-"""Returns who somebody is, for people."""
-
 Record = Callable[..., object]
 """Records a stop of a process."""
-
-Tables = Mapping[str, list[int]]
 
 
 @dataclass
@@ -60,21 +55,19 @@ class _Repeated:
 class StopWay:
     """The way of stops, apart from everything."""
 
-    def __init__(self, path: Path, admitted: Tables, *, who: Who, record: Record) -> None:
+    def __init__(self, path: Path, policy: RolePolicy, *, record: Record) -> None:
         """Listen beside the socket at *path*.
 
         Args:
             path: of the control socket.
-            admitted: the numbers of users and of groups that may come in.
-            who: says who somebody is.
+            policy: who may come in.
             record: records stops.
 
         Raises:
             DaemonError: that is not possible.
         """
         self._path = stop_socket(path)
-        self._admitted = admitted
-        self._who, self._record = who, record
+        self._policy, self._record = policy, record
         self._lock = threading.RLock()
         self._cell: Cell | None = None
         self._ready: dict[str, Device] = {}
@@ -102,11 +95,7 @@ class StopWay:
         self._let_reach()
 
     def _let_reach(self) -> None:
-        admits_others = bool(self._admitted["groups"]) or set(self._admitted["users"]) - {
-            0,
-            os.geteuid(),
-        }
-        self._path.chmod(0o666 if admits_others else 0o600)
+        self._path.chmod(0o666 if self._policy.admits_others else 0o600)
 
     def follow(self, cell: Cell) -> None:
         """Have the devices of *cell* stopped by this way from now on."""
@@ -115,11 +104,11 @@ class StopWay:
         cell.runs.hear_stops = self._hear
         self._begin()
 
-    def admit(self, admitted: Tables) -> None:
+    def admit(self, policy: RolePolicy) -> None:
         """Let other users and groups in from now on."""
-        self._admitted = admitted
+        self._policy = policy
         self._let_reach()
-        self._tell(dict(admitted))
+        self._tell(policy.tables())
 
     def close(self) -> None:
         """Take no more stops."""
@@ -151,7 +140,7 @@ class StopWay:
 
     def _begin(self) -> None:
         """Tell the process all it needs before the first stop."""
-        self._tell(dict(self._admitted))
+        self._tell(self._policy.tables())
         for name in self._cell.devices if self._cell is not None else ():
             self._tell({"devices": [name]}, self._ready.get(name))
         self._tell({"go": True})
@@ -194,7 +183,7 @@ class StopWay:
         process = Process(told["pid"], told["uid"], tuple(told["gids"]))
         kind, devices = told["kind"], told["devices"]
         if self._cell is not None:
-            self._cell.runs.note_stop(devices, f"stopped by {self._who(process)}")
+            self._cell.runs.note_stop(devices, f"stopped by {self._name(process)}")
         # How often somebody stops is not limited; what is written of it is.
         same = (process.uid, kind, *devices)
         if same in self._repeated:
@@ -202,6 +191,10 @@ class StopWay:
         elif len(self._repeated) < _MOST_REPEATED:
             self._repeated[same] = _Repeated(time.monotonic(), process, kind, devices)
             self._write(self._repeated[same], times=1)
+
+    def _name(self, process: Process) -> str:
+        """Return who *process* is, for people."""
+        return str(self._policy.identify(process) or f"user {process.uid}")
 
     def _write_repeated(self) -> None:
         now = time.monotonic()
@@ -214,6 +207,6 @@ class StopWay:
 
     def _write(self, one: _Repeated, *, times: int) -> None:
         self._record(one.process, kind=one.kind, devices=one.devices, times=times)
-        of, who = ", ".join(one.devices), self._who(one.process)
+        of, who = ", ".join(one.devices), self._name(one.process)
         again = f", {times} times more" if times > 1 else ""
         _log.info("%s: %s by %s%s", of, one.kind, who, again)

@@ -7,8 +7,9 @@ import pytest
 
 from orientd.daemon.access import request_text
 from orientd.daemon.access.audit import AuditLog
-from orientd.daemon.access.legible import Illegible, legible
+from orientd.daemon.access.legible import legible
 from orientd.daemon.access.throttle import BURST, CONNECTIONS, Throttle
+from orientd.errors import RequestError
 from orientd.rpc import control_pb2 as pb
 
 
@@ -129,7 +130,7 @@ def test_bytes_that_are_no_request_are_told_in_one_line():
     read = legible(pb.StopRequest.FromString)
     assert read(b"") == pb.StopRequest()
     found = read(b"\xff\xff")
-    assert isinstance(found, Illegible)
+    assert isinstance(found, RequestError)
     assert "StopRequest" in found.problem
     assert "\n" not in found.problem
     assert legible(None) is None
