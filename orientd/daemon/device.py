@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
-import functools
 import logging
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 from orientd.config import DeviceSettings
 from orientd.daemon.device_snapshot import take_snapshot
 from orientd.daemon.devices import DeviceEvent, DeviceSnapshot, EventKind, servo_limits_of
-from orientd.daemon.motions import AT_ONCE, MoveOptions, Prepared
+from orientd.daemon.motions import AT_ONCE, Motions, MoveOptions, Prepared
+from orientd.daemon.planners import PlanCall, PlannedMotion, Planners
 from orientd.daemon.supervised_device import SupervisedDevice
 from orientd.driver import Driver, Quaternion, Vector3, make_driver
 from orientd.errors import StateError
+from orientd.planner import Limits
+from orientd.planner import State as PlannedState
+from orientd.rpc import Statistics
 from orientd.servo import LEFT_OUT_WORD
 from orientd.stream import NOT_GIVEN, Command, Cycle, ServoState, unpack_cycle
-
-if TYPE_CHECKING:
-    # Loaded with the first motion: until then the daemon stays small.
-    from orientd.daemon.motions import Motions
-    from orientd.daemon.planners import PlanCall, PlannedMotion, Planners
-    from orientd.planner import Limits
-    from orientd.planner import State as PlannedState
-    from orientd.rpc import Statistics
 
 _log = logging.getLogger(__name__)
 
@@ -37,6 +31,7 @@ class Device(SupervisedDevice):
     Its attributes are those of :class:`~orientd.daemon.supervised_device.SupervisedDevice`, and:
 
     Attributes:
+        limits: what no motion of it may exceed.
         is_free: whether it was let go when it was disabled, to be moved by hand.
     """
 
@@ -62,15 +57,10 @@ class Device(SupervisedDevice):
             settings.name, settings.driver, settings.options, settings.period_ns
         )
         super().__init__(settings, on_event=on_event, why_ended=self._examiner.why_ended)
-        self._limits, self._planners = settings.limits, planners
+        self.limits, self._planners = settings.limits.to_limits(), planners
         self._lead_cycles = round(settings.lead * settings.rate_hz)
         self._has_no_outline = False
         self.is_free = self._was_following = False
-
-    @functools.cached_property
-    def limits(self) -> Limits:
-        """What no motion of it may exceed."""
-        return self._limits.to_limits()
 
     # Motions
 
@@ -80,8 +70,6 @@ class Device(SupervisedDevice):
         Raises:
             StateError: the device is not holding.
         """
-        from orientd.planner import State as PlannedState
-
         cycle = self._servo.running().newest()
         if cycle is None or cycle.state is not ServoState.HOLDING:
             state = "not ready" if cycle is None else cycle.state.name.lower()
@@ -161,11 +149,9 @@ class Device(SupervisedDevice):
             self.commanded()
 
     def _loaded(self) -> Motions:
-        """Return the motions of the present servo; the first time loads what plans."""
+        """Return the motions of the present servo, which are made with the first of them."""
         with self._lock:
             if self._motions is None:
-                from orientd.daemon.motions import Motions
-
                 self._motions = Motions(
                     self._servo.running(),
                     self.name,
