@@ -29,8 +29,7 @@ class TrackCall:
             target = target_from_message(message, time.monotonic_ns())
             self._device.aim(*target)
         except OrientdError as error:
-            self._refused += 1
-            self._refusal = str(error)
+            self.refuse(str(error))
         else:
             self._newest = target.q
 

@@ -86,7 +86,6 @@ class ServoLink:
         self._reset = UNKNOWN
         self._slow: SlowCommand | None = None
         self._words: deque[Note] = deque(maxlen=256)
-        self._is_closed = False
         try:
             self.process = subprocess.Popen(
                 [sys.executable, "-m", "orientd.servo", str(self.memory.descriptor)],
@@ -316,9 +315,7 @@ class ServoLink:
 
     def close(self) -> None:
         """Release the shared memory; the process has ended."""
-        if not self._is_closed:
-            self._is_closed = True
-            self.memory.close()
+        self.memory.close()
 
     def _hear(self) -> None:
         with self._lock:

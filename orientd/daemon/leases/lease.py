@@ -51,10 +51,6 @@ class Lease:
         """Whose it is, as far as that was checked."""
         return f"{self.name} ({self.owner})" if self.owner and self.name else repr(self.holder)
 
-    def without(self, devices: Collection[str]) -> Lease:
-        """Return what is left of the lease once *devices* are somebody else's."""
-        return replace(self, devices=tuple(name for name in self.devices if name not in devices))
-
 
 class LeaseTable:
     """Hand out leases, each device to one commander at a time.  Safe to call from any thread."""
@@ -264,9 +260,9 @@ class LeaseTable:
         """Take *devices* out of every lease; return those that had any, as they were."""
         before = [lease for lease in self._valid() if set(devices) & set(lease.devices)]
         for lease in before:
-            left = lease.without(devices)
-            if left.devices:
-                self._leases[lease.token] = left
+            left = tuple(name for name in lease.devices if name not in devices)
+            if left:
+                self._leases[lease.token] = replace(lease, devices=left)
             else:
                 self._end(lease)
         return before

@@ -107,15 +107,11 @@ class MotionQueue:
             )
         return SplicePoint(self.last.number, record)
 
-    def statistics(self, number: int) -> Statistics | None:
-        """Return what was measured of motion *number*; ``None`` where that is not known."""
-        return self._figures(number)[0]
+    def figures(self, number: int) -> tuple[Statistics | None, int | None]:
+        """Return what was measured of motion *number*, and when it began to move, monotonic clock.
 
-    def began_ns(self, number: int) -> int | None:
-        """Return when motion *number* began to move, monotonic clock, where that is known."""
-        return self._figures(number)[1]
-
-    def _figures(self, number: int) -> tuple[Statistics | None, int | None]:
+        Either is ``None`` where it is not known.
+        """
         meter = self._meters.get(number)
         if meter is None:
             return self._measured.get(number, (None, None))

@@ -325,8 +325,7 @@ class Motions:
 
     def statistics(self, number: int) -> Statistics | None:
         """Return what was measured of motion *number*; ``None`` unless it is one of the newest."""
-        self._measure()
-        return self._queue.statistics(number)
+        return self._figures(number)[0]
 
     def settled_after(self, number: int) -> float | None:
         """Return how long after its last setpoint motion *number* was on target, s, if it was."""
@@ -334,9 +333,9 @@ class Motions:
 
     def began_ns(self, number: int) -> int | None:
         """Return when motion *number* began to move, monotonic clock, where that is known."""
-        self._measure()
-        return self._queue.began_ns(number)
+        return self._figures(number)[1]
 
-    def _measure(self) -> None:
+    def _figures(self, number: int) -> tuple[Statistics | None, int | None]:
         if not self._is_closed:
             self._queue.measure()
+        return self._queue.figures(number)

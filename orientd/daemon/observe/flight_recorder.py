@@ -18,7 +18,7 @@ import time
 from importlib.util import find_spec
 from pathlib import Path
 from queue import SimpleQueue
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, BinaryIO
 
 from orientd.config import Settings
 from orientd.daemon.devices import CycleMemory, DeviceEvent, EventKind, report_directory
@@ -128,33 +128,21 @@ class FlightRecorder:
             "health": [part._asdict() for part in device.snapshot().health],
         }
         try:
-            descriptor = _packed(header, events, self._memories[event.device])
-            try:
-                return _written(descriptor)
-            finally:
-                os.close(descriptor)
+            with os.fdopen(os.memfd_create("orientd-flight", os.MFD_CLOEXEC), "wb") as file:
+                # A line of JSON, the events, the slots.
+                file.writelines([json.dumps(header).encode() + b"\n", *events])
+                file.flush()
+                self._memories[event.device].copy_to(file.fileno())
+                file.seek(0)
+                return _written(file)
         except (OSError, subprocess.TimeoutExpired) as error:
             return EventKind.RECORDING_FAILED, str(error)
 
 
-def _packed(header: dict[str, Any], events: list[bytes], memory: CycleMemory) -> int:
-    """Return a file in memory: a line of JSON, the events, the slots."""
-    descriptor = os.memfd_create("orientd-flight", os.MFD_CLOEXEC)
-    try:
-        with os.fdopen(descriptor, "wb", closefd=False) as file:
-            file.writelines([json.dumps(header).encode() + b"\n", *events])
-        memory.copy_to(descriptor)
-        os.lseek(descriptor, 0, os.SEEK_SET)
-    except OSError:
-        os.close(descriptor)
-        raise
-    return descriptor
-
-
-def _written(descriptor: int) -> tuple[EventKind, str]:
+def _written(recorded: BinaryIO) -> tuple[EventKind, str]:
     done = subprocess.run(
         [sys.executable, "-m", "orientd.recorder.flight"],
-        stdin=descriptor,
+        stdin=recorded,
         capture_output=True,
         text=True,
         cwd="/",
