@@ -6,8 +6,7 @@ import logging
 from collections.abc import Callable, Sequence
 
 from orientd.config import DeviceSettings
-from orientd.daemon.device_snapshot import take_snapshot
-from orientd.daemon.devices import DeviceEvent, DeviceSnapshot, EventKind, servo_limits_of
+from orientd.daemon.devices import DeviceEvent, EventKind, servo_limits_of
 from orientd.daemon.motions import AT_ONCE, Motions, MoveOptions, Prepared
 from orientd.daemon.planners import PlanCall, PlannedMotion, Planners
 from orientd.daemon.supervised_device import SupervisedDevice
@@ -58,7 +57,6 @@ class Device(SupervisedDevice):
         )
         super().__init__(settings, on_event=on_event, why_ended=self._examiner.why_ended)
         self.limits, self._planners = settings.limits.to_limits(), planners
-        self._lead_cycles = round(settings.lead * settings.rate_hz)
         self._has_no_outline = False
         self.is_free = self._was_following = False
 
@@ -300,20 +298,6 @@ class Device(SupervisedDevice):
             self._speed = speed
 
     # What there is to see
-
-    def snapshot(self) -> DeviceSnapshot:
-        """Return the device as it is now."""
-        cycle = self._servo.newest()
-        if cycle is not None and cycle.state is ServoState.FAULT:
-            self._learn_why()
-        return take_snapshot(
-            self._servo,
-            self._motions,
-            cycle,
-            number=self._number,
-            speed=self._speed,
-            lead_cycles=self._lead_cycles,
-        )
 
     @property
     def next_cycle(self) -> int:

@@ -11,17 +11,20 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from orientd.config import DeviceSettings
-from orientd.daemon.devices import DeviceEvent, EventKind, ServoLink, ServoSupervisor
+from orientd.daemon.devices import (
+    CycleMemory,
+    DeviceEvent,
+    DeviceSnapshot,
+    EventKind,
+    ServoLink,
+    ServoSupervisor,
+)
+from orientd.daemon.motions import Motions
 from orientd.errors import DaemonError, Fault, PendingError, StateError
-from orientd.stream import STOPS_WORD, ServoState
-
-if TYPE_CHECKING:
-    # Loaded with the first motion: until then the daemon stays small.
-    from orientd.daemon.devices import CycleMemory
-    from orientd.daemon.motions import Motions
+from orientd.floats import difference, norm
+from orientd.stream import STOPS_WORD, Cycle, CycleFlag, ServoState, unpack_cycle
 
 _log = logging.getLogger(__name__)
 
@@ -91,6 +94,7 @@ class SupervisedDevice:
         self._motions: Motions | None = None
         self._number = self._tracked = 0
         self._speed = 1.0
+        self._lead_cycles = round(settings.lead * settings.rate_hz)
         self._is_restarting = False
 
     def launch(self) -> None:
@@ -195,6 +199,54 @@ class SupervisedDevice:
                 self._servo.hear()
             finally:
                 self._lock.release()
+
+    # What there is to see
+
+    def snapshot(self) -> DeviceSnapshot:
+        """Return the device as it is now."""
+        servo, cycle = self._servo, self._servo.newest()
+        if cycle is not None and cycle.state is ServoState.FAULT:
+            self._learn_why()
+        fault, motions = servo.fault, self._motions
+        if cycle is not None and cycle.state is ServoState.FAULT and fault is Fault.NONE:
+            fault = Fault(cycle.fault)
+        due = None if cycle is None else self._due(cycle)
+        error = None
+        if cycle is not None and due is not None and cycle.flags & CycleFlag.FEEDBACK:
+            error = norm(difference(due.q, cycle.feedback_q))
+        queued = None if motions is None else motions.queued_of(due)
+        path_time = 0.0
+        if due is not None and queued is not None and queued.feeder is not None:
+            records = due.path_index - queued.feeder.first_index + due.path_fraction
+            path_time = max(0.0, records * queued.motion.facts.period)
+        state = ServoState.IDLE if cycle is None else cycle.state
+        is_paused = motions is not None and motions.is_paused
+        return DeviceSnapshot(
+            cycle=cycle,
+            # With the reason known already, it may still be coming to rest.
+            state=ServoState.FAULT
+            if fault is not Fault.NONE and state is not ServoState.STOPPING
+            else state,
+            fault=fault,
+            fault_text=servo.fault_text,
+            is_paused=is_paused and state is ServoState.STREAMING,
+            speed=self._speed,
+            motion=None if queued is None else queued.motion,
+            motion_number=self._number if queued is None else queued.number,
+            path_time=path_time,
+            tracking_error=error,
+            servo_pid=servo.pid,
+            scheduling=servo.scheduling,
+            memory_locked=servo.memory_locked,
+            health=servo.health,
+        )
+
+    def _due(self, cycle: Cycle) -> Cycle:
+        """Return the cycle whose setpoint the device is to be at now: a lead before the newest."""
+        if not self._lead_cycles:
+            return cycle
+        records = self._servo.cycle_records(max(0, cycle.index - self._lead_cycles), 1)
+        return unpack_cycle(records[0]) if records else cycle
 
     # The thread
 
