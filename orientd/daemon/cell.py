@@ -12,10 +12,10 @@ import logging
 import time
 from collections.abc import Awaitable, Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor, wait
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 from orientd.clock import Clock, MonotonicClock
-from orientd.config import DeviceSettings, Settings
+from orientd.config import AccessSettings, DeviceSettings, Settings
 from orientd.daemon.device import Device
 from orientd.daemon.devices import DeviceEvent
 from orientd.daemon.leases import Lease, LeaseManager, LeaseTable
@@ -38,9 +38,6 @@ from orientd.errors import (
 )
 from orientd.one_line import one_line
 from orientd.rpc import Outcome
-
-if TYPE_CHECKING:
-    from orientd.config import AccessSettings
 
 _log = logging.getLogger(__name__)
 

@@ -14,7 +14,6 @@ import time
 from collections import defaultdict
 from collections.abc import AsyncIterator, Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import TYPE_CHECKING
 
 from orientd.daemon.device import Device
 from orientd.daemon.leases import Lease
@@ -30,11 +29,9 @@ from orientd.errors import (
     StateError,
 )
 from orientd.floats import difference, norm
+from orientd.planner import Limits
 from orientd.rpc import MoveTiming, titled
 from orientd.stream import UNKNOWN
-
-if TYPE_CHECKING:
-    from orientd.planner import Limits
 
 _log = logging.getLogger(__name__)
 

@@ -12,17 +12,15 @@ import threading
 import time
 from collections import deque
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import orientd
 from orientd.config import MetricsSettings
 from orientd.daemon.calls.report import CycleReader, cycle_age
+from orientd.daemon.device import Device
 from orientd.daemon.devices import DeviceEvent, EventKind
 from orientd.errors import ConfigError
 from orientd.stream import Cycle, ServoState
-
-if TYPE_CHECKING:
-    from orientd.daemon.device import Device
 
 _log = logging.getLogger(__name__)
 

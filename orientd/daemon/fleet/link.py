@@ -13,17 +13,15 @@ import time
 from collections.abc import Awaitable, Callable
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from orientd.config import Settings
 from orientd.daemon.access import Admission, ClientCertificate, Process, StartupGate
 from orientd.daemon.fleet.carried import Requests, carry, too_large
+from orientd.daemon.observe import Journal
 from orientd.errors import ConfigError, OrientdError
 from orientd.fleet import LENGTHS, Header, read_header, write_frame, zenoh_configuration
 from orientd.rpc import control_pb2 as pb
-
-if TYPE_CHECKING:
-    from orientd.daemon.observe import Journal
 
 _log = logging.getLogger(__name__)
 

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+from orientd.daemon.motions.queued_motion import SplicePoint
+from orientd.daemon.planners import PlannedMotion
 from orientd.errors import RequestError, StateError
 from orientd.stream import UNKNOWN
-
-if TYPE_CHECKING:
-    from orientd.daemon.motions.motion_queue import SplicePoint
-    from orientd.daemon.planners import PlannedMotion
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from typing import TYPE_CHECKING
 
+from orientd.daemon.planners import PlannedMotion
 from orientd.errors import UnknownNameError
-
-if TYPE_CHECKING:
-    from orientd.daemon.planners import PlannedMotion
 
 KEPT_PLANS = 4
 """Plans kept for a later move; each takes as much memory as its request, and up to 14 MB more."""
