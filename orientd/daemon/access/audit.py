@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from orientd.daemon.access.audit_chain import chained, digest, end_of
+from orientd.daemon.access.claim import is_same_file
 from orientd.daemon.access.repeats import Repeats
 
 _log = logging.getLogger(__name__)
@@ -136,9 +137,7 @@ class AuditLog:
             if self._descriptor < 0:
                 self._open()
             fcntl.flock(self._descriptor, fcntl.LOCK_EX)
-            if self._path.exists() and os.path.samestat(
-                os.fstat(self._descriptor), self._path.stat()
-            ):
+            if is_same_file(self._descriptor, self._path):
                 return
             os.close(self._descriptor)
             self._descriptor, self._end = -1, -1

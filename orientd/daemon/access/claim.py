@@ -65,14 +65,15 @@ def _lock(lock_path: Path, path: Path) -> int:
                 raise DaemonError(f"cannot lock {lock_path}: {error.strerror}") from error
             who = f"process {holder}" if holder else "another process"
             raise DaemonError(f"a daemon listens at {path} already ({who})") from error
-        if _is_same_file(descriptor, lock_path):
+        if is_same_file(descriptor, lock_path):
             os.ftruncate(descriptor, 0)
             os.write(descriptor, f"{os.getpid()}\n".encode())
             return descriptor
         os.close(descriptor)  # removed by its last holder in between
 
 
-def _is_same_file(descriptor: int, path: Path) -> bool:
+def is_same_file(descriptor: int, path: Path) -> bool:
+    """Whether what is open is what is at *path* now."""
     try:
         there = path.stat()
     except FileNotFoundError:

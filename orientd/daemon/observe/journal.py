@@ -13,7 +13,7 @@ from collections.abc import Callable
 from queue import SimpleQueue
 from typing import NamedTuple
 
-from orientd.daemon.devices import DeviceEvent, EventKind
+from orientd.daemon.devices import DeviceEvent
 from orientd.daemon.ring_file import RingFile
 from orientd.rpc import control_pb2 as pb
 
@@ -24,8 +24,6 @@ KEPT_BYTES = 4 << 20
 
 WAITING = 1000
 """Events that wait for one who watches."""
-
-_KINDS = {kind: f"EVENT_KIND_{kind.name}" for kind in EventKind}
 
 
 class Subscription:
@@ -170,7 +168,7 @@ def event_to_message(event: DeviceEvent) -> pb.Event:
     """Return *event* as a message; with the plan, request and samples of a motion that starts."""
     message = pb.Event(
         device=event.device,
-        kind=_KINDS[event.kind],
+        kind=f"EVENT_KIND_{event.kind.name}",
         motion_number=event.motion_number,
         text=event.text,
         time_ns=event.time_ns,

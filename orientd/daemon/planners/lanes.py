@@ -173,9 +173,5 @@ class Lanes:
 
     def take(self, slowest: Rank = Rank.LARGE) -> Waiting | None:
         """Take out what is to be served next, of a rank up to *slowest*."""
-        for rank in Rank:
-            if rank <= slowest:
-                waiting = self._lanes[rank].take()
-                if waiting is not None:
-                    return waiting
-        return None
+        first = (lane.take() for rank, lane in self._lanes.items() if rank <= slowest)
+        return next((waiting for waiting in first if waiting is not None), None)
