@@ -16,6 +16,8 @@ from orientd.driver import Quaternion
 from orientd.rotation import Floats
 
 _LEAST_TURN = 0.01
+_LONGEST, _STEP = 0.4, 0.002
+"""Largest delay looked for, and distance of the delays tried, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,11 +36,7 @@ class Latency:
 
 
 def identify(
-    sent: Sequence[tuple[float, Quaternion]],
-    measured: Sequence[tuple[float, Quaternion]],
-    *,
-    longest: float = 0.4,
-    step: float = 0.002,
+    sent: Sequence[tuple[float, Quaternion]], measured: Sequence[tuple[float, Quaternion]]
 ) -> Latency:
     """Return the delay at which *measured* correlates best with *sent*.
 
@@ -48,8 +46,6 @@ def identify(
     Args:
         sent: time (s) and orientation of each setpoint, in order.
         measured: the same of the measurements, on the same clock.
-        longest: largest delay looked for, s.
-        step: distance of the delays tried, s.
 
     Raises:
         ValueError: there are too few measurements, or the motion turned by too little to tell.
@@ -69,14 +65,14 @@ def identify(
         expected = [np.interp(instants - delay, times, component) for component in path.T]
         return float(((points.T - expected) ** 2).sum(axis=0).mean())
 
-    count = round(longest / step)
-    squares = [mean_square(k * step) for k in range(count + 1)]
+    count = round(_LONGEST / _STEP)
+    squares = [mean_square(k * _STEP) for k in range(count + 1)]
     best = min(range(count + 1), key=squares.__getitem__)
-    seconds = best * step
+    seconds = best * _STEP
     if 0 < best < count:
         before, here, after = squares[best - 1 : best + 2]
         bend = before - 2.0 * here + after
-        seconds += 0.5 * step * (before - after) / bend if bend > 0.0 else 0.0
+        seconds += 0.5 * _STEP * (before - after) / bend if bend > 0.0 else 0.0
     led = mean_square(seconds)
     return Latency(seconds, sqrt(squares[0]), sqrt(led))
 

@@ -17,7 +17,7 @@ from orientd.daemon.motion_starter import GONE
 from orientd.daemon.motions import ActiveMotion, ArrivalCondition, MoveOptions
 from orientd.daemon.planners import PlanCall, PlannedMotion
 from orientd.errors import GOING_DOWN, DaemonError, OrientdError, RequestError
-from orientd.rpc import MoveTiming
+from orientd.rpc import MoveTiming, progress_to_message, summary_to_message, timing_to_message
 from orientd.rpc import control_pb2 as pb
 from orientd.stream import UNKNOWN
 
@@ -144,9 +144,9 @@ class MovingCalls(Calls):
             reader = report.ProgressReader(run)
             ended = asyncio.wrap_future(run.ended)
             while not (await asyncio.wait({ended}, timeout=pause))[0]:
-                progress = _progress(reader)
+                progress = reader.read()
                 if progress is not None:
-                    yield pb.MoveResponse(progress=progress)
+                    yield pb.MoveResponse(progress=progress_to_message(progress))
             yield await self._cell.in_worker(lambda: self._summary(run))
         except OrientdError as error:
             if run is None:
@@ -236,15 +236,11 @@ class MovingCalls(Calls):
         return request.start_ns or _instant(wanted_ns)
 
     def _summary(self, run: ActiveMotion) -> pb.MoveResponse:
-        from orientd.rpc import summary_to_message
-
         summary = report.summary(run, self._cell.runs)
         return pb.MoveResponse(summary=summary_to_message(summary))
 
 
 def _started(run: ActiveMotion, timing: MoveTiming) -> pb.MoveResponse:
-    from orientd.rpc import timing_to_message
-
     if run.motion is None:
         raise ValueError("the run has no motion")
     return pb.MoveResponse(
@@ -277,13 +273,6 @@ def _sample_rate(rate_hz: float, device: Device) -> float:
 def _unsampled(motion: PlannedMotion) -> bytes:
     """Return a serialised answer with the plan of a motion alone."""
     return pb.PlanResponse(plan=pb.Plan.FromString(motion.plan)).SerializeToString()
-
-
-def _progress(reader: report.ProgressReader) -> pb.MoveProgress | None:
-    from orientd.rpc import progress_to_message
-
-    progress = reader.read()
-    return None if progress is None else progress_to_message(progress)
 
 
 def _seconds_since(instant_ns: int) -> float:
