@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import subprocess
+import sys
 import threading
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 from orientd.errors import DaemonError
@@ -12,7 +17,34 @@ READY_TIMEOUT = 20.0
 END_TIMEOUT = 15.0
 
 
-def wait_ready(process: subprocess.Popen[bytes], log: Path) -> None:
+@contextlib.contextmanager
+def begun(config: Path) -> Iterator[Callable[[], None]]:
+    """Begin a daemon, which ends with the context; yield what waits until it is ready.
+
+    Its log and its state are kept beside *config*.  What is yielded raises a
+    :class:`~orientd.errors.DaemonError` where it does not start.
+    """
+    log = config.with_suffix(".log")
+    environment = {**os.environ, "XDG_STATE_HOME": str(config.with_suffix(""))}
+    environment.pop("ORIENTD_SOCKET", None)
+    with log.open("wb") as errors:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "orientd", "run", "--until-end-of-input", "-c", str(config)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=errors,
+            env=environment,
+            # Ctrl-C is for whoever runs the daemon, and then ends it.
+            start_new_session=True,
+        )
+    with process:
+        try:
+            yield partial(_wait_ready, process, log)
+        finally:
+            _end(process)
+
+
+def _wait_ready(process: subprocess.Popen[bytes], log: Path) -> None:
     """Wait until a daemon says that it is ready.
 
     Raises:
@@ -29,14 +61,10 @@ def wait_ready(process: subprocess.Popen[bytes], log: Path) -> None:
         raise DaemonError(f"the daemon did not start: {last}")
 
 
-def end(process: subprocess.Popen[bytes]) -> None:
+def _end(process: subprocess.Popen[bytes]) -> None:
     """Have a daemon end in order, or else at once."""
     process.terminate()
     try:
         process.wait(END_TIMEOUT)
     except subprocess.TimeoutExpired:
         process.kill()
-        process.wait()
-    for stream in (process.stdin, process.stdout):
-        if stream is not None:
-            stream.close()

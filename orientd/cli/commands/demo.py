@@ -5,23 +5,21 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-import subprocess
-import sys
 import tempfile
 import threading
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from orientd.cli.command import AsJson, command
 from orientd.cli.output import say, say_json
-from orientd.cli.own_daemon import end, wait_ready
+from orientd.cli.own_daemon import begun
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
-    from orientd.rpc import Plan, Robot, Summary
+    from orientd.rpc import Plan, Robot
     from orientd.stream import Cycle
 
 RATE_HZ = 500
@@ -67,7 +65,7 @@ def demo(
     with _daemon() as socket, connect(socket, holder="orientd demo") as robot:
         if not as_json:
             _introduce(robot)
-        with _Recorder(robot) as recorder:
+        with _recorded(robot) as cycles:
             handle = robot.move(
                 [{"rotation_vector": turn, "position": place} for turn, place in KEYFRAMES],
                 start_velocity=START_VELOCITY,
@@ -79,9 +77,9 @@ def demo(
         plan = handle.plan
     picture: dict[str, str | None] = {"path": None, "why_not": "none of a part of the motion"}
     if summary.outcome is Outcome.DONE:
-        picture = _draw(plot, recorder.cycles, plan)
+        picture = _draw(plot, cycles, plan)
     if as_json:
-        say_json(_figures(summary, plan, picture))
+        say_json({"plan": plan, "summary": summary, "picture": picture["path"]})
     else:
         say("", *texts.summary(summary, plan))
         say(f"  picture              {picture['path'] or picture['why_not']}")
@@ -101,25 +99,9 @@ def _daemon() -> Iterator[Path]:
             f"[devices.arm.options]\nposition = {list(KEYFRAMES[0][1])}\n",
             encoding="utf-8",
         )
-        log = directory / "daemon.log"
-        arguments = [sys.executable, "-m", "orientd", "run", "--until-end-of-input"]
-        environment = {**os.environ, "XDG_STATE_HOME": name}
-        environment.pop("ORIENTD_SOCKET", None)
-        with log.open("wb") as errors:
-            process = subprocess.Popen(
-                [*arguments, "--config", str(config)],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=errors,
-                env=environment,
-                # Ctrl-C is for the demo, which then ends the daemon.
-                start_new_session=True,
-            )
-        try:
-            wait_ready(process, log)
+        with begun(config) as wait_ready:
+            wait_ready()
             yield socket
-        finally:
-            end(process)
 
 
 def _introduce(robot: Robot) -> None:
@@ -132,29 +114,26 @@ def _introduce(robot: Robot) -> None:
     )
 
 
-class _Recorder:
-    """Every cycle of the device, from before the motion to after it."""
+@contextlib.contextmanager
+def _recorded(robot: Robot) -> Iterator[list[Cycle]]:
+    """Yield a list of every cycle of the device, which grows until the context ends."""
+    cycles: list[Cycle] = []
+    ended = threading.Event()
 
-    def __init__(self, robot: Robot) -> None:
-        self.cycles: list[Cycle] = []
-        self._robot = robot
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._watch, name="watch", daemon=True)
-
-    def __enter__(self) -> _Recorder:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stop.set()
-        self._thread.join()
-
-    def _watch(self) -> None:
+    def watch() -> None:
         with contextlib.suppress(OrientdError):
-            for batch in self._robot.watch():
-                self.cycles += batch
-                if self._stop.is_set():
+            for batch in robot.watch():
+                cycles.extend(batch)
+                if ended.is_set():
                     return
+
+    thread = threading.Thread(target=watch, name="watch", daemon=True)
+    thread.start()
+    try:
+        yield cycles
+    finally:
+        ended.set()
+        thread.join()
 
 
 def _draw(path: Path, cycles: list[Cycle], plan: Plan) -> dict[str, str | None]:
@@ -203,7 +182,3 @@ def _draw(path: Path, cycles: list[Cycle], plan: Plan) -> dict[str, str | None]:
         title=f"orientd demo: {len(keyframe_times)} keyframes at {RATE_HZ} Hz, as sent",
     )
     return {"path": str(path.absolute()), "why_not": None}
-
-
-def _figures(summary: Summary, plan: Plan, picture: dict[str, str | None]) -> dict[str, Any]:
-    return {"plan": plan, "summary": summary, "picture": picture["path"]}
