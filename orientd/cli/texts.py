@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -219,11 +218,6 @@ def statistics(of: Statistics, plan: Plan) -> list[str]:
 
 def _error(velocity: float | None) -> str:
     return "not measured" if velocity is None else f"off by {velocity:.1e} rad/s"
-
-
-def rate(omega: Sequence[float]) -> float:
-    """Return the length of an angular velocity."""
-    return math.hypot(*omega)
 
 
 def motion(device: DeviceReport) -> str:

@@ -251,9 +251,9 @@ def follow(
             say(introduction)
         if not is_silent:
             say(*texts.speed_left(handle.speed), *notes)
-        with progress.view(title, is_silent=is_silent) as view:
+        with progress.view(title, is_silent=is_silent) as show:
             for report in handle:
-                view.show(report)
+                show(report)
         return handle.wait()
     except KeyboardInterrupt:
         handle.cancel()

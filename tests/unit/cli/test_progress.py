@@ -25,8 +25,8 @@ REPORT = Progress(
 
 
 def test_a_line_has_orientation_rate_lateness_and_tracking_error(capsys):
-    with progress.view("motion 1", is_silent=False) as view:
-        view.show(REPORT)
+    with progress.view("motion 1", is_silent=False) as show:
+        show(REPORT)
     assert capsys.readouterr().out == (
         "1.00 of 4.00 s  w +1.0000 x +0.0000 y +0.0000 z +0.0000  0.500 rad/s  late 0.120 ms  "
         "tracking 2.50 mrad\n"
@@ -34,15 +34,15 @@ def test_a_line_has_orientation_rate_lateness_and_tracking_error(capsys):
 
 
 def test_plain_lines_come_now_and_then(capsys):
-    with progress.view("motion 1", is_silent=False) as view:
+    with progress.view("motion 1", is_silent=False) as show:
         for _ in range(100):
-            view.show(REPORT)
+            show(REPORT)
     assert len(capsys.readouterr().out.splitlines()) < 5
 
 
 def test_silence_says_nothing(capsys):
-    with progress.view("motion 1", is_silent=True) as view:
-        view.show(REPORT)
+    with progress.view("motion 1", is_silent=True) as show:
+        show(REPORT)
     assert capsys.readouterr().out == ""
 
 
@@ -50,8 +50,8 @@ def test_silence_says_nothing(capsys):
 def test_what_is_not_as_planned_is_said(capsys, speed, is_paused):
     from dataclasses import replace
 
-    with progress.view("motion 1", is_silent=False) as view:
-        view.show(replace(REPORT, speed=speed, is_paused=is_paused, tracking_error=None))
+    with progress.view("motion 1", is_silent=False) as show:
+        show(replace(REPORT, speed=speed, is_paused=is_paused, tracking_error=None))
     line = capsys.readouterr().out
     assert f"speed {speed:.2f}" in line
     assert ("paused" in line) == is_paused
@@ -72,8 +72,8 @@ def test_a_live_line_says_when_it_is_old(capsys, monkeypatch):
     monkeypatch.setattr(progress, "is_terminal", lambda: True)
     rich.reconfigure(width=200)
     now = time.monotonic()
-    with progress.view("motion 1", is_silent=False) as view:
-        view.show(REPORT)
+    with progress.view("motion 1", is_silent=False) as show:
+        show(REPORT)
         monkeypatch.setattr(progress.time, "monotonic", lambda: now + 5.0)
     rich.reconfigure()
     assert "5 s old" in capsys.readouterr().out
