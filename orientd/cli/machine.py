@@ -12,7 +12,7 @@ import platform
 import resource
 import subprocess
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from orientd import processor
@@ -57,7 +57,7 @@ print(json.dumps({
 
 def findings() -> list[Finding]:
     """Return every finding; takes two seconds."""
-    looks: Iterable[Callable[[], list[Finding]]] = (
+    looks: Iterable[Callable[[], Iterable[Finding]]] = (
         _servo,
         _kernel,
         _throttling,
@@ -91,6 +91,13 @@ def _servo() -> list[Finding]:
     ]
 
 
+def _improvable(name: str, found: str, mend: str, *, is_well: bool) -> Finding:
+    """Return a finding that is well, or that *mend* improves."""
+    return (
+        Finding(name, found, Verdict.OK) if is_well else Finding(name, found, Verdict.IMPROVE, mend)
+    )
+
+
 def _scheduling(got: str) -> Finding:
     soft, hard = resource.getrlimit(resource.RLIMIT_RTPRIO)
     if got.startswith("SCHED_FIFO"):
@@ -107,14 +114,12 @@ def _scheduling(got: str) -> Finding:
 def _memory(is_locked: bool) -> Finding:
     soft, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
     limit = "unlimited" if soft == resource.RLIM_INFINITY else f"{soft // 1024} KiB"
-    if is_locked:
-        return Finding("memory lock", f"granted (RLIMIT_MEMLOCK is {limit})", Verdict.OK)
-    return Finding(
+    return _improvable(
         "memory lock",
-        f"refused (RLIMIT_MEMLOCK is {limit})",
-        Verdict.IMPROVE,
+        f"{'granted' if is_locked else 'refused'} (RLIMIT_MEMLOCK is {limit})",
         "`LimitMEMLOCK=infinity` in the systemd unit (`orientd service install` writes it), or "
         "`@GROUP - memlock unlimited` in /etc/security/limits.conf and a new login",
+        is_well=is_locked,
     )
 
 
@@ -132,179 +137,143 @@ def _lateness(p50: float, p99: float, largest: float) -> Finding:
     )
 
 
-def _kernel() -> list[Finding]:
+def _kernel() -> Iterator[Finding]:
     version = platform.version()
     found = f"{platform.system()} {platform.release()} {version}"
     if _read("/sys/kernel/realtime") == "1" or "PREEMPT_RT" in version:
-        return [Finding("kernel", found, Verdict.OK)]
-    if "PREEMPT" in version:
+        yield Finding("kernel", found, Verdict.OK)
+    elif "PREEMPT" in version:
         mode = _read("/sys/kernel/debug/sched/preempt")
         chosen = f" ({mode})" if mode else ""
-        return [
-            Finding(
-                "kernel",
-                found + chosen,
-                Verdict.IMPROVE,
-                "a kernel with PREEMPT_RT; without one, boot with preempt=full",
-            )
-        ]
-    return [
-        Finding("kernel", found, Verdict.PROBLEM, "a kernel with PREEMPT_RT or PREEMPT_DYNAMIC")
-    ]
+        mend = "a kernel with PREEMPT_RT; without one, boot with preempt=full"
+        yield Finding("kernel", found + chosen, Verdict.IMPROVE, mend)
+    else:
+        mend = "a kernel with PREEMPT_RT or PREEMPT_DYNAMIC"
+        yield Finding("kernel", found, Verdict.PROBLEM, mend)
 
 
-def _throttling() -> list[Finding]:
+def _throttling() -> Iterator[Finding]:
     runtime = _read("/proc/sys/kernel/sched_rt_runtime_us")
     period = _read("/proc/sys/kernel/sched_rt_period_us")
-    if not runtime or not period:
-        return []
-    if runtime == "-1":
-        return [Finding("throttling", "none", Verdict.OK)]
-    share = 100.0 * int(runtime) / int(period)
-    found = f"real-time processes get {share:.0f} % of {int(period) / 1e6:g} s"
-    if share >= 50.0:
-        return [Finding("throttling", found, Verdict.OK)]
-    return [
-        Finding("throttling", found, Verdict.IMPROVE, "sysctl kernel.sched_rt_runtime_us=950000")
-    ]
+    if runtime == "-1" and period:
+        yield Finding("throttling", "none", Verdict.OK)
+    elif runtime and period:
+        share = 100.0 * int(runtime) / int(period)
+        found = f"real-time processes get {share:.0f} % of {int(period) / 1e6:g} s"
+        mend = "sysctl kernel.sched_rt_runtime_us=950000"
+        yield _improvable("throttling", found, mend, is_well=share >= 50.0)
 
 
-def _cores() -> list[Finding]:
+def _cores() -> Iterator[Finding]:
     usable = len(os.sched_getaffinity(0))
-    found = f"{usable} usable of {os.cpu_count()}"
-    if usable >= 2:
-        return [Finding("cores", found, Verdict.OK)]
-    return [
-        Finding("cores", found, Verdict.IMPROVE, "two at the least: one servo, one for the rest")
-    ]
+    mend = "two at the least: one servo, one for the rest"
+    yield _improvable("cores", f"{usable} usable of {os.cpu_count()}", mend, is_well=usable >= 2)
 
 
-def _isolation() -> list[Finding]:
+def _isolation() -> Iterator[Finding]:
     isolated = _read("/sys/devices/system/cpu/isolated")
-    if isolated:
-        return [Finding("isolated cores", isolated, Verdict.OK)]
-    if (os.cpu_count() or 1) < 4:
-        return [Finding("isolated cores", "none, with too few cores to spare one", Verdict.OK)]
-    return [
-        Finding(
-            "isolated cores",
-            "none",
-            Verdict.IMPROVE,
-            "boot with isolcpus= and nohz_full= for a core, and pin the servo to it",
-        )
-    ]
+    is_small = (os.cpu_count() or 1) < 4
+    yield _improvable(
+        "isolated cores",
+        isolated or ("none, with too few cores to spare one" if is_small else "none"),
+        "boot with isolcpus= and nohz_full= for a core, and pin the servo to it",
+        is_well=bool(isolated) or is_small,
+    )
 
 
-def _governor() -> list[Finding]:
+def _governor() -> Iterator[Finding]:
     paths = sorted(Path("/sys/devices/system/cpu").glob("cpu[0-9]*/cpufreq/scaling_governor"))
     governors = sorted({_read(path) for path in paths} - {""})
-    if not governors:
-        return [Finding("frequency", "not scaled by this kernel", Verdict.OK)]
-    found = f"governor {', '.join(governors)}"
-    if governors == ["performance"]:
-        return [Finding("frequency", found, Verdict.OK)]
-    return [Finding("frequency", found, Verdict.IMPROVE, "cpupower frequency-set -g performance")]
+    found = f"governor {', '.join(governors)}" if governors else "not scaled by this kernel"
+    mend = "cpupower frequency-set -g performance"
+    yield _improvable("frequency", found, mend, is_well=governors in ([], ["performance"]))
 
 
-def _latency_request() -> list[Finding]:
-    path = "/dev/cpu_dma_latency"
+def _latency_request() -> Iterator[Finding]:
+    name, path = "idle states", "/dev/cpu_dma_latency"
     if not Path("/sys/devices/system/cpu/cpu0/cpuidle").is_dir():
-        return [Finding("idle states", "not entered by this kernel", Verdict.OK)]
+        yield Finding(name, "not entered by this kernel", Verdict.OK)
+        return
     try:
         os.close(os.open(path, os.O_WRONLY))
     except OSError as error:
-        return [
-            Finding(
-                "idle states",
-                f"{path} cannot be opened: {error.strerror}",
-                Verdict.IMPROVE,
-                "a udev rule that gives your group write access to it: a core that need not wake "
-                "from a deep state is less late",
-            )
-        ]
-    return [Finding("idle states", f"{path} can be held open", Verdict.OK)]
+        yield Finding(
+            name,
+            f"{path} cannot be opened: {error.strerror}",
+            Verdict.IMPROVE,
+            "a udev rule that gives your group write access to it: a core that need not wake "
+            "from a deep state is less late",
+        )
+    else:
+        yield Finding(name, f"{path} can be held open", Verdict.OK)
 
 
-def _clock_source() -> list[Finding]:
+def _clock_source() -> Iterator[Finding]:
     source = _read("/sys/devices/system/clocksource/clocksource0/current_clocksource")
-    if not source:
-        return []
-    if source in ("hpet", "acpi_pm", "jiffies", "refined-jiffies"):
-        return [Finding("clock", source, Verdict.IMPROVE, "boot with clocksource=tsc tsc=reliable")]
-    return [Finding("clock", source, Verdict.OK)]
+    if source:
+        is_quick = source not in ("hpet", "acpi_pm", "jiffies", "refined-jiffies")
+        mend = "boot with clocksource=tsc tsc=reliable"
+        yield _improvable("clock", source, mend, is_well=is_quick)
 
 
-def _swap() -> list[Finding]:
+def _swap() -> Iterator[Finding]:
     areas = _read("/proc/swaps").splitlines()[1:]
-    if not areas:
-        return [Finding("swap", "none", Verdict.OK)]
     used = sum(int(area.split()[3]) for area in areas)
-    found = f"{len(areas)} areas, {used // 1024} MiB used"
-    if used == 0:
-        return [Finding("swap", found, Verdict.OK)]
-    return [Finding("swap", found, Verdict.IMPROVE, "more memory, or sysctl vm.swappiness=1")]
+    found = f"{len(areas)} areas, {used // 1024} MiB used" if areas else "none"
+    yield _improvable("swap", found, "more memory, or sysctl vm.swappiness=1", is_well=used == 0)
 
 
-def _shared_memory() -> list[Finding]:
+def _shared_memory() -> Iterator[Finding]:
     name, mend = "shared memory", "mount a tmpfs on /dev/shm"
     try:
         usage = os.statvfs("/dev/shm")
     except OSError as error:
-        return [Finding(name, f"/dev/shm: {error.strerror}", Verdict.PROBLEM, mend)]
+        yield Finding(name, f"/dev/shm: {error.strerror}", Verdict.PROBLEM, mend)
+        return
     # A servo's memory is in no file system, so what lies in this one takes nothing from it; its
     # size is what the machine, or the container, sets aside.
     size = usage.f_blocks * usage.f_frsize
     found = f"the machine sets {size // 2**20} MiB aside, as the size of /dev/shm says"
     if size < SHARED_MEMORY_NEEDED:
         more = f"at least {SHARED_MEMORY_NEEDED // 2**20} MiB: mount -o remount,size=256M /dev/shm"
-        return [Finding(name, found, Verdict.PROBLEM, more)]
-    return [Finding(name, found, Verdict.OK)]
+        yield Finding(name, found, Verdict.PROBLEM, more)
+    else:
+        yield Finding(name, found, Verdict.OK)
 
 
-def _runtime_directory() -> list[Finding]:
+def _runtime_directory() -> Iterator[Finding]:
     name = "runtime directory"
     directory = os.environ.get("XDG_RUNTIME_DIR")
     if not directory:
-        return [
-            Finding(
-                name,
-                f"XDG_RUNTIME_DIR is not set; the socket goes to /tmp/orientd-{os.getuid()}",
-                Verdict.IMPROVE,
-                "a login by systemd-logind, or `RuntimeDirectory=` in the systemd unit",
-            )
-        ]
-    if not os.access(directory, os.W_OK | os.X_OK):
-        return [
-            Finding(
-                name,
-                f"XDG_RUNTIME_DIR={directory} cannot be written to",
-                Verdict.PROBLEM,
-                "unset it, or have it point to a directory of yours",
-            )
-        ]
-    return [Finding(name, directory, Verdict.OK)]
+        found = f"XDG_RUNTIME_DIR is not set; the socket goes to /tmp/orientd-{os.getuid()}"
+        mend = "a login by systemd-logind, or `RuntimeDirectory=` in the systemd unit"
+        yield Finding(name, found, Verdict.IMPROVE, mend)
+    elif not os.access(directory, os.W_OK | os.X_OK):
+        found = f"XDG_RUNTIME_DIR={directory} cannot be written to"
+        mend = "unset it, or have it point to a directory of yours"
+        yield Finding(name, found, Verdict.PROBLEM, mend)
+    else:
+        yield Finding(name, directory, Verdict.OK)
 
 
-def _python() -> list[Finding]:
-    return [
-        Finding(
-            "python", f"{platform.python_implementation()} {platform.python_version()}", Verdict.OK
-        )
-    ]
+def _python() -> Iterator[Finding]:
+    version = f"{platform.python_implementation()} {platform.python_version()}"
+    yield Finding("python", version, Verdict.OK)
 
 
-def _kernels() -> list[Finding]:
+def _kernels() -> Iterator[Finding]:
     name = "compiled kernels"
     try:
         from orientd import kernels
     except KernelsError as error:
-        return [Finding(name, str(error), Verdict.PROBLEM, "nothing can be planned until then")]
+        yield Finding(name, str(error), Verdict.PROBLEM, "nothing can be planned until then")
     except ImportError as error:
-        return [Finding(name, f"do not load: {error}", Verdict.PROBLEM, "install orientd again")]
-    if forced := os.environ.get(processor.FORCED):
+        yield Finding(name, f"do not load: {error}", Verdict.PROBLEM, "install orientd again")
+    else:
+        forced = os.environ.get(processor.FORCED)
         mend = f"unset {processor.FORCED}, unless {forced} is meant"
-        return [Finding(name, f"{kernels.LEVEL}, as forced", Verdict.IMPROVE, mend)]
-    return [Finding(name, f"{kernels.LEVEL}, loaded", Verdict.OK)]
+        found = f"{kernels.LEVEL}, {'as forced' if forced else 'loaded'}"
+        yield _improvable(name, found, mend, is_well=not forced)
 
 
 def _read(path: str | Path) -> str:
