@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from enum import StrEnum
 from pathlib import Path
@@ -17,7 +16,6 @@ from orientd.cli.commands.record import need_record
 from orientd.cli.completion import TAKES, files
 from orientd.cli.output import say, say_json
 from orientd.cli.waiting import working
-from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -121,19 +119,26 @@ def _told(topic: str, fit: Fit) -> dict[str, Any]:
 
 
 def _paced(
-    fit: Fit, pace: Pace, plan: Callable[[MotionRequest], Any]
-) -> tuple[Any, MotionRequest, float]:
+    fit: Fit, pace: Pace, plan: Callable[[MotionRequest], Any], output: Path | None
+) -> tuple[Any, float]:
+    """Plan the replay, and write the motion file of it; return the plan and how much it is slower.
+
+    Raises:
+        OrientdError: it cannot be planned, or the file cannot be written.
+    """
+    from orientd import motion_file
     from orientd.planner import plan_as_recorded, replay_request
+    from orientd.structured_text import write_structured
 
     if pace is Pace.RECORDED:
-        return plan_as_recorded(fit, plan)
-    request = replay_request(fit)
-    planned = plan(request)
-    return (
-        planned,
-        request,
-        (planned.end_time - planned.start_time) / fit.seconds,
-    )
+        planned, request, slower = plan_as_recorded(fit, plan)
+    else:
+        request = replay_request(fit)
+        planned = plan(request)
+        slower = (planned.end_time - planned.start_time) / fit.seconds
+    if output is not None:
+        write_structured(output, motion_file.written(request))
+    return planned, slower
 
 
 def _plan_offline(
@@ -161,8 +166,7 @@ def _plan_offline(
             period=settings.period_ns * 1e-9,
         )
 
-    motion, request, slower = _paced(fit, pace, plan)
-    _write(output, request)
+    motion, slower = _paced(fit, pace, plan, output)
     if as_json:
         planned = plan_of(motion)
         say_json({"fit": told, "slower": slower, "plan": planned, "output": output})
@@ -186,10 +190,7 @@ def _move(
     from orientd.cli.shared_lease import commander
 
     with commander(socket, holder("replay"), device, is_beside=lease, is_shared=True) as robot:
-        plan, request, slower = _paced(
-            fit, pace, lambda request: robot.plan(request, device=device)
-        )
-        _write(output, request)
+        plan, slower = _paced(fit, pace, lambda request: robot.plan(request, device=device), output)
         if not as_json:
             _say_plan(plan, slower, output)
         handle = robot.move(plan, device=device)
@@ -208,20 +209,3 @@ def _say_plan(planned: Any, slower: float, output: Path | None) -> None:  # noqa
     say(f"{slower:.3f} times as long as recorded", "", *texts.certificate(planned.certificate))
     if output is not None:
         say(f"wrote {output}")
-
-
-def _write(output: Path | None, request: MotionRequest) -> None:
-    """Write the motion file of *request*.
-
-    Raises:
-        OrientdError: it cannot be written.
-    """
-    if output is None:
-        return
-    from orientd import motion_file
-
-    mapping = motion_file.written(request)
-    try:
-        output.write_text(json.dumps(mapping, indent=1) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise OrientdError(f"cannot write {output}: {error.strerror}") from error
