@@ -13,42 +13,30 @@ import orientd
 from orientd.cli.output import say
 from orientd.cli.usage import Commands
 
-_HOMES = {
+_MODULES = {
     "demo": "demo",
-    "run": "daemon_commands",
-    "status": "daemon_commands",
-    "devices": "daemon_commands",
-    "methods": "daemon_commands",
-    "plan": "motion_commands",
-    "move": "motion_commands",
-    "home": "turn",
-    "turn": "turn",
+    "daemon_commands": "run status devices methods",
+    "motion_commands": "plan move",
+    "turn": "home turn",
     "track": "track",
     "teach": "teach",
     "batch": "batch",
     "compare": "compare",
     "plot": "plot",
-    "record": "record",
-    "export": "record",
+    "record": "record export",
     "replay": "replay",
-    "stop": "device_commands",
-    "halt": "device_commands",
-    "pause": "device_commands",
-    "resume": "device_commands",
-    "speed": "device_commands",
-    "enable": "device_commands",
-    "disable": "device_commands",
-    "reset": "device_commands",
+    "device_commands": "stop halt pause resume speed enable disable reset",
     "doctor": "doctor",
     "view": "view",
     "bench": "bench",
     "sim": "sim",
     "service": "service",
-    "lease": "access_commands",
-    "audit": "access_commands",
+    "access_commands": "lease audit",
     "fleet": "fleet",
 }
-"""The module of each command, or group of commands, in the order of the help."""
+"""The commands, or groups of commands, of each module, in the order of the help."""
+
+_HOMES = {name: module for module, names in _MODULES.items() for name in names.split()}
 
 
 class LazyCommands(Commands):
