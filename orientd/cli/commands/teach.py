@@ -11,7 +11,7 @@ import termios
 import tty
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -176,7 +176,9 @@ class _Orders:
 
     def __enter__(self) -> _Orders:
         if self.is_terminal:
-            self._cleanup.enter_context(_by_key())
+            # Every key is handed over at once, and none is shown.
+            self._cleanup.enter_context(_terminal_as_before())
+            tty.setcbreak(sys.stdin)
         handlers = {signal.SIGUSR1: "take", signal.SIGINT: "end", signal.SIGTERM: "end"}
         # A signal wakes who waits in select, too.
         read, write = os.pipe()
@@ -207,7 +209,10 @@ class _Orders:
         """Return a line that is typed in; empty where there is no terminal."""
         if not self.is_terminal:
             return ""
-        with _by_line():
+        with _terminal_as_before() as settings:
+            # Lines again, which are shown as they are typed.
+            settings[3] |= termios.ICANON | termios.ECHO
+            termios.tcsetattr(sys.stdin, termios.TCSADRAIN, settings)
             sys.stdout.write(f"{_CLEAR}{prompt}")
             sys.stdout.flush()
             return sys.stdin.readline().strip()
@@ -225,24 +230,10 @@ class _Orders:
 
 
 @contextlib.contextmanager
-def _by_key() -> Iterator[None]:
-    """Have a terminal hand over every key at once, and show none."""
+def _terminal_as_before() -> Iterator[list[Any]]:
+    """Yield the settings of the terminal, and restore them at the end of the context."""
     before = termios.tcgetattr(sys.stdin)
-    tty.setcbreak(sys.stdin)
     try:
-        yield
-    finally:
-        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
-
-
-@contextlib.contextmanager
-def _by_line() -> Iterator[None]:
-    """Have it hand over lines again, and show what is typed."""
-    before = termios.tcgetattr(sys.stdin)
-    lines = termios.tcgetattr(sys.stdin)
-    lines[3] |= termios.ICANON | termios.ECHO
-    termios.tcsetattr(sys.stdin, termios.TCSADRAIN, lines)
-    try:
-        yield
+        yield termios.tcgetattr(sys.stdin)
     finally:
         termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
