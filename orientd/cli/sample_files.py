@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -60,13 +61,4 @@ def write(path: Path, samples: Samples, certificate: Certificate) -> None:
 
 
 def _table(samples: Samples) -> Floats:
-    return np.column_stack(
-        [
-            samples.times,
-            samples.q,
-            samples.omega_body,
-            samples.alpha_body,
-            samples.position,
-            samples.velocity,
-        ]
-    )
+    return np.column_stack([getattr(samples, field.name) for field in fields(samples)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from statistics import median_high
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -141,10 +142,6 @@ def _servo(seconds: float, slots: int, *, as_json: bool) -> list[dict[str, Any]]
     return done
 
 
-def _median(values: list[float]) -> float:
-    return sorted(values)[len(values) // 2]
-
-
 def _figures(comparison: Comparison, load: str) -> dict[str, Any]:
     ours, bare = comparison.overruns
     return {
@@ -163,9 +160,9 @@ def _figures(comparison: Comparison, load: str) -> dict[str, Any]:
 def _cells(comparison: Comparison) -> list[str]:
     ours, bare = comparison.overruns
     return [
-        f"{_median([slot.p50_us for slot in comparison.servo]):.1f}",
-        f"{_median([slot.p99_us for slot in comparison.servo]):.1f}",
-        f"{_median([slot.p99_us for slot in comparison.bare]):.0f}",
+        f"{median_high([slot.p50_us for slot in comparison.servo]):.1f}",
+        f"{median_high([slot.p99_us for slot in comparison.servo]):.1f}",
+        f"{median_high([slot.p99_us for slot in comparison.bare]):.0f}",
         f"{ours} (C {bare})",
         f"{comparison.work_p99_us:.0f}",
     ]

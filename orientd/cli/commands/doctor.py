@@ -110,11 +110,10 @@ def latency_finding(device: DeviceSettings) -> Finding:
     )
     if got.seconds <= SLOW_LATENCY:
         return Finding(name, found, Verdict.OK)
-    return Finding(name, found, Verdict.IMPROVE, _latency_advice(device.name, got.seconds))
-
-
-def _latency_advice(name: str, seconds: float) -> str:
-    return f"`latency = {seconds:.3f}` and `compensate_latency = true` in [devices.{name}]"
+    mend = (
+        f"`latency = {got.seconds:.3f}` and `compensate_latency = true` in [devices.{device.name}]"
+    )
+    return Finding(name, found, Verdict.IMPROVE, mend)
 
 
 def _report(found: list[Finding], *, as_json: bool) -> None:
@@ -122,15 +121,7 @@ def _report(found: list[Finding], *, as_json: bool) -> None:
     if as_json:
         say_json(
             {
-                "findings": [
-                    {
-                        "name": one.name,
-                        "found": one.found,
-                        "verdict": one.verdict.value,
-                        "mend": one.mend,
-                    }
-                    for one in found
-                ],
+                "findings": found,
                 "counts": {verdict.value: number for verdict, number in count.items()},
             }
         )
