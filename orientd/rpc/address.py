@@ -15,11 +15,6 @@ MAX_PATH_BYTES = 107
 MAX_MESSAGE_BYTES = 64 * 1024 * 1024
 
 
-def runtime_directory() -> Path:
-    """Return the directory of the user's sockets, where :mod:`orientd.first_stop` looks."""
-    return Path(first_stop.runtime_directory())
-
-
 def found_socket() -> Path:
     """Return where a daemon is to be found: the user's own, or else the one of the system."""
     return Path(first_stop.found_socket())

@@ -10,7 +10,8 @@ import grpc
 
 from orientd.bounded_file import MEBIBYTE, read_bounded
 from orientd.errors import AccessError, DaemonError, OrientdError
-from orientd.rpc.address import found_socket, runtime_directory, target
+from orientd.first_stop import runtime_directory
+from orientd.rpc.address import found_socket, target
 from orientd.rpc.channel_options import CLIENT_OPTIONS
 from orientd.rpc.stop_call import refusal
 from orientd.rpc.trust import check_socket
@@ -72,7 +73,7 @@ class Way:
             )
         found = [Path(path).expanduser() for path in files.values() if path]
         name = "".join(letter if letter.isalnum() else "_" for letter in address)
-        return cls(runtime_directory() / f"{name}.tcp", address, *found)
+        return cls(Path(runtime_directory(), f"{name}.tcp"), address, *found)
 
     def __str__(self) -> str:
         return self.address or str(self.socket)

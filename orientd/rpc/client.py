@@ -127,7 +127,7 @@ class Robot(Commands):
         """Return the daemon and its devices as they are now."""
         answer = self._connection.ask(self._stub.GetState, pb.GetStateRequest())
         reports = [device_from_message(device) for device in answer.devices]
-        self._know(report.name for report in reports)
+        self._names = tuple(report.name for report in reports)
         return CellReport(
             daemon=daemon_from_message(answer.daemon),
             devices={report.name: report for report in reports},
@@ -216,7 +216,7 @@ class Robot(Commands):
         else:
             answer = self._connection.call(self._stub.Plan, request)
         samples = samples_from_messages(answer.samples) if sample_rate_hz else None
-        return plan_from_message(answer.plan, samples)
+        return plan_from_message(answer.plan, samples=samples)
 
     def planned(
         self, motion_id: str = "", *, device: str = "", sample_rate_hz: float = 0.0
@@ -240,7 +240,7 @@ class Robot(Commands):
         if not answer.HasField("plan"):
             return None
         samples = samples_from_messages(answer.samples) if sample_rate_hz else None
-        return plan_from_message(answer.plan, samples)
+        return plan_from_message(answer.plan, samples=samples)
 
     def move(
         self,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection
 from typing import Any
 
 from orientd.errors import LeaseError
@@ -120,12 +120,7 @@ class LeaseHolder:
         request = pb.SeizeLeaseRequest(holder=self.holder, reason=reason, devices=devices)
         keeper = self._keeper(devices)
         keeper.hold(self._connection.ask(self._stub.SeizeLease, request).lease)
-        with self._lock:
-            self._keepers.append(keeper)
-
-    def _know(self, names: Iterable[str]) -> None:
-        """Note which devices there are."""
-        self._names = tuple(names)
+        self._keep(keeper)
 
     def device_name(self, device: str) -> str:
         """Return the name of *device*, where an empty one is that of the only one there is."""
@@ -159,7 +154,7 @@ class LeaseHolder:
             return keeper
 
     def _keep(self, keeper: LeaseKeeper) -> None:
-        """Have *keeper* take its lease, and keep it for the devices that it is of."""
+        """Have *keeper* take its lease, if it is not held, and keep it for its devices."""
         keeper.token()
         with self._lock:
             self._keepers.append(keeper)
@@ -176,10 +171,8 @@ class LeaseHolder:
             acquire=acquire, renew=self._renew, release=self._release, devices=devices
         )
 
-    def _renew(self, token: str) -> pb.Lease:
-        request = pb.RenewLeaseRequest(token=token)
-        lease: pb.Lease = self._connection.ask(self._stub.RenewLease, request).lease
-        return lease
+    def _renew(self, token: str) -> None:
+        self._connection.ask(self._stub.RenewLease, pb.RenewLeaseRequest(token=token))
 
     def _release(self, token: str) -> None:
         request = pb.ReleaseLeaseRequest(token=token)

@@ -19,7 +19,7 @@ class LeaseKeeper:
         self,
         *,
         acquire: Callable[[], pb.Lease],
-        renew: Callable[[str], pb.Lease],
+        renew: Callable[[str], object],
         release: Callable[[str], object],
         devices: Iterable[str] = (),
     ) -> None:
@@ -27,7 +27,7 @@ class LeaseKeeper:
 
         Args:
             acquire: asks the daemon for the lease.
-            renew: renews the one of a token, and returns it.
+            renew: renews the one of a token.
             release: gives the one of a token back.
             devices: that it will be of; empty for all there are.
         """

@@ -16,14 +16,7 @@ from google.protobuf.message import Message
 from orientd.errors import Fault
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.reports import Outcome
-from orientd.rpc.wire.values import (
-    STATES,
-    STATES_BACK,
-    quaternion,
-    to_quaternion,
-    to_vector,
-    vector,
-)
+from orientd.rpc.wire.values import STATES, quaternion, to_quaternion, to_vector, vector
 
 Report = TypeVar("Report")
 Sent = TypeVar("Sent", bound=Message)
@@ -40,7 +33,7 @@ def _both(numbers: Mapping[Any, Any]) -> Converters:
 
 
 _ENUMS: dict[str, Converters] = {
-    "State": (STATES.__getitem__, STATES_BACK.__getitem__),
+    "State": _both(STATES),
     "Fault": _both(FAULTS),
     "Outcome": _both(_OUTCOMES),
 }

@@ -39,15 +39,10 @@ STATISTICS = Codec(
 SUMMARY = Codec(Summary, pb.MoveSummary, kinds={"statistics": STATISTICS.kind})
 TIMING = Codec(MoveTiming, pb.MoveTiming)
 
-plan_to_message = PLAN.to_message
+plan_to_message, plan_from_message = PLAN.to_message, PLAN.from_message
 progress_to_message, progress_from_message = PROGRESS.to_message, PROGRESS.from_message
 summary_to_message, summary_from_message = SUMMARY.to_message, SUMMARY.from_message
 timing_to_message, timing_from_message = TIMING.to_message, TIMING.from_message
-
-
-def plan_from_message(message: pb.Plan, samples: Samples | None = None) -> Plan:
-    """Return the plan that *message* was made of, with its samples where there are any."""
-    return PLAN.from_message(message, samples=samples)
 
 
 def samples_from_messages(messages: list[pb.MotionSample]) -> Samples:

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from orientd.driver import Quaternion, Vector3
 from orientd.planner import UNITS
 from orientd.rpc import control_pb2 as pb
 from orientd.stream import ServoState
 
-STATES = {
-    ServoState.IDLE: pb.STATE_IDLE,
-    ServoState.HOLDING: pb.STATE_HOLDING,
-    ServoState.STREAMING: pb.STATE_STREAMING,
-    ServoState.STOPPING: pb.STATE_STOPPING,
-    ServoState.FAULT: pb.STATE_FAULT,
-    ServoState.TRACKING: pb.STATE_TRACKING,
+STATES: dict[ServoState, Any] = {
+    state: pb.State.Value(f"STATE_{state.name}") for state in ServoState
 }
 STATES_BACK = {number: state for state, number in STATES.items()}
 
