@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -25,18 +26,9 @@ def _quaternion(content: object) -> Quaternion:
     return read["w"], read["x"], read["y"], read["z"]
 
 
-def _euler(content: object) -> tuple[str, list[float]]:
-    read = plain.keys(content, _EULER, tuple(_EULER))
-    return read["axes"], read["degrees"]
-
-
-def _angles(content: object) -> list[float]:
-    return plain.each(content, plain.number)
-
-
-def _azimuth_elevation(content: object) -> tuple[float, float]:
-    read = plain.keys(content, _AZIMUTH_ELEVATION, tuple(_AZIMUTH_ELEVATION))
-    return read["azimuth"], read["elevation"]
+def _all_of(readers: Mapping[str, plain.Reader]) -> plain.Reader:
+    """Return the reader of a mapping with all of these keys: of what they hold, in their order."""
+    return lambda content: tuple(plain.keys(content, readers, tuple(readers)).values())
 
 
 def _look_at(content: object) -> list[float]:
@@ -47,18 +39,15 @@ def _look_at(content: object) -> list[float]:
     return [a - b for a, b in zip(read["point"], read.get("place", (0.0, 0.0, 0.0)), strict=True)]
 
 
-_AZIMUTH_ELEVATION: dict[str, plain.Reader] = {"azimuth": plain.number, "elevation": plain.number}
 _LOOK_AT: dict[str, plain.Reader] = {"point": plain.vector, "place": plain.vector}
-
-_EULER: dict[str, plain.Reader] = {"axes": plain.text, "degrees": _angles}
 
 FORMS: dict[str, plain.Reader] = {
     "quaternion": _quaternion,
     "rotation_vector": plain.vector,
-    "euler": _euler,
+    "euler": _all_of({"axes": plain.text, "degrees": partial(plain.each, reader=plain.number)}),
     "matrix": plain.rows,
     "direction": plain.vector,
-    "azimuth_elevation": _azimuth_elevation,
+    "azimuth_elevation": _all_of({"azimuth": plain.number, "elevation": plain.number}),
     "look_at": _look_at,
 }
 """How each form is read from plain values."""
