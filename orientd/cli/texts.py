@@ -100,11 +100,12 @@ def peak(measured: Peak, unit: str) -> str:
     >>> peak(Peak(1.5, 0.25, 2.5), "rad/s")
     '1.5 of 2.5 rad/s (60.0 %) at 0.250 s'
     """
-    share = 100.0 * measured.value / measured.limit
-    return (
-        f"{measured.value:.5g} of {measured.limit:.5g} {unit} ({share:.1f} %) "
-        f"at {measured.time:.3f} s"
-    )
+    return f"{_against(measured.value, measured, unit)} at {measured.time:.3f} s"
+
+
+def _against(value: float, promised: Peak, unit: str) -> str:
+    share = 100.0 * value / promised.limit
+    return f"{value:.5g} of {promised.limit:.5g} {unit} ({share:.1f} %)"
 
 
 def count(number: int, noun: str) -> str:
@@ -196,19 +197,15 @@ def statistics(of: Statistics, plan: Plan) -> list[str]:
     late, limits = of.lateness, plan.certificate
     percentiles = " / ".join(f"{1e3 * part:.3f}" for part in (late.p50, late.p99, late.p99_9))
 
-    def against(measured: float, promised: Peak, unit: str) -> str:
-        share = 100.0 * measured / promised.limit
-        return f"{measured:.5g} of {promised.limit:.5g} {unit} ({share:.1f} %)"
-
     stalls = f"{count(of.stalls, 'time')}, as the servo process did not run: see `orientd doctor`"
     return [
         f"cycles               {of.cycles}, {count(of.overruns, 'overrun')}, {of.missed} missed",
         *([f"on from rest         {stalls}"] if of.stalls else []),
         f"lateness             {percentiles} / {milliseconds(late.largest)} "
         "(p50 / p99 / p99.9 / max)",
-        f"velocity sent        {against(of.velocity, limits.peak_velocity, 'rad/s')}",
-        f"acceleration sent    {against(of.acceleration, limits.peak_acceleration, 'rad/s^2')}",
-        f"jerk sent            {against(of.jerk, limits.peak_jerk, 'rad/s^3')}",
+        f"velocity sent        {_against(of.velocity, limits.peak_velocity, 'rad/s')}",
+        f"acceleration sent    {_against(of.acceleration, limits.peak_acceleration, 'rad/s^2')}",
+        f"jerk sent            {_against(of.jerk, limits.peak_jerk, 'rad/s^3')}",
         f"error to the plan    {of.path_error:.1e} rad at the most",
         f"end velocities       {_error(of.start_velocity_error)} at the start, "
         f"{_error(of.end_velocity_error)} at the end",
