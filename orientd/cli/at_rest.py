@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from orientd.cli import texts
-from orientd.cli.output import say, say_json
+from orientd.cli.output import answer
 from orientd.rpc import DeviceReport
 
 
 def tell(reports: list[DeviceReport], *, as_json: bool) -> None:
     """Say what each device was doing when it was told."""
-    if as_json:
-        say_json({"devices": reports})
-    else:
-        say(*(f"{report.name}: {texts.state(report)}" for report in reports))
+    lines = [f"{report.name}: {texts.state(report)}" for report in reports]
+    answer({"devices": reports}, *lines, as_json=as_json)

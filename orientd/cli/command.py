@@ -10,7 +10,7 @@ import inspect
 import json
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, ParamSpec
 
@@ -116,6 +116,19 @@ def _took(error: OrientdError) -> str:
         return ""
     waiting = f"{error.waiting:.1f} s of it waiting for the device"
     return f" (refused after {error.planning:.1f} s, {waiting})"
+
+
+def check_ending(path: Path, endings: Sequence[str], *, named: str) -> None:
+    """Check how the name of a file to be written ends.
+
+    Raises:
+        typer.BadParameter: it does not end in one of *endings*; *named* is the parameter.
+    """
+    if path.suffix not in endings:
+        raise typer.BadParameter(
+            f"expected a name that ends in {', '.join(endings)}, got {path.name!r}",
+            param_hint=named,
+        )
 
 
 def describe(error: OrientdError) -> dict[str, Any]:

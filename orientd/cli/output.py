@@ -31,6 +31,14 @@ def say_json(content: object) -> None:
     print(json.dumps(plain(content)), flush=True)  # noqa: T201
 
 
+def answer(content: object, *lines: str, as_json: bool) -> None:
+    """Print what a command has found: one JSON object, or lines for people."""
+    if as_json:
+        say_json(content)
+    else:
+        say(*lines)
+
+
 def plain(content: object) -> Any:  # noqa: ANN401 - whatever JSON can hold
     """Return *content* as what JSON can hold; quaternions with their components by name."""
     if is_dataclass(content) and not isinstance(content, type):

@@ -10,7 +10,7 @@ import typer
 from orientd.cli.command import AsJson, DeviceName, Socket, command
 from orientd.cli.commands.daemon_commands import ConfigFile
 from orientd.cli.commands.device_commands import holder
-from orientd.cli.output import say, say_json
+from orientd.cli.output import answer, say, say_json
 from orientd.errors import OrientdError
 
 lease = typer.Typer(
@@ -38,10 +38,8 @@ def give(
 
     with commander(socket, holder("lease give"), device, is_beside=True) as robot:
         seconds = robot.transfer_lease(to, device)
-    if as_json:
-        say_json({"to": to, "seconds": seconds})
-    else:
-        say(f"the lease waits {seconds:.1f} s for {to}")
+    said = f"the lease waits {seconds:.1f} s for {to}"
+    answer({"to": to, "seconds": seconds}, said, as_json=as_json)
 
 
 @lease.command()

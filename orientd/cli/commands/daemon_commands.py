@@ -14,7 +14,7 @@ import typer
 
 from orientd.cli.command import AsJson, Socket, command
 from orientd.cli.completion import SETTINGS, files
-from orientd.cli.output import say, say_json, table
+from orientd.cli.output import answer, say, say_json, table
 from orientd.daemon import LogFormat
 
 if TYPE_CHECKING:
@@ -156,9 +156,6 @@ def devices(socket: Socket = None, as_json: AsJson = False) -> None:
 
     with connect(socket) as robot:
         found = robot.devices()
-    if as_json:
-        say_json({"devices": found})
-        return
     rows = [
         [
             device.name,
@@ -168,7 +165,8 @@ def devices(socket: Socket = None, as_json: AsJson = False) -> None:
         ]
         for device in found
     ]
-    say(*table(["name", "driver", "Hz", "rad/s", "rad/s^2", "rad/s^3"], rows))
+    lines = table(["name", "driver", "Hz", "rad/s", "rad/s^2", "rad/s^3"], rows)
+    answer({"devices": found}, *lines, as_json=as_json)
 
 
 @command

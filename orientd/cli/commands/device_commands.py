@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from orientd.cli.command import AsJson, Beside, DeviceName, Socket, command
-from orientd.cli.output import say, say_json
+from orientd.cli.output import answer
 
 if TYPE_CHECKING:
     from orientd.rpc import DeviceReport, Robot
@@ -93,8 +93,5 @@ def _command(
 
     with commander(socket, holder(name), device, is_beside=is_beside) as robot:
         report = act(robot)
-    if as_json:
-        say_json(report)
-    else:
-        speed = "" if report.speed == 1.0 else f", speed {report.speed:g}"
-        say(f"{report.name}: {texts.state(report)}{speed}")
+    speed = "" if report.speed == 1.0 else f", speed {report.speed:g}"
+    answer(report, f"{report.name}: {texts.state(report)}{speed}", as_json=as_json)

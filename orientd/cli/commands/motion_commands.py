@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, Beside, DeviceName, Socket, command
+from orientd.cli.command import AsJson, Beside, DeviceName, Socket, check_ending, command
 from orientd.cli.commands.daemon_commands import ConfigFile
 from orientd.cli.commands.device_commands import holder
 from orientd.cli.completion import MOTIONS, files
-from orientd.cli.output import say, say_json
+from orientd.cli.output import answer, say
 from orientd.cli.waiting import working
 from orientd.errors import OrientdError, RequestError
 
@@ -69,11 +69,8 @@ def plan(
     from orientd.driver import make_driver
     from orientd.planner import DevicePlanner, State
 
-    if output is not None and output.suffix not in sample_files.ENDINGS:
-        raise typer.BadParameter(
-            f"expected a name that ends in {', '.join(sample_files.ENDINGS)}, got {output.name!r}",
-            param_hint="--output",
-        )
+    if output is not None:
+        check_ending(output, sample_files.ENDINGS, named="--output")
     request = motion_file.load(file)
     if plot is not None:
         from orientd import plots
@@ -111,14 +108,14 @@ def plan(
     if plot is not None:
         with working(f"drawing {plot}", is_silent=as_json):
             plots.draw_motion(plot, motion, title=f"{file.name}: {request.method}")
-    if as_json:
-        say_json({"plan": plan_of(motion), "output": output, "plot": plot})
-        return
-    say(f"{request.method} through {len(request.keyframes)} keyframes", "")
-    say(*texts.certificate(motion.certificate))
-    for written in (output, plot):
-        if written is not None:
-            say(f"wrote {written}")
+    answer(
+        {"plan": plan_of(motion), "output": output, "plot": plot},
+        f"{request.method} through {len(request.keyframes)} keyframes",
+        "",
+        *texts.certificate(motion.certificate),
+        *(f"wrote {written}" for written in (output, plot) if written is not None),
+        as_json=as_json,
+    )
 
 
 def _offline_start(request: MotionRequest, stands: Feedback | None) -> State:
@@ -205,10 +202,7 @@ def move(
             notes=plan.certificate.notes,
             is_silent=as_json,
         )
-    if as_json:
-        say_json({"plan": handle.plan, "summary": summary, "speed": handle.speed})
-    else:
-        say(*texts.summary(summary, handle.plan, speed=handle.speed))
+    tell_motion(handle, summary, as_json=as_json)
     raise_unless_done(summary)
 
 
@@ -261,6 +255,17 @@ def follow(
             return handle.wait(CANCEL_TIMEOUT)
         except TimeoutError as error:
             raise OrientdError(str(error)) from error
+
+
+def tell_motion(
+    handle: MoveHandle | EndlessTurn, summary: Summary, *, as_json: bool, **more: object
+) -> None:
+    """Say how a motion went, with *more* where that is said in JSON."""
+    from orientd.cli import texts
+
+    moved = {"plan": handle.plan, "summary": summary, "speed": handle.speed}
+    lines = texts.summary(summary, handle.plan, speed=handle.speed)
+    answer({**more, **moved}, *lines, as_json=as_json)
 
 
 def raise_unless_done(summary: Summary) -> None:

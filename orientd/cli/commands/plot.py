@@ -11,7 +11,7 @@ import typer
 from orientd.cli.command import AsJson, DeviceName, command
 from orientd.cli.commands.compare import Ends, KeyframeTimes, OpenEnds, Times, need_two
 from orientd.cli.completion import drawable
-from orientd.cli.output import say, say_json, table
+from orientd.cli.output import answer, table
 from orientd.cli.waiting import working
 from orientd.errors import OrientdError, RequestError
 
@@ -78,10 +78,7 @@ def plot(
             raise OrientdError(
                 f"{what!r} is neither a file nor a name; `orientd plot` lists the names"
             )
-    if as_json:
-        say_json({"plot": path})
-    else:
-        say(f"wrote {path}")
+    answer({"plot": path}, f"wrote {path}", as_json=as_json)
 
 
 def _list(*, as_json: bool) -> None:
@@ -90,11 +87,8 @@ def _list(*, as_json: bool) -> None:
 
     families = {name: family.summary for name, family in METHODS.items()}
     figures = {name: " ".join(figure.title.split()) for name, figure in FIGURES.items()}
-    if as_json:
-        say_json({"families": families, "figures": figures})
-        return
-    rows = [[name, text] for name, text in (*families.items(), *figures.items())]
-    say(*table(["name", "what is drawn"], rows))
+    lines = table(["name", "what is drawn"], [*families.items(), *figures.items()])
+    answer({"families": families, "figures": figures}, *lines, as_json=as_json)
 
 
 def _draw_recording(file: Path, path: Path, device: str) -> None:

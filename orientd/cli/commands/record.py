@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, DeviceName, Socket, command
+from orientd.cli.command import AsJson, DeviceName, Socket, check_ending, command
 from orientd.cli.commands.device_commands import holder
 from orientd.cli.completion import devices, files
 from orientd.cli.output import say, say_json
@@ -88,10 +88,7 @@ def check_output(file: Path, seconds: float | None) -> None:
     """
     if seconds is not None and not 0.0 < seconds < threading.TIMEOUT_MAX:
         raise typer.BadParameter(f"expected more than 0, got {seconds:g}", param_hint="--seconds")
-    if file.suffix != ".mcap":
-        raise typer.BadParameter(
-            f"expected a name that ends in .mcap, got {file.name!r}", param_hint="OUT.mcap"
-        )
+    check_ending(file, [".mcap"], named="OUT.mcap")
     if file.is_file():
         raise OrientdError(f"cannot write {file}: it is there already")
     need_record()
@@ -158,11 +155,7 @@ def export(
 
     Planned, sent and measured stand side by side.  Parquet needs the extra `parquet`.
     """
-    if output.suffix not in ENDINGS:
-        raise typer.BadParameter(
-            f"expected a name that ends in {', '.join(ENDINGS)}, got {output.name!r}",
-            param_hint="--output",
-        )
+    check_ending(output, ENDINGS, named="--output")
     need_record()
     from orientd.recorder import export as write
     from orientd.recorder import load_recording

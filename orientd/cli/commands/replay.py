@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from orientd.cli.command import AsJson, Beside, DeviceName, Socket, command
+from orientd.cli.command import AsJson, Beside, DeviceName, Socket, check_ending, command
 from orientd.cli.commands.daemon_commands import ConfigFile
 from orientd.cli.commands.device_commands import holder
 from orientd.cli.commands.record import need_record
 from orientd.cli.completion import TAKES, files
-from orientd.cli.output import say, say_json
+from orientd.cli.output import answer, say
 from orientd.cli.waiting import working
 
 if TYPE_CHECKING:
@@ -83,10 +83,8 @@ def replay(
         raise typer.BadParameter(
             f"expected more than 0 and less than 180 degrees, got {error:g}", param_hint="--error"
         )
-    if output is not None and output.suffix != ".json":
-        raise typer.BadParameter(
-            f"expected a name that ends in .json, got {output.name!r}", param_hint="--output"
-        )
+    if output is not None:
+        check_ending(output, [".json"], named="--output")
     with working(f"reading {file}", is_silent=as_json):
         found = read_orientations(file, topic)
     with working(f"fitting {len(found.times)} samples", is_silent=as_json):
@@ -167,11 +165,8 @@ def _plan_offline(
         )
 
     motion, slower = _paced(fit, pace, plan, output)
-    if as_json:
-        planned = plan_of(motion)
-        say_json({"fit": told, "slower": slower, "plan": planned, "output": output})
-        return
-    _say_plan(motion, slower, output)
+    found = {"fit": told, "slower": slower, "plan": plan_of(motion), "output": output}
+    answer(found, *_plan_lines(motion, slower, output), as_json=as_json)
 
 
 def _move(
@@ -185,27 +180,22 @@ def _move(
     *,
     as_json: bool,
 ) -> None:
-    from orientd.cli import texts
-    from orientd.cli.commands.motion_commands import follow, raise_unless_done
+    from orientd.cli.commands.motion_commands import follow, raise_unless_done, tell_motion
     from orientd.cli.shared_lease import commander
 
     with commander(socket, holder("replay"), device, is_beside=lease, is_shared=True) as robot:
         plan, slower = _paced(fit, pace, lambda request: robot.plan(request, device=device), output)
         if not as_json:
-            _say_plan(plan, slower, output)
+            say(*_plan_lines(plan, slower, output))
         handle = robot.move(plan, device=device)
         summary = follow(handle, title=f"motion {handle.motion_number}", is_silent=as_json)
-    if as_json:
-        moved = {"plan": handle.plan, "summary": summary, "speed": handle.speed}
-        say_json({"fit": told, "slower": slower, **moved})
-    else:
-        say(*texts.summary(summary, handle.plan, speed=handle.speed))
+    tell_motion(handle, summary, as_json=as_json, fit=told, slower=slower)
     raise_unless_done(summary)
 
 
-def _say_plan(planned: Any, slower: float, output: Path | None) -> None:  # noqa: ANN401 - two kinds
+def _plan_lines(planned: Any, slower: float, output: Path | None) -> list[str]:  # noqa: ANN401 - two kinds
     from orientd.cli import texts
 
-    say(f"{slower:.3f} times as long as recorded", "", *texts.certificate(planned.certificate))
-    if output is not None:
-        say(f"wrote {output}")
+    first = f"{slower:.3f} times as long as recorded"
+    written = [] if output is None else [f"wrote {output}"]
+    return [first, "", *texts.certificate(planned.certificate), *written]

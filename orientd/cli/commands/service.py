@@ -13,7 +13,7 @@ import typer
 
 from orientd.cli.command import AsJson, command
 from orientd.cli.completion import SETTINGS, files
-from orientd.cli.output import say, say_json
+from orientd.cli.output import answer
 from orientd.errors import ConfigError
 
 service = typer.Typer(
@@ -154,7 +154,7 @@ def install(
     configuration.load(config)
     text = unit(python=sys.executable, config=config.absolute(), user=None if for_user else run_as)
     if only_print:
-        say_json({"unit": text}) if as_json else say(text.rstrip("\n"))
+        answer({"unit": text}, text.rstrip("\n"), as_json=as_json)
         return
     if not for_user and os.geteuid() == 0:
         check_runs(sys.executable, config.absolute(), run_as)
@@ -165,10 +165,8 @@ def install(
     except OSError as error:
         raise ConfigError(f"cannot write {path}: {error.strerror}") from error
     steps = _steps(for_user=for_user, run_as=run_as)
-    if as_json:
-        say_json({"path": path, "steps": steps})
-    else:
-        say(f"wrote {path}; now:", *(f"  {step}" for step in steps))
+    lines = [f"wrote {path}; now:", *(f"  {step}" for step in steps)]
+    answer({"path": path, "steps": steps}, *lines, as_json=as_json)
 
 
 def check_runs(python: str, config: Path, user: str) -> None:

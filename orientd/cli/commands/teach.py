@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from orientd.cli.command import AsJson, DeviceName, Socket, command
+from orientd.cli.command import AsJson, DeviceName, Socket, check_ending, command
 from orientd.cli.commands.device_commands import holder
 from orientd.cli.output import say, say_json
 from orientd.errors import DeviceError, OrientdError, StateError
@@ -58,11 +58,7 @@ def teach(
     Without a terminal each line of standard input is `take`, `take NAME`, `remove`, `name NAME` or
     `end`.
     """
-    if file.suffix not in ENDINGS:
-        raise typer.BadParameter(
-            f"expected a name that ends in {', '.join(ENDINGS)}, got {file.name!r}",
-            param_hint="OUT.yaml",
-        )
+    check_ending(file, ENDINGS, named="OUT.yaml")
     if file.exists():
         raise OrientdError(f"cannot write {file}: it is there already")
     from orientd.rpc import connect

@@ -11,7 +11,7 @@ import typer
 
 from orientd.cli.command import AsJson, Beside, DeviceName, Socket, command
 from orientd.cli.commands.device_commands import holder
-from orientd.cli.output import say, say_json
+from orientd.cli.output import answer
 from orientd.errors import RequestError
 
 _KEYS = ("angular_velocity", "velocity_frame", "time_ns", "time_to_live", "position")
@@ -44,16 +44,14 @@ def track(
             for target, options in _targets():
                 tracking.aim(target, **{"time_to_live": time_to_live, **options})
         report = tracking.report
-    if as_json:
-        say_json(report)
-        return
-    say(
+    answer(
+        report,
         f"{report.targets} targets followed, {report.left_out} of them left out as too old, "
         f"{report.refused} refused",
         f"at rest at {texts.orientation(report.q)}",
+        *([f"last refusal: {report.refusal}"] if report.refusal else []),
+        as_json=as_json,
     )
-    if report.refusal:
-        say(f"last refusal: {report.refusal}")
 
 
 def _targets() -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:

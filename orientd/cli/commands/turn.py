@@ -11,8 +11,7 @@ import typer
 
 from orientd.cli.command import AsJson, Beside, DeviceName, Socket, command
 from orientd.cli.commands.device_commands import holder
-from orientd.cli.commands.motion_commands import follow, raise_unless_done
-from orientd.cli.output import say, say_json
+from orientd.cli.commands.motion_commands import follow, raise_unless_done, tell_motion
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
@@ -92,17 +91,13 @@ def _run(
     socket: Path | None,
     as_json: bool,
 ) -> None:
-    from orientd.cli import texts
     from orientd.cli.shared_lease import commander
 
     with commander(socket, holder(name), device, is_beside=is_beside, is_shared=True) as robot:
         handle = begin(robot)
         notes = handle.plan.certificate.notes
         summary = follow(handle, title=name, notes=notes, is_silent=as_json)
-    if as_json:
-        say_json({"plan": handle.plan, "summary": summary, "speed": handle.speed})
-    else:
-        say(*texts.summary(summary, handle.plan, speed=handle.speed))
+    tell_motion(handle, summary, as_json=as_json)
     if problem := getattr(handle, "problem", ""):
         raise OrientdError(f"the turn could not go on: {problem}")
     raise_unless_done(summary)

@@ -13,7 +13,7 @@ import typer
 
 from orientd.cli.command import AsJson, Beside, Socket, command
 from orientd.cli.commands.device_commands import holder
-from orientd.cli.output import say, say_json
+from orientd.cli.output import answer
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
@@ -81,10 +81,7 @@ def serve_page(page: Page | CellPage, host: str, *, no_open: bool, as_json: bool
     """Serve a page until Ctrl-C or SIGTERM, and open it in a browser where there is one."""
     url = f"http://{f'[{host}]' if ':' in host else host}:{page.port}"
     with contextlib.suppress(KeyboardInterrupt):
-        if as_json:
-            say_json({"ready": True, "url": url})
-        else:
-            say(f"ready at {url}")
+        answer({"ready": True, "url": url}, f"ready at {url}", as_json=as_json)
         # Without a display, a browser of the terminal would take the terminal.
         if not no_open and {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ):
             webbrowser.open(url)
