@@ -118,13 +118,13 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _read_yaml(text: str, source: str) -> object:
+    most = min(MOST_VALUES, max(FREE_VALUES, len(text)))
     try:
         loader = Loader(text)
-    except yaml.YAMLError as error:
-        raise RequestError("", f"{source}: not YAML: {' '.join(str(error).split())}") from error
-    try:
-        most = min(MOST_VALUES, max(FREE_VALUES, len(text)))
-        return _Reader(source, most).read(iter(loader.get_event, None))
+        try:
+            return _Reader(source, most).read(iter(loader.get_event, None))
+        finally:
+            loader.dispose()
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = f"line {mark.line + 1}: " if mark else ""
@@ -132,8 +132,6 @@ def _read_yaml(text: str, source: str) -> object:
         raise RequestError("", f"{source}: {line}not YAML: {problem}") from error
     except yaml.YAMLError as error:
         raise RequestError("", f"{source}: not YAML: {' '.join(str(error).split())}") from error
-    finally:
-        loader.dispose()
 
 
 @dataclass(slots=True)

@@ -13,10 +13,7 @@ TIMEOUT = 2.0
 _VERIFY: Mapping[int, str] = {
     9: "is not valid yet",
     10: "has expired",
-    18: "is signed by another authority than --ca",
-    19: "is signed by another authority than --ca",
-    20: "is signed by another authority than --ca",
-    21: "is signed by another authority than --ca",
+    **dict.fromkeys((18, 19, 20, 21), "is signed by another authority than --ca"),
     62: "is for another name",
     64: "is for another address",
 }
