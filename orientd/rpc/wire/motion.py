@@ -126,33 +126,26 @@ def _quaternion(message: pb.Quaternion) -> Any:  # noqa: ANN401 - as its reader 
     return q if math.isfinite(sum(q)) else FORMS["quaternion"](dict(zip("wxyz", q, strict=True)))
 
 
-def _euler(message: pb.EulerAngles) -> Any:  # noqa: ANN401 - as its reader returns it
-    return FORMS["euler"]({"axes": message.axes, "degrees": list(message.degrees)})
+def _by_reader(form: str, as_written: Callable[[Any], Any]) -> Taker:
+    """Return what takes a *form* by its reader, from what *as_written* makes of the message."""
+    return lambda message: FORMS[form](as_written(message))
 
 
-def _matrix(message: pb.Matrix) -> Any:  # noqa: ANN401 - as its reader returns it
-    elements = list(message.elements)
-    return FORMS["matrix"]([elements[k : k + 3] for k in range(0, len(elements), 3)])
-
-
-def _azimuth_elevation(message: pb.AzimuthElevation) -> Any:  # noqa: ANN401 - as its reader returns it
-    angles = {"azimuth": message.azimuth, "elevation": message.elevation}
-    return FORMS["azimuth_elevation"](angles)
-
-
-def _look_at(message: pb.LookAt) -> Any:  # noqa: ANN401 - as its reader returns it
-    given = {"point": _vector(message.point), "place": _vector(message.place)}
-    return FORMS["look_at"]({name: list(vector) for name, vector in given.items()})
-
+_WRITTEN: dict[str, Callable[[Any], Any]] = {
+    "euler": lambda euler: {"axes": euler.axes, "degrees": list(euler.degrees)},
+    "matrix": lambda matrix: [
+        list(matrix.elements[k : k + 3]) for k in range(0, len(matrix.elements), 3)
+    ],
+    "azimuth_elevation": lambda to: {"azimuth": to.azimuth, "elevation": to.elevation},
+    "look_at": lambda at: {"point": list(_vector(at.point)), "place": list(_vector(at.place))},
+}
+"""What a file would say in place of a message, of the forms that are taken by their readers."""
 
 _FORMS: dict[str, Taker] = {
     "quaternion": _quaternion,
     "rotation_vector": _vector,
-    "euler": _euler,
-    "matrix": _matrix,
     "direction": _vector,
-    "azimuth_elevation": _azimuth_elevation,
-    "look_at": _look_at,
+    **{form: _by_reader(form, as_written) for form, as_written in _WRITTEN.items()},
 }
 
 
