@@ -124,17 +124,17 @@ def _servo(seconds: float, slots: int, *, as_json: bool) -> list[dict[str, Any]]
         rate_hz, is_loaded, priority, spin_us = condition
         load = "busy" if is_loaded else "idle"
         scheduler = f"FIFO {priority}" if priority else "OTHER"
+        asked = {"rate_hz": rate_hz, "load": load, "priority": priority, "spin_us": spin_us}
         row = [f"{rate_hz:g}", load, scheduler, f"{spin_us}"]
         if not as_json and is_terminal():
             say(f"{rate_hz:g} Hz, {load}, {scheduler}, spin {spin_us} us ...")
         try:
             comparison = compare(**condition._asdict(), slots=slots, seconds=seconds)
         except OrientdError as error:
-            failed = {"rate_hz": rate_hz, "load": load, "priority": priority, "spin_us": spin_us}
-            done.append({**failed, "error": str(error)})
+            done.append({**asked, "error": str(error)})
             rows.append([*row, str(error), "", "", "", ""])
             continue
-        done.append(_figures(comparison, load))
+        done.append({**asked, **_figures(comparison)})
         rows.append([*row, *_cells(comparison)])
     if not as_json:
         header = ["Hz", "load", "scheduler", "spin us", "p50 us", "p99 us", "C p99"]
@@ -142,13 +142,9 @@ def _servo(seconds: float, slots: int, *, as_json: bool) -> list[dict[str, Any]]
     return done
 
 
-def _figures(comparison: Comparison, load: str) -> dict[str, Any]:
+def _figures(comparison: Comparison) -> dict[str, Any]:
     ours, bare = comparison.overruns
     return {
-        "rate_hz": comparison.rate_hz,
-        "load": load,
-        "priority": comparison.priority,
-        "spin_us": comparison.spin_us,
         "servo": comparison.servo,
         "bare": comparison.bare,
         "p99_ratio": comparison.p99_ratio,

@@ -129,7 +129,7 @@ def compare(
         rows = [_row(candidate) for candidate in candidates]
         say_json({"times": task.times, "families": rows, "plot": plot})
         return
-    say(*_lines(candidates, has_ends=_has_ends(candidates), has_torque=moments is not None))
+    say(*_lines(candidates, has_torque=moments is not None))
     if plot is not None:
         say("", f"wrote {plot}")
 
@@ -177,20 +177,16 @@ def _row(candidate: Candidate) -> dict[str, Any]:
     }
 
 
-def _has_ends(candidates: Sequence[Candidate]) -> bool:
-    return any(
-        c.figures is not None and c.figures.end_velocity_error is not None for c in candidates
-    )
-
-
-def _lines(candidates: Sequence[Candidate], *, has_ends: bool, has_torque: bool) -> list[str]:
+def _lines(candidates: Sequence[Candidate], *, has_torque: bool) -> list[str]:
     """Return the table for people, and below it the families that do not apply."""
+    measured = [(one, one.figures) for one in candidates if one.figures is not None]
+    absent = [[one.name, one.why_not] for one in candidates if one.figures is None]
     columns: list[tuple[str, Callable[[Candidate, Figures], str]]] = [
         ("family", lambda c, _: c.name),
         ("keyframes", lambda _, f: "met" if f.interpolates else f"off {f.keyframe_error:.3g} rad"),
         ("smooth", lambda _, f: f"C{f.continuity}"),
     ]
-    if has_ends:
+    if any(figures.end_velocity_error is not None for _, figures in measured):
         columns.append(("ends off, rad/s", lambda _, f: _error(f.end_velocity_error)))
     columns += [
         ("rad/s", lambda _, f: f"{f.peak_velocity:.4g}"),
@@ -204,19 +200,12 @@ def _lines(candidates: Sequence[Candidate], *, has_ends: bool, has_torque: bool)
         ("build", lambda c, _: f"{1e3 * c.build_time:.2f} ms"),
         ("sample", lambda c, _: f"{1e6 * c.sample_time:.2f} us"),
     ]
-    rows, absent, marked = [], [], False
-    for candidate in candidates:
-        figures = candidate.figures
-        if figures is None:
-            absent.append([candidate.name, candidate.why_not])
-            continue
-        rows.append([of(candidate, figures) for _, of in columns])
-        marked = marked or figures.has_velocity_jumps
+    rows = [[of(candidate, figures) for _, of in columns] for candidate, figures in measured]
     lines = table([name for name, _ in columns], rows) if rows else []
     lines += ["", "rad/s, rad/s^2: peaks; effort: integral of squared acceleration, rad^2/s^3"]
     if has_torque:
         lines[-1] += "; torque: of squared torque, N^2 m^2 s"
-    if marked:
+    if any(figures.has_velocity_jumps for _, figures in measured):
         lines.append("* and at a keyframe infinite: the velocity jumps there")
     if absent:
         lines += ["", *table(["does not apply", "why not"], absent)]
