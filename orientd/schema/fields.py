@@ -87,18 +87,15 @@ def attribute_lines(of: type) -> dict[str, str]:
 def _fields(of: type) -> tuple[Field, ...]:
     hints, lines = get_type_hints(of), attribute_lines(of)
     return tuple(
-        _field(entry.name, hints[entry.name], _default(entry), lines.get(entry.name, ""))
+        _field(entry, hints[entry.name], lines.get(entry.name, ""))
         for entry in fields(of)
         if entry.init
     )
 
 
-def _default(entry: Any) -> Any:  # noqa: ANN401 - a field of a dataclass, and its default
+def _field(entry: Any, hint: Any, says: str) -> Field:  # noqa: ANN401 - of a dataclass, and a type
     made = entry.default_factory
-    return entry.default if made is MISSING else made()
-
-
-def _field(name: str, hint: Any, default: object, says: str) -> Field:  # noqa: ANN401 - a type
+    default = entry.default if made is MISSING else made()
     kinds = [part for part in (get_args(hint) or (hint,)) if part is not NoneType]
     is_nullable = NoneType in get_args(hint)
     bare = kinds[0] if is_nullable else hint
@@ -108,7 +105,7 @@ def _field(name: str, hint: Any, default: object, says: str) -> Field:  # noqa: 
     else:
         kind = next(kind for known, kind in _KINDS if known == bare)
     return Field(
-        name=name,
+        name=entry.name,
         kind=kind,
         choices=get_args(bare) if is_choice else (),
         is_needed=default is MISSING,

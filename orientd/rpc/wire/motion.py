@@ -199,9 +199,6 @@ def _pose_message(pose: Pose) -> pb.Pose:
 
 
 _KINDS: dict[FieldKind, tuple[Taker | None, Giver | None]] = {
-    FieldKind.TEXT: (None, None),
-    FieldKind.FLAG: (None, None),
-    FieldKind.WHOLE: (None, None),
     FieldKind.NUMBER: (plain.number, None),
     FieldKind.VECTOR: (_vector, vector),
     FieldKind.OPTIONS: (_from_struct, _to_struct),
@@ -229,14 +226,11 @@ _NUMBERS = {"duration": "duration_seconds", "pace": "pace_share"}
 """What a field is called where it is a number, not one of its choices."""
 
 
-def _entries(fields: Iterable[Field], of: Any) -> tuple[_Entry, ...]:  # noqa: ANN401 - a descriptor
-    return tuple(entry for field in fields for entry in _of_field(field, of))
-
-
-def _of_field(field: Field, of: Any) -> Iterator[_Entry]:  # noqa: ANN401 - a descriptor
-    yield _entry(field, of)
-    if field.kind is FieldKind.CHOICE_OR_NUMBER:
-        yield _Entry(field.name, _NUMBERS[field.name], True, take=plain.number, give=_number)
+def _entries(fields: Iterable[Field], of: Any) -> Iterator[_Entry]:  # noqa: ANN401 - a descriptor
+    for field in fields:
+        yield _entry(field, of)
+        if field.kind is FieldKind.CHOICE_OR_NUMBER:
+            yield _Entry(field.name, _NUMBERS[field.name], True, take=plain.number, give=_number)
 
 
 def _number(value: float | str) -> float | None:
@@ -256,12 +250,12 @@ def _entry(field: Field, of: Any) -> _Entry:  # noqa: ANN401 - as above
         }
         choices = {number: choice for choice, number in numbers.items()}
         return _Entry(field.name, name, has_presence=False, take=choices.get, give=numbers.get)
-    take, give = _KINDS[field.kind]
+    take, give = _KINDS.get(field.kind, (None, None))
     return _Entry(field.name, name, wire.has_presence, field.is_needed, take, give)
 
 
-_MOTION: tuple[_Entry, ...] = _entries(MOTION, pb.MotionRequest.DESCRIPTOR)
-_KEYFRAME: tuple[_Entry, ...] = _entries(KEYFRAME, pb.Keyframe.DESCRIPTOR)
+_MOTION = tuple(_entries(MOTION, pb.MotionRequest.DESCRIPTOR))
+_KEYFRAME = tuple(_entries(KEYFRAME, pb.Keyframe.DESCRIPTOR))
 _BESIDE_ORIENTATION = tuple(entry for entry in _KEYFRAME if entry.name == entry.wire)
 
 
