@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import functools
 import inspect
-import json
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -17,7 +16,7 @@ from typing import Annotated, Any, ParamSpec
 import typer
 
 from orientd.cli.completion import devices
-from orientd.cli.output import close_output, plain
+from orientd.cli.output import close_output, complain, plain
 from orientd.errors import LimitError, OrientdError, RequestError
 from orientd.one_line import one_line
 
@@ -103,10 +102,7 @@ def command(run: Callable[Parameters, None]) -> Callable[Parameters, None]:
 
 def fail(error: OrientdError, *, as_json: bool) -> None:
     """Say what went wrong and exit with status 1."""
-    if as_json:
-        print(json.dumps({"error": describe(error)}), file=sys.stderr)  # noqa: T201
-    else:
-        print(f"orientd: {one_line(str(error))}{_took(error)}", file=sys.stderr)  # noqa: T201
+    complain(describe(error), as_json=as_json, more=_took(error))
     raise typer.Exit(1) from None
 
 

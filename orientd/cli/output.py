@@ -15,7 +15,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
-from orientd.one_line import shown
+from orientd.one_line import one_line, shown
 
 _QUATERNIONS = {"q", "feedback_q"}
 
@@ -29,6 +29,12 @@ def say(*lines: str) -> None:
 def say_json(content: object) -> None:
     """Print one JSON object, at once."""
     print(json.dumps(plain(content)), flush=True)  # noqa: T201
+
+
+def complain(error: Mapping[str, Any], *, as_json: bool, more: str = "") -> None:
+    """Print what went wrong: its JSON object, or its message on one line with *more* behind."""
+    said = f"orientd: {one_line(error['message'])}{more}"
+    print(json.dumps({"error": error}) if as_json else said, file=sys.stderr)  # noqa: T201
 
 
 def answer(content: object, *lines: str, as_json: bool) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 import traceback
@@ -13,7 +12,7 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from orientd.one_line import one_line
+from orientd.cli.output import complain
 
 # Typer brings its own copy of Click, or depends on Click, by its version; these are its classes.
 _USAGE_ERROR, _CLICK_ERROR = typer.BadParameter.__mro__[1:3]
@@ -52,10 +51,10 @@ class Commands(TyperGroup):
                 sys.exit(2)
             if TRACEBACK in os.environ:
                 raise
-            _say({"kind": "InternalError", "message": _mistake(error)}, as_json=as_json)
+            complain({"kind": "InternalError", "message": _mistake(error)}, as_json=as_json)
             sys.exit(1)
         if status == INTERRUPTED:
-            _say({"kind": "OrientdError", "message": "interrupted"}, as_json=as_json)
+            complain({"kind": "OrientdError", "message": "interrupted"}, as_json=as_json)
             sys.exit(1)
         sys.exit(status if isinstance(status, int) else 0)
 
@@ -70,7 +69,7 @@ def _tell(error: Any, *, as_json: bool) -> None:  # noqa: ANN401 - a ClickExcept
     context = getattr(error, "ctx", None)
     if isinstance(error, _USAGE_ERROR) and context is not None:
         message = f"{message}; see `{context.command_path} --help`"
-    _say({"kind": "UsageError", "message": message}, as_json=as_json)
+    complain({"kind": "UsageError", "message": message}, as_json=as_json)
 
 
 def _mistake(error: Exception) -> str:
@@ -82,8 +81,3 @@ def _mistake(error: Exception) -> str:
         f"a mistake of orientd's own, {type(error).__name__} at {Path(last.filename).name}:"
         f"{last.lineno}: {str(error)[:300]}; {TRACEBACK}=1 shows more"
     )
-
-
-def _say(error: dict[str, str], *, as_json: bool) -> None:
-    text = json.dumps({"error": error}) if as_json else f"orientd: {one_line(error['message'])}"
-    print(text, file=sys.stderr)  # noqa: T201
