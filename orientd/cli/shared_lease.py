@@ -17,15 +17,20 @@ from orientd.errors import LeaseError
 from orientd.rpc import Robot, connect
 
 
+def connect_as(socket: Path | None, command: str) -> Robot:
+    """Connect to the daemon; others are told of the *command* where they are refused by it."""
+    return connect(socket, holder=f"orientd {command}, process {os.getpid()}")
+
+
 @contextlib.contextmanager
 def commander(
-    socket: Path | None, holder: str, device: str, *, is_beside: bool, is_shared: bool = False
+    socket: Path | None, command: str, device: str, *, is_beside: bool, is_shared: bool = False
 ) -> Iterator[Robot]:
     """Connect to the daemon, and hold the lease of a device meanwhile.
 
     Args:
         socket: of the daemon.
-        holder: what others are told.
+        command: what others are told of.
         device: its name; may be empty where there is one only.
         is_beside: whether to command beside what holds the lease in another terminal.
         is_shared: whether other terminals may command beside this one.
@@ -33,7 +38,7 @@ def commander(
     Raises:
         LeaseError: somebody else holds the lease; or nothing does to command beside.
     """
-    with connect(socket, holder=holder) as robot:
+    with connect_as(socket, command) as robot:
         if is_beside:
             if not borrow(robot, device):
                 raise LeaseError("no command of yours here holds the lease, to command beside it")

@@ -9,7 +9,6 @@ import typer
 
 from orientd.cli.command import AsJson, DeviceName, Socket, command
 from orientd.cli.commands.daemon_commands import ConfigFile
-from orientd.cli.commands.device_commands import holder
 from orientd.cli.output import answer, say, say_json
 from orientd.errors import OrientdError
 
@@ -36,7 +35,7 @@ def give(
     """
     from orientd.cli.shared_lease import commander
 
-    with commander(socket, holder("lease give"), device, is_beside=True) as robot:
+    with commander(socket, "lease give", device, is_beside=True) as robot:
         seconds = robot.transfer_lease(to, device)
     said = f"the lease waits {seconds:.1f} s for {to}"
     answer({"to": to, "seconds": seconds}, said, as_json=as_json)
@@ -54,9 +53,10 @@ def seize(
 
     Of a device, or of all of them; what runs under it stops.  For administrators.
     """
-    from orientd.rpc import LeaseReport, connect
+    from orientd.cli.shared_lease import connect_as
+    from orientd.rpc import LeaseReport
 
-    with connect(socket, holder=holder("lease seize")) as robot:
+    with connect_as(socket, "lease seize") as robot:
         leases = robot.state().daemon.leases
         before = [one for one in leases if not device or device in one.devices]
         robot.seize_lease(reason, *filter(None, [device]))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -16,19 +15,14 @@ if TYPE_CHECKING:
     from orientd.rpc import DeviceReport, Robot
 
 
-def holder(name: str) -> str:
-    """Return what others are told of who runs the command *name*."""
-    return f"orientd {name}, process {os.getpid()}"
-
-
 def _bringing_to_rest(name: str, does: str) -> Callable[..., None]:
     """Return the command *name*, which any client may give; *does* is its help."""
 
     def run(device: DeviceName = "", socket: Socket = None, as_json: AsJson = False) -> None:
         from orientd.cli.at_rest import tell
-        from orientd.rpc import connect
+        from orientd.cli.shared_lease import connect_as
 
-        with connect(socket, holder=holder(name)) as robot:
+        with connect_as(socket, name) as robot:
             reports = getattr(robot, name)(device)
         tell(reports, as_json=as_json)
 
@@ -91,7 +85,7 @@ def _command(
     from orientd.cli import texts
     from orientd.cli.shared_lease import commander
 
-    with commander(socket, holder(name), device, is_beside=is_beside) as robot:
+    with commander(socket, name, device, is_beside=is_beside) as robot:
         report = act(robot)
     speed = "" if report.speed == 1.0 else f", speed {report.speed:g}"
     answer(report, f"{report.name}: {texts.state(report)}{speed}", as_json=as_json)

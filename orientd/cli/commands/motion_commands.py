@@ -12,7 +12,6 @@ import typer
 
 from orientd.cli.command import AsJson, Beside, DeviceName, Socket, check_ending, command
 from orientd.cli.commands.daemon_commands import ConfigFile
-from orientd.cli.commands.device_commands import holder
 from orientd.cli.completion import MOTIONS, files
 from orientd.cli.output import answer, say
 from orientd.cli.waiting import working
@@ -181,7 +180,7 @@ def move(
         )
     gate = _gate(on_target) if on_target else None
     request = motion_file.load(file)
-    with commander(socket, holder("move"), device, is_beside=lease, is_shared=True) as robot:
+    with commander(socket, "move", device, is_beside=lease, is_shared=True) as robot:
         handle = robot.move(
             request,
             device=device,

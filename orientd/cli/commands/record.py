@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from orientd.cli.command import AsJson, DeviceName, Socket, check_ending, command
-from orientd.cli.commands.device_commands import holder
 from orientd.cli.completion import devices, files
 from orientd.cli.output import say, say_json
 from orientd.errors import OrientdError
@@ -67,10 +66,10 @@ def record(
     and measured are topics of their own.
     """
     check_output(file, seconds)
+    from orientd.cli.shared_lease import connect_as
     from orientd.recorder import RecordingSession
-    from orientd.rpc import connect
 
-    with connect(socket, holder=holder("record")) as robot:
+    with connect_as(socket, "record") as robot:
         session = RecordingSession(robot, file, device or (), has_scalars=scalars)
         if not as_json:
             say(f"recording to {file}")

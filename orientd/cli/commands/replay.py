@@ -11,7 +11,6 @@ import typer
 
 from orientd.cli.command import AsJson, Beside, DeviceName, Socket, check_ending, command
 from orientd.cli.commands.daemon_commands import ConfigFile
-from orientd.cli.commands.device_commands import holder
 from orientd.cli.commands.record import need_record
 from orientd.cli.completion import TAKES, files
 from orientd.cli.output import answer, say
@@ -183,7 +182,7 @@ def _move(
     from orientd.cli.commands.motion_commands import follow, raise_unless_done, tell_motion
     from orientd.cli.shared_lease import commander
 
-    with commander(socket, holder("replay"), device, is_beside=lease, is_shared=True) as robot:
+    with commander(socket, "replay", device, is_beside=lease, is_shared=True) as robot:
         plan, slower = _paced(fit, pace, lambda request: robot.plan(request, device=device), output)
         if not as_json:
             say(*_plan_lines(plan, slower, output))

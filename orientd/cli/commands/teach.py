@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from orientd.cli.command import AsJson, DeviceName, Socket, check_ending, command
-from orientd.cli.commands.device_commands import holder
 from orientd.cli.output import say, say_json
 from orientd.errors import DeviceError, OrientdError, StateError
 
@@ -61,9 +60,9 @@ def teach(
     check_ending(file, ENDINGS, named="OUT.yaml")
     if file.exists():
         raise OrientdError(f"cannot write {file}: it is there already")
-    from orientd.rpc import connect
+    from orientd.cli.shared_lease import connect_as
 
-    with connect(socket, holder=holder("teach")) as robot:
+    with connect_as(socket, "teach") as robot:
         if not watch:
             robot.acquire_lease(device)
         # From here on a signal is an order, and whatever happens the device is held again.

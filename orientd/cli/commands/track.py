@@ -10,7 +10,6 @@ from typing import Annotated, Any
 import typer
 
 from orientd.cli.command import AsJson, Beside, DeviceName, Socket, command
-from orientd.cli.commands.device_commands import holder
 from orientd.cli.output import answer
 from orientd.errors import RequestError
 
@@ -39,7 +38,7 @@ def track(
     from orientd.cli import texts
     from orientd.cli.shared_lease import commander
 
-    with commander(socket, holder("track"), device, is_beside=lease, is_shared=True) as robot:
+    with commander(socket, "track", device, is_beside=lease, is_shared=True) as robot:
         with robot.track(device=device) as tracking:
             for target, options in _targets():
                 tracking.aim(target, **{"time_to_live": time_to_live, **options})

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from orientd.cli.command import AsJson, Beside, DeviceName, Socket, command
-from orientd.cli.commands.device_commands import holder
 from orientd.cli.commands.motion_commands import follow, raise_unless_done, tell_motion
 from orientd.errors import OrientdError
 
@@ -93,7 +92,7 @@ def _run(
 ) -> None:
     from orientd.cli.shared_lease import commander
 
-    with commander(socket, holder(name), device, is_beside=is_beside, is_shared=True) as robot:
+    with commander(socket, name, device, is_beside=is_beside, is_shared=True) as robot:
         handle = begin(robot)
         notes = handle.plan.certificate.notes
         summary = follow(handle, title=name, notes=notes, is_silent=as_json)

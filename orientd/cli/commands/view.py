@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from orientd.cli.command import AsJson, Beside, Socket, command
-from orientd.cli.commands.device_commands import holder
 from orientd.cli.output import answer
 from orientd.errors import OrientdError
 
@@ -52,12 +51,11 @@ def view(
     what moves; who takes the lease there can move it.
     """
     need_view()
-    from orientd.cli.shared_lease import borrow
-    from orientd.rpc import connect
+    from orientd.cli.shared_lease import borrow, connect_as
     from orientd.viewer import Page, is_loopback
 
     page = Page(
-        lambda: connect(socket, holder=holder("view")),
+        lambda: connect_as(socket, "view"),
         borrow if lease else lambda *_: False,
         host=host,
         port=port,
