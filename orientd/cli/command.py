@@ -9,13 +9,13 @@ import functools
 import inspect
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, ParamSpec
 
 import typer
 
-from orientd.cli.completion import devices
+from orientd.cli.completion import SETTINGS, devices, files
 from orientd.cli.output import close_output, complain, plain
 from orientd.errors import LimitError, OrientdError, RequestError
 from orientd.one_line import one_line
@@ -29,6 +29,20 @@ DeviceName = Annotated[
     str,
     typer.Option(
         "--device", "-d", help="Which device, where there are several.", autocompletion=devices
+    ),
+]
+
+
+def config_option(text: str) -> Any:  # noqa: ANN401 - as Typer says of its own
+    """Return the option that names a configuration, with *text* for its help."""
+    return typer.Option("--config", "-c", help=text, autocompletion=files(*SETTINGS))
+
+
+ConfigFile = Annotated[
+    Path | None,
+    config_option(
+        "The configuration; default: $ORIENTD_CONFIG, ~/.config/orientd/orientd.toml, or "
+        "one loopback device."
     ),
 ]
 
@@ -112,19 +126,6 @@ def _took(error: OrientdError) -> str:
         return ""
     waiting = f"{error.waiting:.1f} s of it waiting for the device"
     return f" (refused after {error.planning:.1f} s, {waiting})"
-
-
-def check_ending(path: Path, endings: Sequence[str], *, named: str) -> None:
-    """Check how the name of a file to be written ends.
-
-    Raises:
-        typer.BadParameter: it does not end in one of *endings*; *named* is the parameter.
-    """
-    if path.suffix not in endings:
-        raise typer.BadParameter(
-            f"expected a name that ends in {', '.join(endings)}, got {path.name!r}",
-            param_hint=named,
-        )
 
 
 def describe(error: OrientdError) -> dict[str, Any]:

@@ -81,3 +81,16 @@ def _mistake(error: Exception) -> str:
         f"a mistake of orientd's own, {type(error).__name__} at {Path(last.filename).name}:"
         f"{last.lineno}: {str(error)[:300]}; {TRACEBACK}=1 shows more"
     )
+
+
+def check_ending(path: Path, endings: Sequence[str], *, named: str) -> None:
+    """Check how the name of a file to be written ends.
+
+    Raises:
+        typer.BadParameter: it does not end in one of *endings*; *named* is the parameter.
+    """
+    if path.suffix not in endings:
+        raise typer.BadParameter(
+            f"expected a name that ends in {', '.join(endings)}, got {path.name!r}",
+            param_hint=named,
+        )

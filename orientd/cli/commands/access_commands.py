@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, DeviceName, Socket, command
-from orientd.cli.commands.daemon_commands import ConfigFile
+from orientd.cli.command import AsJson, ConfigFile, DeviceName, Socket, command
 from orientd.cli.output import answer, say, say_json
 from orientd.errors import OrientdError
 

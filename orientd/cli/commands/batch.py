@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, DeviceName, command
-from orientd.cli.commands.daemon_commands import ConfigFile
+from orientd.cli.command import AsJson, ConfigFile, DeviceName, command
 from orientd.cli.output import is_terminal, say, say_json
 from orientd.errors import OrientdError
 

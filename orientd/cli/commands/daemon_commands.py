@@ -12,24 +12,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, Socket, command
-from orientd.cli.completion import SETTINGS, files
+from orientd.cli.command import AsJson, ConfigFile, Socket, command
 from orientd.cli.output import answer, say, say_json, table
 from orientd.daemon import LogFormat
 
 if TYPE_CHECKING:
     from orientd.rpc import DaemonReport
-
-ConfigFile = Annotated[
-    Path | None,
-    typer.Option(
-        "--config",
-        "-c",
-        help="The configuration; default: $ORIENTD_CONFIG, ~/.config/orientd/orientd.toml, or "
-        "one loopback device.",
-        autocompletion=files(*SETTINGS),
-    ),
-]
 
 
 class PictureFormat(StrEnum):

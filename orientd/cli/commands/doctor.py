@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, command
-from orientd.cli.completion import SETTINGS, devices, files
+from orientd.cli.command import AsJson, command, config_option
+from orientd.cli.completion import devices
 from orientd.cli.output import say, say_json, table
 from orientd.cli.waiting import working
 from orientd.driver import Finding, Verdict
@@ -25,13 +25,7 @@ SLOW_LATENCY = 0.02
 @command
 def doctor(
     config: Annotated[
-        Path | None,
-        typer.Option(
-            "--config",
-            "-c",
-            help="Look at the devices of this configuration too.",
-            autocompletion=files(*SETTINGS),
-        ),
+        Path | None, config_option("Look at the devices of this configuration too.")
     ] = None,
     latency: Annotated[
         str,

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, Beside, DeviceName, Socket, check_ending, command
-from orientd.cli.commands.daemon_commands import ConfigFile
+from orientd.cli.command import AsJson, Beside, ConfigFile, DeviceName, Socket, command
 from orientd.cli.completion import MOTIONS, files
 from orientd.cli.output import answer, say
+from orientd.cli.usage import check_ending
 from orientd.cli.waiting import working
 from orientd.errors import OrientdError, RequestError
 

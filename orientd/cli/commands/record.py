@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, DeviceName, Socket, check_ending, command
+from orientd.cli.command import AsJson, DeviceName, Socket, command
 from orientd.cli.completion import devices, files
 from orientd.cli.output import say, say_json
+from orientd.cli.usage import check_ending
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:

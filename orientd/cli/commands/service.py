@@ -11,8 +11,7 @@ from typing import Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, command
-from orientd.cli.completion import SETTINGS, files
+from orientd.cli.command import AsJson, command, config_option
 from orientd.cli.output import answer
 from orientd.errors import ConfigError
 
@@ -128,15 +127,7 @@ def unit(*, python: str, config: Path, user: str | None) -> str:
 @service.command()
 @command
 def install(
-    config: Annotated[
-        Path,
-        typer.Option(
-            "--config",
-            "-c",
-            help="What the daemon runs with.",
-            autocompletion=files(*SETTINGS),
-        ),
-    ],
+    config: Annotated[Path, config_option("What the daemon runs with.")],
     for_user: Annotated[
         bool, typer.Option("--user", help="A unit of this user, rather than of the system.")
     ] = False,

@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from orientd.cli.command import AsJson, DeviceName, Socket, check_ending, command
+from orientd.cli.command import AsJson, DeviceName, Socket, command
 from orientd.cli.output import say, say_json
+from orientd.cli.usage import check_ending
 from orientd.errors import DeviceError, OrientdError, StateError
 
 if TYPE_CHECKING:
