@@ -54,18 +54,15 @@ def files(*endings: str) -> Callable[[str], list[str]]:
             entries = sorted(os.scandir(Path(folder or ".").expanduser()), key=lambda one: one.name)
         except OSError:
             return []
-        shown = [one for one in entries if one.name.startswith(begun) and _is_shown(one, begun)]
         return [
             os.path.join(folder, one.name) + ("/" if one.is_dir() else "")  # noqa: PTH118 - as begun
-            for one in shown
-            if one.is_dir() or one.name.endswith(endings)
+            for one in entries
+            if one.name.startswith(begun)
+            and (begun.startswith(".") or not one.name.startswith("."))
+            and (one.is_dir() or one.name.endswith(endings))
         ]
 
     return complete
-
-
-def _is_shown(entry: os.DirEntry[str], begun: str) -> bool:
-    return begun.startswith(".") or not entry.name.startswith(".")
 
 
 def drawable(incomplete: str) -> list[str]:

@@ -58,6 +58,10 @@ _KINDS: dict[FieldKind, dict[str, Any]] = {
 
 def motion_schema() -> dict[str, Any]:
     """Return the JSON Schema of a motion file."""
+    poses = {
+        part: {"$ref": "#/$defs/Pose", "description": said.replace("``", "")}
+        for part, said in attribute_lines(Frame).items()
+    }
     said = attribute_lines(Limits)
     limits = {
         name: {**_or_null(*_RATES[name in ANGULAR]), "description": said[name]} for name in UNITS
@@ -92,20 +96,12 @@ def motion_schema() -> dict[str, Any]:
             ),
             "LookAt": _table({"point": _TRIPLE, "place": _TRIPLE}, "point"),
             "Limits": _table(limits),
-            "Frame": _table(_poses()),
+            "Frame": _table(poses),
             "Pose": _table(
                 {form: _FORMS[form] for form in POSE_FORMS}
                 | {"position": {**_TRIPLE, "description": "of the origin, m", "default": [0, 0, 0]}}
             ),
         },
-    }
-
-
-def _poses() -> dict[str, Any]:
-    said = attribute_lines(Frame)
-    return {
-        part: {"$ref": "#/$defs/Pose", "description": said[part].replace("``", "")}
-        for part in ("base", "tool")
     }
 
 

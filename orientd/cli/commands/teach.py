@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from orientd.cli.command import AsJson, DeviceName, Socket, command
+from orientd.cli.completion import MOTIONS
 from orientd.cli.output import say, say_json
 from orientd.cli.usage import check_ending
 from orientd.errors import DeviceError, OrientdError, StateError
@@ -23,8 +24,6 @@ from orientd.errors import DeviceError, OrientdError, StateError
 if TYPE_CHECKING:
     from orientd.planner import Keyframe
     from orientd.teaching import Teaching
-
-ENDINGS = (".yaml", ".yml", ".json")
 
 _REFRESH = 0.1
 """How often the pose is shown anew, s."""
@@ -58,7 +57,7 @@ def teach(
     Without a terminal each line of standard input is `take`, `take NAME`, `remove`, `name NAME` or
     `end`.
     """
-    check_ending(file, ENDINGS, named="OUT.yaml")
+    check_ending(file, MOTIONS, named="OUT.yaml")
     if file.exists():
         raise OrientdError(f"cannot write {file}: it is there already")
     from orientd.cli.shared_lease import connect_as
