@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from collections.abc import Callable, Iterable
 
@@ -97,10 +98,8 @@ class LeaseKeeper:
             self._done.set()
             self._lost = None
         if token:
-            try:
+            with contextlib.suppress(OrientdError):
                 self._release(token)
-            except OrientdError:
-                return
 
     def _keep(self, token: str, interval: float, done: threading.Event) -> None:
         failures = 0
