@@ -240,10 +240,8 @@ def follow(
     from orientd.cli import progress, texts
 
     try:
-        if introduction and not is_silent:
-            say(introduction)
         if not is_silent:
-            say(*texts.speed_left(handle.speed), *notes)
+            say(*filter(None, [introduction]), *texts.speed_left(handle.speed), *notes)
         with progress.view(title, is_silent=is_silent) as show:
             for report in handle:
                 show(report)
