@@ -13,7 +13,7 @@ import typer
 
 from orientd.cli.command import AsJson, command
 from orientd.cli.commands.motion_commands import MotionFile
-from orientd.cli.output import say, say_json, table
+from orientd.cli.output import answer, table
 from orientd.cli.waiting import counted, working
 from orientd.errors import RequestError
 
@@ -125,13 +125,12 @@ def compare(
         title = f"{file.name}: every family"
         with working(f"drawing {plot}", is_silent=as_json):
             plots.draw_sheet(plot, task, candidates, limits=request.limits, title=title)
-    if as_json:
-        rows = [_row(candidate) for candidate in candidates]
-        say_json({"times": task.times, "families": rows, "plot": plot})
-        return
-    say(*_lines(candidates, has_torque=moments is not None))
-    if plot is not None:
-        say("", f"wrote {plot}")
+    answer(
+        {"times": task.times, "families": list(map(_row, candidates)), "plot": plot},
+        *_lines(candidates, has_torque=moments is not None),
+        *(["", f"wrote {plot}"] if plot is not None else []),
+        as_json=as_json,
+    )
 
 
 def need_two(request: MotionRequest) -> None:

@@ -10,7 +10,7 @@ import typer
 
 from orientd.cli.command import AsJson, command, config_option
 from orientd.cli.completion import devices
-from orientd.cli.output import say, say_json, table
+from orientd.cli.output import answer, table
 from orientd.cli.waiting import working
 from orientd.driver import Finding, Verdict
 from orientd.errors import OrientdError
@@ -112,20 +112,13 @@ def latency_finding(device: DeviceSettings) -> Finding:
 
 def _report(found: list[Finding], *, as_json: bool) -> None:
     count = {verdict: sum(one.verdict is verdict for one in found) for verdict in Verdict}
-    if as_json:
-        say_json(
-            {
-                "findings": found,
-                "counts": {verdict.value: number for verdict, number in count.items()},
-            }
-        )
-        return
     rows = [[one.verdict.value, one.name, one.found] for one in found]
-    say(*table(["verdict", "what", "found"], rows), "")
-    for one in found:
-        if one.mend:
-            say(f"{one.name}: {one.mend}")
-    say(
+    answer(
+        {"findings": found, "counts": {one.value: number for one, number in count.items()}},
+        *table(["verdict", "what", "found"], rows),
+        "",
+        *(f"{one.name}: {one.mend}" for one in found if one.mend),
         f"{count[Verdict.OK]} ok, {count[Verdict.IMPROVE]} to improve, "
-        f"{count[Verdict.PROBLEM]} problems"
+        f"{count[Verdict.PROBLEM]} problems",
+        as_json=as_json,
     )
