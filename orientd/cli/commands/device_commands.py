@@ -15,49 +15,41 @@ if TYPE_CHECKING:
     from orientd.rpc import DeviceReport, Robot
 
 
-def _bringing_to_rest(name: str, does: str) -> Callable[..., None]:
-    """Return the command *name*, which any client may give; *does* is its help."""
-
-    def run(device: DeviceName = "", socket: Socket = None, as_json: AsJson = False) -> None:
-        from orientd.cli.at_rest import tell
-        from orientd.cli.shared_lease import connect_as
-
-        with connect_as(socket, name) as robot:
-            reports = getattr(robot, name)(device)
-        tell(reports, as_json=as_json)
-
-    run.__name__, run.__doc__ = name, does
-    return command(run)
+@command
+def stop(device: DeviceName = "", socket: Socket = None, as_json: AsJson = False) -> None:
+    """Bring a device, or all of them, to rest on the path.  Anybody may."""
+    _bring_to_rest("stop", socket, as_json, lambda robot: robot.stop(device))
 
 
-def _commanding(name: str, does: str) -> Callable[..., None]:
-    """Return the command *name* to one device, under its lease; *does* is its help."""
+@command
+def halt(device: DeviceName = "", socket: Socket = None, as_json: AsJson = False) -> None:
+    """Bring a device, or all of them, to rest quickest, off the path.
 
-    def run(
-        device: DeviceName = "",
-        lease: Beside = False,
-        socket: Socket = None,
-        as_json: AsJson = False,
-    ) -> None:
-        _command(name, socket, device, lease, as_json, lambda robot: getattr(robot, name)(device))
-
-    run.__name__, run.__doc__ = name, does
-    return command(run)
+    As quickly as the limits allow.  Anybody may.
+    """
+    _bring_to_rest("halt", socket, as_json, lambda robot: robot.halt(device))
 
 
-stop = _bringing_to_rest(
-    "stop", "Bring a device, or all of them, to rest on the path.  Anybody may."
-)
-halt = _bringing_to_rest(
-    "halt",
-    "Bring a device, or all of them, to rest quickest, off the path.\n\n"
-    "As quickly as the limits allow.  Anybody may.",
-)
-pause = _commanding("pause", "Come to rest on the path, to be resumed.")
-resume = _commanding("resume", "Go on with a paused motion.")
-enable = _commanding("enable", "Make a device follow; it does not move by this.")
-disable = _commanding("disable", "Leave a device at rest, no longer following.")
-reset = _commanding("reset", "Clear a fault; starts the servo process anew if it has ended.")
+@command
+def pause(
+    device: DeviceName = "",
+    lease: Beside = False,
+    socket: Socket = None,
+    as_json: AsJson = False,
+) -> None:
+    """Come to rest on the path, to be resumed."""
+    _command("pause", socket, device, lease, as_json, lambda robot: robot.pause(device))
+
+
+@command
+def resume(
+    device: DeviceName = "",
+    lease: Beside = False,
+    socket: Socket = None,
+    as_json: AsJson = False,
+) -> None:
+    """Go on with a paused motion."""
+    _command("resume", socket, device, lease, as_json, lambda robot: robot.resume(device))
 
 
 @command
@@ -72,6 +64,50 @@ def speed(
 ) -> None:
     """Run motions X times as fast as planned, now and from now on."""
     _command("speed", socket, device, lease, as_json, lambda robot: robot.set_speed(factor, device))
+
+
+@command
+def enable(
+    device: DeviceName = "",
+    lease: Beside = False,
+    socket: Socket = None,
+    as_json: AsJson = False,
+) -> None:
+    """Make a device follow; it does not move by this."""
+    _command("enable", socket, device, lease, as_json, lambda robot: robot.enable(device))
+
+
+@command
+def disable(
+    device: DeviceName = "",
+    lease: Beside = False,
+    socket: Socket = None,
+    as_json: AsJson = False,
+) -> None:
+    """Leave a device at rest, no longer following."""
+    _command("disable", socket, device, lease, as_json, lambda robot: robot.disable(device))
+
+
+@command
+def reset(
+    device: DeviceName = "",
+    lease: Beside = False,
+    socket: Socket = None,
+    as_json: AsJson = False,
+) -> None:
+    """Clear a fault; starts the servo process anew if it has ended."""
+    _command("reset", socket, device, lease, as_json, lambda robot: robot.reset(device))
+
+
+def _bring_to_rest(
+    name: str, socket: Path | None, as_json: bool, act: Callable[[Robot], list[DeviceReport]]
+) -> None:
+    from orientd.cli.at_rest import tell
+    from orientd.cli.shared_lease import connect_as
+
+    with connect_as(socket, name) as robot:
+        reports = act(robot)
+    tell(reports, as_json=as_json)
 
 
 def _command(
