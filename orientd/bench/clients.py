@@ -17,13 +17,15 @@ from orientd.rpc.control_pb2_grpc import ControlStub
 
 WATCHERS = 4
 KEYFRAMES = 200
+STEP = 0.1
+"""From each keyframe to the next, s."""
 
 
-def motion(count: int = KEYFRAMES, step: float = 0.1) -> pb.MotionRequest:
-    """Return a timed motion of *count* keyframes, *step* seconds apart."""
+def motion(count: int = KEYFRAMES) -> pb.MotionRequest:
+    """Return a timed motion of *count* keyframes, :data:`STEP` apart."""
     keyframes = []
     for k in range(count):
-        t = step * k
+        t = STEP * k
         tilt, turn = 0.2 * math.sin(0.9 * t), 0.3 * (1.0 - math.cos(0.5 * t))
         vector = pb.Vector3(x=tilt, y=0.1 * math.sin(0.4 * t), z=turn)
         keyframes.append(pb.Keyframe(time=t, rotation_vector=vector))

@@ -20,6 +20,10 @@ KEYFRAMES = 100
 STEP = 0.6
 """Turn from each keyframe to the next, in rad."""
 
+FEW = 1000
+"""Keyframes of the smaller build; the larger one has a hundred times as many."""
+
+_ROUNDS = 11
 _SLICE = 0.02
 """About how long each measurement lasts, in seconds."""
 
@@ -86,31 +90,27 @@ class CurveSpeed:
 def measure_curves(
     *,
     instants: tuple[int, ...] = (1, 500, 100_000),
-    steps: tuple[float, ...] = (1.0, 3.0),
-    few: int = 1000,
-    rounds: int = 11,
+    steps: tuple[float, ...],
 ) -> CurveSpeed:
     """Measure the default curve: sampling for each number of instants, building for each step.
 
     Args:
         instants: how many instants to sample in a call.
         steps: turns between keyframes for the builds, in rad; without any nothing is built.
-        few: keyframes of the smaller build; the larger one has a hundred times as many.
-        rounds: how often each sampling is measured.
 
     Returns:
         The medians.
     """
     return CurveSpeed(
         keyframes=KEYFRAMES,
-        samplings=tuple(_sampling(count, rounds) for count in instants),
-        buildings=tuple(_building(step, few) for step in steps),
+        samplings=tuple(_sampling(count) for count in instants),
+        buildings=tuple(_building(step) for step in steps),
     )
 
 
-def random_walk(count: int, step: float, seed: int = 0) -> Floats:
+def random_walk(count: int, step: float) -> Floats:
     """Return keyframes a turn of *step* rad apart, about random axes, shape ``(count, 4)``."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     turns = rng.normal(size=(count - 1, 3))
     turns *= step / np.linalg.norm(turns, axis=1)[:, None]
     keys: Floats = np.zeros((count, 4))
@@ -124,7 +124,7 @@ def random_walk(count: int, step: float, seed: int = 0) -> Floats:
     return keys
 
 
-def _sampling(count: int, rounds: int) -> Sampling:
+def _sampling(count: int) -> Sampling:
     from scipy.spatial.transform import RotationSpline
 
     keys = random_walk(KEYFRAMES, STEP)
@@ -140,18 +140,18 @@ def _sampling(count: int, rounds: int) -> Sampling:
         "sorted": lambda: curve.evaluate(at, out=out),
         "unsorted": lambda: curve.evaluate(shuffled, out=out),
     }
-    found = {name: value / count for name, value in _interleaved(calls, rounds).items()}
+    found = {name: value / count for name, value in _interleaved(calls).items()}
     return Sampling(count, found["sorted"], found["unsorted"], found["scipy"])
 
 
-def _interleaved(calls: dict[str, Callable[[], object]], rounds: int) -> dict[str, float]:
+def _interleaved(calls: dict[str, Callable[[], object]]) -> dict[str, float]:
     """Return the median thread CPU time of each call, in ns, taken in turns."""
     repeats = {}
     for name, call in calls.items():
         call()
         repeats[name] = max(1, round(_SLICE / max(_cpu_time(call, 1) * 1e-9, 1e-7)))
     taken: dict[str, list[float]] = {name: [] for name in calls}
-    for _ in range(rounds):
+    for _ in range(_ROUNDS):
         for name, call in calls.items():
             taken[name].append(_cpu_time(call, repeats[name]))
     return {name: statistics.median(values) for name, values in taken.items()}
@@ -164,8 +164,8 @@ def _cpu_time(call: Callable[[], object], repeats: int) -> float:
     return (time.thread_time_ns() - began) / repeats
 
 
-def _building(step: float, few: int) -> Building:
-    small, large = random_walk(few, step), random_walk(100 * few, step)
+def _building(step: float) -> Building:
+    small, large = random_walk(FEW, step), random_walk(100 * FEW, step)
     C2Cumulative(keys=small)
     short: list[float] = []
     long: list[float] = []
@@ -174,4 +174,4 @@ def _building(step: float, few: int) -> Building:
         long.append(_cpu_time(lambda: C2Cumulative(keys=large), 1) * 1e-9)
         if sum(long) > 20.0:
             break
-    return Building(step, few, statistics.median(short), statistics.median(long))
+    return Building(step, FEW, statistics.median(short), statistics.median(long))

@@ -79,32 +79,19 @@ class RetargetLatency:
 @dataclass(frozen=True, slots=True)
 class _Retarget:
     number: int
-    sent_ns: int
-    received_ns: int
-    planned_ns: int
-    taken_ns: int
     attempts: int
+    marks_ns: tuple[int, ...]
+    """When it was sent, received, planned and taken up."""
 
     def parts(self, first_ns: int) -> list[float]:
         """Return the parts of the way in s, when the first setpoint changed at *first_ns*."""
-        marks = (
-            self.sent_ns,
-            self.received_ns,
-            self.planned_ns,
-            self.taken_ns,
-            first_ns,
-        )
+        marks = (*self.marks_ns, first_ns)
         steps = [(b - a) * 1e-9 for a, b in itertools.pairwise(marks)]
-        return [*steps, (first_ns - self.sent_ns) * 1e-9]
+        return [*steps, (first_ns - marks[0]) * 1e-9]
 
 
 def measure_retargets(
-    keyframes: Sequence[int] = (1, 20),
-    *,
-    count: int = 200,
-    rate_hz: float = 500.0,
-    priority: int = 0,
-    seed: int = 1,
+    keyframes: Sequence[int], *, count: int, rate_hz: float, priority: int = 0
 ) -> list[RetargetLatency]:
     """Measure *count* retargets for each number of keyframes.
 
@@ -113,7 +100,6 @@ def measure_retargets(
         count: retargets for each, after some that are not counted.
         rate_hz: of the device.
         priority: of its servo; 0 for the ordinary scheduler.
-        seed: of the aims and of when they come.
 
     Raises:
         OrientdError: the daemon does not come up or refuses a motion, or its device faults.
@@ -124,7 +110,7 @@ def measure_retargets(
         control(socket) as stub,
         _first_setpoints(stub) as first,
     ):
-        chance = random.Random(seed)
+        chance = random.Random(1)
         # What plans is loaded, and compiled, with the first motions.
         _measure(stub, first, max(keyframes), _WARM_UP, chance)
         return [_measure(stub, first, some, count, chance) for some in keyframes]
@@ -169,14 +155,9 @@ def _retarget(
     started = next(call).started
     timing = started.timing
     planned_ns = timing.received_ns + round(timing.planning * 1e9)
-    return call, _Retarget(
-        number=started.motion_number,
-        sent_ns=sent_ns,
-        received_ns=timing.received_ns,
-        planned_ns=planned_ns,
-        taken_ns=planned_ns + round(timing.splicing * 1e9),
-        attempts=timing.attempts,
-    )
+    taken_ns = planned_ns + round(timing.splicing * 1e9)
+    marks_ns = (sent_ns, timing.received_ns, planned_ns, taken_ns)
+    return call, _Retarget(started.motion_number, timing.attempts, marks_ns)
 
 
 def aims(count: int, chance: random.Random) -> pb.MotionRequest:

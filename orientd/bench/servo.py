@@ -14,12 +14,12 @@ import statistics
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from orientd.bench.clients import motion
+from orientd.bench.clients import STEP, motion
 from orientd.bench.control import control
 from orientd.bench.lateness import Slot, bare_loop, busy_cores, processes, run_bare_loop
 from orientd.config import SPIN_US
@@ -72,11 +72,10 @@ def compare(
     *,
     rate_hz: float,
     is_loaded: bool,
-    priority: int = PRIORITY,
-    spin_us: int = SPIN_US,
-    slots: int = 6,
-    seconds: float = 5.0,
-    on_slot: Callable[[str, Slot], None] = lambda _name, _slot: None,
+    priority: int,
+    spin_us: int,
+    slots: int,
+    seconds: float,
 ) -> Comparison:
     """Measure *slots* pairs of slots of *seconds* each.
 
@@ -96,7 +95,6 @@ def compare(
                         else run_bare_loop(program, rate_hz, seconds, priority)
                     )
                 found.append(slot)
-                on_slot(name, slot)
     return Comparison(rate_hz, is_loaded, priority, spin_us, tuple(servo), tuple(bare))
 
 
@@ -170,7 +168,7 @@ def stream(socket: Path, seconds: float, priority: int, *, progress_hz: float = 
         request = pb.MoveRequest(
             lease_token=token,
             device=DEVICE,
-            motion=motion(count=round(seconds / 0.1) + 1),
+            motion=motion(count=round(seconds / STEP) + 1),
             progress_rate_hz=progress_hz,
         )
         summary = None
@@ -203,11 +201,11 @@ class Condition(NamedTuple):
     spin_us: int
 
 
-def conditions(rates_hz: Sequence[float] = (500.0, 1000.0)) -> list[Condition]:
+def conditions() -> list[Condition]:
     """Return the conditions of every comparison of a full report: as installed, then without."""
     return [
         Condition(rate, is_loaded, priority, spin_us)
-        for rate in rates_hz
+        for rate in (500.0, 1000.0)
         for is_loaded in (False, True)
         for priority, spin_us in ((PRIORITY, SPIN_US), (PRIORITY, 0), (0, SPIN_US))
     ]
