@@ -1,18 +1,16 @@
-"""Reads recordings back: cycles, events, settings; also of a file whose end is missing."""
+"""Reads recordings back: cycles and events; also of a file whose end is missing."""
 
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, McapRecord, Message, Metadata, Schema
+from mcap.records import Channel, Chunk, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader, get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
 from zstandard import get_frame_parameters
@@ -20,14 +18,12 @@ from zstandard import get_frame_parameters
 from orientd.bounded_file import MEBIBYTE, check_regular
 from orientd.errors import OrientdError
 from orientd.recorder import recording_pb2
-from orientd.recorder.cycle_table import CYCLES, Table, from_block
-from orientd.recorder.writer import CLOCK, CONFIGURATION, RecordingError
+from orientd.recorder.cycle_table import Table, from_block
+from orientd.recorder.writer import RecordingError
 from orientd.rpc import control_pb2 as pb
 
 _CYCLES = recording_pb2.CycleBlock.DESCRIPTOR.full_name
 _EVENT = pb.Event.DESCRIPTOR.full_name
-_CLOCK = ("daemon", "time_ns", "offset_ns", "bound_ns")
-_STATE = pb.GetStateResponse.DESCRIPTOR.full_name
 
 LARGEST_CHUNK = 64 * MEBIBYTE
 """Of a file, once it is decompressed; others write chunks of a few MiB, or of one image."""
@@ -43,42 +39,21 @@ _FREE_CYCLES = 50_000
 _MOST_CYCLES_OF_BLOCK = 65_536
 
 
-@dataclass(frozen=True, slots=True)
-class ClockFact:
-    """Where a daemon's clock stood, monotonic clocks.
-
-    Attributes:
-        time_ns: when, on the clock of the file.
-        offset_ns: how far it was ahead of that.
-        bound_ns: how far that may be wrong, either way.
-    """
-
-    time_ns: int
-    offset_ns: int
-    bound_ns: int
-
-
 @dataclass(eq=False)
 class Recording:
-    """What a file holds.
+    """What of a file is read back.
 
     Attributes:
         cycles: of every device, in order, by name; of a cell ``DAEMON/DEVICE``.
         events: of all devices, in order.
-        states: what the daemon said of itself and its devices.
         facts: the metadata ``orientd``.
-        configuration: the daemon's settings; of a cell those of each, by name.
-        clocks: of each daemon of a cell, where its clock stood against that of the file.
         offset_ns: from the monotonic clock to the time of day.
         is_complete: whether the file has its end.
     """
 
     cycles: dict[str, Table] = field(default_factory=dict)
     events: list[pb.Event] = field(default_factory=list)
-    states: list[pb.GetStateResponse] = field(default_factory=list)
     facts: dict[str, str] = field(default_factory=dict)
-    configuration: dict[str, Any] = field(default_factory=dict)
-    clocks: dict[str, list[ClockFact]] = field(default_factory=dict)
     offset_ns: int = 0
     is_complete: bool = True
 
@@ -144,12 +119,6 @@ def _load(path: Path) -> Recording:
         elif isinstance(record, Metadata) and record.name == "orientd":
             recording.facts = dict(record.metadata)
             recording.offset_ns = int(recording.facts["clock_offset_ns"])
-        elif isinstance(record, Metadata) and record.name == CLOCK:
-            daemon, *told = (record.metadata[name] for name in _CLOCK)
-            recording.clocks.setdefault(daemon, []).append(ClockFact(*map(int, told)))
-        elif isinstance(record, Attachment) and record.name.endswith(CONFIGURATION):
-            daemon, settings = record.name.rpartition("/")[0], json.loads(record.data)
-            recording.configuration |= {daemon: settings} if daemon else settings
         elif isinstance(record, Message):
             channel = channels[record.channel_id]
             kind = schemas[channel.schema_id].name if channel.schema_id else ""
@@ -162,12 +131,10 @@ def _load(path: Path) -> Recording:
                 blocks.setdefault(device, []).append(from_block(block))
             elif kind == _EVENT:
                 recording.events.append(pb.Event.FromString(record.data))
-            elif kind == _STATE:
-                recording.states.append(pb.GetStateResponse.FromString(record.data))
     if not recording.facts:
         raise RecordingError(f"{path}: not a recording of orientd")
     for device, tables in blocks.items():
-        recording.cycles[device] = np.concatenate(tables) if tables else np.zeros(0, dtype=CYCLES)
+        recording.cycles[device] = np.concatenate(tables)
     recording.events.sort(key=lambda event: event.time_ns)
     return recording
 

@@ -8,6 +8,7 @@ import pytest
 from command_line import begin, environment, orientd
 from fleet_cell import CELL, RunningCell, can_have_own_clocks
 from harness import until
+from recorded_facts import clocks, configurations
 
 from orientd import rotation
 from orientd.errors import DaemonError
@@ -66,15 +67,17 @@ def test_every_cycle_event_and_plan_of_each_daemon_is_in_the_file(cell, recorded
         away = rotation.angle(planned[known], cycles["sent_q"][known])
         assert np.count_nonzero(known) >= events[0].plan.duration * 500
         assert float(away.max()) < 3e-4
-    assert sorted(recording.configuration) == cell.names
-    assert recording.configuration["arm-2"]["fleet"]["name"] == "arm-2"
+    settings = configurations(path)
+    assert sorted(settings) == cell.names
+    assert settings["arm-2"]["fleet"]["name"] == "arm-2"
 
 
 def test_all_is_on_one_clock_whatever_a_daemon_has(cell, recorded):
     together, path, _ = recorded
     recording = load_recording(path)
-    assert sorted(recording.clocks) == cell.names
-    for name, facts in recording.clocks.items():
+    told = clocks(path)
+    assert sorted(told) == cell.names
+    for name, facts in told.items():
         true_ns = round(AHEAD * 1e9) if name == OTHER else 0
         assert all(abs(fact.offset_ns - true_ns) <= fact.bound_ns for fact in facts)
     assert together.skew is not None

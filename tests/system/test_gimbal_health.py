@@ -8,9 +8,9 @@ import pytest
 from command_line import begin, environment, orientd
 from gimbal_bench import GimbalDaemon
 from harness import until
+from recorded_facts import states
 
 from orientd import connect
-from orientd.recorder import reader
 
 pytest.importorskip("dynamixel_sdk")
 
@@ -64,7 +64,7 @@ def test_what_servos_measure_is_told_everywhere_with_a_warning_in_time(bus, daem
     assert 'orientd_part_voltage_volts{device="gimbal",part="roll"} 12.0' in told
     out = tmp_path / "a.mcap"
     assert orientd("record", out, "--seconds", "1", "--socket", daemon.socket).returncode == 0
-    (state, *_) = reader.load_recording(out).states
+    (state, *_) = states(out)
     assert [part.temperature for part in state.devices[0].health] == [32.0, 75.0, 32.0]
     log = daemon.end()[1]
     assert f"WARNING gimbal: warning: {said}" in log

@@ -11,6 +11,7 @@ from command_line import assert_refused, begin, environment, orientd
 from hand_held import recorded as hand_held
 from hand_held import truth
 from harness import DEVICE, DaemonProcess, spin, until
+from recorded_facts import configurations, states
 
 from orientd import rotation
 from orientd.recorder import reader
@@ -86,8 +87,9 @@ def test_a_recording_has_plan_certificate_request_and_settings(recorded):
     started = recording.events[0]
     assert started.plan == daemon.started.plan
     assert started.motion.end_velocity == pb.Vector3(x=0.3, y=0.0, z=0.5)
-    assert recording.configuration["devices"][DEVICE]["driver"] == "loopback"
-    assert recording.states[0].devices[0].device.name == DEVICE
+    path = daemon.folder.with_name("a.mcap")
+    assert configurations(path)[""]["devices"][DEVICE]["driver"] == "loopback"
+    assert states(path)[0].devices[0].device.name == DEVICE
     _, planned = planned_orientations(recording, DEVICE)
     known = np.isfinite(planned[:, 0])
     assert np.count_nonzero(known) >= started.plan.duration * 500
