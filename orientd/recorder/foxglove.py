@@ -36,13 +36,15 @@ _NANOSECONDS = 1_000_000_000
 Shown = tuple[str, int, Message]
 """Topic, time of day in nanoseconds, message."""
 
-_ERRORS = (pb.EVENT_KIND_FAULT, pb.EVENT_KIND_SERVO_DIED, pb.EVENT_KIND_RECORDING_FAILED)
-_WARNINGS = (
-    pb.EVENT_KIND_MOTION_STOPPED,
-    pb.EVENT_KIND_MOTION_REPLACED,
-    pb.EVENT_KIND_MOTION_UNSETTLED,
-    pb.EVENT_KIND_WARNING,
-)
+_LEVELS = {
+    pb.EVENT_KIND_FAULT: Log.ERROR,
+    pb.EVENT_KIND_SERVO_DIED: Log.ERROR,
+    pb.EVENT_KIND_RECORDING_FAILED: Log.ERROR,
+    pb.EVENT_KIND_MOTION_STOPPED: Log.WARNING,
+    pb.EVENT_KIND_MOTION_REPLACED: Log.WARNING,
+    pb.EVENT_KIND_MOTION_UNSETTLED: Log.WARNING,
+    pb.EVENT_KIND_WARNING: Log.WARNING,
+}
 
 
 def cycles_shown(device: str, cycles: Table, offset_ns: int) -> Iterator[Shown]:
@@ -131,11 +133,6 @@ def _body(
 def event_shown(event: pb.Event, offset_ns: int) -> Iterator[Shown]:
     """Yield what viewers show of an event: a line of the log, and the path of a motion."""
     time_ns = event.time_ns + offset_ns
-    level = Log.INFO
-    if event.kind in _ERRORS:
-        level = Log.ERROR
-    elif event.kind in _WARNINGS:
-        level = Log.WARNING
     kind = pb.EventKind.Name(event.kind).removeprefix("EVENT_KIND_").replace("_", " ").lower()
     motion = titled(event.motion_number, event.motion.name)
     number = f" {motion}" if event.motion_number else ""
@@ -145,7 +142,7 @@ def event_shown(event: pb.Event, offset_ns: int) -> Iterator[Shown]:
         time_ns,
         Log(
             timestamp=stamp_of(time_ns),
-            level=level,
+            level=_LEVELS.get(event.kind, Log.INFO),
             name=event.device,
             message=f"{kind}{number}{text}",
         ),

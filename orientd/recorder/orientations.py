@@ -13,10 +13,12 @@ import math
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any, TextIO
 
 import numpy as np
+from mcap.records import Channel, Message, Schema
 
 from orientd.bounded_file import MEBIBYTE, check_regular
 from orientd.recorder import bags
@@ -64,7 +66,8 @@ def read_orientations(path: Path, topic: str = "") -> Orientations:
         if path.suffix == ".csv":
             tables = _from_csv(path)
         else:
-            tables = _from_bag(path) if bags.is_bag(path) else _from_mcap(path)
+            is_bag = bags.is_bag(path)
+            tables = _from_bag(path) if is_bag else _from_ours(path) or _from_others(path)
     if not tables:
         raise RecordingError(f"{path}: no orientations in it")
     if topic and list(tables) == [""]:
@@ -102,11 +105,6 @@ def _listed(tables: Mapping[str, object]) -> str:
     return ", ".join(repr(name) if name else "one without a name" for name in tables)
 
 
-def _from_mcap(path: Path) -> Tables:
-    tables = _from_ours(path)
-    return tables or _from_others(path)
-
-
 def _from_ours(path: Path) -> Tables:
     try:
         recording = load_recording(path)
@@ -126,10 +124,6 @@ def _from_ours(path: Path) -> Tables:
 
 
 def _from_others(path: Path) -> Tables:
-    from importlib import import_module
-
-    from mcap.records import Channel, Message, Schema
-
     factories = [import_module(name).DecoderFactory() for name in _DECODERS]
     schemas: dict[int, Any] = {}
     channels: dict[int, Any] = {}

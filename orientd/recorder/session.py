@@ -93,7 +93,6 @@ class DaemonRecorder:
         tally: Tally,
         *,
         on_state: Callable[[], None] = lambda: None,
-        on_progress: Callable[[], None] = lambda: None,
     ) -> None:
         """Record until *ending* is set, or the daemon ends.
 
@@ -103,7 +102,6 @@ class DaemonRecorder:
             ending: is waited for.
             tally: is added to.
             on_state: called before each report of the state, from this thread.
-            on_progress: called more often, from this thread.
 
         Raises:
             RecordingError: the file cannot be written any further.
@@ -121,7 +119,6 @@ class DaemonRecorder:
             due = 0.0
             try:
                 while not wait(work, _POLL, return_when="FIRST_COMPLETED").done:
-                    on_progress()
                     if ending.is_set():
                         time.sleep(2.0 / READ_HZ)  # for the cycles up to here
                         break
@@ -206,11 +203,8 @@ class RecordingSession(Tally):
         """Have the recording completed; may be called from any thread, or a signal's handler."""
         self._ending.set()
 
-    def run(self, *, on_progress: Callable[[], None] = lambda: None) -> None:
+    def run(self) -> None:
         """Record until :meth:`end`.
-
-        Args:
-            on_progress: called now and then, from this thread.
 
         Raises:
             RecordingError: the file cannot be written any further.
@@ -223,4 +217,4 @@ class RecordingSession(Tally):
             has_scalars=self._has_scalars,
             chunk_bytes=LIVE_CHUNK_BYTES,
         ) as writer:
-            self._recorder.run(writer, configuration, self._ending, self, on_progress=on_progress)
+            self._recorder.run(writer, configuration, self._ending, self)

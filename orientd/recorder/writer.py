@@ -47,7 +47,7 @@ from orientd.recorder.scalars import scalars_of
 from orientd.rpc import control_pb2 as pb
 
 SHOWN_HZ = 25.0
-"""How often viewers are given a device's pose."""
+"""How often viewers are given a device's pose, at the most."""
 
 BLOCK = 256
 """Cycles in a message."""
@@ -95,10 +95,6 @@ class RecordingWriter:
     """One recording that is being written; a context manager that completes it.
 
     Several threads may add to it.
-
-    Attributes:
-        path: of the file.
-        offset_ns: from the monotonic clock to the time of day.
     """
 
     def __init__(
@@ -106,7 +102,6 @@ class RecordingWriter:
         path: Path,
         *,
         offset_ns: int,
-        shown_hz: float = SHOWN_HZ,
         has_scalars: bool = False,
         chunk_bytes: int = CHUNK_BYTES,
     ) -> None:
@@ -115,16 +110,15 @@ class RecordingWriter:
         Args:
             path: is overwritten.
             offset_ns: from the monotonic clock to the time of day.
-            shown_hz: how often viewers are given poses, at the most; 0 for never.
             has_scalars: whether every cycle is written as plain numbers too, for tools that plot.
             chunk_bytes: how much is compressed and written at a time, about.
 
         Raises:
             RecordingError: it cannot be written.
         """
-        self.path = path
-        self.offset_ns = offset_ns
-        self._shown_hz, self._has_scalars = shown_hz, has_scalars
+        self._path = path
+        self._offset_ns = offset_ns
+        self._has_scalars = has_scalars
         self._rates: dict[str, float] = {}
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
@@ -160,15 +154,14 @@ class RecordingWriter:
         """
         for begin in range(0, len(cycles), BLOCK):
             block = cycles[begin : begin + BLOCK]
-            time_ns = int(block["deadline_ns"][-1]) + self.offset_ns
+            time_ns = int(block["deadline_ns"][-1]) + self._offset_ns
             self._add(f"/{device}/cycles", time_ns, to_block(block))
-        if self._shown_hz:
-            step = max(1, round(self._rates[device] / self._shown_hz))
-            shown = cycles[np.asarray(cycles["index"]) % step == 0]
-            for topic, time_ns, message in foxglove.cycles_shown(device, shown, self.offset_ns):
-                self._add(topic, time_ns, message)
+        step = max(1, round(self._rates[device] / SHOWN_HZ))
+        shown = cycles[np.asarray(cycles["index"]) % step == 0]
+        for topic, time_ns, message in foxglove.cycles_shown(device, shown, self._offset_ns):
+            self._add(topic, time_ns, message)
         if self._has_scalars:
-            for time_ns, message in scalars_of(cycles, self.offset_ns):
+            for time_ns, message in scalars_of(cycles, self._offset_ns):
                 self._add(f"/{device}/scalars", time_ns, message)
 
     def add_event(self, event: pb.Event) -> None:
@@ -177,8 +170,8 @@ class RecordingWriter:
         Raises:
             RecordingError: it cannot be written any further.
         """
-        self._add(f"/{event.device}/events", event.time_ns + self.offset_ns, event)
-        for topic, time_ns, message in foxglove.event_shown(event, self.offset_ns):
+        self._add(f"/{event.device}/events", event.time_ns + self._offset_ns, event)
+        for topic, time_ns, message in foxglove.event_shown(event, self._offset_ns):
             self._add(topic, time_ns, message)
 
     def add_state(self, state: pb.GetStateResponse, time_ns: int, *, daemon: str = "") -> None:
@@ -193,7 +186,7 @@ class RecordingWriter:
             RecordingError: it cannot be written any further.
         """
         topic = f"/{daemon}/state" if daemon else "/state"
-        self._add(topic, time_ns + self.offset_ns, state)
+        self._add(topic, time_ns + self._offset_ns, state)
 
     def add_configuration(self, json: str, facts: dict[str, str], *, daemon: str = "") -> None:
         """Add the daemon's settings, and what else there is to know of the recording.
@@ -208,7 +201,7 @@ class RecordingWriter:
         """
         with self._guarded():
             facts = {
-                "clock_offset_ns": str(self.offset_ns),
+                "clock_offset_ns": str(self._offset_ns),
                 "rates_hz": " ".join(f"{name}={rate!r}" for name, rate in self._rates.items()),
                 **facts,
             }
@@ -245,7 +238,7 @@ class RecordingWriter:
                 return
             with self._guarded():
                 self._writer.finish()
-            self._ended = f"the recording {self.path} has ended"
+            self._ended = f"the recording {self._path} has ended"
             self._sink.close()
 
     def _add(self, topic: str, time_ns: int, message: Message) -> None:
@@ -275,7 +268,7 @@ class RecordingWriter:
                 yield
             except OSError as error:
                 self._ended = (
-                    f"the recording {self.path} ends after {self._sink.tell()} bytes: "
+                    f"the recording {self._path} ends after {self._sink.tell()} bytes: "
                     f"{error.strerror}"
                 )
                 self._sink.close()
