@@ -114,10 +114,7 @@ class CellPage:
             )
 
     def _welcome(self, client: viser.ClientHandle) -> None:
-        client.gui.configure_theme(
-            dark_mode=self._is_dark, show_logo=False, show_share_button=False,
-            control_width="large",
-        )  # fmt: skip
+        web.dress(client, is_dark=self._is_dark)
         self._aim(client)
 
     def _aim(self, client: viser.ClientHandle) -> None:

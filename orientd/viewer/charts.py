@@ -130,11 +130,9 @@ def _rates(limits: Limits, name: str) -> list[ChartLine]:
     limit = limits.rate(name)
     if isinstance(limit, float | int):
         lines = [ChartLine("sent", _SENT, _SOLID, name)]
-        return (
-            [*lines, ChartLine("limit", _LIMIT, _DOTTED, "", limit, name)]
-            if isfinite(limit)
-            else lines
-        )
+        if isfinite(limit):
+            lines.append(ChartLine("limit", _LIMIT, _DOTTED, level=limit, quantity=name))
+        return lines
     lines = []
     for axis, level, colour, dashes in zip(AXES, limit, _COLOURS, _OF_AXES, strict=True):
         lines.append(ChartLine(axis, colour, dashes, f"{name}_{axis}"))

@@ -13,7 +13,7 @@ from typing import Any
 import viser
 
 from orientd.errors import LeaseError, OrientdError
-from orientd.rpc import DeviceReport, Robot
+from orientd.rpc import Robot
 from orientd.stream import ServoState
 from orientd.viewer import drop
 from orientd.viewer.handles import set_changed
@@ -113,7 +113,7 @@ class Controls:
         )
         set_changed(self._speed, disabled=not can_command)
         if report is not None and not can_command:
-            self._follow_speed(report)
+            set_changed(self._speed, value=round(100.0 * report.speed))
         is_fault = report is not None and report.state is ServoState.FAULT
         set_changed(self._reset, disabled=not (can_command and is_fault), visible=is_fault)
         proposal = self.proposal
@@ -130,19 +130,13 @@ class Controls:
         if robot is not None:
             # What can be moved by hand must not be left so.
             with contextlib.suppress(OrientdError):
-                self._teach.give_up()
+                self._teach.lesson.end()
             robot.release_lease()
-
-    def _follow_speed(self, report: DeviceReport) -> None:
-        percent = round(100.0 * report.speed)
-        set_changed(self._speed, value=percent)
 
     def _take_or_give(self, robot: Robot, device: str) -> None:
         is_given_back = self.is_ours(self._watcher.sight)
         self.give_up()
-        if is_given_back:
-            return
-        if not self._borrow(robot, device):
+        if not is_given_back and not self._borrow(robot, device):
             robot.acquire_lease(device)
 
     def _pause_or_resume(self, robot: Robot, device: str) -> None:

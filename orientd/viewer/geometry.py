@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from orientd.rotation import Floats, align, rotate, slerp
 from orientd.rpc import Plan, Samples
 
-
-class Dashes(NamedTuple):
-    """A pattern of strokes and gaps in turn, in radians of arc; empty for one line."""
-
-    lengths: tuple[float, ...] = ()
-
+Dashes = tuple[float, ...]
+"""Lengths of strokes and gaps in turn, in radians of arc; empty for one line."""
 
 AXES = ("x", "y", "z")
-PATTERNS = (Dashes(), Dashes((0.09, 0.035)), Dashes((0.075, 0.025, 0.02, 0.025)))
+PATTERNS: tuple[Dashes, ...] = ((), (0.09, 0.035), (0.075, 0.025, 0.02, 0.025))
 """Of the axes' traces: one line, dashes, dashes and dots."""
 
 _FACES = np.ndarray[tuple[int, int], np.dtype[np.uint32]]
@@ -57,11 +51,11 @@ def dashed(points: Floats, pattern: Dashes) -> Floats:
         pattern: of strokes and gaps.
     """
     segments: Floats = np.stack([points[:-1], points[1:]], axis=1)
-    if not pattern.lengths:
+    if not pattern:
         return segments
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     middles = np.cumsum(steps) - 0.5 * steps
-    ends = np.cumsum(pattern.lengths)
+    ends = np.cumsum(pattern)
     is_stroke = np.searchsorted(ends, middles % ends[-1], side="right") % 2 == 0
     kept: Floats = segments[is_stroke]
     return kept
@@ -69,7 +63,7 @@ def dashed(points: Floats, pattern: Dashes) -> Floats:
 
 def segments(line: Floats) -> Floats:
     """Return a line as segments, shape ``(n - 1, 2, 3)``."""
-    return dashed(line, Dashes())
+    return dashed(line, ())
 
 
 def circle(axis: int, corners: int = 72) -> Floats:

@@ -20,19 +20,15 @@ class Lesson:
 
     Attributes:
         html: what was taken so far; empty before anything was.
+        is_on: whether the device was let go.
     """
 
     def __init__(self) -> None:
         """Begin without one."""
         self._lock = threading.Lock()
         self._teaching: Teaching | None = None
-        self._is_on = False
+        self.is_on = False
         self.html = ""
-
-    @property
-    def is_on(self) -> bool:
-        """Whether the device was let go."""
-        return self._is_on
 
     @property
     def count(self) -> int:
@@ -46,9 +42,9 @@ class Lesson:
             OrientdError: it cannot be moved by hand.
         """
         with self._lock:
-            if not self._is_on:
-                self._teaching, self._is_on = robot.teach(device=device), True
-                self._tell()
+            if not self.is_on:
+                self._teaching, self.is_on = robot.teach(device=device), True
+                self._tell(self._teaching)
 
     def end(self) -> None:
         """Have the device hold; what was taken stays.
@@ -57,8 +53,8 @@ class Lesson:
             OrientdError: it does not hold.
         """
         with self._lock:
-            if self._is_on and self._teaching is not None:
-                self._is_on = False
+            if self.is_on and self._teaching is not None:
+                self.is_on = False
                 self._teaching.close()
 
     def take(self, name: str = "") -> None:
@@ -69,17 +65,17 @@ class Lesson:
             StateError: the device was not let go.
         """
         with self._lock:
-            if not self._is_on or self._teaching is None:
+            if not self.is_on or self._teaching is None:
                 raise StateError("let the device go first")
             self._teaching.take(name)
-            self._tell()
+            self._tell(self._teaching)
 
     def remove(self) -> None:
         """Remove the keyframe that was taken last."""
         with self._lock:
             if self._teaching is not None:
                 self._teaching.remove()
-                self._tell()
+                self._tell(self._teaching)
 
     def content(self, name: str) -> bytes:
         """Return a motion file, YAML.
@@ -92,11 +88,9 @@ class Lesson:
                 raise StateError("nothing was taken yet")
             return structured(motion_file.written(self._teaching.request(name))).encode()
 
-    def _tell(self) -> None:
-        if self._teaching is None:
-            return
+    def _tell(self, teaching: Teaching) -> None:
         lines = [
             f"{number}. {one.time or 0.0:.2f} s {one.name}"
-            for number, one in enumerate(self._teaching.keyframes, 1)
+            for number, one in enumerate(teaching.keyframes, 1)
         ]
         self.html = words.note("Taken: " + ("; ".join(lines) or "nothing yet"))

@@ -6,7 +6,6 @@ import math
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import viser
@@ -15,6 +14,7 @@ from orientd.rpc import Robot
 from orientd.viewer import freshness, web, words
 from orientd.viewer.charts import Charts
 from orientd.viewer.controls import Borrow, Controls, StopButtons
+from orientd.viewer.handles import set_changed
 from orientd.viewer.scene import RADIUS, Scene
 from orientd.viewer.stop_relay import StopRelay
 from orientd.viewer.watcher import Sight, Watcher
@@ -72,7 +72,6 @@ class Page:
             watcher.close()
             raise
         self.port = server.get_port()
-        self._status_text = ""
         server.gui.add_html(freshness.HTML)
         self._beat = server.gui.add_html("")
         self._next_beat = 0.0
@@ -83,7 +82,6 @@ class Page:
         if daemon is not None:
             self._relay = StopRelay(host, self.port, daemon, self._stop.kinds)
             server.gui.add_html(self._relay.html)
-        self._choice: Any = None
         self._add_choice()
         self._controls: Controls | None = None
         if may_command:
@@ -153,8 +151,7 @@ class Page:
                 problem=problem,
                 is_connected=not sight.problem,
             )
-        if text != self._status_text:
-            self._status_text = self._status.content = text
+        set_changed(self._status, content=text)
 
     def _show_charts(self, sight: Sight) -> None:
         report = sight.report
@@ -173,16 +170,16 @@ class Page:
         cell = self._watcher.sight.cell
         names = list(cell.devices) if cell is not None else []
         if len(names) > 1:
-            self._choice = self._server.gui.add_dropdown("Device", names)
-            self._choice.on_update(lambda _: self._watcher.choose(self._choice.value))
+            choice = self._server.gui.add_dropdown("Device", names)
+            choice.on_update(lambda _: self._watcher.choose(choice.value))
 
     # Each browser's own
 
     def _welcome(self, client: viser.ClientHandle) -> None:
         self._watcher.watch(True)
         is_dark = client.gui.add_checkbox("Dark", self._is_dark, order=1e9)
-        is_dark.on_update(lambda _: _dress(client, is_dark.value))
-        _dress(client, self._is_dark)
+        is_dark.on_update(lambda _: web.dress(client, is_dark=is_dark.value))
+        web.dress(client, is_dark=self._is_dark)
         self._aim(client)
 
     def _aim(self, client: viser.ClientHandle) -> None:
@@ -205,9 +202,3 @@ class Page:
         camera.up_direction = (0.0, 0.0, 1.0)
         camera.position = target + away + shift
         camera.look_at = target + shift
-
-
-def _dress(client: viser.ClientHandle, is_dark: bool) -> None:
-    client.gui.configure_theme(
-        dark_mode=is_dark, show_logo=False, show_share_button=False, control_width="large"
-    )

@@ -54,7 +54,6 @@ class Strips:
         self._lead_cycles = lead_cycles
         self._values: Floats = np.full((len(NAMES), COUNT), np.nan)
         self._newest = 0
-        self.tracking_error: float | None = None
 
     def add(self, cycles: Sequence[Cycle]) -> None:
         """Take in cycles, in the order in which they happened."""
@@ -89,21 +88,19 @@ class Strips:
 
     def _column(self, cycle: Cycle) -> tuple[float, ...]:
         self._sent.append((cycle.index, cycle.q))
-        self.tracking_error = self._error(cycle)
-        error = self.tracking_error
         return (
             norm(cycle.omega_body),
             *(abs(part) for part in cycle.omega_body),
             norm(cycle.feedback_omega_body) if cycle.has_feedback else np.nan,
             norm(cycle.alpha_body),
             *(abs(part) for part in cycle.alpha_body),
-            np.nan if error is None else error,
+            self._error(cycle),
             cycle.lateness_ns * 1e-9,
         )
 
-    def _error(self, cycle: Cycle) -> float | None:
-        """Return the angle between what is measured and what was sent a lead ago, where known."""
+    def _error(self, cycle: Cycle) -> float:
+        """Return the angle between what is measured and what was sent a lead ago, or no number."""
         index, q = self._sent[0]
         if not cycle.has_feedback or cycle.index - index != self._lead_cycles:
-            return None
+            return np.nan
         return norm(difference(q, cycle.feedback_q))  # type: ignore[arg-type] # four of them

@@ -63,10 +63,6 @@ class TeachPanel:
         set_changed(self._about, content=lesson.html, visible=bool(lesson.html))
         set_changed(self._download, visible=has_taken)
 
-    def give_up(self) -> None:
-        """Have the device hold, for nobody is left to command it."""
-        self.lesson.end()
-
     def _let_go_or_hold(self, robot: Robot, device: str) -> None:
         if self.lesson.is_on:
             self.lesson.end()

@@ -36,7 +36,6 @@ class Sight:
         cycle: its newest one.
         outline: its shape.
         plan: of its newest motion.
-        tracking_error: in the newest cycle, rad.
         seen: when the daemon was last heard of, s on :func:`time.monotonic`.
         alive: when the newest cycle of its servo was, where there is one, or *seen*.
     """
@@ -47,7 +46,6 @@ class Sight:
     cycle: Cycle | None = None
     outline: Outline = ()
     plan: Plan | None = None
-    tracking_error: float | None = None
     seen: float = 0.0
     alive: float = 0.0
 
@@ -105,7 +103,6 @@ class Watcher:
         self._robot: Robot | None = None
         self._met: Robot | None = None
         self._observer: Observer | None = None
-        self._streaming: threading.Thread | None = None
         self._is_watched = False
         self._closing = threading.Event()
         self._wake = threading.Event()
@@ -120,7 +117,7 @@ class Watcher:
     @property
     def is_streaming(self) -> bool:
         """Whether cycles flow."""
-        return self._streaming is not None
+        return self._observer is not None
 
     @property
     def connection(self) -> Robot | None:
@@ -220,7 +217,7 @@ class Watcher:
         with self._lock:
             if self._sight.device not in ("", device):
                 return
-            cycle = self._sight.cycle if self._streaming is not None else report.cycle
+            cycle = self._sight.cycle if self.is_streaming else report.cycle
             # What an old device was heard of says nothing of another one.
             alive = self._sight.alive if self._sight.device == device else 0.0
             self._sight = replace(
@@ -233,7 +230,7 @@ class Watcher:
                 seen=max(asked, self._sight.seen),
                 alive=max(asked - report.cycle_age * (report.servo_pid is not None), alive),
             )
-            if self._is_watched and self._streaming is None:
+            if self._is_watched and not self.is_streaming:
                 self._begin_stream(robot, report)
             elif not self._is_watched:
                 self._end_stream()
@@ -243,18 +240,13 @@ class Watcher:
     def _begin_stream(self, robot: Robot, report: DeviceReport) -> None:
         self.strips = strips = Strips(round(report.lead * report.rate_hz))
         self._observer = observer = robot.observe()
-        self._streaming = threading.Thread(
-            target=self._stream,
-            args=(observer, strips, report.name),
-            name="cycles",
-            daemon=True,
-        )
-        self._streaming.start()
+        arguments = observer, strips, report.name
+        threading.Thread(target=self._stream, args=arguments, name="cycles", daemon=True).start()
 
     def _end_stream(self) -> None:
         if self._observer is not None:
             self._observer.close()
-        self._observer = self._streaming = None
+        self._observer = None
 
     def _stream(self, observer: Observer, strips: Strips, device: str) -> None:
         try:
@@ -268,7 +260,6 @@ class Watcher:
                         self._sight,
                         cycle=cycles[-1] if cycles else self._sight.cycle,
                         outline=outline,
-                        tracking_error=strips.tracking_error,
                         seen=now,
                         alive=now if cycles else self._sight.alive,
                     )

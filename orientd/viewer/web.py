@@ -7,6 +7,7 @@ here.
 from __future__ import annotations
 
 import contextlib
+import errno
 import io
 import logging
 import socket
@@ -44,7 +45,7 @@ def serve(host: str, port: int) -> viser.ViserServer:
         stop(server)
         raise DaemonError(_in_use(host, port))
     _refuse_foreign_pages(server, is_local=is_loopback(host))
-    server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
+    dress(server, is_dark=False)
     # A browser without a graphics card draws nothing for ten seconds while it makes the lights that
     # surfaces reflect, and shadows again with every picture.
     server.scene.configure_default_lights(cast_shadow=False)
@@ -54,6 +55,13 @@ def serve(host: str, port: int) -> viser.ViserServer:
     infra = server._websock_server  # noqa: SLF001 - there is no other way
     infra.unregister_handler(_messages.ShareUrlRequest)
     return server
+
+
+def dress(whose: viser.ViserServer | viser.ClientHandle, *, is_dark: bool) -> None:
+    """Set how pages look: all of them, or those of one browser."""
+    whose.gui.configure_theme(
+        dark_mode=is_dark, show_logo=False, show_share_button=False, control_width="large"
+    )
 
 
 def stop(server: viser.ViserServer) -> None:
@@ -74,14 +82,9 @@ def _check_free(host: str, port: int) -> None:
     except PermissionError as error:
         raise DaemonError(f"cannot serve at {host} port {port}: {error.strerror}") from error
     except OSError as error:
-        raise DaemonError(_in_use(host, port) if _is_taken(error) else
-                          f"cannot serve at {host}: {error.strerror}") from error  # fmt: skip
-
-
-def _is_taken(error: OSError) -> bool:
-    import errno
-
-    return error.errno == errno.EADDRINUSE
+        is_taken = error.errno == errno.EADDRINUSE
+        problem = _in_use(host, port) if is_taken else f"cannot serve at {host}: {error.strerror}"
+        raise DaemonError(problem) from error
 
 
 def _in_use(host: str, port: int) -> str:

@@ -5,6 +5,7 @@ import signal
 import socket
 import urllib.request
 
+import numpy as np
 import pytest
 from command_line import assert_refused, begin, orientd
 from harness import DEVICE, DaemonProcess, children, is_alive, spin, until
@@ -79,12 +80,16 @@ def test_a_port_in_use_is_one_clear_line(daemon):
     assert_refused(done, f"port {port} is in use", "--port")
 
 
+def has_tracking_error(watcher):
+    return np.isfinite(watcher.strips.read()[1]["tracking_error"]).any()
+
+
 def test_cycles_flow_only_while_somebody_looks(daemon):
     with watching(daemon) as watcher:
         assert watcher.sight.report.state is ServoState.HOLDING
         assert not watcher.is_streaming
         watcher.watch(True)
-        until(lambda: watcher.is_streaming and watcher.sight.tracking_error is not None, "cycles")
+        until(lambda: watcher.is_streaming and has_tracking_error(watcher), "cycles")
         watcher.watch(False)
         until(lambda: not watcher.is_streaming, "silence")
         assert watcher.sight.cell.daemon.pid == daemon.process.pid

@@ -50,10 +50,10 @@ def test_signs_of_the_samples_do_not_matter(motion):
 def test_strokes_are_the_part_of_the_line_that_the_pattern_says():
     around = np.linspace(0.0, 6.0, 6001)
     line = np.stack([np.cos(around), np.sin(around), 0.0 * around], axis=-1)
-    strokes = geometry.dashed(line, geometry.Dashes((0.3, 0.1)))
+    strokes = geometry.dashed(line, (0.3, 0.1))
     length = np.linalg.norm(strokes[:, 1] - strokes[:, 0], axis=1).sum()
     assert length == pytest.approx(0.75 * 6.0, rel=1e-3)
-    assert len(geometry.dashed(line, geometry.Dashes())) == 6000
+    assert len(geometry.dashed(line, ())) == 6000
 
 
 def volume(vertices, faces):

@@ -76,7 +76,6 @@ def test_tracking_is_against_what_was_sent_a_lead_ago():
     )  # fmt: skip
     _, error = read(strips, "tracking_error")
     assert error[-1] == pytest.approx(0.0, abs=1e-12)
-    assert strips.tracking_error == pytest.approx(0.0, abs=1e-12)
 
 
 def test_without_feedback_nothing_is_claimed_of_it():
@@ -85,7 +84,6 @@ def test_without_feedback_nothing_is_claimed_of_it():
     _, values = strips.read()
     assert np.isnan(values["tracking_error"]).all()
     assert np.isnan(values["velocity_measured"]).all()
-    assert strips.tracking_error is None
 
 
 def test_another_servo_with_another_clock_begins_anew():
