@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from orientd.fleet.channel import FleetChannel
     from orientd.fleet.client import Fleet, FleetMember, connect_fleet
     from orientd.fleet.clocks import ClockOffset
-    from orientd.fleet.frames import LENGTHS, Header, read_header, write_frame
+    from orientd.fleet.frames import LENGTHS, Header, write_frame
     from orientd.fleet.overview import Overview
     from orientd.fleet.plan_file import FleetMotion, read_plan
     from orientd.fleet.recording import FleetRecording

@@ -16,8 +16,10 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Self, cast
 
 import grpc
+from google.protobuf.message import DecodeError
+from google.rpc import status_pb2
 
-from orientd.errors import OrientdError, StateError, TooMuchError
+from orientd.errors import StateError, TooMuchError
 from orientd.fleet import keys
 from orientd.fleet.requests import RequestStream
 from orientd.rpc import DETAILS_KEY, to_status
@@ -38,46 +40,16 @@ Write = Callable[[Any], bytes] | None
 Read = Callable[[bytes], Any] | None
 
 
-class FleetCallError(grpc.RpcError, grpc.Call):
-    """A call that failed, as gRPC tells of it."""
+class FleetCallError(grpc.aio.AioRpcError):
+    """A call that failed, as gRPC tells of one that is over."""
 
     def __init__(self, code: grpc.StatusCode, text: str, details: bytes = b"") -> None:
         """Have failed with *code*; *details* is a whole ``google.rpc.Status``, if there is one."""
-        super().__init__(text)
-        self._code, self._text, self._details = code, text, details
+        trailing = [(DETAILS_KEY, details)] if details else []
+        super().__init__(code, grpc.aio.Metadata(), grpc.aio.Metadata(*trailing), text, "")
 
-    def code(self) -> grpc.StatusCode:
-        """Return the kind of failure."""
-        return self._code
-
-    def details(self) -> str:
-        """Return what happened, in words."""
-        return self._text
-
-    def trailing_metadata(self) -> Any:  # noqa: ANN401 - as gRPC has it
-        """Return the whole status, where there is one."""
-        return ((DETAILS_KEY, self._details),) if self._details else ()
-
-    def initial_metadata(self) -> tuple[()]:
-        """Return nothing: a failure is all that came."""
-        return ()
-
-    def is_active(self) -> bool:
-        """Whether the call goes on; it has failed."""
-        return False
-
-    def time_remaining(self) -> float:
-        """Return how long the call may go on, s."""
-        return 0.0
-
-    def cancel(self) -> bool:
-        """End what has ended."""
-        return False
-
-    def add_callback(self, callback: Callable[[], None]) -> bool:
-        """Refuse to tell of the end, which has been."""
-        del callback
-        return False
+    def __str__(self) -> str:
+        return str(self.details())
 
 
 class _Answers(Iterator[Any]):
@@ -113,9 +85,8 @@ class _Answers(Iterator[Any]):
         self._replies.put(None)
         raise _failure(reply.err.payload.to_bytes() if reply.err is not None else b"")
 
-    def result(self, timeout: float | None = None) -> Any:  # noqa: ANN401
+    def result(self) -> Any:  # noqa: ANN401
         """Return the one answer."""
-        del timeout
         for answer in self:
             return answer
         raise FleetCallError(grpc.StatusCode.UNAVAILABLE, "nobody answers there")
@@ -133,16 +104,12 @@ class _Answers(Iterator[Any]):
 
 def _failure(said: bytes) -> FleetCallError:
     """Return what an error says: a ``google.rpc.Status``, JSON of the gateway, or Zenoh's text."""
-    error: OrientdError | None = None
     if said.startswith(b"{"):
         told = json.loads(said)
         error = TooMuchError(told["busy"]) if "busy" in told else StateError(told["refused"])
         said = to_status(error).SerializeToString()
     elif said.lower().startswith(b"timeout"):
         return FleetCallError(grpc.StatusCode.DEADLINE_EXCEEDED, "timeout")
-    from google.protobuf.message import DecodeError
-    from google.rpc import status_pb2
-
     status = status_pb2.Status()
     try:
         status.ParseFromString(said)
@@ -150,10 +117,8 @@ def _failure(said: bytes) -> FleetCallError:
         return FleetCallError(grpc.StatusCode.UNKNOWN, said.decode(errors="replace"))
     code = _CODES.get(status.code, grpc.StatusCode.UNKNOWN)
     # An answer without details, such as "no such call", is gRPC's own and has other words.
-    return FleetCallError(code, status.message, b"" if code is _UNIMPLEMENTED else said)
-
-
-_UNIMPLEMENTED = grpc.StatusCode.UNIMPLEMENTED
+    is_own = code is grpc.StatusCode.UNIMPLEMENTED
+    return FleetCallError(code, status.message, b"" if is_own else said)
 
 
 class _Method:

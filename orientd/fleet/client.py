@@ -224,11 +224,11 @@ class Fleet:
                     known = len(self._daemons)
                     self._news.wait_for(lambda: len(self._daemons) > known, QUIET)  # noqa: B023
             missing = set(names) - self._daemons
-            if missing or not self._daemons:
-                if not missing:
-                    raise DaemonError(f"there is no daemon of cell {self.cell}")
+            if missing:
                 absent = ", ".join(sorted(missing))
                 raise DaemonError(f"cell {self.cell} has no {absent}")
+            if not self._daemons:
+                raise DaemonError(f"there is no daemon of cell {self.cell}")
         return self.daemons
 
     def _hear_alive(self, sample: zenoh.Sample) -> None:

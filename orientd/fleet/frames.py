@@ -19,12 +19,6 @@ def write_frame(header: Mapping[str, Any], body: bytes = b"") -> bytes:
     return LENGTHS.pack(len(said), len(body)) + said + body
 
 
-def read_header(said: bytes) -> Header:
-    """Return the header that *said* holds."""
-    header: Header = json.loads(said)
-    return header
-
-
 def read_frame(incoming: BinaryIO) -> tuple[Header, bytes] | None:
     """Return the next frame; ``None`` at the end."""
     lengths = incoming.read(LENGTHS.size)
@@ -32,4 +26,4 @@ def read_frame(incoming: BinaryIO) -> tuple[Header, bytes] | None:
         return None
     head, size = LENGTHS.unpack(lengths)
     said, body = incoming.read(head), incoming.read(size)
-    return None if len(said) < head or len(body) < size else (read_header(said), body)
+    return None if len(said) < head or len(body) < size else (json.loads(said), body)

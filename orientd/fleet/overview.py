@@ -10,7 +10,6 @@ from orientd.rpc import device_from_message
 from orientd.viewer import Member
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
     from typing import Self
 
     from orientd.fleet.client import Fleet
@@ -71,12 +70,8 @@ class Overview:
 
     def stop(self, *, is_quickest: bool) -> str:
         """Stop every device; return who has not acknowledged it and why, empty if nobody."""
-        answers: Sequence[str] = [
-            f"{one.daemon}: {one.problem}"
-            for one in self._fleet.stop(is_quickest=is_quickest)
-            if one.problem
-        ]
-        return "; ".join(answers)
+        answers = self._fleet.stop(is_quickest=is_quickest)
+        return "; ".join(f"{one.daemon}: {one.problem}" for one in answers if one.problem)
 
     def _measure(self) -> None:
         while not self._closing.wait(_PAUSE):

@@ -11,7 +11,6 @@ import time
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from orientd.errors import DaemonError, OrientdError
@@ -91,10 +90,8 @@ class FleetRecording(Tally):
             RecordingError: the file cannot be written any further.
             DaemonError: one of the daemons that were named is not there at the beginning.
         """
-        missing = set(self._daemons) - set(self._fleet.daemons)
-        if missing:
-            absent = ", ".join(sorted(missing))
-            raise DaemonError(f"cell {self._fleet.cell} has no {absent}")
+        if self._daemons:
+            self._fleet.find(self._daemons, timeout=0.0)
         work: dict[str, Future[None]] = {}
         due: dict[str, float] = {}
         with RecordingWriter(
@@ -177,12 +174,7 @@ class FleetRecording(Tally):
             time.sleep(_POLL)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: object, traceback: object) -> None:
         """Have the recording completed.
 
         Raises:

@@ -25,14 +25,13 @@ def open_session(configuration: Mapping[str, Any]) -> zenoh.Session:
     except ImportError as error:
         raise ConfigError("a fleet needs Zenoh: pip install 'orientd-motion[fleet]'") from error
     config = zenoh.Config()
-    # A Unix socket that Zenoh makes is for its own user.
-    before = os.umask(0o177)
     try:
         for path, value in configuration.items():
             config.insert_json5(path, json.dumps(value))
     except zenoh.ZError as error:
-        os.umask(before)
         raise ConfigError(f"fleet: {_first_line(error)}") from error
+    # A Unix socket that Zenoh makes is for its own user.
+    before = os.umask(0o177)
     try:
         return zenoh.open(config)
     except zenoh.ZError as error:

@@ -13,11 +13,11 @@ import json
 import secrets
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from orientd.errors import DaemonError, OrientdError, StateError
 from orientd.fleet.channel import START_KEY
@@ -124,9 +124,10 @@ def move_together(
         tell("planning")
         plans = list(pool.map(lambda one: _plan(robots[one.daemon], one), ordered))
         for attempt in range(1, ATTEMPTS + 1):
-            starts, start_ns = _starts(
-                fleet, ordered, _offsets(fleet, robots, pool, tell), start_in
-            )
+            tell("measuring clocks")
+            measured = pool.map(lambda name: _offset(fleet, name), robots)
+            offsets = dict(zip(robots, measured, strict=True))
+            starts, start_ns = _starts(fleet, ordered, offsets, start_in)
             tell(f"starting in {(start_ns - time.monotonic_ns()) * 1e-9:.2f} s")
             begun = [
                 pool.submit(
@@ -167,14 +168,6 @@ def _take_leases(
 def _plan(robot: Robot, one: FleetMotion) -> Plan:
     with _of(str(one)):
         return robot.plan(one.request, device=one.device)
-
-
-def _offsets(
-    fleet: Fleet, daemons: Iterable[str], pool: ThreadPoolExecutor, tell: Tell
-) -> dict[str, Offset]:
-    tell("measuring clocks")
-    names = list(daemons)
-    return dict(zip(names, pool.map(lambda name: _offset(fleet, name), names), strict=True))
 
 
 def _offset(fleet: Fleet, daemon: str) -> Offset:
@@ -276,15 +269,11 @@ def _skew(
     return (max(instants) - min(instants)) * 1e-9, widest * 1e-9
 
 
-class _of:  # noqa: N801 - reads as a word
+@contextmanager
+def _of(what: str) -> Iterator[None]:
     """Say of what an error is."""
-
-    def __init__(self, what: str) -> None:
-        self._what = what
-
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(self, kind: Any, error: BaseException | None, traceback: Any) -> None:  # noqa: ANN401
-        if isinstance(error, OrientdError):
-            error.args = (f"{self._what}: {error}", *error.args[1:])
+    try:
+        yield
+    except OrientdError as error:
+        error.args = (f"{what}: {error}", *error.args[1:])
+        raise

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import json
 import logging
 import math
 import os
@@ -20,7 +21,7 @@ from orientd.daemon.access import Admission, ClientCertificate, Process, Startup
 from orientd.daemon.fleet.carried import Requests, carry, too_large
 from orientd.daemon.observe import Journal
 from orientd.errors import ConfigError, OrientdError
-from orientd.fleet import LENGTHS, Header, read_header, write_frame, zenoh_configuration
+from orientd.fleet import LENGTHS, Header, write_frame, zenoh_configuration
 from orientd.rpc import control_pb2 as pb
 
 _log = logging.getLogger(__name__)
@@ -153,7 +154,7 @@ class FleetLink:
         with contextlib.suppress(asyncio.IncompleteReadError):
             while True:
                 head, size = LENGTHS.unpack(await reader.readexactly(LENGTHS.size))
-                header = read_header(await reader.readexactly(head))
+                header: Header = json.loads(await reader.readexactly(head))
                 self._hear(header, await reader.readexactly(size))
         _log.warning("fleet: the gateway has ended; it is started again")
 

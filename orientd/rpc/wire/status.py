@@ -7,6 +7,7 @@ the same attributes.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import grpc
 from google.protobuf.message import DecodeError, Message
@@ -119,9 +120,10 @@ def from_call(error: grpc.RpcError, *, where: str) -> OrientdError:
         error: what gRPC raised.
         where: the socket, for the message when nobody answers there.
     """
-    if not isinstance(error, grpc.Call):
+    if not isinstance(error, grpc.Call | grpc.aio.AioRpcError):
         return DaemonError(f"the call to the daemon at {where} failed: {error}")
-    for key, content in error.trailing_metadata() or ():
+    metadata: Any = error.trailing_metadata()
+    for key, content in metadata or ():
         if key == DETAILS_KEY:
             status = status_pb2.Status()
             try:
