@@ -8,8 +8,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from orientd import motion_file
 from orientd.batch.requests import mapping_of
 from orientd.config import DeviceSettings
@@ -125,8 +123,5 @@ def _certified(motion: Motion) -> dict[str, Any]:
         peak = getattr(certificate, f"peak_{name}")
         row |= {f"peak_{name}": peak.value, f"limit_{name}": peak.limit}
     row["notes"] = "; ".join(certificate.notes)
-    return {name: entry for name, entry in row.items() if not _is_nan(entry)}
-
-
-def _is_nan(entry: object) -> bool:
-    return isinstance(entry, float) and bool(np.isnan(entry))
+    # What is not a number is nothing in the table.
+    return {name: entry for name, entry in row.items() if entry == entry}

@@ -73,21 +73,18 @@ class SharedMemory:
     def __init__(self, descriptor: int, path_capacity: int, cycle_capacity: int) -> None:
         """Map an existing file; use :meth:`create` to make one."""
         self.descriptor = descriptor
-        self.path_capacity = path_capacity
-        self.cycle_capacity = cycle_capacity
-        layouts = _layouts(path_capacity, cycle_capacity)
-        sizes = [_pages(RecordRing.bytes_needed(layout, count)) for layout, count in layouts]
+        rings = _rings(path_capacity, cycle_capacity)
         # With every page in place: the servo would else meet a page fault every few cycles.
         flags = mmap.MAP_SHARED | mmap.MAP_POPULATE
-        self._map = mmap.mmap(descriptor, PAGE + sum(sizes), flags)
+        self._map = mmap.mmap(descriptor, PAGE + sum(size for *_, size in rings), flags)
         self._view = memoryview(self._map)
         self.pulse = self._view[:PAGE].cast("Q")
-        rings, offset = [], PAGE
-        for (layout, count), size in zip(layouts, sizes, strict=True):
-            rings.append(RecordRing(self._view[offset : offset + size], layout, count))
+        self._rings: list[RecordRing] = []
+        offset = PAGE
+        for layout, count, size in rings:
+            self._rings.append(RecordRing(self._view[offset : offset + size], layout, count))
             offset += size
-        self._rings = rings
-        self.path, self.commands, self.cycles, self.notes, *others = rings
+        self.path, self.commands, self.cycles, self.notes, *others = self._rings
         self.targets, self.tunings, self.health = others
 
     @classmethod
@@ -104,7 +101,7 @@ class SharedMemory:
         import fcntl  # where there is none, curves and plans are to be had all the same
 
         seals = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL
-        size = cls.size(path_capacity, cycle_capacity)
+        size = PAGE + sum(size for *_, size in _rings(path_capacity, cycle_capacity))
         descriptor = os.memfd_create("orientd-servo", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
         try:
             # This is not in there; but what the machine sets aside for shared memory bounds it too.
@@ -121,14 +118,6 @@ class SharedMemory:
             ) from error
         return cls(descriptor, path_capacity, cycle_capacity)
 
-    @staticmethod
-    def size(path_capacity: int, cycle_capacity: int) -> int:
-        """Return the length of the file in bytes."""
-        return PAGE + sum(
-            _pages(RecordRing.bytes_needed(layout, count))
-            for layout, count in _layouts(path_capacity, cycle_capacity)
-        )
-
     def beat(self, now_ns: int) -> None:
         """Say that the daemon is alive."""
         self.pulse[0] = now_ns
@@ -143,8 +132,9 @@ class SharedMemory:
         os.close(self.descriptor)
 
 
-def _layouts(path_capacity: int, cycle_capacity: int) -> tuple[tuple[Struct, int], ...]:
-    return (
+def _rings(path_capacity: int, cycle_capacity: int) -> list[tuple[Struct, int, int]]:
+    """Return layout, records and bytes, in whole pages, of each ring."""
+    layouts = (
         (PATH_RECORD, path_capacity),
         (COMMAND_RECORD, COMMANDS),
         (CYCLE_RECORD, cycle_capacity),
@@ -153,7 +143,5 @@ def _layouts(path_capacity: int, cycle_capacity: int) -> tuple[tuple[Struct, int
         (TUNING_RECORD, TUNINGS),
         (HEALTH_RECORD, HEALTHS),
     )
-
-
-def _pages(size: int) -> int:
-    return (size + PAGE - 1) // PAGE * PAGE
+    needed = ((layout, count, RecordRing.bytes_needed(layout, count)) for layout, count in layouts)
+    return [(layout, count, (size + PAGE - 1) // PAGE * PAGE) for layout, count, size in needed]

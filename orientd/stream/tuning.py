@@ -15,8 +15,6 @@ def tuning_text(options: Mapping[str, Any]) -> bytes:
     Raises:
         ValueError: they are too long, or more than JSON can say.
     """
-    if not options:
-        return b"{}"
     try:
         text = json.dumps(dict(options), allow_nan=False).encode()
     except TypeError as error:
