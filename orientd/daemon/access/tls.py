@@ -5,11 +5,11 @@ from __future__ import annotations
 import asyncio
 import socket
 import ssl
-from collections.abc import Iterator
 from typing import Any
 
 from orientd.config import TcpSettings
 from orientd.daemon.access.identity import ClientCertificate
+from orientd.der import elements
 from orientd.errors import ConfigError
 
 
@@ -119,28 +119,14 @@ def _is_for_clients(certificate: bytes) -> bool:
     Args:
         certificate: DER, well formed: it has been verified.
     """
-    (whole,) = [inner for _, inner in _parts(certificate)]
-    signed = next(_parts(whole))[1]
-    for tag, inner in _parts(signed):
+    (whole,) = [inner for _, inner in elements(certificate)]
+    signed = next(elements(whole))[1]
+    for tag, inner in elements(signed):
         if tag != _EXTENSIONS:
             continue
-        for _, extension in _parts(next(_parts(inner))[1]):
-            (_, name), *_, (_, content) = _parts(extension)
+        for _, extension in elements(next(elements(inner))[1]):
+            (_, name), *_, (_, content) = elements(extension)
             if name == _EXTENDED_KEY_USAGE:
-                usages = next(_parts(content))[1]
-                return any(usage == _CLIENT_AUTH for _, usage in _parts(usages))
+                usages = next(elements(content))[1]
+                return any(usage == _CLIENT_AUTH for _, usage in elements(usages))
     return False
-
-
-def _parts(content: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield tag and content of each element of DER (X.690, 8.1)."""
-    begin = 0
-    while begin < len(content):
-        tag, length = content[begin], content[begin + 1]
-        begin += 2
-        if length & 0x80:
-            count = length & 0x7F
-            length = int.from_bytes(content[begin : begin + count], "big")
-            begin += count
-        yield tag, content[begin : begin + length]
-        begin += length
