@@ -30,23 +30,31 @@ PRIORITY = 80
 DEVICE = "bench"
 
 
-@dataclass(frozen=True, slots=True)
-class Comparison:
-    """The servo and the C loop under the same conditions.
+class Condition(NamedTuple):
+    """What one comparison of a full report is made under.
 
     Attributes:
         rate_hz: cycles a second.
-        is_loaded: whether the daemon and every core were busy.
+        is_loaded: whether the daemon and every core are busy.
         priority: SCHED_FIFO priority, 0 for the ordinary scheduler.
         spin_us: how long the servo spins before a deadline; the C loop never does.
-        servo: slots of the servo.
-        bare: slots of the C loop, each taken beside the one of the servo.
     """
 
     rate_hz: float
     is_loaded: bool
     priority: int
     spin_us: int
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """The servo and the C loop under the same conditions.
+
+    Attributes:
+        servo: slots of the servo.
+        bare: slots of the C loop, each taken beside the one of the servo.
+    """
+
     servo: tuple[Slot, ...]
     bare: tuple[Slot, ...]
 
@@ -68,15 +76,7 @@ class Comparison:
         return sum(s.overruns for s in self.servo), sum(s.overruns for s in self.bare)
 
 
-def compare(
-    *,
-    rate_hz: float,
-    is_loaded: bool,
-    priority: int,
-    spin_us: int,
-    slots: int,
-    seconds: float,
-) -> Comparison:
+def compare(condition: Condition, *, slots: int, seconds: float) -> Comparison:
     """Measure *slots* pairs of slots of *seconds* each.
 
     Raises:
@@ -88,19 +88,18 @@ def compare(
         for number in range(slots):
             order = [("servo", servo), ("bare", bare)]
             for name, found in order if number % 2 == 0 else reversed(order):
-                with processes(busy_cores() if is_loaded else []):
+                with processes(busy_cores() if condition.is_loaded else []):
                     slot = (
-                        _servo_slot(rate_hz, seconds, priority, spin_us, is_loaded=is_loaded)
+                        _servo_slot(condition, seconds)
                         if name == "servo"
-                        else run_bare_loop(program, rate_hz, seconds, priority)
+                        else run_bare_loop(program, condition.rate_hz, seconds, condition.priority)
                     )
                 found.append(slot)
-    return Comparison(rate_hz, is_loaded, priority, spin_us, tuple(servo), tuple(bare))
+    return Comparison(tuple(servo), tuple(bare))
 
 
-def _servo_slot(
-    rate_hz: float, seconds: float, priority: int, spin_us: int, *, is_loaded: bool
-) -> Slot:
+def _servo_slot(condition: Condition, seconds: float) -> Slot:
+    rate_hz, is_loaded, priority, spin_us = condition
     with (
         tempfile.TemporaryDirectory(prefix="orientd-bench-") as folder,
         daemon(Path(folder), rate_hz, priority, spin_us) as socket,
@@ -190,15 +189,6 @@ def stream(socket: Path, seconds: float, priority: int, *, progress_hz: float = 
         missed=found.missed,
         work_p99_us=found.work.p99 * 1e6,
     )
-
-
-class Condition(NamedTuple):
-    """What one comparison of a full report is made under; fields as in :class:`Comparison`."""
-
-    rate_hz: float
-    is_loaded: bool
-    priority: int
-    spin_us: int
 
 
 def conditions() -> list[Condition]:

@@ -38,7 +38,7 @@ def show(title, **figures):
     ),
 )
 def test_lateness_beside_a_bare_loop(condition):
-    found = compare(**condition._asdict(), slots=6, seconds=5.0)
+    found = compare(condition, slots=6, seconds=5.0)
     ours, bare = found.overruns
     show(
         f"{condition}",

@@ -129,7 +129,7 @@ def _servo(seconds: float, slots: int, *, as_json: bool) -> list[dict[str, Any]]
         if not as_json and is_terminal():
             say(f"{rate_hz:g} Hz, {load}, {scheduler}, spin {spin_us} us ...")
         try:
-            comparison = compare(**condition._asdict(), slots=slots, seconds=seconds)
+            comparison = compare(condition, slots=slots, seconds=seconds)
         except OrientdError as error:
             done.append({**asked, "error": str(error)})
             rows.append([*row, str(error), "", "", "", ""])

@@ -31,11 +31,11 @@ def latency(keyframes, count):
 
 @pytest.fixture(autouse=True)
 def _measured(monkeypatch):
-    def compare(*, rate_hz, is_loaded, priority, spin_us, slots, seconds):
-        if not priority:
+    def compare(condition, *, slots, seconds):
+        if not condition.priority:
             raise OrientdError("not permitted here")
         ours, bare = (slot(60.0, 50.0),) * slots, (slot(40.0),) * slots
-        return Comparison(rate_hz, is_loaded, priority, spin_us, ours, bare)
+        return Comparison(ours, bare)
 
     monkeypatch.setattr(curves, "measure_curves", lambda **_: SPEED)
     monkeypatch.setattr(servo, "compare", compare)
