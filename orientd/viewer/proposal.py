@@ -5,13 +5,10 @@ from __future__ import annotations
 import threading
 
 from orientd import motion_file
-from orientd.errors import OrientdError, RequestError
+from orientd.errors import OrientdError
 from orientd.rpc import MoveHandle, Outcome, Plan, Robot
 from orientd.viewer import words
 from orientd.viewer.watcher import sample_rate
-
-LARGEST_FILE = 16 << 20
-"""Bytes; some 100,000 keyframes."""
 
 
 class Proposal:
@@ -42,9 +39,6 @@ class Proposal:
         with self._lock:
             self.plan = None
             try:
-                if len(content) > LARGEST_FILE:
-                    problem = f"{name} has {len(content)} bytes, at most {LARGEST_FILE} are read"
-                    raise RequestError("", problem)
                 request = motion_file.loads(content, name)
                 planned = robot.plan(request, device=device)
                 self.plan = robot.planned(
