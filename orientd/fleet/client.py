@@ -45,7 +45,7 @@ ADDRESS = "fleet:"
 """What the address of a daemon of a cell begins with: ``fleet:DAEMON``."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FleetMember(Way):
     """The way to a daemon of a cell.
 
@@ -70,14 +70,8 @@ class FleetMember(Way):
         The certificates are as for :func:`connect_fleet`.
         """
         name = address.removeprefix(ADDRESS)
-        return cls(
-            _kept(name),
-            address,
-            certificate=None if certificate is None else Path(certificate),
-            key=None if key is None else Path(key),
-            ca=None if ca is None else Path(ca),
-            name=name,
-        )
+        files = (None if path is None else Path(path) for path in (certificate, key, ca))
+        return cls(_kept(name), address, *files, name=name)
 
     def why_not(self) -> OrientdError | None:
         """Return nothing: whether a daemon is there is what the call has found out."""

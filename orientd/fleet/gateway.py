@@ -146,13 +146,12 @@ class Gateway:
             return
         number = next(self._numbers)
         with self._lock:
+            if call.session in self._gone:
+                return
             is_room = len(self._calls) < MOST_CALLS
-            is_gone = call.session in self._gone
-            if is_room and not is_gone:
+            if is_room:
                 self._calls[number] = call
                 self._called[caller, call.id] = number
-        if is_gone:
-            return
         if not is_room:
             text = f"at most {MOST_CALLS} calls at the same time over the fleet"
             query.reply_err(json.dumps({"busy": text}).encode())

@@ -104,30 +104,24 @@ def _body(
     orientation = _quaternion(q)
     place = Vector3(x=position[0], y=position[1], z=position[2])
     pose = Pose(position=place, orientation=orientation)
-    yield (
-        f"{topic}/tf",
-        time_ns,
-        FrameTransform(
-            timestamp=stamp,
-            parent_frame_id=WORLD,
-            child_frame_id=frame,
-            translation=place,
-            rotation=orientation,
-        ),
+    transform = FrameTransform(
+        timestamp=stamp,
+        parent_frame_id=WORLD,
+        child_frame_id=frame,
+        translation=place,
+        rotation=orientation,
     )
+    yield f"{topic}/tf", time_ns, transform
     yield f"{topic}/pose", time_ns, PoseInFrame(timestamp=stamp, frame_id=WORLD, pose=pose)
     turning = Vector3(x=omega[0], y=omega[1], z=omega[2])
-    yield (
-        f"{topic}/odometry",
-        time_ns,
-        Odometry(
-            timestamp=stamp,
-            frame_id=WORLD,
-            body_frame_id=frame,
-            pose=pose,
-            angular_velocity=turning,
-        ),
+    odometry = Odometry(
+        timestamp=stamp,
+        frame_id=WORLD,
+        body_frame_id=frame,
+        pose=pose,
+        angular_velocity=turning,
     )
+    yield f"{topic}/odometry", time_ns, odometry
 
 
 def event_shown(event: pb.Event, offset_ns: int) -> Iterator[Shown]:
@@ -137,16 +131,13 @@ def event_shown(event: pb.Event, offset_ns: int) -> Iterator[Shown]:
     motion = titled(event.motion_number, event.motion.name)
     number = f" {motion}" if event.motion_number else ""
     text = f": {event.text}" if event.text else ""
-    yield (
-        "/log",
-        time_ns,
-        Log(
-            timestamp=stamp_of(time_ns),
-            level=_LEVELS.get(event.kind, Log.INFO),
-            name=event.device,
-            message=f"{kind}{number}{text}",
-        ),
+    log = Log(
+        timestamp=stamp_of(time_ns),
+        level=_LEVELS.get(event.kind, Log.INFO),
+        name=event.device,
+        message=f"{kind}{number}{text}",
     )
+    yield "/log", time_ns, log
     if event.samples:
         poses = [Pose(orientation=_planned(sample)) for sample in event.samples]
         path = PosesInFrame(timestamp=stamp_of(time_ns), frame_id=WORLD, poses=poses)
