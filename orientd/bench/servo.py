@@ -14,7 +14,7 @@ import statistics
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -85,16 +85,14 @@ def compare(condition: Condition, *, slots: int, seconds: float) -> Comparison:
     servo: list[Slot] = []
     bare: list[Slot] = []
     with bare_loop() as program:
+        order: list[tuple[list[Slot], Callable[[], Slot]]] = [
+            (servo, lambda: _servo_slot(condition, seconds)),
+            (bare, lambda: run_bare_loop(program, condition.rate_hz, seconds, condition.priority)),
+        ]
         for number in range(slots):
-            order = [("servo", servo), ("bare", bare)]
-            for name, found in order if number % 2 == 0 else reversed(order):
+            for found, take in order if number % 2 == 0 else reversed(order):
                 with processes(busy_cores() if condition.is_loaded else []):
-                    slot = (
-                        _servo_slot(condition, seconds)
-                        if name == "servo"
-                        else run_bare_loop(program, condition.rate_hz, seconds, condition.priority)
-                    )
-                found.append(slot)
+                    found.append(take())
     return Comparison(tuple(servo), tuple(bare))
 
 

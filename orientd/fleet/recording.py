@@ -6,7 +6,6 @@ its offset, which is measured again and again and written into the file with its
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
@@ -15,16 +14,11 @@ from typing import TYPE_CHECKING, Self
 
 from orientd.errors import DaemonError, OrientdError
 from orientd.fleet.clocks import Offset
-from orientd.recorder import (
-    LIVE_CHUNK_BYTES,
-    DaemonRecorder,
-    RecordingError,
-    RecordingWriter,
-    Tally,
-)
+from orientd.recorder import DaemonRecorder, LiveRecording, RecordingError
 
 if TYPE_CHECKING:
     from orientd.fleet.client import Fleet
+    from orientd.recorder import RecordingWriter
 
 MOST_DAEMONS = 256
 """Daemons in one file."""
@@ -58,7 +52,7 @@ class HeldOffset:
         return self._held
 
 
-class FleetRecording(Tally):
+class FleetRecording(LiveRecording):
     """The recording of a cell: from :meth:`run` to :meth:`end`, or for as long as a ``with`` block.
 
     Daemons that come are recorded from then on, those that leave until then.
@@ -71,17 +65,11 @@ class FleetRecording(Tally):
         self, fleet: Fleet, path: Path, daemons: Sequence[str] = (), *, has_scalars: bool = False
     ) -> None:
         """Prepare to record daemons of *fleet*; see :meth:`orientd.fleet.Fleet.record`."""
-        super().__init__()
-        self._fleet, self._path, self._daemons = fleet, path, daemons
-        self._has_scalars = has_scalars
-        self._ending = threading.Event()
+        super().__init__(path, has_scalars=has_scalars)
+        self._fleet, self._daemons = fleet, daemons
         self._background: Future[None] | None = None
         self._pool = ThreadPoolExecutor(MOST_DAEMONS, thread_name_prefix="orientd fleet record")
         self.problems: dict[str, str] = {}
-
-    def end(self) -> None:
-        """Have the recording completed; may be called from any thread, or a signal's handler."""
-        self._ending.set()
 
     def run(self) -> None:
         """Record until :meth:`end`.
@@ -94,18 +82,13 @@ class FleetRecording(Tally):
             self._fleet.find(self._daemons, timeout=0.0)
         work: dict[str, Future[None]] = {}
         due: dict[str, float] = {}
-        with RecordingWriter(
-            self._path,
-            offset_ns=time.time_ns() - time.monotonic_ns(),
-            has_scalars=self._has_scalars,
-            chunk_bytes=LIVE_CHUNK_BYTES,
-        ) as writer:
+        with self._begin_file(time.time_ns() - time.monotonic_ns()) as writer:
             try:
                 self._begin_all(writer, work, due)
-                while not self._ending.wait(_POLL):
+                while not self.ending.wait(_POLL):
                     self._begin_all(writer, work, due)
             finally:
-                self._ending.set()
+                self.ending.set()
                 wait(work.values())
                 for daemon in list(work):
                     self._take_end(daemon, work)
@@ -132,12 +115,12 @@ class FleetRecording(Tally):
         try:
             work.pop(daemon).result()
         except RecordingError:
-            self._ending.set()
+            self.ending.set()
             raise
         except OrientdError as error:
             self.problems[daemon] = str(error)
         else:
-            if not self._ending.is_set():
+            if not self.ending.is_set():
                 self.problems[daemon] = "has left"
 
     def _record(self, writer: RecordingWriter, daemon: str) -> None:
@@ -156,7 +139,7 @@ class FleetRecording(Tally):
             recorder = DaemonRecorder(robot, daemon=daemon, shift_ns=lambda: held.ns)
             measure()
             configuration = recorder.configuration()
-            recorder.run(writer, configuration, self._ending, self, on_state=measure)
+            recorder.run(writer, configuration, self, on_state=measure)
 
     # For as long as a block
 

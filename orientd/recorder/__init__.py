@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from orientd.recorder.orientations import read_orientations
     from orientd.recorder.planned import strands
     from orientd.recorder.reader import load_recording
-    from orientd.recorder.session import DaemonRecorder, RecordingSession, Tally
+    from orientd.recorder.session import DaemonRecorder, LiveRecording, RecordingSession
     from orientd.recorder.tables import export
-    from orientd.recorder.writer import LIVE_CHUNK_BYTES, RecordingError, RecordingWriter
+    from orientd.recorder.writer import RecordingError, RecordingWriter
 
 __getattr__ = lazily(__name__)

@@ -29,20 +29,35 @@ STATE_INTERVAL = 5.0
 _POLL = 0.1
 
 
-class Tally:
-    """What has been recorded so far.
+class LiveRecording:
+    """A recording that grows while devices move, and how much there is in it so far.
 
     Attributes:
         cycles: by device.
         lost: cycles that the daemon had forgotten before they were read, by device.
         events: of all devices.
+        ending: is set once it is to be completed.
     """
 
-    def __init__(self) -> None:
-        """Begin with nothing."""
+    def __init__(self, path: Path, *, has_scalars: bool) -> None:
+        """Prepare the file at *path*; *has_scalars* is as for :class:`RecordingWriter`."""
+        self._path, self._has_scalars = path, has_scalars
+        self.ending = threading.Event()
         self.cycles: defaultdict[str, int] = defaultdict(int)
         self.lost: defaultdict[str, int] = defaultdict(int)
         self.events = 0
+
+    def end(self) -> None:
+        """Have the recording completed; may be called from any thread, or a signal's handler."""
+        self.ending.set()
+
+    def _begin_file(self, offset_ns: int) -> RecordingWriter:
+        return RecordingWriter(
+            self._path,
+            offset_ns=offset_ns,
+            has_scalars=self._has_scalars,
+            chunk_bytes=LIVE_CHUNK_BYTES,
+        )
 
 
 class DaemonRecorder:
@@ -89,18 +104,16 @@ class DaemonRecorder:
         self,
         writer: RecordingWriter,
         configuration: Configuration,
-        ending: threading.Event,
-        tally: Tally,
+        recording: LiveRecording,
         *,
         on_state: Callable[[], None] = lambda: None,
     ) -> None:
-        """Record until *ending* is set, or the daemon ends.
+        """Record until *recording* is to be completed, or the daemon ends.
 
         Args:
             writer: of the file.
             configuration: of the daemon.
-            ending: is waited for.
-            tally: is added to.
+            recording: knows how much there is.
             on_state: called before each report of the state, from this thread.
 
         Raises:
@@ -111,15 +124,15 @@ class DaemonRecorder:
             writer.add_device(self._name(device.name), device.rate_hz)
         writer.add_configuration(configuration.json, {}, daemon=self._daemon)
         with ThreadPoolExecutor(len(self._devices) + 1) as pool:
-            work = [pool.submit(self._record_events, writer, tally)]
+            work = [pool.submit(self._record_events, writer, recording)]
             work += [
-                pool.submit(self._record_cycles, writer, tally, device.name)
+                pool.submit(self._record_cycles, writer, recording, device.name)
                 for device in self._devices
             ]
             due = 0.0
             try:
                 while not wait(work, _POLL, return_when="FIRST_COMPLETED").done:
-                    if ending.is_set():
+                    if recording.ending.is_set():
                         time.sleep(2.0 / READ_HZ)  # for the cycles up to here
                         break
                     if time.monotonic() >= due:
@@ -136,23 +149,25 @@ class DaemonRecorder:
     def _name(self, device: str) -> str:
         return f"{self._daemon}/{device}" if self._daemon else device
 
-    def _record_cycles(self, writer: RecordingWriter, tally: Tally, device: str) -> None:
+    def _record_cycles(
+        self, writer: RecordingWriter, recording: LiveRecording, device: str
+    ) -> None:
         pending: list[bytes] = []
         count, due = 0, time.monotonic() + LONGEST_HELD
         name = self._name(device)
         try:
             for records, lost in self._observer.records(device, rate_hz=READ_HZ):
-                tally.lost[name] += lost
+                recording.lost[name] += lost
                 pending.append(records)
                 count += len(records) // CYCLE_RECORD.size
                 if count >= BLOCK or time.monotonic() >= due:
-                    self._add(writer, tally, name, pending)
+                    self._add(writer, recording, name, pending)
                     pending, count, due = [], 0, time.monotonic() + LONGEST_HELD
         finally:
-            self._add(writer, tally, name, pending)
+            self._add(writer, recording, name, pending)
 
     def _add(
-        self, writer: RecordingWriter, tally: Tally, name: str, pending: Sequence[bytes]
+        self, writer: RecordingWriter, recording: LiveRecording, name: str, pending: Sequence[bytes]
     ) -> None:
         if not pending:
             return
@@ -165,19 +180,19 @@ class DaemonRecorder:
         # A new servo process counts from the beginning.
         for part in np.split(table, np.flatnonzero(np.diff(table["index"]) < 0) + 1):
             writer.add_cycles(name, part)
-        tally.cycles[name] += len(table)
+        recording.cycles[name] += len(table)
 
-    def _record_events(self, writer: RecordingWriter, tally: Tally) -> None:
+    def _record_events(self, writer: RecordingWriter, recording: LiveRecording) -> None:
         names = {device.name for device in self._devices}
         for event in self._observer.events():
             if event.device in names:
                 event.device = self._name(event.device)
                 event.time_ns -= self._shift_ns()
                 writer.add_event(event)
-                tally.events += 1
+                recording.events += 1
 
 
-class RecordingSession(Tally):
+class RecordingSession(LiveRecording):
     """The recording of some devices of a daemon, from :meth:`run` until it is told to end."""
 
     def __init__(
@@ -194,14 +209,8 @@ class RecordingSession(Tally):
         Raises:
             UnknownNameError: there is no such device.
         """
-        super().__init__()
+        super().__init__(path, has_scalars=has_scalars)
         self._recorder = DaemonRecorder(robot, devices)
-        self._path, self._has_scalars = path, has_scalars
-        self._ending = threading.Event()
-
-    def end(self) -> None:
-        """Have the recording completed; may be called from any thread, or a signal's handler."""
-        self._ending.set()
 
     def run(self) -> None:
         """Record until :meth:`end`.
@@ -211,10 +220,5 @@ class RecordingSession(Tally):
             DaemonError: the daemon is lost; the file is complete up to there.
         """
         configuration = self._recorder.configuration()
-        with RecordingWriter(
-            self._path,
-            offset_ns=configuration.offset_ns,
-            has_scalars=self._has_scalars,
-            chunk_bytes=LIVE_CHUNK_BYTES,
-        ) as writer:
-            self._recorder.run(writer, configuration, self._ending, self)
+        with self._begin_file(configuration.offset_ns) as writer:
+            self._recorder.run(writer, configuration, self)

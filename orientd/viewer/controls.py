@@ -25,6 +25,9 @@ Act = Callable[[Robot, str], object]
 Borrow = Callable[[Robot, str], bool]
 
 STOP, HALT = "■ Stop", "▼ Halt: quickest, off the path"
+KINDS: Mapping[str, str] = MappingProxyType({STOP: "stop", HALT: "halt"})
+"""Of stops, by what is written on their buttons."""
+
 TAKE, GIVE_BACK = "Take the lease", "Give the lease back"
 
 _RED = (176, 42, 22)
@@ -32,21 +35,15 @@ _LONG_TEXT = 8.0
 """s that a refusal stays on the page."""
 
 
-class StopButtons:
-    """Stop and halt, of every device; anybody may, whether or not the daemon is known to answer.
+def add_stop_buttons(server: viser.ViserServer, watcher: Watcher) -> None:
+    """Put stop and halt of every device on the page.
 
-    Attributes:
-        kinds: of stops, by what is written on the buttons.
+    Anybody may, whether or not the daemon is known to answer.
     """
-
-    kinds: Mapping[str, str] = MappingProxyType({STOP: "stop", HALT: "halt"})
-
-    def __init__(self, server: viser.ViserServer, watcher: Watcher) -> None:
-        """Put them on the page."""
-        stop = server.gui.add_button(STOP, color=_RED, hint="Come to rest on the path.")
-        halt = server.gui.add_button(HALT, color="gray", hint="Leave the path where that helps.")
-        stop.on_click(lambda event: _attempt(event, lambda: watcher.stopping().stop()))
-        halt.on_click(lambda event: _attempt(event, lambda: watcher.stopping().halt()))
+    stop = server.gui.add_button(STOP, color=_RED, hint="Come to rest on the path.")
+    halt = server.gui.add_button(HALT, color="gray", hint="Leave the path where that helps.")
+    stop.on_click(lambda event: _attempt(event, lambda: watcher.stopping().stop()))
+    halt.on_click(lambda event: _attempt(event, lambda: watcher.stopping().halt()))
 
 
 class Controls:

@@ -13,7 +13,7 @@ import viser
 from orientd.rpc import Robot
 from orientd.viewer import freshness, web, words
 from orientd.viewer.charts import Charts
-from orientd.viewer.controls import Borrow, Controls, StopButtons
+from orientd.viewer.controls import KINDS, Borrow, Controls, add_stop_buttons
 from orientd.viewer.handles import set_changed
 from orientd.viewer.scene import RADIUS, Scene
 from orientd.viewer.stop_relay import StopRelay
@@ -76,11 +76,11 @@ class Page:
         self._beat = server.gui.add_html("")
         self._next_beat = 0.0
         self._status = server.gui.add_html("")
-        self._stop = StopButtons(server, watcher)
+        add_stop_buttons(server, watcher)
         self._relay: StopRelay | None = None
         daemon = watcher.robot().local_socket
         if daemon is not None:
-            self._relay = StopRelay(host, self.port, daemon, self._stop.kinds)
+            self._relay = StopRelay(host, self.port, daemon, KINDS)
             server.gui.add_html(self._relay.html)
         self._add_choice()
         self._controls: Controls | None = None

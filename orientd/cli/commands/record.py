@@ -19,8 +19,7 @@ from orientd.cli.usage import check_ending
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
-    from orientd.fleet import FleetRecording
-    from orientd.recorder import RecordingSession, Tally
+    from orientd.recorder import LiveRecording
 
 NEEDED = ("mcap", "mcap_protobuf", "foxglove_schemas_protobuf")
 
@@ -95,7 +94,7 @@ def check_output(file: Path, seconds: float | None) -> None:
 
 
 @contextlib.contextmanager
-def ending(session: RecordingSession | FleetRecording, seconds: float | None) -> Iterator[None]:
+def ending(session: LiveRecording, seconds: float | None) -> Iterator[None]:
     """End a recording after so many seconds, or at Ctrl-C or SIGTERM."""
     before = {
         number: signal.signal(number, lambda *_: session.end())
@@ -114,7 +113,7 @@ def ending(session: RecordingSession | FleetRecording, seconds: float | None) ->
             signal.signal(number, handler)
 
 
-def tell(session: Tally, file: Path, *, as_json: bool) -> None:
+def tell(session: LiveRecording, file: Path, *, as_json: bool) -> None:
     """Say what was recorded to *file*."""
     size = file.stat().st_size
     if as_json:
