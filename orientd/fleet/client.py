@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -21,7 +20,7 @@ from orientd.fleet.channel import FleetChannel
 from orientd.fleet.clocks import ClockOffset
 from orientd.fleet.reports import Heard, Stopped
 from orientd.fleet.session import open_session
-from orientd.rpc import Robot, Way, default_socket
+from orientd.rpc import Robot, Way, connect_by, default_socket
 from orientd.rpc import control_pb2 as pb
 
 if TYPE_CHECKING:
@@ -331,10 +330,6 @@ class Fleet:
             self._session, cell=self.cell, daemon=daemon, caller=self.caller, on_close=on_close
         )
 
-    def way(self, daemon: str) -> FleetMember:
-        """Return the way to a daemon."""
-        return FleetMember(_kept(daemon), f"{self.cell}/{daemon}", fleet=self, name=daemon)
-
     def robot(self, daemon: str, *, holder: str = "", timeout: float = 30.0) -> Robot:
         """Return a daemon as :func:`orientd.connect` does: every call works.
 
@@ -342,15 +337,8 @@ class Fleet:
             DaemonError: it does not answer.
             AccessError: it does not let this caller do anything.
         """
-        way = self.way(daemon)
-        program = Path(sys.argv[0]).name or "python"
-        robot = Robot(way, holder=holder or f"{program}, process {os.getpid()}", timeout=timeout)
-        try:
-            robot.state()
-        except OrientdError:
-            robot.close()
-            raise
-        return robot
+        way = FleetMember(_kept(daemon), f"{self.cell}/{daemon}", fleet=self, name=daemon)
+        return connect_by(way, holder=holder, timeout=timeout)
 
     def record(
         self, path: str | Path, daemons: Sequence[str] = (), *, has_scalars: bool = False

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from orientd.rpc.address import default_socket, found_socket, target
     from orientd.rpc.channel import Way
     from orientd.rpc.channel_options import server_options
-    from orientd.rpc.client import Robot, connect
+    from orientd.rpc.client import Robot, connect, connect_by
     from orientd.rpc.connection import Connection, StartAt
     from orientd.rpc.descriptions import MethodDescription, Outline, PartReport
     from orientd.rpc.move_handle import MoveHandle

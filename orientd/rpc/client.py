@@ -74,8 +74,13 @@ def connect(
         AccessError: it does not let this user do anything.
     """
     way = Way.find(socket, address, certificate, key, ca)
-    program = Path(sys.argv[0]).name or "python"
     share = os.environ.get("ORIENTD_LEASE", "") if lease is None else lease
+    return connect_by(way, holder=holder, share=share, timeout=timeout)
+
+
+def connect_by(way: Way, *, holder: str, share: str = "", timeout: float) -> Robot:
+    """Connect to the daemon at the end of *way*; see :func:`connect`."""
+    program = Path(sys.argv[0]).name or "python"
     holder = holder or f"{program}, process {os.getpid()}"
     robot = Robot(way, holder=holder, share=share, timeout=timeout)
     try:
