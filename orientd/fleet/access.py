@@ -125,13 +125,14 @@ def tls_configuration(certificate: Path, key: Path, ca: Path) -> dict[str, Any]:
 def _access_control(settings: FleetSettings, callers: Iterable[str]) -> Mapping[str, Any]:
     cell = settings.cell
     everything = [f"{ROOT}/{cell}/**"]
+    telemetry = [of_daemon(cell, "*", what) for what in ("state", "events")]
     rules: list[Rule] = [
         _rule("carry", _ALL, everything, "ingress", "egress"),
         # Another daemon answers and tells, but asks for nothing.
         _rule("tell", _ANSWERING, everything, "ingress"),
         _rule("be told", _ALL, everything, "egress"),
-        _rule("watch", ("declare_subscriber",), _telemetry(cell), "ingress"),
-        _rule("see telemetry", ("put", "delete"), _telemetry(cell), "egress"),
+        _rule("watch", ("declare_subscriber",), telemetry, "ingress"),
+        _rule("see telemetry", ("put", "delete"), telemetry, "egress"),
         _rule("look around", _WATCHING, [of_daemon(cell, "*", "alive")], "ingress"),
         _rule("see daemons", ("liveliness_token",), [of_daemon(cell, "*", "alive")], "egress"),
         _rule("see calls", ("declare_queryable",), [of_daemon(cell, "*", "as/**")], "egress"),
@@ -139,9 +140,10 @@ def _access_control(settings: FleetSettings, callers: Iterable[str]) -> Mapping[
     looks = ["watch", "see telemetry", "look around", "see daemons", "see calls"]
     subjects, policies = [], []
     for number, name in enumerate(callers):
+        calls = [as_caller(cell, "*", name, "**")]
         rules += [
-            _rule(f"ask {number}", ("query",), [_calls(cell, name)], "ingress"),
-            _rule(f"hear {number}", ("reply",), [_calls(cell, name)], "egress"),
+            _rule(f"ask {number}", ("query",), calls, "ingress"),
+            _rule(f"hear {number}", ("reply",), calls, "egress"),
             _rule(f"be {number}", ("liveliness_token",), [presence(cell, name, "*")], "ingress"),
         ]
         own = [f"{what} {number}" for what in ("ask", "hear", "be")]
@@ -161,14 +163,6 @@ def _access_control(settings: FleetSettings, callers: Iterable[str]) -> Mapping[
         "subjects": subjects,
         "policies": policies,
     }
-
-
-def _calls(cell: str, caller: str) -> str:
-    return as_caller(cell, "*", caller, "**")
-
-
-def _telemetry(cell: str) -> list[str]:
-    return [of_daemon(cell, "*", what) for what in ("state", "events")]
 
 
 def _rule(name: str, messages: Iterable[str], keys: Sequence[str], *flows: str) -> Rule:

@@ -97,11 +97,6 @@ class CellPage:
         for name, (member, device) in zip(names, shown, strict=True):
             self._tools[name].move(member, device)
 
-    @property
-    def text(self) -> str:
-        """What the panel says, as HTML."""
-        return str(self._table.content)
-
     def stop(self, *, is_quickest: bool = False) -> str:
         """Do what the buttons do; return what is not known to have stopped, empty if nothing."""
         return self._cell.stop(is_quickest=is_quickest)

@@ -62,10 +62,10 @@ def test_a_page_keeps_up_with_its_cell_and_stops_all(cell):
                 assert b"<html" in found.read()
             robots = [fleet.robot(name) for name in cell.names]
             moves = [robot.move(LONG) for robot in robots]
-            until(lambda: page.text.count("<b>Moving</b>") == 2, "motion on the page")
+            until(lambda: page._table.content.count("<b>Moving</b>") == 2, "motion on the page")
             page.stop()
             assert [move.wait(20.0).outcome for move in moves] == [Outcome.STOPPED] * 2
-            until(lambda: page.text.count("<b>Holding</b>") == 2, "rest on the page")
+            until(lambda: page._table.content.count("<b>Holding</b>") == 2, "rest on the page")
             for robot in robots:
                 robot.close()
         finally:
