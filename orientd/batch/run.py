@@ -139,10 +139,8 @@ class Batch:
 
     def _tasks(self, waiting: set[int]) -> Iterator[Part]:
         each = self._requests.each()
-        for number in itertools.count():
-            requests = list(itertools.islice(each, PART))
-            if not requests:
-                return
+        parts = iter(lambda: list(itertools.islice(each, PART)), [])
+        for number, requests in enumerate(parts):
             if number in waiting:
                 first, has_records = number * PART, self._settings.has_records
                 yield Part(number, first, requests, self._device, has_records)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import queue
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -282,8 +283,6 @@ class Fleet:
             is_quickest: whether to leave the path where that is quicker.
             timeout: how long to wait for acknowledgements, s.
         """
-        import queue
-
         began = time.monotonic_ns()
         answers: queue.SimpleQueue[Stopped | None] = queue.SimpleQueue()
 

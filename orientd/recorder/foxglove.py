@@ -139,14 +139,12 @@ def event_shown(event: pb.Event, offset_ns: int) -> Iterator[Shown]:
     )
     yield "/log", time_ns, log
     if event.samples:
-        poses = [Pose(orientation=_planned(sample)) for sample in event.samples]
+        poses = [
+            Pose(orientation=_quaternion(_single([q.w, q.x, q.y, q.z])))
+            for q in (sample.orientation for sample in event.samples)
+        ]
         path = PosesInFrame(timestamp=stamp_of(time_ns), frame_id=WORLD, poses=poses)
         yield f"/{event.device}/planned/path", time_ns, path
-
-
-def _planned(sample: pb.MotionSample) -> Quaternion:
-    q = sample.orientation
-    return _quaternion(_single([q.w, q.x, q.y, q.z]))
 
 
 def _quaternion(q: list[float]) -> Quaternion:
