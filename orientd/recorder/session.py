@@ -113,7 +113,7 @@ class DaemonRecorder:
         Args:
             writer: of the file.
             configuration: of the daemon.
-            recording: knows how much there is.
+            recording: is told how much there is, and says when to end.
             on_state: called before each report of the state, from this thread.
 
         Raises:
