@@ -23,7 +23,14 @@ if TYPE_CHECKING:
     from orientd.config.devices import FIRST_PHASE, SPIN_US, DeviceSettings, LimitSettings
     from orientd.config.fleet import TLS, UNIX, FleetSettings
     from orientd.config.operation import AccessSettings, MetricsSettings, Role, TcpSettings
-    from orientd.config.settings import Settings, default_settings, find, load, parse
+    from orientd.config.settings import (
+        Settings,
+        default_settings,
+        find,
+        load,
+        parse,
+        read_table,
+    )
     from orientd.config.table import Table
 
 __getattr__ = lazily(__name__)

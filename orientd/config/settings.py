@@ -116,6 +116,15 @@ def load(path: Path) -> Settings:
         ConfigError: the file cannot be read, is not TOML, or a key is unknown or not allowed; the
             one line names the file, the key, what was expected and what came.
     """
+    return parse(read_table(path), source=str(path))
+
+
+def read_table(path: Path) -> dict[str, Any]:
+    """Return what a TOML file holds.
+
+    Raises:
+        ConfigError: it cannot be read, or is not TOML.
+    """
     try:
         text = read_bounded(path, MEBIBYTE).decode("utf-8")
     except OSError as error:
@@ -123,13 +132,12 @@ def load(path: Path) -> Settings:
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: not UTF-8 text (byte {error.start})") from error
     try:
-        table = tomllib.loads(text)
+        return tomllib.loads(text)
     # Numbers and dates out of range are a ValueError of another kind.
     except ValueError as error:
         raise ConfigError(f"{path}: not TOML: {error}") from error
     except RecursionError as error:
         raise ConfigError(f"{path}: not TOML: nested too deeply") from error
-    return parse(table, source=str(path))
 
 
 def parse(table: Mapping[str, Any], *, source: str) -> Settings:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from orientd import config
-from orientd.bounded_file import MEBIBYTE, read_bounded
 from orientd.errors import ConfigError
 from orientd.fleet.access import zenoh_configuration
 
@@ -23,13 +21,7 @@ def router_configuration(path: Path) -> dict[str, Any]:
     Raises:
         ConfigError: the file cannot be read or is not well formed.
     """
-    try:
-        table = tomllib.loads(read_bounded(path, MEBIBYTE).decode("utf-8"))
-    except OSError as error:
-        raise ConfigError(f"cannot read {path}: {error.strerror}") from error
-    except ValueError as error:
-        raise ConfigError(f"{path}: not TOML: {error}") from error
-    settings = config.parse(_NO_DEVICE | table, source=str(path))
+    settings = config.parse(_NO_DEVICE | config.read_table(path), source=str(path))
     if settings.fleet is None:
         raise ConfigError(f"{path}: fleet: missing")
     callers = list(settings.access.certificates)

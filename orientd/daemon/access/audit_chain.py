@@ -7,6 +7,7 @@ when it begins and ends, can.
 
 from __future__ import annotations
 
+import glob
 import hashlib
 import json
 import os
@@ -105,7 +106,7 @@ def verify_audit(path: Path) -> Verified:
 def _files(path: Path) -> list[Path]:
     numbers = [
         int(aside.name.removeprefix(f"{path.name}."))
-        for aside in path.parent.glob(f"{path.name}.*")
+        for aside in path.parent.glob(f"{glob.escape(path.name)}.*")
         if aside.name.removeprefix(f"{path.name}.").isdecimal()
     ]
     files = [path.with_name(f"{path.name}.{number}") for number in sorted(numbers, reverse=True)]

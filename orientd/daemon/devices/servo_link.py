@@ -83,6 +83,7 @@ class ServoLink:
         self._lock = threading.Lock()
         self._note_index = 0
         self._answers: dict[int, Note] = {}
+        self._awaited: set[int] = set()
         self._reset = UNKNOWN
         self._slow: SlowCommand | None = None
         self._words: deque[Note] = deque(maxlen=256)
@@ -174,6 +175,7 @@ class ServoLink:
             )
         )
         if command in _STOPPING and (slow is not None or not self.memory.cycles.head):
+            self._forget(index)
             return  # it stops what does not move
         is_slow = command in _SLOW
         if is_slow and slow is None:
@@ -182,8 +184,9 @@ class ServoLink:
         end, look = begun + timeout, begun + ANSWER_TIMEOUT
         while True:
             self._hear()
-            answer = self._answers.pop(index, None)
+            answer = self._answers.get(index)
             if answer is not None:
+                self._forget(index)
                 if is_slow:
                     self._slow = None
                 break
@@ -194,7 +197,7 @@ class ServoLink:
                 look = now + _LOOK
                 if self.is_stopped:
                     self._slow = None
-                    self.memory.commands.words[GIVEN_UP_WORD] = index + 1
+                    self._give_up(index)
                     raise DaemonError(
                         f"the servo process {self.process.pid} is stopped (SIGSTOP or a debugger), "
                         f"it cannot {command.name.lower()}"
@@ -202,7 +205,7 @@ class ServoLink:
             if now > end and slow is not None:
                 raise PendingError(_progress(slow))
             if now > end:
-                self.memory.commands.words[GIVEN_UP_WORD] = index + 1
+                self._give_up(index)
                 raise DaemonError(
                     f"the servo did not answer {command.name.lower()} within {timeout:g} s"
                 )
@@ -226,7 +229,7 @@ class ServoLink:
             return None
         is_again = command is slow.command
         if slow.number in self._answers and now - slow.begun > _LATE_ANSWER:
-            self._answers.pop(slow.number)
+            self._forget(slow.number)
             self._slow = None
             return None
         if slow.number in self._answers and not is_again:
@@ -237,12 +240,24 @@ class ServoLink:
 
     def stop(self) -> None:
         """Have the servo stop on its path as soon as it hears of it; waits for no answer."""
-        self._post(Command.STOP, 0, 0, UNKNOWN, UNKNOWN, 0, 0.0, *_NO_TERMS.floats())
+        self._forget(self._post(Command.STOP, 0, 0, UNKNOWN, UNKNOWN, 0, 0.0, *_NO_TERMS.floats()))
+
+    def _give_up(self, index: int) -> None:
+        """Wait for a command no longer, which then is not carried out."""
+        self.memory.commands.words[GIVEN_UP_WORD] = index + 1
+        self._forget(index)
+
+    def _forget(self, index: int) -> None:
+        """Keep no answer to a command, whether it has come or not."""
+        with self._lock:
+            self._awaited.discard(index)
+            self._answers.pop(index, None)
 
     def _post(self, *fields: float) -> int:
         """Put a command where the servo looks for it; return its number."""
         with self._lock:
             index = self.memory.commands.head
+            self._awaited.add(index)
             if fields[0] == Command.RESET:
                 self._reset = index
             self.memory.commands.publish(*fields)
@@ -330,7 +345,8 @@ class ServoLink:
                 self._note_index += 1
                 note = unpack_note(record)
                 if note.kind is NoteKind.ANSWER:
-                    self._answers[note.command] = note
+                    if note.command in self._awaited:
+                        self._answers[note.command] = note
                     if note.command == self._reset and note.code == Answer.DONE:
                         # What was wrong before is over.
                         left = [word for word in self._words if word.kind is not NoteKind.FAULT]

@@ -7,6 +7,7 @@ from orientd.config import FleetSettings
 from orientd.errors import ConfigError, RequestError
 from orientd.fleet import nested, read_plan, zenoh_configuration
 from orientd.fleet.access import basic_configuration
+from orientd.fleet.router import router_configuration
 
 TLS = {"cell": "line", "name": "arm", "certificate": "/c", "key": "/k", "ca": "/a"}
 DEVICES = {"arm": {"driver": "loopback"}}
@@ -86,6 +87,22 @@ def test_nothing_is_listened_at_that_was_not_named():
 def test_values_by_path_become_a_tree():
     found = nested({"mode": "router", "listen/endpoints": ["x"], "listen/exit": True})
     assert found == {"mode": "router", "listen": {"endpoints": ["x"], "exit": True}}
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (b"a = " + b"[" * 5000, "not TOML: nested too deeply"),
+        (b"\xff", r"not UTF-8 text \(byte 0\)"),
+        (b"a =", "not TOML: "),
+        (b"", "fleet: missing"),
+    ],
+)
+def test_what_no_router_can_be_configured_by_is_told(tmp_path, content, told):
+    path = tmp_path / "router.toml"
+    path.write_bytes(content)
+    with pytest.raises(ConfigError, match=rf"router\.toml: {told}"):
+        router_configuration(path)
 
 
 MOTION = {"keyframes": [{"rotation_vector": [0, 0, 1]}]}

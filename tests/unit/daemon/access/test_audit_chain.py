@@ -12,9 +12,9 @@ from orientd.errors import OrientdError
 
 
 @pytest.fixture
-def path(tmp_path):
+def path(tmp_path, request):
     """Return the path of a log of 40 lines in three files, written by two daemons in turn."""
-    path = tmp_path / "audit.jsonl"
+    path = tmp_path / getattr(request, "param", "audit.jsonl")
     for begin in (0, 20):
         log = AuditLog(path, most_bytes=3000, most_files=5)
         for number in range(begin, begin + 20):
@@ -30,6 +30,7 @@ def change(path, edit):
     path.write_bytes(b"".join(lines))
 
 
+@pytest.mark.parametrize("path", ["audit.jsonl", "audit[1-2]*.jsonl"], indirect=True)
 def test_a_whole_log_is_whole_across_its_files_and_daemons(path):
     found = verify_audit(path)
     assert (found.lines, found.first, found.last, found.problems) == (40, 1, 40, [])
