@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from orientd_sim.ur.arm import TICK, Arm, Behaviour, Mode, Tool, UnreachableError
 from orientd_sim.ur.outputs import OUTPUT_GETTERS
 from orientd_sim.ur.programs import UnknownStatementError, parse
-from orientd_sim.ur.script import SIGNATURE, ControlScript, PlainProgram, StatementProgram
+from orientd_sim.ur.script import SIGNATURE, ControlScript, StatementProgram
 from orientd_sim.ur.variables import REGISTERS, ProgramState, RobotMode, SafetyMode
 from orientd_sim.ur.wire import Value
 
@@ -31,7 +31,7 @@ _STOPPED_BY_SAFETY = frozenset(
 _HARD_DECELERATION = 30.0
 _INJECTED = "# inject move path\n"
 
-Program = ControlScript | PlainProgram | StatementProgram
+Program = ControlScript | StatementProgram
 
 
 class RefusedError(Exception):
@@ -154,30 +154,33 @@ class Controller:
         if not self.is_remote or not self.can_move:
             self.say("program refused: not in remote control, or stopped")
             return
-        program: Program
-        if text.lstrip().startswith(SIGNATURE):
-            offsets = {"int": 0, "float": 0}
-            offsets |= {kind: int(number) for kind, number in _OFFSETS.findall(text)}
-            try:
-                path = parse(_injected(text))
-            except UnknownStatementError as error:
-                self.say(f"program refused: {error}")
-                return
-            program = ControlScript(
-                self, int_offset=offsets["int"], double_offset=offsets["float"], path=path
-            )
-        elif text.lstrip().startswith("sec "):
+        if text.lstrip().startswith("sec "):
             return
-        else:
-            try:
-                program = StatementProgram(self, parse(text))
-            except UnknownStatementError as error:
-                self.say(f"program refused: {error}")
-                return
+        try:
+            program = self._read(text)
+        except UnknownStatementError as error:
+            self.say(f"program refused: {error}")
+            return
         if self.program is not None:
             self._end_program("replaced by another program")
         self._next_program = program
         self.later(self.behaviour.program_start, lambda: self._start(program))
+
+    def _read(self, text: str) -> Program:
+        """Return the program of a text.
+
+        Raises:
+            UnknownStatementError: a line of it is none of those that are understood.
+        """
+        if not text.lstrip().startswith(SIGNATURE):
+            return StatementProgram(self, parse(text))
+        offsets = {kind: int(number) for kind, number in _OFFSETS.findall(text)}
+        return ControlScript(
+            self,
+            int_offset=offsets.get("int", 0),
+            double_offset=offsets.get("float", 0),
+            path=parse(_injected(text)),
+        )
 
     def _start(self, program: Program) -> None:
         if program is not self._next_program or not self.can_move:
@@ -226,7 +229,7 @@ class Controller:
             self._watchdog_fed = self.ticks
             self.runtime_state = ProgramState.PLAYING
         elif self.loaded_program and self.runtime_state is ProgramState.STOPPED:
-            self.program = PlainProgram(3600.0)
+            self.program = StatementProgram(self, parse("sleep(3600)"))
             self.runtime_state = ProgramState.PLAYING
         else:
             raise RefusedError("Failed to execute: play")

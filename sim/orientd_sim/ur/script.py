@@ -39,9 +39,9 @@ class ControlScript:
         self,
         robot: Controller,
         *,
-        int_offset: int = 0,
-        double_offset: int = 0,
-        path: Sequence[Statement] = (),
+        int_offset: int,
+        double_offset: int,
+        path: Sequence[Statement],
     ) -> None:
         self.robot = robot
         self._ints = int_offset
@@ -66,20 +66,12 @@ class ControlScript:
         Raises:
             UnreachableError: a command asks for a pose out of reach.
         """
-        for _ in self._main:
-            break
-        else:
+        if not _goes_on(self._main):
             return False
-        if self._thread is not None:
-            for _ in self._thread:
-                break
-            else:
-                self._thread = None
-        if self._move is not None:
-            for _ in self._move:
-                break
-            else:
-                self.end_move()
+        if self._thread is not None and not _goes_on(self._thread):
+            self._thread = None
+        if self._move is not None and not _goes_on(self._move):
+            self.end_move()
         return True
 
     # What a command finds in the registers and leaves there.
@@ -212,8 +204,6 @@ class ControlScript:
 class StatementProgram:
     """A program of plain statements, one after the other."""
 
-    command_register = ""
-
     def __init__(self, robot: Controller, statements: Sequence[Statement]) -> None:
         self._ticks = perform(robot, statements, lambda _value: None)
         # A program lasts at least until its client can see that it plays.
@@ -222,20 +212,9 @@ class StatementProgram:
     def advance(self) -> bool:
         """Run one tick; return whether the program goes on."""
         self._least -= TICK
-        for _ in self._ticks:
-            return True
-        return self._least > 0.0
+        return _goes_on(self._ticks) or self._least > 0.0
 
 
-class PlainProgram:
-    """Any other program: plays for a while, moves nothing, then ends."""
-
-    command_register = ""
-
-    def __init__(self, duration: float) -> None:
-        self._left = duration
-
-    def advance(self) -> bool:
-        """Run one tick; return whether the program goes on."""
-        self._left -= TICK
-        return self._left > 0.0
+def _goes_on(ticks: Ticks) -> bool:
+    """Run one tick; return whether there is another."""
+    return any(True for _ in ticks)
