@@ -8,30 +8,13 @@ times are nanoseconds of the machine's monotonic clock.
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 SETPOINT_ROW = struct.Struct("<qq6d")
+"""When a servo command arrived, in which tick, and its six numbers, bit-exact."""
+
 ARM_ROW = struct.Struct("<qq6d6d6d")
-
-
-class SetpointRow(NamedTuple):
-    """When a servo command arrived, in which tick, and its six numbers, bit-exact."""
-
-    time_ns: int
-    tick: int
-    target: tuple[float, ...]
-
-
-class ArmRow(NamedTuple):
-    """One tick: when it ran, the pose commanded, the pose measured, the joints measured."""
-
-    time_ns: int
-    tick: int
-    target_pose: tuple[float, ...]
-    actual_pose: tuple[float, ...]
-    actual_q: tuple[float, ...]
+"""One tick: when it ran, the pose commanded, the pose measured, the joints measured."""
 
 
 class SetpointRecording:
@@ -66,15 +49,3 @@ class SetpointRecording:
         """Write ``STEM.setpoints`` and ``STEM.arm``."""
         stem.with_suffix(".setpoints").write_bytes(self._setpoints)
         stem.with_suffix(".arm").write_bytes(self._arm)
-
-
-def read_setpoints(stem: Path) -> Iterator[SetpointRow]:
-    """Yield the servo commands of a record."""
-    for row in SETPOINT_ROW.iter_unpack(stem.with_suffix(".setpoints").read_bytes()):
-        yield SetpointRow(row[0], row[1], row[2:8])
-
-
-def read_arm(stem: Path) -> Iterator[ArmRow]:
-    """Yield the ticks of a record."""
-    for row in ARM_ROW.iter_unpack(stem.with_suffix(".arm").read_bytes()):
-        yield ArmRow(row[0], row[1], row[2:8], row[8:14], row[14:20])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from arm_recording import read_arm, read_setpoints
 from ur_rig import device_of, is_holding, streaming, swing_motion, until
 
 from orientd import rotation
@@ -9,7 +10,6 @@ from orientd.daemon.calls.latency import identify
 from orientd.daemon.motions.options import Prepared
 from orientd.errors import Fault
 from orientd.rpc import control_pb2 as pb
-from orientd_sim.ur.recording import read_arm, read_setpoints
 
 pytest.importorskip("rtde_control")
 

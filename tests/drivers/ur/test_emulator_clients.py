@@ -8,9 +8,9 @@ import time
 from contextlib import closing, contextmanager
 
 import pytest
+from arm_recording import read_arm, read_setpoints
 
 from orientd_sim.ur import EmulatedRobot, LaunchError
-from orientd_sim.ur.recording import read_arm, read_setpoints
 
 dashboard_client = pytest.importorskip("dashboard_client")
 rtde_control = pytest.importorskip("rtde_control")
