@@ -137,7 +137,7 @@ def execute_now(script: ControlScript, number: int) -> None:
     elif number == RegisterCommand.JOINT_TORQUES:
         script.answer((0.0,) * 6)
     elif number == RegisterCommand.FLANGE_POSE:
-        script.answer(to_pose(robot.tool.actual_flange()))
+        script.answer(to_pose(robot.arm.kinematics.forward(robot.arm.actual_q)))
     elif number == RegisterCommand.DIRECT_TORQUE:
         raise UnknownStatementError("direct_torque: needs PolyScope 5.23, and is not emulated")
 

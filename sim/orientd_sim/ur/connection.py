@@ -47,8 +47,6 @@ class ClientConnection:
 
     def take(self, now_ns: int) -> bytes:
         """Return what has come and may be read now."""
-        if not self._incoming or self._incoming[0][0] > now_ns:
-            return b""
         parts: list[bytes] = []
         while self._incoming and self._incoming[0][0] <= now_ns:
             parts.append(self._incoming.popleft()[1])

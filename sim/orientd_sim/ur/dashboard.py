@@ -5,17 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from orientd_sim.ur.controller import Controller, RefusedError
-from orientd_sim.ur.variables import ProgramState, SafetyMode
+from orientd_sim.ur.variables import ProgramState
 
 WELCOME = "Connected: Universal Robots Dashboard Server"
 GOODBYE = "Disconnected"
 
 _NOT_OF_CB3 = ("is in remote control",)
-_SAFETY_NAMES = {
-    SafetyMode.SAFEGUARD_STOP: "SAFEGUARD_STOP",
-    SafetyMode.SYSTEM_EMERGENCY_STOP: "SYSTEM_EMERGENCY_STOP",
-    SafetyMode.ROBOT_EMERGENCY_STOP: "ROBOT_EMERGENCY_STOP",
-}
 
 
 def reply(robot: Controller, line: str) -> str:
@@ -88,12 +83,8 @@ _COMMANDS: dict[str, Callable[[Controller], str]] = {
         f"Program running: {str(robot.runtime_state is ProgramState.PLAYING).lower()}"
     ),
     "robotmode": lambda robot: f"Robotmode: {robot.robot_mode.name}",
-    "safetymode": lambda robot: (
-        f"Safetymode: {_SAFETY_NAMES.get(robot.safety_mode, robot.safety_mode.name)}"
-    ),
-    "safetystatus": lambda robot: (
-        f"Safetystatus: {_SAFETY_NAMES.get(robot.safety_mode, robot.safety_mode.name)}"
-    ),
+    "safetymode": lambda robot: f"Safetymode: {robot.safety_mode.name}",
+    "safetystatus": lambda robot: f"Safetystatus: {robot.safety_mode.name}",
     "programstate": _program_state,
     "get loaded program": lambda robot: (
         f"Loaded program: {robot.loaded_program}" if robot.loaded_program else "No program loaded"

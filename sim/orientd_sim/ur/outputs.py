@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
-from orientd_sim.ur.variables import OUTPUTS, ProgramState, SafetyMode
+from orientd_sim.ur.variables import OUTPUTS, REGISTERS, ProgramState, SafetyMode
 from orientd_sim.ur.wire import TYPES, Value
 
 if TYPE_CHECKING:
@@ -50,23 +51,19 @@ def _nothing(kind: str) -> Value:
 
 
 def _getters() -> dict[str, Getter]:
-    getters: dict[str, Getter] = {}
-    for name, kind in OUTPUTS.items():
-        # What an arm without motors, sensors or a cabinet has to say: nothing happens.
-        getters[name] = _constant(_nothing(kind))
-    for number in range(48):
+    # What an arm without motors, sensors or a cabinet has to say: nothing happens.
+    getters = {name: _constant(_nothing(kind)) for name, kind in OUTPUTS.items()}
+    for number in range(REGISTERS):
         for kind in ("input", "output"):
             getters[f"{kind}_int_register_{number}"] = _register(f"{kind}_ints", number)
             getters[f"{kind}_double_register_{number}"] = _register(f"{kind}_doubles", number)
     for name in ("actual_TCP_pose", "actual_TCP_speed", "target_TCP_pose", "target_TCP_speed"):
         getters[name] = _pose(name)
+    for name in ("target_q", "target_qd", "target_qdd", "actual_q", "actual_qd"):
+        getters[name] = attrgetter(f"arm.{name}")
+    for name in ("timestamp", "payload", "payload_cog", "payload_inertia"):
+        getters[name] = attrgetter(name)
     getters |= {
-        "timestamp": lambda robot: robot.timestamp,
-        "target_q": lambda robot: robot.arm.target_q,
-        "target_qd": lambda robot: robot.arm.target_qd,
-        "target_qdd": lambda robot: robot.arm.target_qdd,
-        "actual_q": lambda robot: robot.arm.actual_q,
-        "actual_qd": lambda robot: robot.arm.actual_qd,
         "robot_mode": lambda robot: int(robot.robot_mode),
         "safety_mode": lambda robot: int(robot.safety_mode),
         "safety_status": lambda robot: int(robot.safety_mode),
@@ -75,9 +72,6 @@ def _getters() -> dict[str, Getter]:
         "safety_status_bits": lambda robot: _SAFETY_BITS[robot.safety_mode],
         "speed_scaling": lambda robot: robot.speed_limiter,
         "target_speed_fraction": lambda robot: robot.speed_fraction,
-        "payload": lambda robot: robot.payload,
-        "payload_cog": lambda robot: robot.payload_cog,
-        "payload_inertia": lambda robot: robot.payload_inertia,
         "tcp_offset": lambda robot: robot.tool.offset,
         "actual_digital_output_bits": lambda robot: robot.digital_outputs,
         "standard_analog_output0": lambda robot: robot.analog_outputs[0],

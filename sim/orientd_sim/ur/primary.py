@@ -7,8 +7,6 @@ contents; a robot state is made of sub-packages that begin alike.
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
-from itertools import chain
 
 from orientd_sim.ur.arm import TWISTS
 from orientd_sim.ur.controller import Controller
@@ -91,7 +89,7 @@ def _masterboard(robot: Controller) -> bytes:
 
 def _kinematics(robot: Controller) -> bytes:
     model = robot.arm.model
-    table = _flat([(0.0,) * 6, model.a, model.d, TWISTS])
+    table = (*(0.0,) * 6, *model.a, *model.d, *TWISTS)
     return struct.pack(">6I24dI", *(0,) * 6, *table, 0)
 
 
@@ -99,11 +97,7 @@ def _configuration(robot: Controller) -> bytes:
     model = robot.arm.model
     limits = [value for most in model.ranges for value in (-min(most, 1e9), min(most, 1e9))]
     motion = [value for speed in model.speeds for value in (speed, _FASTEST_CHANGE)]
-    table = _flat([model.a, model.d, TWISTS, (0.0,) * 6])
+    table = (*model.a, *model.d, *TWISTS, *(0.0,) * 6)
     return struct.pack(
         ">12d12d5d24d4i", *limits, *motion, 1.05, 1.4, 0.5, 1.2, 0.3, *table, 2, 0, model.kind, 0
     )
-
-
-def _flat(lists: Sequence[Sequence[float]]) -> list[float]:
-    return list(chain.from_iterable(lists))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import select
 import signal
@@ -52,7 +53,6 @@ class Server:
     """
 
     def __init__(self, host: str, behaviour: Behaviour | None = None) -> None:
-        self.host = host
         self.robot: Controller = Controller(behaviour)
         self.robot.on_message = self._broadcast
         self.recording = SetpointRecording()
@@ -276,8 +276,7 @@ class Server:
 
     def freeze(self, seconds: float | None) -> None:
         """Stand still, as a controller that has crashed but whose machine still runs."""
-        ends = float("inf") if seconds is None else time.monotonic_ns() + seconds * 1e9
-        self._frozen_until = ends
+        self._frozen_until = math.inf if seconds is None else time.monotonic_ns() + seconds * 1e9
 
     def thaw(self) -> None:
         """Go on where the controller stood still."""
@@ -315,7 +314,7 @@ class Server:
         """End as a process that was killed."""
         os.kill(os.getpid(), signal.SIGKILL)
 
-    def record(self, words: Sequence[str]) -> str | None:
+    def record(self, words: Sequence[str]) -> None:
         """Switch the recording, or write it.
 
         Raises:
@@ -329,7 +328,6 @@ class Server:
             self.recording.clear()
         else:
             raise ValueError(f"record must be on, off, clear or write STEM, got {words}")
-        return None
 
     def describe(self) -> str:
         """Return everything worth knowing as one line of JSON."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable, MutableMapping
 
 from orientd_sim.ur import wire
@@ -76,7 +77,9 @@ class ClientSession:
                 self.protocol = wanted
             return wire.accepted_reply(PackageKind.VERSION, wanted in (1, 2))
         if kind == PackageKind.CONTROLLER_VERSION:
-            return wire.controller_version_reply(self.robot.behaviour.version)
+            return wire.package(
+                PackageKind.CONTROLLER_VERSION, struct.pack(">4I", *self.robot.behaviour.version)
+            )
         if kind == PackageKind.OUTPUTS:
             return self._set_up_outputs(payload)
         if kind == PackageKind.INPUTS:

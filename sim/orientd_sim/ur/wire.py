@@ -97,7 +97,6 @@ class Layout:
 
     def __init__(self, names: Sequence[str], types: Sequence[str]) -> None:
         self.names = tuple(names)
-        self.types = tuple(types)
         self._widths = tuple(TYPES[kind][1] for kind in types)
         self._body = struct.Struct(">" + "".join(TYPES[kind][0] for kind in types))
 
@@ -182,11 +181,6 @@ def recipe_reply(kind: PackageKind, recipe: int, types: Sequence[str], protocol:
 def accepted_reply(kind: PackageKind, is_accepted: bool) -> bytes:
     """Return the one-byte reply to a version, start or pause request."""
     return package(kind, bytes([is_accepted]))
-
-
-def controller_version_reply(version: tuple[int, int, int, int]) -> bytes:
-    """Return the controller's version as four numbers."""
-    return package(PackageKind.CONTROLLER_VERSION, struct.pack(">4I", *version))
 
 
 def message(text: str, source: str, level: int, protocol: int) -> bytes:

@@ -7,19 +7,3 @@ from orientd_sim.ur.arm.kinematics import TWISTS
 from orientd_sim.ur.arm.models import MODELS, Behaviour, version_of
 from orientd_sim.ur.arm.tool import Tool, UnreachableError
 from orientd_sim.ur.arm.transforms import from_pose, multiply, rotation_between, to_pose
-
-__all__ = [
-    "MODELS",
-    "TICK",
-    "TWISTS",
-    "Arm",
-    "Behaviour",
-    "Mode",
-    "Tool",
-    "UnreachableError",
-    "from_pose",
-    "multiply",
-    "rotation_between",
-    "to_pose",
-    "version_of",
-]

@@ -34,10 +34,6 @@ class Tool:
         """Return the tool for joint angles *q*."""
         return multiply(self._arm.kinematics.forward(q), from_pose(self.offset))
 
-    def actual_flange(self) -> Transform:
-        """Return where the flange is."""
-        return self._arm.kinematics.forward(self._arm.actual_q)
-
     def find_joints(
         self, pose: Sequence[float], near: Sequence[float] | None = None
     ) -> Joints | None:

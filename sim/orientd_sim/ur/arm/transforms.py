@@ -13,8 +13,6 @@ Transform = tuple[float, ...]
 Pose = tuple[float, ...]
 Vector = tuple[float, float, float]
 
-IDENTITY: Transform = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
-
 
 def multiply(a: Transform, b: Transform) -> Transform:
     """Return the transform that applies *b* first, then *a*."""
