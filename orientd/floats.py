@@ -89,6 +89,11 @@ def combine(a: Vector3, s: float, b: Vector3, t: float) -> Vector3:
     return (a[0] * s + b[0] * t, a[1] * s + b[1] * t, a[2] * s + b[2] * t)
 
 
+def plus(a: Vector3, b: Vector3, factor: float) -> Vector3:
+    """Return ``a + factor b``."""
+    return (a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2])
+
+
 def norm(v: Vector3) -> float:
     """Return the Euclidean length of *v*."""
     x, y, z = v

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from math import ceil, sqrt
 
 from orientd.driver import ZERO, Quaternion, Vector3
-from orientd.floats import difference, exp, multiply, norm, normalize
+from orientd.floats import difference, exp, multiply, norm, normalize, plus
 from orientd.servo.tracking import bounds, halt, loosened
 from orientd.stream import ServoLimits
 from orientd.tolerances import GUARD_TOLERANCE
@@ -103,11 +103,11 @@ class Guard:
 
     def _admit_position(self, position: Vector3, servo_limits: ServoLimits) -> str:
         h, rounding = self.period, _ROUNDING / self.period
-        velocity = _plus(_plus(ZERO, position, 1.0 / h), self.position, -1.0 / h)
+        velocity = plus(plus(ZERO, position, 1.0 / h), self.position, -1.0 / h)
         speed = norm(velocity)
         if not speed <= servo_limits.linear_velocity * GUARD_TOLERANCE + rounding:
             return f"velocity {speed:.6g} m/s, the limit is {servo_limits.linear_velocity:.6g} m/s"
-        change = norm(_plus(velocity, self.velocity, -1.0)) / h
+        change = norm(plus(velocity, self.velocity, -1.0)) / h
         if not change <= servo_limits.linear_acceleration * GUARD_TOLERANCE + rounding / h:
             limit = servo_limits.linear_acceleration
             return f"acceleration {change:.6g} m/s^2, the limit is {limit:.6g} m/s^2"
@@ -117,7 +117,7 @@ class Guard:
     def rates(self, q: Quaternion, position: Vector3) -> tuple[Vector3, Vector3]:
         """Return angular velocity and velocity, rad/s and m/s, of a step to there."""
         h, (x, y, z) = self.period, difference(self.q, q)
-        velocity = _plus(_plus(ZERO, position, 1.0 / h), self.position, -1.0 / h)
+        velocity = plus(plus(ZERO, position, 1.0 / h), self.position, -1.0 / h)
         return (x / h, y / h, z / h), velocity
 
     def soft_stop(self, servo_limits: ServoLimits) -> Iterator[tuple[Quaternion, Vector3]]:
@@ -138,12 +138,12 @@ class Guard:
 
     def braked_position(self, servo_limits: ServoLimits) -> Vector3:
         """Return the next position on the quickest way to rest along a straight line."""
-        return _plus(self.position, self._braked(servo_limits), self.period)
+        return plus(self.position, self._braked(servo_limits), self.period)
 
     def _braked(self, servo_limits: ServoLimits) -> Vector3:
         """Return the velocity of the next step of that."""
         speed, brake = norm(self.velocity), servo_limits.linear_acceleration * self.period
-        return _plus(ZERO, self.velocity, 1.0 - brake / speed) if speed > brake else ZERO
+        return plus(ZERO, self.velocity, 1.0 - brake / speed) if speed > brake else ZERO
 
     def _profiled_stop(self, servo_limits: ServoLimits) -> Iterator[tuple[Quaternion, Vector3]]:
         """Yield setpoints that first take the acceleration away, then the velocity.
@@ -156,7 +156,7 @@ class Guard:
         alpha, omega = self.alpha, self.omega
         for k in range(1, ramp + 1):
             share = 1.0 - k / ramp
-            omega = _plus(omega, alpha, share * h)
+            omega = plus(omega, alpha, share * h)
             yield self._step(omega, self.velocity)
         velocity = self.velocity
         cycles = ceil(
@@ -170,20 +170,16 @@ class Guard:
         for k in range(1, cycles + 1):
             t = k / cycles
             share = 1.0 - t * t * (3.0 - 2.0 * t)
-            yield self._step(_plus(ZERO, omega, share), _plus(ZERO, velocity, share))
+            yield self._step(plus(ZERO, omega, share), plus(ZERO, velocity, share))
         self.omega = self.alpha = self.velocity = ZERO
 
     def _step(self, omega: Vector3, velocity: Vector3) -> tuple[Quaternion, Vector3]:
         h = self.period
-        self.alpha = _plus(_plus(ZERO, omega, 1.0 / h), self.omega, -1.0 / h)
-        self.q = normalize(multiply(self.q, exp(_plus(ZERO, omega, h))))
-        self.position = _plus(self.position, velocity, h)
+        self.alpha = plus(plus(ZERO, omega, 1.0 / h), self.omega, -1.0 / h)
+        self.q = normalize(multiply(self.q, exp(plus(ZERO, omega, h))))
+        self.position = plus(self.position, velocity, h)
         self.omega, self.velocity = omega, velocity
         return self.q, self.position
-
-
-def _plus(a: Vector3, b: Vector3, factor: float) -> Vector3:
-    return (a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2])
 
 
 def _share(vector: Vector3, limit: float, axes: Vector3) -> float:

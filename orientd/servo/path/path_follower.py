@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from orientd.driver import IDENTITY, ZERO, Vector3
 from orientd.errors import OrientdError
-from orientd.floats import difference, norm
+from orientd.floats import difference, norm, plus
 from orientd.servo.path.path_point import PathPoint, point_of
 from orientd.servo.path.segment import Segment
 from orientd.stream import HEAD, UNKNOWN, RecordRing, ServoLimits
@@ -262,7 +262,7 @@ def _differ(old: PathPoint, new: PathPoint) -> str:
         ("orientation", norm(difference(old.q, new.q)), _SAME_Q, "rad"),
         ("angular velocity", *_gap(old.omega_body, new.omega_body), "rad/s"),
         ("angular acceleration", *_gap(old.alpha_body, new.alpha_body), "rad/s^2"),
-        ("position", norm(_minus(old.position, new.position)), _SAME_POSITION, "m"),
+        ("position", norm(plus(old.position, new.position, -1.0)), _SAME_POSITION, "m"),
         ("velocity", *_gap(old.velocity, new.velocity), "m/s"),
     ):
         if not gap <= tolerance:
@@ -271,8 +271,4 @@ def _differ(old: PathPoint, new: PathPoint) -> str:
 
 
 def _gap(a: Vector3, b: Vector3) -> tuple[float, float]:
-    return norm(_minus(a, b)), _SAME_RATE * (1.0 + norm(a))
-
-
-def _minus(a: Vector3, b: Vector3) -> Vector3:
-    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
+    return norm(plus(a, b, -1.0)), _SAME_RATE * (1.0 + norm(a))

@@ -20,7 +20,7 @@ from math import inf
 from typing import NamedTuple
 
 from orientd.driver import Vector3
-from orientd.floats import difference, norm
+from orientd.floats import difference, norm, plus
 from orientd.servo.guard import Guard
 from orientd.servo.path.acceleration_step import AccelerationStep, find_kink
 from orientd.servo.path.cubic import Cubic, between, cubic
@@ -230,7 +230,7 @@ class StopRollout:
                 velocity, push = between(travel or none, before, there[1] or none, u, drift)
             if not is_led:
                 break
-            ahead = Ahead(slope, _plus(omega, slope, -rate), push, _plus(velocity, push, -rate))
+            ahead = Ahead(slope, plus(omega, slope, -rate), push, plus(velocity, push, -rate))
             wanted = self._wanted(ahead, servo_limits)
             found = nearest(self.past, ahead, servo_limits, h, self.plan.share, wanted)
             if found is None:
@@ -238,8 +238,8 @@ class StopRollout:
                 return
             error, rate = abs(found - rate), found
             if error < _NEAR:
-                omega = _plus(ahead.bend, slope, rate)
-                velocity = _plus(ahead.shift, push, rate)
+                omega = plus(ahead.bend, slope, rate)
+                velocity = plus(ahead.shift, push, rate)
                 break
         else:
             self.outcome = RolloutOutcome.FAILED
@@ -333,13 +333,9 @@ def _kinked(
 ) -> tuple[Vector3, Vector3]:
     """Return what the cubics say, with the bends of steps of the acceleration on the way."""
     if start is not None:
-        omega = _plus(omega, start.step, -period * start.bend(s)[0])
+        omega = plus(omega, start.step, -period * start.bend(s)[0])
     if end is not None:
         bend, lean = end.bend(u)
-        omega = _plus(omega, end.step, period * bend)
-        slope = _plus(slope, end.step, period * lean)
+        omega = plus(omega, end.step, period * bend)
+        slope = plus(slope, end.step, period * lean)
     return omega, slope
-
-
-def _plus(base: Vector3, slope: Vector3, rate: float) -> Vector3:
-    return (base[0] + slope[0] * rate, base[1] + slope[1] * rate, base[2] + slope[2] * rate)

@@ -12,7 +12,7 @@ about one axis its duration is the least there is.
 
 from orientd.servo.tracking.approach import approach
 from orientd.servo.tracking.knot import Target
-from orientd.servo.tracking.law import halt, quickest_stop
+from orientd.servo.tracking.law import halt
 from orientd.servo.tracking.law_bounds import bounds, loosened
 from orientd.servo.tracking.target_follower import TargetFollower
 from orientd.servo.tracking.tracker import Tracker, TrackPoint

@@ -14,14 +14,11 @@ with them the formulas of continuous time are exact at any rate.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from math import sqrt
 
-from orientd.driver import ZERO, Quaternion, Vector3
-from orientd.floats import exp as rotation
-from orientd.floats import multiply, norm, normalize
-from orientd.servo.tracking.law_bounds import Bounds, bounds_of, divided, loosened, run_out, times
-from orientd.stream import ServoLimits
+from orientd.driver import ZERO, Vector3
+from orientd.floats import norm, plus
+from orientd.servo.tracking.law_bounds import Bounds, run_out
 
 _STILL = 1e-12
 """What counts as no velocity, rad/s: a thousandth of what the guard takes for rounding."""
@@ -131,40 +128,10 @@ def seek(
     return (a + mx, b + my, c + mz)
 
 
-def quickest_stop(
-    q: Quaternion, omega: Vector3, alpha: Vector3, servo_limits: ServoLimits, period: float
-) -> Iterator[Quaternion]:
-    """Yield setpoints that come to rest as soon as the limits allow, wherever that is.
-
-    Args:
-        q: orientation last commanded.
-        omega: angular velocity of the step to it, rad/s.
-        alpha: change from the step before over the period, rad/s^2.
-        servo limits: limits.
-        period: s.
-    """
-    limits, units = bounds_of(servo_limits, period)
-    omega, alpha = divided(omega, units), divided(alpha, units)
-    while omega != ZERO or alpha != ZERO:
-        omega, alpha = halt(omega, alpha, loosened(limits, omega, alpha))
-        x, y, z = times(omega, units)
-        q = normalize(multiply(q, rotation((x * period, y * period, z * period))))
-        yield q
-
-
 def halt(omega: Vector3, alpha: Vector3, limits: Bounds) -> tuple[Vector3, Vector3]:
     """Return velocity and acceleration one cycle further towards rest."""
     if norm(omega) < _STILL and norm(alpha) * limits.period < _STILL:
         return ZERO, ZERO
     wanted = seek(ZERO, omega, alpha, ZERO, limits, 1.0 / limits.period)
     alpha = advance(omega, alpha, wanted, limits)
-    return moved(omega, alpha, limits.period), alpha
-
-
-def moved(omega: Vector3, alpha: Vector3, period: float) -> Vector3:
-    """Return the angular velocity after a cycle with the acceleration *alpha*."""
-    return (
-        omega[0] + period * alpha[0],
-        omega[1] + period * alpha[1],
-        omega[2] + period * alpha[2],
-    )
+    return plus(omega, alpha, limits.period), alpha

@@ -6,9 +6,9 @@ from math import inf, pi, sqrt
 from typing import NamedTuple
 
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
-from orientd.floats import difference, exp, multiply, norm, normalize
+from orientd.floats import difference, exp, multiply, norm, normalize, plus
 from orientd.servo.tracking.knot import ReferenceState, Target
-from orientd.servo.tracking.law import advance, halt, moved
+from orientd.servo.tracking.law import advance, halt
 from orientd.servo.tracking.law_bounds import (
     Bounds,
     bounds,
@@ -129,7 +129,7 @@ class Tracker:
             self.place = self._reference.position_at(now_ns - self._period_ns)
             wanted = self._wanted(found)
             alpha = advance(self._omega, self._alpha, wanted, self._bounds)
-            omega = moved(self._omega, alpha, self._period)
+            omega = plus(self._omega, alpha, self._period)
         self._omega, self._alpha = omega, alpha
         h, omega = self._period, times(omega, units)
         x, y, z = omega

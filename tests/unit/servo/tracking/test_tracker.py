@@ -6,11 +6,11 @@ from math import cos, inf, pi, sin
 
 import pytest
 import ruckig
-from tracking_world import NS, World, angle, servo_limits
+from tracking_world import NS, World, angle, quickest_stop, servo_limits
 
 from orientd.driver import ZERO
 from orientd.floats import exp, multiply, norm, normalize
-from orientd.servo.tracking import Target, Tracker, quickest_stop
+from orientd.servo.tracking import Target, Tracker
 
 LIMITS = [
     servo_limits(2.5, 17.0, 8500.0),

@@ -1,9 +1,10 @@
 """A tracker with the guard behind it, in virtual time, and streams of targets for it."""
 
 from orientd.driver import ZERO
-from orientd.floats import difference, norm
+from orientd.floats import difference, exp, multiply, norm, normalize
 from orientd.servo.guard import Guard
-from orientd.servo.tracking import Target, Tracker
+from orientd.servo.tracking import Target, Tracker, halt, loosened
+from orientd.servo.tracking.law_bounds import bounds_of, divided, times
 from orientd.stream import ServoLimits
 
 NS = 1_000_000_000
@@ -12,6 +13,17 @@ IDENTITY = (1.0, 0.0, 0.0, 0.0)
 
 def servo_limits(velocity, acceleration, jerk):
     return ServoLimits(velocity, acceleration, jerk, 1.0, 1.0, 1.0)
+
+
+def quickest_stop(q, omega, alpha, limits, period):
+    """Yield setpoints that come to rest as soon as the limits allow, wherever that is."""
+    keep, units = bounds_of(limits, period)
+    omega, alpha = divided(omega, units), divided(alpha, units)
+    while omega != ZERO or alpha != ZERO:
+        omega, alpha = halt(omega, alpha, loosened(keep, omega, alpha))
+        x, y, z = times(omega, units)
+        q = normalize(multiply(q, exp((x * period, y * period, z * period))))
+        yield q
 
 
 class World:
