@@ -6,9 +6,9 @@ JSON on standard input, in a session of its own, so that a Ctrl-C for the daemon
 
 from __future__ import annotations
 
-import importlib
 import json
 import os
+import pkgutil
 import signal
 import sys
 import time
@@ -79,13 +79,6 @@ _FAULTS = (
 """What it is that keeps a device from being opened."""
 
 
-def load_driver(target: str) -> type[Driver]:
-    """Import the class that *target*, ``module:Class``, names."""
-    module, _, name = target.partition(":")
-    driver: type[Driver] = getattr(importlib.import_module(module), name)
-    return driver
-
-
 def run(descriptor: int, settings: ProcessSettings) -> int:
     """Be the servo process of one device, from opening to closing it.
 
@@ -96,9 +89,8 @@ def run(descriptor: int, settings: ProcessSettings) -> int:
     memory = SharedMemory(descriptor, settings.path_capacity, settings.cycle_capacity)
     clock = MonotonicClock()
     try:
-        driver = load_driver(settings.driver)(
-            settings.options, period_ns=settings.period_ns, clock=clock
-        )
+        kind: type[Driver] = pkgutil.resolve_name(settings.driver)
+        driver = kind(settings.options, period_ns=settings.period_ns, clock=clock)
         driver.open()
     except Exception as error:  # noqa: BLE001 - whatever it is, the daemon must hear of it
         text = f"{type(error).__name__}: {error}"

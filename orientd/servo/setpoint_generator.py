@@ -208,7 +208,7 @@ class SetpointGenerator:
         """Begin to come to rest, on the path or away from the target."""
         following = advance(self.state, event)
         self.time_scaling.target = 0.0
-        self._pursuit.cease()
+        self._pursuit.tracker.cease()
         self.state = following
 
     def brake(self, fault: Fault, text: str) -> None:
@@ -340,21 +340,21 @@ class SetpointGenerator:
             self._pursuit.end()
             self.fail(Fault.SERVO_STALLED, problem)
         elif self.state is _TRACKING:
-            self._pursuit.rest(guard.q)
+            self._pursuit.tracker.rest(guard.q)
 
     def _follow(self, deadline_ns: int) -> PathPoint:
         """Return the next setpoint on the way to a target, or to rest."""
         pursuit, guard = self._pursuit, self._guard
         if self.state is _TRACKING:
             pursuit.aim(deadline_ns)
-        point = pursuit.step(deadline_ns)
+        point = pursuit.tracker.step(deadline_ns)
         position = pursuit.position(guard.position, guard.velocity, self._servo_limits)
         if position is None:
             position = guard.braked_position(self._servo_limits)
         problem = guard.admit(point.q, position, self._servo_limits)
         if problem:
             return self.leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")
-        is_at_rest = pursuit.is_at_rest and guard.velocity == ZERO
+        is_at_rest = pursuit.tracker.is_at_rest and guard.velocity == ZERO
         if self.state is _STOPPING and is_at_rest and self._is_there:
             self._finish(Event.REST)
             # Axes that could not get there hold where they could.

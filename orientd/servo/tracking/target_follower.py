@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from orientd.driver import Quaternion, Vector3
 from orientd.servo.tracking.approach import approach
 from orientd.servo.tracking.knot import Target
-from orientd.servo.tracking.tracker import Tracker, TrackPoint
+from orientd.servo.tracking.tracker import Tracker
 from orientd.stream import RecordRing, ServoLimits
 
 TARGETS_PER_CYCLE = 8
@@ -22,6 +22,7 @@ class TargetFollower:
 
     Attributes:
         is_on: whether targets are followed, or their following is coming to rest.
+        tracker: on the way to the target of the moment.
     """
 
     def __init__(self, ring: RecordRing, period: float) -> None:
@@ -29,7 +30,7 @@ class TargetFollower:
         self.is_on = False
         self._ring = ring
         self._period = period
-        self._tracker = Tracker(period)
+        self.tracker = Tracker(period)
         self._next = ring.head
         self._left_out = 0
 
@@ -44,30 +45,13 @@ class TargetFollower:
             alpha: change from the step before over the period, rad/s^2.
             servo limits: limits.
         """
-        self._tracker.begin(q, omega, alpha, servo_limits)
+        self.tracker.begin(q, omega, alpha, servo_limits)
         self._next = self._ring.head
         self.is_on = True
-
-    def rest(self, q: Quaternion) -> None:
-        """Go on from rest at *q*, with the target of before."""
-        self._tracker.rest(q)
-
-    def cease(self) -> None:
-        """Forget every target, and come to rest."""
-        self._tracker.cease()
 
     def end(self) -> None:
         """Follow no more."""
         self.is_on = False
-
-    @property
-    def is_at_rest(self) -> bool:
-        """Whether nothing moves and no target lives."""
-        return self._tracker.is_at_rest
-
-    def step(self, now_ns: int) -> TrackPoint:
-        """Return the setpoint of the cycle that is due at *now_ns*."""
-        return self._tracker.step(now_ns)
 
     def position(
         self, position: Vector3, velocity: Vector3, servo_limits: ServoLimits
@@ -79,9 +63,10 @@ class TargetFollower:
             velocity: of the step to it, m/s.
             servo limits: limits.
         """
-        if self._tracker.place is None:
+        place = self.tracker.place
+        if place is None:
             return None
-        (a, b, c), goal_velocity = self._tracker.place
+        (a, b, c), goal_velocity = place
         x, y, z = position
         h = self._period
         u, v, w = approach(
@@ -110,7 +95,7 @@ class TargetFollower:
                 _, time_ns, expires_ns, w, x, y, z, *more = fields
                 omega, position = _given(more[:3]), _given(more[3:])
                 target = Target((w, x, y, z), omega, time_ns, expires_ns, position)
-                if not self._tracker.take(target, now_ns):
+                if not self.tracker.take(target, now_ns):
                     continue
             self._left_out += 1
             ring.words[LEFT_OUT_WORD] = self._left_out

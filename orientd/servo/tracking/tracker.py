@@ -11,7 +11,6 @@ from orientd.servo.tracking.knot import ReferenceState, Target
 from orientd.servo.tracking.law import advance, halt
 from orientd.servo.tracking.law_bounds import (
     Bounds,
-    bounds,
     bounds_of,
     divided,
     loosened,
@@ -62,16 +61,14 @@ class Tracker:
         self._period_ns = round(period * 1e9)
         self._reference = Reference(period)
         self._restraint = Restraint(period)
-        self._units: Vector3 = (1.0, 1.0, 1.0)
-        self._limits = self._bounds = bounds(period, 1e-9, 1e-9, 1e-9)
-        self.begin(IDENTITY, ZERO, ZERO, None)
+        self.begin(IDENTITY, ZERO, ZERO, ServoLimits(1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 1.0))
 
     def begin(
         self,
         q: Quaternion,
         omega_body: Vector3,
         alpha_body: Vector3,
-        servo_limits: ServoLimits | None,
+        servo_limits: ServoLimits,
     ) -> None:
         """Begin from what was last commanded, moving or at rest, without any target.
 
@@ -81,8 +78,7 @@ class Tracker:
             alpha_body: change from the step before over the period, rad/s^2.
             servo limits: what to keep.  What moves faster than that is slowed down first.
         """
-        if servo_limits is not None:
-            self._limits, self._units = bounds_of(servo_limits, self._period)
+        self._limits, self._units = bounds_of(servo_limits, self._period)
         # The law's state is in its own units.
         self._q = q
         self._omega, self._alpha = (
