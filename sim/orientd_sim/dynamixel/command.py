@@ -78,26 +78,23 @@ def run(
         gap_ns=_GAP_NS,
     )
     server = PtyServer(bus, link, clock)
-    stopping: list[int] = []
     previous = {
-        number: signal.signal(number, lambda got, _: stopping.append(got))
+        number: signal.signal(number, lambda *_: server.stop())
         for number in (signal.SIGINT, signal.SIGTERM)
     }
-    wake_read, wake_write = os.pipe()
-    os.set_blocking(wake_write, False)
-    previous_wake = signal.set_wakeup_fd(wake_write)
+    previous_wake = signal.set_wakeup_fd(server.wake)
     try:
         server.plug()
         kinds = ", ".join(f"{servo.id} {servo.model.name}" for servo in bus.servos)
         print(f"ready: {link} at {baud} baud, servos {kinds}", flush=True)  # noqa: T201
-        others = [wake_read] if console is None else [wake_read, console]
+        others = [] if console is None else [console]
         pending = b""
-        while not stopping:
+        while not server.is_stopping:
             if console not in server.step(_IDLE_S, *others) or console is None:
                 continue
             octets = os.read(console, 4096)
             if not octets:
-                others, console = [wake_read], None
+                others, console = [], None
             *lines, pending = (pending + octets).split(b"\n")
             for command in lines:
                 _obey(command.decode(errors="replace"), server, clock.now_ns())
@@ -105,8 +102,6 @@ def run(
         signal.set_wakeup_fd(previous_wake)
         for number, handler in previous.items():
             signal.signal(number, handler)
-        os.close(wake_read)
-        os.close(wake_write)
         server.close()
 
 
