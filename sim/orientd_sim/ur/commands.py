@@ -115,11 +115,9 @@ REAL_TIME = frozenset({6, 9, 10, 11, 24, 25, 26, 27, 38, 58, *range(66, 72)})
 def execute_now(script: ControlScript, number: int) -> None:
     """Carry out a command that takes no time."""
     robot = script.robot
-    if number == RegisterCommand.SERVO_L:
-        pose, (time, lookahead, gain) = script.numbers(0, 6), script.numbers(8, 3)
-        script.start_servo(robot.tool.joints_at(pose), time, lookahead, gain)
-    elif number == RegisterCommand.SERVO_J:
-        q, (time, lookahead, gain) = script.numbers(0, 6), script.numbers(8, 3)
+    if number in (RegisterCommand.SERVO_L, RegisterCommand.SERVO_J):
+        goal, (time, lookahead, gain) = script.numbers(0, 6), script.numbers(8, 3)
+        q = robot.tool.joints_at(goal) if number == RegisterCommand.SERVO_L else goal
         script.start_servo(q, time, lookahead, gain)
     elif number in (RegisterCommand.SPEED_J, RegisterCommand.SPEED_L):
         script.start_speed(

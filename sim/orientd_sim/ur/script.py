@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from orientd_sim.ur import commands
 from orientd_sim.ur.arm import TICK
 from orientd_sim.ur.commands import RegisterCommand
-from orientd_sim.ur.programs import Statement, Ticks, perform, press
+from orientd_sim.ur.programs import Statement, Ticks, perform, press, push
 
 if TYPE_CHECKING:
     from orientd_sim.ur.controller import Controller
@@ -167,8 +167,7 @@ class ControlScript:
         while self._speed is not None:
             rates, acceleration, is_tool = self._speed
             if is_tool:
-                ahead = self.robot.tool.pose_ahead(rates, TICK * self.robot.speed_scaling)
-                self.robot.arm.follow(self.robot.tool.joints_at(ahead))
+                push(self.robot, rates)
             else:
                 self.robot.arm.turn(rates, acceleration=acceleration)
             yield

@@ -69,7 +69,7 @@ def jog(
     step = max(acceleration, 1e-3) * TICK
     while True:
         rate = [r + max(-step, min(step, w - r)) for r, w in zip(rate, wanted, strict=True)]
-        _push(robot, rate)
+        push(robot, rate)
         yield
 
 
@@ -89,7 +89,7 @@ def press(
         if robot.is_touching:
             robot.arm.follow(robot.arm.target_q)
         else:
-            _push(robot, _turned(speeds, frame))
+            push(robot, _turned(speeds, frame))
         yield
 
 
@@ -112,7 +112,8 @@ def _turned(speeds: Sequence[float], frame: Sequence[float]) -> list[float]:
     ]
 
 
-def _push(robot: Controller, speeds: Sequence[float]) -> None:
+def push(robot: Controller, speeds: Sequence[float]) -> None:
+    """Move the tool at *speeds* for one tick."""
     ahead = robot.tool.pose_ahead(speeds, TICK * robot.speed_scaling)
     robot.arm.follow(robot.tool.joints_at(ahead))
 
