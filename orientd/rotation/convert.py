@@ -12,7 +12,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.rotation.quaternion import Floats, check_unit, exp, exp_half, log, multiply
+from orientd.rotation.quaternion import (
+    Floats,
+    check_unit,
+    components,
+    exp,
+    exp_half,
+    log,
+    multiply,
+)
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -149,9 +157,7 @@ def from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> Floats:
     Raises:
         ValueError: an axis is zero or not finite, or its last axis does not have length 3.
     """
-    axis = np.asarray(axis, dtype=np.float64)
-    if axis.ndim == 0 or axis.shape[-1] != 3:
-        raise ValueError(f"axis must have 3 components in its last axis, got shape {axis.shape}")
+    axis = components(axis, 3, "axis")
     largest = np.max(np.abs(axis), axis=-1, keepdims=True)
     if not np.all(np.isfinite(largest) & (largest > 0.0)):
         raise ValueError("axis must be finite and not zero")

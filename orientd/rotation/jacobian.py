@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.rotation.quaternion import Floats
+from orientd.rotation.quaternion import Floats, components
 
 _SEAM = 0.25
 """Below this angle (rad) a Taylor polynomial is used; both forms agree to 1e-15 there."""
@@ -28,19 +28,7 @@ def _skew(v: Floats) -> Floats:
 
 
 def _vectors(rotation_vector: ArrayLike) -> Floats:
-    r = np.asarray(rotation_vector, dtype=np.float64)
-    if r.ndim == 0 or r.shape[-1] != 3:
-        raise ValueError(
-            f"rotation_vector must have 3 components in its last axis, got shape {r.shape}"
-        )
-    return r
-
-
-def _horner(x: Floats, coefficients: tuple[float, ...]) -> Floats:
-    total = np.full_like(x, coefficients[-1])
-    for coefficient in coefficients[-2::-1]:
-        total = total * x + coefficient
-    return total
+    return components(rotation_vector, 3, "rotation_vector")
 
 
 def _coefficient(
@@ -49,7 +37,7 @@ def _coefficient(
     """Return a coefficient: a polynomial in the *square* of small angles, *exact* of others."""
     theta = np.sqrt(square)
     is_small = theta < _SEAM
-    series = _horner(np.where(is_small, square, 0.0), terms)
+    series = np.polyval(terms[::-1], np.where(is_small, square, 0.0))
     return np.where(is_small, series, exact(np.where(is_small, 1.0, theta)))
 
 

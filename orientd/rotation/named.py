@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.rotation.convert import from_scipy
-from orientd.rotation.quaternion import Floats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,7 +74,7 @@ def unnamed(value: Any) -> Any:  # noqa: ANN401 - whatever a parameter may be
     if isinstance(value, Quaternion):
         return np.array([value.w, value.x, value.y, value.z], dtype=np.float64)
     if is_rotation(value):
-        return _of_scipy(value)
+        return from_scipy(value)
     if isinstance(value, list | tuple) and any(map(_is_named, value)):
         return np.array([unnamed(entry) for entry in value])
     return value
@@ -83,7 +82,3 @@ def unnamed(value: Any) -> Any:  # noqa: ANN401 - whatever a parameter may be
 
 def _is_named(value: object) -> bool:
     return isinstance(value, Quaternion) or is_rotation(value)
-
-
-def _of_scipy(rotation: Any) -> Floats:  # noqa: ANN401 - SciPy has no types
-    return from_scipy(rotation)

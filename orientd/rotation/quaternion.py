@@ -21,7 +21,12 @@ ROUNDING = 1e-15
 _TINY = 1e-140
 
 
-def _components(values: ArrayLike, length: int, name: str) -> Floats:
+def components(values: ArrayLike, length: int, name: str) -> Floats:
+    """Return an array of *length* components in its last axis.
+
+    Raises:
+        ValueError: the last axis has another length.
+    """
     array = np.asarray(values, dtype=np.float64)
     if array.ndim == 0 or array.shape[-1] != length:
         raise ValueError(
@@ -46,8 +51,8 @@ def multiply(p: ArrayLike, q: ArrayLike) -> Floats:
     Raises:
         ValueError: a last axis does not have length 4.
     """
-    p = _components(p, 4, "p")
-    q = _components(q, 4, "q")
+    p = components(p, 4, "p")
+    q = components(q, 4, "q")
     pw, px, py, pz = p[..., 0], p[..., 1], p[..., 2], p[..., 3]
     qw, qx, qy, qz = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
     product: Floats = np.empty(np.broadcast_shapes(p.shape, q.shape))
@@ -64,7 +69,7 @@ def conjugate(q: ArrayLike) -> Floats:
     Raises:
         ValueError: the last axis of *q* does not have length 4.
     """
-    opposite: Floats = _components(q, 4, "q") * np.array([1.0, -1.0, -1.0, -1.0])
+    opposite: Floats = components(q, 4, "q") * np.array([1.0, -1.0, -1.0, -1.0])
     return opposite
 
 
@@ -74,7 +79,7 @@ def normalize(q: ArrayLike) -> Floats:
     Raises:
         ValueError: the last axis does not have length 4, or a norm is zero or not finite.
     """
-    q = _components(q, 4, "q")
+    q = components(q, 4, "q")
     scale = np.max(np.abs(q), axis=-1, keepdims=True)
     if not np.all(np.isfinite(scale) & (scale > 0.0)):
         raise ValueError("q must be finite and not zero to be normalised")
@@ -96,7 +101,7 @@ def check_unit(q: ArrayLike) -> Floats:
     Raises:
         ValueError: a component is not finite, or a norm is off by more than 1e-6.
     """
-    q = _components(q, 4, "q")
+    q = components(q, 4, "q")
     if not np.all(np.isfinite(q)):
         raise ValueError("quaternion components must be finite")
     norm = np.sqrt(np.sum(q * q, axis=-1))
@@ -122,8 +127,8 @@ def rotate(q: ArrayLike, v: ArrayLike) -> Floats:
     Raises:
         ValueError: a last axis has the wrong length.
     """
-    q = _components(q, 4, "q")
-    v = _components(v, 3, "v")
+    q = components(q, 4, "q")
+    v = components(v, 3, "v")
     w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
     vx, vy, vz = v[..., 0], v[..., 1], v[..., 2]
     tx = 2.0 * (y * vz - z * vy)
@@ -156,8 +161,8 @@ def between(p: ArrayLike, q: ArrayLike) -> Floats:
     Raises:
         ValueError: a last axis does not have length 4.
     """
-    p = _components(p, 4, "p")
-    q = _components(q, 4, "q")
+    p = components(p, 4, "p")
+    q = components(q, 4, "q")
     w = np.sum(p * q, axis=-1)
     relative = multiply(conjugate(p), q - np.copysign(1.0, w)[..., None] * p)
     relative[..., 0] = w
@@ -180,7 +185,7 @@ def exp_half(v: ArrayLike) -> Floats:
     Raises:
         ValueError: the last axis does not have length 3.
     """
-    v = _components(v, 3, "v")
+    v = components(v, 3, "v")
     length = np.sqrt(np.sum(v * v, axis=-1))
     q: Floats = np.empty((*v.shape[:-1], 4))
     q[..., 0] = np.cos(length)
@@ -207,7 +212,7 @@ def log_half(q: ArrayLike) -> Floats:
     Raises:
         ValueError: the last axis does not have length 4.
     """
-    q = _components(q, 4, "q")
+    q = components(q, 4, "q")
     w, v = q[..., 0], q[..., 1:]
     length = np.sqrt(np.sum(v * v, axis=-1))
     if np.any(length < _TINY):
@@ -233,7 +238,7 @@ def exp(rotation_vector: ArrayLike) -> Floats:
     Raises:
         ValueError: the last axis does not have length 3.
     """
-    return exp_half(0.5 * _components(rotation_vector, 3, "rotation_vector"))
+    return exp_half(0.5 * components(rotation_vector, 3, "rotation_vector"))
 
 
 def log(q: ArrayLike) -> Floats:
@@ -254,7 +259,7 @@ def log(q: ArrayLike) -> Floats:
     Raises:
         ValueError: the last axis does not have length 4.
     """
-    q = _components(q, 4, "q")
+    q = components(q, 4, "q")
     return 2.0 * log_half(np.where(q[..., :1] < 0.0, -q, q))
 
 
@@ -306,8 +311,8 @@ def angle(p: ArrayLike, q: ArrayLike) -> Floats:
     Raises:
         ValueError: a last axis does not have length 4.
     """
-    p = _components(p, 4, "p")
-    q = _components(q, 4, "q")
+    p = components(p, 4, "p")
+    q = components(q, 4, "q")
     apart, along = (np.sqrt(np.einsum("...i,...i->...", v, v)) for v in (q - p, q + p))
     found: Floats = 4.0 * np.arctan2(np.minimum(apart, along), np.maximum(apart, along))
     return found
@@ -329,7 +334,7 @@ def align(qs: ArrayLike) -> Floats:
     Raises:
         ValueError: the last axis does not have length 4, or there is no sequence axis.
     """
-    qs = _components(qs, 4, "qs")
+    qs = components(qs, 4, "qs")
     if qs.ndim < 2:
         raise ValueError(f"qs must be a sequence of quaternions, got shape {qs.shape}")
     dots = np.zeros(qs.shape[:-1])
