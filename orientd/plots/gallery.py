@@ -6,7 +6,6 @@ import os
 import signal
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -86,7 +85,7 @@ def draw_family(path: Path, name: str) -> None:
     except ValueError as error:
         raise OrientdError(f"{name} has no curve for the example: {error}") from error
     figures = measure(curve, task)
-    traces = traces_of(curve, replace(task, omega_start=None, omega_end=None))
+    traces = traces_of(curve, task)
     draw_traces(
         path, traces, title=f"{name}: {family.summary}", note=f"{family.source}. {_note(figures)}"
     )

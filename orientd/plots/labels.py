@@ -12,25 +12,21 @@ _DIRECTIONS = np.radians([20.0, 90.0, 160.0, -20.0, -90.0, -160.0, 55.0, 125.0, 
 _REACHES = (1.0, 1.7)
 
 
-def places(
-    anchors: Floats, sizes: Floats, obstacles: Floats, *, gap: float, centre: Floats | None = None
-) -> Floats:
+def places(anchors: Floats, sizes: Floats, obstacles: Floats, *, gap: float) -> Floats:
     """Return centres for labels beside their anchors.
 
     Each label in turn takes the place around its anchor that covers the fewest obstacles and
-    no label already placed; of equals, the one farthest from the *centre*.
+    no label already placed; of equals, the one farthest from the origin.
 
     Args:
         anchors: points that labels belong to, shape ``(n, 2)``.
         sizes: width and height of the labels, shape ``(n, 2)``.
         obstacles: points better left uncovered, shape ``(m, 2)``.
         gap: from an anchor to the edge of its label.
-        centre: of the picture, shape ``(2,)``.
 
     Returns:
         Shape ``(n, 2)``; not a number for a label that has no place clear of the others.
     """
-    middle = np.zeros(2) if centre is None else centre
     placed: list[tuple[Floats, Floats]] = []
     found: Floats = np.empty((len(anchors), 2))
     for index, (anchor, size) in enumerate(zip(anchors, sizes, strict=True)):
@@ -39,7 +35,7 @@ def places(
             for direction in _DIRECTIONS:
                 step = np.array([np.cos(direction), np.sin(direction)])
                 candidate = anchor + step * (gap * reach + 0.5 * size)
-                cost = 0.4 * reach - 0.1 * float(step @ _unit(anchor - middle))
+                cost = 0.4 * reach - 0.1 * float(step @ _unit(anchor))
                 cost += _covered(candidate, size, obstacles)
                 if any(
                     np.all(np.abs(candidate - other) < 0.5 * (size + extent))

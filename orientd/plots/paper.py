@@ -120,14 +120,13 @@ def check_format(path: Path) -> None:
 
 
 def save(figure: Figure, path: Path, *, dpi: int = 140) -> None:
-    """Write *figure* to *path*, whose ending names the format.
+    """Write *figure* to *path*, whose ending is one that :func:`check_format` allows.
 
     Raises:
-        OrientdError: the file cannot be written, or the ending names no format of a picture.
+        OrientdError: the file cannot be written.
     """
     from matplotlib import rc_context
 
-    check_format(path)
     # A date would make two files of the same picture.
     undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
     try:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,7 +15,6 @@ from orientd.plots.charts import Traces, interrupted
 from orientd.plots.paper import AXES, GRID, INK, LIMIT, PAPER, QUIET, check_format, new_figure, save
 from orientd.plots.sampling import traces_of
 from orientd.plots.triads import SMALL, TriadStyle, draw_triads, turned_to_show
-from orientd.rotation import Floats
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -51,12 +49,12 @@ def draw_sheet(
     """
     check_format(path)
     drawn = [
-        (candidate, candidate.figures, traces_of(candidate.curve, task, instants=INSTANTS))
+        (candidate, candidate.figures, traces_of(curve, task, limits=limits, instants=INSTANTS))
         for candidate in candidates
-        if candidate.curve is not None and candidate.figures is not None
+        if (curve := candidate.curve) is not None and candidate.figures is not None
     ]
-    footer = _footer(candidates, columns=_columns(len(drawn)))
     columns = _columns(len(drawn))
+    footer = _footer(candidates, columns=columns)
     rows = -(-len(drawn) // columns)
     width = columns * CELL_WIDTH + 0.45
     height = rows * CELL_HEIGHT + HEAD + FOOT + LINE * len(footer)
@@ -86,12 +84,7 @@ def draw_sheet(
         cell = _Cell(figure, corner, (width, height), is_first=column == 0)
         cell.headline(place + 1, candidate, figures)
         cell.triads(traces, style)
-        shown = replace(
-            traces,
-            velocity_limit=np.inf if limits is None else limits.velocity,
-            acceleration_limit=np.inf if limits is None else limits.acceleration,
-        )
-        cell.strips(shown, drawn[0][2], tops)
+        cell.strips(traces, drawn[0][2], tops)
     for number, line in enumerate(footer):
         figure.text(
             0.15 / width,
@@ -129,7 +122,7 @@ def _tops(drawn: Sequence[Traces]) -> tuple[float, float]:
     """Return the tops of the strips of velocity and acceleration."""
     found = []
     for name in ("omega_body", "alpha_body"):
-        peaks = [float(_length(getattr(traces, name)).max()) for traces in drawn]
+        peaks = [float(np.linalg.norm(getattr(traces, name), axis=-1).max()) for traces in drawn]
         middle = float(np.median(peaks)) if peaks else 1.0
         within = [peak for peak in peaks if peak <= HEADROOM * middle]
         found.append(1.08 * max(within, default=1.0) or 1.0)
@@ -143,11 +136,6 @@ def _footer(candidates: Sequence[Candidate], *, columns: int) -> list[str]:
             text = f"not drawn: {candidate.name} ({candidate.why_not})"
             lines += textwrap.wrap(text, 42 * columns, subsequent_indent="      ")
     return lines
-
-
-def _length(vectors: Floats) -> Floats:
-    length: Floats = np.sqrt(np.sum(vectors * vectors, axis=-1))
-    return length
 
 
 class _Cell:
@@ -201,11 +189,10 @@ class _Cell:
             (0.24, "alpha_body", traces.acceleration_limit, tops[1], "rad/s²"),
         ):
             axes = self._figure.add_axes(self._box(0.0, bottom, CELL_WIDTH - 0.35, 0.42))  # type: ignore[arg-type]
-            axes.fill_between(
-                reference.times, _length(getattr(reference, name)), color=REFERENCE, linewidth=0.0
-            )
+            behind = np.linalg.norm(getattr(reference, name), axis=-1)
+            axes.fill_between(reference.times, behind, color=REFERENCE, linewidth=0.0)
             times, vectors = interrupted(traces.times, getattr(traces, name), traces.breaks)
-            lengths = _length(vectors)
+            lengths = np.linalg.norm(vectors, axis=-1)
             axes.plot(times, lengths, color=INK, linewidth=0.9)
             if limit <= top:
                 axes.axhline(limit, color=LIMIT, linewidth=0.9, linestyle=(0.0, (1.5, 1.5)))

@@ -71,7 +71,7 @@ def draw_triads(
         ideal: orientations of another curve to compare with, drawn dotted, shape ``(m, 4)``.
         is_met: whether the curve passes its keyframes; marks are hollow where it does not.
     """
-    _sphere(axes, style.view)
+    _sphere(axes, style)
     turned = [style.view.project(rotate(thinned(q, style.step), tip)) for tip in np.eye(3)]
     if ideal is not None:
         for axis, tip in zip(AXES, np.eye(3), strict=True):
@@ -83,10 +83,6 @@ def draw_triads(
         _marks(axes, mark, axis, style, is_met=is_met)
     if style.number > 0.0:
         _numbers(axes, np.stack(marks), np.concatenate(turned)[:, :2], style)
-    axes.set_xlim(-style.reach, style.reach)
-    axes.set_ylim(-style.reach, style.reach)
-    axes.set_aspect("equal")
-    axes.set_axis_off()
 
 
 def draw_tip_paths(
@@ -104,7 +100,7 @@ def draw_tip_paths(
         tip: in the body's frame, shape ``(3,)``.
         style: how large and how detailed.
     """
-    _sphere(axes, style.view)
+    _sphere(axes, style)
     for q, look in paths:
         points = style.view.project(rotate(thinned(q, style.step), tip))
         _trace(axes, points, look, style, look.stroke)
@@ -112,10 +108,6 @@ def draw_tip_paths(
         axes.plot(
             [], [], color=look.colour, linewidth=style.line, linestyle=look.stroke, label=look.name
         )
-    axes.set_xlim(-style.reach, style.reach)
-    axes.set_ylim(-style.reach, style.reach)
-    axes.set_aspect("equal")
-    axes.set_axis_off()
 
 
 def thinned(q: Floats, step: float) -> Floats:
@@ -127,8 +119,12 @@ def thinned(q: Floats, step: float) -> Floats:
     return chosen
 
 
-def _sphere(axes: Axes, view: Viewpoint) -> None:
-    """Draw the sphere's outline, and its parallels and meridians in front."""
+def _sphere(axes: Axes, style: TriadStyle) -> None:
+    """Draw the sphere's outline, and its parallels and meridians in front, on all of a chart."""
+    axes.set_xlim(-style.reach, style.reach)
+    axes.set_ylim(-style.reach, style.reach)
+    axes.set_aspect("equal")
+    axes.set_axis_off()
     around = np.linspace(0.0, 2.0 * np.pi, 181)
     ring = np.stack([np.cos(around), np.sin(around), np.zeros_like(around)], axis=-1)
     axes.fill(ring[:, 0], ring[:, 1], facecolor="#fafafa", linewidth=0.0, zorder=0.2)
@@ -141,7 +137,7 @@ def _sphere(axes: Axes, view: Viewpoint) -> None:
         across = np.array([np.cos(turn), np.sin(turn), 0.0])
         circles.append(np.outer(ring[:, 0], across) + np.outer(ring[:, 1], [0.0, 0.0, 1.0]))
     for circle in circles:
-        seen = view.project(circle)
+        seen = style.view.project(circle)
         axes.plot(*_only(seen, seen[:, 2] >= 0.0).T, color=GRID, linewidth=0.5, zorder=0.6)
 
 
