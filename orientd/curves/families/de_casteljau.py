@@ -34,8 +34,6 @@ class DeCasteljau(TriangleCurve):
     name = "de_casteljau"
     summary = "one Bezier segment of any degree by repeated slerp"
     source = "Shoemake 1985; Nielson 1993, eq. 17; Schlag 1991"
-    interpolates = False
-    local = False
 
     def __init__(
         self, *, control: ArrayLike, t0: float = 0.0, t1: float = 1.0, align: bool = False

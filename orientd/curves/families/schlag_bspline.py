@@ -44,7 +44,6 @@ class SchlagBSpline(TriangleCurve):
     name = "schlag_bspline"
     summary = "B-spline of any order by de Boor's triangle of slerps"
     source = "Schlag 1991, after de Boor 1972"
-    interpolates = False
     local = True
 
     def __init__(
