@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.errors import PlanError
-from orientd.rotation import Floats, conjugate, log, multiply
+from orientd.rotation import Floats, align, conjugate, log, multiply
 
 FEWEST = 8
 """Samples that a fit needs."""
@@ -86,9 +86,7 @@ def clean(times: ArrayLike, q: ArrayLike) -> Measured:
         keep[:2] &= not is_wild[0]
         keep[-2:] &= not is_wild[-1]
         instants, found = instants[keep], found[keep]
-    signs = np.sign(np.sum(found[1:] * found[:-1], axis=-1))
-    aligned = found * np.cumprod(np.append(1.0, np.where(signs < 0.0, -1.0, 1.0)))[:, None]
-    return Measured(instants, aligned, noise, given - len(instants))
+    return Measured(instants, align(found), noise, given - len(instants))
 
 
 def _misses(times: Floats, q: Floats) -> tuple[Floats, Floats]:

@@ -24,6 +24,8 @@ from orientd.curves.fitting.measured import Measured, clean
 from orientd.errors import PlanError
 from orientd.rotation import (
     Floats,
+    align,
+    angle,
     conjugate,
     exp,
     log,
@@ -51,6 +53,7 @@ _FEWEST = 4
 """Samples in a span that may be cut in two."""
 
 _SMOOTHING = 1e-7
+_SECOND_DIFFERENCE = np.array([1.0, -2.0, 1.0])
 _ITERATIONS = 12
 _ROUNDS = 24
 _APART = 5
@@ -162,7 +165,7 @@ class _Fitter:
             span = np.clip(np.searchsorted(breaks, times, side="right") - 1, 0, len(breaks) - 2)
             worst = np.zeros(len(breaks) - 1)
             np.maximum.at(worst, span, fitted.errors)
-            steps = _steps(fitted.control)
+            steps = angle(fitted.control[1:], fitted.control[:-1])
             # A step of the control polygon is felt in the three spans around it.
             longest = np.max(np.stack([steps[:-2], steps[1:-1], steps[2:]]), axis=0)
             held = np.bincount(span, minlength=len(worst))
@@ -250,7 +253,9 @@ class _Fitter:
         band = _normal_matrix(weights, first, len(control))
         scale = float(band[-1].max())
         stiffness = _SMOOTHING * scale
-        band = band + stiffness * _second_differences(len(control))
+        differences = np.repeat(_SECOND_DIFFERENCE[:, None], len(control) - 2, axis=1)
+        bending = _normal_matrix(differences, np.arange(len(control) - 2), len(control))
+        band = band + stiffness * bending
         band[-1] += 1e-9 * scale
         residuals = self._residuals(control, knots)
         for _ in range(_ITERATIONS):
@@ -263,15 +268,7 @@ class _Fitter:
             residuals = self._residuals(control, knots)
             if float(np.abs(delta).max()) < 1e-3 * self.target:
                 break
-        control = (
-            control
-            * np.where(
-                np.cumprod(np.append(1.0, np.sign(np.sum(control[1:] * control[:-1], axis=-1))))
-                < 0.0,
-                -1.0,
-                1.0,
-            )[:, None]
-        )
+        control = align(control)
         body = rotate(conjugate(q), residuals)
         errors = np.sqrt(np.sum(averages(body, self.averaged) ** 2, axis=-1))
         return replace(fit, control=control, errors=errors)
@@ -294,7 +291,7 @@ class _Fitter:
     def _travel(self) -> float:
         """Return about how far the samples turn altogether, without their noise, rad."""
         q = self.samples.q[:: max(1, self.averaged)]
-        return float(np.sum(np.sqrt(np.sum(log(multiply(conjugate(q[:-1]), q[1:])) ** 2, axis=-1))))
+        return float(np.sum(angle(q[1:], q[:-1])))
 
 
 def averages(vectors: Floats, count: int) -> Floats:
@@ -316,14 +313,8 @@ def _breaks(fit: Fit) -> Floats:
     return fit.knots[ORDER - 1 : 1 - ORDER]
 
 
-def _steps(control: Floats) -> Floats:
-    turns = log(multiply(conjugate(control[:-1]), control[1:]))
-    lengths: Floats = np.sqrt(np.sum(turns**2, axis=-1))
-    return lengths
-
-
 def _is_short(control: Floats) -> bool:
-    return bool(np.all(_steps(control) <= 1.5 * _LONGEST_STEP))
+    return bool(np.all(angle(control[1:], control[:-1]) <= 1.5 * _LONGEST_STEP))
 
 
 def _weights(knots: Floats, times: Floats) -> tuple[Floats, Indices]:
@@ -337,24 +328,18 @@ def _weights(knots: Floats, times: Floats) -> tuple[Floats, Indices]:
 
 
 def _normal_matrix(weights: Floats, first: Indices, count: int) -> Floats:
-    """Return the upper band of the sum of outer products, shape ``(4, count)``."""
+    """Return the upper band of the sum of outer products, shape ``(4, count)``.
+
+    Args:
+        weights: neighbouring entries of the vectors, at most four, shape ``(k, n)``.
+        first: the place of the first of them in each vector, shape ``(n,)``.
+        count: entries of a vector, most of them zero.
+    """
     band = np.zeros((ORDER, count))
-    for row in range(ORDER):
-        for column in range(row, ORDER):
+    for row in range(len(weights)):
+        for column in range(row, len(weights)):
             product = weights[row] * weights[column]
             np.add.at(band[ORDER - 1 - (column - row)], first + column, product)
-    return band
-
-
-def _second_differences(count: int) -> Floats:
-    """Return the upper band of the squares of second differences, shape ``(4, count)``."""
-    band = np.zeros((ORDER, count))
-    stencil = (1.0, -2.0, 1.0)
-    place = np.arange(count - 2)
-    for row in range(3):
-        for column in range(row, 3):
-            product = stencil[row] * stencil[column]
-            np.add.at(band[ORDER - 1 - (column - row)], place + column, product)
     return band
 
 
@@ -363,6 +348,6 @@ def _bending(control: Floats) -> Floats:
     turns = log(multiply(control[1:], conjugate(control[:-1])))
     bends = np.diff(turns, axis=0)
     gradient: Floats = np.zeros((len(control), 3))
-    for k, factor in enumerate((1.0, -2.0, 1.0)):
+    for k, factor in enumerate(_SECOND_DIFFERENCE):
         gradient[k : k + len(bends)] += factor * bends
     return gradient
