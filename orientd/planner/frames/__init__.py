@@ -3,5 +3,3 @@
 from __future__ import annotations
 
 from orientd.planner.frames.frame import Frame, Pose, named_frames
-
-__all__ = ["Frame", "Pose", "named_frames"]

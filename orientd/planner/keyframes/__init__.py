@@ -6,12 +6,3 @@ from orientd.planner.keyframes.placing import in_device_coordinates, report_fram
 from orientd.planner.keyframes.pointing import with_least_roll
 from orientd.planner.keyframes.turning import at_rate
 from orientd.planner.keyframes.winding import wound
-
-__all__ = [
-    "at_rate",
-    "in_device_coordinates",
-    "report_frame",
-    "with_frames",
-    "with_least_roll",
-    "wound",
-]
