@@ -111,25 +111,15 @@ class Retimed(Curve):
     """
 
     def __init__(self, curve: Curve, warp: TimeMap) -> None:
-        self._curve = curve
-        self._warp = warp
+        self.curve = curve
+        self.warp = warp
         knots = warp.times_of(curve.knots)
         super().__init__(knots=knots, continuity=curve.continuity)
 
-    @property
-    def curve(self) -> Curve:
-        """What is run through."""
-        return self._curve
-
-    @property
-    def warp(self) -> TimeMap:
-        """The clock."""
-        return self._warp
-
     def _sample(self, times: Floats) -> Samples:
-        s, rate, change = self._warp(times)
-        first, last = self._curve.domain
-        q, omega, alpha = self._curve.evaluate(np.clip(s, first, last))
+        s, rate, change = self.warp(times)
+        first, last = self.curve.domain
+        q, omega, alpha = self.curve.evaluate(np.clip(s, first, last))
         return (
             q,
             omega * rate[:, None],

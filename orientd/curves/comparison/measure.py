@@ -111,7 +111,7 @@ def measure(curve: Curve, task: CurveTask, *, inertia: Floats | None = None) -> 
 
 
 def _largest(vectors: Floats) -> float:
-    return float(_lengths(vectors).max(initial=0.0))
+    return float(np.linalg.norm(vectors, axis=-1).max(initial=0.0))
 
 
 def _integrated(curve: Curve, inertia: Floats | None) -> tuple[Floats, Floats]:
@@ -124,7 +124,8 @@ def _integrated(curve: Curve, inertia: Floats | None) -> tuple[Floats, Floats]:
         times, weights = _rule(curve.knots[open_spans], curve.knots[open_spans + 1], pieces)
         _, omega, alpha = curve.evaluate(times.ravel())
         torque = moments * alpha + np.cross(omega, moments * omega)
-        integrands = np.stack([_lengths(omega), _lengths(alpha) ** 2, _lengths(torque) ** 2])
+        integrands = np.linalg.norm([omega, alpha, torque], axis=-1)
+        integrands[1:] **= 2
         integrals = np.einsum("csn,sn->sc", integrands.reshape(3, *times.shape), weights)
         change = np.abs(integrals - found[open_spans])
         found[open_spans] = integrals
@@ -143,16 +144,11 @@ def _rule(starts: Floats, ends: Floats, pieces: int) -> tuple[Floats, Floats]:
     return starts[:, None] + spans * nodes, spans * np.tile(0.5 * WEIGHTS / pieces, pieces)
 
 
-def _lengths(vectors: Floats) -> Floats:
-    lengths: Floats = np.linalg.norm(vectors, axis=-1)
-    return lengths
-
-
 def _peak(vectors: Callable[[Floats], Floats], times: Floats) -> float:
     """Return the largest length of *vectors*, looked for more closely around the largest found."""
     ordered = np.unique(times)
-    lengths = _lengths(vectors(ordered))
+    lengths = np.linalg.norm(vectors(ordered), axis=-1)
     place = int(np.argmax(lengths))
     around = ordered[[max(place - 1, 0), min(place + 1, len(ordered) - 1)]]
     closer = np.linspace(around[0], around[1], 257)
-    return float(max(lengths[place], _lengths(vectors(closer)).max()))
+    return float(max(lengths[place], np.linalg.norm(vectors(closer), axis=-1).max()))

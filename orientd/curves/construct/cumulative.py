@@ -63,12 +63,9 @@ class CumulativeCurve(Curve):
             factors[:functions, 4:] = axes[window].transpose(1, 2, 0)
             self._set_table(basis.breaks, table, increments, continuity)
             return
-        parts = {name: getattr(basis, name) for name in ("values", "rates", "curvatures")}
-        if not all(part.flags.c_contiguous for part in parts.values()):
-            parts = {name: np.ascontiguousarray(part) for name, part in parts.items()}
-            basis = replace(basis, **parts)
+        names = ("values", "rates", "curvatures")
         self._set_factors(
-            basis,
+            replace(basis, **{name: np.ascontiguousarray(getattr(basis, name)) for name in names}),
             np.ascontiguousarray(base),
             np.ascontiguousarray(axes[window].transpose(1, 2, 0)),
             np.ascontiguousarray(lengths[window].T),

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orientd.curves.construct.acceleration_integral import squared_acceleration
 from orientd.curves.construct.basis import CumulativeBasis
 from orientd.curves.construct.cumulative import CumulativeCurve
 from orientd.curves.keyframes import check_bool, check_integer, check_quaternion, check_vector
@@ -15,7 +16,6 @@ from orientd.rotation import align as align_signs
 
 FRAMES = ("body", "world")
 LEAST = "least"
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(10)
 
 
 def check_ends(q0: ArrayLike, q1: ArrayLike, *, align: object) -> tuple[Floats, Floats]:
@@ -116,17 +116,7 @@ def turned(
     for count in sorted(range(-most, most + 1), key=abs):
         changed = with_turns(count)
         curve = CumulativeCurve(basis=basis, controls=start[None], increments=changed, continuity=2)
-        effort = _effort(curve, pieces=4 + 2 * most)
+        effort = squared_acceleration(curve.evaluate, np.linspace(*curve.domain, 5 + 2 * most))
         if effort < least * (1.0 - 1e-9):
             found, least = changed, effort
     return found
-
-
-def _effort(curve: CumulativeCurve, pieces: int) -> float:
-    """Return the integral of the squared angular acceleration of a single segment."""
-    start, end = curve.domain
-    width = (end - start) / pieces
-    begins = start + width * np.arange(pieces)[:, None]
-    alpha = curve.evaluate((begins + width * 0.5 * (NODES + 1.0)).ravel())[2]
-    squares = np.sum(alpha * alpha, axis=-1).reshape(pieces, -1)
-    return float(np.sum(squares @ (0.5 * width * WEIGHTS)))

@@ -35,9 +35,6 @@ class Jet:
     def __sub__(self, other: Jet) -> Jet:
         return Jet(self.value - other.value, self.first - other.first, self.second - other.second)
 
-    def __neg__(self) -> Jet:
-        return Jet(-self.value, -self.first, -self.second)
-
     def __mul__(self, other: Jet) -> Jet:
         """Multiply component by component."""
         return Jet(

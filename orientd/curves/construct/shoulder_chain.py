@@ -69,10 +69,10 @@ class ShoulderChain:
         """Return the criterion for candidates, shape ``(s, 4)`` to ``(s,)``."""
         points = self._chain(first)
         if self._criterion == 20:
-            lengths = _lengths(self._sides(points))
-            total: Floats = np.sum(lengths, axis=1)
+            terms = np.linalg.norm(self._sides(points), axis=-1)
         else:
-            total = np.sum(self._middle_distances(points) ** 2, axis=1)
+            terms = self._middle_distances(points) ** 2
+        total: Floats = np.sum(terms, axis=1)
         return total
 
     def gradients(self, first: Floats) -> Floats:
@@ -113,7 +113,7 @@ class ShoulderChain:
     def _polygon(self, points: Floats) -> Floats:
         """Return the derivatives of the polygon's length at each shoulder point by itself."""
         sides = self._sides(points)
-        lengths = _lengths(sides)[..., None]
+        lengths = np.linalg.norm(sides, axis=-1, keepdims=True)
         toward = sides / np.where(lengths > 0.0, lengths, 1.0)
         difference: Floats = toward[:, :-1] - toward[:, 1:]
         return difference
@@ -125,7 +125,9 @@ class ShoulderChain:
         towards :math:`\exp(a/2) + \exp(b/2)`.
         """
         seen = multiply(conjugate(points)[:, None], np.stack([self._q[:-1], self._q[1:]]))
-        return _lengths(log_half(np.sum(exp_half(0.5 * log_half(seen)), axis=1)))
+        to_middle = log_half(np.sum(exp_half(0.5 * log_half(seen)), axis=1))
+        distances: Floats = np.linalg.norm(to_middle, axis=-1)
+        return distances
 
     def _middles(self, points: Floats) -> Floats:
         """Return the derivatives of the squared distances at each shoulder point by itself."""
@@ -141,7 +143,7 @@ class ShoulderChain:
             derivative += np.swapaxes(multiply(half[..., None, :], pure), -1, -2)
             total += half
         c, v = total[..., 0], total[..., 1:]
-        sine = _lengths(v)
+        sine = np.linalg.norm(v, axis=-1)
         outward = v / np.where(sine > 0.0, sine, 1.0)[..., None]
         growth = np.einsum("...c,...cj->...j", outward, derivative[..., 1:, :])
         change = (c[..., None] * growth - sine[..., None] * derivative[..., 0, :]) / (
@@ -204,8 +206,3 @@ class ShoulderChain:
             if np.max(length[:, 0] * shares[best]) < 1e-12:
                 break
         return x, values
-
-
-def _lengths(vectors: Floats) -> Floats:
-    lengths: Floats = np.sqrt(np.sum(vectors * vectors, axis=-1))
-    return lengths

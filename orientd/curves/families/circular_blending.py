@@ -117,8 +117,8 @@ def circles(q: Floats) -> tuple[Floats, Floats]:
         ValueError: two of three consecutive keyframes are the same.
     """
     to_second, to_third = q[1:-1] - q[:-2], q[2:] - q[:-2]
-    e = _length(to_second)
-    for gap, step in ((e, 1), (_length(q[2:] - q[1:-1]), 1), (_length(to_third), 2)):
+    e, f, g = np.linalg.norm([to_second, q[2:] - q[1:-1], to_third], axis=-1)
+    for gap, step in ((e, 1), (f, 1), (g, 2)):
         if not np.all(gap > SAME):
             place = int(np.argmin(gap)) + (1 if gap is not e and step == 1 else 0)
             raise ValueError(
@@ -128,7 +128,7 @@ def circles(q: Floats) -> tuple[Floats, Floats]:
     first_axis = to_second / e[:, None]
     x = np.sum(to_third * first_axis, axis=-1)
     rest = to_third - x[:, None] * first_axis
-    y = _length(rest)
+    y = np.linalg.norm(rest, axis=-1)
     second_axis = rest / y[:, None]
     height = (x * (x - e) + y * y) / (2.0 * y)
     center = q[:-2] + 0.5 * to_second + height[:, None] * second_axis
@@ -158,8 +158,3 @@ def angle_polynomials(angles: Floats, h: Floats, *, is_quadratic: bool) -> tuple
     slope = rise + bend * before if is_quadratic else climb
     second = np.stack([angles[0], slope, bend], axis=-1)
     return first, second
-
-
-def _length(vectors: Floats) -> Floats:
-    length: Floats = np.sqrt(np.sum(vectors * vectors, axis=-1))
-    return length
