@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
@@ -78,251 +78,223 @@ def plan_to_fit(
         RequestError: the request is not one that its method or the device allows.
         PlanError: it cannot be planned, an axis cannot follow, or it would break a limit.
     """
-
-    def made(asked: MotionRequest) -> Motion:
-        return _planned(
-            driver, asked, start=start, joints=joints, limits=limits, period=period,
-            before=before, motion_id=motion_id,
-        )  # fmt: skip
-
-    try:
-        return made(request)
-    except LimitError as error:
-        is_free = request.is_quickest and request.total is None and request.pace is None
-        if not is_free or error.quantity.startswith("angle of"):
-            raise
-        # Axes that cannot follow the quickest motion may be able to follow a smoother one.
-        motion = made(MotionRequest(**{**request.given(), "pace": "even"}))
-        note = f"at an even pace: {error}"
-        notes = (*motion.certificate.notes, note)
-        certificate = replace(motion.certificate, notes=notes)
-        return replace(motion, request=request, certificate=certificate)
+    return _Fitting(driver, start, joints, limits, period, before, motion_id).to_fit(request)
 
 
-def _planned(
-    driver: Driver,
-    request: MotionRequest,
-    *,
-    start: State,
-    joints: tuple[float, ...],
-    limits: Limits,
-    period: float,
-    before: Sequence[tuple[float, ...]],
-    motion_id: str | None,
-) -> Motion:
-    told = _by_way(driver, request, start, joints, is_refused=False)
-    request = told or request
-    motion = plan(request, start=start, limits=limits, period=period, motion_id=motion_id)
-    try:
-        return _fitted(driver, motion, joints, before)
-    except LimitError as error:
-        other = _by_way(driver, request, start, joints, is_refused=True)
-        if other is not None and error.quantity.startswith("angle of"):
-            return plan_to_fit(
-                driver, other, start=start, joints=joints, limits=limits, period=period,
-                motion_id=motion_id,
-            )  # fmt: skip
-        is_fixed = request.times is not None or error.unit not in _POWERS
-        # No pace changes what the motion before leaves; whether one would do later is long to find.
-        is_given = not start.is_at_rest and error.time < _GIVEN and not is_fixed
-        paced = None if is_given else _paced(driver, motion, joints, before)
-        if paced is not None and (is_fixed or paced.duration < _LONG * motion.duration):
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fitting:
+    """One call of :func:`plan_to_fit`, whose arguments these are."""
+
+    driver: Driver
+    start: State
+    joints: tuple[float, ...]
+    limits: Limits
+    period: float
+    before: Sequence[tuple[float, ...]]
+    motion_id: str | None
+
+    def to_fit(self, request: MotionRequest) -> Motion:
+        """Return what :func:`plan_to_fit` does."""
+        try:
+            return self._planned(request)
+        except LimitError as error:
+            is_free = request.is_quickest and request.total is None and request.pace is None
+            if not is_free or error.quantity.startswith("angle of"):
+                raise
+            # Axes that cannot follow the quickest motion may be able to follow a smoother one.
+            motion = self._planned(MotionRequest(**{**request.given(), "pace": "even"}))
+            note = f"at an even pace: {error}"
+            notes = (*motion.certificate.notes, note)
+            certificate = replace(motion.certificate, notes=notes)
+            return replace(motion, request=request, certificate=certificate)
+
+    def _planned(self, request: MotionRequest) -> Motion:
+        request = self._by_way(request, is_refused=False) or request
+        motion = plan(
+            request,
+            start=self.start,
+            limits=self.limits,
+            period=self.period,
+            motion_id=self.motion_id,
+        )
+        try:
+            return self._fitted(motion)
+        except LimitError as error:
+            other = self._by_way(request, is_refused=True)
+            if other is not None and error.quantity.startswith("angle of"):
+                return replace(self, before=()).to_fit(other)
+            is_fixed = request.times is not None or error.unit not in _POWERS
+            # No pace changes what the motion before leaves; whether one would do later is long to
+            # find.
+            is_given = not self.start.is_at_rest and error.time < _GIVEN and not is_fixed
+            paced = None if is_given else self._paced(motion)
+            if paced is not None and (is_fixed or paced.duration < _LONG * motion.duration):
+                return paced
+            if is_fixed:
+                raise
+            refusal = error
+        # A pace keeps to the path exactly: where the axes may miss it, all of it slower may be
+        # quicker.
+        least = _SLOWEST if paced is None else max(_SLOWEST, motion.duration / paced.duration)
+        try:
+            evenly = self._slowed(motion, refusal, least)
+        except PlanError:
+            if paced is None:
+                raise
             return paced
-        if is_fixed:
-            raise
-        refusal = error
-    # A pace keeps to the path exactly: where the axes may miss it, all of it slower may be quicker.
-    least = _SLOWEST if paced is None else max(_SLOWEST, motion.duration / paced.duration)
-    try:
-        evenly = _slowed(driver, motion, start, joints, before, refusal, least)
-    except PlanError:
-        if paced is None:
-            raise
-        return paced
-    return evenly if paced is None or evenly.duration < paced.duration else paced
+        return evenly if paced is None or evenly.duration < paced.duration else paced
 
+    def _slowed(self, motion: Motion, refusal: LimitError, least: float) -> Motion:
+        """Return *motion* planned with less of the device's speed, down to *least*, for its axes.
 
-def _slowed(
-    driver: Driver,
-    motion: Motion,
-    start: State,
-    joints: tuple[float, ...],
-    before: Sequence[tuple[float, ...]],
-    refusal: LimitError,
-    least: float,
-) -> Motion:
-    """Return *motion* planned with less of the device's speed, down to *least*, for its axes.
-
-    Raises:
-        PlanError: the axes cannot follow, however slowly.
-    """
-    own, speed, worst = motion.limits, 1.0, refusal
-    fitted: Motion | None = None
-    refused, fits = 1.0, 0.0
-    for _ in range(_ATTEMPTS):
-        if fitted is None:
-            need = (worst.limit / worst.value) ** (1.0 / _POWERS[worst.unit])
-            speed *= max(min(need, _STEP), 0.5)
-            if speed < least:
-                raise refusal
-        elif refused > _CLOSE * fits:
-            speed = math.sqrt(refused * fits)
-        else:
-            break
-        try:
-            slow = plan(
-                motion.request,
-                start=start,
-                limits=own.slowed(speed),
-                period=motion.period,
-                motion_id=motion.id,
-            )
-            # Certified against the limits themselves: only the planning aimed below them.
-            faster = _fitted(driver, replace(slow, limits=own), joints, before)
-        except PlanError as error:
-            refused = speed
+        Raises:
+            PlanError: the axes cannot follow, however slowly.
+        """
+        own, speed, worst = motion.limits, 1.0, refusal
+        fitted: Motion | None = None
+        refused, fits = 1.0, 0.0
+        for _ in range(_ATTEMPTS):
             if fitted is None:
-                if not isinstance(error, LimitError) or error.unit not in _POWERS:
-                    raise refusal from error
-                worst = error
-            continue
-        fits = speed
-        if fitted is None or faster.duration < fitted.duration:
-            fitted = faster
-    if fitted is None:
-        raise refusal
-    note = f"the axes need {fitted.duration / motion.duration:.3f} times as long"
-    notes = (*fitted.certificate.notes, note)
-    return replace(fitted, certificate=replace(fitted.certificate, notes=notes))
-
-
-def _paced(
-    driver: Driver,
-    motion: Motion,
-    joints: tuple[float, ...],
-    before: Sequence[tuple[float, ...]],
-) -> Motion | None:
-    """Return *motion* at the pace that the driver finds for its axes, if that fits.
-
-    Raises:
-        LimitError: the axes cannot follow where the times are the user's.
-    """
-    period, rates = motion.period, _rates(motion.limits)
-    refusal: PlanError | None = None
-    is_timed = motion.request.times is not None
-    for share in (*_SHARES, _LAST_SHARE) if is_timed else _SHARES:
-        path_times = _path_times(driver, motion, rates, share)
-        if not len(path_times):
-            return None
-        given = motion.sample(path_times)
-        try:
-            shape = driver.shape(period, _rows(given.q), joints, before, rates)
-            if shape is None:
-                return None
-            cycles = period * np.arange(len(path_times), dtype=np.float64)
-            along = np.interp(shape.path_times, cycles, path_times)
-            longer = (len(path_times) - 1) * period / motion.duration
-            note = f"the axes need {longer:.3f} times as long"
-            times = cast("Sequence[float]", along)
-            shape = shape._replace(path_times=times, notes=(*shape.notes, note))
-            return reshaped(motion, shape, joints_before=before)
-        except PlanError as error:
-            if refusal is None and is_timed:
-                _check_times(driver, motion, rates)
-            refusal = refusal or error
-            if isinstance(error, LimitError) and error.quantity.startswith("angle of"):
-                refusal = error  # which no pace changes
+                need = (worst.limit / worst.value) ** (1.0 / _POWERS[worst.unit])
+                speed *= max(min(need, _STEP), 0.5)
+                if speed < least:
+                    raise refusal
+            elif refused > _CLOSE * fits:
+                speed = math.sqrt(refused * fits)
+            else:
                 break
-    if refusal is not None and is_timed:
-        raise refusal
-    return None
+            try:
+                slow = plan(
+                    motion.request,
+                    start=self.start,
+                    limits=own.slowed(speed),
+                    period=motion.period,
+                    motion_id=motion.id,
+                )
+                # Certified against the limits themselves: only the planning aimed below them.
+                faster = self._fitted(replace(slow, limits=own))
+            except PlanError as error:
+                refused = speed
+                if fitted is None:
+                    if not isinstance(error, LimitError) or error.unit not in _POWERS:
+                        raise refusal from error
+                    worst = error
+                continue
+            fits = speed
+            if fitted is None or faster.duration < fitted.duration:
+                fitted = faster
+        if fitted is None:
+            raise refusal
+        note = f"the axes need {fitted.duration / motion.duration:.3f} times as long"
+        notes = (*fitted.certificate.notes, note)
+        return replace(fitted, certificate=replace(fitted.certificate, notes=notes))
 
+    def _paced(self, motion: Motion) -> Motion | None:
+        """Return *motion* at the pace that the driver finds for its axes, if that fits.
 
-def _path_times(
-    driver: Driver, motion: Motion, rates: tuple[float, float, float], share: float
-) -> Sequence[float]:
-    """Return how far along *motion* to be in every cycle; slower where the times are not given."""
-    period, end = motion.period, motion.duration
-    if motion.request.times is None:
-        free = (math.inf, -math.inf)
-        return _pace(driver, motion, (0.0, end), free, rates, share, _FINEST).tolist()  # type: ignore[no-any-return]
-    # What the times of the user leave is a lead-in; from the first keyframe on they hold.
-    begin = motion.start_time
-    lead = np.zeros(1)
-    if begin > 0.0:
-        after = min(end, begin + _BEYOND)
-        fixed = (begin, after)
-        lead = _pace(driver, motion, (0.0, after), fixed, rates, share, _FINEST_OF_LEAD)
-        lead = lead[lead <= begin]
-    if not len(lead):
-        return ()
-    rest = np.arange(lead[-1] + period, end, period)
-    return np.concatenate([lead, rest, [end]])  # type: ignore[return-value]
-
-
-def _check_times(driver: Driver, motion: Motion, rates: tuple[float, float, float]) -> None:
-    """Have the driver look at the part of *motion* whose times are the user's.
-
-    Raises:
-        LimitError: the axes cannot follow there, and how long it would have to last.
-    """
-    fixed = (motion.start_time, motion.end_time)
-    _pace(driver, motion, fixed, fixed, rates, _LAST_SHARE, _FINEST)
-
-
-def _pace(
-    driver: Driver,
-    motion: Motion,
-    span: tuple[float, float],
-    fixed: tuple[float, float],
-    rates: tuple[float, float, float],
-    share: float,
-    finest: int,
-) -> Floats:
-    """Return the pace that the driver finds for the times of *span*, at most *finest* a cycle."""
-    period, (begin, end) = motion.period, span
-    cycles = round((end - begin) / period)
-    finest = min(finest, max(1, _MOST_SAMPLES // (cycles + 1)))
-    grid = period / finest
-    path = _rows(motion.sample(begin + grid * np.arange(cycles * finest + 1)).q)
-    fixed = (fixed[0] - begin, fixed[1] - begin)
-    path_times = driver.pace(period, path, grid=grid, fixed=fixed, rates=rates, share=share)
-    return begin + np.asarray(path_times, dtype=np.float64)
-
-
-def _by_way(
-    driver: Driver,
-    request: MotionRequest,
-    start: State,
-    joints: tuple[float, ...],
-    *,
-    is_refused: bool,
-) -> MotionRequest | None:
-    """Return the request to go to a single keyframe by the way that the driver knows, if any."""
-    if not (request.is_single and joints and start.is_at_rest):
+        Raises:
+            LimitError: the axes cannot follow where the times are the user's.
+        """
+        period, rates = motion.period, _rates(motion.limits)
+        refusal: PlanError | None = None
+        is_timed = motion.request.times is not None
+        for share in (*_SHARES, _LAST_SHARE) if is_timed else _SHARES:
+            path_times = self._path_times(motion, share)
+            if not len(path_times):
+                return None
+            given = motion.sample(path_times)
+            try:
+                shape = self.driver.shape(period, _rows(given.q), self.joints, self.before, rates)
+                if shape is None:
+                    return None
+                cycles = period * np.arange(len(path_times), dtype=np.float64)
+                along = np.interp(shape.path_times, cycles, path_times)
+                longer = (len(path_times) - 1) * period / motion.duration
+                note = f"the axes need {longer:.3f} times as long"
+                times = cast("Sequence[float]", along)
+                shape = shape._replace(path_times=times, notes=(*shape.notes, note))
+                return reshaped(motion, shape, joints_before=self.before)
+            except PlanError as error:
+                if refusal is None and is_timed:
+                    self._check_times(motion)
+                refusal = refusal or error
+                if isinstance(error, LimitError) and error.quantity.startswith("angle of"):
+                    refusal = error  # which no pace changes
+                    break
+        if refusal is not None and is_timed:
+            raise refusal
         return None
-    (keyframe,) = request.keyframes
-    passed = driver.way(joints, keyframe.q, is_refused=is_refused)
-    if not passed:
-        return None
-    if len(passed) == 2 and angle(start.q, passed[-1]) < _THERE:
-        return replace(request, keyframes=[replace(keyframe, q=passed[-1])])
-    first = Keyframe((*start.q.tolist(),))
-    ways = [first, *(Keyframe(q) for q in passed[1:-1]), replace(keyframe, q=passed[-1])]
-    return replace(request, keyframes=ways, approach=False)
 
+    def _path_times(self, motion: Motion, share: float) -> Sequence[float]:
+        """Return how far along *motion* to be in every cycle; slower where no times are given."""
+        period, end = motion.period, motion.duration
+        if motion.request.times is None:
+            free = (math.inf, -math.inf)
+            return self._pace(motion, (0.0, end), free, share, _FINEST).tolist()  # type: ignore[no-any-return]
+        # What the times of the user leave is a lead-in; from the first keyframe on they hold.
+        begin = motion.start_time
+        lead = np.zeros(1)
+        if begin > 0.0:
+            after = min(end, begin + _BEYOND)
+            fixed = (begin, after)
+            lead = self._pace(motion, (0.0, after), fixed, share, _FINEST_OF_LEAD)
+            lead = lead[lead <= begin]
+        if not len(lead):
+            return ()
+        rest = np.arange(lead[-1] + period, end, period)
+        return np.concatenate([lead, rest, [end]])  # type: ignore[return-value]
 
-def _fitted(
-    driver: Driver,
-    motion: Motion,
-    joints: tuple[float, ...],
-    before: Sequence[tuple[float, ...]],
-) -> Motion:
-    if type(driver).shape is Driver.shape:
-        return motion
-    q = _rows(motion.records(0, motion.record_count)[:, :4])
-    shape = driver.shape(motion.period, q, joints, before, _rates(motion.limits))
-    return motion if shape is None else reshaped(motion, shape, joints_before=before)
+    def _check_times(self, motion: Motion) -> None:
+        """Have the driver look at the part of *motion* whose times are the user's.
+
+        Raises:
+            LimitError: the axes cannot follow there, and how long it would have to last.
+        """
+        fixed = (motion.start_time, motion.end_time)
+        self._pace(motion, fixed, fixed, _LAST_SHARE, _FINEST)
+
+    def _pace(
+        self,
+        motion: Motion,
+        span: tuple[float, float],
+        fixed: tuple[float, float],
+        share: float,
+        finest: int,
+    ) -> Floats:
+        """Return the pace that the driver finds for the times of *span*, up to *finest* a cycle."""
+        period, (begin, end) = motion.period, span
+        cycles = round((end - begin) / period)
+        finest = min(finest, max(1, _MOST_SAMPLES // (cycles + 1)))
+        grid = period / finest
+        path = _rows(motion.sample(begin + grid * np.arange(cycles * finest + 1)).q)
+        fixed = (fixed[0] - begin, fixed[1] - begin)
+        rates = _rates(motion.limits)
+        path_times = self.driver.pace(
+            period, path, grid=grid, fixed=fixed, rates=rates, share=share
+        )
+        return begin + np.asarray(path_times, dtype=np.float64)
+
+    def _by_way(self, request: MotionRequest, *, is_refused: bool) -> MotionRequest | None:
+        """Return the request to go to a single keyframe by the way the driver knows, if any."""
+        if not (request.is_single and self.joints and self.start.is_at_rest):
+            return None
+        (keyframe,) = request.keyframes
+        passed = self.driver.way(self.joints, keyframe.q, is_refused=is_refused)
+        if not passed:
+            return None
+        if len(passed) == 2 and angle(self.start.q, passed[-1]) < _THERE:
+            return replace(request, keyframes=[replace(keyframe, q=passed[-1])])
+        first = Keyframe((*self.start.q.tolist(),))
+        ways = [first, *(Keyframe(q) for q in passed[1:-1]), replace(keyframe, q=passed[-1])]
+        return replace(request, keyframes=ways, approach=False)
+
+    def _fitted(self, motion: Motion) -> Motion:
+        if type(self.driver).shape is Driver.shape:
+            return motion
+        q = _rows(motion.records(0, motion.record_count)[:, :4])
+        rates = _rates(motion.limits)
+        shape = self.driver.shape(motion.period, q, self.joints, self.before, rates)
+        return motion if shape is None else reshaped(motion, shape, joints_before=self.before)
 
 
 def _rows(q: Floats) -> Sequence[Quaternion]:
