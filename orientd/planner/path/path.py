@@ -198,12 +198,8 @@ class Path:
         """Path time from the first instant to the last, s."""
         return self.segments[-1].end
 
-    def joints_at(self, record: int) -> tuple[float, ...]:  # noqa: ARG002
-        """Return nothing: a path that was not made for a device's axes knows none."""
-        return ()
-
     def joints_before(self, record: int) -> tuple[tuple[float, ...], ...]:  # noqa: ARG002
-        """Return nothing, likewise."""
+        """Return nothing: a path that was not made for a device's axes knows none."""
         return ()
 
     def sample(self, times: Floats) -> PathSamples:

@@ -160,17 +160,8 @@ class PositionPath:
         """
         if np.array_equal(position, self.first):
             return self
-        move = _quintic_move(position, self.first, end - begin)
-        if self.is_held:
-            return PositionPath(np.array([begin, end]), move[None], position, self.last)
-        hold: Floats = np.zeros((1, DEGREE + 1, 3))
-        hold[0, 0] = self.first
-        return PositionPath(
-            np.concatenate([[begin, end], self.breaks]),
-            np.concatenate([move[None], hold, self.coefficients]),
-            position,
-            self.last,
-        )
+        move = quintic((position, _STILL, _STILL), (self.first, _STILL, _STILL), end - begin)
+        return self.after(PositionPath(np.array([begin, end]), move[None], position, self.first))
 
 
 def quintic(first: Motion3, last: Motion3, duration: float) -> Floats:
@@ -204,10 +195,6 @@ def quintics(intervals: Floats, points: Floats, velocities: Floats, pushes: Floa
         ],
         axis=1,
     )  # fmt: skip
-
-
-def _quintic_move(start: Floats, end: Floats, duration: float) -> Floats:
-    return quintic((start, _STILL, _STILL), (end, _STILL, _STILL), duration)
 
 
 def position_path(
