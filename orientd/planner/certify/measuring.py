@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -119,12 +120,8 @@ def measure_path(
         tally = Tally(period, limits)
         tally.note_turns(found, -len(q))
         return tally.peaks()
-
-    def setpoints(first: int, size: int) -> tuple[Floats, Floats]:
-        return path.setpoints(first, size, period)
-
     return measure(
-        setpoints,
+        partial(path.setpoints, period=period),
         count,
         period,
         limits,

@@ -50,32 +50,26 @@ class Peaks:
     @property
     def spins(self) -> float:
         """The largest angular velocity as a share of its limits, of the norm and of the axes."""
-        return _share((self.velocity, *self.axis_velocity))
+        return max(peak.planned_ratio for peak in (self.velocity, *self.axis_velocity))
 
     @property
     def bends(self) -> float:
         """The same of the angular acceleration."""
-        return _share((self.acceleration, *self.axis_acceleration))
+        return max(peak.planned_ratio for peak in (self.acceleration, *self.axis_acceleration))
 
     @property
     def twists(self) -> float:
         """The same of the angular jerk."""
-        return _share((self.jerk, *self.axis_jerk))
+        return max(peak.planned_ratio for peak in (self.jerk, *self.axis_jerk))
 
     @property
     def drawn(self) -> tuple[float, float, float]:
         """The same three shares of what the servo draws between the records."""
-        groups = (
-            (self.velocity, *self.axis_velocity),
-            (self.acceleration, *self.axis_acceleration),
-            (self.jerk, *self.axis_jerk),
+        return (
+            max(peak.ratio for peak in (self.velocity, *self.axis_velocity)),
+            max(peak.ratio for peak in (self.acceleration, *self.axis_acceleration)),
+            max(peak.ratio for peak in (self.jerk, *self.axis_jerk)),
         )
-        spins, bends, twists = (max(peak.ratio for peak in group) for group in groups)
-        return spins, bends, twists
-
-
-def _share(peaks: tuple[Peak, ...]) -> float:
-    return max(peak.planned_ratio for peak in peaks)
 
 
 class Tally:
