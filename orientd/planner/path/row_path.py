@@ -12,13 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from orientd.planner.path.path import PathSamples
-from orientd.planner.path.table_path import between
+from orientd.planner.path.table_path import between, on_grid
 from orientd.planner.recorded import HISTORY, STATE_FLOATS
 from orientd.planner.request import State
-from orientd.rotation import Floats, angle
-
-_ON_RECORD = 1e-6
-"""Share of a period within which an instant is that of a record."""
+from orientd.rotation import Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,10 +43,6 @@ class RowPath:
         joints = np.concatenate([self.earlier, self.table[:, STATE_FLOATS:]])
         return tuple(map(tuple, joints[record : record + HISTORY].tolist()))
 
-    def farthest_from(self, keys: Floats, times: Floats) -> float:
-        """Return the largest angle between *keys* and the path at *times*, rad."""
-        return float(np.max(angle(self.sample(times).q, keys)))
-
     def sample(self, times: Floats) -> PathSamples:
         """Return the path at *times*, in any order; beyond its ends it is held.
 
@@ -57,8 +50,6 @@ class RowPath:
             ValueError: an instant is not a number.
         """
         return PathSamples(*np.split(self._states(times), [4, 7, 10, 13, 16], axis=1)[:5])
-
-    sample_in_order = sample
 
     def state(self, time: float) -> State:
         """Return the state at *time*."""
@@ -69,11 +60,7 @@ class RowPath:
         if np.isnan(times).any():
             raise ValueError("times must be numbers, got nan")
         h, table = self.period, self.table
-        where = np.clip(times / h, 0.0, len(table) - 1.0)
-        nearest = np.rint(where)
-        where = np.where(np.abs(where - nearest) < _ON_RECORD, nearest, where)
-        index = where.astype(np.int64)
-        share = where - index
+        _, index, share = on_grid(times, h, len(table))
         found: Floats = table[index, :STATE_FLOATS]
         inner = np.flatnonzero(share > 0.0)
         if len(inner):

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orientd.curves import Indices
 from orientd.planner.path.path import Path, PathSamples
 from orientd.planner.path.position import PositionPath
 from orientd.planner.recorded import HISTORY
@@ -109,11 +110,6 @@ class TablePath:
         return (len(self.q) - 1) * self.period
 
     @property
-    def first(self) -> Floats:
-        """Orientation before path time 0."""
-        return np.asarray(self.q[0], dtype=np.float64)
-
-    @property
     def last(self) -> Floats:
         """Orientation after the end."""
         return np.asarray(self.q[-1], dtype=np.float64)
@@ -133,21 +129,13 @@ class TablePath:
             for at in range(record - HISTORY, record)
         )
 
-    def orientations(self, times: Floats) -> Floats:
-        """Return the orientations at *times*, shape ``(n, 4)``."""
-        return self.sample(times).q
-
     def farthest_from(self, keys: Floats, times: Floats) -> float:
         """Return the largest angle between *keys* and the path at *times*, rad."""
-        return float(np.max(angle(self.orientations(times), keys)))
+        return float(np.max(angle(self.sample(times).q, keys)))
 
     def sample(self, times: Floats) -> PathSamples:
         """Return the path at *times*, in any order; beyond its ends it is held."""
-        where = np.clip(times / self.period, 0.0, len(self.q) - 1.0)
-        nearest = np.rint(where)
-        where = np.where(np.abs(where - nearest) < _ON_RECORD, nearest, where)
-        index = where.astype(np.int64)
-        u = where - index
+        where, index, u = on_grid(times, self.period, len(self.q))
         q, omega, alpha = self.q[index], self.omega[index], self.alpha[index]
         inner = np.flatnonzero(u > 0.0)
         if len(inner):
@@ -188,6 +176,18 @@ class TablePath:
         position, velocity = self.positions.sample(np.interp(where, grid, self.path_times))
         pace = np.gradient(self.path_times) / self.period
         return position, velocity * np.interp(where, grid, pace)[:, None]
+
+
+def on_grid(times: Floats, period: float, count: int) -> tuple[Floats, Indices, Floats]:
+    """Return where *times* are among records: in records, the one before, and the share beyond.
+
+    Times before the first record are at it, those after the last of *count* at that.
+    """
+    where = np.clip(times / period, 0.0, count - 1.0)
+    nearest = np.rint(where)
+    where = np.where(np.abs(where - nearest) < _ON_RECORD, nearest, where)
+    index = where.astype(np.int64)
+    return where, index, where - index
 
 
 def between(h: float, here: Floats, there: Floats, u: Floats) -> tuple[Floats, Floats, Floats]:
