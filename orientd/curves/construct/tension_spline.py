@@ -9,8 +9,7 @@ through given points is a cubic in each interval with continuous slopes :math:`m
 .. math:: \frac{2 m_{i-1} + 4 m_i}{h_{i-1}} + \frac{4 m_i + 2 m_{i+1}}{h_i} + \nu_i m_i =
           \frac{6 \Delta_{i-1}}{h_{i-1}^2} + \frac{6 \Delta_i}{h_i^2}
 
-(Nielson, 1986).  Without tension it is the natural cubic spline, or the complete one where end
-slopes are given.
+(Nielson, 1986).  Without tension it is the natural cubic spline.
 """
 
 from __future__ import annotations
@@ -24,21 +23,13 @@ from orientd.errors import PlanError
 from orientd.rotation import Floats
 
 
-def spline_slopes(
-    points: Floats,
-    times: Floats,
-    tension: Floats | float = 0.0,
-    start: Floats | None = None,
-    end: Floats | None = None,
-) -> Floats:
+def spline_slopes(points: Floats, times: Floats, tension: Floats | float) -> Floats:
     """Return the slopes of the spline at its points.
 
     Args:
         points: shape ``(n, d)``.
         times: increasing instants, shape ``(n,)``.
         tension: not negative, one for all points or shape ``(n,)``.
-        start: slope prescribed at the first point, shape ``(d,)``; free without it.
-        end: slope prescribed at the last point.
 
     Returns:
         Shape ``(n, d)``.  Time and memory grow linearly.
@@ -53,10 +44,6 @@ def spline_slopes(
     right = np.zeros_like(points)
     right[:-1] += pull
     right[1:] += pull
-    if start is not None:
-        bands[1, 0], bands[0, 1], right[0] = 1.0, 0.0, start
-    if end is not None:
-        bands[1, -1], bands[2, -2], right[-1] = 1.0, 0.0, end
     return solve_banded(1, 1, bands, right)
 
 
