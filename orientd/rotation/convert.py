@@ -255,12 +255,9 @@ def to_euler(q: ArrayLike, axes: str) -> Floats:
     second = 2.0 * np.arctan2(far, near)
     half_sum, half_difference = np.arctan2(b, a), np.arctan2(d, c)
     is_flat, is_folded = far <= 1e-12, near <= 1e-12
-    first = np.where(is_flat, 0.0, np.where(is_folded, 0.0, half_sum - half_difference))
-    third = np.where(
-        is_flat,
-        2.0 * half_sum,
-        np.where(is_folded, 2.0 * half_difference, half_sum + half_difference),
-    )
+    first = np.where(is_flat | is_folded, 0.0, half_sum - half_difference)
+    locked = [2.0 * half_sum, 2.0 * half_difference]
+    third = np.select([is_flat, is_folded], locked, half_sum + half_difference)
     if not is_proper:
         third = sign * third
         second = second - 0.5 * np.pi
