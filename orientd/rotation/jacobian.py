@@ -31,13 +31,20 @@ def _vectors(rotation_vector: ArrayLike) -> Floats:
     return components(rotation_vector, 3, "rotation_vector")
 
 
+def _horner(x: Floats, coefficients: tuple[float, ...]) -> Floats:
+    total = np.full_like(x, coefficients[-1])
+    for coefficient in coefficients[-2::-1]:
+        total = total * x + coefficient
+    return total
+
+
 def _coefficient(
     square: Floats, terms: tuple[float, ...], exact: Callable[[Floats], Floats]
 ) -> Floats:
     """Return a coefficient: a polynomial in the *square* of small angles, *exact* of others."""
     theta = np.sqrt(square)
     is_small = theta < _SEAM
-    series = np.polyval(terms[::-1], np.where(is_small, square, 0.0))
+    series = _horner(np.where(is_small, square, 0.0), terms)
     return np.where(is_small, series, exact(np.where(is_small, 1.0, theta)))
 
 
