@@ -100,11 +100,7 @@ class Servo:
         self._clock = clock
         self._parent_is_alive = parent_is_alive
         self.setpoints = SetpointGenerator(
-            driver,
-            memory,
-            period_ns=period_ns,
-            stall_ns=watch.stall_ns,
-            on_fault=self._tell_fault,
+            driver, memory, period_ns=period_ns, stall_ns=watch.stall_ns, on_fault=self._tell_fault
         )
         self._is_enabled = False
         self._is_orderly = False
@@ -237,7 +233,11 @@ class Servo:
         ring = self._memory.commands
         fields = ring.read(self._taken)
         if fields is None:
-            return  # still being written; it is there in the next cycle
+            # Still being written; or stops, more than there is room for, while the driver was busy.
+            if self._taken < (oldest := ring.oldest(self._taken)):
+                self._taken = oldest
+                self.setpoints.stop(Event.STOP)
+            return
         self._taken += 1
         index, code, motion, path_index, leave, final, start_ns, speed, *servo_limits = fields
         if index < ring.words[GIVEN_UP_WORD] and code not in _NEVER_TOO_LATE:

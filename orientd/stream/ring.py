@@ -92,6 +92,10 @@ class RecordRing:
             return None
         return record
 
+    def oldest(self, index: int) -> int:
+        """Return *index*, or that of the first record behind it that nothing has overwritten."""
+        return max(index, self.words[HEAD] - self.capacity)
+
     def slots(self, index: int, count: int) -> list[memoryview]:
         """Return the slots of *count* records from *index* on as they are, in one or two pieces.
 

@@ -338,9 +338,9 @@ class ServoLink:
             while self._note_index < ring.head:
                 record = ring.read_bytes(self._note_index)
                 if record is None:
-                    if ring.head - self._note_index <= ring.capacity:
+                    if self._note_index == (oldest := ring.oldest(self._note_index)):
                         return  # being written
-                    self._note_index = ring.head - ring.capacity
+                    self._note_index = oldest
                     continue
                 self._note_index += 1
                 note = unpack_note(record)

@@ -85,7 +85,7 @@ class TargetFollower:
         head = ring.head
         if self._next == head:
             return
-        self._next = max(self._next, head - ring.capacity)
+        self._next = ring.oldest(self._next)
         for index in range(self._next, min(head, self._next + TARGETS_PER_CYCLE)):
             fields = ring.read(index)
             if fields is None and head - index < ring.capacity:

@@ -178,3 +178,16 @@ def test_of_what_was_given_up_only_stops_are_carried_out(command):
         ServoState.STOPPING if command is Command.STOP else 1.0
     )
     assert rig.ask(Command.SPEED, speed=0.5)[0] is not Answer.FAILED
+
+
+def test_more_commands_than_there_is_room_for_stop_a_motion_and_leave_the_servo_listening():
+    rig, _ = moving()
+    ring = rig.memory.commands
+    for _ in range(3 * ring.capacity):
+        ring.publish(Command.SPEED, 1, 0, UNKNOWN, UNKNOWN, UNKNOWN, 1.0, *TERMS.floats())
+    rig.run(1)
+    assert rig.cycle.state == ServoState.STOPPING
+    rig.run(ring.capacity)
+    assert rig.ask(Command.SPEED, speed=0.5)[0] is Answer.WRONG_STATE
+    rig.run(5000)
+    assert (rig.cycle.state, rig.cycle.fault) == (ServoState.HOLDING, Fault.NONE)
