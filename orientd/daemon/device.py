@@ -98,7 +98,7 @@ class Device(SupervisedDevice):
 
         Args:
             order: what to do.
-            options: how to begin and to end.
+            move_options: how to begin and to end.
             attempt: how often :meth:`start` has said already that it was too late.
 
         Raises:

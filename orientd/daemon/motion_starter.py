@@ -88,7 +88,7 @@ class MotionStarter:
             token: the lease.
             device: what is to move.
             order: what it is to do.
-            options: how to begin and to end.
+            move_options: how to begin and to end.
             stops: what :meth:`ActiveMotions.stops` returned when the motion was asked for.
             received_ns: when that was, monotonic clock.
 
@@ -175,7 +175,7 @@ class MotionStarter:
             token: the lease.
             device: what is to move.
             motion: planned for it.
-            options: how to begin and to end.
+            move_options: how to begin and to end.
             stops: what :meth:`ActiveMotions.stops` returned when the motion was asked for.
 
         Raises:

@@ -35,7 +35,7 @@ class CandidateMotion:
         end: path time of the last keyframe, s.
         keyframe_times: path times of all keyframes, s.
         rough: the part whose acceleration has steps; ``None`` if there is none.
-        keyframe path: from the first keyframe to the last; ``None`` for a single keyframe.
+        keyframe_path: from the first keyframe to the last; ``None`` for a single keyframe.
     """
 
     path: Path
@@ -58,7 +58,7 @@ def with_leads(
     In front goes the lead-in; behind goes a lead-out if the keyframe path does not end at rest.
 
     Args:
-        keyframe path: from the first keyframe to the last.
+        keyframe_path: from the first keyframe to the last.
         lead: from where the device is to the first keyframe; ``None`` where the keyframe path is to
             begin right there.
         start: where the device is commanded to be.

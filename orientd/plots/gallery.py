@@ -113,7 +113,7 @@ def draw_gallery(directory: Path, ending: str = "svg") -> Iterator[Path]:
         ending: of the files, which names their format.
 
     Yields:
-        The path of each picture once it is drawn; ``all.svg`` is the last.
+        The path of each picture once it is drawn; that of all of them, ``all``, is the last.
 
     Raises:
         OrientdError: a file cannot be written, or *ending* names no format of a picture.

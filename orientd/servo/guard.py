@@ -58,7 +58,7 @@ class Guard:
         self.velocity = ZERO
 
     def admit(self, q: Quaternion, position: Vector3, servo_limits: ServoLimits) -> str:
-        """Take a setpoint if it keeps *servo limits*.
+        """Take a setpoint if it keeps *servo_limits*.
 
         Returns:
             An empty string, or what it would have broken, by how much; then nothing was taken.
@@ -92,7 +92,7 @@ class Guard:
         return ""
 
     def _expect(self, servo_limits: ServoLimits) -> None:
-        """Keep the squares of what *servo limits* allow the norms to be."""
+        """Keep the squares of what *servo_limits* allow the norms to be."""
         h, rounding = self.period, _ROUNDING / self.period
         self._servo_limits = servo_limits
         velocity = servo_limits.velocity * GUARD_TOLERANCE + rounding

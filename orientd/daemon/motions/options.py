@@ -77,7 +77,7 @@ class Prepared:
     Attributes:
         motion: the motion.
         leave: where it leaves what runs before it; ``None`` where it begins at rest.
-        options: how it is to begin and to end.
+        move_options: how it is to begin and to end.
         chosen: when *leave* was chosen, monotonic clock, s.
         kind: of plan, which tells how long it takes.
     """

@@ -26,7 +26,7 @@ def join_in(
     """Return the shortest segment from path time 0 by which a device gets onto a keyframe path.
 
     Args:
-        keyframe path: begins where the device is, with its velocity.
+        keyframe_path: begins where the device is, with its velocity.
         start: where the device is commanded to be.
         limits: to keep, with their reserve where the keyframe path keeps it.
         period: the segment takes a whole number of periods, s.

@@ -174,7 +174,7 @@ class Path:
             lined_up.append(segment)
             before = end
         if before is None or not lined_up:
-            raise ValueError("stretches must not be empty")
+            raise ValueError("segments must not be empty")
         return cls(tuple(lined_up), positions, first, before)
 
     def since(self, time: float) -> list[PathSegment]:

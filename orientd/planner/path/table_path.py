@@ -45,8 +45,8 @@ class TablePath:
         q: orientations, signs continuous, shape ``(n, 4)``.
         omega: angular velocities in the body frame, rad/s, shape ``(n, 3)``.
         alpha: their derivatives, rad/s^2, shape ``(n, 3)``.
-        positions: what the position does by *path request*.
-        path request: how far along the positions each record is, s, shape ``(n,)``.
+        positions: what the position does by *path_times*.
+        path_times: how far along the positions each record is, s, shape ``(n,)``.
         joints: axis angles that make the orientations, rad, unwrapped, shape ``(n, axes)``.
         earlier: axis angles of the three records before the first, rad, shape ``(3, axes)``.
     """
@@ -70,7 +70,7 @@ class TablePath:
         joints: Floats,
         earlier: Floats | None = None,
     ) -> TablePath:
-        """Return the path through *q*, with the position of *original* at the times *path request*.
+        """Return the path through *q*, with the position of *original* at the times *path_times*.
 
         Where it is the original's path, in the original's time, it keeps the derivatives of that,
         which know what happens between the records.  The axes were at rest before it unless

@@ -73,7 +73,7 @@ class Survey:
         """Return the survey of a keyframe path.
 
         Args:
-            keyframe path: to look at.
+            keyframe_path: to look at.
             limits: to keep.
             period: of the device, s.
             has_one_shape: whether another duration is the same curve at another rate.
@@ -104,7 +104,7 @@ class Survey:
         """Return by which factor a keyframe path should take longer, from its records.
 
         Args:
-            keyframe path: the surveyed one or one like it, of another duration.
+            keyframe_path: the surveyed one or one like it, of another duration.
             limits: to keep.
             period: of the device, s.
             everywhere: whether to look beyond the spots.

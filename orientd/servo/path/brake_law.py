@@ -99,7 +99,7 @@ class BrakeLaw:
         """Advance the time scaling by one cycle of a stop and return the new rate.
 
         Args:
-            servo limits: the limits.
+            servo_limits: the limits.
             may_end: whether the end of the path is as good as a stop before it.
         """
         scaling = self._scaling

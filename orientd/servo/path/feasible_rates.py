@@ -72,7 +72,7 @@ def allowed(
     Args:
         past: the cycle before.
         ahead: what a rate leads to.
-        servo limits: the limits.
+        servo_limits: the limits.
         period: between the two, s.
         share: part of the limits of acceleration that may be used.
         jerk_share: part of the limits of jerk that may be used.
@@ -119,7 +119,7 @@ def released(
     Args:
         past: the cycle before.
         ahead: what a rate leads to.
-        servo limits: the limits.
+        servo_limits: the limits.
         period: between the two, s.
         share: part of the jerk that the release may use.
     """
@@ -210,7 +210,7 @@ def eased(
         velocity: of the position in that step, m/s.
         path: the point that it leads to.
         rate: that would break a limit.
-        servo limits: the limits.
+        servo_limits: the limits.
         period: of a cycle, s.
     """
     (a, b, c), (x, y, z) = omega, path.omega_body

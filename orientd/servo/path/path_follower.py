@@ -50,7 +50,7 @@ class PathPart:
     Attributes:
         number: of the motion.
         first: index of its first record.
-        servo limits: what the motion promised to keep.
+        servo_limits: what the motion promised to keep.
         leave: index of the record at which the part before is left for this one.
         final: index of its last record, where that is known already.
     """

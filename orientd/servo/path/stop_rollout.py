@@ -149,7 +149,7 @@ class StopRollout:
         It is called in the cycle that the rollout begins in and in each one after that.
 
         Args:
-            servo limits: the limits.
+            servo_limits: the limits.
             steps: cycles to roll out.
             may_end: whether the end of the path is as good as a stop before it.
         """

@@ -71,7 +71,7 @@ def bounds(period: float, velocity: float, acceleration: float, jerk: float) -> 
 
 
 def bounds_of(servo_limits: ServoLimits, period: float) -> tuple[Bounds, Vector3]:
-    """Return bounds for *servo limits*, and the units along the axes in which they hold.
+    """Return bounds for *servo_limits*, and the units along the axes in which they hold.
 
     An ellipsoid inside the limits of norm and components; along the axis that may move most it
     gives nothing away, along others as much as their limits are out of proportion.

@@ -43,7 +43,7 @@ class TargetFollower:
             q: orientation last commanded.
             omega: angular velocity of the step to it, rad/s.
             alpha: change from the step before over the period, rad/s^2.
-            servo limits: limits.
+            servo_limits: limits.
         """
         self.tracker.begin(q, omega, alpha, servo_limits)
         self._next = self._ring.head
@@ -61,7 +61,7 @@ class TargetFollower:
         Args:
             position: last commanded, m.
             velocity: of the step to it, m/s.
-            servo limits: limits.
+            servo_limits: limits.
         """
         place = self.tracker.place
         if place is None:

@@ -76,7 +76,7 @@ class Tracker:
             q: orientation last commanded.
             omega_body: angular velocity of the step to it, rad/s.
             alpha_body: change from the step before over the period, rad/s^2.
-            servo limits: what to keep.  What moves faster than that is slowed down first.
+            servo_limits: what to keep.  What moves faster than that is slowed down first.
         """
         self._limits, self._units = bounds_of(servo_limits, self._period)
         # The law's state is in its own units.

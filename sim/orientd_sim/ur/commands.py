@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
@@ -213,9 +212,11 @@ def _compute(script: ControlScript, number: int) -> None:
         RegisterCommand.HAS_INVERSE_NEAR,
         RegisterCommand.IS_POSE_SAFE,
     ):
-        script.answer_int(1, int(robot.tool.find_joints(script.numbers(0, 6)) is not None))
+        near = script.numbers(6, 6) if number == RegisterCommand.HAS_INVERSE_NEAR else None
+        script.answer_int(1, int(robot.tool.find_joints(script.numbers(0, 6), near) is not None))
     elif number == RegisterCommand.ARE_JOINTS_SAFE:
-        script.answer_int(1, int(all(abs(q) <= math.tau for q in script.numbers(0, 6))))
+        joints = zip(script.numbers(0, 6), robot.arm.model.ranges, strict=True)
+        script.answer_int(1, int(all(abs(q) <= most for q, most in joints)))
     elif number == RegisterCommand.POSE_PRODUCT:
         a, b = from_pose(script.numbers(0, 6)), from_pose(script.numbers(6, 6))
         script.answer(to_pose(multiply(a, b)))

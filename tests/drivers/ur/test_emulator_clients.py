@@ -98,6 +98,14 @@ def test_kinematics_answer_through_the_registers(ur_robot):
         assert control.poseTrans(pose, [0.0] * 6) == pytest.approx(pose, abs=1e-12)
 
 
+@pytest.mark.parametrize(("model", "is_endless"), [("ur3e", True), ("ur5e", False)])
+def test_joints_are_safe_within_the_ranges_of_the_model(ur_host, model, is_endless):
+    with EmulatedRobot(ur_host, "--model", model), control_of(ur_host) as control:
+        assert control.isJointsWithinSafetyLimits([0.0, -1.0, 1.0, 0.0, 0.0, 6.2])
+        assert control.isJointsWithinSafetyLimits([0.0, -1.0, 1.0, 0.0, 0.0, 7.0]) is is_endless
+        assert not control.isJointsWithinSafetyLimits([7.0, -1.0, 1.0, 0.0, 0.0, 0.0])
+
+
 @pytest.mark.slow
 def test_io_client_moves_the_speed_slider(ur_robot):
     with connected(rtde_io.RTDEIOInterface(ur_robot.host)) as io:

@@ -1,0 +1,63 @@
+"""What docstrings list as arguments and attributes is there, by that name."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+FILES = sorted(
+    path
+    for folder in ("orientd", "drivers", "sim")
+    for path in (ROOT / folder).rglob("*.py")
+    if not path.stem.endswith(("_pb2", "_pb2_grpc"))
+)
+SECTION = re.compile(r"^(?:Args|Attributes):\n((?:    .*\n?|\n)*)", re.MULTILINE)
+ENTRY = re.compile(r"^    ([^\s:][^:\n]*):(?:\s|$)", re.MULTILINE)
+
+
+def parameters(function):
+    given = function.args
+    several = [one for one in (given.vararg, given.kwarg) if one is not None]
+    return {one.arg for one in (*given.posonlyargs, *given.args, *given.kwonlyargs, *several)}
+
+
+def attributes(of):
+    """Return the names that a class gives its own, and those that it writes to."""
+    methods = [one for one in of.body if isinstance(one, ast.FunctionDef)]
+    written = {
+        one.attr if isinstance(one, ast.Attribute) else one.id
+        for one in ast.walk(of)
+        if isinstance(one, ast.Attribute | ast.Name) and isinstance(one.ctx, ast.Store)
+    }
+    begins = [one for one in methods if one.name == "__init__"]
+    return written | {one.name for one in methods} | set().union(*map(parameters, begins))
+
+
+def listed(docstring):
+    """Yield the names in the sections of a docstring."""
+    for section in SECTION.findall(docstring):
+        for names in ENTRY.findall(section):
+            yield from (name.strip("`* ") for name in re.split(r",\s*|\s+and\s+", names))
+
+
+@pytest.mark.parametrize("folder", ["orientd", "drivers", "sim"])
+def test_what_a_docstring_lists_is_there(folder):
+    wrong, count = [], 0
+    for path in FILES:
+        if path.relative_to(ROOT).parts[0] != folder:
+            continue
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef):
+                known = attributes(node)
+            elif isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                known = parameters(node)
+            else:
+                continue
+            names = list(listed(ast.get_docstring(node) or ""))
+            count += len(names)
+            place = f"{path.relative_to(ROOT)}, {node.name}"
+            wrong += [f"{place}: {name}" for name in names if name not in known]
+    assert wrong == []
+    assert count > 50
