@@ -78,23 +78,26 @@ def run(
         gap_ns=_GAP_NS,
     )
     server = PtyServer(bus, link, clock)
+    stopping: list[int] = []
     previous = {
-        number: signal.signal(number, lambda *_: server.stop())
+        number: signal.signal(number, lambda got, _: stopping.append(got))
         for number in (signal.SIGINT, signal.SIGTERM)
     }
-    previous_wake = signal.set_wakeup_fd(server.wake)
+    wake_read, wake_write = os.pipe()
+    os.set_blocking(wake_write, False)
+    previous_wake = signal.set_wakeup_fd(wake_write)
     try:
         server.plug()
         kinds = ", ".join(f"{servo.id} {servo.model.name}" for servo in bus.servos)
         print(f"ready: {link} at {baud} baud, servos {kinds}", flush=True)  # noqa: T201
-        others = [] if console is None else [console]
+        others = [wake_read] if console is None else [wake_read, console]
         pending = b""
-        while not server.is_stopping:
+        while not stopping:
             if console not in server.step(_IDLE_S, *others) or console is None:
                 continue
             octets = os.read(console, 4096)
             if not octets:
-                others, console = [], None
+                others, console = [wake_read], None
             *lines, pending = (pending + octets).split(b"\n")
             for command in lines:
                 _obey(command.decode(errors="replace"), server, clock.now_ns())
@@ -102,6 +105,8 @@ def run(
         signal.set_wakeup_fd(previous_wake)
         for number, handler in previous.items():
             signal.signal(number, handler)
+        os.close(wake_read)
+        os.close(wake_write)
         server.close()
 
 

@@ -26,13 +26,16 @@ def _read(servo: EmulatedServo, parameters: bytes, now_ns: int) -> tuple[int, by
     return servo.read(_word(parameters, 0), _word(parameters, 2), now_ns)
 
 
-def _writing(write: Callable[[EmulatedServo, int, bytes, int], int]) -> Action:
-    def act(servo: EmulatedServo, parameters: bytes, now_ns: int) -> tuple[int, bytes]:
-        if len(parameters) < 3:
-            return ErrorNumber.DATA_LENGTH, b""
-        return write(servo, _word(parameters, 0), parameters[2:], now_ns), b""
+def _write(servo: EmulatedServo, parameters: bytes, now_ns: int) -> tuple[int, bytes]:
+    if len(parameters) < 3:
+        return ErrorNumber.DATA_LENGTH, b""
+    return servo.write(_word(parameters, 0), parameters[2:], now_ns), b""
 
-    return act
+
+def _register_write(servo: EmulatedServo, parameters: bytes, now_ns: int) -> tuple[int, bytes]:
+    if len(parameters) < 3:
+        return ErrorNumber.DATA_LENGTH, b""
+    return servo.register_write(_word(parameters, 0), parameters[2:], now_ns), b""
 
 
 def _action(servo: EmulatedServo, parameters: bytes, now_ns: int) -> tuple[int, bytes]:  # noqa: ARG001
@@ -86,8 +89,8 @@ def bulk_list(parameters: bytes) -> list[tuple[int, int, int]]:
 SINGLE: Mapping[int, Action] = {
     Instruction.PING: _ping,
     Instruction.READ: _read,
-    Instruction.WRITE: _writing(EmulatedServo.write),
-    Instruction.REG_WRITE: _writing(EmulatedServo.register_write),
+    Instruction.WRITE: _write,
+    Instruction.REG_WRITE: _register_write,
     Instruction.ACTION: _action,
     Instruction.CLEAR: _clear,
     Instruction.REBOOT: _nothing,

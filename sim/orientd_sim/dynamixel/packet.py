@@ -13,6 +13,7 @@ from enum import IntEnum
 
 HEADER = b"\xff\xff\xfd\x00"
 BROADCAST = 0xFE
+MAX_ID = 252
 MAX_LENGTH = 1024
 SHORTEST = 10
 

@@ -37,8 +37,6 @@ class PtyServer:
     Attributes:
         bus: who answers.
         link: where clients find the terminal.
-        wake: descriptor of a pipe; whatever is written to it ends a wait.
-        is_stopping: whether it has been stopped.
     """
 
     def __init__(self, bus: Bus, link: Path, clock: Clock) -> None:
@@ -46,9 +44,8 @@ class PtyServer:
         self.link = link
         self._clock = clock
         self._master = self._slave = -1
-        self._wake_read, self.wake = os.pipe()
-        os.set_blocking(self.wake, False)
-        self.is_stopping = False
+        self._wake_read, self._wake_write = os.pipe()
+        self._is_stopping = False
 
     @property
     def is_plugged(self) -> bool:
@@ -89,18 +86,18 @@ class PtyServer:
 
     def stop(self) -> None:
         """End :meth:`run`; may be called from a signal handler or another thread."""
-        self.is_stopping = True
-        os.write(self.wake, b"x")
+        self._is_stopping = True
+        os.write(self._wake_write, b"x")
 
     def close(self) -> None:
         """Release everything."""
         self.unplug()
-        for descriptor in (self._wake_read, self.wake):
+        for descriptor in (self._wake_read, self._wake_write):
             os.close(descriptor)
 
     def run(self) -> None:
         """Serve until :meth:`stop`."""
-        while not self.is_stopping:
+        while not self._is_stopping:
             self.step(_IDLE_S)
 
     def step(self, longest_s: float, *others: int) -> list[int]:

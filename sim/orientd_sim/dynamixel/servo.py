@@ -127,6 +127,8 @@ class EmulatedServo:
 
     def write(self, address: int, content: bytes, now_ns: int) -> int:
         """Write *content* from *address* on, whole or not at all; return an error number."""
+        if not content:
+            return ErrorNumber.DATA_LENGTH
         if address + len(content) > self.model.end:
             return ErrorNumber.ACCESS
         self.advance(now_ns)
@@ -140,8 +142,8 @@ class EmulatedServo:
     def register_write(self, address: int, content: bytes, now_ns: int) -> int:
         """Keep a write for :meth:`action`; return an error number."""
         self.advance(now_ns)
-        if address + len(content) > self.model.end:
-            return ErrorNumber.ACCESS
+        if not content or address + len(content) > self.model.end:
+            return ErrorNumber.ACCESS if content else ErrorNumber.DATA_LENGTH
         error, _ = self._collect(address, content)
         if not error:
             self.registered = (address, content)
