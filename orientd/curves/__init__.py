@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     from orientd.curves.construct.basis import CumulativeBasis, Indices, cumulative_basis
     from orientd.curves.construct.continuation import corrections_at_most
     from orientd.curves.construct.cumulative import CumulativeCurve
-    from orientd.curves.construct.knots import resolve_knots
-    from orientd.curves.construct.spline_ends import begun_shares, end_rows, interpolation_knots
-    from orientd.curves.construct.telescoped import TelescopedEquations
     from orientd.curves.contract import Curve, Samples
     from orientd.curves.families.c2_cumulative import C2Cumulative
     from orientd.curves.families.kks.bspline import KksBspline
@@ -28,13 +25,7 @@ if TYPE_CHECKING:
     from orientd.curves.families.kks.interpolating import KksInterpolating
     from orientd.curves.family import is_same
     from orientd.curves.fitting.spline_fit import Fit, fit_orientations
-    from orientd.curves.keyframes import (
-        check_integer,
-        check_interval,
-        check_keys,
-        check_vector,
-        resolve_times,
-    )
+    from orientd.curves.keyframes import check_keys, resolve_times
     from orientd.curves.methods import METHODS
     from orientd.curves.roles import (
         CurveTask,

@@ -1,4 +1,4 @@
-"""The figures of the papers, made anew, and what is only for them: rigid and swept bodies."""
+"""The figures of the papers, made anew, and what is only for them: bodies along a motion."""
 
 from __future__ import annotations
 

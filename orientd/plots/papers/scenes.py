@@ -5,17 +5,12 @@ Every function here returns the same data each time it is called.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from orientd.curves import CurveTask
-from orientd.plots.papers.rigid import (
-    RigidMotion,
-    blended_motion,
-    hermite_motion,
-    interpolated_motion,
-)
+from orientd.curves import Curve, CurveTask, KksBspline, KksHermite, KksInterpolating
 from orientd.plots.papers.sweep import Face, SweptPoses, prism
 from orientd.rotation import Floats, exp, from_euler, multiply
 
@@ -82,43 +77,52 @@ def clamped(count: int, order: int) -> Floats:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PaperScene:
-    """A rigid motion to draw.
+    """A rigid motion to draw: a body that turns along one curve and travels along another.
+
+    The two are of the same kind, over the same time (Kim, Kim and Shin, 1995, secs. 4.2 and 6.2).
 
     Attributes:
-        motion: position and orientation over time.
+        orientation: how the body turns.
+        position: gives where its origin is at instants, m, shape ``(n, 3)``.
         keyframes: poses drawn dark.
     """
 
-    motion: RigidMotion
+    orientation: Curve
+    position: Callable[[Floats], Floats]
     keyframes: SweptPoses
 
     def between(self, count: int) -> SweptPoses:
         """Return *count* poses evenly spaced in time, the ends left out."""
-        start, end = self.motion.domain
+        start, end = self.orientation.domain
         evenly = start + (end - start) * (np.arange(count) + 0.5) / count
         return self._poses(evenly)
 
     def along(self, count: int) -> SweptPoses:
         """Return *count* poses evenly spaced in time from end to end."""
-        return self._poses(np.linspace(*self.motion.domain, count))
+        return self._poses(np.linspace(*self.orientation.domain, count))
 
     def _poses(self, times: Floats) -> SweptPoses:
-        found = self.motion.evaluate(times)
-        return SweptPoses(found.position, found.q)
+        return SweptPoses(self.position(times), self.orientation.evaluate(times)[0])
 
 
 def blended_scene() -> PaperScene:
     """Return the motion of Figs. 8 and 9: a cubic B-spline over six control poses."""
-    controls = control_orientations()
-    motion = blended_motion(control=controls, positions=CONTROL_POINTS, knots=clamped(6, 4))
-    return PaperScene(motion, SweptPoses(CONTROL_POINTS, controls))
+    from scipy.interpolate import BSpline
+
+    controls, knots = control_orientations(), clamped(6, 4)
+    orientation = KksBspline(control=controls, knots=knots)
+    position = BSpline(knots, CONTROL_POINTS, 3)
+    return PaperScene(orientation, position, SweptPoses(CONTROL_POINTS, controls))
 
 
 def interpolated_scene() -> PaperScene:
     """Return the motion of Fig. 10: six keyframes interpolated with continuous acceleration."""
+    from scipy.interpolate import CubicSpline
+
     keys = control_orientations()
-    motion = interpolated_motion(keys=keys, positions=CONTROL_POINTS, times="uniform")
-    return PaperScene(motion, SweptPoses(CONTROL_POINTS, keys))
+    orientation = KksInterpolating(keys=keys, times="uniform", order=4)
+    position = CubicSpline(orientation.knots, CONTROL_POINTS, bc_type="natural")
+    return PaperScene(orientation, position, SweptPoses(CONTROL_POINTS, keys))
 
 
 FLIGHT_TIME = 2.6
@@ -137,20 +141,15 @@ def boomerang_task() -> CurveTask:
 
 def boomerang_scene() -> PaperScene:
     """Return the flight of Fig. 7: one Hermite segment for each of position and orientation."""
+    from scipy.interpolate import CubicHermiteSpline
+
     keys = boomerang_task().keys
+    spin = [0.0, 0.0, SPIN]
+    orientation = KksHermite(q0=keys[0], q1=keys[1], omega0=spin, omega1=spin, t1=FLIGHT_TIME)
     places = np.array([[0.0, 0.0, 1.6], [0.9, -1.6, 1.3]])
-    motion = hermite_motion(
-        q0=keys[0],
-        q1=keys[1],
-        omega0=[0.0, 0.0, SPIN],
-        omega1=[0.0, 0.0, SPIN],
-        p0=places[0],
-        p1=places[1],
-        v0=[12.0, 9.0, 3.4],
-        v1=[-12.0, 4.0, -2.6],
-        t1=FLIGHT_TIME,
-    )
-    return PaperScene(motion, SweptPoses(places, keys))
+    velocities = [[12.0, 9.0, 3.4], [-12.0, 4.0, -2.6]]
+    position = CubicHermiteSpline([0.0, FLIGHT_TIME], places, velocities)
+    return PaperScene(orientation, position, SweptPoses(places, keys))
 
 
 def boomerang_outline() -> Floats:
