@@ -146,10 +146,10 @@ def write_png(figure: Figure, file: BinaryIO, *, dpi: int) -> None:
         figure.savefig(file, format="png", dpi=dpi)
 
 
-def tidy(axes: Axes, label: str = "", *, size: float = 9.0) -> None:
+def tidy(axes: Axes, label: str = "") -> None:
     """Give a chart its common look: a quiet grid, no box, small ticks."""
-    axes.set_ylabel(label, fontsize=size, color=INK)
+    axes.set_ylabel(label, fontsize=9.0, color=INK)
     axes.grid(axis="y", color=GRID, linewidth=0.6)
     axes.set_axisbelow(True)
-    axes.tick_params(labelsize=size - 1.0, colors=INK)
+    axes.tick_params(labelsize=8.0, colors=INK)
     axes.spines[["top", "right"]].set_visible(False)

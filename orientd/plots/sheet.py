@@ -154,20 +154,20 @@ class _Cell:
         self._sheet = sheet
         self._is_first = is_first
 
-    def _box(self, left: float, bottom: float, width: float, height: float) -> tuple[float, ...]:
+    def _box(self, bottom: float, width: float, height: float) -> tuple[float, ...]:
         across, up = self._sheet
         x, y = self._corner
-        return (x + left) / across, (y + bottom) / up, width / across, height / up
+        return x / across, (y + bottom) / up, width / across, height / up
 
     def headline(self, place: int, candidate: Candidate, figures: Figures) -> None:
         """Write place, name and figures above."""
-        x, y, _, _ = self._box(0.0, CELL_HEIGHT - 0.2, 0.0, 0.0)
+        x, y, _, _ = self._box(CELL_HEIGHT - 0.2, 0.0, 0.0)
         self._figure.text(
             x, y, f"{place}  {candidate.name}", fontsize=9.5, fontweight="bold", color=INK
         ).set_gid(f"family-{candidate.name}")
         infinite = "*" if figures.has_velocity_jumps else ""
         missed = "" if figures.interpolates else f", off {np.degrees(figures.keyframe_error):.0f}°"
-        x, y, _, _ = self._box(0.0, CELL_HEIGHT - 0.37, 0.0, 0.0)
+        x, y, _, _ = self._box(CELL_HEIGHT - 0.37, 0.0, 0.0)
         self._figure.text(
             x,
             y,
@@ -179,7 +179,7 @@ class _Cell:
     def triads(self, traces: Traces, style: TriadStyle) -> None:
         """Draw the sphere."""
         side = CELL_WIDTH - 0.3
-        axes = self._figure.add_axes(self._box(0.0, CELL_HEIGHT - 0.42 - side, side, side))  # type: ignore[arg-type]
+        axes = self._figure.add_axes(self._box(CELL_HEIGHT - 0.42 - side, side, side))  # type: ignore[arg-type]
         draw_triads(axes, traces.q, traces.keyframe_q, style=style, is_met=traces.is_met)
 
     def strips(self, traces: Traces, reference: Traces, tops: tuple[float, float]) -> None:
@@ -188,7 +188,7 @@ class _Cell:
             (0.74, "omega_body", traces.velocity_limit, tops[0], "rad/s"),
             (0.24, "alpha_body", traces.acceleration_limit, tops[1], "rad/s²"),
         ):
-            axes = self._figure.add_axes(self._box(0.0, bottom, CELL_WIDTH - 0.35, 0.42))  # type: ignore[arg-type]
+            axes = self._figure.add_axes(self._box(bottom, CELL_WIDTH - 0.35, 0.42))  # type: ignore[arg-type]
             behind = np.linalg.norm(getattr(reference, name), axis=-1)
             axes.fill_between(reference.times, behind, color=REFERENCE, linewidth=0.0)
             times, vectors = interrupted(traces.times, getattr(traces, name), traces.breaks)

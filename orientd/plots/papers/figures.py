@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orientd.curves import METHODS
+from orientd.curves import METHODS, KksBspline
 from orientd.plots.basis import INSTANTS, cumulative_functions, draw_functions
 from orientd.plots.paper import SERIES, check_format, new_figure, save
 from orientd.plots.papers import scenes
@@ -117,12 +117,12 @@ def _hermite_curves(axes: Axes) -> None:
 
 
 def _bspline_curve(axes: Axes) -> None:
-    controls, knots = scenes.control_orientations(), scenes.clamped(6, 4)
+    controls = scenes.control_orientations()
     moved = controls.copy()
     moved[3] = multiply(moved[3], exp(np.array([0.0, 0.6, -0.5])))
     curves: list[Floats] = []
     for control in (controls, moved):
-        curve = METHODS["kks_bspline"](control=control, order=4, knots=knots)  # type: ignore[call-arg]
+        curve = KksBspline(control=control, knots=scenes.CONTROL_KNOTS)
         curves.append(curve.evaluate(np.linspace(*curve.domain, 2000))[0])
     style = TriadStyle(view=Viewpoint(24.0, -20.0), number=9.0)
     draw_triads(axes, curves[0], controls, style=style, ideal=curves[1], is_met=False)

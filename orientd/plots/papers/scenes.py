@@ -63,16 +63,13 @@ CONTROL_POINTS = np.array(
 )
 
 
+CONTROL_KNOTS = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 2.0, 3.0, 3.0, 3.0, 3.0])
+"""Of the cubic B-splines over these six, a second apart inside."""
+
+
 def control_orientations() -> Floats:
     """Return the six control orientations of Figs. 6, 8, 9 and 10, shape ``(6, 4)``."""
     return from_euler("ZYX", np.radians(CONTROL_DEGREES))
-
-
-def clamped(count: int, order: int) -> Floats:
-    """Return clamped knots a second apart inside, for *count* control points."""
-    inner = np.arange(1.0, count - order + 1.0)
-    end = count - order + 1.0
-    return np.concatenate([np.zeros(order), inner, np.full(order, end)])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,9 +106,9 @@ def blended_scene() -> PaperScene:
     """Return the motion of Figs. 8 and 9: a cubic B-spline over six control poses."""
     from scipy.interpolate import BSpline
 
-    controls, knots = control_orientations(), clamped(6, 4)
-    orientation = KksBspline(control=controls, knots=knots)
-    position = BSpline(knots, CONTROL_POINTS, 3)
+    controls = control_orientations()
+    orientation = KksBspline(control=controls, knots=CONTROL_KNOTS)
+    position = BSpline(CONTROL_KNOTS, CONTROL_POINTS, 3)
     return PaperScene(orientation, position, SweptPoses(CONTROL_POINTS, controls))
 
 
