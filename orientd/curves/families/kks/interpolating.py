@@ -146,6 +146,13 @@ class KksInterpolating(CumulativeCurve):
         if branches:
             solved = min([solved, *branches], key=effort)
         super().__init__(**parts(solved))
+        self._key_times = instants
+
+    @property
+    def key_times(self) -> Floats:
+        """The instants of the keyframes, which for odd orders are not the knots, ``(n,)``."""
+        times: Floats = self._key_times.copy()
+        return times
 
 
 def check_end_state(
