@@ -105,7 +105,7 @@ class NielsonShieh(Curve):
             direction = basis[0].T @ projected_tangent(check_vector(M1, "M1", 4), q)
         tangents = basis @ (direction / np.linalg.norm(direction))
         self._weights = np.sum(tangents * q[1:], axis=-1) / chords
-        self._keys = q
+        self._keys, self._chords = q, chords
         self._middles = self._weights[:, None] * q[:-1] + 0.5 * chords[:, None] * tangents
         h = np.diff(instants)
         self._slopes = 1.0 / h

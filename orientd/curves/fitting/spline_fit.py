@@ -69,12 +69,14 @@ class Fit:
         knots: fourfold at both ends, s, shape ``(m + 4,)``.
         samples: what it was fitted to, in order, without those that were left out.
         errors: angles between the curve and the filtered samples, rad.
+        averaged: samples that the filter averages.
     """
 
     control: Floats
     knots: Floats
     samples: Measured
     errors: Floats
+    averaged: int
 
     @property
     def curve(self) -> KksBspline:
@@ -215,7 +217,7 @@ class _Fitter:
         away = rotate(conjugate(copied), log(multiply(kept.q, conjugate(copied))))
         errors = np.sqrt(np.sum(averages(away, self.averaged) ** 2, axis=-1))
         errors = np.maximum(errors, copy.errors[there])
-        return replace(copy, samples=kept, errors=errors)
+        return replace(copy, samples=kept, errors=errors, averaged=self.averaged)
 
     def _without(self, fitted: Fit, breaks: Floats, tried: Indices, bound: float) -> Fit:
         """Return a fit without those of the *tried* breaks that it can do without."""
@@ -246,7 +248,7 @@ class _Fitter:
         times, q = self.samples.times, self.samples.q
         knots = np.concatenate([np.repeat(breaks[0], 3), breaks, np.repeat(breaks[-1], 3)])
         weights, first = _weights(knots, times)
-        fit = Fit(np.empty((len(breaks) + 2, 4)), knots, self.samples, np.empty(0))
+        fit = Fit(np.empty((len(breaks) + 2, 4)), knots, self.samples, np.empty(0), self.averaged)
         control = self._guess(fit.times, before)
         band = _normal_matrix(weights, first, len(control))
         scale = float(band[-1].max())
