@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from orientd.curves.construct.basis import CumulativeBasis, Indices, cumulative_basis
     from orientd.curves.construct.continuation import corrections_at_most
     from orientd.curves.construct.cumulative import CumulativeCurve
+    from orientd.curves.construct.knots import resolve_knots
     from orientd.curves.contract import Curve, Samples
     from orientd.curves.families.c2_cumulative import C2Cumulative
     from orientd.curves.families.kks.bspline import KksBspline
