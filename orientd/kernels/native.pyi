@@ -28,8 +28,9 @@ def find_increments(
     start_ratio: float,
     end_ratio: float,
     unknown: Floats,
+    first: int,
     /,
-) -> bool: ...
+) -> int: ...
 def interpolate_c2(
     keyframes: Floats,
     is_aligned: bool,
@@ -41,7 +42,7 @@ def interpolate_c2(
     table: Floats,
     solved: Floats,
     /,
-) -> bool: ...
+) -> int: ...
 def keyframe_errors(
     steps: Floats,
     begun: Floats,

@@ -33,6 +33,9 @@ _LARGEST_GUESS_ERROR = 0.4
 _REACH = 10
 """How many keyframes away a correction may be forgotten: it decays by 0.27 with each."""
 
+_PART, _BEYOND = 500, 30
+"""Rows that are carried by themselves where there are more, and how many behind go along."""
+
 _COUPLING = 2
 """How many keyframes away an unknown stands in a row."""
 
@@ -117,13 +120,18 @@ class _Path:
         return replace(self, needed=np.unique(np.clip(reach, 0, len(self.tangent) - 1)))
 
 
-def solve(equations: KeyframeEquations) -> Floats:
+def solve(equations: KeyframeEquations, unknown: Floats, found: int = 0) -> Floats:
     """Return all increments, those settled by the end conditions included, shape ``(W, 3)``.
+
+    Args:
+        equations: of the spline.
+        unknown: half-angle vectors, shape ``(N, 3)``; written to.
+        found: how many of them are known.
 
     Raises:
         PlanError: the search does not arrive.
     """
-    return _Search(equations).solve()
+    return equations.complete(_Search(equations).solve(unknown, found))
 
 
 @dataclass(frozen=True)
@@ -131,20 +139,42 @@ class _Search:
     _equations: KeyframeEquations
     _corrections: Iterator[int] = field(default_factory=itertools.count)
 
-    def solve(self) -> Floats:
-        """Return all increments, shape ``(N + settled by the end conditions, 3)``.
+    def solve(self, unknown: Floats, found: int) -> Floats:
+        """Return the unknown increments, shape ``(N, 3)``, of which some are found.
 
         Raises:
             PlanError: neither continuation nor the descent from the Euclidean spline arrives.
         """
-        found = self._equations.quick_solution()
-        if found is None:
-            found = self._continue()
-        if found is None:
-            found = self._descend()
-        if found is None:
+        count = len(unknown)
+        while found < count and (found := self._equations.find(unknown, found)) < count:
+            end = min(found + _PART, count)
+            if (found == 0 and end == count) or not self._has_carried(unknown, found, end):
+                break
+            found = end
+        else:
+            return unknown
+        whole = self._continue()
+        if whole is None:
+            whole = self._descend()
+        if whole is None:
             raise PlanError(_NOT_FOUND)
-        return self._equations.complete(found)
+        return whole
+
+    def _has_carried(self, unknown: Floats, begin: int, end: int) -> bool:
+        """Write the increments of some rows, by themselves, and return whether they fit.
+
+        What lies further beyond them than others are told of hardly counts.
+        """
+        beyond = min(end + _BEYOND, len(unknown))
+        part = _Search(self._equations.part(unknown, begin, beyond), self._corrections)
+        carried = part._continue()
+        if carried is None:
+            return False
+        unknown[begin:beyond] = carried
+        rows = np.arange(max(begin - _REACH, 0), min(begin + _REACH, len(unknown)))
+        correction = self._correction(unknown, 1.0, rows)
+        unknown[rows] += correction
+        return bool(np.max(np.abs(correction)) <= _ROUNDING)
 
     def _correction(self, here: Floats, scale: float, rows: Indices) -> Floats:
         self._count()

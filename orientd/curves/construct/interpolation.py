@@ -89,14 +89,29 @@ class KeyframeEquations:
         euclidean_increments(*self._arrays(), unknown)
         return unknown
 
-    def quick_solution(self) -> Floats | None:
-        """Return what Newton's method alone finds, if it converges from the Euclidean spline.
+    def find(self, unknown: Floats, first: int) -> int:
+        """Write what Newton's method alone finds, from the Euclidean spline.
 
         Where the end conditions leave but one unknown, it is a logarithm, the principal one as in
         the Hermite curve.  Whole turns added to the step are left to the search.
+
+        Args:
+            unknown: receives half-angle vectors, shape ``(N, 3)``.
+            first: the first one to be found; those before it are known.
+
+        Returns:
+            How many are found then; where it does not converge, all before some of the others.
         """
-        unknown: Floats = np.empty_like(self.steps)
-        return unknown if find_increments(*self._arrays(), unknown) else None
+        return find_increments(*self._arrays(), unknown, first)
+
+    def part(self, unknown: Floats, begin: int, end: int) -> KeyframeEquations:
+        """Return some successive equations, with what is known of the increment before them."""
+        return KeyframeEquations(
+            self.steps[begin:end],
+            self.begun[begin : end + 1],
+            EndCondition(unknown[begin - 1 : begin]) if begin else self.start,
+            self.end if end == len(self.steps) else EndCondition(_NONE),
+        )
 
     def _arrays(self) -> tuple[Floats, Floats, Floats, Floats, float, float]:
         start, end = self.start, self.end

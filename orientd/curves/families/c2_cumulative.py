@@ -105,15 +105,20 @@ class C2Cumulative(CumulativeCurve):
         solved: Floats = np.empty((spans + 2, 3))
         given = np.array([end.given for end in ends])
         start_known, end_known = (end.count for end in ends)
-        if turns is not None or not interpolate_c2(
-            orientations, not align, instants, given, start_known, end_known, breaks, table, solved
-        ):
+        unknown = solved[max(1, start_known) :][: len(orientations) - 1]
+        found = 0
+        if turns is None:
+            found = interpolate_c2(
+                *(orientations, not align, instants, given, start_known, end_known),
+                *(breaks, table, solved),
+            )
+        if found < len(unknown):
             if align:
                 orientations = align_signs(orientations)
             steps = increments(orientations)
             if turns is not None:
                 steps, orientations = with_turns(steps, orientations, turns)
-            solved = solve(_equations(steps, instants, ends, breaks))
+            solved = solve(_equations(steps, instants, ends, breaks), unknown, found)
             put_table(orientations, start_known == 2, breaks, solved, table)
         self._set_table(breaks, table, solved, 2)
 

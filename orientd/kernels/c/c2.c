@@ -237,7 +237,7 @@ static void complete(const equations_t *equations, matrix_t solved) {
         put_vec(row_of(solved, last - i), vec_at(row_of(equations->tails, i)));
 }
 
-int interpolate_c2(matrix_t keyframes, bool is_aligned, row_t instants, tensor_t given,
+index_t interpolate_c2(matrix_t keyframes, bool is_aligned, row_t instants, tensor_t given,
                    index_t start_known, index_t end_known, row_t breaks, matrix_t table,
                    matrix_t solved) {
     index_t count = keyframes.n;
@@ -259,10 +259,11 @@ int interpolate_c2(matrix_t keyframes, bool is_aligned, row_t instants, tensor_t
     put_equations(instants, given, start_known, end_known, breaks, equations.begun,
                   (tensor_t){known, 2, 2, 3}, (row_t){ratios, 2});
     equations.start_ratio = ratios[0], equations.end_ratio = ratios[1];
-    int found = find_increments(&equations, unknown);
-    if (found == FOUND) {
+    index_t found = find_increments(&equations, unknown, 0);
+    if (found == unknown.n) {
         complete(&equations, solved);
-        found = put_table(keys, start_known == 2, breaks, solved, table);
+        if (put_table(keys, start_known == 2, breaks, solved, table) == OUT_OF_MEMORY)
+            found = OUT_OF_MEMORY;
     }
     free(memory);
     return found;

@@ -58,8 +58,11 @@ int euclidean_increments(const equations_t *equations, matrix_t unknown);
 
 /* Write the increments that Newton's method finds from there, shape (N, 3).
  *
- * Return FOUND, NOT_FOUND where it does not converge quickly, or OUT_OF_MEMORY. */
-int find_increments(const equations_t *equations, matrix_t unknown);
+ * first: the row to begin with; what stands before it has been found, and hardly changes.
+ *
+ * Return how many have been found, fewer than N where it does not converge quickly, or
+ * OUT_OF_MEMORY, which is below zero. */
+index_t find_increments(const equations_t *equations, matrix_t unknown, index_t first);
 
 /* c2.c */
 
@@ -104,8 +107,8 @@ int put_table(matrix_t keyframes, bool with_start, row_t breaks, matrix_t solved
  * table: receives what the spline is sampled from, shape (TABLE_ROWS, S).
  * solved: receives the increments, shape (S + 2, 3).
  *
- * Return as find_increments. */
-int interpolate_c2(matrix_t keyframes, bool is_aligned, row_t times, tensor_t given,
+ * Return as find_increments; where not all are found, only the unknown ones of them are written. */
+index_t interpolate_c2(matrix_t keyframes, bool is_aligned, row_t times, tensor_t given,
                    index_t start_known, index_t end_known, row_t breaks, matrix_t table,
                    matrix_t solved);
 

@@ -8,6 +8,11 @@ static PyObject *outcome(int found) {
     return found == OUT_OF_MEMORY ? PyErr_NoMemory() : PyBool_FromLong(found == FOUND);
 }
 
+/* Return how many were found, or say that there is no memory. */
+static PyObject *count_of(index_t found) {
+    return found == OUT_OF_MEMORY ? PyErr_NoMemory() : PyLong_FromLongLong(found);
+}
+
 static bool are_vectors(matrix_t a, index_t count) { return a.n == count && a.m == 3; }
 
 static bool are_known(matrix_t a) { return a.n <= 2 && a.m == 3; }
@@ -71,12 +76,13 @@ KERNEL(euclidean_increments) {
 }
 
 KERNEL(find_increments) {
-    TAKE("mmmmddM");
+    TAKE("mmmmddMi");
     CHECK(are_equations(a) && are_vectors(a[6].m, a[0].m.n));
+    CHECK(a[7].i >= 0 && a[7].i < a[0].m.n);
     equations_t equations = equations_of(a);
-    int found;
-    RUN(found = find_increments(&equations, a[6].m));
-    return outcome(found);
+    index_t found;
+    RUN(found = find_increments(&equations, a[6].m, a[7].i));
+    return count_of(found);
 }
 
 KERNEL(are_unit) {
@@ -126,10 +132,10 @@ KERNEL(interpolate_c2) {
     CHECK(a[0].m.m == 4 && a[2].v.n == a[0].m.n && is_pair(a[3].t));
     CHECK(fits(a[0].m.n, a[4].i, a[5].i, spans) && a[6].v.n == spans + 1);
     CHECK(a[7].m.n == TABLE_ROWS && are_vectors(a[8].m, spans + 2));
-    int found;
+    index_t found;
     RUN(found = interpolate_c2(a[0].m, a[1].p, a[2].v, a[3].t, a[4].i, a[5].i, a[6].v, a[7].m,
                                a[8].m));
-    return outcome(found);
+    return count_of(found);
 }
 
 KERNEL(solve_banded) {

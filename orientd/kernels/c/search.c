@@ -329,32 +329,28 @@ static bool join_parts(search_t *search, const equations_t *equations, matrix_t 
     return is_joined;
 }
 
-/* Search part by part. */
-static int search_parts(const equations_t *equations, matrix_t unknown, index_t parts) {
-    index_t count = unknown.n;
+index_t find_increments(const equations_t *equations, matrix_t unknown, index_t first) {
+    if (is_explicit(equations)) {
+        put_vec(unknown.v, end_step(equations, 1.0, 0));
+        return 1;
+    }
+    index_t count = unknown.n - first, parts = (count + PART - 1) / PART;
     search_t search;
     equations_t longest = {.steps.n = least(count, count / parts + 1 + AHEAD)};
     if (!new_search(&longest, &search))
         return OUT_OF_MEMORY;
     int found = FOUND;
-    for (index_t k = 0; k < parts && found == FOUND; k++) {
-        index_t begin = k * count / parts, end = (k + 1) * count / parts;
-        end = least(count, end + AHEAD);
+    index_t begin = first;
+    for (index_t k = 1; k <= parts; k++) {
+        index_t next = first + k * count / parts, end = least(unknown.n, next + AHEAD);
         equations_t part = part_of(equations, unknown, begin, end);
         found = search_all(&search, &part, (matrix_t){row_of(unknown, begin), end - begin, 3});
         if (found == FOUND && begin > 0 && !join_parts(&search, equations, unknown, begin))
             found = NOT_FOUND;
+        if (found != FOUND)
+            break;
+        begin = next;
     }
     end_search(&search);
-    return found;
-}
-
-int find_increments(const equations_t *equations, matrix_t unknown) {
-    if (is_explicit(equations)) {
-        put_vec(unknown.v, end_step(equations, 1.0, 0));
-        return FOUND;
-    }
-    index_t parts = (unknown.n + PART - 1) / PART;
-    int found = search_parts(equations, unknown, parts);
-    return found == NOT_FOUND && parts > 1 ? search_parts(equations, unknown, 1) : found;
+    return found == OUT_OF_MEMORY ? OUT_OF_MEMORY : begin;
 }

@@ -77,6 +77,25 @@ def test_pieces_of_a_long_system_fit_together():
         assert np.abs(alone[60:-60] - whole[begin + 60 : begin + 341]).max() < 1e-13
 
 
+@pytest.mark.parametrize("place", [0, 500, 1000, 1980])
+def test_a_path_that_folds_back_in_a_long_system_is_followed_by_itself(place):
+    folds = walk(20, np.radians(178), 13)
+    steps = rotation.between(walk(2000, 1.5)[:-1], walk(2000, 1.5)[1:])
+    spans = np.ones(1999)
+    steps[place : place + 19] = rotation.between(folds[:-1], folds[1:])
+    spans[place : place + 19] = np.random.default_rng(13).uniform(0.2, 2.0, 20)[1:]
+    keys = [np.array([1.0, 0.0, 0.0, 0.0])]
+    for step in steps:
+        keys.append(rotation.normalize(rotation.multiply(keys[-1], step)))
+    keys, times = np.array(keys), np.cumsum(np.append(0.0, spans))
+    whole = C2(keys=keys, times=times)
+    assert_interpolates_smoothly(whole, keys, times)
+    begin = max(place - 100, 0)
+    alone = C2(keys=keys[begin : begin + 220], times=times[begin : begin + 220]).increments
+    inner = slice(60 if begin else 0, -60 if begin + 220 < 2000 else None)
+    assert np.abs(alone - whole.increments[begin : begin + 222][: len(alone)])[inner].max() < 1e-12
+
+
 @pytest.mark.parametrize("start", ENDS)
 @pytest.mark.parametrize("end", ENDS)
 @pytest.mark.parametrize("count", [2, 3, 4])

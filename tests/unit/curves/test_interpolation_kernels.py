@@ -109,7 +109,7 @@ def test_a_correction_of_what_is_not_a_number_is_not_one():
 def test_increments_that_are_not_numbers_are_not_found():
     equations, _ = equations_and_increments()
     equations.steps[3, 0] = np.nan
-    assert equations.quick_solution() is None
+    assert equations.find(np.empty_like(equations.steps), 0) == 0
 
 
 @pytest.mark.parametrize("lower", [0, 1, 4])
