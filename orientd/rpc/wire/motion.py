@@ -61,7 +61,7 @@ def to_request(message: pb.MotionRequest) -> MotionRequest:
         for name in _FRAMED:
             if message.HasField(name):
                 raise RequestError("velocity_frame", f"expected body or world, for {name}")
-    request = MotionRequest(**_taken(message, _MOTION))
+    request = MotionRequest(**{"keyframes": []} | _taken(message, _TAKEN))
     check_method(request)
     return request
 
@@ -216,8 +216,6 @@ class _Entry:
 
     name: str
     wire: str
-    has_presence: bool
-    is_needed: bool = False
     take: Taker | None = None
     give: Giver | None = None
 
@@ -230,7 +228,7 @@ def _entries(fields: Iterable[Field], of: Any) -> Iterator[_Entry]:  # noqa: ANN
     for field in fields:
         yield _entry(field, of)
         if field.kind is FieldKind.CHOICE_OR_NUMBER:
-            yield _Entry(field.name, _NUMBERS[field.name], True, take=plain.number, give=_number)
+            yield _Entry(field.name, _NUMBERS[field.name], plain.number, _number)
 
 
 def _number(value: float | str) -> float | None:
@@ -249,29 +247,27 @@ def _entry(field: Field, of: Any) -> _Entry:  # noqa: ANN401 - as above
             if number.name.endswith(f"_{choice.upper()}")
         }
         choices = {number: choice for choice, number in numbers.items()}
-        return _Entry(field.name, name, has_presence=False, take=choices.get, give=numbers.get)
+        return _Entry(field.name, name, choices.get, numbers.get)
     take, give = _KINDS.get(field.kind, (None, None))
-    return _Entry(field.name, name, wire.has_presence, field.is_needed, take, give)
+    return _Entry(field.name, name, take, give)
 
 
 _MOTION = tuple(_entries(MOTION, pb.MotionRequest.DESCRIPTOR))
 _KEYFRAME = tuple(_entries(KEYFRAME, pb.Keyframe.DESCRIPTOR))
-_BESIDE_ORIENTATION = tuple(entry for entry in _KEYFRAME if entry.name == entry.wire)
+_TAKEN = {entry.wire: entry for entry in _MOTION}
+_BESIDE_ORIENTATION = {entry.wire: entry for entry in _KEYFRAME if entry.name == entry.wire}
 
 
-def _taken(message: Any, entries: Iterable[_Entry]) -> dict[str, Any]:  # noqa: ANN401 - of a kind
-    """Return the values of the fields that *message* sets."""
+def _taken(message: Any, entries: Mapping[str, _Entry]) -> dict[str, Any]:  # noqa: ANN401 - of a kind
+    """Return the values that *message* sets of the fields that there are *entries* for."""
     values: dict[str, Any] = {}
-    for entry in entries:
-        wire, take = entry.wire, entry.take
-        if entry.has_presence and not message.HasField(wire):
+    for field, value in message.ListFields():
+        entry = entries.get(field.name)
+        if entry is None:
             continue
-        value = getattr(message, wire)
-        if not (value or entry.has_presence or entry.is_needed):
-            continue
-        if take is not None:
+        if entry.take is not None:
             try:
-                value = take(value)
+                value = entry.take(value)
             except RequestError as error:
                 raise plain.placed(entry.name, error) from None
         if value is not None:
