@@ -8,7 +8,6 @@ from orientd.curves.construct.cumulative import TABLE_ROWS, CumulativeCurve
 from orientd.curves.construct.hermite import (
     FRAMES,
     check_ends,
-    check_revolutions,
     in_body_frame,
     turned,
 )
@@ -34,11 +33,9 @@ from orientd.curves.construct.spline_ends import (
     outer_derivatives,
 )
 from orientd.curves.construct.telescoped import TelescopedEquations
-from orientd.curves.construct.tension_spline import NormalizedSpline
 from orientd.curves.construct.triangle import (
     TriangleCurve,
     bezier_continuity,
-    bezier_intervals,
     bspline_intervals,
     catmull_rom_intervals,
     check_defined,

@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike
 from orientd.curves.construct import (
     TriangleCurve,
     bezier_continuity,
-    bezier_intervals,
     cubic_bezier_points,
     reflect,
 )
@@ -72,6 +71,5 @@ class BezierCatmullRom(TriangleCurve):
             points=cubic_bezier_points(
                 q, slerp(here, ahead, 1.0 / 6.0)[:-1], slerp(here, ahead, -1.0 / 6.0)[1:]
             ),
-            intervals=bezier_intervals(instants[:-1], instants[1:], 3),
             continuity=bezier_continuity(instants),
         )

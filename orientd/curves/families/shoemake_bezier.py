@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 from orientd.curves.construct import (
     TriangleCurve,
     bezier_continuity,
-    bezier_intervals,
     cubic_bezier_points,
 )
 from orientd.curves.keyframes import check_aligned, check_number, resolve_times
@@ -74,7 +73,6 @@ class ShoemakeBezier(TriangleCurve):
                 np.concatenate([slerp(q[:1], q[1:2], share), slerp(q[1:-1], targets, share)]),
                 np.concatenate([slerp(q[1:-1], targets, -share), slerp(q[-1:], q[-2:-1], share)]),
             ),
-            intervals=bezier_intervals(instants[:-1], instants[1:], 3),
             continuity=bezier_continuity(instants),
         )
 
