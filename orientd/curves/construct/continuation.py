@@ -121,30 +121,23 @@ def solve(equations: KeyframeEquations) -> Floats:
     """Return all increments, those settled by the end conditions included, shape ``(W, 3)``.
 
     Raises:
-        PlanError: the search does not arrive.
+        PlanError: neither continuation nor the descent from the Euclidean spline arrives.
     """
-    return _Search(equations).solve()
+    search = _Search(equations)
+    found = equations.quick_solution()
+    if found is None:
+        found = search.continued()
+    if found is None:
+        found = search.descended()
+    if found is None:
+        raise PlanError(_NOT_FOUND)
+    return equations.complete(found)
 
 
 @dataclass(frozen=True)
 class _Search:
     _equations: KeyframeEquations
     _corrections: Iterator[int] = field(default_factory=itertools.count)
-
-    def solve(self) -> Floats:
-        """Return all increments, shape ``(N + settled by the end conditions, 3)``.
-
-        Raises:
-            PlanError: neither continuation nor the descent from the Euclidean spline arrives.
-        """
-        found = self._equations.quick_solution()
-        if found is None:
-            found = self._continue()
-        if found is None:
-            found = self._descend()
-        if found is None:
-            raise PlanError(_NOT_FOUND)
-        return self._equations.complete(found)
 
     def _correction(self, here: Floats, scale: float, rows: Indices) -> Floats:
         self._count()
@@ -154,7 +147,7 @@ class _Search:
         if next(self._corrections) >= _MOST_CORRECTIONS.get():
             raise PlanError(_NOT_FOUND)
 
-    def _continue(self) -> Floats | None:
+    def continued(self) -> Floats | None:
         """Return the solution that is connected with small rotations, if there is a path to it."""
         everything = np.arange(len(self._equations.steps))
         tangent = self._equations.linear_solution()
@@ -326,7 +319,7 @@ class _Search:
         near: Indices = rows[np.abs(some[following] - rows) <= _REACH]
         return near
 
-    def _descend(self) -> Floats | None:
+    def descended(self) -> Floats | None:
         """Return a solution near the Euclidean spline, by Newton's method with step control.
 
         It serves where the continuation path folds back before it arrives: intervals of very
