@@ -5,12 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct import (
-    TriangleCurve,
-    bezier_continuity,
-    cubic_bezier_points,
-    reflect,
-)
+from orientd.curves.construct import TriangleCurve, bezier_continuity, cubic_bezier_points, reflect
 from orientd.curves.keyframes import check_aligned, check_choice, resolve_times
 from orientd.rotation import conjugate, multiply, slerp
 

@@ -7,11 +7,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct import (
-    TriangleCurve,
-    bezier_continuity,
-    cubic_bezier_points,
-)
+from orientd.curves.construct import TriangleCurve, bezier_continuity, cubic_bezier_points
 from orientd.curves.keyframes import check_aligned, check_number, resolve_times
 from orientd.errors import PlanError
 from orientd.rotation import Floats, slerp
