@@ -5,13 +5,8 @@ from orientd.curves.construct.banded import solve_banded, solve_blocks
 from orientd.curves.construct.basis import CumulativeBasis, Indices, cumulative_basis
 from orientd.curves.construct.continuation import solve
 from orientd.curves.construct.cumulative import TABLE_ROWS, CumulativeCurve
-from orientd.curves.construct.hermite import (
-    FRAMES,
-    check_ends,
-    in_body_frame,
-    turned,
-)
-from orientd.curves.construct.interpolation import EndCondition, KeyframeEquations
+from orientd.curves.construct.hermite import FRAMES, check_ends, in_body_frame, turned
+from orientd.curves.construct.interpolation import KeyframeEquations
 from orientd.curves.construct.jets import (
     Jet,
     constant,
