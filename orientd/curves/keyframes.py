@@ -125,9 +125,8 @@ def check_integer(value: object, name: str, *, minimum: int | None = None) -> in
     """
     expected = "a whole number" if minimum is None else f"a whole number of at least {minimum}"
     array = _numbers(value, name, expected)
-    if array.ndim != 0 or not math.isfinite(array) or float(array) != round(float(array)):
-        raise ValueError(f"{name} must be {expected}, got {value!r}")
-    if minimum is not None and array < minimum:
+    is_whole = array.ndim == 0 and math.isfinite(array) and float(array).is_integer()
+    if not is_whole or (minimum is not None and array < minimum):
         raise ValueError(f"{name} must be {expected}, got {value!r}")
     return round(float(array))
 
@@ -153,6 +152,44 @@ def check_choice(value: object, name: str, allowed: Collection[str]) -> str:
         words = ", ".join(repr(word) for word in allowed)
         raise ValueError(f"{name} must be one of {words}, got {value!r}")
     return value
+
+
+def check_end(
+    condition: object,
+    side: str,
+    omega: ArrayLike | None,
+    alpha: ArrayLike | None = None,
+    allowed: Collection[str] = ("natural", "clamped"),
+) -> tuple[Floats | None, Floats | None]:
+    """Return the angular velocity and acceleration that are prescribed at an end, as checked.
+
+    Args:
+        condition: ``"natural"`` takes neither, ``"clamped"`` the velocity, ``"state"`` both.
+        side: ``"start"`` or ``"end"``, as in the names of the parameters.
+        omega: velocity.
+        alpha: acceleration.
+        allowed: conditions that the family knows.
+
+    Raises:
+        ValueError: the condition is none of them, or one of the two is missing or one too many.
+    """
+    word = check_choice(condition, side, allowed)
+    if word != "natural" and omega is None:
+        raise ValueError(f"omega_{side} must be given for {side}={word!r}, got None")
+    if word == "state" and alpha is None:
+        raise ValueError(f"alpha_{side} must be given for {side}='state', got None")
+    if word != "state" and alpha is not None:
+        raise ValueError(
+            f"alpha_{side} must be None unless {side}='state', got {alpha!r} with {word!r}"
+        )
+    if word == "natural" and omega is not None:
+        raise ValueError(
+            f"omega_{side} must be None with {side}='natural', got {omega!r}; use {side}='clamped'"
+        )
+    return (
+        None if omega is None else check_vector(omega, f"omega_{side}"),
+        None if alpha is None else check_vector(alpha, f"alpha_{side}"),
+    )
 
 
 def check_interval(t0: object, t1: object) -> tuple[float, float]:

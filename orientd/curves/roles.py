@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from orientd.curves.family_parameters import parameter_names
+from orientd.curves.family_parameters import ordered_names, parameter_names
 from orientd.curves.keyframes import (
     check_choice,
     check_integer,
@@ -108,9 +108,7 @@ class CurveTask:
 
 def options_of(family: type[Curve]) -> tuple[str, ...]:
     """Return the parameters of a family that do not follow from a task."""
-    from inspect import signature
-
-    return tuple(name for name in signature(family).parameters if name not in _FROM_TASK)
+    return tuple(name for name in ordered_names(family) if name not in _FROM_TASK)
 
 
 def is_pair(family: type[Curve]) -> bool:

@@ -13,11 +13,6 @@ from orientd.errors import ConfigError
 GROUP = "orientd.drivers"
 
 
-def driver_names() -> list[str]:
-    """Return the names of the drivers that are installed."""
-    return sorted({entry.name for entry in entry_points(group=GROUP)})
-
-
 def driver_target(name: str) -> str:
     """Return where the driver called *name* is, as ``module:Class``.
 
@@ -64,8 +59,9 @@ def make_driver(device: str, name: str, options: Mapping[str, Any], period_ns: i
 
 
 def _find(name: str) -> EntryPoint:
-    found = [entry for entry in entry_points(group=GROUP) if entry.name == name]
-    if not found:
-        known = ", ".join(driver_names()) or "none"
-        raise ConfigError(f"unknown driver {name!r}, installed are: {known}")
-    return found[0]
+    entries = entry_points(group=GROUP)
+    for entry in entries:
+        if entry.name == name:
+            return entry
+    known = ", ".join(sorted(entries.names)) or "none"
+    raise ConfigError(f"unknown driver {name!r}, installed are: {known}")

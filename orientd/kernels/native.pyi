@@ -69,7 +69,7 @@ def keyframe_step(
     errors: Floats,
     correction: Floats,
     /,
-) -> float: ...
+) -> None: ...
 def linearise_effort(
     increments: Floats,
     window: Indices,

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from orientd.planner.certify.certificate import Certificate, Peak
     from orientd.planner.columns import Vector3
     from orientd.planner.device_planner import DevicePlanner
-    from orientd.planner.frames.frame import Frame, Pose, named_frames
+    from orientd.planner.frames import Frame, Pose, named_frames
     from orientd.planner.keyframes.placing import in_device_coordinates, report_frame
     from orientd.planner.limits import ANGULAR, AXES, DEFAULT_LIMITS, NO_AXES, UNITS, Limits, Rate
     from orientd.planner.many import in_parallel, need_backend, plan_many

@@ -9,8 +9,7 @@ from orientd.lazy import lazily
 if TYPE_CHECKING:
     from orientd.plots.charts import Traces
     from orientd.plots.gallery import draw_family, draw_gallery
-    from orientd.plots.motion import draw_motion, draw_sent, draw_traces
-    from orientd.plots.notebook import draw_alone, png_of
+    from orientd.plots.motion import draw_alone, draw_sent, draw_traces, png_of
     from orientd.plots.paper import check_format, is_available
     from orientd.plots.papers.figures import FIGURES, draw_figure
     from orientd.plots.parts import draw_bodies_alone, draw_rates_alone, draw_triads_alone

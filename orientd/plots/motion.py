@@ -1,16 +1,21 @@
-"""Pictures of one motion: as it is planned, and as it was sent."""
+"""Pictures of one curve, or motion: as it is planned, by itself, and as it was sent."""
 
 from __future__ import annotations
 
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orientd.plots.charts import MOST_POINTS, Traces, draw_acceleration, draw_velocity
+from orientd.curves import Curve, CurveTask, check_keys, resolve_times
+from orientd.errors import OrientdError
+from orientd.plots.charts import Traces, draw_acceleration, draw_velocity
 from orientd.plots.paper import INK, QUIET, check_format, new_figure, save
 from orientd.plots.punctuality import Timing, draw_histogram, draw_lateness
+from orientd.plots.sampling import traces_of, traces_of_motion
 from orientd.plots.triads import TriadStyle, draw_triads, turned_to_show
+from orientd.rotation import align
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,30 +25,56 @@ if TYPE_CHECKING:
 
 Charts = dict[str, "Axes"]
 
+_DPI = 80
+"""Of a picture in a notebook."""
 
-def draw_motion(path: Path, motion: Motion, *, title: str) -> None:
-    """Draw a planned motion to *path*, whose ending names the format.
+
+def draw_alone(path: str | Path, shown: Curve | Motion, *, title: str = "") -> None:
+    """Draw a curve, or a motion, to *path*, whose ending names the format.
 
     Raises:
-        OrientdError: the file cannot be written, or its ending names no format of a picture.
+        OrientdError: the file cannot be written, its ending names no format of a picture, or
+            Matplotlib is not installed.
     """
-    draw_traces(path, traces_of_motion(motion), title=title)
+    draw_traces(Path(path), _traces(shown), title=title or _title(shown))
 
 
-def traces_of_motion(motion: Motion) -> Traces:
-    """Return what there is to draw of a planned motion."""
-    times = np.linspace(0.0, motion.duration, MOST_POINTS)
-    samples = motion.sample(times)
-    return Traces(
-        times=times,
-        q=samples.q,
-        omega_body=samples.omega_body,
-        alpha_body=samples.alpha_body,
-        keyframe_times=motion.keyframe_times,
-        keyframe_q=motion.request.keys,
-        velocity_limit=motion.limits.velocity,
-        acceleration_limit=motion.limits.acceleration,
-    )
+def png_of(shown: Curve | Motion) -> bytes | None:
+    """Return the picture for a notebook; ``None`` where Matplotlib is not installed."""
+    try:
+        figure = figure_of(_traces(shown), title=_title(shown))
+    except OrientdError:
+        return None
+    picture = BytesIO()
+    save(figure, picture, dpi=_DPI)
+    return picture.getvalue()
+
+
+def _traces(shown: Curve | Motion) -> Traces:
+    if isinstance(shown, Curve):
+        return traces_of(shown, _task(shown))
+    return traces_of_motion(shown)
+
+
+def _title(shown: Curve | Motion) -> str:
+    if isinstance(shown, Curve):
+        return getattr(shown, "name", type(shown).__name__)
+    return f"{shown.request.method}: motion {shown.id}"
+
+
+def _task(curve: Curve) -> CurveTask:
+    """Return the keyframes that a curve was made of, or its ends where it knows none."""
+    made = curve.made_of
+    if "keys" in made:
+        keys = check_keys(made["keys"])
+        if made.get("align", True):
+            keys = align(keys)
+        return CurveTask(keys, resolve_times(made.get("times"), keys, made.get("turns")))
+    if "control" in made:
+        keys = check_keys(made["control"])
+        return CurveTask(keys, np.linspace(*curve.domain, len(keys)))
+    ends = np.array(curve.domain)
+    return CurveTask(curve.evaluate(ends)[0], ends)
 
 
 def draw_traces(path: Path, traces: Traces, *, title: str, note: str = "") -> None:

@@ -119,8 +119,10 @@ def check_format(path: Path) -> None:
         raise OrientdError(f"the name of a picture must end in {allowed}, got {path.name!r}")
 
 
-def save(figure: Figure, path: Path, *, dpi: int = 140) -> None:
+def save(figure: Figure, path: Path | BinaryIO, *, dpi: int = 140) -> None:
     """Write *figure* to *path*, whose ending is one that :func:`check_format` allows.
+
+    An open file gets a PNG.
 
     Raises:
         OrientdError: the file cannot be written.
@@ -129,21 +131,12 @@ def save(figure: Figure, path: Path, *, dpi: int = 140) -> None:
 
     # A date would make two files of the same picture.
     undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+    kind = path.suffix.removeprefix(".").lower() if isinstance(path, Path) else "png"
     try:
         with rc_context(_SETTINGS):
-            figure.savefig(
-                path, dpi=dpi, metadata=undated.get(path.suffix.removeprefix(".").lower())
-            )
+            figure.savefig(path, format=kind, dpi=dpi, metadata=undated.get(kind))
     except OSError as error:
         raise OrientdError(f"cannot write {path}: {error.strerror}") from error
-
-
-def write_png(figure: Figure, file: BinaryIO, *, dpi: int) -> None:
-    """Write *figure* to an open file, as PNG."""
-    from matplotlib import rc_context
-
-    with rc_context(_SETTINGS):
-        figure.savefig(file, format="png", dpi=dpi)
 
 
 def tidy(axes: Axes, label: str = "") -> None:

@@ -1,13 +1,18 @@
-"""Sampling a curve densely enough to be drawn."""
+"""Sampling a curve, or a motion, densely enough to be drawn."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from orientd.curves import MET, Curve, CurveTask
 from orientd.planner import Limits
-from orientd.plots.charts import Traces
+from orientd.plots.charts import MOST_POINTS, Traces
 from orientd.rotation import angle
+
+if TYPE_CHECKING:
+    from orientd.planner import Motion
 
 INSTANTS = 2000
 
@@ -41,4 +46,20 @@ def traces_of(
         acceleration_limit=np.inf if limits is None else limits.acceleration,
         breaks=inner if curve.continuity < 2 else None,
         is_met=bool(off.max() <= MET),
+    )
+
+
+def traces_of_motion(motion: Motion) -> Traces:
+    """Return what there is to draw of a planned motion."""
+    times = np.linspace(0.0, motion.duration, MOST_POINTS)
+    samples = motion.sample(times)
+    return Traces(
+        times=times,
+        q=samples.q,
+        omega_body=samples.omega_body,
+        alpha_body=samples.alpha_body,
+        keyframe_times=motion.keyframe_times,
+        keyframe_q=motion.request.keys,
+        velocity_limit=motion.limits.velocity,
+        acceleration_limit=motion.limits.acceleration,
     )

@@ -12,15 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.rotation.quaternion import (
-    Floats,
-    check_unit,
-    components,
-    exp,
-    exp_half,
-    log,
-    multiply,
-)
+from orientd.rotation.quaternion import Floats, check_unit, components, exp, exp_half, log, multiply
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation

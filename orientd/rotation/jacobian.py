@@ -27,10 +27,6 @@ def _skew(v: Floats) -> Floats:
     return matrix
 
 
-def _vectors(rotation_vector: ArrayLike) -> Floats:
-    return components(rotation_vector, 3, "rotation_vector")
-
-
 def _horner(x: Floats, coefficients: tuple[float, ...]) -> Floats:
     total = np.full_like(x, coefficients[-1])
     for coefficient in coefficients[-2::-1]:
@@ -83,7 +79,7 @@ def left_jacobian(rotation_vector: ArrayLike) -> Floats:
     Raises:
         ValueError: the last axis does not have length 3.
     """
-    r = _vectors(rotation_vector)
+    r = components(rotation_vector, 3, "rotation_vector")
     square = np.sum(r * r, axis=-1)
     half_sinc = np.sinc(np.sqrt(square) / (2.0 * np.pi))
     first = 0.5 * half_sinc * half_sinc
@@ -108,7 +104,7 @@ def right_jacobian(rotation_vector: ArrayLike) -> Floats:
     Raises:
         ValueError: the last axis does not have length 3.
     """
-    return left_jacobian(-_vectors(rotation_vector))
+    return left_jacobian(-components(rotation_vector, 3, "rotation_vector"))
 
 
 def left_jacobian_inverse(rotation_vector: ArrayLike) -> Floats:
@@ -130,7 +126,7 @@ def left_jacobian_inverse(rotation_vector: ArrayLike) -> Floats:
     Raises:
         ValueError: the last axis does not have length 3.
     """
-    r = _vectors(rotation_vector)
+    r = components(rotation_vector, 3, "rotation_vector")
     coefficient = _coefficient(np.sum(r * r, axis=-1), _INVERSE_TERMS, _inverse_coefficient)
     cross = _skew(r)
     inverse: Floats = np.eye(3) - 0.5 * cross + coefficient[..., None, None] * (cross @ cross)
@@ -150,4 +146,4 @@ def right_jacobian_inverse(rotation_vector: ArrayLike) -> Floats:
     Raises:
         ValueError: the last axis does not have length 3.
     """
-    return left_jacobian_inverse(-_vectors(rotation_vector))
+    return left_jacobian_inverse(-components(rotation_vector, 3, "rotation_vector"))

@@ -22,8 +22,7 @@ from orientd.driver import Driver
 from orientd.errors import DeviceFaultError, Fault, FeedbackError, LinkError
 from orientd.servo.realtime import DeadlineTimer, freeze_garbage, lock_memory, set_scheduling
 from orientd.servo.servo import Servo
-from orientd.servo.stall import SHORTEST_NS
-from orientd.servo.watchdog import WatchdogTimeouts
+from orientd.servo.watchdog import SHORTEST_NS, WatchdogTimeouts
 from orientd.stream import NoteKind, SharedMemory, pack_note
 
 LARGEST_SHIFT = 400

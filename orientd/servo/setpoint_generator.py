@@ -24,9 +24,9 @@ from orientd.servo.path import (
     TimeScaling,
     eased,
 )
-from orientd.servo.stall import Stalls
 from orientd.servo.state_table import Event, advance
 from orientd.servo.tracking import TargetFollower
+from orientd.servo.watchdog import Stalls
 from orientd.stream import UNKNOWN, ServoLimits, ServoState, SharedMemory
 
 # Looking a member up in its enumeration takes longer than comparing it.

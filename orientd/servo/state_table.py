@@ -31,44 +31,30 @@ class Event(Enum):
     RESET = "reset"
 
 
-TRANSITIONS: dict[tuple[ServoState, Event], ServoState] = {
-    (ServoState.IDLE, Event.ENABLE): ServoState.HOLDING,
-    (ServoState.HOLDING, Event.ENABLE): ServoState.HOLDING,
-    (ServoState.IDLE, Event.DISABLE): ServoState.IDLE,
-    (ServoState.HOLDING, Event.DISABLE): ServoState.IDLE,
-    (ServoState.HOLDING, Event.START): ServoState.STREAMING,
-    (ServoState.HOLDING, Event.TUNE): ServoState.HOLDING,
-    (ServoState.STREAMING, Event.SPEED): ServoState.STREAMING,
-    (ServoState.STREAMING, Event.SPLICE): ServoState.STREAMING,
-    (ServoState.STREAMING, Event.FINISH): ServoState.HOLDING,
-    (ServoState.STREAMING, Event.STOP): ServoState.STOPPING,
-    (ServoState.STOPPING, Event.STOP): ServoState.STOPPING,
-    (ServoState.HOLDING, Event.STOP): ServoState.HOLDING,
-    (ServoState.IDLE, Event.STOP): ServoState.IDLE,
-    (ServoState.HOLDING, Event.TRACK): ServoState.TRACKING,
-    (ServoState.TRACKING, Event.TRACK): ServoState.TRACKING,
-    (ServoState.STREAMING, Event.TRACK): ServoState.TRACKING,
-    (ServoState.TRACKING, Event.STOP): ServoState.STOPPING,
-    (ServoState.TRACKING, Event.HALT): ServoState.STOPPING,
-    (ServoState.TRACKING, Event.BRAKE): ServoState.STOPPING,
-    (ServoState.TRACKING, Event.FAIL): ServoState.FAULT,
-    (ServoState.STREAMING, Event.HALT): ServoState.STOPPING,
-    (ServoState.STOPPING, Event.HALT): ServoState.STOPPING,
-    (ServoState.HOLDING, Event.HALT): ServoState.HOLDING,
-    (ServoState.IDLE, Event.HALT): ServoState.IDLE,
-    (ServoState.FAULT, Event.HALT): ServoState.FAULT,
-    (ServoState.STREAMING, Event.BRAKE): ServoState.STOPPING,
-    (ServoState.STOPPING, Event.BRAKE): ServoState.STOPPING,
-    (ServoState.STOPPING, Event.REST): ServoState.HOLDING,
-    (ServoState.IDLE, Event.FAIL): ServoState.FAULT,
-    (ServoState.HOLDING, Event.FAIL): ServoState.FAULT,
-    (ServoState.STREAMING, Event.FAIL): ServoState.FAULT,
-    (ServoState.STOPPING, Event.FAIL): ServoState.FAULT,
-    (ServoState.FAULT, Event.FAIL): ServoState.FAULT,
-    (ServoState.FAULT, Event.STOP): ServoState.FAULT,
-    (ServoState.FAULT, Event.RESET): ServoState.IDLE,
-    (ServoState.IDLE, Event.RESET): ServoState.IDLE,
+IDLE, HOLDING, STREAMING, STOPPING, FAULT, TRACKING = ServoState
+
+_TO_REST = {
+    IDLE: IDLE, HOLDING: HOLDING, FAULT: FAULT,
+    STREAMING: STOPPING, STOPPING: STOPPING, TRACKING: STOPPING,
+}  # fmt: skip
+
+TRANSITIONS: dict[Event, dict[ServoState, ServoState]] = {
+    Event.ENABLE: {IDLE: HOLDING, HOLDING: HOLDING},
+    Event.DISABLE: {IDLE: IDLE, HOLDING: IDLE},
+    Event.START: {HOLDING: STREAMING},
+    Event.TUNE: {HOLDING: HOLDING},
+    Event.SPEED: {STREAMING: STREAMING},
+    Event.FINISH: {STREAMING: HOLDING},
+    Event.SPLICE: {STREAMING: STREAMING},
+    Event.STOP: _TO_REST,
+    Event.HALT: _TO_REST,
+    Event.TRACK: dict.fromkeys((HOLDING, TRACKING, STREAMING), TRACKING),
+    Event.BRAKE: dict.fromkeys((STREAMING, STOPPING, TRACKING), STOPPING),
+    Event.REST: {STOPPING: HOLDING},
+    Event.FAIL: dict.fromkeys(ServoState, FAULT),
+    Event.RESET: {FAULT: IDLE, IDLE: IDLE},
 }
+"""Where each event leads from the states in which it is possible."""
 
 
 def advance(state: ServoState, event: Event) -> ServoState:
@@ -77,9 +63,9 @@ def advance(state: ServoState, event: Event) -> ServoState:
     Raises:
         StateError: the event is not possible in *state*; the message says in which it is.
     """
-    following = TRANSITIONS.get((state, event))
+    following = TRANSITIONS[event].get(state)
     if following is None:
-        possible = sorted(s.name.lower() for s, e in TRANSITIONS if e is event)
+        possible = sorted(one.name.lower() for one in TRANSITIONS[event])
         raise StateError(
             f"{event.value} is not possible while {state.name.lower()}, only while "
             f"{' or '.join(possible)}"

@@ -1,7 +1,10 @@
-"""The watchdog: for how long nothing was heard of the daemon or the device.
+"""The watchdog: for how long nothing was heard of the daemon or the device, or nothing was sent.
 
 While the servo's own process does not run, because the machine is overloaded or a call of the
-driver took its time, it hears nobody; that is not the fault of who would have spoken.
+driver took its time, it hears nobody; that is not the fault of who would have spoken.  Path time
+does not pass in such a stall, so that the device never jumps; but it has come to rest at the last
+setpoint, and to go on at the old speed would be a step in velocity.  So motion goes on from rest,
+inside the limits; after a longer stall not by itself.
 """
 
 from __future__ import annotations
@@ -10,6 +13,12 @@ from dataclasses import dataclass
 
 FUTURE_NS = 1_000_000_000
 """How far ahead of the present a sign of life may be dated: nobody's is, unless it was forged."""
+
+SHORTEST_NS = 50_000_000
+"""Shorter gaps between cycles a device rides out: its own control smooths them."""
+
+FEWEST_PERIODS = 3
+"""Nor is it a stall when the device's own answers take a cycle or two."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,3 +93,25 @@ class ServoWatchdog:
     def _silence_ns(self, heard_ns: int, now_ns: int) -> int:
         silence_ns = now_ns - heard_ns
         return silence_ns - self._stall_ns if heard_ns < self._stall_end_ns else silence_ns
+
+
+class Stalls:
+    """What is a stall, and what to say of it.
+
+    Attributes:
+        shortest_ns: time from one cycle to the next above which it is one.
+    """
+
+    def __init__(self, period_ns: int, longest_ns: int) -> None:
+        """Expect a cycle every *period_ns*; see :class:`WatchdogTimeouts`."""
+        self.shortest_ns = max(SHORTEST_NS, FEWEST_PERIODS * period_ns)
+        self._longest_ns = longest_ns
+
+    def complain(self, stall_ns: int) -> str:
+        """Return what is wrong with a stall, or nothing where motion may go on by itself."""
+        if stall_ns <= self._longest_ns:
+            return ""
+        return (
+            f"the servo process did not run for {stall_ns * 1e-9:.3f} s, at most "
+            f"{self._longest_ns * 1e-9:g} s are allowed in motion"
+        )

@@ -1,6 +1,5 @@
 """What crosses the boundary between the daemon and a servo process, over shared memory."""
 
-from orientd.stream.health import newest_health, publish_health
 from orientd.stream.memory import (
     GIVEN_UP_WORD,
     HALTS_WORD,
@@ -32,4 +31,4 @@ from orientd.stream.records import (
     unpack_note,
 )
 from orientd.stream.ring import HEAD, RecordRing
-from orientd.stream.tuning import tuning_text
+from orientd.stream.texts import newest_health, publish_health, tuning_text

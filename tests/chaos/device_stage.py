@@ -18,7 +18,7 @@ import orientd
 from orientd import motion_file
 from orientd.errors import OrientdError
 from orientd.rpc.reports import Outcome
-from orientd.servo.stall import SHORTEST_NS
+from orientd.servo.watchdog import SHORTEST_NS
 from orientd.stream import CycleFlag, ServoState
 
 EMULATOR_PRIORITY = 70

@@ -17,7 +17,7 @@ import numpy as np
 from orientd import rotation
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.control_pb2_grpc import ControlStub
-from orientd.servo.stall import SHORTEST_NS
+from orientd.servo.watchdog import SHORTEST_NS
 from orientd_loopback import read_recording
 
 DEVICE = "arm"

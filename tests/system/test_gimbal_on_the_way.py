@@ -14,7 +14,7 @@ import orientd
 from orientd import rotation
 from orientd.errors import LimitError, OrientdError, StartError
 from orientd.rpc.reports import Outcome
-from orientd.servo.stall import SHORTEST_NS
+from orientd.servo.watchdog import SHORTEST_NS
 from orientd.stream import ServoState
 
 pytest.importorskip("dynamixel_sdk")

@@ -27,7 +27,7 @@ def motion(count=3):
 @pytest.mark.parametrize("count", [2, 80])
 def test_a_motion_is_drawn(tmp_path, count):
     path = tmp_path / "motion.png"
-    plots.draw_motion(path, motion(count), title="a motion")
+    motion(count).plot(path, title="a motion")
     assert path.read_bytes().startswith(b"\x89PNG")
 
 
@@ -51,5 +51,5 @@ def test_what_was_sent_is_drawn(tmp_path, has_feedback):
 )
 def test_what_cannot_be_written_is_said_in_one_line(tmp_path, name, complaint):
     with pytest.raises(OrientdError, match=complaint) as caught:
-        plots.draw_motion(tmp_path / name, motion(), title="a motion")
+        motion().plot(tmp_path / name, title="a motion")
     assert "\n" not in str(caught.value)

@@ -106,7 +106,7 @@ def plan(
         sample_files.write(output, samples, motion.certificate)
     if plot is not None:
         with working(f"drawing {plot}", is_silent=as_json):
-            plots.draw_motion(plot, motion, title=f"{file.name}: {request.method}")
+            motion.plot(plot, title=f"{file.name}: {request.method}")
     answer(
         {"plan": plan_of(motion), "output": output, "plot": plot},
         f"{request.method} through {len(request.keyframes)} keyframes",

@@ -5,14 +5,8 @@ from orientd.curves.construct.banded import solve_banded, solve_blocks
 from orientd.curves.construct.basis import CumulativeBasis, Indices, cumulative_basis
 from orientd.curves.construct.continuation import solve
 from orientd.curves.construct.cumulative import TABLE_ROWS, CumulativeCurve
-from orientd.curves.construct.hermite import (
-    FRAMES,
-    check_ends,
-    check_revolutions,
-    in_body_frame,
-    turned,
-)
-from orientd.curves.construct.interpolation import EndCondition, KeyframeEquations
+from orientd.curves.construct.hermite import FRAMES, check_ends, in_body_frame, turned
+from orientd.curves.construct.interpolation import KeyframeEquations
 from orientd.curves.construct.jets import (
     Jet,
     constant,
@@ -34,11 +28,9 @@ from orientd.curves.construct.spline_ends import (
     outer_derivatives,
 )
 from orientd.curves.construct.telescoped import TelescopedEquations
-from orientd.curves.construct.tension_spline import NormalizedSpline
 from orientd.curves.construct.triangle import (
     TriangleCurve,
     bezier_continuity,
-    bezier_intervals,
     bspline_intervals,
     catmull_rom_intervals,
     check_defined,

@@ -129,9 +129,17 @@ def solve(equations: KeyframeEquations, unknown: Floats, found: int = 0) -> Floa
         found: how many of them are known.
 
     Raises:
-        PlanError: the search does not arrive.
+        PlanError: neither continuation nor the descent from the Euclidean spline arrives.
     """
-    return equations.complete(_Search(equations).solve(unknown, found))
+    search = _Search(equations)
+    solved = search.by_parts(unknown, found)
+    if solved is None:
+        solved = search.continued()
+    if solved is None:
+        solved = search.descended()
+    if solved is None:
+        raise PlanError(_NOT_FOUND)
+    return equations.complete(solved)
 
 
 @dataclass(frozen=True)
@@ -139,26 +147,20 @@ class _Search:
     _equations: KeyframeEquations
     _corrections: Iterator[int] = field(default_factory=itertools.count)
 
-    def solve(self, unknown: Floats, found: int) -> Floats:
-        """Return the unknown increments, shape ``(N, 3)``, of which some are found.
+    def by_parts(self, unknown: Floats, found: int) -> Floats | None:
+        """Return the unknown increments, where a hard place in many of them is carried by itself.
 
-        Raises:
-            PlanError: neither continuation nor the descent from the Euclidean spline arrives.
+        Args:
+            unknown: half-angle vectors, shape ``(N, 3)``; written to.
+            found: how many of them are known.
         """
         count = len(unknown)
         while found < count and (found := self._equations.find(unknown, found)) < count:
             end = min(found + _PART, count)
             if (found == 0 and end == count) or not self._has_carried(unknown, found, end):
-                break
+                return None
             found = end
-        else:
-            return unknown
-        whole = self._continue()
-        if whole is None:
-            whole = self._descend()
-        if whole is None:
-            raise PlanError(_NOT_FOUND)
-        return whole
+        return unknown
 
     def _has_carried(self, unknown: Floats, begin: int, end: int) -> bool:
         """Write the increments of some rows, by themselves, and return whether they fit.
@@ -167,7 +169,7 @@ class _Search:
         """
         beyond = min(end + _BEYOND, len(unknown))
         part = _Search(self._equations.part(unknown, begin, beyond), self._corrections)
-        carried = part._continue()
+        carried = part.continued()
         if carried is None:
             return False
         unknown[begin:beyond] = carried
@@ -184,7 +186,7 @@ class _Search:
         if next(self._corrections) >= _MOST_CORRECTIONS.get():
             raise PlanError(_NOT_FOUND)
 
-    def _continue(self) -> Floats | None:
+    def continued(self) -> Floats | None:
         """Return the solution that is connected with small rotations, if there is a path to it."""
         everything = np.arange(len(self._equations.steps))
         tangent = self._equations.linear_solution()
@@ -356,7 +358,7 @@ class _Search:
         near: Indices = rows[np.abs(some[following] - rows) <= _REACH]
         return near
 
-    def _descend(self) -> Floats | None:
+    def descended(self) -> Floats | None:
         """Return a solution near the Euclidean spline, by Newton's method with step control.
 
         It serves where the continuation path folds back before it arrives: intervals of very

@@ -42,47 +42,15 @@ def in_body_frame(vector: ArrayLike, name: str, q: Floats, frame: str) -> Floats
     return rotate(conjugate(q), checked) if frame == "world" else checked
 
 
-def with_revolutions(increment: Floats, revolutions: int) -> Floats:
-    r"""Return a half-angle increment with whole turns added about its own axis.
+def turned(
+    increments: Floats, revolutions: object, basis: CumulativeBasis, start: Floats
+) -> Floats:
+    r"""Return increments whose middle one has whole turns added about its own axis.
 
     .. math:: w \, (1 + n \pi / \|w\|)
 
     Kim, Kim and Shin (1995), sec. 5.2.  An odd number ends at the negated quaternion, which is
     the same orientation.
-
-    Raises:
-        ValueError: turns are asked for and the increment, being zero, has no axis.
-    """
-    if revolutions == 0:
-        return increment
-    length = float(np.linalg.norm(increment))
-    if length == 0.0:
-        raise ValueError(
-            "revolutions must be 0 when the middle increment of the curve is zero and so has no "
-            f"axis, got {revolutions}"
-        )
-    return increment * (1.0 + revolutions * math.pi / length)
-
-
-def check_revolutions(revolutions: object) -> int | None:
-    """Return a whole number of revolutions, or ``None`` for ``"least"``.
-
-    Raises:
-        ValueError: it is neither.
-    """
-    if isinstance(revolutions, str):
-        if revolutions != LEAST:
-            raise ValueError(
-                f"revolutions must be a whole number or {LEAST!r}, got {revolutions!r}"
-            )
-        return None
-    return check_integer(revolutions, "revolutions")
-
-
-def turned(
-    increments: Floats, revolutions: int | None, basis: CumulativeBasis, start: Floats
-) -> Floats:
-    r"""Return increments whose middle one has whole turns added, the best of them if not given.
 
     The best number is that of least effort, the integral of the squared angular acceleration; every
     one is tried that the outer increments could drive, up to :math:`\sum \|w_i\| / \pi + 2` either
@@ -91,23 +59,33 @@ def turned(
 
     Args:
         increments: half-angle vectors without whole turns, an odd number, shape ``(m, 3)``.
-        revolutions: how many turns; ``None`` looks for the best number.
+        revolutions: how many turns; ``"least"`` looks for the best number.
         basis: of the curve.
         start: its first orientation.
 
     Raises:
-        ValueError: turns are asked for and the middle increment, being zero, has no axis.
+        ValueError: *revolutions* is neither, or turns are asked for and the middle increment, being
+            zero, has no axis.
     """
     middle = len(increments) // 2
+    length = float(np.linalg.norm(increments[middle]))
 
     def with_turns(count: int) -> Floats:
         changed = increments.copy()
-        changed[middle] = with_revolutions(increments[middle], count)
+        changed[middle] *= 1.0 + count * math.pi / length
         return changed
 
-    if revolutions is not None:
-        return with_turns(revolutions)
-    if not np.any(increments[middle]):
+    if not isinstance(revolutions, str):
+        given = check_integer(revolutions, "revolutions")
+        if given and length == 0.0:
+            raise ValueError(
+                "revolutions must be 0 when the middle increment of the curve is zero and so has "
+                f"no axis, got {given}"
+            )
+        return with_turns(given) if given else increments
+    if revolutions != LEAST:
+        raise ValueError(f"revolutions must be a whole number or {LEAST!r}, got {revolutions!r}")
+    if length == 0.0:
         return increments
     outer = np.delete(increments, middle, axis=0)
     most = math.ceil(float(np.sum(np.linalg.norm(outer, axis=-1))) / math.pi) + 2

@@ -7,62 +7,47 @@ at 0 nothing turns, at 1 they have their full size.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from orientd.curves.construct.basis import Indices
-from orientd.kernels import (
-    euclidean_increments,
-    find_increments,
-    keyframe_errors,
-    keyframe_step,
-)
+from orientd.kernels import euclidean_increments, find_increments, keyframe_errors, keyframe_step
 from orientd.rotation import Floats
 
 _NONE: Floats = np.empty((0, 3))
 
 
-@dataclass(frozen=True)
-class EndCondition:
-    """What is known of the increments at one end, counted from that end.
-
-    Attributes:
-        known: the outermost increments, half-angle vectors, shape ``(0..2, 3)``.
-        ratio: with none known, the outermost increment is this multiple of the next one.
-    """
-
-    known: Floats
-    ratio: float = 0.0
-
-
-@dataclass(frozen=True)
-class KeyframeEquations:
-    """One telescoped product for each interval between keyframes.
+class KeyframeEquations(NamedTuple):
+    """One telescoped product for each interval between keyframes, in the order of the kernels.
 
     Attributes:
         steps: half-angle vectors from each keyframe to the next, shape ``(N, 3)``.
         begun: how much of the two factors under way at each keyframe has been turned there, shape
             ``(N + 1, 2)``; (1, 0) at an end where two increments are known.
-        start: condition at the first keyframe.
-        end: condition at the last keyframe.
+        heads: increments known at the start, the outermost first, shape ``(0..2, 3)``.
+        tails: those known at the end, the outermost first.
+        start_ratio: with no heads, the outermost increment is this multiple of the next one.
+        end_ratio: the same at the end.
     """
 
     steps: Floats
     begun: Floats
-    start: EndCondition
-    end: EndCondition
+    heads: Floats
+    tails: Floats
+    start_ratio: float
+    end_ratio: float
 
     def complete(self, unknown: Floats) -> Floats:
         """Return all increments, the settled ones at both ends included."""
-        heads = self.start.known if len(self.start.known) else self.start.ratio * unknown[:1]
-        tails = self.end.known[::-1] if len(self.end.known) else self.end.ratio * unknown[-1:]
+        heads = self.heads if len(self.heads) else self.start_ratio * unknown[:1]
+        tails = self.tails[::-1] if len(self.tails) else self.end_ratio * unknown[-1:]
         return np.concatenate([heads, unknown, tails])
 
     def errors(self, unknown: Floats, scale: float, rows: Indices) -> Floats:
         """Return the half-angle vectors by which some rows miss their steps, shape ``(n, 3)``."""
         errors: Floats = np.empty((len(rows), 3))
-        keyframe_errors(*self._arrays(), scale, unknown, rows, errors)
+        keyframe_errors(*self, scale, unknown, rows, errors)
         return errors
 
     def correction(
@@ -80,13 +65,13 @@ class KeyframeEquations:
             Half-angle vectors, shape ``(n, 3)``; not finite where the system is singular.
         """
         correction: Floats = np.empty((len(rows), 3))
-        keyframe_step(*self._arrays(), scale, unknown, rows, errors, correction)
+        keyframe_step(*self, scale, unknown, rows, errors, correction)
         return correction
 
     def linear_solution(self) -> Floats:
         """Return the increments of the spline in Euclidean space with the same steps."""
         unknown: Floats = np.empty_like(self.steps)
-        euclidean_increments(*self._arrays(), unknown)
+        euclidean_increments(*self, unknown)
         return unknown
 
     def find(self, unknown: Floats, first: int) -> int:
@@ -102,17 +87,15 @@ class KeyframeEquations:
         Returns:
             How many are found then; where it does not converge, all before some of the others.
         """
-        return find_increments(*self._arrays(), unknown, first)
+        return find_increments(*self, unknown, first)
 
     def part(self, unknown: Floats, begin: int, end: int) -> KeyframeEquations:
         """Return some successive equations, with what is known of the increment before them."""
-        return KeyframeEquations(
-            self.steps[begin:end],
-            self.begun[begin : end + 1],
-            EndCondition(unknown[begin - 1 : begin]) if begin else self.start,
-            self.end if end == len(self.steps) else EndCondition(_NONE),
+        is_last = end == len(self.steps)
+        return self._replace(
+            steps=self.steps[begin:end],
+            begun=self.begun[begin : end + 1],
+            heads=unknown[begin - 1 : begin] if begin else self.heads,
+            tails=self.tails if is_last else _NONE,
+            end_ratio=self.end_ratio if is_last else 0.0,
         )
-
-    def _arrays(self) -> tuple[Floats, Floats, Floats, Floats, float, float]:
-        start, end = self.start, self.end
-        return self.steps, self.begun, start.known, end.known, start.ratio, end.ratio

@@ -7,9 +7,9 @@ segment; every entry is the slerp of the two below it (Barry and Goldman, 1988; 
           \frac{t - a_{r,j}}{b_{r,j} - a_{r,j}}\Bigr), \qquad P_j^0 = P_j
 
 The intervals ``[a, b]`` alone make it a Bezier curve (:func:`bezier_intervals`: all are the
-segment), a B-spline (:func:`bspline_intervals`: runs of knots that shorten upwards) or a
-Catmull-Rom spline (:func:`catmull_rom_intervals`: runs that lengthen, then shorten).  Outside
-``[a, b]`` the slerp extrapolates, as Catmull-Rom needs, and must not clamp.
+segment, which is the rule), a B-spline (:func:`bspline_intervals`: runs of knots that shorten
+upwards) or a Catmull-Rom spline (:func:`catmull_rom_intervals`: runs that lengthen, then shorten).
+Outside ``[a, b]`` the slerp extrapolates, as Catmull-Rom needs, and must not clamp.
 """
 
 from __future__ import annotations
@@ -28,16 +28,11 @@ Intervals = Sequence[tuple[Floats, Floats]]
 entries, shape ``(segments, entries)``."""
 
 
-def bezier_intervals(starts: Floats, ends: Floats, degree: int) -> Intervals:
-    """Return the intervals that make the triangle de Casteljau's: the segment everywhere.
-
-    Args:
-        starts: first instants of the segments, shape ``(segments,)``.
-        ends: last instants of the segments.
-        degree: one less than the control quaternions of a segment.
-    """
+def bezier_intervals(knots: Floats, degree: int) -> Intervals:
+    """Return the intervals that make the triangle de Casteljau's: the segment everywhere."""
+    starts, ends = knots[:-1, None], knots[1:, None]
     return [
-        (np.repeat(starts[:, None], count, axis=1), np.repeat(ends[:, None], count, axis=1))
+        (np.repeat(starts, count, axis=1), np.repeat(ends, count, axis=1))
         for count in range(degree, 0, -1)
     ]
 
@@ -82,14 +77,21 @@ class TriangleCurve(Curve):
     Args:
         knots: where the segments begin, and the end, in seconds, shape ``(segments + 1,)``.
         points: control quaternions, shape ``(segments, order, 4)``.
-        intervals: of the entries of the triangle.
+        intervals: of the entries of the triangle; without them those of a Bezier curve.
         continuity: what holds at the knots.
     """
 
     def __init__(
-        self, *, knots: Floats, points: Floats, intervals: Intervals, continuity: int
+        self,
+        *,
+        knots: Floats,
+        points: Floats,
+        intervals: Intervals | None = None,
+        continuity: int,
     ) -> None:
         super().__init__(knots=knots, continuity=continuity)
+        if intervals is None:
+            intervals = bezier_intervals(knots, points.shape[1] - 1)
         self._points = points
         self._steps = log_half(multiply(conjugate(points[:, :-1]), points[:, 1:]))
         self._starts = [start for start, _ in intervals]

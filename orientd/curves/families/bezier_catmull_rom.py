@@ -5,13 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct import (
-    TriangleCurve,
-    bezier_continuity,
-    bezier_intervals,
-    cubic_bezier_points,
-    reflect,
-)
+from orientd.curves.construct import TriangleCurve, bezier_continuity, cubic_bezier_points, reflect
 from orientd.curves.keyframes import check_aligned, check_choice, resolve_times
 from orientd.rotation import conjugate, multiply, slerp
 
@@ -72,6 +66,5 @@ class BezierCatmullRom(TriangleCurve):
             points=cubic_bezier_points(
                 q, slerp(here, ahead, 1.0 / 6.0)[:-1], slerp(here, ahead, -1.0 / 6.0)[1:]
             ),
-            intervals=bezier_intervals(instants[:-1], instants[1:], 3),
             continuity=bezier_continuity(instants),
         )

@@ -2,23 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct import (
-    TABLE_ROWS,
-    CumulativeCurve,
-    EndCondition,
-    KeyframeEquations,
-    solve,
-)
+from orientd.curves.construct import TABLE_ROWS, CumulativeCurve, KeyframeEquations, solve
 from orientd.curves.keyframes import (
     check_bool,
-    check_choice,
+    check_end,
     check_keys,
-    check_vector,
     increments,
     resolve_times,
     with_turns,
@@ -28,6 +19,7 @@ from orientd.rotation import Floats
 from orientd.rotation import align as align_signs
 
 ENDS = ("natural", "clamped", "state")
+_NONE = np.zeros(3)
 
 
 class C2Cumulative(CumulativeCurve):
@@ -94,17 +86,17 @@ class C2Cumulative(CumulativeCurve):
     ) -> None:
         orientations, align = check_keys(keys), check_bool(align, "align")
         ends = (
-            _End.of("start", check_choice(start, "start", ENDS), omega_start, alpha_start),
-            _End.of("end", check_choice(end, "end", ENDS), omega_end, alpha_end),
+            check_end(start, "start", omega_start, alpha_start, ENDS),
+            check_end(end, "end", omega_end, alpha_end, ENDS),
         )
         if align and (turns is not None or times is None or isinstance(times, str)):
             orientations = align_signs(orientations)
         instants = resolve_times(times, orientations, turns)
-        spans = len(orientations) - 1 + sum(end.count == 2 for end in ends)
+        start_known, end_known = (2 - (omega is None) - (alpha is None) for omega, alpha in ends)
+        given = np.array([[_NONE if one is None else one for one in end] for end in ends])
+        spans = len(orientations) - 1 + (start_known == 2) + (end_known == 2)
         breaks, table = np.empty(spans + 1), np.empty((TABLE_ROWS, spans))
         solved: Floats = np.empty((spans + 2, 3))
-        given = np.array([end.given for end in ends])
-        start_known, end_known = (end.count for end in ends)
         unknown = solved[max(1, start_known) :][: len(orientations) - 1]
         found = 0
         if turns is None:
@@ -118,68 +110,18 @@ class C2Cumulative(CumulativeCurve):
             steps = increments(orientations)
             if turns is not None:
                 steps, orientations = with_turns(steps, orientations, turns)
-            solved = solve(_equations(steps, instants, ends, breaks), unknown, found)
+            solved = solve(
+                _equations(steps, instants, given, (start_known, end_known), breaks), unknown, found
+            )
             put_table(orientations, start_known == 2, breaks, solved, table)
         self._set_table(breaks, table, solved, 2)
 
 
-@dataclass(frozen=True, slots=True)
-class _End:
-    """What is prescribed at an end.
-
-    Attributes:
-        count: how much of what is given: nothing, the velocity, or the acceleration, too.
-        given: body angular velocity and acceleration, shape ``(2, 3)``.
-    """
-
-    count: int
-    given: Floats
-
-    @classmethod
-    def of(
-        cls, side: str, condition: str, omega: ArrayLike | None, alpha: ArrayLike | None
-    ) -> _End:
-        given: Floats = np.zeros((2, 3))
-        count = 0
-        for vector in check_given(condition, side, omega, alpha):
-            if vector is not None:
-                given[count] = vector
-                count += 1
-        return cls(count, given)
-
-
 def _equations(
-    steps: Floats, times: Floats, ends: tuple[_End, _End], breaks: Floats
+    steps: Floats, times: Floats, given: Floats, counts: tuple[int, int], breaks: Floats
 ) -> KeyframeEquations:
     """Return the equations, and write the ends of the spans."""
-    given = np.stack([end.given for end in ends])
-    counts = ends[0].count, ends[1].count
     begun, known, ratios = np.empty((len(times), 2)), np.empty((2, 2, 3)), np.empty(2)
     put_equations(times, given, *counts, breaks, begun, known, ratios)
-    start, end = (
-        EndCondition(vectors[:count], float(ratio))
-        for vectors, count, ratio in zip(known, counts, ratios, strict=True)
-    )
-    return KeyframeEquations(steps, begun, start, end)
-
-
-def check_given(
-    condition: str, side: str, omega: ArrayLike | None, alpha: ArrayLike | None
-) -> tuple[Floats | None, Floats | None]:
-    """Return the checked end velocity and acceleration, refusing what the condition lacks."""
-    if condition != "natural" and omega is None:
-        raise ValueError(f"omega_{side} must be given for {side}={condition!r}, got None")
-    if condition == "state" and alpha is None:
-        raise ValueError(f"alpha_{side} must be given for {side}='state', got None")
-    if condition != "state" and alpha is not None:
-        raise ValueError(
-            f"alpha_{side} must be None unless {side}='state', got {alpha!r} with {condition!r}"
-        )
-    if condition == "natural" and omega is not None:
-        raise ValueError(
-            f"omega_{side} must be None with {side}='natural', got {omega!r}; use {side}='clamped'"
-        )
-    return (
-        None if omega is None else check_vector(omega, f"omega_{side}"),
-        None if alpha is None else check_vector(alpha, f"alpha_{side}"),
-    )
+    heads, tails = (vectors[:count] for vectors, count in zip(known, counts, strict=True))
+    return KeyframeEquations(steps, begun, heads, tails, *ratios.tolist())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct import TriangleCurve, bezier_intervals
+from orientd.curves.construct import TriangleCurve
 from orientd.curves.keyframes import check_aligned, check_interval
 
 
@@ -39,10 +39,4 @@ class DeCasteljau(TriangleCurve):
         self, *, control: ArrayLike, t0: float = 0.0, t1: float = 1.0, align: bool = False
     ) -> None:
         points = check_aligned(control, align, "control")
-        interval = np.array(check_interval(t0, t1))
-        super().__init__(
-            knots=interval,
-            points=points[None],
-            intervals=bezier_intervals(interval[:1], interval[1:], len(points) - 1),
-            continuity=2,
-        )
+        super().__init__(knots=np.array(check_interval(t0, t1)), points=points[None], continuity=2)

@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike
 from orientd.curves.construct import (
     Jet,
     TriangleCurve,
-    bezier_intervals,
     constant,
     cubic_bezier_points,
     logarithm,
@@ -86,7 +85,6 @@ class NielsonHeiland(TriangleCurve):
             points=cubic_bezier_points(
                 q, arc(d[:-1], d[1:], fractions[0]), arc(d[:-1], d[1:], fractions[1])
             ),
-            intervals=bezier_intervals(instants[:-1], instants[1:], 3),
             continuity=1 if len(q) > 2 else 2,
         )
 

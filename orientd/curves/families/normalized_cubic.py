@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct import NormalizedSpline
-from orientd.curves.keyframes import check_aligned, resolve_times
+from orientd.curves.families.nu_spline import NuSpline
 
 
-class NormalizedCubic(NormalizedSpline):
+class NormalizedCubic(NuSpline):
     r"""Interpolate quaternions by the natural cubic spline in four dimensions, made unit.
 
     .. math:: q(t) = c(t) / \|c(t)\|
@@ -32,10 +31,8 @@ class NormalizedCubic(NormalizedSpline):
     name = "normalized_cubic"
     summary = "natural cubic spline of the components, normalised"
     source = "Nielson 1993, sec. 2.2"
-    interpolates = True
 
     def __init__(
         self, *, keys: ArrayLike, times: str | ArrayLike | None = None, align: bool = True
     ) -> None:
-        q = check_aligned(keys, align)
-        super().__init__(keys=q, instants=resolve_times(times, q), tension=0.0, continuity=2)
+        super().__init__(keys=keys, times=times, align=align)

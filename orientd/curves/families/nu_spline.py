@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct import NormalizedSpline
+from orientd.curves.construct import Jet, rates, solve_banded, unit
+from orientd.curves.contract import Curve, Samples
 from orientd.curves.keyframes import check_aligned, resolve_times
+from orientd.errors import PlanError
 from orientd.rotation import Floats
 
 
-class NuSpline(NormalizedSpline):
+class NuSpline(Curve):
     r"""Interpolate quaternions by a cubic spline with tension, made unit.
 
     .. math:: \min \int \|c''\|^2 dt + \sum_i \nu_i \|c'(t_i)\|^2, \qquad q = c / \|c\|
@@ -47,12 +49,22 @@ class NuSpline(NormalizedSpline):
     ) -> None:
         q = check_aligned(keys, align)
         tension = check_tension(nu, len(q))
-        super().__init__(
-            keys=q,
-            instants=resolve_times(times, q),
-            tension=tension,
-            continuity=1 if np.any(tension[1:-1] > 0.0) else 2,
-        )
+        instants = resolve_times(times, q)
+        super().__init__(knots=instants, continuity=1 if np.any(tension[1:-1] > 0.0) else 2)
+        self._keys = q
+        self._key_slopes = spline_slopes(q, instants, tension)
+
+    def _sample(self, times: Floats) -> Samples:
+        span = self._segments(times)
+        c = hermite_jet(self._keys, self._key_slopes, self._knots, span, times)
+        square = np.sum(c.value * c.value, axis=-1)
+        if not np.all(square > 1e-24):
+            instant = float(times[int(np.argmin(square))])
+            raise PlanError(
+                f"the spline passes through zero at t = {instant!r} s and has no direction there; "
+                "put a keyframe in between"
+            )
+        return rates(unit(c))
 
 
 def check_tension(nu: object, count: int) -> Floats:
@@ -73,3 +85,57 @@ def check_tension(nu: object, count: int) -> Floats:
     if not np.all(np.isfinite(tension) & (tension >= 0.0)):
         raise ValueError(f"nu must be {expected}, got {nu!r}")
     return tension
+
+
+def spline_slopes(points: Floats, times: Floats, tension: Floats) -> Floats:
+    r"""Return the slopes :math:`m_i` of the spline at its points.
+
+    It is a cubic in each interval, and the slopes are continuous, as they satisfy
+
+    .. math:: \frac{2 m_{i-1} + 4 m_i}{h_{i-1}} + \frac{4 m_i + 2 m_{i+1}}{h_i} + \nu_i m_i =
+              \frac{6 \Delta_{i-1}}{h_{i-1}^2} + \frac{6 \Delta_i}{h_i^2}
+
+    (Nielson, 1986).  Without tension it is the natural cubic spline.
+
+    Args:
+        points: shape ``(n, d)``.
+        times: increasing instants, shape ``(n,)``.
+        tension: not negative, shape ``(n,)``.
+
+    Returns:
+        Shape ``(n, d)``.  Time and memory grow linearly.
+    """
+    h = np.diff(times)
+    pull = 6.0 * np.diff(points, axis=0) / (h * h)[:, None]
+    bands = np.zeros((3, len(points)))
+    bands[0, 1:] = bands[2, :-1] = 2.0 / h
+    bands[1] = tension
+    bands[1, :-1] += 4.0 / h
+    bands[1, 1:] += 4.0 / h
+    right = np.zeros_like(points)
+    right[:-1] += pull
+    right[1:] += pull
+    return solve_banded(1, 1, bands, right)
+
+
+def hermite_jet(
+    points: Floats, slopes: Floats, times: Floats, span: np.ndarray, instants: Floats
+) -> Jet:
+    """Return value, velocity and acceleration of the cubics with given end values and slopes.
+
+    Args:
+        points: values at *times*, shape ``(n, d)``.
+        slopes: derivatives at *times*.
+        times: the break points.
+        span: index of the interval of each instant.
+        instants: where to evaluate, shape ``(m,)``.
+    """
+    h = (times[span + 1] - times[span])[:, None]
+    u = (instants - times[span])[:, None] / h
+    step = points[span + 1] - points[span]
+    leave, arrive = h * slopes[span] - step, h * slopes[span + 1] - step
+    rest = 1.0 - u
+    value = points[span] + u * (step + rest * (rest * leave - u * arrive))
+    first = step + rest * (1.0 - 3.0 * u) * leave + u * (3.0 * u - 2.0) * arrive
+    second = (6.0 * u - 4.0) * leave + (6.0 * u - 2.0) * arrive
+    return Jet(value, first / h, second / (h * h))

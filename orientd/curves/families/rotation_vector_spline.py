@@ -7,17 +7,10 @@ from numpy.typing import ArrayLike
 
 from orientd.curves.construct import Jet, exponential, rates, solve_blocks
 from orientd.curves.contract import Curve, Samples
-from orientd.curves.keyframes import (
-    check_aligned,
-    check_choice,
-    check_vector,
-    increments,
-    resolve_times,
-)
+from orientd.curves.keyframes import check_aligned, check_end, increments, resolve_times
 from orientd.errors import PlanError
 from orientd.rotation import Floats, multiply, right_jacobian, right_jacobian_inverse
 
-ENDS = ("natural", "clamped")
 ITERATIONS = 20
 SMALLEST_STEP = 1e-3
 
@@ -78,8 +71,8 @@ class RotationVectorSpline(Curve):
     ) -> None:
         q = check_aligned(keys, align)
         instants = resolve_times(times, q)
-        first = check_end(start, omega_start, "start")
-        last = check_end(end, omega_end, "end")
+        first, _ = check_end(start, "start", omega_start)
+        last, _ = check_end(end, "end", omega_end)
         steps = 2.0 * increments(q)
         length = np.sqrt(np.sum(steps * steps, axis=-1))
         if not np.all(length < 2.0 * np.pi * (1.0 - 1e-9)):
@@ -109,24 +102,6 @@ class RotationVectorSpline(Curve):
         )
         turn, omega_body, alpha_body = rates(exponential(half_vector))
         return multiply(self._keys[span], turn), omega_body, alpha_body
-
-
-def check_end(condition: object, omega: ArrayLike | None, side: str) -> Floats | None:
-    """Return the velocity prescribed at one end, or nothing where the end is natural.
-
-    Raises:
-        ValueError: the condition is not one, or the velocity is missing or one too many.
-    """
-    if check_choice(condition, side, ENDS) == "natural":
-        if omega is not None:
-            raise ValueError(
-                f"omega_{side} must be None with {side}='natural', got {omega!r}; "
-                f"use {side}='clamped'"
-            )
-        return None
-    if omega is None:
-        raise ValueError(f"omega_{side} must be given with {side}='clamped', got None")
-    return check_vector(omega, f"omega_{side}")
 
 
 def key_velocities(steps: Floats, h: Floats, first: Floats | None, last: Floats | None) -> Floats:

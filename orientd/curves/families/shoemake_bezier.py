@@ -7,12 +7,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct import (
-    TriangleCurve,
-    bezier_continuity,
-    bezier_intervals,
-    cubic_bezier_points,
-)
+from orientd.curves.construct import TriangleCurve, bezier_continuity, cubic_bezier_points
 from orientd.curves.keyframes import check_aligned, check_number, resolve_times
 from orientd.errors import PlanError
 from orientd.rotation import Floats, slerp
@@ -74,7 +69,6 @@ class ShoemakeBezier(TriangleCurve):
                 np.concatenate([slerp(q[:1], q[1:2], share), slerp(q[1:-1], targets, share)]),
                 np.concatenate([slerp(q[1:-1], targets, -share), slerp(q[-1:], q[-2:-1], share)]),
             ),
-            intervals=bezier_intervals(instants[:-1], instants[1:], 3),
             continuity=bezier_continuity(instants),
         )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct import ShoulderChain, TriangleCurve, bezier_intervals
+from orientd.curves.construct import ShoulderChain, TriangleCurve
 from orientd.curves.families.nielson_shieh import check_criterion
 from orientd.curves.keyframes import check_aligned, check_quaternion, resolve_times
 from orientd.rotation import Floats, conjugate, log_half, multiply, slerp
@@ -74,7 +74,6 @@ class SphericalQuadratic(TriangleCurve):
         super().__init__(
             knots=instants,
             points=np.stack([q[:-1], shoulders, q[1:]], axis=1),
-            intervals=bezier_intervals(instants[:-1], instants[1:], 2),
             continuity=2 if len(q) == 2 else 1 if longest < np.pi else 0,
         )
 

@@ -22,17 +22,7 @@ from orientd.curves.construct import Indices, cumulative_basis
 from orientd.curves.families import KksBspline
 from orientd.curves.fitting.measured import Measured, clean
 from orientd.errors import PlanError
-from orientd.rotation import (
-    Floats,
-    align,
-    angle,
-    conjugate,
-    exp,
-    log,
-    multiply,
-    rotate,
-    slerp,
-)
+from orientd.rotation import Floats, align, angle, conjugate, exp, log, multiply, rotate, slerp
 
 ORDER = 4
 DEFAULT_TOLERANCE = math.radians(1.0)

@@ -98,7 +98,7 @@ class EffortEquations:
     ) -> None:
         self.count = int(basis.first[-1]) + basis.values.shape[1] - 1
         self.ends = ends
-        self._inertia = inertia
+        self.inertia = inertia
         self._window = basis.first[:, None] - 1 + np.arange(basis.values.shape[1])
         index, share = keyframe_factors(basis, places)
         self._index, self._share = np.ascontiguousarray(index), np.ascontiguousarray(share)
@@ -121,7 +121,7 @@ class EffortEquations:
             self._window.ravel(),
             self._at_nodes,
             np.sqrt(self._node_weights),
-            np.empty((0, 3)) if self._inertia is None else self._inertia,
+            np.empty((0, 3)) if self.inertia is None else self.inertia,
             self._index.ravel(),
             self._share,
             self._steps,
@@ -133,11 +133,6 @@ class EffortEquations:
         missed = np.concatenate([missed, self.ends.errors(increments)])
         return Linearised(effort, gradient, squares, bound, missed)
 
-    @property
-    def has_inertia(self) -> bool:
-        """Whether effort is squared torque."""
-        return self._inertia is not None
-
     def is_wide(self, angle: float, most: int) -> bool:
         """Return whether some of at most so many keyframes are farther apart than an angle, rad."""
         apart = 2.0 * np.arccos(np.minimum(np.abs(self._steps[:, 0]), 1.0))
@@ -146,14 +141,14 @@ class EffortEquations:
     def of_acceleration(self) -> EffortEquations:
         """Return the same equations where effort is squared acceleration."""
         other = copy(self)
-        other.__dict__["_inertia"] = None
+        other.inertia = None
         return other
 
     def is_better(self, increments: Floats, path: Path) -> bool:
         """Tell whether increments take no more effort than a curve, rounding apart."""
         _, omega, torque = path(self._node_times)
-        if self._inertia is not None:
-            torque = torque @ self._inertia + np.cross(omega, omega @ self._inertia)
+        if self.inertia is not None:
+            torque = torque @ self.inertia + np.cross(omega, omega @ self.inertia)
         theirs = 0.5 * float(np.sum(self._node_weights[:, None] * torque**2))
         rounding = ROUNDING * float(np.sum(increments**2)) / float(np.min(self._node_weights)) ** 3
         return self.linearised(increments).effort <= (1.0 + SLACK) * theirs + rounding

@@ -17,7 +17,7 @@ from orientd.curves.construct import Path
 from orientd.curves.families import C2Cumulative, RotationVectorSpline
 from orientd.curves.optimal.effort_equations import EffortEquations
 from orientd.curves.optimal.effort_search import least_effort
-from orientd.curves.optimal.min_acceleration import winding_path, winding_reach
+from orientd.curves.optimal.min_acceleration import winding_path
 from orientd.curves.optimal.relaxation import spline_path, spline_through
 from orientd.errors import PlanError
 from orientd.rotation import Floats, between, exp_half, log_half, multiply
@@ -34,18 +34,10 @@ FAR = 0.1
 
 
 def start_path(
-    q: Floats,
-    instants: Floats,
-    first: Floats | None,
-    last: Floats | None,
+    q: Floats, instants: Floats, first: Floats | None, last: Floats | None
 ) -> tuple[Path, Floats]:
     """Return a curve near which to search, and the keyframes with the signs they have on it."""
-    h = np.diff(instants)
-    reaches = winding_reach(first, float(h[0])), winding_reach(last, float(h[-1]))
-    if any(reaches):
-        path = winding_path(q, instants, first, last, reaches)
-    else:
-        path = spline_path(C2Cumulative, q, instants, first, last)
+    path = winding_path(q, instants, first, last)
     if path is None:
         path = spline_path(RotationVectorSpline, q, instants, first, last)
     if path is None:
@@ -75,14 +67,16 @@ def search(
     guesses = [refined(path, knots, order)]
     missed = equations.linearised(guesses[0]).missed
     if np.max(np.sum(missed * missed, axis=1)) > FAR**2 and order == 4:
-        guesses += interpolated(path, np.unique(knots), ends)
+        breaks = np.unique(knots)
+        spline = spline_through(C2Cumulative, path(breaks)[0], breaks, *ends)
+        guesses += [] if spline is None else [spline.increments]
     found, problems = [], []
     for guess in guesses:
         try:
             found.append(least_effort(equations, guess))
         except PlanError as error:
             problems.append(error)
-    if equations.has_inertia and (not found or equations.is_wide(LARGE, FEW)):
+    if equations.inertia is not None and (not found or equations.is_wide(LARGE, FEW)):
         with suppress(PlanError):
             eased = least_effort(equations.of_acceleration(), guesses[0])
             found.append(least_effort(equations, eased))
@@ -91,14 +85,6 @@ def search(
     if len(found) == 1:
         return found[0]
     return min(found, key=lambda solved: equations.linearised(solved).effort)
-
-
-def interpolated(
-    path: Path, breaks: Floats, ends: tuple[Floats | None, Floats | None]
-) -> list[Floats]:
-    """Return the increments of the cubic spline through points of a curve, if there is one."""
-    spline = spline_through(C2Cumulative, path(breaks)[0], breaks, *ends)
-    return [] if spline is None else [spline.increments]
 
 
 def refined(path: Path, knots: Floats, order: int) -> Floats:

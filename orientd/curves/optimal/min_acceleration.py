@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike
 
 from orientd.curves.construct import Path, squared_acceleration
 from orientd.curves.contract import Curve, Samples
-from orientd.curves.families import C2Cumulative, RotationVectorSpline, check_end
-from orientd.curves.keyframes import check_aligned, increments, resolve_times
+from orientd.curves.families import C2Cumulative, RotationVectorSpline
+from orientd.curves.keyframes import check_aligned, check_end, increments, resolve_times
 from orientd.curves.optimal.relaxation import relaxed, spline_path
 from orientd.curves.optimal.shooting import Nodes, settled
 from orientd.errors import PlanError
@@ -78,8 +78,8 @@ class MinAcceleration(Curve):
     ) -> None:
         q = check_aligned(keys, align)
         instants = resolve_times(times, q)
-        first = check_end(start, omega_start, "start")
-        last = check_end(end, omega_end, "end")
+        first, _ = check_end(start, "start", omega_start)
+        last, _ = check_end(end, "end", omega_end)
         super().__init__(knots=instants, continuity=2)
         self._path = stationary_nodes(q, instants, first, last).path()
 
@@ -106,11 +106,9 @@ def stationary_nodes(
     Raises:
         PlanError: Newton's method does not converge.
     """
-    h = np.diff(instants)
-    reaches = winding_reach(first, float(h[0])), winding_reach(last, float(h[-1]))
     guesses = [spline_path(RotationVectorSpline, q, instants, first, last)]
-    if any(reaches) or guesses[0] is None:
-        guesses.append(winding_path(q, instants, first, last, reaches))
+    if guesses[0] is None or any(winding_reaches(instants, first, last)):
+        guesses.append(winding_path(q, instants, first, last))
     is_large = float(np.max(np.sum(increments(q) ** 2, axis=1))) > 0.25 * LARGE**2
     paths = [path for path in guesses if path is not None]
     for path in sorted(paths, key=lambda path: squared_acceleration(path, instants)):
@@ -129,17 +127,17 @@ def stationary_nodes(
     )
 
 
-def winding_reach(end: Floats | None, h: float) -> int:
-    """Return how many whole turns either way are worth trying in an end interval."""
-    return 0 if end is None else min(2, int(float(np.linalg.norm(end)) * h / COASTED))
+def winding_reaches(instants: Floats, first: Floats | None, last: Floats | None) -> list[int]:
+    """Return how many whole turns either way are worth trying in the first and last interval."""
+    ends = zip((first, last), np.diff(instants)[[0, -1]].tolist(), strict=True)
+    return [
+        0 if end is None else min(2, int(float(np.linalg.norm(end)) * h / COASTED))
+        for end, h in ends
+    ]
 
 
 def winding_path(
-    q: Floats,
-    instants: Floats,
-    first: Floats | None,
-    last: Floats | None,
-    reaches: tuple[int, int],
+    q: Floats, instants: Floats, first: Floats | None, last: Floats | None
 ) -> Path | None:
     """Return the cumulative spline with those whole turns in its end intervals that cost least.
 
@@ -148,6 +146,9 @@ def winding_path(
     """
     turns = np.zeros(len(instants) - 1, dtype=np.intp)
     best = spline_path(C2Cumulative, q, instants, first, last)
+    reaches = winding_reaches(instants, first, last)
+    if not any(reaches):
+        return best
     least = np.inf if best is None else squared_acceleration(best, instants)
     for place, reach in zip((0, -1), reaches, strict=True):
         kept = turns

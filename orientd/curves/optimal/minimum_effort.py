@@ -16,8 +16,7 @@ from orientd.curves.construct import (
     cumulative_basis,
     outer_derivatives,
 )
-from orientd.curves.families import check_given
-from orientd.curves.keyframes import check_aligned, check_choice, check_integer, resolve_times
+from orientd.curves.keyframes import check_aligned, check_end, check_integer, resolve_times
 from orientd.curves.optimal.effort_equations import EffortEquations, EndRows
 from orientd.curves.optimal.effort_search import least_effort
 from orientd.curves.optimal.effort_start import refined, search, start_path
@@ -128,8 +127,8 @@ class MinimumEffort(CumulativeCurve):
         k = usual if order is None else _check_between(order, "order", 4, 6)
         smooth = _check_between(smoothness, "smoothness", 2, k - 2)
         pieces = usual_spans if spans is None else _check_between(spans, "spans", 2, 8)
-        first = check_given(check_choice(start, "start", ENDS), "start", omega_start, alpha_start)
-        last = check_given(check_choice(end, "end", ENDS), "end", omega_end, alpha_end)
+        first = check_end(start, "start", omega_start, alpha_start, ENDS)
+        last = check_end(end, "end", omega_end, alpha_end, ENDS)
         path, q = start_path(q, instants, first[0], last[0])
         has_acceleration = first[1] is not None or last[1] is not None
         pose = partial(_Posed, q, instants, k, smooth, (first, last), matrix)
@@ -255,27 +254,23 @@ def _end_rows(
 ) -> EndRows:
     """Return what the ends ask of the two outermost increments there."""
     final = int(basis.first[-1]) + basis.values.shape[1] - 2
-    index: list[tuple[int, int]] = []
-    factors: list[Floats] = []
-    known: list[Floats] = []
+    rows: list[tuple[tuple[int, int], ArrayLike, Floats]] = []
     for (omega, alpha), outer, inner in ((first, 0, 1), (last, final, final - 1)):
         slopes, curvatures, _ = outer_derivatives(basis, is_end=outer > 0)
         if omega is None:
             if not is_free:
-                index.append((outer, inner))
-                factors.append(curvatures[:2] / np.max(np.abs(curvatures[:2])))
-                known.append(np.zeros(3))
+                scaled = curvatures[:2] / np.max(np.abs(curvatures[:2]))
+                rows.append(((outer, inner), scaled, np.zeros(3)))
             continue
         settled = omega / (2.0 * slopes[0])
-        index.append((outer, outer))
-        factors.append(np.array([1.0, 0.0]))
-        known.append(settled)
+        rows.append(((outer, outer), (1.0, 0.0), settled))
         if alpha is not None:
             # Seen from the end, the turn of the last factor stands before the others.
             half = 0.5 * alpha if outer == 0 else rotate(exp_half(settled), 0.5 * alpha)
-            index.append((inner, inner))
-            factors.append(np.array([1.0, 0.0]))
-            known.append((half - curvatures[0] * settled) / curvatures[1])
+            rows.append(
+                ((inner, inner), (1.0, 0.0), (half - curvatures[0] * settled) / curvatures[1])
+            )
+    index, factors, known = zip(*rows, strict=True) if rows else ((), (), ())
     return EndRows(
         index=np.array(index, dtype=np.intp).reshape(-1, 2),
         factors=np.array(factors).reshape(-1, 2),

@@ -10,17 +10,6 @@
 
 enum { TILE = 64, PAD = 2 };
 
-double put_chords(matrix_t keyframes, row_t chords) {
-    double least = INFINITY;
-    chords.v[0] = 0.0;
-    for (index_t i = 0; i + 1 < keyframes.n; i++) {
-        double step = angle_between(quat_at(row_of(keyframes, i)), quat_at(row_of(keyframes, i + 1)));
-        chords.v[i + 1] = chords.v[i] + step;
-        least = fmin(least, step);
-    }
-    return least;
-}
-
 bool are_unit(matrix_t keyframes, double tolerance) {
     double largest = 0.0, sum = 0.0;
     for (index_t i = 0; i < keyframes.n; i++) {

@@ -275,7 +275,7 @@ int keyframe_errors(const equations_t *equations, double scale, matrix_t unknown
 
 /* All rows one after the other, so that nothing is left to a next step. */
 int keyframe_step(const equations_t *equations, double scale, matrix_t unknown, indices_t rows,
-                  matrix_t errors, matrix_t correction, double *largest) {
+                  matrix_t errors, matrix_t correction) {
     window_t window;
     if (open_rows(equations, scale, unknown, rows, &window) != FOUND)
         return OUT_OF_MEMORY;
@@ -292,18 +292,11 @@ int keyframe_step(const equations_t *equations, double scale, matrix_t unknown, 
         before = kept[0], j = k / length;
     }
     vec_t next = {0.0, 0.0, 0.0};
-    double total = 0.0;
-    *largest = 0.0;
     for (index_t k = window.count - 1, row = rows.n - 1; k >= 0; k--) {
         next = substituted(window.kept[k % length][0], k / length, next);
-        if (row < 0 || window.which[k] != rows.v[row])
-            continue;
-        put_vec(row_of(correction, row--), next);
-        double a = fabs(next.x), b = fabs(next.y), c = fabs(next.z);
-        *largest = fmax(*largest, fmax(a, fmax(b, c)));
-        total += a + b + c;
+        if (row >= 0 && window.which[k] == rows.v[row])
+            put_vec(row_of(correction, row--), next);
     }
-    *largest = total < INFINITY ? *largest : NAN;
     free(window.memory);
     return FOUND;
 }

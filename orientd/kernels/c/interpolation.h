@@ -44,12 +44,11 @@ int keyframe_errors(const equations_t *equations, double scale, matrix_t unknown
 /* Write a Newton step of some rows, the other unknowns staying as they are.
  *
  * errors: what the step is to cancel, shape (n, 3); of no rows, the errors themselves.
- * correction: receives the step, shape (n, 3).
- * largest: receives its largest component, which may be infinite or not a number.
+ * correction: receives the step, shape (n, 3); not finite where the system is singular.
  *
  * Return FOUND or OUT_OF_MEMORY. */
 int keyframe_step(const equations_t *equations, double scale, matrix_t unknown, indices_t rows,
-                  matrix_t errors, matrix_t correction, double *largest);
+                  matrix_t errors, matrix_t correction);
 
 /* Write the increments of the spline in Euclidean space with the same steps, shape (N, 3).
  *

@@ -60,10 +60,11 @@ KERNEL(keyframe_step) {
     CHECK(are_between(a[8].x, a[0].m.n) && are_increasing(a[8].x));
     CHECK(a[9].m.n == 0 || are_vectors(a[9].m, a[8].x.n));
     equations_t equations = equations_of(a);
-    double largest = 0.0;
     int found;
-    RUN(found = keyframe_step(&equations, a[6].d, a[7].m, a[8].x, a[9].m, a[10].m, &largest));
-    return found == FOUND ? PyFloat_FromDouble(largest) : PyErr_NoMemory();
+    RUN(found = keyframe_step(&equations, a[6].d, a[7].m, a[8].x, a[9].m, a[10].m));
+    if (found == OUT_OF_MEMORY)
+        return PyErr_NoMemory();
+    Py_RETURN_NONE;
 }
 
 KERNEL(euclidean_increments) {

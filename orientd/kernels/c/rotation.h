@@ -122,20 +122,6 @@ INLINE void join(vec_t *omega, vec_t *alpha, vec_t axis, double rate, double cur
     *omega = scaled_plus(rate, axis, *omega);
 }
 
-/* A motion followed by a turn about a fixed axis.
- * turn: the half angle and its two derivatives. */
-INLINE motion_t joined(motion_t before, vec_t axis, const double turn[3]) {
-    double c = cos(turn[0]), s = sin(turn[0]);
-    vec_t e = times(s, axis);
-    motion_t after = {
-        followed(before.q, c, e),
-        turned_back(c, e, before.omega),
-        turned_back(c, e, before.alpha),
-    };
-    join(&after.omega, &after.alpha, axis, 2.0 * turn[1], 2.0 * turn[2]);
-    return after;
-}
-
 /* a = (1 - cos t) / t^2 and b = (t - sin t) / t^3 of the right Jacobian, t^2 = square. */
 INLINE void jacobian_factors(double square, double *a, double *b) {
     double theta = sqrt(square), half = 0.5 * theta;

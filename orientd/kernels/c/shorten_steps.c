@@ -16,7 +16,7 @@
 #define MISSED 1e-4         /* the same in the end */
 #define ARRIVED 1e-12       /* rad, in the end */
 
-enum { STEPS = 20, LAST_STEPS = 8, KINDS = 4, BORDERS = 3 };
+enum { STEPS = 20, LAST_STEPS = 8, KINDS = 4 };
 
 /* A limit of the norm of a rate, or of a component; or of the duration.
  *

@@ -13,7 +13,7 @@ from orientd.curves import METHODS, KksBspline
 from orientd.plots.basis import INSTANTS, cumulative_functions, draw_functions
 from orientd.plots.paper import SERIES, check_format, new_figure, save
 from orientd.plots.papers import scenes
-from orientd.plots.papers.sweep import Face, draw_bodies, draw_sweep, prism
+from orientd.plots.papers.sweep import Face, draw_bodies, draw_sweep
 from orientd.plots.triads import TriadStyle, draw_tip_paths, draw_triads
 from orientd.plots.view import Viewpoint
 from orientd.rotation import Floats, exp, multiply
@@ -128,28 +128,22 @@ def _bspline_curve(axes: Axes) -> None:
     draw_triads(axes, curves[0], controls, style=style, ideal=curves[1], is_met=False)
 
 
-def _draw_scene(
-    axes: Axes, scene: scenes.PaperScene, faces: list[Face], count: int, view: Viewpoint
-) -> None:
-    trail = scene.along(400).positions
-    draw_bodies(axes, faces, scene.between(count), scene.keyframes, view, trail)
+def _moving(
+    make: Callable[[], scenes.PaperScene],
+    body: Callable[[], list[Face]],
+    count: int,
+    view: Viewpoint,
+) -> Callable[[Axes], None]:
+    def draw(axes: Axes) -> None:
+        scene = make()
+        trail = scene.along(400).positions
+        draw_bodies(axes, body(), scene.between(count), scene.keyframes, view, trail)
 
-
-def _boomerang(axes: Axes) -> None:
-    faces = prism(1.9 * scenes.boomerang_outline(), 0.05)
-    _draw_scene(axes, scenes.boomerang_scene(), faces, 36, Viewpoint(22.0, -120.0))
-
-
-def _blended(axes: Axes) -> None:
-    _draw_scene(axes, scenes.blended_scene(), scenes.plate(), 30, MOTION_VIEW)
+    return draw
 
 
 def _swept(axes: Axes) -> None:
     draw_sweep(axes, scenes.cross_section(), scenes.blended_scene().along(220), MOTION_VIEW)
-
-
-def _interpolated(axes: Axes) -> None:
-    _draw_scene(axes, scenes.interpolated_scene(), scenes.plate(), 30, MOTION_VIEW)
 
 
 FIGURES: Mapping[str, PaperFigure] = {
@@ -181,18 +175,18 @@ FIGURES: Mapping[str, PaperFigure] = {
     ),
     "kks-7": PaperFigure(
         "A boomerang: one Hermite segment for the position, one for the orientation",
-        _boomerang,
+        _moving(scenes.boomerang_scene, scenes.boomerang, 36, Viewpoint(22.0, -120.0)),
         (9.0, 6.2),
     ),
     "kks-8": PaperFigure(
         "A rigid motion by a cubic B-spline in position and orientation; dark: control poses",
-        _blended,
+        _moving(scenes.blended_scene, scenes.plate, 30, MOTION_VIEW),
         (9.0, 5.2),
     ),
     "kks-9": PaperFigure("A cross-section swept along the same motion", _swept, (9.0, 5.2)),
     "kks-10": PaperFigure(
         "A rigid motion interpolated with continuous acceleration; dark: six keyframes",
-        _interpolated,
+        _moving(scenes.interpolated_scene, scenes.plate, 30, MOTION_VIEW),
         (9.0, 5.2),
     ),
 }

@@ -149,8 +149,8 @@ def boomerang_scene() -> PaperScene:
     return PaperScene(orientation, position, SweptPoses(places, keys))
 
 
-def boomerang_outline() -> Floats:
-    """Return the outline of a boomerang about its centre of mass, m, shape ``(k, 2)``."""
+def boomerang() -> list[Face]:
+    """Return the faces of the body of Fig. 7: a boomerang about its centre of mass."""
     spread, length, width = np.radians(112.0), 0.62, 0.1
     half = 0.5 * spread
     arms = []
@@ -166,8 +166,8 @@ def boomerang_outline() -> Floats:
     inside = np.array([[width / (2.0 * np.sin(half)), 0.0]])
     outside = np.array([[-width / (2.0 * np.sin(half)), 0.0]])
     outline = np.concatenate([outside, arms[1][::-1], inside, arms[0]])
-    centred: Floats = outline - np.array([0.45 * length * np.cos(half), 0.0])
-    return centred
+    centred = outline - np.array([0.45 * length * np.cos(half), 0.0])
+    return prism(1.9 * centred, 0.05)
 
 
 def plate() -> list[Face]:

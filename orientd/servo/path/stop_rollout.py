@@ -19,7 +19,7 @@ from enum import Enum
 from math import inf
 from typing import NamedTuple
 
-from orientd.driver import Vector3
+from orientd.driver import ZERO, Vector3
 from orientd.floats import difference, norm, plus
 from orientd.servo.guard import Guard
 from orientd.servo.path.acceleration_step import AccelerationStep, find_kink
@@ -40,8 +40,7 @@ from orientd.stream import ServoLimits
 Piece = tuple[Cubic, Cubic | None, AccelerationStep | None]
 """How the path turns and travels between two records, and where its acceleration has a step."""
 
-_ZERO = (0.0, 0.0, 0.0)
-_REST = Ahead(_ZERO, _ZERO, _ZERO, _ZERO)
+_REST = Ahead(ZERO, ZERO, ZERO, ZERO)
 _STILL = 1e-9
 _THERE = 0.05  # records: what is nearer to a turn is past it
 _ATTEMPTS = 6
@@ -193,7 +192,7 @@ class StopRollout:
                 speed = max(norm(self.past.omega), _STILL)
                 x, y, z = self.past.omega
                 self._turn = turn = TurnBackPoint((x / speed, y / speed, z / speed), place)
-                turn.come(between(piece[0], 0.0, piece[0], self._fraction, _ZERO)[0])
+                turn.come(between(piece[0], 0.0, piece[0], self._fraction, ZERO)[0])
             turn.look(piece[0])
             if turn.is_found:
                 self._is_past = self._index + self._fraction >= turn.place - _THERE
@@ -212,20 +211,20 @@ class StopRollout:
             self.outcome = RolloutOutcome.FAILED
             return
         turn, travel, _ = start
-        none = (_ZERO, _ZERO, _ZERO, _ZERO)
+        none = (ZERO, ZERO, ZERO, ZERO)
         before = self._fraction
         for _ in range(_ATTEMPTS):
-            u, there, gone, drift = before + rate, start, _ZERO, _ZERO
+            u, there, gone, drift = before + rate, start, ZERO, ZERO
             if u >= 1.0:
                 following = self._load(self._index + 1)
                 if following is None:
                     self.outcome = RolloutOutcome.FAILED
                     return
-                u, there, gone, drift = u - 1.0, following, turn[3], travel[3] if travel else _ZERO
+                u, there, gone, drift = u - 1.0, following, turn[3], travel[3] if travel else ZERO
             omega, slope = between(turn, before, there[0], u, gone)
             if start[2] or there[2]:
                 omega, slope = _kinked(omega, slope, start[2], before, there[2], u, h)
-            velocity = push = _ZERO
+            velocity = push = ZERO
             if travel or there[1]:
                 velocity, push = between(travel or none, before, there[1] or none, u, drift)
             if not is_led:

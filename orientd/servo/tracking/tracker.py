@@ -9,14 +9,7 @@ from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
 from orientd.floats import difference, exp, multiply, norm, normalize, plus
 from orientd.servo.tracking.knot import ReferenceState, Target
 from orientd.servo.tracking.law import advance, halt
-from orientd.servo.tracking.law_bounds import (
-    Bounds,
-    bounds_of,
-    divided,
-    loosened,
-    softened,
-    times,
-)
+from orientd.servo.tracking.law_bounds import Bounds, bounds_of, divided, loosened, softened, times
 from orientd.servo.tracking.reference import Reference
 from orientd.servo.tracking.restraint import Restraint
 from orientd.servo.tracking.steering import steer

@@ -10,7 +10,7 @@ from orientd import kernels
 from orientd.curves import METHODS
 from orientd.curves.construct.banded import solve_banded
 from orientd.curves.construct.basis import cumulative_basis
-from orientd.curves.construct.interpolation import EndCondition, KeyframeEquations
+from orientd.curves.construct.interpolation import KeyframeEquations
 from orientd.rotation import align, between, exp_half, log_half
 
 COUNT = 100
@@ -27,8 +27,10 @@ def equations_and_increments(start="natural", end="natural", step=0.5, seed=0):
     equations = KeyframeEquations(
         steps=step * rng.normal(size=(COUNT - 1, 3)),
         begun=begun,
-        start=EndCondition(step * rng.normal(size=(known[start], 3)), 0.4),
-        end=EndCondition(step * rng.normal(size=(known[end], 3)), 0.7),
+        heads=step * rng.normal(size=(known[start], 3)),
+        tails=step * rng.normal(size=(known[end], 3)),
+        start_ratio=0.4,
+        end_ratio=0.7,
     )
     return equations, step * rng.normal(size=(COUNT - 1, 3))
 
@@ -36,13 +38,13 @@ def equations_and_increments(start="natural", end="natural", step=0.5, seed=0):
 def reference(equations, unknown, scale):
     """The whole Jacobian and the errors, from the factors of each row one by one."""
     rows = len(unknown)
-    heads, tails = scale * equations.start.known, scale * equations.end.known[::-1]
+    heads, tails = scale * equations.heads, scale * equations.tails[::-1]
     first, last = max(1, len(heads)), max(1, len(tails))
     increments = np.concatenate(
         [
-            heads if len(heads) else equations.start.ratio * unknown[:1],
+            heads if len(heads) else equations.start_ratio * unknown[:1],
             unknown,
-            tails if len(tails) else equations.end.ratio * unknown[-1:],
+            tails if len(tails) else equations.end_ratio * unknown[-1:],
         ]
     )
     jacobian, errors = np.zeros((rows, 3, len(increments), 3)), np.empty((rows, 3))
@@ -62,9 +64,9 @@ def reference(equations, unknown, scale):
         for f, j in enumerate(index):
             jacobian[i, :, j] += derivatives[0, :, 3 * f : 3 * f + 3]
     if not len(heads):
-        jacobian[:, :, 1] += equations.start.ratio * jacobian[:, :, 0]
+        jacobian[:, :, 1] += equations.start_ratio * jacobian[:, :, 0]
     if not len(tails):
-        jacobian[:, :, -2] += equations.end.ratio * jacobian[:, :, -1]
+        jacobian[:, :, -2] += equations.end_ratio * jacobian[:, :, -1]
     free = jacobian[:, :, first : len(increments) - last]
     return free, errors
 

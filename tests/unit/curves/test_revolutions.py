@@ -63,6 +63,13 @@ def test_a_turn_without_a_middle_needs_no_revolutions():
     assert effort("kks_hermite", params, "least") == effort("kks_hermite", params, 0)
 
 
+def test_a_middle_too_small_to_have_an_axis_is_left_as_it_is():
+    still = [1.0, 0.0, 0.0, 0.0]
+    ends = {"omega0": [0.0, 0.0, 1e-170], "omega1": [0.0, 0.0, 0.0]}
+    curve = METHODS["kks_hermite"](q0=still, q1=still, **ends, revolutions="least")
+    assert curve.evaluate([0.5])[0].tolist() == [still]
+
+
 def test_another_word_is_refused():
     with pytest.raises(ValueError, match="revolutions must be a whole number or 'least', got 'x'"):
         METHODS["kks_hermite"](**ends(1.0, 0), revolutions="x")

@@ -194,3 +194,9 @@ def test_a_step_of_a_whole_turn_is_refused(random_keys):
     keys = np.array([exp([0.1, 0.2, 0.3]), -exp([0.1, 0.2, 0.3])])
     with pytest.raises(ValueError, match="less than a whole turn"):
         VECTOR(keys=keys, times="uniform", align=False)
+
+
+@pytest.mark.parametrize("order", [3, 4, 5, 6])
+def test_an_interpolating_spline_tells_the_instants_of_its_keyframes(random_keys, order):
+    curve = HIGHER(keys=random_keys(6), times=TIMES, order=order)
+    assert np.array_equal(curve.key_times, TIMES)

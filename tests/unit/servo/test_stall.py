@@ -6,7 +6,7 @@ from rig import PERIOD, PERIOD_NS, TERMS, Rig, peaks, turn
 
 from orientd import rotation
 from orientd.errors import Fault
-from orientd.servo.stall import SHORTEST_NS, Stalls
+from orientd.servo.watchdog import SHORTEST_NS, Stalls
 from orientd.stream import (
     GIVEN_UP_WORD,
     NOT_GIVEN,

@@ -9,7 +9,6 @@ from orientd.curves.construct import (
     FRAMES,
     CumulativeCurve,
     check_ends,
-    check_revolutions,
     cumulative_basis,
     in_body_frame,
     turned,
@@ -79,7 +78,6 @@ class KksHermite(CumulativeCurve):
         start, end = check_ends(q0, q1, align=align)
         interval = check_interval(t0, t1)
         frame = check_choice(frame, "frame", FRAMES)
-        turns = check_revolutions(revolutions)
         sixth = (interval[1] - interval[0]) / 6.0
         first = sixth * in_body_frame(omega0, "omega0", start, frame)
         third = sixth * in_body_frame(omega1, "omega1", end, frame)
@@ -97,6 +95,6 @@ class KksHermite(CumulativeCurve):
         super().__init__(
             basis=basis,
             controls=start[None],
-            increments=turned(increments, turns, basis, start),
+            increments=turned(increments, revolutions, basis, start),
             continuity=2,
         )

@@ -18,7 +18,7 @@ from orientd.curves.construct import (
 )
 from orientd.curves.keyframes import (
     check_aligned,
-    check_choice,
+    check_end,
     check_integer,
     check_vector,
     increments,
@@ -26,8 +26,6 @@ from orientd.curves.keyframes import (
     with_turns,
 )
 from orientd.rotation import Floats, exp_half, multiply, rotate
-
-ENDS = ("natural", "clamped")
 
 
 class KksInterpolating(CumulativeCurve):
@@ -109,21 +107,13 @@ class KksInterpolating(CumulativeCurve):
         last = check_end_state(end, omega_end, alpha_end, "end", k)
         basis = cumulative_basis(interpolation_knots(instants, k), k)
         shares = begun_shares(basis, instants)
-        head, head_known = end_rows(basis, first, is_end=False)
+        head = end_rows(basis, first, is_end=False)
         if last is not None and len(last) == 2:
             # Seen from the last keyframe, the turn of the last factor stands before the others.
             outer = last[0] / basis.rates[-1, -1, -1]
             last[1] = rotate(exp_half(outer), last[1])
-        tail, tail_known = end_rows(basis, last, is_end=True)
-        equations = TelescopedEquations(
-            shares=shares,
-            steps=steps,
-            head=head,
-            head_known=head_known,
-            tail=tail,
-            tail_known=tail_known,
-        )
-
+        tail = end_rows(basis, last, is_end=True)
+        equations = TelescopedEquations(shares, steps, *head, *tail)
         spans = np.arange(len(basis.values))
 
         def parts(solved: Floats) -> dict[str, Any]:
@@ -163,15 +153,14 @@ def check_end_state(
     Raises:
         ValueError: the condition is not one, or what is given does not go with it.
     """
-    is_natural = check_choice(condition, side, ENDS) == "natural"
-    if is_natural and (omega is not None or alpha is not None):
-        name = f"omega_{side}" if omega is not None else f"alpha_{side}"
-        raise ValueError(f"{name} must be None with {side}='natural'; use {side}='clamped'")
-    if is_natural:
+    velocity, _ = check_end(condition, side, omega)
+    if velocity is None:
+        if alpha is not None:
+            raise ValueError(
+                f"alpha_{side} must be None with {side}='natural', got {alpha!r}; "
+                f"use {side}='clamped'"
+            )
         return None
-    if omega is None:
-        raise ValueError(f"omega_{side} must be given with {side}='clamped', got None")
-    velocity = check_vector(omega, f"omega_{side}")
     if order < 5:
         if alpha is not None:
             raise ValueError(f"alpha_{side} must be None for order {order}, got {alpha!r}")

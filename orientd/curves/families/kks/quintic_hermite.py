@@ -9,7 +9,6 @@ from orientd.curves.construct import (
     FRAMES,
     CumulativeCurve,
     check_ends,
-    check_revolutions,
     cumulative_basis,
     in_body_frame,
     turned,
@@ -81,7 +80,6 @@ class KksQuinticHermite(CumulativeCurve):
         start, end = check_ends(q0, q1, align=align)
         interval = check_interval(t0, t1)
         frame = check_choice(frame, "frame", FRAMES)
-        turns = check_revolutions(revolutions)
         h = interval[1] - interval[0]
         first = h / 10.0 * in_body_frame(omega0, "omega0", start, frame)
         second = first + h * h / 40.0 * in_body_frame(alpha0, "alpha0", start, frame)
@@ -98,6 +96,6 @@ class KksQuinticHermite(CumulativeCurve):
         super().__init__(
             basis=basis,
             controls=start[None],
-            increments=turned(increments, turns, basis, start),
+            increments=turned(increments, revolutions, basis, start),
             continuity=2,
         )

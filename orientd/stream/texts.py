@@ -1,13 +1,29 @@
-"""How a device's parts are, as it crosses to the daemon."""
+"""What crosses as JSON: a driver's options of a motion, and how a device's parts are."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from orientd.driver import PartHealth
-from orientd.stream.records import HEALTH_TEXT_BYTES
+from orientd.stream.records import HEALTH_TEXT_BYTES, TUNING_TEXT_BYTES
 from orientd.stream.ring import RecordRing
+
+
+def tuning_text(options: Mapping[str, Any]) -> bytes:
+    """Return *options* as they cross to the servo.
+
+    Raises:
+        ValueError: they are too long, or more than JSON can say.
+    """
+    try:
+        text = json.dumps(dict(options), allow_nan=False).encode()
+    except TypeError as error:
+        raise ValueError(str(error)) from error
+    if len(text) > TUNING_TEXT_BYTES:
+        raise ValueError(f"at most {TUNING_TEXT_BYTES} bytes of JSON are allowed, got {len(text)}")
+    return text
 
 
 def publish_health(ring: RecordRing, parts: Sequence[PartHealth]) -> None:
