@@ -97,6 +97,12 @@ def test_name_is_resolved_once_and_a_slow_resolver_waited_for_no_longer(monkeypa
     assert len(asked) == known
 
 
+@pytest.mark.parametrize("host", ["a..b", 70 * "a"])
+def test_name_that_is_none_is_said_to_be_none(host):
+    with pytest.raises(LinkError, match="the name cannot be resolved"):
+        Address(host).get(5.0)
+
+
 def test_tool_and_payload_are_set_when_enabling(ur_robot):
     tool = [0.0, 0.0, 0.12, 0.0, 0.1, 0.0]
     driver = driver_of(ur_robot, tcp_offset=tool, payload_mass=1.2, payload_cog=[0, 0, 0.04])
