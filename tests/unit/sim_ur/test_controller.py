@@ -6,12 +6,25 @@ import pytest
 
 from orientd_sim.ur import dashboard
 from orientd_sim.ur.arm.arm import HOME, Arm, Breach, Mode
+from orientd_sim.ur.arm.models import MODELS, version_of
 from orientd_sim.ur.commands import RegisterCommand
 from orientd_sim.ur.controller import Behaviour, Controller, RefusedError
 from orientd_sim.ur.script import SIGNATURE
+from orientd_sim.ur.server import Server
 from orientd_sim.ur.variables import ProgramState, RobotMode, SafetyMode
 
 SCRIPT = f"{SIGNATURE}\n  loop()\nend\n"
+
+
+@pytest.mark.parametrize("text", ["abc", "5", "5.-1", "5.12.6.0.0", f"5.{1 << 32}", "3.15"])
+def test_software_that_there_is_not_is_refused(text):
+    with pytest.raises(ValueError, match=f"a UR5e has no PolyScope '{text}'"):
+        version_of(MODELS["ur5e"], text)
+
+
+def test_no_address_is_not_every_address_of_the_machine():
+    with pytest.raises(OSError, match="must be an address of this machine"):
+        Server("")
 
 
 @pytest.fixture
