@@ -175,10 +175,16 @@ def parse(options: Mapping[str, Any]) -> GimbalOptions:
     rows = options.get("axes")
     if not isinstance(rows, (list, tuple)) or len(rows) != len(order):
         raise ValueError(f"axes must be {len(order)} tables, one for each of {order}, got {rows!r}")
-    axes = tuple(_axis(row, place, order[place]) for place, row in enumerate(rows))
+    called = [
+        letter.lower() + "2" * (letter in order[:place]) for place, letter in enumerate(order)
+    ]
+    axes = tuple(_axis(*one) for one in zip(rows, range(len(rows)), called, strict=True))
     ids = [axis.id for axis in axes]
     if len(set(ids)) != len(ids):
         raise ValueError(f"axes must have different ids, got {ids}")
+    names = [axis.name for axis in axes]
+    if len(set(names)) != len(names):
+        raise ValueError(f"axes must have different names, got {names}")
     port = options.get("port")
     if not isinstance(port, str) or not port:
         raise ValueError(f"port must be the path of a serial port, got {port!r}")
@@ -187,10 +193,10 @@ def parse(options: Mapping[str, Any]) -> GimbalOptions:
         raise ValueError(f"turns_file must be a path, or empty for none, got {turns_file!r}")
     park = options.get("park_deg")
     if park is not None:
-        park = tuple(map(math.radians, numbers("park_deg", park, len(axes))))
+        parked, park = park, tuple(map(math.radians, numbers("park_deg", park, len(axes))))
         for axis, angle in zip(axes, park, strict=True):
             if not axis.low <= angle <= axis.high:
-                raise ValueError(f"park_deg must be inside the limits of {axis.name}, got {park!r}")
+                raise ValueError(f"park_deg must be inside the limits of {axis.name}, got {parked}")
     return GimbalOptions(
         port=port,
         baud=choice("baud", options.get("baud", 1_000_000), BAUD_RATES),
@@ -225,7 +231,7 @@ def _overwrite(given: object) -> frozenset[str]:
     """Return the settings that *given* permits to overwrite."""
     if isinstance(given, bool):
         return OWN_SETTINGS if given else frozenset()
-    if isinstance(given, (list, tuple)) and all(name in OWN_SETTINGS for name in given):
+    if isinstance(given, (list, tuple)) and all(map([*OWN_SETTINGS].__contains__, given)):
         return frozenset(given)
     names = ", ".join(sorted(OWN_SETTINGS))
     raise ValueError(f"overwrite must be true, false or a list of {names}, got {given!r}")
@@ -239,7 +245,7 @@ def _is_order(order: str) -> bool:
     )
 
 
-def _axis(row: object, place: int, letter: str) -> AxisOptions:
+def _axis(row: object, place: int, called: str) -> AxisOptions:
     where = f"axes[{place}]."
     if not isinstance(row, Mapping):
         raise ValueError(f"axes[{place}] must be a table, got {row!r}")
@@ -274,7 +280,7 @@ def _axis(row: object, place: int, letter: str) -> AxisOptions:
         raise ValueError(f"{where}current_limit: a {model.name} has no limit of its current")
     if current is not None:
         current = number(f"{where}current_limit", current, model.current_unit, 4)
-    name = row.get("name", letter.lower())
+    name = row.get("name", called)
     if not isinstance(name, str) or not name:
         raise ValueError(f"{where}name must be a text, got {name!r}")
     return AxisOptions(

@@ -28,7 +28,8 @@ def inspect(options: UrOptions, *, timeout: float = 2.0) -> list[Finding]:
     """
     library = [_library()]
     try:
-        found = look(options.host, timeout=timeout, packages=_PACKAGES)
+        address = Address(options.host).get(timeout)
+        found = look(address, timeout=timeout, packages=_PACKAGES)
     except LinkError as error:
         return [
             *library,

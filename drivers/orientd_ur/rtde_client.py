@@ -46,8 +46,10 @@ class RtdeClient:
             raise
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         self.sock.close()
+        if isinstance(error, ValueError):
+            raise LinkError(f"{self._where} does not answer what was asked: {error}") from error
 
     def ask(self, request: bytes) -> bytes:
         """Send *request* and return the payload of its answer."""

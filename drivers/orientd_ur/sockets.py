@@ -38,7 +38,7 @@ class Address:
         """
         if not self._known:
             # The resolver takes no time limit.  Its answer is kept even when it comes too late.
-            answers: queue.SimpleQueue[OSError | None] = queue.SimpleQueue()
+            answers: queue.SimpleQueue[OSError | UnicodeError | None] = queue.SimpleQueue()
             threading.Thread(target=self._resolve, args=(answers,), daemon=True).start()
             try:
                 error = answers.get(timeout=timeout)
@@ -50,12 +50,13 @@ class Address:
                 raise LinkError(f"{self.host}: the name cannot be resolved: {error}") from error
         return self._known
 
-    def _resolve(self, answers: queue.SimpleQueue[OSError | None]) -> None:
+    def _resolve(self, answers: queue.SimpleQueue[OSError | UnicodeError | None]) -> None:
         try:
             found = socket.getaddrinfo(self.host, None, socket.AF_INET)
             self._known = str(found[0][4][0])
             answers.put(None)
-        except OSError as error:
+        except (OSError, UnicodeError) as error:
+            # The latter of names that cannot be asked for: with an empty or too long part.
             answers.put(error)
 
 

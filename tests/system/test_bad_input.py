@@ -313,6 +313,12 @@ def test_a_target_that_is_not_well_formed_is_refused(daemon, field, value):
             tracking.aim(UPRIGHT, **fields)
 
 
+def test_endless_delay_of_an_emulated_adapter_is_refused(tmp_path):
+    refused = inside("sim", "dynamixel", "--link", str(tmp_path / "bus"), "--usb-ms", "inf")
+    assert refused.returncode == 2
+    assert "--usb-ms" in refused.stderr
+
+
 def test_help_is_never_cut_short():
     for group in ([], ["bench"], ["lease"], ["service"], ["sim"]):
         listed = inside(*group, "--help").stdout.split("Commands:")[1]

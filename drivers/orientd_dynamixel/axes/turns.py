@@ -51,7 +51,8 @@ class Turns:
             self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
             try:
-                os.ftruncate(descriptor, len(self._records))
+                # With room on the disk: a page without it would end the process as it is noted.
+                os.posix_fallocate(descriptor, 0, len(self._records))
                 # Mapped, so that it outlives the process whatever ends that, and a note takes 1 us.
                 self._records = mmap.mmap(descriptor, len(self._records))
             finally:

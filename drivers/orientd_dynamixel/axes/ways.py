@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import product
 
 from orientd.driver import Quaternion
 from orientd_dynamixel.options import GimbalOptions
@@ -23,15 +22,18 @@ def home(options: GimbalOptions) -> tuple[float, ...]:
 def windings(
     options: GimbalOptions, tracker: AxisTracker, q: Quaternion
 ) -> list[tuple[float, ...]]:
-    """Return the axis angles inside the limits that make *q*, of both branches, rad."""
+    """Return the axis angles inside the limits that make *q*, nearest ones of each branch, rad."""
     found = []
     for branch in tracker.branches(q):
-        choices = []
-        for angle, axis in zip(branch, options.axes, strict=True):
+        nearest = []
+        for angle, near, axis in zip(branch, tracker.angles, options.axes, strict=True):
             least = math.ceil((axis.low - angle) / _TURN)
             most = math.floor((axis.high - angle) / _TURN)
-            choices.append([angle + _TURN * count for count in range(least, most + 1)])
-        found += list(product(*choices))
+            if least <= most:
+                count = min(max(round((near - angle) / _TURN), least), most)
+                nearest.append(angle + _TURN * count)
+        if len(nearest) == len(branch):
+            found.append(tuple(nearest))
     return found
 
 

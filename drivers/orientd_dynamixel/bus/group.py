@@ -274,11 +274,20 @@ class Group:
         if losses.in_a_row >= self._max_losses:
             age_ms = (now_ns - self.time_ns) * 1e-6 if self.time_ns else float("inf")
             text = f"{losses.in_a_row} readings lost in a row, the last good is {age_ms:.0f} ms old"
-            if losses.culprits:
-                worst = max(losses.culprits, key=lambda key: losses.culprits[key])
-                name = next(a.options.name for a in self._axes if a.options.id == worst)
-                text += f"; most often servo {worst} ({name})"
-            raise FeedbackError(f"{text}: {why}")
+            raise FeedbackError(f"{text}{self._blame()}: {why}")
+
+    def _blame(self) -> str:
+        """Return which servo was missing, or that it was not one alone; nothing where none was."""
+        culprits = self.losses.culprits
+        worst = max(culprits, key=lambda key: culprits[key], default=None)
+        if worst is None:
+            return ""
+        # Each request begins with another servo, so that a dead line is put down to all of them.
+        if 2 * culprits[worst] <= sum(culprits.values()):
+            ids = ", ".join(map(str, sorted(culprits)))
+            return f"; of servos {ids} alike, so look at the line, its supply and the adapter"
+        name = next(axis.options.name for axis in self._axes if axis.options.id == worst)
+        return f"; most often servo {worst} ({name})"
 
 
 def listen(

@@ -57,7 +57,8 @@ def dynamixel(
     ] = "1:xm430,2:xm430,3:xm430",
     baud: Annotated[int, typer.Option(help="The line speed that the servos are set to.")] = 1000000,
     usb_ms: Annotated[
-        float, typer.Option(min=0.0, help="The most by which the adapter holds an answer back.")
+        float,
+        typer.Option(min=0.0, max=1e4, help="The most by which the adapter holds an answer back."),
     ] = 1.0,
     ideal: Annotated[bool, typer.Option("--ideal", help="Let bytes take no time.")] = False,
     seed: Annotated[int, typer.Option(help="Of everything random.")] = 0,

@@ -20,6 +20,7 @@ from orientd_sim.dynamixel.instructions import (
 from orientd_sim.dynamixel.line import SerialLine, Turn, Wire
 from orientd_sim.dynamixel.packet import (
     BROADCAST,
+    MAX_LENGTH,
     Damaged,
     ErrorNumber,
     Instruction,
@@ -154,6 +155,8 @@ class Bus:
         else:
             wanted = bulk_list(packet.parameters)
         is_fast = packet.instruction in {Instruction.FAST_SYNC_READ, Instruction.FAST_BULK_READ}
+        if is_fast and sum(count for _, _, count in wanted) > MAX_LENGTH:
+            return  # no packet holds so much
         blocks = []
         for servo_id, address, count in wanted:
             servo = by_id.get(servo_id)

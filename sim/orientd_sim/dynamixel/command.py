@@ -35,7 +35,7 @@ def servos(text: str, *, baud: int = 1_000_000, now_ns: int = 0) -> list[Emulate
     for item in text.split(","):
         number, _, name = item.strip().partition(":")
         model = MODELS.get(name or "xm430")
-        if not number.isdigit() or int(number) > 252 or model is None:
+        if not number.isdecimal() or int(number) > 252 or model is None:
             raise ValueError(
                 f"servos must look like 1:xm430,2:xl330 with ids of 0 to 252, got {item!r}"
             )

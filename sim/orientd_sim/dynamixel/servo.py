@@ -319,8 +319,10 @@ class EmulatedServo:
         mode = self._memory[11]
         limit = self.model.no_load_speed * TICKS_PER_RADIAN
         aim = Aim(speed_limit=limit * abs(self.value("goal pwm")) / 885)
+        most = self.value("current limit")
+        push = max(-most, min(most, self.value("goal current"))) / max(1, most)
         if mode == _CURRENT_POSITION:
-            aim.torque = min(1.0, abs(self.value("goal current")) / self.value("current limit"))
+            aim.torque = abs(push)
         acceleration, speed = self.value("profile acceleration"), self.value("profile velocity")
         aim.profile_acceleration = acceleration * ACCELERATION_UNIT * TICKS_PER_RADIAN
         if mode in _POSITIONING:
@@ -337,7 +339,7 @@ class EmulatedServo:
             aim.speed = self.value("goal pwm") / 885 * limit
             aim.speed_limit = limit
         else:
-            aim.speed = self.value("goal current") / self.value("current limit") * limit
+            aim.speed = push * limit
         if self._memory[98] == WATCHDOG_TRIPPED and aim.position is None:
             aim.speed = 0.0
         return aim

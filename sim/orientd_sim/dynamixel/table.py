@@ -108,6 +108,7 @@ def _registers(
     indirect: tuple[tuple[int, int, int], ...],
 ) -> Mapping[int, Register]:
     lowest, lowest_default, highest_default, highest = voltage
+    last = max(block + count for _, block, count in indirect) - 1
     rows = [
         _read_only("model number", 0, 2, default=number),
         _read_only("model information", 2, 4),
@@ -165,7 +166,7 @@ def _registers(
     ]
     for addresses, block, count in indirect:
         rows += [
-            Register(f"indirect address {block + k}", addresses + 2 * k, 2, block + k, 64, 661)
+            Register(f"indirect address {block + k}", addresses + 2 * k, 2, block + k, 64, last)
             for k in range(count)
         ]
     return {row.address: row for row in rows}

@@ -131,7 +131,8 @@ class Controller:
             return
         try:
             goes_on = self.program.advance()
-        except (UnreachableError, UnknownStatementError) as error:
+        except (UnreachableError, UnknownStatementError, IndexError) as error:
+            # The last: a register that there is not.
             self._end_program(f"program ended: {error}")
             return
         if not goes_on:

@@ -51,7 +51,14 @@ def carry_out(server: Server, line: str) -> str:
         if not words or words[0] not in _VERBS:
             raise UnknownFaultError(f"unknown: {line.strip()!r}; known: {', '.join(_VERBS)}")
         return _VERBS[words[0]](server, words[1:]) or "ok"
-    except (UnknownFaultError, RefusedError, ValueError, IndexError, OSError) as error:
+    except (
+        UnknownFaultError,
+        RefusedError,
+        ValueError,
+        OverflowError,
+        IndexError,
+        OSError,
+    ) as error:
         return f"error: {error}"
 
 

@@ -13,7 +13,15 @@ from typing import TYPE_CHECKING
 from orientd_sim.ur import commands
 from orientd_sim.ur.arm import TICK
 from orientd_sim.ur.commands import RegisterCommand
-from orientd_sim.ur.programs import Statement, Ticks, perform, press, push
+from orientd_sim.ur.programs import (
+    Statement,
+    Ticks,
+    UnknownStatementError,
+    finite,
+    perform,
+    press,
+    push,
+)
 
 if TYPE_CHECKING:
     from orientd_sim.ur.controller import Controller
@@ -81,9 +89,13 @@ class ControlScript:
         return self.robot.input_ints[self._ints + number]
 
     def numbers(self, start: int, count: int) -> tuple[float, ...]:
-        """Return *count* input double registers from *start*."""
+        """Return *count* input double registers from *start*.
+
+        Raises:
+            UnknownStatementError: one is no number that a robot could make use of.
+        """
         first = self._doubles + start
-        return tuple(self.robot.input_doubles[first : first + count])
+        return finite(self.robot.input_doubles[first : first + count])
 
     def answer_int(self, number: int, value: int) -> None:
         """Write output integer register *number*."""
@@ -119,7 +131,13 @@ class ControlScript:
             yield
 
     def start_servo(self, q: tuple[float, ...], time: float, lookahead: float, gain: float) -> None:
-        """Latch a servo target, and start the servo thread where none runs."""
+        """Latch a servo target, and start the servo thread where none runs.
+
+        Raises:
+            UnknownStatementError: lookahead or gain is not positive.
+        """
+        if lookahead <= 0.0 or gain <= 0.0:
+            raise UnknownStatementError(f"servo: lookahead {lookahead:g} and gain {gain:g}")
         is_running = self._servo is not None and self._thread is not None
         self._servo = (q, time, lookahead, gain)
         if not is_running:

@@ -8,6 +8,7 @@ quarter of a second, beyond which the controller's time has stood still for a wh
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import math
 import os
@@ -81,6 +82,8 @@ class Server:
         if self.robot.behaviour.has_dashboard:
             ports[DASHBOARD_PORT] = "dashboard"
         try:
+            if not host:  # would be every address of the machine
+                raise OSError(errno.EADDRNOTAVAIL, "it must be an address of this machine")
             for port, kind in ports.items():
                 listener = socket.create_server((host, port), backlog=16)
                 listener.setblocking(False)

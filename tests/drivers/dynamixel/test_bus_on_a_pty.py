@@ -138,7 +138,7 @@ def test_process_says_ready_and_ends_cleanly_without_its_link(tmp_path, number):
     assert not place.is_symlink()
 
 
-@pytest.mark.parametrize("text", ["1:xm999", "300", "1,1", ""])
+@pytest.mark.parametrize("text", ["1:xm999", "300", "1,1", "\N{SUPERSCRIPT TWO}", ""])
 def test_impossible_servos_are_refused(text):
     with pytest.raises(ValueError, match="servos must"):
         servos(text)

@@ -178,6 +178,16 @@ def test_lost_answers_are_a_fault_before_feedback_timeout_and_watchdog(rig):
     assert [it.value(k, "bus watchdog") for k in (1, 2, 3)] == [25, 25, 25]
 
 
+@pytest.mark.parametrize("fast_read", ["on", "off"])
+def test_a_dead_line_is_not_put_down_to_one_servo(rig, fast_read):
+    it = rig(fast_read=fast_read)
+    it.start()
+    for servo in (1, 2, 3):
+        it.bus.faults.add(servo, ReplyFault(FaultKind.DROP))
+    with pytest.raises(FeedbackError, match=r"of servos 1, 2, 3 alike"):
+        it.run(200)
+
+
 @pytest.mark.parametrize("pause_ms", [150, 300, 450])
 def test_pause_of_a_busy_machine_is_ridden_out(rig, pause_ms):
     it = rig(rate_hz=100, latency_ms=16.0)

@@ -30,6 +30,10 @@ def test_axis_takes_eighty_percent_of_the_speed_without_load():
     assert parse(GOOD).axes[0].velocity == pytest.approx(0.8 * 4.817)
 
 
+def test_two_axes_about_the_same_letter_have_different_names():
+    assert [axis.name for axis in parse({**GOOD, "order": "ZYZ"}).axes] == ["z", "y", "z2"]
+
+
 @pytest.mark.parametrize("gear", [1.0, 2.5])
 def test_an_endless_axis_goes_as_far_as_its_servo_counts(gear):
     axis = {"id": 1, "limits_deg": "endless", "zero_deg": 10, "gear": gear}
@@ -48,6 +52,10 @@ def test_an_endless_axis_goes_as_far_as_its_servo_counts(gear):
         ({"order": "ZZX"}, "order must be two or three"),
         ({"order": "ZY"}, "axes must be 2 tables"),
         ({"axes": [{"id": 1}, {"id": 1}, {"id": 3}]}, "axes must have different ids"),
+        (
+            {"axes": [{"id": 1, "name": "x"}, {"id": 2}, {"id": 3}]},
+            r"axes must have different names, got \['x', 'y', 'x'\]",
+        ),
         ({"axes": [{"id": 1}, {"id": 300}, {"id": 3}]}, r"axes\[1\].id must be a whole number"),
         ({"axes": [{"id": 1, "modle": 1}, {}, {}]}, r"unknown option 'axes\[0\].modle'"),
         ({"axes": [{"id": 1, "model": "ax12"}, {}, {}]}, r"axes\[0\].model must be one of xm430"),
@@ -57,7 +65,8 @@ def test_an_endless_axis_goes_as_far_as_its_servo_counts(gear):
         ({"axes": [{"id": 1, "direction": 2}, {}, {}]}, "direction must be one of 1, -1"),
         ({"axes": [{"id": 1, "gear": math.nan}, {}, {}]}, "gear must be a number"),
         ({"park_deg": [0, 0]}, "park_deg must be 3 numbers"),
-        ({"park_deg": [0, 0, 190]}, "park_deg must be inside the limits of x"),
+        ({"park_deg": [0, 0, 190]}, "park_deg must be inside the limits of x, got .*190"),
+        ({"overwrite": [["drive_mode"]]}, "overwrite must be true, false or a list"),
         ({"at_end": "drop"}, "at_end must be one of release, hold"),
         ({"fast_read": True}, "fast_read must be one of auto, on, off"),
         ({"mount": {"w": 2, "x": 0, "y": 0, "z": 0}}, "mount must have norm 1"),

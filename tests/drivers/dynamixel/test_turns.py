@@ -6,6 +6,9 @@ import random
 import pytest
 
 from orientd.errors import DeviceFaultError
+from orientd_dynamixel.axes import Turns
+from orientd_dynamixel.axis import Axis
+from orientd_dynamixel.options import parse
 
 AXES = [{"id": 1, "limits_deg": [-720, 720]}, {"id": 2, "limits_deg": [-90, 90]}]
 
@@ -89,6 +92,17 @@ def test_axis_of_one_turn_needs_no_memory(rig, tmp_path):
     it.driver.disable()
     it.driver.reset()
     assert math.degrees(it.driver.enable().joints[0]) == pytest.approx(10, abs=1.0)
+
+
+def test_file_has_its_room_on_the_disk_before_anything_is_noted(tmp_path):
+    options = parse(
+        {"port": "none", "order": "ZY", "axes": AXES, "turns_file": f"{tmp_path}/turns"}
+    )
+    turns = Turns(options, [Axis(axis) for axis in options.axes])
+    turns.open()
+    turns.close()
+    # A hole would have none, and the process be ended by a signal where the disk is full.
+    assert (tmp_path / "turns").stat().st_blocks > 0
 
 
 def test_file_that_cannot_be_written_is_named(rig, tmp_path):

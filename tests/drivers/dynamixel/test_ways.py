@@ -8,6 +8,9 @@ from orientd.errors import LimitError, StartError
 from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
 from orientd.rotation import exp
 from orientd_dynamixel import DynamixelDriver
+from orientd_dynamixel.axes.ways import windings
+from orientd_dynamixel.options import parse
+from orientd_dynamixel.tracker import AxisTracker
 
 LIMITS = Limits(1.5, 8.0, 1500.0, 1.0, 10.0)
 AXES = [
@@ -62,3 +65,12 @@ def test_home_is_all_axes_at_zero_without_a_turn_too_many(begin):
     assert angles[-1] == pytest.approx([0, 0, 0], abs=1e-3)
     travel = np.abs(np.diff(angles, axis=0)).sum(axis=0)
     assert travel == pytest.approx(np.abs(begin), abs=8)
+
+
+def test_endless_axes_have_one_winding_for_each_branch():
+    axes = [{"id": 1, "limits_deg": "endless"}, {"id": 2}, {"id": 3, "limits_deg": "endless"}]
+    options = parse({"port": "none", "axes": axes})
+    tracker = AxisTracker(options.order, options.mount, options.tool)
+    tracker.angles = (100.0, 0.0, -50.0)
+    yaws = [yaw for yaw, _, _ in windings(options, tracker, (1.0, 0.0, 0.0, 0.0))]
+    assert yaws == pytest.approx([32 * np.pi, 31 * np.pi])

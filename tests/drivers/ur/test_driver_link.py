@@ -4,6 +4,7 @@ import asyncio
 import os
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -95,6 +96,33 @@ def test_name_is_resolved_once_and_a_slow_resolver_waited_for_no_longer(monkeypa
     known = len(asked)
     assert [address.get(0.0) for _ in range(3)] == ["127.0.0.9"] * 3
     assert len(asked) == known
+
+
+def test_answers_of_another_length_are_no_answers(ur_host):
+    def package(kind, payload):
+        return struct.pack(">HB", 3 + len(payload), ord(kind)) + payload
+
+    def answer(server):
+        with server.accept()[0] as client:
+            # Nothing is left unread, which would reset the connection.
+            for kind, payload in (("V", b"\1"), ("O", b"\1DOUBLE"), ("S", b"\1")):
+                client.recv(4096)
+                client.sendall(package(kind, payload))
+            client.sendall(package("U", b"\1" + bytes(8)))
+            client.recv(4096)
+
+    with socket.create_server((ur_host, 30004)) as server:
+        thread = threading.Thread(target=answer, args=(server,))
+        thread.start()
+        with pytest.raises(LinkError, match="does not answer what was asked: a place is 145 bytes"):
+            whereabouts(ur_host)
+        thread.join()
+
+
+@pytest.mark.parametrize("host", ["a..b", 70 * "a"])
+def test_name_that_is_none_is_said_to_be_none(host):
+    with pytest.raises(LinkError, match="the name cannot be resolved"):
+        Address(host).get(5.0)
 
 
 def test_tool_and_payload_are_set_when_enabling(ur_robot):

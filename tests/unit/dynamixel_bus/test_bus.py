@@ -106,6 +106,10 @@ def test_fast_bulk_read_gives_each_servo_its_own_block():
     assert blocks == [(0, 1, b"\0\x08\0\0"), (0, 3, b"\x78\0")]
 
 
+def test_fast_read_of_more_than_a_packet_holds_is_not_answered():
+    assert ask(three(), Packet(BROADCAST, Instruction.FAST_SYNC_READ, b"\0\0\xff\xff\1\2")) == []
+
+
 def test_bulk_read_that_names_a_servo_twice_is_void():
     rows = bytes.fromhex("0184000400 0190000200")
     assert ask(three(), Packet(BROADCAST, Instruction.BULK_READ, rows)) == []

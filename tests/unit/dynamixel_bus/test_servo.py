@@ -110,6 +110,13 @@ def test_indirect_write_of_half_a_register_is_refused():
     assert servo.write(224, b"\0", 0) == ErrorNumber.DATA_LENGTH
 
 
+@pytest.mark.parametrize(("model", "end"), [(XM430_W350, 662), (XL330_M288, 228)])
+def test_indirect_target_beyond_the_table_is_refused(model, end):
+    servo = EmulatedServo(1, model)
+    assert put(servo, 168, end - 1, 2) == 0
+    assert put(servo, 168, end, 2) == ErrorNumber.DATA_RANGE
+
+
 def test_indirect_target_in_the_eeprom_is_refused():
     assert put(EmulatedServo(1), 168, 63, 2) == ErrorNumber.DATA_RANGE
 
@@ -252,6 +259,15 @@ def test_jam_becomes_an_overload_after_a_second(servo):
     assert not servo.is_torque_on
     assert servo.value("hardware error status") == 1 << 5
     assert round(servo.shaft.position) == 2048
+
+
+@pytest.mark.parametrize("mode", [0, 5])
+def test_servo_that_may_have_no_current_does_not_turn(mode):
+    servo = EmulatedServo(1)
+    put(servo, 38, 0, 2)
+    put(servo, 11, mode, 1)
+    put(servo, 64, 1, 1)
+    assert number(servo, 128, 4, now=S) == 0
 
 
 def test_load_slows_the_servo(servo):

@@ -6,12 +6,25 @@ import pytest
 
 from orientd_sim.ur import dashboard
 from orientd_sim.ur.arm.arm import HOME, Arm, Breach, Mode
+from orientd_sim.ur.arm.models import MODELS, version_of
 from orientd_sim.ur.commands import RegisterCommand
 from orientd_sim.ur.controller import Behaviour, Controller, RefusedError
 from orientd_sim.ur.script import SIGNATURE
+from orientd_sim.ur.server import Server
 from orientd_sim.ur.variables import ProgramState, RobotMode, SafetyMode
 
 SCRIPT = f"{SIGNATURE}\n  loop()\nend\n"
+
+
+@pytest.mark.parametrize("text", ["abc", "5", "5.-1", "5.12.6.0.0", f"5.{1 << 32}", "3.15"])
+def test_software_that_there_is_not_is_refused(text):
+    with pytest.raises(ValueError, match=f"a UR5e has no PolyScope '{text}'"):
+        version_of(MODELS["ur5e"], text)
+
+
+def test_no_address_is_not_every_address_of_the_machine():
+    with pytest.raises(OSError, match="must be an address of this machine"):
+        Server("")
 
 
 @pytest.fixture
@@ -126,6 +139,33 @@ def test_pose_out_of_reach_ends_the_program(robot):
     servo(robot, (3.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     assert robot.runtime_state is ProgramState.STOPPED
     assert "no solution" in robot.log[-1]
+
+
+@pytest.mark.parametrize("number", [*RegisterCommand, -5, 200])
+@pytest.mark.parametrize("value", [math.nan, math.inf, 1e308])
+def test_a_command_with_no_number_moves_nothing_and_may_end_the_program_alone(robot, number, value):
+    before = robot.arm.actual_q
+    order(robot, number, *[value] * 18)
+    tick(robot, 5)
+    assert robot.arm.actual_q == pytest.approx(before)
+
+
+@pytest.mark.parametrize(("lookahead", "gain"), [(0.0, 300.0), (-0.1, 300.0), (0.1, -1e5)])
+def test_servo_without_lookahead_or_gain_ends_the_program(robot, lookahead, gain):
+    servo(robot, shifted(robot, 0.0), lookahead=lookahead, gain=gain)
+    assert robot.runtime_state is ProgramState.STOPPED
+
+
+@pytest.mark.parametrize("number", ["1e999", "1e308"])
+def test_program_with_no_number_is_refused(robot, number):
+    robot.upload(f"def p():\n  movej([{number}, 0, 0, 0, 0, 0])\nend\n")
+    assert "program refused" in robot.log[-1]
+
+
+def test_program_that_names_a_register_that_is_not_there_ends(robot):
+    robot.upload("def p():\n  write_output_integer_register(99, 1)\nend\n")
+    tick(robot, 11)
+    assert robot.runtime_state is ProgramState.STOPPED
 
 
 def test_servo_stop_brakes_then_is_done(robot):

@@ -91,6 +91,9 @@ MODELS = {
 """Every model by its name in lower case."""
 
 
+_NO_NUMBER = 1 << 32
+
+
 def version_of(model: Model, text: str | None) -> tuple[int, int, int, int]:
     """Return the software version that *text* names, as in ``5.12.6``; else the model's.
 
@@ -99,8 +102,9 @@ def version_of(model: Model, text: str | None) -> tuple[int, int, int, int]:
     """
     if not text:
         return model.version
-    numbers = [int(part) for part in text.split(".")]
-    if not 2 <= len(numbers) <= 4 or (numbers[0] < 5) != (model.version[0] < 5):
+    numbers = [int(part) if part.isdecimal() else _NO_NUMBER for part in text.split(".")]
+    is_whole = 2 <= len(numbers) <= 4 and max(numbers) < _NO_NUMBER
+    if not is_whole or (numbers[0] < 5) != (model.version[0] < 5):
         raise ValueError(f"a {model.name} has no PolyScope {text!r}")
     major, minor, bugfix, build = (*numbers, 0, 0)[:4]
     return major, minor, bugfix, build

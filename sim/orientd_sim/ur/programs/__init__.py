@@ -10,4 +10,10 @@ from orientd_sim.ur.programs.motions import (
     stop,
     touch,
 )
-from orientd_sim.ur.programs.statements import Statement, UnknownStatementError, parse, perform
+from orientd_sim.ur.programs.statements import (
+    Statement,
+    UnknownStatementError,
+    finite,
+    parse,
+    perform,
+)

@@ -7,7 +7,7 @@ program with an error, so that nothing is taken for done that was not.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -21,6 +21,7 @@ _CALL = re.compile(r"^\s*(\w+)\((.*)\)\s*$")
 _VECTOR = re.compile(r"(p?)\[([^\]]*)\]")
 _NAMED = re.compile(r"\b([avrt])\s*=\s*([-+0-9.eE]+)")
 _NOTHING_TO_DO = frozenset({"textmsg", "sync", "popup", "set_tool_voltage"})
+_LARGEST = 1e6
 _SKIPPED = re.compile(r"^\s*(#.*|def .*:|sec .*:|end|)\s*$")
 
 
@@ -43,6 +44,18 @@ class Statement:
     vectors: tuple[tuple[bool, tuple[float, ...]], ...] = ()
     numbers: tuple[float, ...] = ()
     named: dict[str, float] = field(default_factory=dict)
+
+
+def finite(values: Iterable[float]) -> tuple[float, ...]:
+    """Return *values* as they are.
+
+    Raises:
+        UnknownStatementError: one is not a number, or larger than any quantity of a robot.
+    """
+    numbers = tuple(values)
+    if not all(abs(number) < _LARGEST for number in numbers):
+        raise UnknownStatementError(f"no numbers for a robot: {numbers}")
+    return numbers
 
 
 def parse(text: str) -> list[Statement]:
@@ -98,13 +111,13 @@ def _statement(line: str) -> Statement:
         return Statement(name)
     try:
         vectors = tuple(
-            (bool(kind), tuple(float(x) for x in inside.split(",")))
+            (bool(kind), finite(float(x) for x in inside.split(",")))
             for kind, inside in _VECTOR.findall(arguments)
         )
-        named = {key: float(value) for key, value in _NAMED.findall(arguments)}
+        named = {key: finite([float(value)])[0] for key, value in _NAMED.findall(arguments)}
         rest = _NAMED.sub("", _VECTOR.sub("", arguments))
         # Registers are named as a sum, `0 +24`.
-        numbers = tuple(
+        numbers = finite(
             sum(float(term) for term in part.replace("+", " ").split())
             for part in rest.split(",")
             if part.strip()
