@@ -10,7 +10,7 @@ import grpc
 
 from orientd.bounded_file import MEBIBYTE, read_bounded
 from orientd.errors import AccessError, DaemonError, OrientdError
-from orientd.first_stop import runtime_directory
+from orientd.first_stop import connected, runtime_directory
 from orientd.rpc.address import found_socket, target
 from orientd.rpc.channel_options import CLIENT_OPTIONS
 from orientd.rpc.stop_call import refusal
@@ -86,7 +86,13 @@ class Way:
             except OrientdError as error:
                 return error
             refused = refusal(self.socket)
-            return AccessError(f"the daemon at {self.socket}: {refused}") if refused else None
+            if refused:
+                return AccessError(f"the daemon at {self.socket}: {refused}")
+            try:
+                connected(str(self.socket)).close()
+            except OSError:
+                return None
+            return DaemonError(f"the daemon at {self.socket} does not answer")
         if self.certificate is None or self.key is None or self.ca is None:
             return None
         from orientd.rpc.tls_problem import tls_problem

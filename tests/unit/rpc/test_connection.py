@@ -1,5 +1,7 @@
 """A client that has hung up, or never got through."""
 
+import socket
+
 import pytest
 
 from orientd.errors import DaemonError
@@ -38,3 +40,12 @@ def test_what_is_called_wrongly_is_not_taken_for_a_closed_connection(tmp_path):
         robot.plan([{"rotation_vector": [0.1]}])
     assert not isinstance(caught.value, DaemonError)
     robot.close()
+
+
+def test_a_daemon_that_is_there_and_says_nothing_is_told_from_none(tmp_path):
+    way = Way(tmp_path / "a.sock")
+    with socket.socket(socket.AF_UNIX) as listening:
+        listening.bind(str(way.socket))
+        listening.listen()
+        assert "does not answer" in str(way.why_not())
+    assert way.why_not() is None
