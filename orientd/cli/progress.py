@@ -41,17 +41,22 @@ def _lines() -> Show:
         now = time.monotonic()
         if now >= due:
             due = now + PLAIN_INTERVAL
-            say(f"{progress.path_time:.2f} of {progress.duration:.2f} s  {_figures(progress)}")
+            times = f"{progress.path_time:.2f} of {progress.duration:.2f} s"
+            say(f"{times}  {_figures(progress)}{_pace(progress)}")
 
     return show
 
 
 @contextlib.contextmanager
 def _live_line(title: str) -> Iterator[Show]:
-    """Yield what changes one line, with a bar."""
+    """Yield what changes one line, with a bar.
+
+    Where the terminal is too narrow the figures are cut off first, and the bar is.
+    """
     # Rich takes its time to import, and most commands have no use for it.
     from rich.progress import BarColumn, ProgressColumn, Task, TextColumn
     from rich.progress import Progress as Bar
+    from rich.table import Column
     from rich.text import Text
 
     class Age(ProgressColumn):
@@ -61,12 +66,18 @@ def _live_line(title: str) -> Iterator[Show]:
             age = time.monotonic() - task.fields["heard"]
             return Text(f"{age:.0f} s old" if age > STALE else "", "bold red", no_wrap=True)
 
+    class Figures(ProgressColumn):
+        """What becomes narrower before other columns do."""
+
+        def render(self, task: Task) -> Text:
+            return Text(task.fields["figures"], "dim", no_wrap=True, overflow="ellipsis")
+
     columns = (
-        Age(),
-        TextColumn("{task.description}"),
+        Age(Column(no_wrap=True)),
+        TextColumn("{task.description}", markup=False),
         BarColumn(bar_width=20),
-        TextColumn("{task.fields[times]}"),
-        TextColumn("{task.fields[figures]}", style="dim"),
+        TextColumn("{task.fields[times]}", markup=False),
+        Figures(),
     )
     with Bar(*columns) as bar:
         now = time.monotonic()
@@ -75,19 +86,23 @@ def _live_line(title: str) -> Iterator[Show]:
             task,
             total=progress.duration,
             completed=progress.path_time,
-            times=f"{progress.path_time:.2f}/{progress.duration:.2f} s",
+            times=f"{progress.path_time:.2f}/{progress.duration:.2f} s{_pace(progress)}",
             figures=_figures(progress),
             heard=time.monotonic(),
         )
 
 
 def _figures(progress: Progress) -> str:
-    # Before the first cycle of the motion, and after the last, no path is followed at any speed.
-    is_as_planned = progress.speed == 1.0 or progress.state is ServoState.HOLDING
-    speed = "" if is_as_planned else f"  speed {progress.speed:.2f}"
-    paused = "  paused" if progress.is_paused else ""
     return (
         f"{texts.orientation(progress.q)}  {math.hypot(*progress.omega_body):.3f} rad/s  "
         f"late {texts.milliseconds(progress.lateness)}  "
-        f"tracking {texts.small_angle(progress.tracking_error)}{speed}{paused}"
+        f"tracking {texts.small_angle(progress.tracking_error)}"
     )
+
+
+def _pace(progress: Progress) -> str:
+    """Return at what speed the path is followed, where that is not as planned."""
+    # Before the first cycle of the motion, and after the last, no path is followed at any speed.
+    is_as_planned = progress.speed == 1.0 or progress.state is ServoState.HOLDING
+    speed = "" if is_as_planned else f"  speed {progress.speed:.2f}"
+    return f"{speed}{'  paused' if progress.is_paused else ''}"

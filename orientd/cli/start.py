@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 def main() -> NoReturn:
     """Run what the command line says: a stop before that is loaded, anything else by it."""
+    _open_standard_streams()
     # Whoever ignores the signal, such as a shell for its background jobs, has a reason to.
     is_ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if is_ours:
@@ -33,6 +34,15 @@ def main() -> NoReturn:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     run()
     sys.exit(0)
+
+
+def _open_standard_streams() -> None:
+    """Let what is closed of the standard streams be nothing, rather than what is opened next."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            nothing = open(os.devnull, mode)  # noqa: SIM115, PTH123 - it takes the free number
+            os.set_inheritable(nothing.fileno(), True)
+            setattr(sys, name, nothing)
 
 
 def _end(number: int, frame: FrameType | None) -> None:

@@ -32,6 +32,7 @@ def working(title: str, *, is_silent: bool = False) -> Iterator[None]:
         yield
         return
     from rich.console import Console
+    from rich.text import Text
 
-    with Console(stderr=True).status(title):
+    with Console(stderr=True).status(Text(title)):
         yield

@@ -217,8 +217,10 @@ class SupervisedDevice:
         queued = None if motions is None else motions.queued_of(due)
         path_time = 0.0
         if due is not None and queued is not None and queued.feeder is not None:
+            facts = queued.motion.facts
             records = due.path_index - queued.feeder.first_index + due.path_fraction
-            path_time = max(0.0, records * queued.motion.facts.period)
+            # The last record may lie up to a period beyond the motion's end.
+            path_time = min(max(0.0, records * facts.period), facts.duration)
         state = ServoState.IDLE if cycle is None else cycle.state
         is_paused = motions is not None and motions.is_paused
         return DeviceSnapshot(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,11 +11,14 @@ import grpc
 
 from orientd.bounded_file import MEBIBYTE, read_bounded
 from orientd.errors import AccessError, DaemonError, OrientdError
-from orientd.first_stop import runtime_directory
+from orientd.first_stop import connected, runtime_directory
 from orientd.rpc.address import found_socket, target
 from orientd.rpc.channel_options import CLIENT_OPTIONS
 from orientd.rpc.stop_call import refusal
 from orientd.rpc.trust import check_socket
+
+_SILENCE = 0.5
+"""How long a daemon that did not answer a call may say nothing, s."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +90,11 @@ class Way:
             except OrientdError as error:
                 return error
             refused = refusal(self.socket)
-            return AccessError(f"the daemon at {self.socket}: {refused}") if refused else None
+            if refused:
+                return AccessError(f"the daemon at {self.socket}: {refused}")
+            if _is_silent(self.socket):
+                return DaemonError(f"the daemon at {self.socket} does not answer")
+            return None
         if self.certificate is None or self.key is None or self.ca is None:
             return None
         from orientd.rpc.tls_problem import tls_problem
@@ -114,3 +122,16 @@ class Way:
                 raise DaemonError(f"cannot read {path}: {error.strerror}") from error
         credentials = grpc.ssl_channel_credentials(*contents)
         return grpc.secure_channel(self.address, credentials, options=CLIENT_OPTIONS)
+
+
+def _is_silent(path: Path) -> bool:
+    """Whether somebody listens at *path* who says nothing, and is not about to be gone either."""
+    try:
+        with socket.socket(fileno=connected(str(path)).detach()) as connection:
+            connection.settimeout(_SILENCE)
+            connection.recv(1)
+    except TimeoutError:
+        return True
+    except OSError:
+        return False
+    return False

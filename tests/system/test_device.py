@@ -56,6 +56,14 @@ def turn_from_here(device, angle):
     return MotionRequest(keyframes=[Keyframe(start), Keyframe(away)])
 
 
+def test_a_motion_that_has_ended_is_at_its_end(device):
+    motion = plan(device, turn_from_here(device, 0.3))
+    device.start(Prepared(motion))
+    until(lambda: device.snapshot().path_time > 0.1, "the motion under way")
+    until_holding(device)
+    assert device.snapshot().path_time == motion.facts.duration
+
+
 def test_a_plan_begins_where_a_stop_just_ended(device, events):
     first = device.start(Prepared(plan(device, turn_from_here(device, 1.0))))
     until(lambda: device.snapshot().path_time > 0.1, "the motion under way")

@@ -171,6 +171,18 @@ def test_a_blended_corner_is_not_a_stop_and_stays_within_its_tolerance(daemon, r
     daemon.assert_limits_kept()
 
 
+def test_a_motion_to_be_blended_is_run_however_late_it_is_asked_for(daemon, robot):
+    ended = []
+    for k in range(12):
+        first = turn(robot, 0.3)
+        ahead = first.plan.duration * (1.0 - k / 12)
+        next((now for now in first if now.duration - now.path_time < ahead), None)
+        second = turn(robot, -0.3, queue=True, blend_tolerance=0.2)
+        ended += [first.wait(10.0).outcome, second.wait(10.0).outcome]
+    assert Outcome.STOPPED not in ended
+    daemon.assert_limits_kept()
+
+
 def test_a_motion_that_is_stopped_between_its_blend_and_its_corner_says_so(daemon, robot):
     slow = {"limits": {"velocity": 0.2}}
     first = turn(robot, 1.0, **slow)

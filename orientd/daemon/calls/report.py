@@ -113,20 +113,24 @@ class ProgressReader:
         self._overruns = newest.overruns if newest is not None else 0
 
     def read(self) -> Progress | None:
-        """Return how far the motion is; ``None`` while there is no servo to tell."""
+        """Return how far the motion is.
+
+        ``None`` while there is no servo to tell, and once the motion has been left for another:
+        it may not have ended, but what the device does is the other's.
+        """
         now = self._run.device.snapshot()
-        if now.cycle is None:
+        if now.cycle is None or now.motion_number > self._run.number:
             return None
         frame = self._run.motion.frame if self._run.motion is not None else None
         duration = self._run.motion.facts.duration if self._run.motion is not None else 0.0
-        # A motion that waits for its turn has not begun; one that was left has ended.
+        # A motion that waits for its turn has not begun.
         is_present = now.motion_number == self._run.number
         recent, _ = self._cycles.read()
         latest = max((cycle.lateness_ns for cycle in recent), default=now.cycle.lateness_ns)
         seen = (now.cycle.q, now.cycle.omega_body, now.cycle.position)
         q, omega_body, position = seen if frame is None else _seen(frame, *seen)
         return Progress(
-            path_time=min(now.path_time, duration) if is_present else 0.0,
+            path_time=now.path_time if is_present else 0.0,
             duration=duration,
             state=now.state,
             is_paused=now.is_paused,

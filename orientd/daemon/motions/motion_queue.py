@@ -15,7 +15,7 @@ from orientd.daemon.motions.feeder import BLOCK, Feeder
 from orientd.daemon.motions.meter import MotionMeter
 from orientd.daemon.motions.queued_motion import QueuedMotion, SplicePoint
 from orientd.daemon.planners import PlannedMotion
-from orientd.errors import LateError, NotYetError, StateError
+from orientd.errors import LateError, NotYetError, OrientdError, StateError
 from orientd.planner import MotionFacts
 from orientd.rpc import Statistics
 from orientd.servo import TAIL_WORD
@@ -158,8 +158,12 @@ class MotionQueue:
     def append(self, motion: PlannedMotion, number: int, leave: SplicePoint) -> None:
         """Have *motion* follow the last queued motion, from *leave* on.
 
+        The servo is told of it at once where the one before is in the ring.
+
         Raises:
-            LateError: the last queued motion is another one by now.
+            LateError: the last queued motion is another one by now, or the servo has passed
+                *leave* or cannot go over to another one at this moment.
+            DaemonError: the servo does not answer.
         """
         if (
             not self._queued_motions
@@ -167,8 +171,16 @@ class MotionQueue:
             or self.last.leave is not None
         ):
             raise LateError(f"motion {leave.number} is not the last one any more")
-        self.last.leave = leave.record
+        left = self.last
+        left.leave = leave.record
         self._queued_motions.append(QueuedMotion(motion, number))
+        try:
+            self.feed()
+        except OrientdError as error:
+            if isinstance(error, LateError) and leave.record == left.motion.last_record:
+                return  # it begins when the one before has come to rest
+            self._take_out(len(self._queued_motions) - 1)
+            raise
 
     def feed(self) -> None:
         """Fill the ring, and tell the servo of the next motion once it is in there.

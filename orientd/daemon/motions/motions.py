@@ -224,6 +224,7 @@ class Motions:
         elif options != self._tuned:
             raise StateError("device_options change at rest only: wait for the motion's end")
         elif move_options.is_queued:
+            self._horizon.add(prepared.kind, time.monotonic() - prepared.chosen)
             self._queue.append(motion, number, leave)
         else:
             self._horizon.add(prepared.kind, time.monotonic() - prepared.chosen)

@@ -68,6 +68,31 @@ def test_what_is_counted_is_passed_on_and_shown_on_a_terminal_alone(capsys, monk
     assert capsys.readouterr().out == ""
 
 
+@pytest.mark.parametrize("width", [40, 60, 80, 120])
+def test_a_live_line_tells_the_times_however_narrow_the_terminal_is(capsys, monkeypatch, width):
+    from dataclasses import replace
+
+    monkeypatch.setattr(progress, "is_terminal", lambda: True)
+    rich.reconfigure(width=width)
+    with progress.view("motion 1", is_silent=False) as show:
+        show(replace(REPORT, speed=0.5))
+    rich.reconfigure()
+    said = capsys.readouterr().out
+    assert "motion 1" in said
+    assert "1.00/4.00 s  speed 0.50" in said
+    assert len(said.splitlines()) == 1
+
+
+def test_a_name_is_shown_as_it_is_whatever_brackets_it_has(capsys, monkeypatch):
+    monkeypatch.setattr(progress, "is_terminal", lambda: True)
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    with progress.view("motion 1 'a[b] [/red]'", is_silent=False) as show:
+        show(REPORT)
+    assert "motion 1 'a[b] [/red]'" in capsys.readouterr().out
+    with waiting.working("planning a[b] [/red].yaml"):
+        pass
+
+
 def test_a_live_line_says_when_it_is_old(capsys, monkeypatch):
     monkeypatch.setattr(progress, "is_terminal", lambda: True)
     rich.reconfigure(width=200)

@@ -5,7 +5,7 @@ import pytest
 
 from orientd import planner, rotation
 from orientd.daemon.motions.motion_queue import MotionQueue, SplicePoint
-from orientd.errors import NotYetError
+from orientd.errors import LateError, NotYetError
 from orientd.servo import TAIL_WORD
 from orientd.stream import Command, SharedMemory
 
@@ -13,19 +13,19 @@ PERIOD = 0.002
 
 
 class Link:
-    """A servo that takes what it is told, or says that it is too early."""
+    """A servo that takes what it is told, or refuses that."""
 
     def __init__(self):
         self.memory = SharedMemory.create(8192, 1024)
         self.asked = []
-        self.is_too_early = False
+        self.refusal = None
 
     def beat(self):
         pass
 
     def ask(self, command, **fields):
-        if self.is_too_early:
-            raise NotYetError("the speed is changing")
+        if self.refusal is not None:
+            raise self.refusal
         self.asked.append((command, fields))
 
     def read(self, index):
@@ -50,14 +50,14 @@ def turn(angle, start=(1.0, 0.0, 0.0, 0.0)):
 
 def test_a_motion_goes_on_in_the_ring_until_the_servo_goes_over_to_the_next(link):
     first = turn(3.0)
-    motion_queue = MotionQueue(link, lead=0.0, read_ahead=700)
+    motion_queue = MotionQueue(link, lead=0.0, read_ahead=300)
     motion_queue.begin(first, 1, speed=1.0, start_ns=0)
     leave = motion_queue.needed(first.facts) + 40
-    link.memory.path.words[TAIL_WORD] = leave - 20
     second = turn(0.5, first.state_at(leave).q)
     motion_queue.append(second, 2, SplicePoint(1, leave))
+    link.memory.path.words[TAIL_WORD] = leave - 20
 
-    link.is_too_early = True
+    link.refusal = NotYetError("the speed is changing")
     for _ in range(3):
         with pytest.raises(NotYetError):
             motion_queue.feed()
@@ -66,10 +66,32 @@ def test_a_motion_goes_on_in_the_ring_until_the_servo_goes_over_to_the_next(link
     for record in (leave, ring.head - 1):
         np.testing.assert_array_equal(link.read(record), first.records(record, 1)[0])
 
-    link.is_too_early = False
+    link.refusal = None
     motion_queue.feed()
     command, fields = link.asked[-1]
     assert (command, fields["leave_index"]) == (Command.SPLICE, leave)
     for record in (0, second.last_record):
         at = fields["path_index"] + record
         np.testing.assert_array_equal(link.read(at), second.records(record, 1)[0])
+
+
+@pytest.mark.parametrize("refusal", [LateError("it has passed"), NotYetError("it changes")])
+def test_a_motion_that_cannot_be_blended_any_more_is_not_taken(link, refusal):
+    first = turn(0.5)
+    motion_queue = MotionQueue(link, lead=0.0, read_ahead=700)
+    motion_queue.begin(first, 1, speed=1.0, start_ns=0)
+    link.refusal = refusal
+    with pytest.raises(type(refusal)):
+        motion_queue.append(turn(0.5, first.state_at(20).q), 2, SplicePoint(1, 20))
+    assert motion_queue.last.number == 1
+    assert motion_queue.last.last_record == first.last_record
+
+
+def test_a_motion_that_follows_at_rest_is_not_too_late(link):
+    first = turn(0.5)
+    motion_queue = MotionQueue(link, lead=0.0, read_ahead=700)
+    motion_queue.begin(first, 1, speed=1.0, start_ns=0)
+    link.refusal = LateError("splice is not possible while holding")
+    end = SplicePoint(1, first.last_record)
+    motion_queue.append(turn(0.5, first.state_at(first.last_record).q), 2, end)
+    assert motion_queue.last.number == 2

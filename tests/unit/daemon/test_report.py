@@ -91,6 +91,16 @@ def test_progress_tells_the_worst_lateness_since_the_last(device, motion):
     assert reader.read() is None
 
 
+def test_a_motion_that_was_left_for_another_tells_nothing_of_the_other(device, motion):
+    device.number = 2
+    planned = SimpleNamespace(facts=motion.recorded().facts, frame=None)
+    left, present = (
+        report.ProgressReader(ActiveMotion(device, number, planned, "")) for number in (1, 2)
+    )
+    assert left.read() is None
+    assert present.read() is not None
+
+
 def test_samples_begin_and_end_with_the_motion(motion):
     for rate_hz in (500.0, 33.3, 7.0):
         samples = reporting.samples_of(motion, rate_hz)
