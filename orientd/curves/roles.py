@@ -36,8 +36,18 @@ EQUAL = 1e-9
 MOST_CONTROLS = 24
 """Of one segment: its cost grows with their square, and it stays ever further away from them."""
 
-COMMON = ("keys", "times", "start_velocity", "end_velocity", "velocity_frame", "turns")
-"""Parameters that every family takes under these names."""
+COMMON = {
+    "keys": ("control", "q0", "q1"),
+    "times": ("t0", "t1"),
+    "start_velocity": ("omega_start", "omega0"),
+    "end_velocity": ("omega_end", "omega1"),
+    "velocity_frame": ("frame",),
+    "turns": ("revolutions", "spins"),
+}
+"""Parameters that every family takes under these names, and what some families call them."""
+
+_END_OF = {"omega0": 0, "alpha0": 0, "omega1": -1, "alpha1": -1}
+"""Own names of vectors that are in the frame of the velocities, each with its keyframe."""
 
 _FROM_TASK = frozenset(
     {
@@ -187,10 +197,14 @@ def own_names(family: type[Curve], given: Mapping[str, Any]) -> dict[str, Any]:
 
     Raises:
         ValueError: the family cannot do what is asked, or a parameter is not as said.
-        TypeError: there is no keyframe in it.
+        TypeError: there is no keyframe in it, or something is said by two names.
     """
     rest = dict(given)
     common = {name: rest.pop(name, None) for name in COMMON}
+    for name, others in COMMON.items():
+        twice = [other for other in others if other in rest and common[name] is not None]
+        if twice:
+            raise TypeError(f"{family.name} must be given {name} or {twice[0]}, got both")
     keys = _keys_of(family, common["keys"], rest)
     turns = common["turns"]
     if turns is not None:
@@ -201,6 +215,9 @@ def own_names(family: type[Curve], given: Mapping[str, Any]) -> dict[str, Any]:
         times = np.linspace(*times, len(keys))
     frame = common["velocity_frame"] or rest.pop("frame", "body")
     is_world = check_choice(frame, "velocity_frame", ("body", "world")) == "world"
+    for name in _END_OF.keys() & rest.keys() if is_world else ():
+        vector = check_vector(rest[name], name)
+        rest[name] = rotate(conjugate(keys[_END_OF[name]]), vector)
 
     def in_body_frame(name: str, key: Floats) -> Floats | None:
         if common[name] is None:

@@ -93,8 +93,10 @@ class NielsonShieh(Curve):
         super().__init__(knots=instants, continuity=2 if len(q) == 2 else 1 if is_smooth else 0)
         chords = check_chords(q)
         basis = carried_bases(q, chords)
+        # A tangent is at right angles to its own keyframe, and the way to the next one is exact.
+        ways = np.diff(q, axis=0) / chords[:, None]
         if M1 is None:
-            pulls = np.einsum("ncj,nc->nj", basis, q[1:]) / chords[:, None]
+            pulls = np.einsum("ncj,nc->nj", basis, ways)
             direction = best_direction(pulls, chords, criterion, is_restricted=is_restricted)
             if direction is None:
                 raise PlanError(
@@ -104,7 +106,7 @@ class NielsonShieh(Curve):
         else:
             direction = basis[0].T @ projected_tangent(check_vector(M1, "M1", 4), q)
         tangents = basis @ (direction / np.linalg.norm(direction))
-        self._weights = np.sum(tangents * q[1:], axis=-1) / chords
+        self._weights = np.sum(tangents * ways, axis=-1)
         self._keys, self._chords = q, chords
         self._middles = self._weights[:, None] * q[:-1] + 0.5 * chords[:, None] * tangents
         h = np.diff(instants)

@@ -153,3 +153,12 @@ def test_a_shoulder_given_for_the_other_signs_is_the_same_shoulder(random_keys):
     m = 1.3 * slerp(keys[0], keys[1], 0.4) + 0.1
     one, other = ARCS(keys=keys, times="uniform", M1=m), ARCS(keys=-keys, times="uniform", M1=m)
     assert angle(one.evaluate([1.7])[0], other.evaluate([1.7])[0])[0] < 1e-13
+
+
+@pytest.mark.parametrize("step", [1e-2, 1e-4, 1e-6])
+def test_arcs_through_keyframes_close_to_one_another_join_as_smoothly_as_their_digits_allow(step):
+    rng = np.random.default_rng(1)
+    keys = exp([0.3, -0.8, 0.5])[None]
+    for turn in rng.normal(size=(4, 3)):
+        keys = np.vstack([keys, multiply(keys[-1], exp(step * turn))])
+    assert speed_jump(ARCS(keys=keys, times="uniform", require_positive=False)) < 1e-14 / step

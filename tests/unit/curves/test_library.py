@@ -94,6 +94,31 @@ def test_names_of_a_familys_own_go_with_the_common_ones():
     assert shared.evaluate(times)[0] == pytest.approx(own.evaluate(times)[0], abs=1e-15)
 
 
+def test_vectors_of_own_names_are_in_the_frame_that_is_said_beside_keyframes():
+    given = {"omega0": [1, 0, 0.5], "omega1": [0, 1, 0], "alpha0": [1, 2, 3], "alpha1": [3, 2, 1]}
+    family, keys = METHODS["kks_quintic_hermite"], TURNS[1:3]
+    own = family(q0=keys[0], q1=keys[1], frame="world", **given).ends()
+    for said in ("frame", "velocity_frame"):
+        ends = family(keys=keys, times=[0, 1], **{said: "world"}, **given).ends()
+        assert np.concatenate(ends, axis=1) == pytest.approx(np.concatenate(own, axis=1), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "given"),
+    [
+        ("kks_hermite", {"t1": 9.0}),
+        ("kks_hermite", {"start_velocity": [0, 0, 1], "omega0": [0, 0, 2]}),
+        ("kks_hermite", {"velocity_frame": "body", "frame": "world"}),
+        ("kks_hermite", {"turns": 1, "revolutions": 2}),
+        ("c2_cumulative", {"end_velocity": [0, 0, 1], "omega_end": [0, 0, 2]}),
+        ("kks_bspline", {"control": TURNS}),
+    ],
+)
+def test_what_is_said_by_two_names_is_refused(name, given):
+    with pytest.raises(TypeError, match=f"{name} must be given .* got both"):
+        made(name, **given)
+
+
 def test_orientations_may_be_of_any_kind():
     q = TURNS.as_quat()
     kinds = (
