@@ -22,7 +22,7 @@ import orientd
 from orientd import processor
 from orientd.config import Settings
 from orientd.daemon.access import Admission, StartupGate, claimed, inner_socket
-from orientd.daemon.calls import UnreadHandlers
+from orientd.daemon.calls import left_unread
 from orientd.daemon.notify import notify
 from orientd.daemon.stops import StopWay
 from orientd.daemon.watchdog import Watchdog
@@ -127,7 +127,7 @@ class _Daemon:
         loop = asyncio.get_running_loop()
         for number in (signal.SIGTERM, signal.SIGINT):
             loop.add_signal_handler(number, self._stop, number)
-        gate = StartupGate(SERVICE, UnreadHandlers)
+        gate = StartupGate(SERVICE, left_unread)
         entry = Admission(self._settings.access, self._settings.tcp, inner)
         checks = health.aio.HealthServicer()  # type: ignore[attr-defined] # not in the stubs
         server = _server(gate, checks, entry, self._settings.access.message_bytes)

@@ -9,7 +9,7 @@ from orientd.lazy import lazily
 if TYPE_CHECKING:
     from orientd.daemon.access.authentication import Admission, inner_socket
     from orientd.daemon.access.claim import claimed
-    from orientd.daemon.access.gate import GenericHandler, MethodHandler, StartupGate
+    from orientd.daemon.access.gate import StartupGate
     from orientd.daemon.access.identity import (
         ClientCertificate,
         Identity,

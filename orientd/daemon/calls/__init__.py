@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from orientd.daemon.calls.moving import MovingCalls
     from orientd.daemon.calls.telemetry import Telemetry
     from orientd.daemon.calls.tracking import TrackingCalls
-    from orientd.daemon.calls.unread import UnreadHandlers
+    from orientd.daemon.calls.unread import left_unread
     from orientd.daemon.calls.watching import WatchingCalls
 
 __getattr__ = lazily(__name__)
