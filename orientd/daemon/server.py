@@ -31,10 +31,9 @@ from orientd.rpc import control_pb2, server_options, target
 from orientd.rpc.control_pb2_grpc import add_ControlServicer_to_server
 
 if TYPE_CHECKING:
-    from orientd.daemon.calls import Telemetry
+    from orientd.daemon.calls import ControlService, Telemetry
     from orientd.daemon.cell import Cell
     from orientd.daemon.fleet import FleetLink
-    from orientd.daemon.service import ControlService
     from orientd.rpc import DaemonReport
 
 _log = logging.getLogger(__name__)
@@ -246,8 +245,8 @@ class _Daemon:
 
     def _load(self, entry: Admission) -> tuple[Cell, ControlService]:
         """Import, and start, what takes its time."""
+        from orientd.daemon.calls import ControlService
         from orientd.daemon.cell import Cell
-        from orientd.daemon.service import ControlService
 
         cell = Cell(self._settings)
         kernels = processor.level()
