@@ -23,9 +23,8 @@ from orientd import processor
 from orientd.config import Settings
 from orientd.daemon.access import Admission, StartupGate, claimed, inner_socket
 from orientd.daemon.calls import left_unread
-from orientd.daemon.notify import notify
 from orientd.daemon.stops import StopWay
-from orientd.daemon.watchdog import Watchdog
+from orientd.daemon.systemd import Watchdog, notify
 from orientd.errors import ConfigError, DaemonError
 from orientd.rpc import control_pb2, server_options, target
 from orientd.rpc.control_pb2_grpc import add_ControlServicer_to_server
