@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from orientd import config
 from orientd.config import TLS, UNIX, FleetSettings, TcpSettings
 from orientd.errors import ConfigError
 from orientd.fleet.keys import ROOT, as_caller, of_daemon, presence
@@ -26,6 +27,8 @@ _WATCHING = ("declare_liveliness_subscriber", "liveliness_query")
 _ANSWERING = ("put", "delete", "reply", "declare_queryable", "declare_subscriber",
               "liveliness_token", *_WATCHING)  # fmt: skip
 _ALL = ("query", *_ANSWERING)
+
+_NO_DEVICE = {"devices": {"none": {"driver": "loopback"}}}
 
 Rule = dict[str, Any]
 
@@ -61,6 +64,37 @@ def zenoh_configuration(
     configuration |= tls_configuration(*files)
     configuration["access_control"] = _access_control(settings, callers)
     return configuration
+
+
+def router_configuration(path: Path) -> dict[str, Any]:
+    """Return Zenoh's configuration of the router that the file at *path* describes.
+
+    It has the tables ``[fleet]`` and ``[access.certificates]`` as a daemon's, and needs no devices.
+
+    Raises:
+        ConfigError: the file cannot be read or is not well formed.
+    """
+    settings = config.parse(_NO_DEVICE | config.read_table(path), source=str(path))
+    if settings.fleet is None:
+        raise ConfigError(f"{path}: fleet: missing")
+    callers = list(settings.access.certificates)
+    return zenoh_configuration(settings.fleet, settings.tcp, callers=callers, is_router=True)
+
+
+def nested(configuration: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values by Zenoh's paths as the tree that its own files hold.
+
+    >>> nested({"mode": "router", "listen/endpoints": []})
+    {'mode': 'router', 'listen': {'endpoints': []}}
+    """
+    tree: dict[str, Any] = {}
+    for path, value in configuration.items():
+        *folders, last = path.split("/")
+        place = tree
+        for folder in folders:
+            place = place.setdefault(folder, {})
+        place[last] = value
+    return tree
 
 
 def basic_configuration(
