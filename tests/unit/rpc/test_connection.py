@@ -2,6 +2,7 @@
 
 import pytest
 
+import orientd
 from orientd.errors import DaemonError
 from orientd.rpc.channel import Way
 from orientd.rpc.client import Robot
@@ -38,3 +39,17 @@ def test_what_is_called_wrongly_is_not_taken_for_a_closed_connection(tmp_path):
         robot.plan([{"rotation_vector": [0.1]}])
     assert not isinstance(caught.value, DaemonError)
     robot.close()
+
+
+@pytest.mark.parametrize(
+    ("connect_to", "address"),
+    [(orientd.connect, {"address": "host:1"}), (orientd.connect_fleet, {"connect": "tls/host:1"})],
+)
+def test_what_is_missing_of_the_certificates_is_named(monkeypatch, connect_to, address):
+    for name in ("ORIENTD_CERT", "ORIENTD_KEY", "ORIENTD_CELL"):
+        monkeypatch.setenv(name, "here")
+    monkeypatch.delenv("ORIENTD_CA", raising=False)
+    with pytest.raises(
+        DaemonError, match=r"host:1 needs a certificate.* environment's ORIENTD_CA$"
+    ):
+        connect_to(**address)
