@@ -109,27 +109,28 @@ class AuditLog:
 
     def _append(self, record: dict[str, Any]) -> None:
         """Write the next line of the chain, which another daemon of this user may go on with."""
-        self._lock()
         try:
-            size = os.fstat(self._descriptor).st_size
-            if size != self._end:
-                size = self._find_end(size)
-            number, previous = self._last
-            line = chained(record, number + 1, previous)
+            size, line = self._next(record)
             if size and size + len(line) > self._most_bytes:
                 self._put_aside()
-                self._lock()
-                size = self._find_end(os.fstat(self._descriptor).st_size)
-                number, previous = self._last
-                line = chained(record, number + 1, previous)
+                size, line = self._next(record)
             written = os.write(self._descriptor, line)
             if written < len(line):
                 os.ftruncate(self._descriptor, size)
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-            self._end, self._last = size + written, (number + 1, digest(line[:-1]))
+            self._end, self._last = size + written, (self._last[0] + 1, digest(line[:-1]))
         finally:
             if self._descriptor >= 0:
                 fcntl.flock(self._descriptor, fcntl.LOCK_UN)
+
+    def _next(self, record: dict[str, Any]) -> tuple[int, bytes]:
+        """Lock the file; return its length, and *record* as the line that follows."""
+        self._lock()
+        size = os.fstat(self._descriptor).st_size
+        if size != self._end:
+            size = self._find_end(size)
+        number, previous = self._last
+        return size, chained(record, number + 1, previous)
 
     def _lock(self) -> None:
         """Hold the file at the path alone, opened anew where another daemon has put it aside."""

@@ -7,7 +7,7 @@ import grp
 import os
 import pwd
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass
 
@@ -129,21 +129,20 @@ class RolePolicy:
 
 
 def _uid(name: str) -> int:
-    if name.isascii() and name.isdigit():
-        return int(name)
-    try:
-        return pwd.getpwnam(name).pw_uid
-    except (KeyError, ValueError) as error:  # a name with a null byte is a mistake of another kind
-        raise ConfigError(f"access.users: there is no user {name!r} on this machine") from error
+    return _number("user", name, lambda: pwd.getpwnam(name).pw_uid)
 
 
 def _gid(name: str) -> int:
+    return _number("group", name, lambda: grp.getgrnam(name).gr_gid)
+
+
+def _number(kind: str, name: str, find: Callable[[], int]) -> int:
     if name.isascii() and name.isdigit():
         return int(name)
     try:
-        return grp.getgrnam(name).gr_gid
-    except (KeyError, ValueError) as error:
-        raise ConfigError(f"access.groups: there is no group {name!r} on this machine") from error
+        return find()
+    except (KeyError, ValueError) as error:  # a name with a null byte is a mistake of another kind
+        raise ConfigError(f"access.{kind}s: there is no {kind} {name!r} on this machine") from error
 
 
 def _user_name(uid: int) -> str:
