@@ -25,7 +25,7 @@ from orientd.daemon.access import Admission, StartupGate, claimed, inner_socket
 from orientd.daemon.calls import left_unread
 from orientd.daemon.stops import StopWay
 from orientd.daemon.systemd import Watchdog, notify
-from orientd.errors import ConfigError, DaemonError
+from orientd.errors import ConfigError, DaemonError, OrientdError
 from orientd.rpc import control_pb2, server_options, target
 from orientd.rpc.control_pb2_grpc import add_ControlServicer_to_server
 
@@ -179,15 +179,16 @@ class _Daemon:
             settings = self._reread()
             can, _ = changes(self._settings, settings)
             _, cannot = changes(self._initial, settings)
+            begin = None if self._fleet is None else self._fleet.configured(settings)
             # The files that it names may have changed where the settings have not.
             entry.change(settings.access, settings.tcp)
-            if self._stops is not None:
-                self._stops.admit(entry.policy)
-            if self._fleet is not None:
-                self._fleet.change(settings)
-        except ConfigError as error:
+        except OrientdError as error:
             _log.error("reload: nothing changed: %s", error)
             return
+        if self._stops is not None:
+            self._stops.admit(entry.policy)
+        if self._fleet is not None and begin is not None:
+            self._fleet.change(begin)
         logging.getLogger().setLevel(settings.daemon.log_level.upper())
         cell.bound(settings.access)
         is_measured_anew = settings.metrics != self._settings.metrics

@@ -68,8 +68,14 @@ class FleetLink:
             journal: tells what happens.
 
         Raises:
-            ConfigError: Zenoh cannot be configured so.
+            ConfigError: there is no Zenoh, or it cannot be configured so.
+            DaemonError: the folder of a Unix socket is open to others.
         """
+        if settings.fleet is None or find_spec("zenoh") is None:
+            problem = "needs `eclipse-zenoh`: pip install 'orientd-motion[fleet]'"
+            raise ConfigError(f"fleet: {problem}")
+        self._fleet, self._tcp = settings.fleet, settings.tcp
+        self._most = settings.access.message_bytes
         self._path, self._service, self._entry = path, service, entry
         self._gate, self._state, self._journal = gate, state, journal
         self._peers: dict[str, str] = {}
@@ -80,24 +86,21 @@ class FleetLink:
         self._writer: asyncio.StreamWriter | None = None
         self._process: asyncio.subprocess.Process | None = None
         self._tasks: list[asyncio.Task[None]] = []
-        self._configure(settings)
+        self._begin = self.configured(settings)
 
-    def _configure(self, settings: Settings) -> None:
-        fleet = settings.fleet
-        if fleet is None:
-            raise ConfigError("fleet: missing")
-        if find_spec("zenoh") is None:
-            problem = "needs `eclipse-zenoh`: pip install 'orientd-motion[fleet]'"
-            raise ConfigError(f"fleet: {problem}")
-        self._most = settings.access.message_bytes
-        self._is_tls, self._pause = fleet.is_tls, 1.0 / fleet.state_hz
-        self._begin: Header = {
+    def configured(self, settings: Settings) -> Header:
+        """Return what the gateway is told first: of *settings* roles and certificates alone.
+
+        Raises:
+            ConfigError: Zenoh cannot be configured so.
+            DaemonError: the folder of a Unix socket is open to others.
+        """
+        fleet, callers = self._fleet, list(settings.access.certificates)
+        return {
             "cell": fleet.cell,
             "name": fleet.name,
             "socket": str(self._path),
-            "zenoh": zenoh_configuration(
-                fleet, settings.tcp, callers=list(settings.access.certificates)
-            ),
+            "zenoh": zenoh_configuration(fleet, settings.tcp or self._tcp, callers=callers),
         }
 
     def start(self) -> None:
@@ -106,15 +109,10 @@ class FleetLink:
             asyncio.create_task(work) for work in (self._keep(), self._publish(), self._tell())
         ]
 
-    def change(self, settings: Settings) -> None:
-        """Go by other roles from now on: Zenoh reads them at its start alone.
-
-        Raises:
-            ConfigError: Zenoh cannot be configured so.
-        """
-        before = self._begin
-        self._configure(settings)
-        if self._begin != before and self._writer is not None:
+    def change(self, begin: Header) -> None:
+        """Go by what :meth:`configured` has returned: Zenoh reads it at its start alone."""
+        before, self._begin = self._begin, begin
+        if begin != before and self._writer is not None:
             self._writer.close()
 
     async def close(self) -> None:
@@ -256,14 +254,14 @@ class FleetLink:
         if not peer or not self._entry.knows(peer):
             credentials: Process | ClientCertificate = (
                 ClientCertificate(caller, "", math.inf)
-                if self._is_tls
+                if self._fleet.is_tls
                 else Process(os.getpid(), os.geteuid(), tuple(os.getgroups()))
             )
             peer = self._peers[caller] = self._entry.guest(credentials, "fleet")
         return peer
 
     def _note_stop(self, header: Header) -> None:
-        caller = f"certificate:{header['caller']}" if self._is_tls else f"user:{os.geteuid()}"
+        caller = f"certificate:{header['caller']}" if self._fleet.is_tls else f"user:{os.geteuid()}"
         names = [one["name"] for one in header.get("devices") or ()]
         self._entry.record_stop_over("fleet", caller, kind=header["stopped"], devices=names)
 
@@ -283,7 +281,7 @@ class FleetLink:
                     _log.warning("fleet: no state: %s", error)
                 else:
                     await self._send({"state": number, "time_ns": now}, said)
-            due = max(due + self._pause, time.monotonic())
+            due = max(due + 1.0 / self._fleet.state_hz, time.monotonic())
             await asyncio.sleep(due - time.monotonic())
 
     async def _tell(self) -> None:

@@ -1,7 +1,19 @@
 """What can change while the daemon runs is told from what cannot."""
 
+import logging
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
 from orientd import config
+from orientd.daemon.fleet.link import FleetLink
 from orientd.daemon.reload import changes
+from orientd.daemon.server import _Daemon
+from orientd.errors import ConfigError
+
+CELL = {"cell": "line", "name": "arm", "listen": ["tls/h:7447"], "certificate": "/c", "key": "/k",
+        "ca": "/a"}  # fmt: skip
 
 
 def settings(**tables):
@@ -37,3 +49,30 @@ def test_devices_and_addresses_need_a_restart():
         "devices.arm.rate_hz",
         "tcp",
     ]
+
+
+def fleet_link(of):
+    pytest.importorskip("zenoh")
+    parts = dict.fromkeys(("entry", "gate", "state", "journal"))
+    return FleetLink(of, Path("/run/x.sock"), service="orientd.v1.Control", **parts)
+
+
+@pytest.mark.parametrize("tables", [{}, {"fleet": {**CELL, "name": "leg", "state_hz": 5}}])
+def test_a_daemon_keeps_its_place_in_the_cell_and_takes_up_the_roles_there(tables):
+    link = fleet_link(settings(fleet=CELL))
+    after = settings(access={"certificates": {"ana": "operator"}}, **tables)
+    begin = link.configured(after)
+    assert begin["name"] == "arm"
+    names = [one["cert_common_names"] for one in begin["zenoh"]["access_control"]["subjects"]]
+    assert names == [["ana"]]
+
+
+def test_settings_that_the_cell_refuses_change_nothing(caplog):
+    def refuse(_):
+        raise ConfigError("fleet.key: missing")
+
+    daemon = _Daemon(settings(), Path("x"), "", settings, lambda *_: None, needs_devices=False)
+    daemon._fleet = SimpleNamespace(configured=refuse)
+    with caplog.at_level(logging.ERROR):
+        daemon._reload(cell=None, entry=None)
+    assert caplog.messages == ["reload: nothing changed: fleet.key: missing"]
