@@ -94,7 +94,8 @@ class _Sink:
 class RecordingWriter:
     """One recording that is being written; a context manager that completes it.
 
-    Several threads may add to it.
+    Several threads may add to it; all of them get a :class:`RecordingError` once it cannot be
+    written any further.
     """
 
     def __init__(
@@ -147,11 +148,7 @@ class RecordingWriter:
             self._rates[name] = rate_hz
 
     def add_cycles(self, device: str, cycles: Table) -> None:
-        """Add cycles of a device, in their order.
-
-        Raises:
-            RecordingError: it cannot be written any further.
-        """
+        """Add cycles of a device, in their order."""
         for begin in range(0, len(cycles), BLOCK):
             block = cycles[begin : begin + BLOCK]
             time_ns = int(block["deadline_ns"][-1]) + self._offset_ns
@@ -165,11 +162,7 @@ class RecordingWriter:
                 self._add(f"/{device}/scalars", time_ns, message)
 
     def add_event(self, event: pb.Event) -> None:
-        """Add an event.
-
-        Raises:
-            RecordingError: it cannot be written any further.
-        """
+        """Add an event."""
         self._add(f"/{event.device}/events", event.time_ns + self._offset_ns, event)
         for topic, time_ns, message in foxglove.event_shown(event, self._offset_ns):
             self._add(topic, time_ns, message)
@@ -181,9 +174,6 @@ class RecordingWriter:
             state: as the daemon says it, on its own clock.
             time_ns: on the clock of the file.
             daemon: its name, in the file of a cell.
-
-        Raises:
-            RecordingError: it cannot be written any further.
         """
         topic = f"/{daemon}/state" if daemon else "/state"
         self._add(topic, time_ns + self._offset_ns, state)
@@ -195,9 +185,6 @@ class RecordingWriter:
             json: the settings.
             facts: whatever else.
             daemon: its name, in the file of a cell.
-
-        Raises:
-            RecordingError: it cannot be written any further.
         """
         with self._guarded():
             facts = {
@@ -217,9 +204,6 @@ class RecordingWriter:
             time_ns: when, monotonic clock.
             offset_ns: how far it was ahead, by which its times in the file are shifted.
             bound_ns: how far that may be wrong, either way.
-
-        Raises:
-            RecordingError: it cannot be written any further.
         """
         told = {"time_ns": time_ns, "offset_ns": offset_ns, "bound_ns": bound_ns}
         with self._guarded():
