@@ -13,7 +13,6 @@ from orientd.config import AccessSettings, TcpSettings
 from orientd.daemon.access.audit import AuditLog
 from orientd.daemon.access.authorization import Authorization, OwnerOf
 from orientd.daemon.access.identity import Credentials, Identity, RolePolicy
-from orientd.daemon.access.peer import Process
 from orientd.daemon.access.peer_credentials import PeerListener
 from orientd.daemon.access.throttle import Throttle
 from orientd.daemon.devices import report_directory
@@ -121,11 +120,7 @@ class Admission:
         self.checkpoint.owner_of = owner_of
         self._door.has_lease = lambda key: key in owners()
 
-    def record_stop(self, process: Process, **what: Any) -> None:  # noqa: ANN401 - as JSON holds
-        """Record what *process* has stopped beside the daemon."""
-        self.record_stop_over(f"unix, process {process.pid}", f"user:{process.uid}", **what)
-
-    def record_stop_over(self, origin: str, identity: str, **what: Any) -> None:  # noqa: ANN401
+    def record_stop(self, origin: str, identity: str, **what: Any) -> None:  # noqa: ANN401 - JSON
         """Record what somebody has stopped beside the daemon who came by *origin*."""
         self._audit.record(event="stopped", identity=identity, origin=origin, **what)
 

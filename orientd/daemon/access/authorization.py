@@ -139,7 +139,9 @@ class Authorization(Interceptor):
                 else:
                     call.request = self._looking(asked, call, key, context)
                 if found.is_command:
-                    self._audit.record(event="asked", **call.who(), **call.what())
+                    is_whole = isinstance(asked, Message)
+                    told = {"request": request_text.describe(asked)} if is_whole else {}
+                    self._audit.record(event="asked", **call.who(), **told)
                 CALLER.set(connection.identity)
                 yield call
             except OrientdError as error:
@@ -276,12 +278,6 @@ class _Call:
             "role": identity.role.name.lower(),
             "origin": connection.origin,
         }
-
-    def what(self) -> dict[str, Any]:
-        """Return what was asked for, where that came with the call."""
-        if not isinstance(self.request, Message):
-            return {}
-        return {"request": request_text.describe(self.request)}
 
     def hear(self, answer: object) -> None:
         """Note what an answer says of the motion that the call began."""

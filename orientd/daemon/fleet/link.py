@@ -263,7 +263,7 @@ class FleetLink:
     def _note_stop(self, header: Header) -> None:
         caller = f"certificate:{header['caller']}" if self._fleet.is_tls else f"user:{os.geteuid()}"
         names = [one["name"] for one in header.get("devices") or ()]
-        self._entry.record_stop_over("fleet", caller, kind=header["stopped"], devices=names)
+        self._entry.record_stop("fleet", caller, kind=header["stopped"], devices=names)
 
     # What happens
 
