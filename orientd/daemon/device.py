@@ -301,8 +301,7 @@ class Device(SupervisedDevice):
 
     def statistics(self, motion_number: int) -> Statistics | None:
         """Return what was measured of a motion; ``None`` unless it is one of the newest."""
-        with self._lock:
-            return None if self._motions is None else self._motions.statistics(motion_number)
+        return self._figures(motion_number)[0]
 
     def settled_after(self, motion_number: int) -> float | None:
         """Return how long after its last setpoint a motion was on target, s, if that is known."""
@@ -310,5 +309,9 @@ class Device(SupervisedDevice):
 
     def began_ns(self, motion_number: int) -> int | None:
         """Return when a motion began to move, monotonic clock, where that is known."""
+        return self._figures(motion_number)[1]
+
+    def _figures(self, motion_number: int) -> tuple[Statistics | None, int | None]:
         with self._lock:
-            return None if self._motions is None else self._motions.began_ns(motion_number)
+            motions = self._motions
+            return (None, None) if motions is None else motions.figures(motion_number)
