@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import hashlib
 import json
 import logging
 import math
@@ -11,7 +12,7 @@ import os
 import socket
 import sys
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -96,11 +97,14 @@ class FleetLink:
             DaemonError: the folder of a Unix socket is open to others.
         """
         fleet, callers = self._fleet, list(settings.access.certificates)
+        zenoh = zenoh_configuration(fleet, settings.tcp or self._tcp, callers=callers)
         return {
             "cell": fleet.cell,
             "name": fleet.name,
             "socket": str(self._path),
-            "zenoh": zenoh_configuration(fleet, settings.tcp or self._tcp, callers=callers),
+            "zenoh": zenoh,
+            # For nobody to read: with others in their places Zenoh has to be started again.
+            "files": _digests(zenoh.get("transport/link/tls", {})),
         }
 
     def start(self) -> None:
@@ -303,3 +307,12 @@ class FleetLink:
     def _lag(self) -> int:
         transport: Any = None if self._writer is None else self._writer.transport
         return 0 if transport is None else int(transport.get_write_buffer_size())
+
+
+def _digests(tls: Mapping[str, Any]) -> list[str]:
+    """Return what is another list where a file of certificate, key or CA is another one."""
+    digests = []
+    for name in ("root_ca_certificate", "listen_certificate", "listen_private_key"):
+        with contextlib.suppress(KeyError, OSError):
+            digests.append(hashlib.sha256(Path(tls[name]).read_bytes()).hexdigest())
+    return digests

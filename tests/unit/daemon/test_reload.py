@@ -67,6 +67,18 @@ def test_a_daemon_keeps_its_place_in_the_cell_and_takes_up_the_roles_there(table
     assert names == [["ana"]]
 
 
+def test_a_certificate_that_was_renewed_in_its_place_is_taken_up_in_the_cell(tmp_path):
+    files = {name: str(tmp_path / name) for name in ("certificate", "key", "ca")}
+    for path in files.values():
+        Path(path).write_text("old")
+    given = settings(fleet={**CELL, **files})
+    link = fleet_link(given)
+    before = link.configured(given)
+    assert link.configured(given) == before
+    Path(files["certificate"]).write_text("new")
+    assert link.configured(given) != before
+
+
 def test_settings_that_the_cell_refuses_change_nothing(caplog):
     def refuse(_):
         raise ConfigError("fleet.key: missing")
