@@ -51,17 +51,9 @@ class ClientCertificate:
 
 Credentials = Process | ClientCertificate
 
-CALLER: ContextVar[Identity | None] = ContextVar("CALLER", default=None)
-"""Whose call is being handled."""
-
-
 NOBODY = Identity("", "", Role.OBSERVER)
-"""Who calls where nobody does."""
-
-
-def present_caller() -> Identity:
-    """Return whose call is being handled."""
-    return CALLER.get() or NOBODY
+CALLER: ContextVar[Identity] = ContextVar("CALLER", default=NOBODY)
+"""Whose call is being handled."""
 
 
 class RolePolicy:

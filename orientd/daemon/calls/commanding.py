@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from orientd.daemon.access import present_caller
+from orientd.daemon.access import CALLER
 from orientd.daemon.calls.calls import Calls, Context, device_message
 from orientd.daemon.device import Device
 from orientd.errors import RequestError, StateError
@@ -106,7 +106,7 @@ class CommandingCalls(Calls):
 
 def _caller(named: str) -> str:
     """Return who calls, as was checked; as they name themselves only where nothing was."""
-    caller = present_caller()
+    caller = CALLER.get()
     return str(caller) if caller.key else named
 
 
