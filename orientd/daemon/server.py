@@ -254,7 +254,10 @@ class _Daemon:
         if self._stops is not None:
             self._stops.follow(cell)
         cell.launch()
-        return cell, ControlService(cell, lambda: self._describe(cell), who=entry.named)
+        # With a reload it is another policy.
+        return cell, ControlService(
+            cell, lambda: self._describe(cell), who=lambda name: entry.policy.named(name)
+        )
 
     async def _serve(self, cell: Cell) -> None:
         tasks = [asyncio.create_task(_expire_leases(cell))]

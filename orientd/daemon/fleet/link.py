@@ -255,13 +255,13 @@ class FleetLink:
     def _peer(self, caller: str) -> str:
         """Return what the door knows *caller* by, whose name Zenoh has checked."""
         peer = self._peers.get(caller, "")
-        if not peer or not self._entry.knows(peer):
+        if not peer or not self._entry.door.who(peer):
             credentials: Process | ClientCertificate = (
                 ClientCertificate(caller, "", math.inf)
                 if self._fleet.is_tls
                 else Process(os.getpid(), os.geteuid(), tuple(os.getgroups()))
             )
-            peer = self._peers[caller] = self._entry.guest(credentials, "fleet")
+            peer = self._peers[caller] = self._entry.door.guest(credentials, "fleet")
         return peer
 
     def _note_stop(self, header: Header) -> None:
