@@ -167,24 +167,23 @@ class RecordingWriter:
         for topic, time_ns, message in foxglove.event_shown(event, self._offset_ns):
             self._add(topic, time_ns, message)
 
-    def add_state(self, state: pb.GetStateResponse, time_ns: int, *, daemon: str = "") -> None:
+    def add_state(self, state: pb.GetStateResponse, time_ns: int, *, prefix: str = "") -> None:
         """Add what the daemon said of itself and its devices at *time_ns*, monotonic clock.
 
         Args:
             state: as the daemon says it, on its own clock.
             time_ns: on the clock of the file.
-            daemon: its name, in the file of a cell.
+            prefix: the daemon's name and a slash, in the file of a cell.
         """
-        topic = f"/{daemon}/state" if daemon else "/state"
-        self._add(topic, time_ns + self._offset_ns, state)
+        self._add(f"/{prefix}state", time_ns + self._offset_ns, state)
 
-    def add_configuration(self, json: str, facts: dict[str, str], *, daemon: str = "") -> None:
+    def add_configuration(self, json: str, facts: dict[str, str], *, prefix: str = "") -> None:
         """Add the daemon's settings, and what else there is to know of the recording.
 
         Args:
             json: the settings.
             facts: whatever else.
-            daemon: its name, in the file of a cell.
+            prefix: the daemon's name and a slash, in the file of a cell.
         """
         with self._guarded():
             facts = {
@@ -193,8 +192,8 @@ class RecordingWriter:
                 **facts,
             }
             self._writer.add_metadata("orientd", facts)
-            name = f"{daemon}/{CONFIGURATION}" if daemon else CONFIGURATION
-            self._writer.add_attachment(0, 0, name, "application/json", json.encode())
+            name, content = f"{prefix}{CONFIGURATION}", json.encode()
+            self._writer.add_attachment(0, 0, name, "application/json", content)
 
     def add_clock(self, daemon: str, *, time_ns: int, offset_ns: int, bound_ns: int) -> None:
         """Add where the clock of a daemon stood against that of the file.
