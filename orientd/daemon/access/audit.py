@@ -19,6 +19,7 @@ import queue
 import threading
 import time
 from collections.abc import Mapping
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -188,10 +189,9 @@ class AuditLog:
 
 def _stamped(record: _Record) -> dict[str, Any]:
     """Return *record* with its times as text."""
-    times = {name: _stamp(record[name]) for name in ("time", "since") if name in record}
+    times = {
+        name: datetime.fromtimestamp(record[name], UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
+        for name in ("time", "since")
+        if name in record
+    }
     return {**record, **times}
-
-
-def _stamp(seconds: float) -> str:
-    stamp = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(seconds))
-    return f"{stamp}.{int(seconds % 1 * 1e6):06d}Z"
