@@ -191,7 +191,8 @@ class _Daemon:
             self._fleet.change(begin)
         logging.getLogger().setLevel(settings.daemon.log_level.upper())
         cell.bound(settings.access)
-        is_measured_anew = settings.metrics != self._settings.metrics
+        is_wanting = settings.metrics is not None and self._telemetry is None
+        is_measured_anew = is_wanting or settings.metrics != self._settings.metrics
         self._settings = settings
         if is_measured_anew:
             try:

@@ -1,6 +1,7 @@
 """What can change while the daemon runs is told from what cannot."""
 
 import logging
+import socket
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -88,3 +89,18 @@ def test_settings_that_the_cell_refuses_change_nothing(caplog):
     with caplog.at_level(logging.ERROR):
         daemon._reload(cell=None, entry=None)
     assert caplog.messages == ["reload: nothing changed: fleet.key: missing"]
+
+
+def test_a_port_of_metrics_that_was_in_use_is_tried_again_by_the_next_reload(caplog):
+    pytest.importorskip("prometheus_client")
+    cell = SimpleNamespace(bound=lambda _: None, devices={}, listeners=[])
+    entry = SimpleNamespace(change=lambda *_: None, checkpoint=SimpleNamespace())
+    with caplog.at_level(logging.ERROR), socket.create_server(("127.0.0.1", 0)) as taken:
+        after = settings(metrics={"port": taken.getsockname()[1]})
+        daemon = _Daemon(settings(), Path("x"), "", lambda: after, lambda *_: None, False)
+        daemon._reload(cell, entry)
+        assert "cannot listen" in caplog.text
+        taken.close()
+        daemon._reload(cell, entry)
+    assert daemon._telemetry is not None
+    daemon._telemetry.close()
