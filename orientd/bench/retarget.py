@@ -29,8 +29,7 @@ from pathlib import Path
 import grpc
 import numpy as np
 
-from orientd.bench.control import control
-from orientd.bench.servo import DEVICE, daemon
+from orientd.bench.servo import DEVICE, control, daemon
 from orientd.errors import OrientdError
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.control_pb2_grpc import ControlStub

@@ -17,17 +17,20 @@ import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import grpc
 
 from orientd.bench.clients import STEP, motion
-from orientd.bench.control import control
 from orientd.bench.lateness import Slot, bare_loop, busy_cores, processes, run_bare_loop
 from orientd.config import SPIN_US
 from orientd.errors import OrientdError
+from orientd.rpc import Connection, Way
 from orientd.rpc import control_pb2 as pb
 
 PRIORITY = 80
 DEVICE = "bench"
+_TIMEOUT = 30.0
 
 
 class Condition(NamedTuple):
@@ -143,6 +146,25 @@ def daemon(
     finally:
         process.terminate()
         process.communicate()  # closes the pipe, too
+
+
+@contextlib.contextmanager
+def control(socket: Path) -> Iterator[Any]:
+    """Give a stub of the control service for as long as the context lasts.
+
+    Args:
+        socket: of the daemon.
+
+    Raises:
+        OrientdError: a call in the context failed, whatever gRPC said of it.
+    """
+    connection = Connection(Way(socket), timeout=_TIMEOUT)
+    try:
+        yield connection.stub
+    except grpc.RpcError as error:
+        raise connection.explain(error) from error
+    finally:
+        connection.close()
 
 
 def stream(socket: Path, seconds: float, priority: int, *, progress_hz: float = 1.0) -> Slot:

@@ -81,51 +81,25 @@ class Device(SupervisedDevice):
         return PlannedState.at_rest(cycle.q, cycle.position)
 
     async def plan(self, order: PlanCall) -> PlannedMotion:
-        """Plan a motion that begins where the device will be once it has come to rest.
-
-        Raises:
-            RequestError: the request is not one that its method or the device allows.
-            StateError: the device is neither holding nor moving.
-            PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
-        """
+        """Plan a motion that begins at rest; see :meth:`.Motions.plan`."""
         self._check_able()
         return await self._loaded().plan(order)
 
     async def prepare(
         self, order: PlanCall, move_options: MoveOptions = AT_ONCE, *, attempt: int = 0
     ) -> Prepared:
-        """Plan a motion for :meth:`start`: from rest, or from a point of the path a little ahead.
-
-        Args:
-            order: what to do.
-            move_options: how to begin and to end.
-            attempt: how often :meth:`start` has said already that it was too late.
-
-        Raises:
-            RequestError: the request is not one that its method or the device allows.
-            LateError: what it was to follow has ended.
-            StateError: the device cannot move.
-            PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
-        """
+        """Plan a motion for :meth:`start`; see :meth:`.Motions.prepare`."""
         self._check_able()
         return await self._loaded().prepare(order, move_options, attempt=attempt)
 
     async def await_steady(self) -> None:
-        """Wait while the speed along the path is changing.
-
-        Raises:
-            StateError: it goes on changing, or the device cannot move.
-        """
+        """Wait while the speed along the path is changing; see :meth:`.Motions.await_steady`."""
         await self._loaded().await_steady()
 
     def start(self, prepared: Prepared) -> int:
-        """Begin to stream a motion and return its number, once the servo has taken it up.
+        """Begin a motion and return its number, once the servo has taken it up.
 
-        A motion that is to follow others is taken up when its turn has come.
-
-        Raises:
-            LateError: the device has passed the point at which it was to begin.
-            StateError: the device is not holding, or not where the motion begins.
+        See :meth:`.Motions.start`.
         """
         with self._lock:
             motions = self._loaded()
@@ -327,8 +301,7 @@ class Device(SupervisedDevice):
 
     def statistics(self, motion_number: int) -> Statistics | None:
         """Return what was measured of a motion; ``None`` unless it is one of the newest."""
-        with self._lock:
-            return None if self._motions is None else self._motions.statistics(motion_number)
+        return self._figures(motion_number)[0]
 
     def settled_after(self, motion_number: int) -> float | None:
         """Return how long after its last setpoint a motion was on target, s, if that is known."""
@@ -336,5 +309,9 @@ class Device(SupervisedDevice):
 
     def began_ns(self, motion_number: int) -> int | None:
         """Return when a motion began to move, monotonic clock, where that is known."""
+        return self._figures(motion_number)[1]
+
+    def _figures(self, motion_number: int) -> tuple[Statistics | None, int | None]:
         with self._lock:
-            return None if self._motions is None else self._motions.began_ns(motion_number)
+            motions = self._motions
+            return (None, None) if motions is None else motions.figures(motion_number)

@@ -22,19 +22,17 @@ import orientd
 from orientd import processor
 from orientd.config import Settings
 from orientd.daemon.access import Admission, StartupGate, claimed, inner_socket
-from orientd.daemon.calls import UnreadHandlers
-from orientd.daemon.notify import notify
+from orientd.daemon.calls import left_unread
 from orientd.daemon.stops import StopWay
-from orientd.daemon.watchdog import Watchdog
-from orientd.errors import ConfigError, DaemonError
+from orientd.daemon.systemd import Watchdog, notify
+from orientd.errors import ConfigError, DaemonError, OrientdError
 from orientd.rpc import control_pb2, server_options, target
 from orientd.rpc.control_pb2_grpc import add_ControlServicer_to_server
 
 if TYPE_CHECKING:
-    from orientd.daemon.calls import Telemetry
+    from orientd.daemon.calls import ControlService, Telemetry
     from orientd.daemon.cell import Cell
     from orientd.daemon.fleet import FleetLink
-    from orientd.daemon.service import ControlService
     from orientd.rpc import DaemonReport
 
 _log = logging.getLogger(__name__)
@@ -127,7 +125,7 @@ class _Daemon:
         loop = asyncio.get_running_loop()
         for number in (signal.SIGTERM, signal.SIGINT):
             loop.add_signal_handler(number, self._stop, number)
-        gate = StartupGate(SERVICE, UnreadHandlers)
+        gate = StartupGate(SERVICE, left_unread)
         entry = Admission(self._settings.access, self._settings.tcp, inner)
         checks = health.aio.HealthServicer()  # type: ignore[attr-defined] # not in the stubs
         server = _server(gate, checks, entry, self._settings.access.message_bytes)
@@ -181,18 +179,20 @@ class _Daemon:
             settings = self._reread()
             can, _ = changes(self._settings, settings)
             _, cannot = changes(self._initial, settings)
+            begin = None if self._fleet is None else self._fleet.configured(settings)
             # The files that it names may have changed where the settings have not.
             entry.change(settings.access, settings.tcp)
-            if self._stops is not None:
-                self._stops.admit(entry.policy)
-            if self._fleet is not None:
-                self._fleet.change(settings)
-        except ConfigError as error:
+        except OrientdError as error:
             _log.error("reload: nothing changed: %s", error)
             return
+        if self._stops is not None:
+            self._stops.admit(entry.policy)
+        if self._fleet is not None and begin is not None:
+            self._fleet.change(begin)
         logging.getLogger().setLevel(settings.daemon.log_level.upper())
         cell.bound(settings.access)
-        is_measured_anew = settings.metrics != self._settings.metrics
+        is_wanting = settings.metrics is not None and self._telemetry is None
+        is_measured_anew = is_wanting or settings.metrics != self._settings.metrics
         self._settings = settings
         if is_measured_anew:
             try:
@@ -246,8 +246,8 @@ class _Daemon:
 
     def _load(self, entry: Admission) -> tuple[Cell, ControlService]:
         """Import, and start, what takes its time."""
+        from orientd.daemon.calls import ControlService
         from orientd.daemon.cell import Cell
-        from orientd.daemon.service import ControlService
 
         cell = Cell(self._settings)
         kernels = processor.level()
@@ -255,7 +255,10 @@ class _Daemon:
         if self._stops is not None:
             self._stops.follow(cell)
         cell.launch()
-        return cell, ControlService(cell, lambda: self._describe(cell), who=entry.named)
+        # With a reload it is another policy.
+        return cell, ControlService(
+            cell, lambda: self._describe(cell), who=lambda name: entry.policy.named(name)
+        )
 
     async def _serve(self, cell: Cell) -> None:
         tasks = [asyncio.create_task(_expire_leases(cell))]

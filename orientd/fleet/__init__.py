@@ -7,16 +7,14 @@ from typing import TYPE_CHECKING
 from orientd.lazy import lazily
 
 if TYPE_CHECKING:
-    from orientd.fleet.access import zenoh_configuration
+    from orientd.fleet.access import nested, router_configuration, zenoh_configuration
     from orientd.fleet.channel import FleetChannel
-    from orientd.fleet.client import Fleet, FleetMember, connect_fleet
+    from orientd.fleet.client import Fleet, FleetMember, Heard, Stopped, connect_fleet
     from orientd.fleet.clocks import ClockOffset
     from orientd.fleet.frames import LENGTHS, Header, write_frame
     from orientd.fleet.overview import Overview
     from orientd.fleet.plan_file import FleetMotion, read_plan
     from orientd.fleet.recording import FleetRecording
-    from orientd.fleet.reports import Heard, Stopped
-    from orientd.fleet.router import nested, router_configuration
     from orientd.fleet.session import open_session
     from orientd.fleet.together import Together, move_together
 

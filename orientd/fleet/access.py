@@ -7,12 +7,16 @@ own name in them.  What a role may do there is decided by the daemon, as on its 
 
 from __future__ import annotations
 
+import ssl
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from orientd import config
+from orientd.bounded_file import MEBIBYTE, read_bounded
 from orientd.config import TLS, UNIX, FleetSettings, TcpSettings
-from orientd.errors import ConfigError
+from orientd.der import elements
+from orientd.errors import ConfigError, DaemonError
 from orientd.fleet.keys import ROOT, as_caller, of_daemon, presence
 from orientd.rpc import check_folder
 
@@ -26,6 +30,12 @@ _WATCHING = ("declare_liveliness_subscriber", "liveliness_query")
 _ANSWERING = ("put", "delete", "reply", "declare_queryable", "declare_subscriber",
               "liveliness_token", *_WATCHING)  # fmt: skip
 _ALL = ("query", *_ANSWERING)
+
+_NO_DEVICE = {"devices": {"none": {"driver": "loopback"}}}
+
+_COMMON_NAME = bytes.fromhex("550403")
+_SUBJECT = 5
+"""Place of the subject in what is signed (RFC 5280, 4.1), the version before the rest."""
 
 Rule = dict[str, Any]
 
@@ -61,6 +71,37 @@ def zenoh_configuration(
     configuration |= tls_configuration(*files)
     configuration["access_control"] = _access_control(settings, callers)
     return configuration
+
+
+def router_configuration(path: Path) -> dict[str, Any]:
+    """Return Zenoh's configuration of the router that the file at *path* describes.
+
+    It has the tables ``[fleet]`` and ``[access.certificates]`` as a daemon's, and needs no devices.
+
+    Raises:
+        ConfigError: the file cannot be read or is not well formed.
+    """
+    settings = config.parse(_NO_DEVICE | config.read_table(path), source=str(path))
+    if settings.fleet is None:
+        raise ConfigError(f"{path}: fleet: missing")
+    callers = list(settings.access.certificates)
+    return zenoh_configuration(settings.fleet, settings.tcp, callers=callers, is_router=True)
+
+
+def nested(configuration: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values by Zenoh's paths as the tree that its own files hold.
+
+    >>> nested({"mode": "router", "listen/endpoints": []})
+    {'mode': 'router', 'listen': {'endpoints': []}}
+    """
+    tree: dict[str, Any] = {}
+    for path, value in configuration.items():
+        *folders, last = path.split("/")
+        place = tree
+        for folder in folders:
+            place = place.setdefault(folder, {})
+        place[last] = value
+    return tree
 
 
 def basic_configuration(
@@ -173,3 +214,27 @@ def _rule(name: str, messages: Iterable[str], keys: Sequence[str], *flows: str) 
         "messages": list(messages),
         "key_exprs": list(keys),
     }
+
+
+def common_name(path: Path) -> str:
+    """Return the common name of the first certificate in a PEM file.
+
+    Raises:
+        DaemonError: the file cannot be read, or has no such name.
+    """
+    try:
+        text = read_bounded(path, MEBIBYTE).decode("ascii")
+        begin = text.index("-----BEGIN CERTIFICATE-----")
+        end = text.index("-----END CERTIFICATE-----", begin)
+        whole = ssl.PEM_cert_to_DER_cert(text[begin:end] + "-----END CERTIFICATE-----\n")
+        signed = next(elements(next(elements(whole))[1]))[1]
+        subject = list(elements(signed))[_SUBJECT][1]
+        for _, group in elements(subject):
+            (_, kind), (_, value) = elements(next(elements(group))[1])
+            if kind == _COMMON_NAME:
+                return value.decode()
+    except OSError as error:
+        raise DaemonError(f"cannot read {path}: {error.strerror}") from error
+    except (ValueError, IndexError, StopIteration) as error:
+        raise DaemonError(f"{path} is no certificate") from error
+    raise DaemonError(f"the certificate {path} has no common name")

@@ -10,18 +10,16 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from orientd.config import TLS
 from orientd.errors import DaemonError, OrientdError
 from orientd.fleet import keys
-from orientd.fleet.access import basic_configuration, tls_configuration
-from orientd.fleet.certificate import common_name
+from orientd.fleet.access import basic_configuration, common_name, tls_configuration
 from orientd.fleet.channel import FleetChannel
 from orientd.fleet.clocks import ClockOffset
-from orientd.fleet.reports import Heard, Stopped
 from orientd.fleet.session import open_session
-from orientd.rpc import Robot, Way, connect_by, default_socket
+from orientd.rpc import Robot, Way, certificate_files, connect_by, default_socket
 from orientd.rpc import control_pb2 as pb
 
 if TYPE_CHECKING:
@@ -133,19 +131,7 @@ def connect_fleet(
     configuration = basic_configuration([], endpoints, timeout=timeout)
     caller = keys.LOCAL
     if any(endpoint.startswith(TLS) for endpoint in endpoints):
-        files = [
-            Path(given or os.environ.get(name, "")).expanduser()
-            for name, given in (
-                ("ORIENTD_CERT", certificate),
-                ("ORIENTD_KEY", key),
-                ("ORIENTD_CA", ca),
-            )
-        ]
-        if any(path == Path() for path in files):
-            raise DaemonError(
-                f"{endpoints[0]} needs a certificate, its key and that of the CA: --cert, --key "
-                "and --ca, or the environment's ORIENTD_CERT, ORIENTD_KEY, ORIENTD_CA"
-            )
+        files = certificate_files(endpoints[0], certificate, key, ca)
         configuration |= tls_configuration(*files)
         caller = common_name(files[0])
     fleet = Fleet(open_session(configuration), cell=cell, caller=caller)
@@ -155,6 +141,41 @@ def connect_fleet(
         fleet.close()
         raise DaemonError(f"{error} at {' '.join(endpoints)}") from error
     return fleet
+
+
+@dataclass(frozen=True, slots=True)
+class Stopped:
+    """What a daemon says of a stop.
+
+    Attributes:
+        daemon: its name.
+        devices: of each ``name``, ``state`` and ``motion`` as the stop met them.
+        seconds: from the call until its answer was here.
+        taken_after: from the call until its servos had taken the stop, by its clock and what is
+            known of that, s; ``None`` where nothing is.
+        problem: why it is not known to have stopped; empty if it is.
+    """
+
+    daemon: str
+    devices: Sequence[dict[str, Any]]
+    seconds: float
+    taken_after: float | None = None
+    problem: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """The newest state of a daemon.
+
+    Attributes:
+        state: as the daemon tells it.
+        taken_ns: when, on the daemon's monotonic clock.
+        heard_ns: when it was here, on ours.
+    """
+
+    state: pb.GetStateResponse
+    taken_ns: int
+    heard_ns: int
 
 
 class Fleet:

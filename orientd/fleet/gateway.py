@@ -205,32 +205,28 @@ class Gateway:
         if call is not None and call.parts:
             call.parts.popleft().drop()  # type: ignore[no-untyped-call] # Zenoh's stub
 
-    def _forget(self, number: int) -> _Call | None:
-        """Return a call that is under way no more."""
+    def _close(self, number: int, error: bytes) -> _Call | None:
+        """End a call, with *error* if there is one; return it, unless it has ended already."""
         with self._lock:
             call = self._calls.pop(number, None)
-            if call is not None:
-                self._called.pop((call.caller, call.id), None)
-        while call is not None and call.parts:
+            if call is None:
+                return None
+            self._called.pop((call.caller, call.id), None)
+        while call.parts:
             call.parts.popleft().drop()  # type: ignore[no-untyped-call] # Zenoh's stub
+        if error:
+            call.query.reply_err(error)
+        call.query.drop()  # type: ignore[no-untyped-call] # Zenoh's stub
         return call
 
     def _end(self, number: int, body: bytes) -> None:
         """End a call; *body* is what went wrong, a ``google.rpc.Status``, or nothing."""
-        call = self._forget(number)
-        if call is None:
-            return
-        if body:
-            call.query.reply_err(body)
-            if call.start:
-                self._barrier.fail(call.start, "another motion of this daemon could not begin")
-        call.query.drop()  # type: ignore[no-untyped-call] # Zenoh's stub
+        call = self._close(number, body)
+        if call is not None and body and call.start:
+            self._barrier.fail(call.start, "another motion of this daemon could not begin")
 
     def _refuse(self, number: int, why: str) -> None:
-        call = self._forget(number)
-        if call is not None:
-            call.query.reply_err(json.dumps({"refused": why}).encode())
-            call.query.drop()  # type: ignore[no-untyped-call] # Zenoh's stub
+        self._close(number, json.dumps({"refused": why}).encode())
 
     def _cancel(self, query: zenoh.Query) -> None:
         key = str(query.key_expr)

@@ -12,8 +12,7 @@ from orientd.viewer import Member
 if TYPE_CHECKING:
     from typing import Self
 
-    from orientd.fleet.client import Fleet
-    from orientd.fleet.reports import Heard
+    from orientd.fleet.client import Fleet, Heard
 
 FIRST = 1.0
 """How long the first state of a daemon is waited for, s."""

@@ -138,7 +138,7 @@ class FleetRecording(LiveRecording):
         with self._fleet.robot(daemon, holder="orientd fleet record") as robot:
             recorder = DaemonRecorder(robot, daemon=daemon, shift_ns=lambda: held.ns)
             measure()
-            configuration = recorder.configuration()
+            configuration = recorder.observer.configuration()
             recorder.run(writer, configuration, self, on_state=measure)
 
     # For as long as a block

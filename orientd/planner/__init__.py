@@ -29,7 +29,13 @@ if TYPE_CHECKING:
     from orientd.planner.path.position import position_path
     from orientd.planner.planning import plan
     from orientd.planner.presets import PRESETS
-    from orientd.planner.recorded import HISTORY, Joints, MotionFacts, RecordedMotion
+    from orientd.planner.recorded import (
+        HISTORY,
+        Joints,
+        MotionFacts,
+        RecordedMotion,
+        orientations_between,
+    )
     from orientd.planner.request import (
         DEFAULT_METHOD,
         Keyframe,

@@ -202,15 +202,23 @@ class RecordedMotion:
         between = np.flatnonzero(u > 0.0)
         if len(between):
             here, there = rows[index[between]], rows[index[between] + 1]
-            q[between] = self._between(here, there, u[between][:, None])
+            q[between] = orientations_between(here, there, self.facts.period, u[between][:, None])
         return q
 
-    def _between(self, here: Floats, there: Floats, u: Floats) -> Floats:
-        """Return orientations a share *u*, shape ``(n, 1)``, of the way to the next record."""
-        way = log(multiply(conjugate(here[:, :4]), there[:, :4]))
-        leave = self.facts.period * here[:, 4:7]
-        arrive = np.einsum("nij,nj->ni", right_jacobian_inverse(way), there[:, 4:7])
-        arrive *= self.facts.period
-        r = u * u * (3 - 2 * u) * way + u * (1 - u) * ((1 - u) * leave - u * arrive)
-        joined: Floats = multiply(here[:, :4], exp(r))
-        return joined
+
+def orientations_between(here: Floats, there: Floats, period: Floats | float, u: Floats) -> Floats:
+    """Return orientations a share of the way from some records to those after them.
+
+    Args:
+        here: records: orientation, angular velocity in the body's frame, and what may follow.
+        there: those after them.
+        period: from each to the next, s.
+        u: the shares, shape ``(n, 1)``.
+    """
+    way = log(multiply(conjugate(here[:, :4]), there[:, :4]))
+    leave = period * here[:, 4:7]
+    arrive = np.einsum("nij,nj->ni", right_jacobian_inverse(way), there[:, 4:7])
+    arrive *= period
+    r = u * u * (3 - 2 * u) * way + u * (1 - u) * ((1 - u) * leave - u * arrive)
+    joined: Floats = multiply(here[:, :4], exp(r))
+    return joined

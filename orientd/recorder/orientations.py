@@ -18,11 +18,10 @@ from pathlib import Path
 from typing import Any, TextIO
 
 import numpy as np
-from mcap.records import Channel, Message, Schema
 
 from orientd.bounded_file import MEBIBYTE, check_regular
 from orientd.recorder import bags
-from orientd.recorder.reader import load_recording, reading, records
+from orientd.recorder.reader import load_recording, messages, reading
 from orientd.recorder.writer import RecordingError
 from orientd.rotation import Floats
 from orientd.stream import CycleFlag
@@ -125,23 +124,14 @@ def _from_ours(path: Path) -> Tables:
 
 def _from_others(path: Path) -> Tables:
     factories = [import_module(name).DecoderFactory() for name in _DECODERS]
-    schemas: dict[int, Any] = {}
-    channels: dict[int, Any] = {}
     decoders: dict[int, Any] = {}
     rows: Rows = {}
-    for record in records(path):
-        if isinstance(record, Schema):
-            schemas[record.id] = record
-        elif isinstance(record, Channel):
-            channels[record.id] = record
-        elif isinstance(record, Message):
-            channel = channels[record.channel_id]
-            if channel.id not in decoders:
-                decoders[channel.id] = _decoder(channel, schemas.get(channel.schema_id), factories)
-            decode = decoders[channel.id]
-            if decode is None:
-                continue
-            _add(rows, channel.topic, record.log_time, decode(record.data))
+    for channel, schema, message in messages(path):
+        if channel.id not in decoders:
+            decoders[channel.id] = _decoder(channel, schema, factories)
+        decode = decoders[channel.id]
+        if decode is not None:
+            _add(rows, channel.topic, message.log_time, decode(message.data))
     return _tables(rows)
 
 

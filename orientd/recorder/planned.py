@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from orientd import rotation
+from orientd.planner import orientations_between
 from orientd.plots import Strands
 from orientd.recorder.cycle_table import Table
 from orientd.recorder.reader import Recording
@@ -71,19 +72,13 @@ def _first_index(event: pb.Event, cycles: Table, period: float) -> int:
 def _path(event: pb.Event, times: Floats) -> Floats:
     """Return the orientations of a motion at path times."""
     knots = np.array([sample.path_time for sample in event.samples])
-    q = np.array([[s.orientation.w, s.orientation.x, s.orientation.y, s.orientation.z]
-                  for s in event.samples])  # fmt: skip
-    omega = np.array([[s.omega_body.x, s.omega_body.y, s.omega_body.z] for s in event.samples])
+    told = [(sample.orientation, sample.omega_body) for sample in event.samples]
+    rows = np.array([[q.w, q.x, q.y, q.z, omega.x, omega.y, omega.z] for q, omega in told])
     times = np.clip(times, knots[0], knots[-1])
     span = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(knots) - 2)
     length = (knots[span + 1] - knots[span])[:, None]
-    u = ((times - knots[span]) / length[:, 0])[:, None]
-    # In the tangent space of the sample before: Kim, Kim and Shin 1995, sec. 5.2, by one vector.
-    turn = rotation.log(rotation.between(q[span], q[span + 1]))
-    begin = omega[span] * length
-    end = rotation.right_jacobian_inverse(turn) @ (omega[span + 1] * length)[..., None]
-    r = (u - 2 * u**2 + u**3) * begin + (3 * u**2 - 2 * u**3) * turn + (u**3 - u**2) * end[..., 0]
-    return rotation.multiply(q[span], rotation.exp(r))
+    u = (times - knots[span])[:, None] / length
+    return orientations_between(rows[span], rows[span + 1], length, u)
 
 
 def strands(recording: Recording, device: str) -> Strands:

@@ -107,36 +107,51 @@ def load_recording(path: Path) -> Recording:
 
 def _load(path: Path) -> Recording:
     recording = Recording()
-    schemas: dict[int, Schema] = {}
-    channels: dict[int, Channel] = {}
     blocks: dict[str, list[Table]] = {}
     room = _FREE_CYCLES + path.stat().st_size // FEWEST_CYCLE_BYTES
-    for record in records(path, recording):
-        if isinstance(record, Schema):
-            schemas[record.id] = record
-        elif isinstance(record, Channel):
-            channels[record.id] = record
-        elif isinstance(record, Metadata) and record.name == "orientd":
-            recording.facts = dict(record.metadata)
-            recording.offset_ns = int(recording.facts["clock_offset_ns"])
-        elif isinstance(record, Message):
-            channel = channels[record.channel_id]
-            kind = schemas[channel.schema_id].name if channel.schema_id else ""
-            if kind == _CYCLES:
-                device = channel.topic.rpartition("/")[0].removeprefix("/")
-                block = recording_pb2.CycleBlock.FromString(record.data)
-                room -= block.count
-                if room < 0 or block.count > _MOST_CYCLES_OF_BLOCK:
-                    raise ValueError("more cycles than it has bytes for")
-                blocks.setdefault(device, []).append(from_block(block))
-            elif kind == _EVENT:
-                recording.events.append(pb.Event.FromString(record.data))
+    for channel, schema, message in messages(path, recording):
+        if schema is None and channel.schema_id:
+            raise ValueError(f"schema {channel.schema_id} is missing")
+        kind = schema.name if schema is not None else ""
+        if kind == _CYCLES:
+            device = channel.topic.rpartition("/")[0].removeprefix("/")
+            block = recording_pb2.CycleBlock.FromString(message.data)
+            room -= block.count
+            if room < 0 or block.count > _MOST_CYCLES_OF_BLOCK:
+                raise ValueError("more cycles than it has bytes for")
+            blocks.setdefault(device, []).append(from_block(block))
+        elif kind == _EVENT:
+            recording.events.append(pb.Event.FromString(message.data))
     if not recording.facts:
         raise RecordingError(f"{path}: not a recording of orientd")
     for device, tables in blocks.items():
         recording.cycles[device] = np.concatenate(tables)
     recording.events.sort(key=lambda event: event.time_ns)
     return recording
+
+
+def messages(
+    path: Path, recording: Recording | None = None
+) -> Iterator[tuple[Channel, Schema | None, Message]]:
+    """Yield the messages of an MCAP file, each with its channel and schema; see :func:`records`.
+
+    Args:
+        path: of the file.
+        recording: is told where the end is missing, and what the file says of itself.
+    """
+    schemas: dict[int, Schema] = {}
+    channels: dict[int, Channel] = {}
+    for record in records(path, recording):
+        if isinstance(record, Schema):
+            schemas[record.id] = record
+        elif isinstance(record, Channel):
+            channels[record.id] = record
+        elif isinstance(record, Message):
+            channel = channels[record.channel_id]
+            yield channel, schemas.get(channel.schema_id), record
+        elif isinstance(record, Metadata) and record.name == "orientd" and recording is not None:
+            recording.facts = dict(record.metadata)
+            recording.offset_ns = int(recording.facts["clock_offset_ns"])
 
 
 def records(path: Path, recording: Recording | None = None) -> Iterator[McapRecord]:

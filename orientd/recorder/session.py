@@ -61,7 +61,11 @@ class LiveRecording:
 
 
 class DaemonRecorder:
-    """Puts into a file what one daemon says of its devices; others may write there too."""
+    """Puts into a file what one daemon says of its devices; others may write there too.
+
+    Attributes:
+        observer: of the daemon.
+    """
 
     def __init__(
         self,
@@ -88,17 +92,9 @@ class DaemonRecorder:
                 raise UnknownNameError(
                     "device", f"expected one of {', '.join(known)}, got {name!r}"
                 )
-        self._observer = robot.observe()
-        self._daemon, self._shift_ns = daemon, shift_ns
+        self.observer = robot.observe()
+        self._prefix, self._shift_ns = f"{daemon}/" if daemon else "", shift_ns
         self._devices = [known[name] for name in devices or known]
-
-    def configuration(self) -> Configuration:
-        """Return the daemon's settings.
-
-        Raises:
-            DaemonError: the daemon is lost.
-        """
-        return self._observer.configuration()
 
     def run(
         self,
@@ -121,8 +117,8 @@ class DaemonRecorder:
             DaemonError: the daemon is lost.
         """
         for device in self._devices:
-            writer.add_device(self._name(device.name), device.rate_hz)
-        writer.add_configuration(configuration.json, {}, daemon=self._daemon)
+            writer.add_device(self._prefix + device.name, device.rate_hz)
+        writer.add_configuration(configuration.json, {}, prefix=self._prefix)
         with ThreadPoolExecutor(len(self._devices) + 1) as pool:
             work = [pool.submit(self._record_events, writer, recording)]
             work += [
@@ -138,25 +134,22 @@ class DaemonRecorder:
                     if time.monotonic() >= due:
                         due = time.monotonic() + STATE_INTERVAL
                         on_state()
-                        state = self._observer.state()
+                        state = self.observer.state()
                         now_ns = time.monotonic_ns()
-                        writer.add_state(state, now_ns, daemon=self._daemon)
+                        writer.add_state(state, now_ns, prefix=self._prefix)
             finally:
-                self._observer.close()
+                self.observer.close()
             for one in work:
                 one.result()
-
-    def _name(self, device: str) -> str:
-        return f"{self._daemon}/{device}" if self._daemon else device
 
     def _record_cycles(
         self, writer: RecordingWriter, recording: LiveRecording, device: str
     ) -> None:
         pending: list[bytes] = []
         count, due = 0, time.monotonic() + LONGEST_HELD
-        name = self._name(device)
+        name = self._prefix + device
         try:
-            for records, lost in self._observer.records(device, rate_hz=READ_HZ):
+            for records, lost in self.observer.records(device, rate_hz=READ_HZ):
                 recording.lost[name] += lost
                 pending.append(records)
                 count += len(records) // CYCLE_RECORD.size
@@ -184,9 +177,9 @@ class DaemonRecorder:
 
     def _record_events(self, writer: RecordingWriter, recording: LiveRecording) -> None:
         names = {device.name for device in self._devices}
-        for event in self._observer.events():
+        for event in self.observer.events():
             if event.device in names:
-                event.device = self._name(event.device)
+                event.device = self._prefix + event.device
                 event.time_ns -= self._shift_ns()
                 writer.add_event(event)
                 recording.events += 1
@@ -219,6 +212,6 @@ class RecordingSession(LiveRecording):
             RecordingError: the file cannot be written any further.
             DaemonError: the daemon is lost; the file is complete up to there.
         """
-        configuration = self._recorder.configuration()
+        configuration = self._recorder.observer.configuration()
         with self._begin_file(configuration.offset_ns) as writer:
             self._recorder.run(writer, configuration, self)

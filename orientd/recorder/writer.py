@@ -94,7 +94,8 @@ class _Sink:
 class RecordingWriter:
     """One recording that is being written; a context manager that completes it.
 
-    Several threads may add to it.
+    Several threads may add to it; all of them get a :class:`RecordingError` once it cannot be
+    written any further.
     """
 
     def __init__(
@@ -147,11 +148,7 @@ class RecordingWriter:
             self._rates[name] = rate_hz
 
     def add_cycles(self, device: str, cycles: Table) -> None:
-        """Add cycles of a device, in their order.
-
-        Raises:
-            RecordingError: it cannot be written any further.
-        """
+        """Add cycles of a device, in their order."""
         for begin in range(0, len(cycles), BLOCK):
             block = cycles[begin : begin + BLOCK]
             time_ns = int(block["deadline_ns"][-1]) + self._offset_ns
@@ -165,39 +162,28 @@ class RecordingWriter:
                 self._add(f"/{device}/scalars", time_ns, message)
 
     def add_event(self, event: pb.Event) -> None:
-        """Add an event.
-
-        Raises:
-            RecordingError: it cannot be written any further.
-        """
+        """Add an event."""
         self._add(f"/{event.device}/events", event.time_ns + self._offset_ns, event)
         for topic, time_ns, message in foxglove.event_shown(event, self._offset_ns):
             self._add(topic, time_ns, message)
 
-    def add_state(self, state: pb.GetStateResponse, time_ns: int, *, daemon: str = "") -> None:
+    def add_state(self, state: pb.GetStateResponse, time_ns: int, *, prefix: str = "") -> None:
         """Add what the daemon said of itself and its devices at *time_ns*, monotonic clock.
 
         Args:
             state: as the daemon says it, on its own clock.
             time_ns: on the clock of the file.
-            daemon: its name, in the file of a cell.
-
-        Raises:
-            RecordingError: it cannot be written any further.
+            prefix: the daemon's name and a slash, in the file of a cell.
         """
-        topic = f"/{daemon}/state" if daemon else "/state"
-        self._add(topic, time_ns + self._offset_ns, state)
+        self._add(f"/{prefix}state", time_ns + self._offset_ns, state)
 
-    def add_configuration(self, json: str, facts: dict[str, str], *, daemon: str = "") -> None:
+    def add_configuration(self, json: str, facts: dict[str, str], *, prefix: str = "") -> None:
         """Add the daemon's settings, and what else there is to know of the recording.
 
         Args:
             json: the settings.
             facts: whatever else.
-            daemon: its name, in the file of a cell.
-
-        Raises:
-            RecordingError: it cannot be written any further.
+            prefix: the daemon's name and a slash, in the file of a cell.
         """
         with self._guarded():
             facts = {
@@ -206,8 +192,8 @@ class RecordingWriter:
                 **facts,
             }
             self._writer.add_metadata("orientd", facts)
-            name = f"{daemon}/{CONFIGURATION}" if daemon else CONFIGURATION
-            self._writer.add_attachment(0, 0, name, "application/json", json.encode())
+            name, content = f"{prefix}{CONFIGURATION}", json.encode()
+            self._writer.add_attachment(0, 0, name, "application/json", content)
 
     def add_clock(self, daemon: str, *, time_ns: int, offset_ns: int, bound_ns: int) -> None:
         """Add where the clock of a daemon stood against that of the file.
@@ -217,9 +203,6 @@ class RecordingWriter:
             time_ns: when, monotonic clock.
             offset_ns: how far it was ahead, by which its times in the file are shifted.
             bound_ns: how far that may be wrong, either way.
-
-        Raises:
-            RecordingError: it cannot be written any further.
         """
         told = {"time_ns": time_ns, "offset_ns": offset_ns, "bound_ns": bound_ns}
         with self._guarded():

@@ -21,6 +21,31 @@ _SILENCE = 0.5
 """How long a daemon that did not answer a call may say nothing, s."""
 
 
+def certificate_files(
+    address: str,
+    certificate: str | Path | None,
+    key: str | Path | None,
+    ca: str | Path | None,
+) -> list[Path]:
+    """Return certificate, key and CA of a client; what is ``None`` is looked up in the environment.
+
+    Raises:
+        DaemonError: one of them is missing, which *address* needs.
+    """
+    files = {
+        "ORIENTD_CERT": certificate or os.environ.get("ORIENTD_CERT"),
+        "ORIENTD_KEY": key or os.environ.get("ORIENTD_KEY"),
+        "ORIENTD_CA": ca or os.environ.get("ORIENTD_CA"),
+    }
+    missing = [name for name, path in files.items() if not path]
+    if missing:
+        raise DaemonError(
+            f"{address} needs a certificate, its key and that of the CA: "
+            f"--cert, --key and --ca, or the environment's {', '.join(missing)}"
+        )
+    return [Path(path).expanduser() for path in files.values() if path]
+
+
 @dataclass(frozen=True)
 class Way:
     """One way to a daemon.
@@ -64,18 +89,7 @@ class Way:
             return FleetMember.at(address, certificate, key, ca)
         if not address:
             return cls(Path(socket).expanduser() if socket is not None else found_socket())
-        files = {
-            "ORIENTD_CERT": certificate or os.environ.get("ORIENTD_CERT"),
-            "ORIENTD_KEY": key or os.environ.get("ORIENTD_KEY"),
-            "ORIENTD_CA": ca or os.environ.get("ORIENTD_CA"),
-        }
-        missing = [name for name, path in files.items() if not path]
-        if missing:
-            raise DaemonError(
-                f"{address} needs a certificate, its key and that of the CA: "
-                f"--cert, --key and --ca, or the environment's {', '.join(missing)}"
-            )
-        found = [Path(path).expanduser() for path in files.values() if path]
+        found = certificate_files(address, certificate, key, ca)
         name = "".join(letter if letter.isalnum() else "_" for letter in address)
         return cls(Path(runtime_directory(), f"{name}.tcp"), address, *found)
 

@@ -15,9 +15,7 @@ from orientd.rpc import DeviceReport
 from orientd.viewer import freshness, geometry, web, words
 from orientd.viewer.cell import Cell, Member
 from orientd.viewer.controls import HALT, STOP
-from orientd.viewer.handles import set_changed
-from orientd.viewer.page import PANEL_WIDTH, UPRIGHT_DISTANCE
-from orientd.viewer.scene import COLOURS, RADIUS, TO_AXIS
+from orientd.viewer.scene import COLOURS, RADIUS, TO_AXIS, aim
 
 FRAMES_HZ = 5.0
 """Half as often as daemons tell of themselves: many devices take a browser long to draw."""
@@ -26,7 +24,6 @@ SPACING = 3.0 * RADIUS
 """From one device to the next, m."""
 
 _RED, _QUIET = (176, 42, 22), (128, 128, 128)
-_LONG_TEXT = 8.0
 _FROM = np.array([0.3, -1.0, 0.6])
 """Where one looks from: x to the right, the first row farthest away."""
 
@@ -81,7 +78,7 @@ class CellPage:
             web.stop(self._server)
 
     def _show(self, members: Sequence[Member]) -> None:
-        set_changed(self._table, content=words.cell(members))
+        web.set_changed(self._table, content=words.cell(members))
         shown = [(member, device) for member in members for device in member.devices]
         names = [f"{member.daemon}/{device.name}" for member, device in shown]
         if names != list(self._tools):
@@ -103,29 +100,18 @@ class CellPage:
 
     def _press(self, event: Any, *, is_quickest: bool) -> None:  # noqa: ANN401 - the library's own
         problem = self.stop(is_quickest=is_quickest)
-        if problem and event.client is not None:
-            event.client.add_notification(
-                "Not acknowledged", problem, color="red", auto_close_seconds=_LONG_TEXT
-            )
+        if problem:
+            web.complain(event, "Not acknowledged", problem)
 
     def _welcome(self, client: viser.ClientHandle) -> None:
         web.dress(client, is_dark=self._is_dark)
         self._aim(client)
 
     def _aim(self, client: viser.ClientHandle) -> None:
-        """Look at the middle of all devices, left of the panel."""
+        """Look at the middle of all devices."""
         columns, rows = _shape(max(len(self._tools), 1))
-        camera = client.camera
-        width, height = camera.image_width, max(camera.image_height, 1)
         distance = SPACING * max(columns, 1.4 * rows, 2.0) * DISTANCE
-        distance *= UPRIGHT_DISTANCE if height > width else 1.0
-        away = _FROM / np.linalg.norm(_FROM) * distance
-        right = np.cross((0.0, 0.0, 1.0), away)
-        metres_per_pixel = 2.0 * distance * math.tan(0.5 * camera.fov) / height
-        shift = 0.5 * PANEL_WIDTH * width * metres_per_pixel * right / np.linalg.norm(right)
-        camera.up_direction = (0.0, 0.0, 1.0)
-        camera.position = away + shift
-        camera.look_at = shift
+        aim(client.camera, np.zeros(3), _FROM / np.linalg.norm(_FROM) * distance)
 
 
 class _Tool:
@@ -154,8 +140,8 @@ class _Tool:
         """Show how a device is; nothing of one that is not known to be so."""
         problem = member.problem or device.is_stale
         # No state: a browser may draw a label a second after it has changed.
-        set_changed(self._label, text=f"✕ {self._name}" if problem else self._name)
-        set_changed(self._sent, visible=not problem and device.cycle is not None)
+        web.set_changed(self._label, text=f"✕ {self._name}" if problem else self._name)
+        web.set_changed(self._sent, visible=not problem and device.cycle is not None)
         if device.cycle is not None:
             self._sent.wxyz = device.cycle.q
 

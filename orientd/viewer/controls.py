@@ -16,10 +16,10 @@ from orientd.errors import LeaseError, OrientdError
 from orientd.rpc import Robot
 from orientd.stream import ServoState
 from orientd.viewer import drop
-from orientd.viewer.handles import set_changed
 from orientd.viewer.proposal import Proposal
 from orientd.viewer.teach_panel import TeachPanel
 from orientd.viewer.watcher import Sight, Watcher
+from orientd.viewer.web import complain, set_changed
 
 Act = Callable[[Robot, str], object]
 Borrow = Callable[[Robot, str], bool]
@@ -31,8 +31,6 @@ KINDS: Mapping[str, str] = MappingProxyType({STOP: "stop", HALT: "halt"})
 TAKE, GIVE_BACK = "Take the lease", "Give the lease back"
 
 _RED = (176, 42, 22)
-_LONG_TEXT = 8.0
-"""s that a refusal stays on the page."""
 
 
 def add_stop_buttons(server: viser.ViserServer, watcher: Watcher) -> None:
@@ -182,7 +180,4 @@ def _attempt(event: Any, act: Callable[[], object]) -> None:  # noqa: ANN401 - t
     try:
         act()
     except OrientdError as error:
-        if event.client is not None:
-            event.client.add_notification(
-                "Refused", str(error), color="red", auto_close_seconds=_LONG_TEXT
-            )
+        complain(event, "Refused", str(error))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 import time
 from collections.abc import Callable
@@ -14,8 +13,7 @@ from orientd.rpc import Robot
 from orientd.viewer import freshness, web, words
 from orientd.viewer.charts import Charts
 from orientd.viewer.controls import KINDS, Borrow, Controls, add_stop_buttons
-from orientd.viewer.handles import set_changed
-from orientd.viewer.scene import RADIUS, Scene
+from orientd.viewer.scene import RADIUS, Scene, aim
 from orientd.viewer.stop_relay import StopRelay
 from orientd.viewer.watcher import Sight, Watcher
 
@@ -23,15 +21,6 @@ FRAMES_HZ = 30.0
 CHARTS_HZ = 8.0
 LONELY = 10.0
 """How long after the last page has gone the lease is given back, s."""
-
-PANEL_WIDTH, PANEL_HEIGHT = 0.33, 0.6
-"""Share of the page that the panel takes: at the right, or of an upright page at the bottom.
-
-Shares, as sizes are told in pixels of the screen, of which one on the page may have several.
-"""
-
-UPRIGHT_DISTANCE = 1.9
-"""How much farther away one looks from on an upright page, which is narrow."""
 
 _NEAR, _FAR = (1.9, 1.9, 1.0), (4.2, 3.4, 1.8)
 """Where one looks from, in radii of the sphere from its centre: at a tool, at an arm."""
@@ -151,7 +140,7 @@ class Page:
                 problem=problem,
                 is_connected=not sight.problem,
             )
-        set_changed(self._status, content=text)
+        web.set_changed(self._status, content=text)
 
     def _show_charts(self, sight: Sight) -> None:
         report = sight.report
@@ -183,22 +172,8 @@ class Page:
         self._aim(client)
 
     def _aim(self, client: viser.ClientHandle) -> None:
-        """Look at the tool, so that it is in the middle of what the panel leaves free."""
+        """Look at the tool."""
         cycle = self._watcher.sight.cycle
         target = np.array(cycle.position if cycle is not None else (0.0, 0.0, 0.0))
-        camera = client.camera
-        width, height = camera.image_width, camera.image_height
-        is_upright = height > width
         away = np.array(_FAR if self._scene.has_device else _NEAR) * RADIUS
-        away *= UPRIGHT_DISTANCE if is_upright else 1.0
-        distance = float(np.linalg.norm(away))
-        metres_per_pixel = 2.0 * distance * math.tan(0.5 * camera.fov) / max(height, 1)
-        right = np.cross((0.0, 0.0, 1.0), away)
-        up = np.cross(away, right)
-        if is_upright:
-            shift = -0.5 * PANEL_HEIGHT * height * metres_per_pixel * up / np.linalg.norm(up)
-        else:
-            shift = 0.5 * PANEL_WIDTH * width * metres_per_pixel * right / np.linalg.norm(right)
-        camera.up_direction = (0.0, 0.0, 1.0)
-        camera.position = target + away + shift
-        camera.look_at = target + shift
+        aim(client.camera, target, away)

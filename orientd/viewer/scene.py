@@ -6,6 +6,7 @@ One unit is a metre.  The sphere that the tips of the axes move on is about the 
 from __future__ import annotations
 
 import colorsys
+import math
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,39 @@ _MOST_NUMBERS = 60
 
 TO_AXIS = ((0.5**0.5, 0.0, 0.5**0.5, 0.0), (0.5**0.5, -(0.5**0.5), 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 """From z, which meshes are about, to each axis."""
+
+
+PANEL_WIDTH, PANEL_HEIGHT = 0.33, 0.6
+"""Share of the page that the panel takes: at the right, or of an upright page at the bottom.
+
+Shares, as sizes are told in pixels of the screen, of which one on the page may have several.
+"""
+
+UPRIGHT_DISTANCE = 1.9
+"""How much farther away one looks from on an upright page, which is narrow."""
+
+
+def aim(camera: viser.CameraHandle, target: Floats, away: Floats) -> None:
+    """Look at *target*, so that it is in the middle of what the panel leaves free.
+
+    Args:
+        camera: of one browser.
+        target: m.
+        away: from there to where one looks from, on a page that is not upright, m.
+    """
+    width, height = camera.image_width, max(camera.image_height, 1)
+    is_upright = height > width
+    away = away * UPRIGHT_DISTANCE if is_upright else away
+    metres_per_pixel = 2.0 * np.linalg.norm(away) * math.tan(0.5 * camera.fov) / height
+    right = np.cross((0.0, 0.0, 1.0), away)
+    up = np.cross(away, right)
+    if is_upright:
+        shift = -0.5 * PANEL_HEIGHT * height * metres_per_pixel * up / np.linalg.norm(up)
+    else:
+        shift = 0.5 * PANEL_WIDTH * width * metres_per_pixel * right / np.linalg.norm(right)
+    camera.up_direction = (0.0, 0.0, 1.0)
+    camera.position = target + away + shift
+    camera.look_at = target + shift
 
 
 class Scene:

@@ -11,6 +11,7 @@ import errno
 import io
 import logging
 import socket
+from typing import Any
 
 import viser
 from viser import _messages
@@ -19,6 +20,9 @@ from orientd.errors import DaemonError
 from orientd.viewer.own_page import is_loopback, is_own_page
 
 TITLE = "orientd"
+
+_LONG_TEXT = 8.0
+"""s that a refusal stays on the page."""
 
 
 class _ForeignPageError(Exception):
@@ -62,6 +66,19 @@ def dress(whose: viser.ViserServer | viser.ClientHandle, *, is_dark: bool) -> No
     whose.gui.configure_theme(
         dark_mode=is_dark, show_logo=False, show_share_button=False, control_width="large"
     )
+
+
+def set_changed(handle: Any, **properties: object) -> None:  # noqa: ANN401 - the library's own
+    """Set what has changed of something on the page: every setting is sent to every page."""
+    for name, value in properties.items():
+        if getattr(handle, name) != value:
+            setattr(handle, name, value)
+
+
+def complain(event: Any, title: str, problem: str) -> None:  # noqa: ANN401 - the library's own
+    """Tell whoever pressed a button what came of it, unless it was no browser."""
+    if event.client is not None:
+        event.client.add_notification(title, problem, color="red", auto_close_seconds=_LONG_TEXT)
 
 
 def stop(server: viser.ViserServer) -> None:

@@ -68,7 +68,7 @@ def test_starting_imports_nothing_that_is_slow():
         "import sys, orientd.cli.main, orientd.daemon.server\n"
         "slow = {'numpy', 'scipy', 'orientd.kernels', 'matplotlib', 'rich'}\n"
         "print(', '.join(slow & set(sys.modules)))\n"
-        "import orientd.daemon.motions.motions, orientd.daemon.service\n"
+        "import orientd.daemon.motions.motions, orientd.daemon.calls.service\n"
         "print(', '.join((slow - {'numpy'}) & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)

@@ -6,12 +6,13 @@ import signal
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import pytest
 from authority import OPENSSL, Authority
 from command_line import orientd as orientd_command
 from fleet_cell import CELL, RunningCell
-from harness import until
+from harness import children, until
 
 import orientd
 from orientd.errors import AccessError, DaemonError, StateError
@@ -247,6 +248,23 @@ def test_a_daemon_that_was_killed_is_gone_at_once_and_comes_back(cell, fleet):
     cell.start("arm-2")
     cell.await_ready("arm-2")
     until(lambda: fleet.daemons == cell.names, "arm-2 is back")
+
+
+def gateway_of(daemon):
+    """Return the process that speaks Zenoh for a daemon; ``None`` while there is none."""
+    named = {pid: Path(f"/proc/{pid}/cmdline").read_bytes() for pid in children(daemon.pid)}
+    return next((pid for pid, line in named.items() if b"orientd.fleet" in line), None)
+
+
+def test_a_renewed_certificate_is_taken_up_by_a_reload(cell, fleet):
+    daemon = cell.processes["arm-2"]
+    before = gateway_of(daemon)
+    cell.authority.revoke("arm-2")
+    cell.authority.issue("arm-2", hosts="IP:127.0.0.1", use="member")
+    daemon.send_signal(signal.SIGHUP)
+    until(lambda: fleet.daemons == ["arm-1"], "the gateway with the old one ends")
+    until(lambda: fleet.daemons == cell.names, "another one comes")
+    assert gateway_of(daemon) != before
 
 
 def test_a_daemon_without_a_cell_loads_no_zenoh(cell):

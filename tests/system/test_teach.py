@@ -149,7 +149,7 @@ def test_an_arm_in_freedrive_is_taught_and_passes_every_pose_again(arm, tmp_path
 
 def test_the_page_teaches_and_holds_the_arm_when_it_gives_up(arm):
     pytest.importorskip("viser")
-    from orientd.viewer.lesson import Lesson
+    from orientd.viewer.teach_panel import Lesson
 
     emulated, daemon = arm
     lesson = Lesson()

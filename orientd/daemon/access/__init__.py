@@ -9,13 +9,8 @@ from orientd.lazy import lazily
 if TYPE_CHECKING:
     from orientd.daemon.access.authentication import Admission, inner_socket
     from orientd.daemon.access.claim import claimed
-    from orientd.daemon.access.gate import GenericHandler, MethodHandler, StartupGate
-    from orientd.daemon.access.identity import (
-        ClientCertificate,
-        Identity,
-        RolePolicy,
-        present_caller,
-    )
+    from orientd.daemon.access.gate import StartupGate
+    from orientd.daemon.access.identity import CALLER, ClientCertificate, Identity, RolePolicy
     from orientd.daemon.access.peer import Process, peer_process
 
 __getattr__ = lazily(__name__)

@@ -19,6 +19,7 @@ import queue
 import threading
 import time
 from collections.abc import Mapping
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -109,27 +110,28 @@ class AuditLog:
 
     def _append(self, record: dict[str, Any]) -> None:
         """Write the next line of the chain, which another daemon of this user may go on with."""
-        self._lock()
         try:
-            size = os.fstat(self._descriptor).st_size
-            if size != self._end:
-                size = self._find_end(size)
-            number, previous = self._last
-            line = chained(record, number + 1, previous)
+            size, line = self._next(record)
             if size and size + len(line) > self._most_bytes:
                 self._put_aside()
-                self._lock()
-                size = self._find_end(os.fstat(self._descriptor).st_size)
-                number, previous = self._last
-                line = chained(record, number + 1, previous)
+                size, line = self._next(record)
             written = os.write(self._descriptor, line)
             if written < len(line):
                 os.ftruncate(self._descriptor, size)
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-            self._end, self._last = size + written, (number + 1, digest(line[:-1]))
+            self._end, self._last = size + written, (self._last[0] + 1, digest(line[:-1]))
         finally:
             if self._descriptor >= 0:
                 fcntl.flock(self._descriptor, fcntl.LOCK_UN)
+
+    def _next(self, record: dict[str, Any]) -> tuple[int, bytes]:
+        """Lock the file; return its length, and *record* as the line that follows."""
+        self._lock()
+        size = os.fstat(self._descriptor).st_size
+        if size != self._end:
+            size = self._find_end(size)
+        number, previous = self._last
+        return size, chained(record, number + 1, previous)
 
     def _lock(self) -> None:
         """Hold the file at the path alone, opened anew where another daemon has put it aside."""
@@ -187,10 +189,9 @@ class AuditLog:
 
 def _stamped(record: _Record) -> dict[str, Any]:
     """Return *record* with its times as text."""
-    times = {name: _stamp(record[name]) for name in ("time", "since") if name in record}
+    times = {
+        name: datetime.fromtimestamp(record[name], UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
+        for name in ("time", "since")
+        if name in record
+    }
     return {**record, **times}
-
-
-def _stamp(seconds: float) -> str:
-    stamp = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(seconds))
-    return f"{stamp}.{int(seconds % 1 * 1e6):06d}Z"

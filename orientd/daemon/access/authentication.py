@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 from orientd.config import AccessSettings, TcpSettings
 from orientd.daemon.access.audit import AuditLog
 from orientd.daemon.access.authorization import Authorization, OwnerOf
-from orientd.daemon.access.identity import Credentials, Identity, RolePolicy
-from orientd.daemon.access.peer import Process
+from orientd.daemon.access.identity import RolePolicy
 from orientd.daemon.access.peer_credentials import PeerListener
 from orientd.daemon.access.throttle import Throttle
 from orientd.daemon.devices import report_directory
@@ -50,6 +49,7 @@ class Admission:
 
     Attributes:
         policy: who may do what at present.
+        door: knows who has come in.
         checkpoint: what every call passes.
     """
 
@@ -70,11 +70,11 @@ class Admission:
         path = audit_path(access)
         self._audit = AuditLog(path, most_bytes=access.audit_bytes, most_files=access.audit_files)
         self._throttle = Throttle(per_second=access.requests_per_second, at_once=access.streams)
-        self._door = PeerListener(
+        self.door = PeerListener(
             self.policy, inner, most_connections=access.connections, refused=self._refused
         )
         self.checkpoint = Authorization(
-            self._door, self._audit, self._throttle, keyframes=access.keyframes
+            self.door, self._audit, self._throttle, keyframes=access.keyframes
         )
 
     async def open(self, socket: Path) -> None:
@@ -83,10 +83,10 @@ class Admission:
         Raises:
             DaemonError: an address cannot be listened at.
         """
-        await self._door.open_unix(socket)
+        await self.door.open_unix(socket)
         if self._tcp is not None and self._context is not None:
             host, _ = self._tcp.host_and_port
-            port = await self._door.open_tcp(*self._tcp.host_and_port, self._context)
+            port = await self.door.open_tcp(*self._tcp.host_and_port, self._context)
             _log.info("door: listens at %s:%d too, with TLS", host, port)
 
     def change(self, access: AccessSettings, tcp: TcpSettings | None) -> None:
@@ -105,11 +105,11 @@ class Admission:
         if revocations != self._revocations:
             # Whether it is on the list is asked of a certificate in the handshake alone.
             self._revocations = revocations
-            self._door.have_certificates_shown_again()
+            self.door.have_certificates_shown_again()
         self._throttle.per_second = access.requests_per_second
         self._throttle.at_once = access.streams
         self.checkpoint.keyframes = access.keyframes
-        self._door.change(self.policy, self._context)
+        self.door.change(self.policy, self._context)
 
     def guard_leases(self, owner_of: OwnerOf, owners: Callable[[], Collection[str]]) -> None:
         """Refuse tokens of others from now on, and keep room for whoever holds a lease.
@@ -119,31 +119,15 @@ class Admission:
             owners: returns who holds any.
         """
         self.checkpoint.owner_of = owner_of
-        self._door.has_lease = lambda key: key in owners()
+        self.door.has_lease = lambda key: key in owners()
 
-    def record_stop(self, process: Process, **what: Any) -> None:  # noqa: ANN401 - as JSON holds
-        """Record what *process* has stopped beside the daemon."""
-        self.record_stop_over(f"unix, process {process.pid}", f"user:{process.uid}", **what)
-
-    def record_stop_over(self, origin: str, identity: str, **what: Any) -> None:  # noqa: ANN401
+    def record_stop(self, origin: str, identity: str, **what: Any) -> None:  # noqa: ANN401 - JSON
         """Record what somebody has stopped beside the daemon who came by *origin*."""
         self._audit.record(event="stopped", identity=identity, origin=origin, **what)
 
-    def guest(self, credentials: Credentials, origin: str) -> str:
-        """Admit somebody who comes by no connection; see :meth:`PeerListener.guest`."""
-        return self._door.guest(credentials, origin)
-
-    def knows(self, peer: str) -> bool:
-        """Whether a guest is still admitted."""
-        return self._door.who(peer) is not None
-
-    def named(self, name: str) -> Identity:
-        """Return who is called *name*; see :meth:`RolePolicy.named`."""
-        return self.policy.named(name)
-
     async def close(self) -> None:
         """Hang up on everybody, and finish the audit log."""
-        await self._door.close()
+        await self.door.close()
         self._audit.close()
 
     def _refused(self, origin: str, problem: str) -> None:

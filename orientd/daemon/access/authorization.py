@@ -20,13 +20,12 @@ from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
 import grpc
-from google.protobuf.message import Message
+from google.protobuf.message import DecodeError, Message
 
 from orientd.daemon.access import request_text
 from orientd.daemon.access.audit import AuditLog
 from orientd.daemon.access.gate import Interceptor
 from orientd.daemon.access.identity import CALLER
-from orientd.daemon.access.legible import legible
 from orientd.daemon.access.peer_credentials import PeerConnection, PeerListener
 from orientd.daemon.access.rules import Rule, rule
 from orientd.daemon.access.throttle import Throttle
@@ -47,6 +46,8 @@ Handler = Any
 
 CountCall = Callable[[str, str, float], object]
 """Told the name of a call that has ended, its code, and how long it took in s."""
+
+Read = Callable[[bytes], Message]
 
 OwnerOf = Callable[[str], str | None]
 """Returns whose a lease is by its token, for others to be refused; ``None`` if it is nobody's."""
@@ -138,7 +139,9 @@ class Authorization(Interceptor):
                 else:
                     call.request = self._looking(asked, call, key, context)
                 if found.is_command:
-                    self._audit.record(event="asked", **call.who(), **call.what())
+                    is_whole = isinstance(asked, Message)
+                    told = {"request": request_text.describe(asked)} if is_whole else {}
+                    self._audit.record(event="asked", **call.who(), **told)
                 CALLER.set(connection.identity)
                 yield call
             except OrientdError as error:
@@ -276,12 +279,6 @@ class _Call:
             "origin": connection.origin,
         }
 
-    def what(self) -> dict[str, Any]:
-        """Return what was asked for, where that came with the call."""
-        if not isinstance(self.request, Message):
-            return {}
-        return {"request": request_text.describe(self.request)}
-
     def hear(self, answer: object) -> None:
         """Note what an answer says of the motion that the call began."""
         started, summary = getattr(answer, "started", None), getattr(answer, "summary", None)
@@ -301,6 +298,29 @@ class _Call:
             kind = summary.DESCRIPTOR.fields_by_name["outcome"].enum_type
             self.result["motion_outcome"] = kind.values_by_number[summary.outcome].name
             self.result["motion_text"] = summary.text[:400]
+
+
+def legible(read: Read | None) -> Callable[[bytes], Message | RequestError] | None:
+    """Return *read*, made to return what is wrong, in one line, instead of raising it.
+
+    gRPC reads a request before anybody can check who asks or how often, and answers bytes that say
+    nothing with a traceback in the log.  So they become an error, which is refused like any other
+    request.
+
+    Args:
+        read: makes a message of bytes; ``None`` where bytes are passed on as they are.
+    """
+    if read is None:
+        return None
+
+    def attempt(content: bytes) -> Message | RequestError:
+        try:
+            return read(content)
+        except DecodeError as error:
+            problem = " ".join(str(error).split())
+            return RequestError("", f"the request cannot be read: {problem}")
+
+    return attempt
 
 
 async def _refuse(context: Context, error: OrientdError) -> NoReturn:

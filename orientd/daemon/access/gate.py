@@ -7,7 +7,7 @@ starts with this gate in the place of the service, and calls that come early wai
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import grpc
@@ -24,13 +24,16 @@ else:
 class StartupGate(Interceptor, GenericHandler):
     """Stand for one service: first closed, then for good open."""
 
-    def __init__(
-        self, service: str, wrap: Callable[[GenericHandler], GenericHandler] = lambda inner: inner
-    ) -> None:
-        """Stand for the service called *service*, whose handlers *wrap* may change."""
+    def __init__(self, service: str, wrap: Callable[[str, Any], Any]) -> None:
+        """Stand for the service called *service*.
+
+        Args:
+            service: its full name.
+            wrap: returns what handles a call in the place of its handler, by the call's name.
+        """
         self._wrap = wrap
         self._prefix = f"/{service}/"
-        self._handlers: tuple[GenericHandler, ...] = ()
+        self._handlers: dict[str, MethodHandler] = {}
         self._is_open = asyncio.Event()
 
     def open(self, register: Callable[[StartupGate], None]) -> None:
@@ -42,11 +45,15 @@ class StartupGate(Interceptor, GenericHandler):
         register(self)
         self._is_open.set()
 
-    def add_generic_rpc_handlers(self, handlers: tuple[GenericHandler, ...]) -> None:
+    def add_registered_method_handlers(
+        self, service: str, handlers: Mapping[str, MethodHandler]
+    ) -> None:
         """Take what generated code would add to a server."""
-        self._handlers += tuple(map(self._wrap, handlers))
+        self._handlers = {
+            f"/{service}/{name}": self._wrap(name, inner) for name, inner in handlers.items()
+        }
 
-    def add_registered_method_handlers(self, service: str, handlers: object) -> None:
+    def add_generic_rpc_handlers(self, handlers: object) -> None:
         """Leave out what generated code adds a second time."""
 
     async def intercept_service(
@@ -61,5 +68,4 @@ class StartupGate(Interceptor, GenericHandler):
 
     def service(self, handler_call_details: grpc.HandlerCallDetails) -> MethodHandler | None:
         """Return what is behind the gate for a call."""
-        found = (handler.service(handler_call_details) for handler in self._handlers)
-        return next((handler for handler in found if handler is not None), None)
+        return self._handlers.get(handler_call_details.method)

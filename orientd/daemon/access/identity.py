@@ -7,7 +7,7 @@ import grp
 import os
 import pwd
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass
 
@@ -51,17 +51,9 @@ class ClientCertificate:
 
 Credentials = Process | ClientCertificate
 
-CALLER: ContextVar[Identity | None] = ContextVar("CALLER", default=None)
-"""Whose call is being handled."""
-
-
 NOBODY = Identity("", "", Role.OBSERVER)
-"""Who calls where nobody does."""
-
-
-def present_caller() -> Identity:
-    """Return whose call is being handled."""
-    return CALLER.get() or NOBODY
+CALLER: ContextVar[Identity] = ContextVar("CALLER", default=NOBODY)
+"""Whose call is being handled."""
 
 
 class RolePolicy:
@@ -129,21 +121,20 @@ class RolePolicy:
 
 
 def _uid(name: str) -> int:
-    if name.isascii() and name.isdigit():
-        return int(name)
-    try:
-        return pwd.getpwnam(name).pw_uid
-    except (KeyError, ValueError) as error:  # a name with a null byte is a mistake of another kind
-        raise ConfigError(f"access.users: there is no user {name!r} on this machine") from error
+    return _number("user", name, lambda: pwd.getpwnam(name).pw_uid)
 
 
 def _gid(name: str) -> int:
+    return _number("group", name, lambda: grp.getgrnam(name).gr_gid)
+
+
+def _number(kind: str, name: str, find: Callable[[], int]) -> int:
     if name.isascii() and name.isdigit():
         return int(name)
     try:
-        return grp.getgrnam(name).gr_gid
-    except (KeyError, ValueError) as error:
-        raise ConfigError(f"access.groups: there is no group {name!r} on this machine") from error
+        return find()
+    except (KeyError, ValueError) as error:  # a name with a null byte is a mistake of another kind
+        raise ConfigError(f"access.{kind}s: there is no {kind} {name!r} on this machine") from error
 
 
 def _user_name(uid: int) -> str:

@@ -7,12 +7,8 @@ from typing import TYPE_CHECKING
 from orientd.lazy import lazily
 
 if TYPE_CHECKING:
-    from orientd.daemon.calls.commanding import CommandingCalls
-    from orientd.daemon.calls.leasing import LeasingCalls
-    from orientd.daemon.calls.moving import MovingCalls
+    from orientd.daemon.calls.service import ControlService
     from orientd.daemon.calls.telemetry import Telemetry
-    from orientd.daemon.calls.tracking import TrackingCalls
-    from orientd.daemon.calls.unread import UnreadHandlers
-    from orientd.daemon.calls.watching import WatchingCalls
+    from orientd.daemon.calls.unread import left_unread
 
 __getattr__ = lazily(__name__)

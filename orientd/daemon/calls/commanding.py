@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from orientd.daemon.access import present_caller
+from orientd.daemon.access import CALLER
 from orientd.daemon.calls.calls import Calls, Context, device_message
 from orientd.daemon.device import Device
 from orientd.errors import RequestError, StateError
@@ -47,12 +47,16 @@ class CommandingCalls(Calls):
 
     async def Pause(self, request: pb.PauseRequest, context: Context) -> pb.PauseResponse:
         """Pause a motion."""
-        device = await self._command(request, "pause", pause)
+        device = await self._command(
+            request, "pause", lambda device: moving(device, "pause").pause()
+        )
         return pb.PauseResponse(device=device)
 
     async def Resume(self, request: pb.ResumeRequest, context: Context) -> pb.ResumeResponse:
         """Go on with a paused motion."""
-        device = await self._command(request, "resume", resume)
+        device = await self._command(
+            request, "resume", lambda device: moving(device, "resume").resume()
+        )
         return pb.ResumeResponse(device=device)
 
     async def SetSpeed(self, request: pb.SetSpeedRequest, context: Context) -> pb.SetSpeedResponse:
@@ -102,31 +106,17 @@ class CommandingCalls(Calls):
 
 def _caller(named: str) -> str:
     """Return who calls, as was checked; as they name themselves only where nothing was."""
-    caller = present_caller()
+    caller = CALLER.get()
     return str(caller) if caller.key else named
 
 
-def pause(device: Device) -> None:
-    """Pause the motion that *device* runs.
+def moving(device: Device, what: str) -> Device:
+    """Return *device*, which is on a motion to do *what* to.
 
     Raises:
-        StateError: it runs none.
+        StateError: it is on none.
     """
-    _check_moving(device, "pause")
-    device.pause()
-
-
-def resume(device: Device) -> None:
-    """Go on with the motion that *device* has paused.
-
-    Raises:
-        StateError: it has none.
-    """
-    _check_moving(device, "resume")
-    device.resume()
-
-
-def _check_moving(device: Device, what: str) -> None:
     state = device.snapshot().state
     if state is not ServoState.STREAMING:
         raise StateError(f"device {device.name} is {state.name.lower()}: no motion to {what}")
+    return device

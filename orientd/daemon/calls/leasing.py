@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from orientd.daemon.access import present_caller
+from orientd.daemon.access import CALLER
 from orientd.daemon.calls.calls import Calls, Context
 from orientd.daemon.leases import Lease
 from orientd.rpc import control_pb2 as pb
@@ -15,7 +15,7 @@ class LeasingCalls(Calls):
         self, request: pb.AcquireLeaseRequest, context: Context
     ) -> pb.AcquireLeaseResponse:
         """Take the lease of devices that are free."""
-        caller = present_caller()
+        caller = CALLER.get()
         lease = await self._cell.in_worker(
             lambda: self._cell.lease_manager.acquire(
                 request.holder,
@@ -58,7 +58,7 @@ class LeasingCalls(Calls):
         self, request: pb.SeizeLeaseRequest, context: Context
     ) -> pb.SeizeLeaseResponse:
         """Take the lease whoever holds it."""
-        caller = present_caller()
+        caller = CALLER.get()
         lease = await self._cell.in_worker(
             lambda: self._cell.lease_manager.seize(
                 request.holder,

@@ -4,15 +4,24 @@ from __future__ import annotations
 
 import asyncio
 import functools
+import time
 from collections.abc import AsyncIterator
 from typing import Any
 
 from orientd.daemon.calls.calls import Calls, Context, interval
-from orientd.daemon.calls.track_call import TrackCall
+from orientd.daemon.device import Device
 from orientd.daemon.motion_starter import GONE
 from orientd.daemon.motions import ActiveMotion
-from orientd.errors import RequestError, StateError
-from orientd.rpc import Outcome, limits_to_wish, report_to_message
+from orientd.driver import Quaternion
+from orientd.errors import OrientdError, RequestError, StateError
+from orientd.floats import difference, norm
+from orientd.rpc import (
+    Outcome,
+    TrackReport,
+    limits_to_wish,
+    report_to_message,
+    target_from_message,
+)
 from orientd.rpc import control_pb2 as pb
 
 
@@ -36,7 +45,7 @@ class TrackingCalls(Calls):
             run = await self._cell.in_worker(
                 lambda: self._cell.starter.track(begin.lease_token, device, limits, stops=stops)
             )
-            following = TrackCall(device)
+            following = _Following(device)
             reading = asyncio.ensure_future(_read_targets(request_iterator, following))
             ended = asyncio.wrap_future(run.ended)
             waiting: set[asyncio.Future[Any]] = {ended, reading}
@@ -68,9 +77,54 @@ async def _first(requests: AsyncIterator[pb.TrackRequest]) -> pb.TrackStart:
     raise RequestError("start", "expected as the first message")
 
 
-async def _read_targets(requests: AsyncIterator[pb.TrackRequest], following: TrackCall) -> None:
+async def _read_targets(requests: AsyncIterator[pb.TrackRequest], following: _Following) -> None:
     async for request in requests:
         if request.WhichOneof("what") == "target":
             following.take(request.target)
         else:
             following.refuse("target: expected in every message after the first")
+
+
+class _Following:
+    """The targets of one caller for one device, and what there is to report of them."""
+
+    def __init__(self, device: Device) -> None:
+        """Begin with nothing to follow on *device*, whose servo does."""
+        self._device = device
+        self._given, self._left_out = device.targets
+        self._refused = 0
+        self._refusal = ""
+        self._newest: Quaternion | None = None
+
+    def take(self, message: pb.TrackTarget) -> None:
+        """Hand a target on; one that is none is counted and left out."""
+        try:
+            target = target_from_message(message, time.monotonic_ns())
+            self._device.aim(*target)
+        except OrientdError as error:
+            self.refuse(str(error))
+        else:
+            self._newest = target.q
+
+    def refuse(self, problem: str) -> None:
+        """Count something that is not even a target."""
+        self._refused += 1
+        self._refusal = problem
+
+    def report(self) -> TrackReport | None:
+        """Return how it goes; ``None`` while there is no servo to tell."""
+        cycle = self._device.snapshot().cycle
+        if cycle is None:
+            return None
+        given, left_out = self._device.targets
+        return TrackReport(
+            state=cycle.state,
+            q=cycle.q,
+            omega_body=cycle.omega_body,
+            time_ns=cycle.deadline_ns,
+            targets=given - self._given,
+            left_out=left_out - self._left_out,
+            refused=self._refused,
+            refusal=self._refusal,
+            error=None if self._newest is None else norm(difference(cycle.q, self._newest)),
+        )

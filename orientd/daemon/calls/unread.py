@@ -8,18 +8,14 @@ Answers that a planner has made come as bytes, too, and are handed on as they ar
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from google.protobuf import descriptor_pb2, message_factory
 from google.protobuf.descriptor import FileDescriptor
 from google.protobuf.descriptor_pool import DescriptorPool
 from google.protobuf.message import Message
 
-from orientd.daemon.access import GenericHandler
 from orientd.rpc import control_pb2 as pb
-
-if TYPE_CHECKING:
-    from orientd.daemon.access import MethodHandler
 
 MOTION = "motion"
 """The field that is left unread."""
@@ -57,31 +53,11 @@ CLASSES = _classes()
 """Messages with their motions unread, by name."""
 
 
-class UnreadHandlers(GenericHandler):
-    """Handlers of a service, those of long requests without reading these."""
-
-    def __init__(self, inner: GenericHandler) -> None:
-        """Stand for the generated handlers *inner*."""
-        self._inner = inner
-        self._changed: dict[str, MethodHandler | None] = {}
-
-    def service(self, handler_call_details: Any) -> MethodHandler | None:  # noqa: ANN401
-        """Return what handles a call."""
-        method = handler_call_details.method
-        if method not in self._changed:
-            found: Any = self._inner.service(handler_call_details)
-            if found is not None:
-                found = found._replace(
-                    request_deserializer=_reader(method, found.request_deserializer),
-                    response_serializer=_serialized,
-                )
-            self._changed[method] = found
-        return self._changed[method]
-
-
-def _reader(method: str, read: Any) -> Any:  # noqa: ANN401 - as gRPC has them
-    unread = CLASSES.get(f"{method.rpartition('/')[2]}Request")
-    return read if unread is None else unread.FromString
+def left_unread(name: str, handler: Any) -> Any:  # noqa: ANN401 - as gRPC has them
+    """Return the handler of the call *name*, with requests that are long left unread."""
+    message = CLASSES.get(f"{name}Request")
+    read = handler.request_deserializer if message is None else message.FromString
+    return handler._replace(request_deserializer=read, response_serializer=_serialized)
 
 
 def _serialized(answer: Message | bytes) -> bytes:

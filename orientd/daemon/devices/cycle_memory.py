@@ -43,8 +43,3 @@ class CycleMemory(RingFile):
         for piece in ring.slots(first, head - first):
             self.append(piece)
         self._next = head
-
-    @property
-    def is_empty(self) -> bool:
-        """Whether the device has run no cycle yet."""
-        return not self.end

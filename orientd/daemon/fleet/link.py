@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import hashlib
 import json
 import logging
 import math
@@ -11,7 +12,7 @@ import os
 import socket
 import sys
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -68,8 +69,14 @@ class FleetLink:
             journal: tells what happens.
 
         Raises:
-            ConfigError: Zenoh cannot be configured so.
+            ConfigError: there is no Zenoh, or it cannot be configured so.
+            DaemonError: the folder of a Unix socket is open to others.
         """
+        if settings.fleet is None or find_spec("zenoh") is None:
+            problem = "needs `eclipse-zenoh`: pip install 'orientd-motion[fleet]'"
+            raise ConfigError(f"fleet: {problem}")
+        self._fleet, self._tcp = settings.fleet, settings.tcp
+        self._most = settings.access.message_bytes
         self._path, self._service, self._entry = path, service, entry
         self._gate, self._state, self._journal = gate, state, journal
         self._peers: dict[str, str] = {}
@@ -80,24 +87,24 @@ class FleetLink:
         self._writer: asyncio.StreamWriter | None = None
         self._process: asyncio.subprocess.Process | None = None
         self._tasks: list[asyncio.Task[None]] = []
-        self._configure(settings)
+        self._begin = self.configured(settings)
 
-    def _configure(self, settings: Settings) -> None:
-        fleet = settings.fleet
-        if fleet is None:
-            raise ConfigError("fleet: missing")
-        if find_spec("zenoh") is None:
-            problem = "needs `eclipse-zenoh`: pip install 'orientd-motion[fleet]'"
-            raise ConfigError(f"fleet: {problem}")
-        self._most = settings.access.message_bytes
-        self._is_tls, self._pause = fleet.is_tls, 1.0 / fleet.state_hz
-        self._begin: Header = {
+    def configured(self, settings: Settings) -> Header:
+        """Return what the gateway is told first: of *settings* roles and certificates alone.
+
+        Raises:
+            ConfigError: Zenoh cannot be configured so.
+            DaemonError: the folder of a Unix socket is open to others.
+        """
+        fleet, callers = self._fleet, list(settings.access.certificates)
+        zenoh = zenoh_configuration(fleet, settings.tcp or self._tcp, callers=callers)
+        return {
             "cell": fleet.cell,
             "name": fleet.name,
             "socket": str(self._path),
-            "zenoh": zenoh_configuration(
-                fleet, settings.tcp, callers=list(settings.access.certificates)
-            ),
+            "zenoh": zenoh,
+            # For nobody to read: with others in their places Zenoh has to be started again.
+            "files": _digests(zenoh.get("transport/link/tls", {})),
         }
 
     def start(self) -> None:
@@ -106,15 +113,10 @@ class FleetLink:
             asyncio.create_task(work) for work in (self._keep(), self._publish(), self._tell())
         ]
 
-    def change(self, settings: Settings) -> None:
-        """Go by other roles from now on: Zenoh reads them at its start alone.
-
-        Raises:
-            ConfigError: Zenoh cannot be configured so.
-        """
-        before = self._begin
-        self._configure(settings)
-        if self._begin != before and self._writer is not None:
+    def change(self, begin: Header) -> None:
+        """Go by what :meth:`configured` has returned: Zenoh reads it at its start alone."""
+        before, self._begin = self._begin, begin
+        if begin != before and self._writer is not None:
             self._writer.close()
 
     async def close(self) -> None:
@@ -253,19 +255,19 @@ class FleetLink:
     def _peer(self, caller: str) -> str:
         """Return what the door knows *caller* by, whose name Zenoh has checked."""
         peer = self._peers.get(caller, "")
-        if not peer or not self._entry.knows(peer):
+        if not peer or not self._entry.door.who(peer):
             credentials: Process | ClientCertificate = (
                 ClientCertificate(caller, "", math.inf)
-                if self._is_tls
+                if self._fleet.is_tls
                 else Process(os.getpid(), os.geteuid(), tuple(os.getgroups()))
             )
-            peer = self._peers[caller] = self._entry.guest(credentials, "fleet")
+            peer = self._peers[caller] = self._entry.door.guest(credentials, "fleet")
         return peer
 
     def _note_stop(self, header: Header) -> None:
-        caller = f"certificate:{header['caller']}" if self._is_tls else f"user:{os.geteuid()}"
+        caller = f"certificate:{header['caller']}" if self._fleet.is_tls else f"user:{os.geteuid()}"
         names = [one["name"] for one in header.get("devices") or ()]
-        self._entry.record_stop_over("fleet", caller, kind=header["stopped"], devices=names)
+        self._entry.record_stop("fleet", caller, kind=header["stopped"], devices=names)
 
     # What happens
 
@@ -283,7 +285,7 @@ class FleetLink:
                     _log.warning("fleet: no state: %s", error)
                 else:
                     await self._send({"state": number, "time_ns": now}, said)
-            due = max(due + self._pause, time.monotonic())
+            due = max(due + 1.0 / self._fleet.state_hz, time.monotonic())
             await asyncio.sleep(due - time.monotonic())
 
     async def _tell(self) -> None:
@@ -305,3 +307,12 @@ class FleetLink:
     def _lag(self) -> int:
         transport: Any = None if self._writer is None else self._writer.transport
         return 0 if transport is None else int(transport.get_write_buffer_size())
+
+
+def _digests(tls: Mapping[str, Any]) -> list[str]:
+    """Return what is another list where a file of certificate, key or CA is another one."""
+    digests = []
+    for name in ("root_ca_certificate", "listen_certificate", "listen_private_key"):
+        with contextlib.suppress(KeyError, OSError):
+            digests.append(hashlib.sha256(Path(tls[name]).read_bytes()).hexdigest())
+    return digests

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import threading
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, field
@@ -89,7 +90,7 @@ class ActiveMotions:
         self._runs: dict[tuple[str, int], ActiveMotion] = {}
         self._ends: dict[str, dict[int, Ended]] = {}
         self._ids: dict[str, dict[int, tuple[str, str]]] = {}
-        self._stops: dict[str, int] = {}
+        self._stops: Counter[str] = Counter()
         self._reasons: dict[str, str] = {}
         self._died: dict[str, str] = {}
         self._timed: list[ActiveMotion] = []
@@ -98,7 +99,7 @@ class ActiveMotions:
     def stops(self, device: Device) -> int:
         """Return how often *device* was told to stop, to give to :meth:`begin` later on."""
         with self._lock:
-            return self._stops.get(device.name, 0) + device.stops_beside
+            return self._stops[device.name] + device.stops_beside
 
     def unfinished(self, token: str | None = None) -> list[ActiveMotion]:
         """Return the motions under way: all of them, or those that were started with *token*."""
@@ -159,14 +160,14 @@ class ActiveMotions:
             StateError: the device is not ready to move, or was stopped meanwhile.
         """
         with self._lock:
-            if self._stops.get(device.name, 0) + device.stops_beside != stops:
+            if self._stops[device.name] + device.stops_beside != stops:
                 reason = self._reasons.get(device.name, "stopped")
                 raise StateError(f"device {device.name} was stopped before it began: {reason}")
             self._reasons.pop(device.name, None)
         number = start()
         run = ActiveMotion(device, number, motion, token, start_ns)
         with self._lock:
-            is_stopped = self._stops.get(device.name, 0) + device.stops_beside != stops
+            is_stopped = self._stops[device.name] + device.stops_beside != stops
             ended = self._ends.get(device.name, {}).get(number)
             if ended is not None:
                 run.ended.set_result(ended)
@@ -206,7 +207,7 @@ class ActiveMotions:
         failures: list[OrientdError] = []
         for device in devices:
             with self._lock:
-                self._stops[device.name] = self._stops.get(device.name, 0) + 1
+                self._stops[device.name] += 1
             self.note_stop([device.name], reason)
             _log.info("%s: stop: %s", device.name, reason)
             try:

@@ -324,19 +324,12 @@ class Motions:
         """Return a motion that is under way or waits for its turn."""
         return self._queue.queued(number)
 
-    def statistics(self, number: int) -> Statistics | None:
-        """Return what was measured of motion *number*; ``None`` unless it is one of the newest."""
-        return self._figures(number)[0]
-
     def settled_after(self, number: int) -> float | None:
         """Return how long after its last setpoint motion *number* was on target, s, if it was."""
         return self._arrivals.settled_after(number)
 
-    def began_ns(self, number: int) -> int | None:
-        """Return when motion *number* began to move, monotonic clock, where that is known."""
-        return self._figures(number)[1]
-
-    def _figures(self, number: int) -> tuple[Statistics | None, int | None]:
+    def figures(self, number: int) -> tuple[Statistics | None, int | None]:
+        """See :meth:`.MotionQueue.figures`; up to the newest cycle."""
         if not self._is_closed:
             self._queue.measure()
         return self._queue.figures(number)

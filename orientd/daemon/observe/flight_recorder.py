@@ -80,7 +80,7 @@ class FlightRecorder:
         """Take note of what happened to a device; waits for nothing."""
         memory = self._memories.get(event.device)
         # A device that was never there has nothing to tell, however often it is started again.
-        if event.kind in _FAULTS and memory is not None and not memory.is_empty:
+        if event.kind in _FAULTS and memory is not None and memory.end:
             self._faults.put(event)
 
     def close(self) -> None:

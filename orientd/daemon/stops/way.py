@@ -38,7 +38,7 @@ _LOGGED = 1.0
 _MOST_REPEATED = 1000
 
 Record = Callable[..., object]
-"""Records a stop of a process."""
+"""Records a stop: where whoever stopped came from, who they are, and what they stopped."""
 
 
 @dataclass
@@ -206,7 +206,8 @@ class StopWay:
                         self._write(one, times=one.times)
 
     def _write(self, one: _Repeated, *, times: int) -> None:
-        self._record(one.process, kind=one.kind, devices=one.devices, times=times)
+        origin, identity = f"unix, process {one.process.pid}", f"user:{one.process.uid}"
+        self._record(origin, identity, kind=one.kind, devices=one.devices, times=times)
         of, who = ", ".join(one.devices), self._name(one.process)
         again = f", {times} times more" if times > 1 else ""
         _log.info("%s: %s by %s%s", of, one.kind, who, again)

@@ -6,7 +6,7 @@ from arm_recording import read_arm, read_setpoints
 from ur_rig import device_of, is_holding, streaming, swing_motion, until
 
 from orientd import rotation
-from orientd.daemon.calls.latency import identify
+from orientd.daemon.calls.latency_identification import identify
 from orientd.daemon.motions.options import Prepared
 from orientd.errors import Fault
 from orientd.rpc import control_pb2 as pb

@@ -151,12 +151,6 @@ class FakeDevice:
     def disable(self):
         self.calls.append("disable")
 
-    def pause(self):
-        self.calls.append("pause")
-
-    def resume(self):
-        self.calls.append("resume")
-
     def set_speed(self, speed):
         self.calls.append(f"speed {speed:g}")
 

@@ -27,7 +27,7 @@ async def found(gate, details):
 
 def test_early_calls_wait_until_the_gate_opens():
     async def run():
-        gate = StartupGate("a.Service")
+        gate = StartupGate("a.Service", lambda name, handler: handler)
         early = asyncio.create_task(found(gate, EARLY))
         assert await found(gate, OTHER) == "elsewhere"
         assert not early.done()
@@ -39,7 +39,7 @@ def test_early_calls_wait_until_the_gate_opens():
 
 
 def test_what_is_behind_the_gate_is_found_by_its_name_only():
-    gate = StartupGate("a.Service")
+    gate = StartupGate("a.Service", lambda name, handler: handler)
     assert gate.service(EARLY) is None
     register(gate)
     assert gate.service(EARLY) is not None

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from orientd.daemon.calls.latency import identify
+from orientd.daemon.calls.latency_identification import identify
 from orientd.floats import exp
 
 

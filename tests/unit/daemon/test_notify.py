@@ -4,7 +4,7 @@ import socket
 
 import pytest
 
-from orientd.daemon.notify import notify
+from orientd.daemon.systemd import notify
 
 
 @pytest.mark.parametrize("kind", ["path", "abstract"])

@@ -1,7 +1,20 @@
 """What can change while the daemon runs is told from what cannot."""
 
+import logging
+import socket
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
 from orientd import config
+from orientd.daemon.fleet.link import FleetLink
 from orientd.daemon.reload import changes
+from orientd.daemon.server import _Daemon
+from orientd.errors import ConfigError
+
+CELL = {"cell": "line", "name": "arm", "listen": ["tls/h:7447"], "certificate": "/c", "key": "/k",
+        "ca": "/a"}  # fmt: skip
 
 
 def settings(**tables):
@@ -37,3 +50,57 @@ def test_devices_and_addresses_need_a_restart():
         "devices.arm.rate_hz",
         "tcp",
     ]
+
+
+def fleet_link(of):
+    pytest.importorskip("zenoh")
+    parts = dict.fromkeys(("entry", "gate", "state", "journal"))
+    return FleetLink(of, Path("/run/x.sock"), service="orientd.v1.Control", **parts)
+
+
+@pytest.mark.parametrize("tables", [{}, {"fleet": {**CELL, "name": "leg", "state_hz": 5}}])
+def test_a_daemon_keeps_its_place_in_the_cell_and_takes_up_the_roles_there(tables):
+    link = fleet_link(settings(fleet=CELL))
+    after = settings(access={"certificates": {"ana": "operator"}}, **tables)
+    begin = link.configured(after)
+    assert begin["name"] == "arm"
+    names = [one["cert_common_names"] for one in begin["zenoh"]["access_control"]["subjects"]]
+    assert names == [["ana"]]
+
+
+def test_a_certificate_that_was_renewed_in_its_place_is_taken_up_in_the_cell(tmp_path):
+    files = {name: str(tmp_path / name) for name in ("certificate", "key", "ca")}
+    for path in files.values():
+        Path(path).write_text("old")
+    given = settings(fleet={**CELL, **files})
+    link = fleet_link(given)
+    before = link.configured(given)
+    assert link.configured(given) == before
+    Path(files["certificate"]).write_text("new")
+    assert link.configured(given) != before
+
+
+def test_settings_that_the_cell_refuses_change_nothing(caplog):
+    def refuse(_):
+        raise ConfigError("fleet.key: missing")
+
+    daemon = _Daemon(settings(), Path("x"), "", settings, lambda *_: None, needs_devices=False)
+    daemon._fleet = SimpleNamespace(configured=refuse)
+    with caplog.at_level(logging.ERROR):
+        daemon._reload(cell=None, entry=None)
+    assert caplog.messages == ["reload: nothing changed: fleet.key: missing"]
+
+
+def test_a_port_of_metrics_that_was_in_use_is_tried_again_by_the_next_reload(caplog):
+    pytest.importorskip("prometheus_client")
+    cell = SimpleNamespace(bound=lambda _: None, devices={}, listeners=[])
+    entry = SimpleNamespace(change=lambda *_: None, checkpoint=SimpleNamespace())
+    with caplog.at_level(logging.ERROR), socket.create_server(("127.0.0.1", 0)) as taken:
+        after = settings(metrics={"port": taken.getsockname()[1]})
+        daemon = _Daemon(settings(), Path("x"), "", lambda: after, lambda *_: None, False)
+        daemon._reload(cell, entry)
+        assert "cannot listen" in caplog.text
+        taken.close()
+        daemon._reload(cell, entry)
+    assert daemon._telemetry is not None
+    daemon._telemetry.close()

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from orientd.daemon.watchdog import Watchdog, watchdog_seconds
+from orientd.daemon.systemd import Watchdog, watchdog_seconds
 
 
 class FakeDevice:

@@ -6,8 +6,7 @@ from orientd import config
 from orientd.config import FleetSettings
 from orientd.errors import ConfigError, RequestError
 from orientd.fleet import nested, read_plan, zenoh_configuration
-from orientd.fleet.access import basic_configuration
-from orientd.fleet.router import router_configuration
+from orientd.fleet.access import basic_configuration, router_configuration
 
 TLS = {"cell": "line", "name": "arm", "certificate": "/c", "key": "/k", "ca": "/a"}
 DEVICES = {"arm": {"driver": "loopback"}}

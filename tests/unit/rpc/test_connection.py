@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
+import orientd
 from orientd.errors import DaemonError
 from orientd.rpc.channel import Way
 from orientd.rpc.client import Robot
@@ -64,3 +65,17 @@ def test_a_daemon_that_hangs_up_is_none_any_more(tmp_path):
             with contextlib.suppress(TimeoutError):
                 listening.accept()[0].close()
         assert answer.result(10.0) is None
+
+
+@pytest.mark.parametrize(
+    ("connect_to", "address"),
+    [(orientd.connect, {"address": "host:1"}), (orientd.connect_fleet, {"connect": "tls/host:1"})],
+)
+def test_what_is_missing_of_the_certificates_is_named(monkeypatch, connect_to, address):
+    for name in ("ORIENTD_CERT", "ORIENTD_KEY", "ORIENTD_CELL"):
+        monkeypatch.setenv(name, "here")
+    monkeypatch.delenv("ORIENTD_CA", raising=False)
+    with pytest.raises(
+        DaemonError, match=r"host:1 needs a certificate.* environment's ORIENTD_CA$"
+    ):
+        connect_to(**address)

@@ -7,7 +7,7 @@ import pytest
 
 from orientd.daemon.access import request_text
 from orientd.daemon.access.audit import AuditLog
-from orientd.daemon.access.legible import legible
+from orientd.daemon.access.authorization import legible
 from orientd.daemon.access.throttle import BURST, CONNECTIONS, Throttle
 from orientd.errors import RequestError
 from orientd.rpc import control_pb2 as pb

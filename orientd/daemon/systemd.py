@@ -1,19 +1,20 @@
-"""Feed systemd's watchdog for as long as the servos make progress (sd_watchdog_enabled(3)).
+"""Tell systemd how the daemon is, and feed its watchdog for as long as the servos make progress.
 
-A thread of its own looks at the cycles that the servos publish.  A servo process that runs and does
-not come to its next cycle starves the watchdog; one that has ended in a fault waits for a reset, of
-which a restart would make nothing better.
+Where it asks for that: sd_notify(3), sd_watchdog_enabled(3).  A thread of its own looks at the
+cycles that the servos publish.  A servo process that runs and does not come to its next cycle
+starves the watchdog; one that has ended in a fault waits for a reset, of which a restart would make
+nothing better.
 """
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
+import socket
 import threading
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
-
-from orientd.daemon.notify import notify
 
 if TYPE_CHECKING:
     from orientd.daemon.device import Device
@@ -22,6 +23,19 @@ _log = logging.getLogger(__name__)
 
 MEALS = 4
 """Within the time after which systemd would act."""
+
+
+def notify(state: str) -> None:
+    """Send *state*, for example ``READY=1``, to ``$NOTIFY_SOCKET``; nothing if that is not set."""
+    address = os.environ.get("NOTIFY_SOCKET", "")
+    if not address:
+        return
+    if address.startswith("@"):
+        address = "\0" + address[1:]
+    # Whoever started the daemon has gone away: that is no reason not to run.
+    with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sender:
+        sender.connect(address)
+        sender.sendall(state.encode())
 
 
 def watchdog_seconds() -> float | None:
