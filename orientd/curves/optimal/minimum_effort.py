@@ -211,7 +211,7 @@ def check_inertia(inertia: ArrayLike) -> Floats:
     expected = "inertia must be three moments or a symmetric positive definite 3x3 matrix, got"
     try:
         matrix = np.asarray(inertia, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ValueError(f"{expected} {inertia!r}") from error
     if matrix.shape == (3,):
         matrix = np.diag(matrix)

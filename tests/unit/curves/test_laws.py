@@ -1,9 +1,13 @@
 """Laws that hold for every family in METHODS, whatever it is made of."""
 
+import contextlib
+from inspect import signature
+
 import numpy as np
 import pytest
 
 from orientd.curves import METHODS
+from orientd.errors import PlanError
 from orientd.rotation import angle, conjugate, multiply, normalize, rotate
 
 QUATERNIONS = ("keys", "control", "q0", "q1", "M1")
@@ -265,6 +269,14 @@ def test_parameters_that_are_not_numbers_are_refused_by_name(example):
             for wrong in (np.full_like(value, np.nan), "north", [[1.0], [2.0, 3.0]]):
                 with pytest.raises(ValueError, match=name):
                     example.family(**{**example.params(), name: wrong})
+
+
+def test_nonsense_in_a_parameter_is_refused_as_a_mistake(example):
+    for name in signature(example.family).parameters:
+        for wrong in ("x", [], {}, object(), float("nan"), [[1.0], [2.0, 3.0]], 10**400):
+            # Some of it may be taken: an empty list of turns, say.
+            with contextlib.suppress(ValueError, PlanError):
+                example.family(**{**example.params(), name: wrong})
 
 
 def test_times_must_increase(example):

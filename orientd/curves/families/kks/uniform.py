@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.construct import CumulativeCurve, cumulative_basis
-from orientd.curves.keyframes import check_aligned, check_interval, increments
+from orientd.curves.keyframes import check_aligned, check_interval, check_number, increments
 from orientd.rotation import conjugate, multiply
 
 
@@ -52,7 +52,7 @@ class KksUniform(CumulativeCurve):
         after = multiply(multiply(inner[-1], conjugate(inner[-2])), inner[-1])
         controls = np.concatenate([before[None], inner, after[None]])
         spans = len(inner) - 1
-        start, end = check_interval(t0, t0 + spans if t1 is None else t1)
+        start, end = check_interval(t0, check_number(t0, "t0") + spans if t1 is None else t1)
         knots = start + np.arange(-3.0, spans + 4.0) * ((end - start) / spans)
         knots[3 + spans] = end
         super().__init__(
