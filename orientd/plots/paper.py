@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from orientd.errors import OrientdError
+from orientd.whole_file import written
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -129,13 +130,8 @@ def save(figure: Figure, path: Path, *, dpi: int = 140) -> None:
 
     # A date would make two files of the same picture.
     undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
-    try:
-        with rc_context(_SETTINGS):
-            figure.savefig(
-                path, dpi=dpi, metadata=undated.get(path.suffix.removeprefix(".").lower())
-            )
-    except OSError as error:
-        raise OrientdError(f"cannot write {path}: {error.strerror}") from error
+    with written(path) as file, rc_context(_SETTINGS):
+        figure.savefig(file, dpi=dpi, metadata=undated.get(path.suffix.removeprefix(".").lower()))
 
 
 def write_png(figure: Figure, file: BinaryIO, *, dpi: int) -> None:
