@@ -23,7 +23,8 @@ from typing import Any, NoReturn
 import yaml
 
 from orientd.bounded_file import MEBIBYTE, read_bounded
-from orientd.errors import OrientdError, RequestError
+from orientd.errors import RequestError
+from orientd.whole_file import written
 
 Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -266,10 +267,8 @@ def write_structured(path: Path, mapping: Mapping[str, Any]) -> None:
     """
     is_json = path.suffix == ".json"
     text = json.dumps(mapping, indent=1) + "\n" if is_json else structured(mapping)
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise OrientdError(f"cannot write {path}: {error.strerror}") from error
+    with written(path) as file:
+        file.write_text(text, encoding="utf-8")
 
 
 def structured(mapping: Mapping[str, Any]) -> str:

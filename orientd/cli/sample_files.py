@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from orientd.cli.output import plain
-from orientd.errors import OrientdError
 from orientd.planner import Certificate
 from orientd.rotation import Floats
 from orientd.rpc import Samples
+from orientd.whole_file import written
 
 ENDINGS = (".csv", ".npz", ".json")
 
@@ -32,15 +32,15 @@ def write(path: Path, samples: Samples, certificate: Certificate) -> None:
     Raises:
         OrientdError: the file cannot be written.
     """
-    try:
+    with written(path) as file:
         if path.suffix == ".csv":
             table = _table(samples)
             np.savetxt(
-                path, table, fmt="%.17g", delimiter=",", header=",".join(COLUMNS), comments=""
+                file, table, fmt="%.17g", delimiter=",", header=",".join(COLUMNS), comments=""
             )
         elif path.suffix == ".npz":
             np.savez(
-                path,
+                file,
                 time=samples.times,
                 q_wxyz=samples.q,
                 omega_body=samples.omega_body,
@@ -55,9 +55,7 @@ def write(path: Path, samples: Samples, certificate: Certificate) -> None:
                 "columns": COLUMNS,
                 "rows": _table(samples).tolist(),
             }
-            path.write_text(json.dumps(content), encoding="utf-8")
-    except OSError as error:
-        raise OrientdError(f"cannot write {path}: {error.strerror}") from error
+            file.write_text(json.dumps(content), encoding="utf-8")
 
 
 def _table(samples: Samples) -> Floats:

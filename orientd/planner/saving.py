@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from orientd.errors import OrientdError
+from orientd.whole_file import written
 
 if TYPE_CHECKING:
     from orientd.planner.motion import Motion
@@ -52,11 +52,8 @@ def save_motion(motion: Motion, path: str | Path) -> None:
     }
     if motion.before is not None:
         arrays["q_before"], arrays["position_before"] = motion.before
-    try:
-        with Path(path).open("wb") as file:
-            np.savez(file, **arrays)
-    except OSError as error:
-        raise OrientdError(f"cannot write {path}: {error.strerror}") from error
+    with written(Path(path)) as part, part.open("wb") as file:
+        np.savez(file, **arrays)
 
 
 def _plain(content: object) -> object:

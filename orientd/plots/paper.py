@@ -9,12 +9,14 @@ global state is touched.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from orientd.errors import OrientdError
+from orientd.whole_file import written
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -131,12 +133,10 @@ def save(figure: Figure, path: Path | BinaryIO, *, dpi: int = 140) -> None:
 
     # A date would make two files of the same picture.
     undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
-    kind = path.suffix.removeprefix(".").lower() if isinstance(path, Path) else "png"
-    try:
-        with rc_context(_SETTINGS):
-            figure.savefig(path, format=kind, dpi=dpi, metadata=undated.get(kind))
-    except OSError as error:
-        raise OrientdError(f"cannot write {path}: {error.strerror}") from error
+    is_open = not isinstance(path, Path)
+    kind = "png" if is_open else path.suffix.removeprefix(".").lower()
+    with nullcontext(path) if is_open else written(path) as file, rc_context(_SETTINGS):
+        figure.savefig(file, format=kind, dpi=dpi, metadata=undated.get(kind))
 
 
 def tidy(axes: Axes, label: str = "") -> None:

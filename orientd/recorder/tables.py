@@ -11,6 +11,7 @@ from orientd.recorder.planned import planned_orientations
 from orientd.recorder.reader import Recording
 from orientd.rotation import Floats
 from orientd.stream import CycleFlag, ServoState
+from orientd.whole_file import written
 
 _COMPONENTS = {"q": "wxyz", "joints": "12345678"}
 _UNITS = {
@@ -63,15 +64,13 @@ def export(recording: Recording, device: str, path: Path) -> int:
     """
     table = columns(recording, device)
     rows = len(table["time_s"])
-    try:
+    with written(path) as file:
         if path.suffix == ".npz":
-            np.savez_compressed(path, allow_pickle=False, **table)
+            np.savez_compressed(file, allow_pickle=False, **table)
         elif path.suffix == ".parquet":
-            _write_parquet(path, table)
+            _write_parquet(file, table)
         else:
-            _write_csv(path, table)
-    except OSError as error:
-        raise OrientdError(f"cannot write {path}: {error.strerror or error}") from error
+            _write_csv(file, table)
     return rows
 
 

@@ -1,0 +1,34 @@
+"""Write a file that somebody names whole or not at all: on a full disk, what was there stays."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+from collections.abc import Iterator
+from pathlib import Path
+
+from orientd.errors import OrientdError
+
+
+@contextlib.contextmanager
+def written(path: Path) -> Iterator[Path]:
+    """Yield the file to write, with the ending of *path*, which it becomes in the end.
+
+    What is no file, such as a pipe, is written as it is.
+
+    Raises:
+        OrientdError: it cannot be written; then *path* is as it was.
+    """
+    target = Path(os.path.realpath(path))
+    is_special = target.exists() and not target.is_file()
+    part = target if is_special else target.with_name(f".{secrets.token_hex(4)}{path.suffix}")
+    try:
+        try:
+            yield part
+            part.replace(target)
+        finally:
+            if not is_special:
+                part.unlink(missing_ok=True)
+    except OSError as error:
+        raise OrientdError(f"cannot write {path}: {error.strerror or error}") from error
