@@ -209,6 +209,7 @@ def _to_single(job: PlanJob, name: str) -> Motion:
             job.request,
             job.start,
             job.limits,
+            job.own,
             job.period,
             job.caution,
             is_even=job.is_even,
