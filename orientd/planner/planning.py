@@ -279,31 +279,33 @@ def _as_quick_as_possible(job: PlanJob, motion_id: str, *, by_chord: bool = Fals
         by_chord: whether the path is that of an even pace.
     """
     path_request, keyframe_path, profile = job.shape(is_quick=not by_chord)
-    if path_request.has_one_shape and job.request.total is None:
+    if path_request.has_one_shape:
         rests = len(corners(keyframe_path.segment.curve))
-        if not rests:
+        if not rests and (job.request.total is None or keyframe_path.is_from_rest_to_rest):
             return _timed(job, keyframe_path, profile, motion_id)
         return _resting_or_even(job, keyframe_path, rests, motion_id)
     refusal.check_smooth(job.request, keyframe_path.continuity)
-    if not (path_request.has_one_shape and keyframe_path.is_from_rest_to_rest):
-        if job.request.total is not None:
-            return _at_even_pace(job, motion_id)
-        # A velocity at an end is one at some duration: take the curve of the usual one.
-        keyframe_path = _evenly_paced(job, everywhere=False).keyframe_path or keyframe_path
+    if job.request.total is not None:
+        return _at_even_pace(job, motion_id)
+    # A velocity at an end is one at some duration: take the curve of the usual one.
+    keyframe_path = _evenly_paced(job, everywhere=False).keyframe_path or keyframe_path
     return _timed(job, keyframe_path, profile, motion_id, has_rests=False)
 
 
 def _resting_or_even(
     job: PlanJob, keyframe_path: KeyframePath, rests: int, motion_id: str
 ) -> Motion:
-    """Return the quicker motion along a path with corners: at rest there, or at an even pace."""
+    """Return the quicker motion along a path: at rest at its ends and corners, or at an even pace.
+
+    In a time that was asked for, the pace is even wherever that is possible.
+    """
     even = _even_within(job, motion_id, least_with_rests(keyframe_path, job.limits))
     if even is not None:
         return even
     motion = _timed(job, keyframe_path, None, motion_id)
-    even = _even_within(job, motion_id, motion.duration)
-    if even is not None:
-        return even
+    even = _even_within(job, motion_id, motion.duration) if job.request.total is None else None
+    if even is not None or not rests:
+        return even or motion
     method, level = job.request.method, keyframe_path.continuity
     return motion.noted(
         f"comes to rest {rests} times on its way, where {method} is only C{level}; "
@@ -312,12 +314,12 @@ def _resting_or_even(
 
 
 def _even_within(job: PlanJob, motion_id: str, longest: float) -> Motion | None:
-    """Return the motion at an even pace if it takes less than so many seconds."""
+    """Return the motion at an even pace: in the time asked for, or in less than *longest*, s."""
     even = replace(job, is_even=True, leads={})
     try:
+        if job.request.total is not None:
+            return _at_even_pace(even, motion_id)
         motion = even.certified(_evenly_paced(even, everywhere=False, longest=longest), motion_id)
-    except StartError:
-        raise
     except PlanError:
         return None
     return motion.noted(EVEN) if motion.duration < longest else None
