@@ -11,12 +11,12 @@ from functools import partial
 import numpy as np
 
 from orientd.curves import AxisTurn
-from orientd.errors import LimitError, PlanError, StartError
+from orientd.errors import LimitError, PlanError, RequestError, StartError
 from orientd.planner import refusal
 from orientd.planner.candidate import CandidateMotion, to_single
 from orientd.planner.connect import STOPS, WITHOUT_RESERVE, Caution, turns_with_stops
 from orientd.planner.keyframes import at_rate, in_device_coordinates, with_least_roll, wound
-from orientd.planner.limits import LONGEST, Limits
+from orientd.planner.limits import ANGULAR, LONGEST, Limits
 from orientd.planner.motion import Motion
 from orientd.planner.plan_job import PlanJob
 from orientd.planner.request import DEFAULT_METHOD, MotionRequest, State
@@ -92,6 +92,9 @@ def plan(
     if not (math.isfinite(period) and period > 0.0):
         raise ValueError(f"period must be positive, got {period} s")
     within, name = limits.narrowed(request.limits), motion_id or os.urandom(6).hex()
+    is_free = not within.has_axes and math.isinf(min(getattr(within, one) for one in ANGULAR))
+    if is_free and request.times is None:
+        raise RequestError("limits", "how quickly keyframes without times are passed, none says")
     turned = at_rate(in_device_coordinates(request, start), start, within)
     request = with_least_roll(wound(turned, start), start)
     job = PlanJob.of(request, start, within, period)
