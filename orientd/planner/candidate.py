@@ -98,6 +98,7 @@ def to_single(
     request: MotionRequest,
     start: State,
     limits: Limits,
+    own: Limits,
     period: float,
     caution: Caution = Caution.NONE,
     *,
@@ -110,6 +111,7 @@ def to_single(
         request: of one keyframe.
         start: where the device is commanded to be.
         limits: to keep.
+        own: as for :func:`.lead_in`.
         period: of the device, s.
         caution: how to lead in.
         is_even: whether to keep the reserve of an even pace from rest, too.
@@ -144,6 +146,7 @@ def to_single(
         start,
         target,
         limits=limits,
+        own=own,
         period=period,
         is_direct=is_direct,
         caution=caution,

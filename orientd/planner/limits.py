@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Sized
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -129,13 +129,13 @@ class Limits:
         """
         changes: dict[str, float | Triple] = {}
         for name, rate in rates.items():
-            if isinstance(rate, int | float):
+            if isinstance(rate, Sized):
+                x, y, z = map(float, rate)
+                changes[name], changes[f"axis_{name}"] = math.hypot(x, y, z), (x, y, z)
+            else:
                 changes[name] = float(rate)
                 if name in ANGULAR:
                     changes[f"axis_{name}"] = NO_AXES
-            else:
-                x, y, z = map(float, rate)
-                changes[name], changes[f"axis_{name}"] = math.hypot(x, y, z), (x, y, z)
         return replace(self, **changes)  # type: ignore[arg-type]  # names and kinds go together
 
     def axes(self, name: str) -> Triple:

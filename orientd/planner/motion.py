@@ -101,7 +101,7 @@ class Motion:
     def __call__(self, path_times: ArrayLike) -> Rotation:
         """Return the orientations at *path_times* as a ``Rotation`` of SciPy; held beyond."""
         times = np.asarray(path_times, dtype=np.float64)
-        return to_scipy(self.sample(np.atleast_1d(times)).q.reshape(*times.shape, 4))
+        return to_scipy(self.sample(times.reshape(-1)).q.reshape(*times.shape, 4))
 
     def save(self, path: str | FilePath) -> None:
         """Write the motion with its certificate to a file that :func:`orientd.load_motion` reads.

@@ -32,7 +32,7 @@ def plan_offline(
 
     Args:
         keys: a ``Rotation`` of SciPy, or a list of such and of named quaternions; or a whole
-            request, which takes nothing else of *times* to *turns* and of *fields*.
+            request, beside which there are none of *times* to *turns* and of *fields*.
         times: when each is passed, s; ``None`` passes them as quickly as the limits permit.
         positions: of the tool, m, shape ``(n, 3)``.
         turns: whole turns in each interval, shape ``(n - 1,)``.
@@ -46,8 +46,13 @@ def plan_offline(
     Raises:
         RequestError: something is not well formed, or not possible with the method.
         PlanError: the motion cannot be planned, or would break a limit.
+        TypeError: there is no such field, or one beside a whole request.
     """
     if isinstance(keys, MotionRequest):
+        columns = {"times": times, "positions": positions, "turns": turns}
+        beside = [*fields, *(name for name, column in columns.items() if column is not None)]
+        if beside:
+            raise TypeError(f"a whole request has its own {beside[0]}, got another")
         request = keys
     else:
         request = MotionRequest(_keyframes(keys, times, positions, turns), **fields)
@@ -67,20 +72,28 @@ def _keyframes(
 ) -> list[Keyframe]:
     keys = _keys(orientations)
     count = len(keys)
-    before = None if turns is None else [0, *np.asarray(turns).tolist()]
-    columns: dict[str, list[Any]] = {}
-    for name, column in (("times", times), ("positions", positions), ("turns", before)):
-        listed = [0 if name == "turns" else None] * count
-        if column is not None:
-            listed = np.asarray(column).tolist()
-        if len(listed) != count:
-            expected = count - 1 if name == "turns" else count
-            raise RequestError(name, f"expected {expected} of them, got {len(listed)}")
-        columns[name] = listed
+    columns = (
+        _column("times", times, count),
+        _column("positions", positions, count),
+        [0, *_column("turns", turns, count - 1, usual=0)][:count],
+    )
     return [
-        Keyframe(tuple(q), time, position and tuple(position), turn)
-        for q, time, position, turn in zip(keys, *columns.values(), strict=True)
+        Keyframe(tuple(q), time, tuple(position) if isinstance(position, list) else position, turn)
+        for q, time, position, turn in zip(keys, *columns, strict=True)
     ]
+
+
+def _column(
+    name: str, given: ArrayLike | None, count: int, *, usual: int | None = None
+) -> list[Any]:
+    if given is None:
+        return [usual] * count
+    # As objects entries stay of the type they are: whole turns do not become floats.
+    listed = np.asarray(given, dtype=object).tolist()
+    if not isinstance(listed, list) or len(listed) != count:
+        got = len(listed) if isinstance(listed, list) else repr(listed)
+        raise RequestError(name, f"expected {count} of them, got {got}")
+    return listed
 
 
 def _keys(orientations: object) -> list[list[float]]:

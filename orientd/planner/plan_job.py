@@ -196,6 +196,7 @@ class PlanJob:
                 self.start,
                 State(first.q, first.omega_body, first.alpha_body, at),
                 limits=self.limits,
+                own=self.own,
                 period=self.period,
                 caution=self.caution,
                 is_even=self.is_even,

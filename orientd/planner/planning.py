@@ -11,12 +11,12 @@ from functools import partial
 import numpy as np
 
 from orientd.curves import AxisTurn
-from orientd.errors import LimitError, PlanError, StartError
+from orientd.errors import LimitError, PlanError, RequestError, StartError
 from orientd.planner import refusal
 from orientd.planner.candidate import CandidateMotion, to_single
 from orientd.planner.connect import STOPS, WITHOUT_RESERVE, Caution, turns_with_stops
 from orientd.planner.keyframes import at_rate, in_device_coordinates, with_least_roll, wound
-from orientd.planner.limits import LONGEST, Limits
+from orientd.planner.limits import ANGULAR, LONGEST, Limits
 from orientd.planner.motion import Motion
 from orientd.planner.plan_job import PlanJob
 from orientd.planner.request import DEFAULT_METHOD, MotionRequest, State
@@ -92,6 +92,9 @@ def plan(
     if not (math.isfinite(period) and period > 0.0):
         raise ValueError(f"period must be positive, got {period} s")
     within, name = limits.narrowed(request.limits), motion_id or os.urandom(6).hex()
+    is_free = not within.has_axes and math.isinf(min(getattr(within, one) for one in ANGULAR))
+    if is_free and request.times is None:
+        raise RequestError("limits", "how quickly keyframes without times are passed, none says")
     turned = at_rate(in_device_coordinates(request, start), start, within)
     request = with_least_roll(wound(turned, start), start)
     job = PlanJob.of(request, start, within, period)
@@ -209,6 +212,7 @@ def _to_single(job: PlanJob, name: str) -> Motion:
             job.request,
             job.start,
             job.limits,
+            job.own,
             job.period,
             job.caution,
             is_even=job.is_even,
@@ -278,31 +282,33 @@ def _as_quick_as_possible(job: PlanJob, motion_id: str, *, by_chord: bool = Fals
         by_chord: whether the path is that of an even pace.
     """
     path_request, keyframe_path, profile = job.shape(is_quick=not by_chord)
-    if path_request.has_one_shape and job.request.total is None:
+    if path_request.has_one_shape:
         rests = len(corners(keyframe_path.segment.curve))
-        if not rests:
+        if not rests and (job.request.total is None or keyframe_path.is_from_rest_to_rest):
             return _timed(job, keyframe_path, profile, motion_id)
         return _resting_or_even(job, keyframe_path, rests, motion_id)
     refusal.check_smooth(job.request, keyframe_path.continuity)
-    if not (path_request.has_one_shape and keyframe_path.is_from_rest_to_rest):
-        if job.request.total is not None:
-            return _at_even_pace(job, motion_id)
-        # A velocity at an end is one at some duration: take the curve of the usual one.
-        keyframe_path = _evenly_paced(job, everywhere=False).keyframe_path or keyframe_path
+    if job.request.total is not None:
+        return _at_even_pace(job, motion_id)
+    # A velocity at an end is one at some duration: take the curve of the usual one.
+    keyframe_path = _evenly_paced(job, everywhere=False).keyframe_path or keyframe_path
     return _timed(job, keyframe_path, profile, motion_id, has_rests=False)
 
 
 def _resting_or_even(
     job: PlanJob, keyframe_path: KeyframePath, rests: int, motion_id: str
 ) -> Motion:
-    """Return the quicker motion along a path with corners: at rest there, or at an even pace."""
+    """Return the quicker motion along a path: at rest at its ends and corners, or at an even pace.
+
+    In a time that was asked for, the pace is even wherever that is possible.
+    """
     even = _even_within(job, motion_id, least_with_rests(keyframe_path, job.limits))
     if even is not None:
         return even
     motion = _timed(job, keyframe_path, None, motion_id)
-    even = _even_within(job, motion_id, motion.duration)
-    if even is not None:
-        return even
+    even = _even_within(job, motion_id, motion.duration) if job.request.total is None else None
+    if even is not None or not rests:
+        return even or motion
     method, level = job.request.method, keyframe_path.continuity
     return motion.noted(
         f"comes to rest {rests} times on its way, where {method} is only C{level}; "
@@ -311,12 +317,12 @@ def _resting_or_even(
 
 
 def _even_within(job: PlanJob, motion_id: str, longest: float) -> Motion | None:
-    """Return the motion at an even pace if it takes less than so many seconds."""
+    """Return the motion at an even pace: in the time asked for, or in less than *longest*, s."""
     even = replace(job, is_even=True, leads={})
     try:
+        if job.request.total is not None:
+            return _at_even_pace(even, motion_id)
         motion = even.certified(_evenly_paced(even, everywhere=False, longest=longest), motion_id)
-    except StartError:
-        raise
     except PlanError:
         return None
     return motion.noted(EVEN) if motion.duration < longest else None

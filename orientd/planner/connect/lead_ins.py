@@ -96,6 +96,7 @@ def lead_in(
     first: State,
     *,
     limits: Limits,
+    own: Limits,
     period: float,
     is_direct: bool = False,
     caution: Caution = Caution.NONE,
@@ -107,6 +108,7 @@ def lead_in(
         start: where the device is commanded to be.
         first: at the first keyframe; its position is at rest.
         limits: to keep.
+        own: to stop within where *limits*, those of a slower pace, do not allow it.
         period: it takes a whole number of periods, s.
         is_direct: whether to look for a connector from rest, too.
         caution: what to do with less than the limits, and how.
@@ -117,14 +119,18 @@ def lead_in(
     """
     if start.is_at_rest and not is_direct:
         return from_rest(start, first, limits=limits, period=period, is_even=is_even)
-    within = (
-        limits.with_reserve(caution.share / CONNECTOR_RESERVE)
+    within, stopped = (
+        some.with_reserve(caution.share / CONNECTOR_RESERVE)
         if caution.is_at_limits
-        else limits.scaled(caution.share)
+        else some.scaled(caution.share)
+        for some in (limits, own)
     )
     positions = position_lead(start, first.position, limits=within, period=period)
+    by_way_of_rest = partial(
+        _by_way_of_rest, start, first, positions, limits=within, own=stopped, period=period
+    )
     if caution is Caution.BY_WAY_OF_REST:
-        return _by_way_of_rest(start, first, positions, limits=within, period=period)
+        return by_way_of_rest()
     least = 0.0 if positions.is_held else float(positions.breaks[-1])
     connect = partial(
         connector,
@@ -145,7 +151,7 @@ def lead_in(
         with suppress(PlanError):
             ways.append([*ramps, connect(end, least=least - begin).shifted(begin)])
     if not ways:
-        return _by_way_of_rest(start, first, positions, limits=within, period=period)
+        return by_way_of_rest()
     segments = min(ways, key=lambda way: way[-1].end)
     end_time = segments[-1].end
     if not positions.is_held:
@@ -244,9 +250,18 @@ def stop(start: State, *, limits: Limits, period: float) -> list[PathSegment]:
 
 
 def _by_way_of_rest(
-    start: State, first: State, positions: PositionPath, *, limits: Limits, period: float
+    start: State,
+    first: State,
+    positions: PositionPath,
+    *,
+    limits: Limits,
+    own: Limits,
+    period: float,
 ) -> LeadIn:
-    segments = stop(start, limits=limits, period=period)
+    try:
+        segments = stop(start, limits=limits, period=period)
+    except PlanError:
+        segments = stop(start, limits=own, period=period)
     halt = segments[-1].end
     rest = State.at_rest(segments[-1].ends()[1].q, first.position)
     least = 0 if positions.is_held else round((float(positions.breaks[-1]) - halt) / period)

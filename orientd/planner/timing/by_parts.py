@@ -149,9 +149,12 @@ def least_with_stops(keys: Floats, limits: Limits) -> float:
     That is without limits of the jerk and of components.
     """
     turns = angle(keys[:-1], keys[1:])
-    peaks = np.minimum(np.sqrt(turns * limits.acceleration), limits.velocity)
-    times = turns / np.maximum(peaks, 1e-300) + peaks / limits.acceleration
-    return float(np.sum(times[turns > 0.0]))
+    turns = turns[turns > 0.0]
+    velocity, acceleration = limits.velocity, limits.acceleration
+    peaks = np.minimum(np.sqrt(turns * acceleration), velocity)
+    # Where neither is limited their quotient is not a number.
+    rises = np.fmin(np.sqrt(turns / acceleration), velocity / acceleration)
+    return float(np.sum(turns / peaks + rises))
 
 
 def least_with_rests(keyframe_path: KeyframePath, limits: Limits) -> float:

@@ -96,6 +96,8 @@ def evenly_paced(
         known = math.ceil(shape.duration / period)
         first = math.ceil(guess / period) if guess <= 2 * known * period else known
         most = min(most, _LONGEST_SEARCH * known)
+    if most < fewest:
+        return None
     # From hold to hold the leads are the same for any duration.  Elsewhere what is found mostly
     # has leads; otherwise every attempt counts with its own.
     for are_led in (False,) if is_held else (False, True):

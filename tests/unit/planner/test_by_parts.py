@@ -1,5 +1,6 @@
 """Curves with corners, and with velocities at their ends that nobody asked for, run quickly."""
 
+import inspect
 import math
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from planned import LIMITS, PERIOD, differences, rotations, times_of
 
 from orientd.curves import METHODS
+from orientd.errors import PlanError
 from orientd.planner import Keyframe, MotionRequest, State, plan
 from orientd.planner.timing.by_parts import RestingPart, corners
 from orientd.planner.timing.profile import Elements, Profile
@@ -18,9 +20,9 @@ KEYS = rotations(np.random.default_rng(0), 5, 0.5)
 FAR = rotations(np.random.default_rng(0), 5, 1.5)
 
 
-def made(method, keys=KEYS, *, limits=LIMITS["arm"], **fields):
-    request = MotionRequest([Keyframe(q) for q in keys], method=method, approach=True, **fields)
-    return plan(request, start=State.at_rest(request.keys[0]), limits=limits, period=PERIOD)
+def made(method, keys=KEYS, *, limits=LIMITS["arm"], period=PERIOD, approach=True, **fields):
+    request = MotionRequest([Keyframe(q) for q in keys], method=method, approach=approach, **fields)
+    return plan(request, start=State.at_rest(request.keys[0]), limits=limits, period=period)
 
 
 def curve(method, keys=KEYS):
@@ -100,6 +102,33 @@ def test_keyframes_along_a_smooth_way_are_passed_at_an_even_pace():
     near = curve("c2_cumulative", FAR).evaluate(np.linspace(0.0, 4.0, 40))[0]
     (note,) = made("squad", near).certificate.notes
     assert note.startswith("at an even pace: ")
+
+
+@pytest.mark.parametrize("method", ["squad", "nielson_heiland", "spherical_quadratic"])
+@pytest.mark.parametrize("step", [0.1, 0.5])
+def test_a_curve_with_corners_needs_no_lead_from_rest(method, step):
+    motion = made(method, rotations(np.random.default_rng(1), 3, step), approach=False)
+    assert motion.certificate.lead_in == 0.0
+    assert motion.certificate.keyframe_error < 1e-9
+
+
+@pytest.mark.parametrize("is_led", [True, False])
+@pytest.mark.parametrize("method", METHODS)
+def test_every_family_takes_a_duration_or_says_what_it_needs(method, is_led):
+    keys = FAR[:2] if "q0" in inspect.signature(METHODS[method]).parameters else FAR
+    motion = made(method, keys, duration=12.0, approach=is_led)
+    assert motion.end_time - motion.start_time == pytest.approx(12.0)
+    found = differences(motion.sample(times_of(motion)).q, PERIOD)
+    allowed = (LIMITS["arm"].velocity, LIMITS["arm"].acceleration, LIMITS["arm"].jerk)
+    assert all(max(rate) <= 1.000001 * most for rate, most in zip(found, allowed, strict=True))
+    with pytest.raises(PlanError, match=r"the keyframes take at least .* got a duration of 0.1 s"):
+        made(method, keys, duration=0.1, approach=is_led)
+
+
+def test_keyframes_that_are_passed_within_a_cycle_are_planned():
+    keys = rotations(np.random.default_rng(1), 5, 1e-5)
+    motion = made("spherical_quadratic", keys, period=0.01)
+    assert motion.certificate.keyframe_error < 1e-9
 
 
 def test_a_keyframe_beside_another_does_not_take_longer_than_a_stop_there():

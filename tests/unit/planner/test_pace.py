@@ -7,6 +7,7 @@ import pytest
 from planned import LIMITS, PERIOD, rotations
 from scipy.spatial.transform import Rotation
 
+import orientd
 from orientd.errors import PlanError, RequestError
 from orientd.planner import Keyframe, MotionRequest, State, plan
 
@@ -74,3 +75,21 @@ def test_keyframes_that_are_passed_as_one_are_noted():
     )
     assert motion.certificate.keyframe_error == pytest.approx(1e-4, rel=1e-6)
     assert math.isclose(motion.keyframe_times[4], motion.keyframe_times[5])
+
+
+@pytest.mark.parametrize("count", [1, 3])
+@pytest.mark.parametrize("pace", [0.5, 0.1])
+def test_a_device_that_moves_takes_up_a_slower_pace(pace, count):
+    random = np.random.default_rng(5)
+    for _ in range(10):
+        first = orientd.plan(Rotation.random(2, rng=random))
+        start = first.state_at(int(random.integers(5, first.record_count - 5)))
+        keys = Rotation.random(count, rng=random)
+        motion = orientd.plan(keys, start=start, approach=True, pace=pace)
+        assert motion.certificate.keyframe_error < 1e-9
+        q = np.concatenate([start.before[0], motion.rows(0, motion.record_count)[:, :4]])
+        turned = Rotation.from_quat(q[:, [1, 2, 3, 0]])
+        rates = (turned[:-1].inv() * turned[1:]).as_rotvec() / motion.period
+        for most in (ARM.velocity, ARM.acceleration, ARM.jerk):
+            assert np.linalg.norm(rates, axis=1).max() <= 1.000001 * most
+            rates = np.diff(rates, axis=0) / motion.period
