@@ -5,6 +5,7 @@ import pytest
 pytest.importorskip("dynamixel_sdk")
 
 from dynamixel_sdk import Protocol2PacketHandler
+from virtual_port import VirtualPort
 
 from orientd.clock import ManualClock
 from orientd_dynamixel import doctor
@@ -18,7 +19,6 @@ from orientd_sim.dynamixel import (
     FaultKind,
     ReplyFault,
     SerialLine,
-    VirtualPort,
 )
 
 

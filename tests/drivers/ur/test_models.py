@@ -5,13 +5,13 @@ import random
 import time
 
 import pytest
+from emulated_robot import EmulatedRobot
 from ur_rig import until
 
 from orientd.clock import MonotonicClock
 from orientd.driver import Setpoint
 from orientd.errors import DeviceFaultError, LinkError, PlanError
 from orientd.floats import exp, log, multiply
-from orientd_sim.ur import EmulatedRobot
 from orientd_sim.ur.arm.kinematics import Kinematics
 from orientd_sim.ur.arm.models import MODELS
 from orientd_sim.ur.arm.transforms import from_pose, inverse
