@@ -279,8 +279,8 @@ def with_stops(
         path_pieces.append(path_times)
         start = (elapsed - 1) * period
         found.append(
-            Slew(start, start + (len(inside) + 1) * period, last * period,
-                 tuple(map(float, angles[last])), tuple(map(float, angles[after])), is_crawl)
+            Slew(start, start + (len(inside) + 1) * period, tuple(map(float, angles[last])),
+                 tuple(map(float, angles[after])), is_crawl)
         )  # fmt: skip
         elapsed += len(inside)
     whole = np.concatenate(pieces)
