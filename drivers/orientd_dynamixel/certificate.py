@@ -117,7 +117,6 @@ class Slew:
     Attributes:
         start: s.
         end: s.
-        path_time: where the path stops, in its own time, s.
         before: axis angles, rad.
         after: axis angles, rad.
         is_on_path: whether the path is gone along slowly instead of being left.
@@ -126,7 +125,6 @@ class Slew:
 
     start: float
     end: float
-    path_time: float
     before: tuple[float, ...]
     after: tuple[float, ...]
     is_on_path: bool = False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from orientd.driver import Finding, Verdict
@@ -55,10 +56,7 @@ def diagnose(options: GimbalOptions, period: float, open_bus: OpenBus) -> list[F
             servos += scan(options.port, bauds=others, ids=missing, wait_ms=wait, open_bus=open_bus)
         found += [_servo(servo, options) for servo in servos]
         found += [_absent(number) for number in missing if number not in {s.id for s in servos}]
-        found += [
-            Finding("bus", "can do better", Verdict.IMPROVE, advice)
-            for advice in advise(servos, None)
-        ]
+        found += [Finding("bus", "can do better", Verdict.IMPROVE, one) for one in advise(servos)]
         ours = [one for one in servos if one.id in wanted and one.baud == options.baud]
         if len(ours) == len(wanted):
             found.append(_rate(ours, options, period, timer, open_bus))
@@ -136,10 +134,7 @@ def _rate(
 ) -> Finding:
     latency = _GOOD_TIMER_MS if timer is None else timer
     # The driver sets the return delay to 0 when it starts.
-    tuned = [
-        FoundServo(one.id, one.model, one.firmware, one.baud, 0, one.hardware_error)
-        for one in servos
-    ]
+    tuned = [replace(one, return_delay_us=0) for one in servos]
     safe = safe_rate_hz(tuned, options.baud, latency_ms=latency)
     bus = open_bus(options.port, options.baud, wait_ms=options.latency_ms, glance_s=READ_WAIT_S)
     try:

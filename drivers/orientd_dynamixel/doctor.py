@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from statistics import median_high
 
 from orientd.errors import DeviceError, LinkError
 from orientd_dynamixel.bus import BLOCK, READ_WAIT_S, OpenBus, ServoBus, explain_error, open_bus
@@ -174,26 +175,21 @@ def measure_cycle_ms(
         LinkError: the port is gone, or not one read came back whole.
     """
     rows = [(servo.id, 126, 10) for servo in servos]
+    is_fast = all(servo.is_fast for servo in servos)
     spans = []
     for _ in range(count):
         start = now_ns()
-        bus.request(rows, is_fast=all(servo.is_fast for servo in servos))
-        blocks, _ = bus.collect(rows, 20.0, is_fast=all(servo.is_fast for servo in servos))
+        bus.request(rows, is_fast=is_fast)
+        blocks, _ = bus.collect(rows, 20.0, is_fast=is_fast)
         if len(blocks) == len(rows):
             spans.append((now_ns() - start) * 1e-6)
     if not spans:
         raise LinkError(f"not one of {count} group reads came back whole")
-    spans.sort()
-    return spans[len(spans) // 2]
+    return median_high(spans)
 
 
-def advise(servos: Sequence[FoundServo], timer_ms: int | None) -> list[str]:
-    """Return what to change, most important first.
-
-    Args:
-        servos: as found.
-        timer_ms: of the adapter, as from :func:`latency_timer_ms`.
-    """
+def advise(servos: Sequence[FoundServo]) -> list[str]:
+    """Return what to change, most important first, of *servos* as found."""
     if not servos:
         return ["no servo answers: look at supply, cable and adapter, and try more ids"]
     advice = []
@@ -210,11 +206,6 @@ def advise(servos: Sequence[FoundServo], timer_ms: int | None) -> list[str]:
         advice.append(f"the servos are set to {speeds} baud: set all to the same")
     if speeds[0] < 1_000_000:
         advice.append(f"{speeds[0]} baud is slow: set the servos to 1000000 (register 8 := 3)")
-    if timer_ms is not None and timer_ms > 1:
-        advice.append(
-            f"the adapter holds answers back for {timer_ms} ms: write 1 to its latency_timer under "
-            "/sys/bus/usb-serial/devices, with a udev rule to keep it"
-        )
     if any(servo.return_delay_us for servo in servos):
         advice.append("return delay is not 0: the driver sets it to 0 when it starts")
     old = [servo.id for servo in servos if servo.model in _KINDS and not servo.is_fast]

@@ -1,4 +1,4 @@
-r"""Gimbal kinematics: axis angles to orientation and back, both branches, Jacobian, manipulability.
+r"""Gimbal kinematics: axis angles to orientation and back, both branches, manipulability.
 
 A gimbal turns about two or three of the coordinate axes, named from the base to the tool by
 capital letters: ``ZYX`` is yaw, pitch, roll.  With rotation matrices
@@ -24,7 +24,6 @@ from orientd.rotation import (
     Floats,
     check_unit,
     conjugate,
-    from_axis_angle,
     multiply,
     normalize,
     to_matrix,
@@ -170,7 +169,8 @@ class Gimbal:
     def inverse(self, q: ArrayLike, inner: ArrayLike | None = None) -> Floats:
         """Return the axis angles of both branches.
 
-        A two-axis gimbal reproduces the direction of its pointing axis only; see :meth:`fit`.
+        A two-axis gimbal reproduces the direction of its pointing axis only; see
+        :meth:`.AxisTracker.solve` for whole orientations.
         Within 1e-6 of the pole outer and inner angle turn about one line: *inner* is then kept.
 
         Args:
@@ -195,49 +195,6 @@ class Gimbal:
                 np.concatenate([chosen[..., None], self.rest(matrix, chosen).inner], axis=-1)
             )
         return np.stack(branches, axis=-2)
-
-    def fit(self, q: ArrayLike) -> tuple[Floats, Floats]:
-        """Return the angles of a two-axis gimbal that come nearest to a whole orientation.
-
-        Nearest by the angle of the rotation between.  It is what remains of the order outer,
-        missing, inner when the missing angle is dropped, and that angle is the error, exactly; so
-        the pole is as good as any other direction.
-
-        Args:
-            q: orientations ``(w, x, y, z)``, shape ``(..., 4)``.
-
-        Returns:
-            Angles in (-pi, pi], shape ``(..., 2, 2)`` with both branches, and the error of each in
-            rad, shape ``(..., 2)``.  The second branch is the farther one and seldom wanted.
-
-        Raises:
-            ValueError: *q* is not of unit norm, or the gimbal has three axes.
-        """
-        if len(self.axes) != 2:
-            raise ValueError(f"only a gimbal of two axes has to fit, this one is {self.order}")
-        i, j = self.axes
-        a, missing, b = _split(self.matrix(check_unit(q)), i, 3 - i - j, j)
-        near = np.stack([a, b], axis=-1)
-        far = wrapped(near + np.pi)
-        error = np.abs(missing)
-        return np.stack([near, far], axis=-2), np.stack([error, np.pi - error], axis=-1)
-
-    def jacobian(self, angles: ArrayLike) -> Floats:
-        """Return the matrix from axis rates to the angular velocity in the world, rad/s.
-
-        Args:
-            angles: axis angles in rad, shape ``(..., axes)``.
-
-        Returns:
-            Shape ``(..., 3, axes)``: the columns are the directions of the axes.
-        """
-        angles = self._angles(angles)
-        q: Floats = np.broadcast_to(np.array(self.mount), (*angles.shape[:-1], 4))
-        columns = []
-        for number, axis in enumerate(self.axes):
-            columns.append(to_matrix(q)[..., :, axis])
-            q = multiply(q, from_axis_angle(np.eye(3)[axis], angles[..., number]))
-        return np.stack(columns, axis=-1)
 
     def manipulability(self, angles: ArrayLike) -> Floats:
         r"""Return the least singular value of what the axis rates do; 0 is the pole.
@@ -294,30 +251,3 @@ def wrapped(angle: Floats) -> Floats:
     """Return an angle less whole turns, in (-pi, pi]."""
     less: Floats = np.asarray(angle - 2 * np.pi * np.ceil((angle - np.pi) / (2 * np.pi)))
     return less
-
-
-def damped_rates(
-    jacobian: ArrayLike, omega: ArrayLike, *, epsilon: float = 0.12, damping: float = 0.12
-) -> Floats:
-    r"""Return axis rates by damped least squares, the usual way past a singularity.
-
-    .. math:: \dot q = J^T (J J^T + \lambda^2 I)^{-1} \omega,\quad
-        \lambda^2 = \lambda_{max}^2 (1 - (\sigma / \epsilon)^2) \text{ for } \sigma < \epsilon
-
-    Source: Nakamura and Hanafusa (1986); the variable damping is Chiaverini's (1994).  It looks one
-    step ahead only: :mod:`orientd_dynamixel.path` plans the whole path instead.
-
-    Args:
-        jacobian: shape ``(..., 3, axes)``.
-        omega: angular velocity wanted, rad/s, shape ``(..., 3)``.
-        epsilon: least singular value below which damping begins.
-        damping: its largest value.
-    """
-    jacobian = np.asarray(jacobian, dtype=np.float64)
-    u, sigma, vt = np.linalg.svd(jacobian, full_matrices=False)
-    share = np.minimum(1.0, sigma[..., -1] / epsilon)
-    square = damping**2 * (1.0 - share**2)
-    gains = sigma / (sigma**2 + square[..., None] + 1e-300)
-    wanted = np.einsum("...ji,...j->...i", u, np.asarray(omega, dtype=np.float64))
-    rates: Floats = np.einsum("...ij,...i->...j", vt, gains * wanted)
-    return rates

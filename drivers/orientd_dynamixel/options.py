@@ -152,11 +152,19 @@ _AXIS_KEYS = {
     "id", "name", "model", "gear", "direction", "zero_deg", "limits_deg", "velocity_deg",
     "acceleration_deg", "current_limit",
 }  # fmt: skip
+# Name: lowest, highest, default.
+_NUMBERS: dict[str, tuple[float, float, float]] = {
+    "watchdog_ms": (0, 2540, 500),
+    "roll_tolerance_deg": (0, 180, 1.0),
+    "follow_tolerance_deg": (0.1, 360, 15.0),
+    "follow_time": (0.01, 10, 0.3),
+    "max_losses": (1, 1000, 10),
+    "latency_ms": (0.1, 1000, 16.0),
+    "max_deviation_deg": (0, 45, 0.0),
+}
 _KEYS = {
-    "port", "baud", "order", "axes", "mount", "tool", "fast_read", "watchdog_ms", "at_end",
-    "park_deg", "pointing", "roll_tolerance_deg", "follow_tolerance_deg", "follow_time",
-    "max_losses", "latency_ms", "max_deviation_deg", "allow_slews", "turns_file",
-    "overwrite",
+    "port", "baud", "order", "axes", "mount", "tool", "fast_read", "at_end", "park_deg", "pointing",
+    "allow_slews", "turns_file", "overwrite", *_NUMBERS,
 }  # fmt: skip
 
 
@@ -197,6 +205,10 @@ def parse(options: Mapping[str, Any]) -> GimbalOptions:
         for axis, angle in zip(axes, park, strict=True):
             if not axis.low <= angle <= axis.high:
                 raise ValueError(f"park_deg must be inside the limits of {axis.name}, got {parked}")
+    numbered = {
+        name: number(name, options.get(name, default), lowest, highest)
+        for name, (lowest, highest, default) in _NUMBERS.items()
+    }
     return GimbalOptions(
         port=port,
         baud=choice("baud", options.get("baud", 1_000_000), BAUD_RATES),
@@ -205,22 +217,16 @@ def parse(options: Mapping[str, Any]) -> GimbalOptions:
         mount=quaternion("mount", options.get("mount")),
         tool=quaternion("tool", options.get("tool")),
         fast_read=choice("fast_read", options.get("fast_read", "auto"), ("auto", "on", "off")),
-        watchdog_ms=round(number("watchdog_ms", options.get("watchdog_ms", 500), 0, 2540)),
+        watchdog_ms=round(numbered["watchdog_ms"]),
         at_end=choice("at_end", options.get("at_end", "release"), ("release", "hold")),
         park=park,
         pointing=switch("pointing", options.get("pointing", len(axes) == 2)),
-        roll_tolerance=math.radians(
-            number("roll_tolerance_deg", options.get("roll_tolerance_deg", 1.0), 0, 180)
-        ),
-        follow_tolerance=math.radians(
-            number("follow_tolerance_deg", options.get("follow_tolerance_deg", 15.0), 0.1, 360)
-        ),
-        follow_time=number("follow_time", options.get("follow_time", 0.3), 0.01, 10),
-        max_losses=round(number("max_losses", options.get("max_losses", 10), 1, 1000)),
-        latency_ms=number("latency_ms", options.get("latency_ms", 16.0), 0.1, 1000),
-        max_deviation=math.radians(
-            number("max_deviation_deg", options.get("max_deviation_deg", 0.0), 0, 45)
-        ),
+        roll_tolerance=math.radians(numbered["roll_tolerance_deg"]),
+        follow_tolerance=math.radians(numbered["follow_tolerance_deg"]),
+        follow_time=numbered["follow_time"],
+        max_losses=round(numbered["max_losses"]),
+        latency_ms=numbered["latency_ms"],
+        max_deviation=math.radians(numbered["max_deviation_deg"]),
         allow_slews=switch("allow_slews", options.get("allow_slews", False)),
         turns_file=turns_file,
         overwrite=_overwrite(options.get("overwrite", False)),

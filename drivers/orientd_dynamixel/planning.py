@@ -7,19 +7,15 @@ at the servos as it was planned, as long as the orientations streamed are those 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import degrees
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from orientd.driver import Vector3
 from orientd.rotation import conjugate, rotate
-from orientd_dynamixel.certificate import AxisCertificate, AxisLimits, AxisPath, DeviationPolicy
+from orientd_dynamixel.certificate import AxisCertificate, AxisLimits
 from orientd_dynamixel.kinematics import Gimbal
-from orientd_dynamixel.options import GimbalOptions, parse
-from orientd_dynamixel.path import plan_axes
+from orientd_dynamixel.options import GimbalOptions
 
 
 def gimbal_of(options: GimbalOptions) -> Gimbal:
@@ -59,36 +55,6 @@ def limits_of(options: GimbalOptions) -> list[AxisLimits]:
         AxisLimits(axis.low, axis.high, axis.velocity, axis.acceleration, axis.name)
         for axis in options.axes
     ]
-
-
-def plan(
-    options: Mapping[str, Any],
-    q: ArrayLike,
-    period: float,
-    *,
-    start: ArrayLike | None = None,
-    policy: DeviationPolicy | None = None,
-) -> AxisPath:
-    """Return a path in axis angles for a deployment's gimbal.
-
-    Args:
-        options: the driver's table of the configuration.
-        q: orientations ``(w, x, y, z)`` on a uniform grid, shape ``(n, 4)``.
-        period: of the grid, s.
-        start: axis angles the gimbal is commanded to be at, rad; the driver reports them as
-            ``joints``.
-        policy: what may be done where the exact path is too much.
-
-    Raises:
-        LimitError: an axis cannot make it, and the policy allows no way round.
-        StartError: the path does not begin at *start*.
-        ValueError: an option or a quaternion is not allowed.
-    """
-    settings = parse(options)
-    return plan_axes(
-        gimbal_of(settings), q, period, limits_of(settings), start=start,
-        policy=policy,
-    )  # fmt: skip
 
 
 def describe(certificate: AxisCertificate, options: GimbalOptions) -> list[str]:

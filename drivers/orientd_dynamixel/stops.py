@@ -42,14 +42,12 @@ class Timeline:
         times: s, uniform, shape ``(n,)``.
         angles: rad, shape ``(n, axes)``.
         path_times: where the path is, in its own time, s, shape ``(n,)``.
-        is_slewing: whether the path stands still for a slew, shape ``(n,)``.
         slews: in order.
     """
 
     times: Floats
     angles: Floats
     path_times: Floats
-    is_slewing: np.ndarray[tuple[int], np.dtype[np.bool_]]
     slews: tuple[Slew, ...]
 
 
@@ -248,7 +246,6 @@ def with_stops(
     """
     pieces: list[Floats] = []
     path_pieces: list[Floats] = []
-    slewing: list[bool] = []
     found: list[Slew] = []
     events = _events(angles, period, slews, limits, ramp)
     room = (events[0][0] if events else len(angles)) * period
@@ -268,7 +265,6 @@ def with_stops(
         is_plain = len(clock) == len(part) and not events
         pieces.append(part if is_plain else _between(part, clock / period))
         path_pieces.append(first * period + clock)
-        slewing += [False] * len(clock)
         elapsed += len(clock)
         if number == len(events):
             break
@@ -281,15 +277,12 @@ def with_stops(
             path_times = np.full(len(inside), last * period)
         pieces.append(inside)
         path_pieces.append(path_times)
-        slewing += [not is_crawl] * len(inside)
         start = (elapsed - 1) * period
         found.append(
-            Slew(start, start + (len(inside) + 1) * period, last * period,
-                 tuple(map(float, angles[last])), tuple(map(float, angles[after])), is_crawl)
+            Slew(start, start + (len(inside) + 1) * period, tuple(map(float, angles[last])),
+                 tuple(map(float, angles[after])), is_crawl)
         )  # fmt: skip
         elapsed += len(inside)
     whole = np.concatenate(pieces)
-    return Timeline(
-        period * np.arange(len(whole), dtype=np.float64), whole, np.concatenate(path_pieces),
-        np.array(slewing), tuple(found),
-    )  # fmt: skip
+    times = period * np.arange(len(whole), dtype=np.float64)
+    return Timeline(times, whole, np.concatenate(path_pieces), tuple(found))

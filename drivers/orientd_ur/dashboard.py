@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import socket
 import time
-from types import TracebackType
 from typing import Self
 
 from orientd.errors import LinkError
@@ -12,24 +11,26 @@ from orientd_ur.sockets import DASHBOARD_PORT
 
 
 class Dashboard:
-    """The dashboard server of one robot, connected inside a ``with`` block.
+    """A connection to the dashboard server of one robot; a context manager.
 
     Args:
         host: the robot's address.
         timeout: s that connecting and each whole answer may take, however many bytes come of it.
+
+    Raises:
+        LinkError: nothing answers there.
     """
 
     def __init__(self, host: str, *, timeout: float = 0.4) -> None:
         self._host = host
         self._timeout = timeout
-        self._sock: socket.socket | None = None
         self._pending = b""
+        try:
+            self._sock = socket.create_connection((host, DASHBOARD_PORT), timeout)
+        except OSError as error:
+            raise LinkError(f"no dashboard server at {host}: {error}") from error
 
     def __enter__(self) -> Self:
-        try:
-            self._sock = socket.create_connection((self._host, DASHBOARD_PORT), self._timeout)
-        except OSError as error:
-            raise LinkError(f"no dashboard server at {self._host}: {error}") from error
         try:
             self._line("its greeting")
         except LinkError:
@@ -37,15 +38,8 @@ class Dashboard:
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if self._sock is not None:
-            self._sock.close()
-            self._sock = None
+    def __exit__(self, *_: object) -> None:
+        self._sock.close()
 
     def ask(self, command: str) -> str:
         """Send *command* and return the answer.
@@ -53,8 +47,6 @@ class Dashboard:
         Raises:
             LinkError: no answer came.
         """
-        if self._sock is None:
-            raise LinkError("the dashboard is not connected")
         try:
             self._sock.sendall(command.encode() + b"\n")
         except OSError as error:
@@ -62,18 +54,11 @@ class Dashboard:
         return self._line(f"an answer to {command!r}")
 
     @property
-    def version(self) -> str:
-        """The text of the robot's software version."""
-        return self.ask("PolyscopeVersion")
-
-    @property
     def is_remote(self) -> bool:
         """Whether the robot is in remote control."""
         return "true" in self.ask("is in remote control").lower()
 
     def _line(self, awaited: str) -> str:
-        if self._sock is None:
-            raise LinkError("the dashboard is not connected")
         ends = time.monotonic() + self._timeout
         while b"\n" not in self._pending:
             try:

@@ -10,29 +10,19 @@ orientation that trembles about pi never jumps at all.
 
 from __future__ import annotations
 
-from math import atan2, pi, sqrt, tau
+from math import pi, tau
 
 from orientd.driver import Quaternion, Vector3
+from orientd.floats import log, norm
 
 LONGEST = 1.5 * pi
 
 
-def shortest(q: Quaternion) -> Vector3:
-    """Return the rotation vector of a unit quaternion that is not longer than pi, in rad."""
-    w, x, y, z = q
-    if w < 0.0:
-        w, x, y, z = -w, -x, -y, -z
-    sine = sqrt(x * x + y * y + z * z)
-    # 2 atan2(s, w) / s tends to 2 for a turn of nothing.
-    scale = 2.0 * atan2(sine, w) / sine if sine > 1e-150 else 2.0
-    return (x * scale, y * scale, z * scale)
-
-
 def continued(q: Quaternion, last: Vector3) -> Vector3:
     """Return the rotation vector of *q* on the side of *last*, unless that is too long; rad."""
-    r = shortest(q)
+    r = log(q)
     rx, ry, rz = r
-    angle = sqrt(rx * rx + ry * ry + rz * rz)
+    angle = norm(r)
     if angle < tau - LONGEST:
         # The vector on the other side would be longer than is allowed.
         return r

@@ -13,7 +13,6 @@ CONTROLLER_VERSION = ord("v")
 OUTPUTS = ord("O")
 INPUTS = ord("I")
 START = ord("S")
-PAUSE = ord("P")
 DATA = ord("U")
 
 _HEADER = struct.Struct(">HB")

@@ -32,9 +32,6 @@ _ROBOT_MODES = {
 }
 
 PROTECTIVE_STOP = 3
-SAFEGUARD_STOP = 5
-VIOLATION = 8
-FAULT = 9
 
 _SAFETY = {
     3: "protective stop: look for its cause on the pendant, then reset",

@@ -1,4 +1,4 @@
-"""A daemon that a command runs for itself, and that ends with it."""
+"""Daemons that a command runs for itself, and that end with it: one, or a cell of them."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import contextlib
 import os
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -42,6 +43,39 @@ def begun(config: Path) -> Iterator[Callable[[], None]]:
             yield partial(_wait_ready, process, log)
         finally:
             _end(process)
+
+
+@contextlib.contextmanager
+def cell(daemons: int) -> Iterator[str]:
+    """Run *daemons* of a cell of their own, ``demo``; yield where one of them listens."""
+    with (
+        tempfile.TemporaryDirectory(prefix="orientd-fleet-") as name,
+        contextlib.ExitStack() as kept,
+    ):
+        folder = Path(name)
+        configs = [_configured(folder, number) for number in range(1, daemons + 1)]
+        for wait_ready in [kept.enter_context(begun(config)) for config in configs]:
+            wait_ready()
+        yield _endpoint(folder, 1)
+
+
+def _endpoint(folder: Path, number: int) -> str:
+    return f"unixsock-stream/{folder}/arm-{number}.zenoh"
+
+
+def _configured(folder: Path, number: int) -> Path:
+    """Write the configuration of a daemon, and return where."""
+    name = f"arm-{number}"
+    # The others find each other by the first.
+    connect = f'connect = ["{_endpoint(folder, 1)}"]\n' if number > 1 else ""
+    config = folder / f"{name}.toml"
+    config.write_text(
+        f'[daemon]\nsocket = "{folder}/{name}.sock"\n\n'
+        f'[fleet]\ncell = "demo"\nname = "{name}"\nlisten = ["{_endpoint(folder, number)}"]\n'
+        f'{connect}\n[planner]\nprocesses = 1\n\n[devices.arm]\ndriver = "loopback"\n',
+        encoding="utf-8",
+    )
+    return config
 
 
 def _wait_ready(process: subprocess.Popen[bytes], log: Path) -> None:

@@ -11,10 +11,13 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from orientd.errors import OrientdError
 from orientd.rpc import ask_to_stop, begin_call, read_answer, text_fields
+
+if TYPE_CHECKING:
+    from orientd.rpc import DeviceReport
 
 TIMEOUT = 5.0
 """How long the daemon may take over a stop, s."""
@@ -51,7 +54,6 @@ def run(asked: dict[str, str], begun: int = -1) -> bool:
 
     # What moved is stopped: from here on nothing is in a hurry.
     from orientd.cli import output
-    from orientd.cli.at_rest import tell
     from orientd.rpc import device_from_message
     from orientd.rpc.control_pb2 import GetStateResponse, StopResponse
 
@@ -63,6 +65,15 @@ def run(asked: dict[str, str], begun: int = -1) -> bool:
         output.close_output()
         raise SystemExit(1) from None
     return True
+
+
+def tell(reports: list[DeviceReport], *, as_json: bool) -> None:
+    """Say what each device was doing when it was told to come to rest."""
+    from orientd.cli import texts
+    from orientd.cli.output import answer
+
+    lines = [f"{report.name}: {texts.state(report)}" for report in reports]
+    answer({"devices": reports}, *lines, as_json=as_json)
 
 
 def _asked(path: Path, method: str, message: bytes, *, timeout: float = TIMEOUT) -> bytes | None:

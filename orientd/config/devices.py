@@ -113,7 +113,7 @@ class DeviceSettings(Table):
     Attributes:
         name: the key of the table.
         driver: name of the driver in the registry.
-        rate_hz: cycles a second.
+        rate_hz: cycles a second; by default those of the driver, 100 for a gimbal, else 500.
         auto_enable: enable at start and after a reset.
         heartbeat_timeout: the servo stops when it has not heard the daemon for so long, s.
         feedback_timeout: feedback older than this is a fault, s.

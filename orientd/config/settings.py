@@ -74,9 +74,24 @@ class Settings(Table):
                 raise ValueError(f"devices.{name}.name: the table's own name is the device's name")
             if isinstance(device, Mapping):
                 phase = {} if "phase" in device else {"phase": next(phases)}
-                device = {**phase, **device, "name": name}
+                rate = {} if "rate_hz" in device else _own_rate(device.get("driver"))
+                device = {**phase, **rate, **device, "name": name}
             named[name] = device
         return {**table, "devices": named}
+
+
+def _own_rate(driver: object) -> dict[str, float]:
+    """Return the cycle rate that a driver has where nothing is said; nothing where it is not there.
+
+    Whoever needs the driver says that it is not.
+    """
+    # Entry points take milliseconds to look through, which not every command has to.
+    from orientd.driver import load_driver
+
+    try:
+        return {"rate_hz": load_driver(driver).default_rate_hz} if isinstance(driver, str) else {}
+    except ConfigError:
+        return {}
 
 
 def _spread() -> Iterator[float]:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
         switch,
         whole,
     )
-    from orientd.driver.registry import driver_target, make_driver
+    from orientd.driver.registry import driver_target, load_driver, make_driver
     from orientd.driver.values import (
         IDENTITY,
         ZERO,

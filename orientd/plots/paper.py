@@ -133,9 +133,9 @@ def save(figure: Figure, path: Path | BinaryIO, *, dpi: int = 140) -> None:
 
     # A date would make two files of the same picture.
     undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
-    is_open = not isinstance(path, Path)
-    kind = "png" if is_open else path.suffix.removeprefix(".").lower()
-    with nullcontext(path) if is_open else written(path) as file, rc_context(_SETTINGS):
+    kind = path.suffix.removeprefix(".").lower() if isinstance(path, Path) else "png"
+    whole = written(path) if isinstance(path, Path) else nullcontext(path)
+    with whole as file, rc_context(_SETTINGS):
         figure.savefig(file, format=kind, dpi=dpi, metadata=undated.get(kind))
 
 

@@ -8,8 +8,7 @@ from orientd.lazy import lazily
 
 if TYPE_CHECKING:
     from orientd.rpc.address import default_socket, found_socket, target
-    from orientd.rpc.channel import Way, certificate_files
-    from orientd.rpc.channel_options import server_options
+    from orientd.rpc.channel import Way, certificate_files, server_options
     from orientd.rpc.client import Robot, connect, connect_by
     from orientd.rpc.connection import Connection, StartAt
     from orientd.rpc.descriptions import MethodDescription, Outline, PartReport

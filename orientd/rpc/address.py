@@ -11,9 +11,6 @@ from orientd.errors import DaemonError
 # struct sockaddr_un has 108 bytes for the path and its terminating zero.
 MAX_PATH_BYTES = 107
 
-# A motion of 100,000 keyframes takes some 8 MiB.
-MAX_MESSAGE_BYTES = 64 * 1024 * 1024
-
 
 def found_socket() -> Path:
     """Return where a daemon is to be found: the user's own, or else the one of the system."""

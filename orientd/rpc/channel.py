@@ -13,12 +13,39 @@ from orientd.bounded_file import MEBIBYTE, read_bounded
 from orientd.errors import AccessError, DaemonError, OrientdError
 from orientd.first_stop import connected, runtime_directory
 from orientd.rpc.address import found_socket, target
-from orientd.rpc.channel_options import CLIENT_OPTIONS
 from orientd.rpc.stop_call import refusal
 from orientd.rpc.trust import check_socket
 
 _SILENCE = 0.5
 """How long a daemon that did not answer a call may say nothing, s."""
+
+# A motion of 100,000 keyframes takes some 8 MiB.
+MAX_MESSAGE_BYTES = 64 * MEBIBYTE
+
+_BOTH_ENDS = (
+    ("grpc.max_send_message_length", MAX_MESSAGE_BYTES),
+    ("grpc.keepalive_time_ms", 10_000),
+    ("grpc.keepalive_timeout_ms", 5_000),
+)
+_CLIENT_OPTIONS = (
+    *_BOTH_ENDS,
+    ("grpc.max_receive_message_length", MAX_MESSAGE_BYTES),
+    # A daemon that is back is heard at once: by new clients in a process whose old ones still try,
+    # and by those soon, where gRPC would wait for up to two minutes.
+    ("grpc.use_local_subchannel_pool", 1),
+    ("grpc.initial_reconnect_backoff_ms", 100),
+    ("grpc.max_reconnect_backoff_ms", 500),
+)
+
+
+def server_options(message_bytes: int) -> tuple[tuple[str, int], ...]:
+    """Return the options of a daemon that takes messages of at most *message_bytes*."""
+    return (
+        *_BOTH_ENDS,
+        ("grpc.max_receive_message_length", message_bytes),
+        ("grpc.http2.min_recv_ping_interval_without_data_ms", 5_000),
+        ("grpc.so_reuseport", 0),
+    )
 
 
 def certificate_files(
@@ -127,7 +154,7 @@ class Way:
         if not self.address:
             name = target(self.socket)
             check_socket(self.socket)
-            return grpc.insecure_channel(name, options=CLIENT_OPTIONS)
+            return grpc.insecure_channel(name, options=_CLIENT_OPTIONS)
         contents = []
         for path in (self.ca, self.key, self.certificate):
             try:
@@ -135,7 +162,7 @@ class Way:
             except OSError as error:
                 raise DaemonError(f"cannot read {path}: {error.strerror}") from error
         credentials = grpc.ssl_channel_credentials(*contents)
-        return grpc.secure_channel(self.address, credentials, options=CLIENT_OPTIONS)
+        return grpc.secure_channel(self.address, credentials, options=_CLIENT_OPTIONS)
 
 
 def _is_silent(path: Path) -> bool:

@@ -112,7 +112,7 @@ def measure(program, link, rate):
 def link(tmp_path):
     place = tmp_path / "bus"
     process = subprocess.Popen(
-        [sys.executable, "-m", "orientd_sim.dynamixel", "--link", str(place)],
+        [sys.executable, "-m", "orientd", "sim", "dynamixel", "--link", str(place)],
         stdout=subprocess.PIPE, text=True,
     )  # fmt: skip
     process.stdout.readline()

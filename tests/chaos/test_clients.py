@@ -12,7 +12,7 @@ from scenes import under_way
 from stage import rehearse
 
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.address import MAX_MESSAGE_BYTES
+from orientd.rpc.channel import MAX_MESSAGE_BYTES
 from orientd.rpc.control_pb2_grpc import ControlStub
 
 pytestmark = [pytest.mark.chaos, pytest.mark.timeout(7200)]

@@ -9,6 +9,7 @@ import time
 
 import pytest
 from device_stage import DeviceStage
+from emulated_robot import EmulatedRobot
 from harness import until
 from ledger import Tally, rounds_of
 
@@ -47,7 +48,6 @@ def each_call_once(stage):
 
 @pytest.mark.parametrize("harm", HARMS)
 def test_a_controller_takes_its_time(tmp_path, harm):
-    ur = pytest.importorskip("orientd_sim.ur")
     pytest.importorskip("rtde_control")
     orders, mend = HARMS[harm]
     tally = Tally(f"a UR arm: {harm}", 65, "fault in words, every call within 1 s, a motion")
@@ -56,7 +56,7 @@ def test_a_controller_takes_its_time(tmp_path, harm):
         with stage.round():
             handle = stage.turn()
             time.sleep(generator.uniform(0.2, 1.5))
-            robot = ur.EmulatedRobot(stage.words[2])
+            robot = EmulatedRobot(stage.words[2])
             for order in orders:
                 robot.ask(order)
             try:

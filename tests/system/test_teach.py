@@ -12,6 +12,7 @@ import time
 import numpy as np
 import pytest
 from command_line import COMMAND, begin, orientd
+from emulated_robot import EmulatedRobot, LaunchError
 from gimbal_bench import (
     SLOW_MACHINE,
     EmulatedGimbal,
@@ -29,7 +30,6 @@ from orientd.rpc import Outcome
 from orientd.rpc import control_pb2 as pb
 from orientd.stream import ServoState, unpack_cycle
 from orientd.stream.records import CYCLE_RECORD
-from orientd_sim.ur import EmulatedRobot, LaunchError
 
 MILLIRADIAN = 1e-3
 

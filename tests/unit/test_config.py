@@ -36,6 +36,15 @@ def test_the_loopback_example_says_the_defaults():
     )
 
 
+@pytest.mark.parametrize(
+    ("driver", "rate_hz"), [("dynamixel", 100.0), ("loopback", 500.0), ("not installed", 500.0)]
+)
+def test_a_device_has_the_rate_of_its_driver_unless_it_says_another(driver, rate_hz):
+    devices = {"one": {"driver": driver}, "other": {"driver": driver, "rate_hz": 250.0}}
+    found = config.parse({"devices": devices}, source="here").devices
+    assert (found["one"].rate_hz, found["other"].rate_hz) == (rate_hz, 250.0)
+
+
 def test_what_is_given_is_kept(tmp_path):
     settings = config.load(
         write(

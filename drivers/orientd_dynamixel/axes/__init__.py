@@ -8,14 +8,3 @@ from orientd_dynamixel.axes.standing import Standing
 from orientd_dynamixel.axes.supervisor import Supervisor, check_angle, check_rate
 from orientd_dynamixel.axes.turns import Turns
 from orientd_dynamixel.axes.ways import way
-
-__all__ = [
-    "Conditions",
-    "Following",
-    "Standing",
-    "Supervisor",
-    "Turns",
-    "check_angle",
-    "check_rate",
-    "way",
-]

@@ -21,22 +21,3 @@ from orientd_dynamixel.bus.servo_bus import (
     ServoBus,
     open_bus,
 )
-
-__all__ = [
-    "ATTEMPTS",
-    "BLOCK",
-    "HEALTH",
-    "PATIENT_ATTEMPTS",
-    "READ_WAIT_S",
-    "RETURN_LEVEL",
-    "VELOCITY_UNIT",
-    "WATCHDOG_TRIPPED",
-    "Group",
-    "Health",
-    "OpenBus",
-    "Reading",
-    "ServoBus",
-    "explain_error",
-    "listen",
-    "open_bus",
-]

@@ -56,13 +56,11 @@ class Losses:
         total: group reads so far that failed.
         in_a_row: since the last good one.
         culprits: by servo id, how often it was the first one missing since then.
-        why: what was wrong the last time.
     """
 
     total: int
     in_a_row: int
     culprits: dict[int, int]
-    why: str
 
 
 class ServoClock:
@@ -116,7 +114,7 @@ class Group:
     ) -> None:
         self.time_ns = 0
         self.readings: tuple[Reading, ...] = ()
-        self.losses = Losses(0, 0, {}, "")
+        self.losses = Losses(0, 0, {})
         self._bus = bus
         self._axes = list(axes)
         self._is_fast = is_fast
@@ -266,7 +264,6 @@ class Group:
         losses = self.losses
         losses.total += 1
         losses.in_a_row += 1
-        losses.why = why
         if servo is not None:
             losses.culprits[servo] = losses.culprits.get(servo, 0) + 1
         # What is late must have come, and be thrown away, before anything is asked again.

@@ -5,10 +5,3 @@ from __future__ import annotations
 from orientd_ur.ticks.controller_clock import ControllerClock
 from orientd_ur.ticks.tick_listener import TickListener
 from orientd_ur.ticks.tick_phase import TickPhase, tick_ns
-
-__all__ = [
-    "ControllerClock",
-    "TickListener",
-    "TickPhase",
-    "tick_ns",
-]

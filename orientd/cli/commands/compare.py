@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
-from enum import StrEnum
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -23,54 +22,30 @@ if TYPE_CHECKING:
     from orientd.rotation import Floats
 
 
-class KeyframeTimes(StrEnum):
-    """Where the times of the keyframes come from."""
-
-    FILE = "file"
-    UNIFORM = "uniform"
-    CHORD = "chord"
-
-
-class OpenEnds(StrEnum):
-    """What an end is whose velocity the file does not give."""
-
-    REST = "rest"
-    NATURAL = "natural"
-
-
-class Column(StrEnum):
-    """By what the families are sorted."""
-
-    NAME = "name"
-    EFFORT = "effort"
-    TORQUE = "torque"
-    ACCELERATION = "acceleration"
-    VELOCITY = "velocity"
-    LENGTH = "length"
-    CONTINUITY = "continuity"
-    KEYFRAMES = "keyframes"
-    ENDS = "ends"
-    BUILD = "build"
-    SAMPLE = "sample"
-
-
 Times = Annotated[
-    KeyframeTimes,
+    Literal["file", "uniform", "chord"],
     typer.Option(
         "--times",
         help="The file's own (or chord, where it has none), one second each, or by chord length.",
     ),
 ]
-
+"""Where the times of the keyframes come from."""
 
 Ends = Annotated[
-    OpenEnds,
+    Literal["rest", "natural"],
     typer.Option(
         "--ends",
         help="Ends whose velocity the file does not give: at rest, as they are planned, or natural "
         "(without acceleration).",
     ),
 ]
+"""What an end is whose velocity the file does not give."""
+
+Column = Literal[
+    "name", "effort", "torque", "acceleration", "velocity", "length", "continuity", "keyframes",
+    "ends", "build", "sample",
+]  # fmt: skip
+"""By what the families are sorted."""
 
 
 @command
@@ -88,11 +63,9 @@ def compare(
             help="Principal moments, kg m^2: adds the integral of the squared torque.",
         ),
     ] = None,
-    times: Times = KeyframeTimes.FILE,
-    ends: Ends = OpenEnds.REST,
-    sort: Annotated[
-        Column, typer.Option("--sort", help="Best first by this column.")
-    ] = Column.EFFORT,
+    times: Times = "file",
+    ends: Ends = "rest",
+    sort: Annotated[Column, typer.Option("--sort", help="Best first by this column.")] = "effort",
     as_json: AsJson = False,
 ) -> None:
     """Measure what every family of curves makes of FILE.
@@ -100,7 +73,7 @@ def compare(
     The curve of the file's own method is the one that `orientd plan` plans.  Needs no daemon.
     """
     moments = _moments(inertia)
-    if sort is Column.TORQUE and moments is None:
+    if sort == "torque" and moments is None:
         raise typer.BadParameter("needs --inertia", param_hint="--sort torque")
 
     from orientd import motion_file, plots
@@ -112,7 +85,7 @@ def compare(
         plots.check_format(plot)
     request = in_device_coordinates(motion_file.load(file), None)
     need_two(request)
-    task = task_of(request, times.value, ends.value)
+    task = task_of(request, times, ends)
     options = {request.method: dict(request.options)}
     tried = compared(
         task,
@@ -120,7 +93,7 @@ def compare(
         options=options,
         watch=partial(counted, "comparing", is_silent=as_json),
     )
-    candidates = ranked(tried, sort.value)
+    candidates = ranked(tried, sort)
     if plot is not None:
         title = f"{file.name}: every family"
         with working(f"drawing {plot}", is_silent=as_json):

@@ -6,9 +6,8 @@ import os
 import signal
 import sys
 import threading
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -18,14 +17,6 @@ from orientd.daemon import LogFormat
 
 if TYPE_CHECKING:
     from orientd.rpc import DaemonReport
-
-
-class PictureFormat(StrEnum):
-    """Formats of pictures."""
-
-    SVG = "svg"
-    PNG = "png"
-    PDF = "pdf"
 
 
 @command
@@ -164,8 +155,8 @@ def methods(
         typer.Option("--gallery", metavar="DIR", help="Draw every family to a file in DIR."),
     ] = None,
     picture_format: Annotated[
-        PictureFormat, typer.Option("--format", help="Of the gallery's files.")
-    ] = PictureFormat.SVG,
+        Literal["svg", "png", "pdf"], typer.Option("--format", help="Of the gallery's files.")
+    ] = "svg",
     as_json: AsJson = False,
 ) -> None:
     """List the families of curves that a motion can be made of.  Needs no daemon."""
@@ -176,7 +167,7 @@ def methods(
     if gallery is not None:
         from orientd import plots
 
-        for path in plots.draw_gallery(gallery, picture_format.value):
+        for path in plots.draw_gallery(gallery, picture_format):
             pictures.append(path)
             if not as_json:
                 say(f"wrote {path}")

@@ -15,99 +15,37 @@ if TYPE_CHECKING:
     from orientd.rpc import DeviceReport, Robot
 
 
-@command
-def stop(device: DeviceName = "", socket: Socket = None, as_json: AsJson = False) -> None:
-    """Bring a device, or all of them, to rest on the path.  Anybody may."""
-    _bring_to_rest("stop", socket, as_json, lambda robot: robot.stop(device))
+def _of_all(name: str, told: str) -> Callable[..., None]:
+    """Return the command that brings devices to rest, whoever holds their leases."""
+
+    def act(device: DeviceName = "", socket: Socket = None, as_json: AsJson = False) -> None:
+        from orientd.cli.shared_lease import connect_as
+        from orientd.cli.urgent import tell
+
+        with connect_as(socket, name) as robot:
+            reports = getattr(robot, name)(device)
+        tell(reports, as_json=as_json)
+
+    return _named(name, told, act)
 
 
-@command
-def halt(device: DeviceName = "", socket: Socket = None, as_json: AsJson = False) -> None:
-    """Bring a device, or all of them, to rest quickest, off the path.
+def _of_one(name: str, told: str) -> Callable[..., None]:
+    """Return the command that has a device do what the client's method of that name says."""
 
-    As quickly as the limits allow.  Anybody may.
-    """
-    _bring_to_rest("halt", socket, as_json, lambda robot: robot.halt(device))
+    def act(
+        device: DeviceName = "",
+        lease: Beside = False,
+        socket: Socket = None,
+        as_json: AsJson = False,
+    ) -> None:
+        _command(name, socket, device, lease, as_json, lambda robot: getattr(robot, name)(device))
 
-
-@command
-def pause(
-    device: DeviceName = "",
-    lease: Beside = False,
-    socket: Socket = None,
-    as_json: AsJson = False,
-) -> None:
-    """Come to rest on the path, to be resumed."""
-    _command("pause", socket, device, lease, as_json, lambda robot: robot.pause(device))
+    return _named(name, told, act)
 
 
-@command
-def resume(
-    device: DeviceName = "",
-    lease: Beside = False,
-    socket: Socket = None,
-    as_json: AsJson = False,
-) -> None:
-    """Go on with a paused motion."""
-    _command("resume", socket, device, lease, as_json, lambda robot: robot.resume(device))
-
-
-@command
-def speed(
-    factor: Annotated[
-        float, typer.Argument(metavar="X", help="More than 0, at most 1, which is as planned.")
-    ],
-    device: DeviceName = "",
-    lease: Beside = False,
-    socket: Socket = None,
-    as_json: AsJson = False,
-) -> None:
-    """Run motions X times as fast as planned, now and from now on."""
-    _command("speed", socket, device, lease, as_json, lambda robot: robot.set_speed(factor, device))
-
-
-@command
-def enable(
-    device: DeviceName = "",
-    lease: Beside = False,
-    socket: Socket = None,
-    as_json: AsJson = False,
-) -> None:
-    """Make a device follow; it does not move by this."""
-    _command("enable", socket, device, lease, as_json, lambda robot: robot.enable(device))
-
-
-@command
-def disable(
-    device: DeviceName = "",
-    lease: Beside = False,
-    socket: Socket = None,
-    as_json: AsJson = False,
-) -> None:
-    """Leave a device at rest, no longer following."""
-    _command("disable", socket, device, lease, as_json, lambda robot: robot.disable(device))
-
-
-@command
-def reset(
-    device: DeviceName = "",
-    lease: Beside = False,
-    socket: Socket = None,
-    as_json: AsJson = False,
-) -> None:
-    """Clear a fault; starts the servo process anew if it has ended."""
-    _command("reset", socket, device, lease, as_json, lambda robot: robot.reset(device))
-
-
-def _bring_to_rest(
-    name: str, socket: Path | None, as_json: bool, act: Callable[[Robot], list[DeviceReport]]
-) -> None:
-    from orientd.cli.at_rest import tell
-    from orientd.cli.shared_lease import connect_as
-
-    with connect_as(socket, name) as robot:
-        reports = act(robot)
-    tell(reports, as_json=as_json)
+def _named(name: str, told: str, act: Callable[..., None]) -> Callable[..., None]:
+    act.__name__, act.__doc__ = name, told
+    return command(act)
 
 
 def _command(
@@ -125,3 +63,32 @@ def _command(
         report = act(robot)
     speed = "" if report.speed == 1.0 else f", speed {report.speed:g}"
     answer(report, f"{report.name}: {texts.state(report)}{speed}", as_json=as_json)
+
+
+stop = _of_all("stop", "Bring a device, or all of them, to rest on the path.  Anybody may.")
+halt = _of_all(
+    "halt",
+    """Bring a device, or all of them, to rest quickest, off the path.
+
+    As quickly as the limits allow.  Anybody may.
+    """,
+)
+pause = _of_one("pause", "Come to rest on the path, to be resumed.")
+resume = _of_one("resume", "Go on with a paused motion.")
+enable = _of_one("enable", "Make a device follow; it does not move by this.")
+disable = _of_one("disable", "Leave a device at rest, no longer following.")
+reset = _of_one("reset", "Clear a fault; starts the servo process anew if it has ended.")
+
+
+@command
+def speed(
+    factor: Annotated[
+        float, typer.Argument(metavar="X", help="More than 0, at most 1, which is as planned.")
+    ],
+    device: DeviceName = "",
+    lease: Beside = False,
+    socket: Socket = None,
+    as_json: AsJson = False,
+) -> None:
+    """Run motions X times as fast as planned, now and from now on."""
+    _command("speed", socket, device, lease, as_json, lambda robot: robot.set_speed(factor, device))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from orientd.cli.command import AsJson, command
+from orientd.cli.commands.record import OutFile, Scalars, Seconds, check_output, ending, tell
 from orientd.cli.commands.view import PORT, Dark, Host, NoOpen, Port, need_view, serve_page
 from orientd.cli.output import is_terminal, say, say_json, table
 from orientd.errors import DaemonError, OrientdError
@@ -235,18 +236,13 @@ def tell_together(together: Together, *, as_json: bool) -> None:
 @fleet.command()
 @command
 def record(
-    file: Annotated[Path, typer.Argument(metavar="OUT.mcap", help="The file to write.")],
+    file: OutFile,
     daemon: Annotated[
         list[str] | None,
         typer.Option("--daemon", metavar="NAME", help="Which daemons; default: all."),
     ] = None,
-    seconds: Annotated[
-        float | None,
-        typer.Option("--seconds", "-s", help="For how long; default: until Ctrl-C."),
-    ] = None,
-    scalars: Annotated[
-        bool, typer.Option("--scalars", help="Plain numbers of every cycle too.")
-    ] = False,
+    seconds: Seconds = None,
+    scalars: Scalars = False,
     connect: Connect = None,
     cell: CellName = None,
     cert: Cert = None,
@@ -259,8 +255,6 @@ def record(
     Ctrl-C or SIGTERM ends it.  It is opened like one of `orientd record`; where each clock stood,
     and how well that is known, is in it.
     """
-    from orientd.cli.commands.record import check_output, ending, tell
-
     check_output(file, seconds)
     with _connected(connect, cell, cert, key, ca) as cell_of:
         recording = cell_of.record(file, daemon or (), has_scalars=scalars)
@@ -311,7 +305,7 @@ def demo(
 
     They run on this machine with no hardware, and are gone when the motion has ended.
     """
-    from orientd.cli.fleet_demo import cell
+    from orientd.cli.own_daemon import cell
     from orientd.fleet import FleetMotion, Overview, connect_fleet, move_together
     from orientd.motion_file import parse
 

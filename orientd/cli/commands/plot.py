@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from orientd.cli.command import AsJson, DeviceName, command
-from orientd.cli.commands.compare import Ends, KeyframeTimes, OpenEnds, Times, need_two
+from orientd.cli.commands.compare import Ends, Times, need_two
 from orientd.cli.completion import drawable
 from orientd.cli.output import answer, table
 from orientd.cli.waiting import working
 from orientd.errors import OrientdError, RequestError
 
-
-class Show(StrEnum):
-    """What of a motion file is drawn."""
-
-    MOTION = "motion"
-    TRIADS = "triads"
-    RATES = "rates"
-    BODY = "body"
+Show = Literal["motion", "triads", "rates", "body"]
+"""What of a motion file is drawn."""
 
 
 @command
@@ -46,9 +39,9 @@ def plot(
             "--show",
             help="Of a file: triad traces with rates, one of them, or a body along its positions.",
         ),
-    ] = Show.MOTION,
-    times: Times = KeyframeTimes.FILE,
-    ends: Ends = OpenEnds.REST,
+    ] = "motion",
+    times: Times = "file",
+    ends: Ends = "rest",
     device: DeviceName = "",
     as_json: AsJson = False,
 ) -> None:
@@ -103,7 +96,7 @@ def _draw_recording(file: Path, path: Path, device: str) -> None:
     plots.draw_recording(path, strands(recording, name), title=f"{file.name}: {name}")
 
 
-def _draw_file(file: Path, path: Path, show: Show, times: KeyframeTimes, ends: OpenEnds) -> None:
+def _draw_file(file: Path, path: Path, show: Show, times: Times, ends: Ends) -> None:
     import numpy as np
 
     from orientd import motion_file, plots
@@ -111,15 +104,15 @@ def _draw_file(file: Path, path: Path, show: Show, times: KeyframeTimes, ends: O
 
     request = in_device_coordinates(motion_file.load(file), None)
     need_two(request)
-    task = task_of(request, times.value, ends.value)
+    task = task_of(request, times, ends)
     curve = curve_of(request, task)
     traces = plots.traces_of(curve, task, limits=request.limits)
     title = f"{file.name}: {request.method}"
-    if show is Show.TRIADS:
+    if show == "triads":
         plots.draw_triads_alone(path, traces, title=title)
-    elif show is Show.RATES:
+    elif show == "rates":
         plots.draw_rates_alone(path, traces, title=title)
-    elif show is Show.MOTION:
+    elif show == "motion":
         plots.draw_traces(path, traces, title=title)
     else:
         given = request.positions

@@ -21,6 +21,15 @@ from orientd.errors import OrientdError
 if TYPE_CHECKING:
     from orientd.recorder import LiveRecording
 
+OutFile = Annotated[Path, typer.Argument(metavar="OUT.mcap", help="The file to write.")]
+Seconds = Annotated[
+    float | None,
+    typer.Option("--seconds", "-s", metavar="SECONDS", help="For how long; default: until Ctrl-C."),
+]
+Scalars = Annotated[
+    bool, typer.Option("--scalars", help="Plain numbers of every cycle too, for tools that plot.")
+]
+
 NEEDED = ("mcap", "mcap_protobuf", "foxglove_schemas_protobuf")
 
 
@@ -36,7 +45,7 @@ def need_record() -> None:
 
 @command
 def record(
-    file: Annotated[Path, typer.Argument(metavar="OUT.mcap", help="The file to write.")],
+    file: OutFile,
     device: Annotated[
         list[str] | None,
         typer.Option(
@@ -47,16 +56,8 @@ def record(
             autocompletion=devices,
         ),
     ] = None,
-    seconds: Annotated[
-        float | None,
-        typer.Option(
-            "--seconds", "-s", metavar="SECONDS", help="For how long; default: until Ctrl-C."
-        ),
-    ] = None,
-    scalars: Annotated[
-        bool,
-        typer.Option("--scalars", help="Plain numbers of every cycle too, for tools that plot."),
-    ] = False,
+    seconds: Seconds = None,
+    scalars: Scalars = False,
     socket: Socket = None,
     as_json: AsJson = False,
 ) -> None:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -23,11 +22,8 @@ if TYPE_CHECKING:
     from orientd.planner import MotionRequest
 
 
-class Pace(StrEnum):
-    """How fast a recording is repeated."""
-
-    RECORDED = "recorded"
-    MINIMUM = "minimum"
+Pace = Literal["recorded", "minimum"]
+"""How fast a recording is repeated."""
 
 
 @command
@@ -54,7 +50,7 @@ def replay(
         typer.Option(
             "--pace", help="As recorded, slowed down where the limits ask for it, or the quickest."
         ),
-    ] = Pace.RECORDED,
+    ] = "recorded",
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", help="Write the motion file (.json), for `orientd move`."),
@@ -127,7 +123,7 @@ def _paced(
     from orientd.planner import plan_as_recorded, replay_request
     from orientd.structured_text import write_structured
 
-    if pace is Pace.RECORDED:
+    if pace == "recorded":
         planned, request, slower = plan_as_recorded(fit, plan)
     else:
         request = replay_request(fit)

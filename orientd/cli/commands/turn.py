@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -16,21 +15,6 @@ from orientd.errors import OrientdError
 if TYPE_CHECKING:
     from orientd.endless_turn import EndlessTurn
     from orientd.rpc import MoveHandle, Robot
-
-
-class AxisName(StrEnum):
-    """Axes to turn about."""
-
-    X = "x"
-    Y = "y"
-    Z = "z"
-
-
-class VelocityFrame(StrEnum):
-    """Whose axes they are."""
-
-    BODY = "body"
-    WORLD = "world"
 
 
 @command
@@ -57,10 +41,11 @@ def turn(
             help="For how long at that rate; by default until it is stopped.",
         ),
     ] = None,
-    axis: Annotated[AxisName, typer.Option("--axis", help="About which axis.")] = AxisName.Z,
+    axis: Annotated[Literal["x", "y", "z"], typer.Option("--axis", help="About which axis.")] = "z",
     velocity_frame: Annotated[
-        VelocityFrame, typer.Option("--frame", help="Whether it is the tool's or the world's.")
-    ] = VelocityFrame.BODY,
+        Literal["body", "world"],
+        typer.Option("--frame", help="Whether it is the tool's or the world's."),
+    ] = "body",
     device: DeviceName = "",
     lease: Beside = False,
     socket: Socket = None,
@@ -71,13 +56,13 @@ def turn(
     It begins wherever the device is.  Ctrl-C stops it on its path.  Without a duration it turns
     until it is stopped, or until an axis of a gimbal comes near the last of its angles.
     """
-    omega = [rate if letter == axis.value else 0.0 for letter in "xyz"]
+    omega = [rate if letter == axis else 0.0 for letter in "xyz"]
 
     def begin(robot: Robot) -> MoveHandle | EndlessTurn:
-        frame = velocity_frame.value
+        fields = {"device": device, "velocity_frame": velocity_frame, "name": "turn"}
         if duration is None:
-            return robot.turn_endlessly(omega, device=device, velocity_frame=frame, name="turn")
-        return robot.turn(omega, duration, device=device, velocity_frame=frame, name="turn")
+            return robot.turn_endlessly(omega, **fields)
+        return robot.turn(omega, duration, **fields)
 
     _run("turn", begin, device, lease, socket, as_json)
 

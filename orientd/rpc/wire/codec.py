@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
+from enum import Enum
 from typing import Any, Generic, TypeVar
 
 from google.protobuf.message import Message
@@ -16,26 +17,25 @@ from google.protobuf.message import Message
 from orientd.errors import Fault
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.reports import Outcome
-from orientd.rpc.wire.values import STATES, quaternion, to_quaternion, to_vector, vector
+from orientd.rpc.wire.values import quaternion, to_quaternion, to_vector, vector
+from orientd.stream import ServoState
 
 Report = TypeVar("Report")
 Sent = TypeVar("Sent", bound=Message)
 Converters = tuple[Callable[[Any], Any], Callable[[Any], Any]]
 """From the value of a report to that of a message, and back."""
 
-FAULTS: dict[Fault, Any] = {fault: pb.Fault.Value(f"FAULT_{fault.name}") for fault in Fault}
-_OUTCOMES = {outcome: pb.Outcome.Value(f"OUTCOME_{outcome.name}") for outcome in Outcome}
 
-
-def _both(numbers: Mapping[Any, Any]) -> Converters:
-    back = {number: value for value, number in numbers.items()}
+def _both(kind: type[Enum], of: Any) -> Converters:  # noqa: ANN401 - generated
+    numbers = {one: of.Value(f"{of.DESCRIPTOR.name.upper()}_{one.name}") for one in kind}
+    back = {number: one for one, number in numbers.items()}
     return numbers.__getitem__, back.__getitem__
 
 
 _ENUMS: dict[str, Converters] = {
-    "State": _both(STATES),
-    "Fault": _both(FAULTS),
-    "Outcome": _both(_OUTCOMES),
+    "State": _both(ServoState, pb.State),
+    "Fault": _both(Fault, pb.Fault),
+    "Outcome": _both(Outcome, pb.Outcome),
 }
 _VALUES: dict[str, Converters] = {
     "Vector3": (vector, to_vector),

@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from orientd.driver import IDENTITY, ZERO, Vector3
-from orientd.errors import Fault
 from orientd.floats import difference, norm
 from orientd.planner import ANGULAR, NO_AXES, Limits
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.descriptions import DeviceDescription, MethodDescription, Outline, PartReport
 from orientd.rpc.reports import DaemonReport, DeviceReport, LeaseReport
-from orientd.rpc.wire.codec import FAULTS, Codec
+from orientd.rpc.wire.codec import Codec
 from orientd.rpc.wire.values import (
     RATES,
-    STATES,
-    STATES_BACK,
     quaternion,
     to_quaternion,
     to_vector,
@@ -47,28 +44,22 @@ def limits_from_message(message: pb.Limits) -> Limits:
     return Limits(*(getattr(message, name) for name in RATES), *axes)
 
 
+CYCLE = Codec(
+    Cycle,
+    pb.Cycle,
+    names={"motion": "motion_number", "q": "orientation"},
+    without=(
+        "feedback_time_ns", "flags", "feedback_q", "feedback_omega_body", "feedback_position",
+        "joints",
+    ),
+)  # fmt: skip
+
+
 def cycle_to_message(cycle: Cycle) -> pb.Cycle:
     """Return one cycle; what was not reported is left out."""
-    message = pb.Cycle(
-        index=cycle.index,
-        deadline_ns=cycle.deadline_ns,
-        lateness_ns=cycle.lateness_ns,
-        work_ns=cycle.work_ns,
-        feedback_age_ns=cycle.feedback_age_ns,
-        state=STATES[cycle.state],
-        fault=FAULTS[Fault(cycle.fault)],
-        motion_number=cycle.motion,
-        is_written=bool(cycle.flags & CycleFlag.WRITTEN),
-        overruns=cycle.overruns,
-        missed=cycle.missed,
-        path_index=cycle.path_index,
-        path_fraction=cycle.path_fraction,
-        speed=cycle.speed,
-        orientation=quaternion(cycle.q),
-        omega_body=vector(cycle.omega_body),
-        alpha_body=vector(cycle.alpha_body),
-        position=vector(cycle.position),
-    )
+    message = CYCLE.to_message(cycle)
+    message.feedback_age_ns = cycle.feedback_age_ns
+    message.is_written = bool(cycle.flags & CycleFlag.WRITTEN)
     error = tracking_error(cycle)
     if error is not None:
         message.feedback_orientation.CopyFrom(quaternion(cycle.feedback_q))
@@ -84,25 +75,10 @@ def cycle_from_message(message: pb.Cycle) -> Cycle:
     flags = CycleFlag.FEEDBACK if has_feedback else 0
     if message.is_written:
         flags |= CycleFlag.WRITTEN
-    return Cycle(
-        index=message.index,
-        deadline_ns=message.deadline_ns,
-        lateness_ns=message.lateness_ns,
-        work_ns=message.work_ns,
-        feedback_time_ns=message.deadline_ns - message.feedback_age_ns if has_feedback else 0,
-        path_index=message.path_index,
-        state=STATES_BACK[message.state],
-        fault=Fault(message.fault),
-        motion=message.motion_number,
+    return CYCLE.from_message(
+        message,
         flags=flags,
-        overruns=message.overruns,
-        missed=message.missed,
-        path_fraction=message.path_fraction,
-        speed=message.speed,
-        q=to_quaternion(message.orientation),
-        omega_body=to_vector(message.omega_body),
-        alpha_body=to_vector(message.alpha_body),
-        position=to_vector(message.position),
+        feedback_time_ns=message.deadline_ns - message.feedback_age_ns if has_feedback else 0,
         feedback_q=to_quaternion(message.feedback_orientation) if has_feedback else IDENTITY,
         feedback_omega_body=to_vector(message.feedback_omega_body) if has_feedback else ZERO,
         feedback_position=to_vector(message.feedback_position) if has_feedback else ZERO,

@@ -153,11 +153,8 @@ def _failed_precondition(error: OrientdError, kind: str, message: str) -> status
     cause = error_details_pb2.ErrorInfo(reason=kind, domain=DOMAIN)
     if isinstance(error, LimitError):
         subject = error.quantity
-        cause.metadata["quantity"] = error.quantity
-        cause.metadata["value"] = repr(float(error.value))
-        cause.metadata["limit"] = repr(float(error.limit))
-        cause.metadata["time"] = repr(float(error.time))
-        cause.metadata["unit"] = error.unit
+        figures = {name: repr(float(getattr(error, name))) for name in ("value", "limit", "time")}
+        cause.metadata.update({"quantity": error.quantity, "unit": error.unit, **figures})
     precondition = error_details_pb2.PreconditionFailure()
     precondition.violations.add(type=kind, subject=subject, description=message)
     status.details.add().Pack(precondition)

@@ -1,18 +1,10 @@
-"""Small values on the wire: vectors, quaternions, states."""
+"""Small values on the wire: vectors and quaternions."""
 
 from __future__ import annotations
-
-from typing import Any
 
 from orientd.driver import Quaternion, Vector3
 from orientd.planner import UNITS
 from orientd.rpc import control_pb2 as pb
-from orientd.stream import ServoState
-
-STATES: dict[ServoState, Any] = {
-    state: pb.State.Value(f"STATE_{state.name}") for state in ServoState
-}
-STATES_BACK = {number: state for state, number in STATES.items()}
 
 RATES = tuple(UNITS)
 

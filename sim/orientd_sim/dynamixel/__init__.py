@@ -8,9 +8,8 @@ from orientd.lazy import lazily
 
 if TYPE_CHECKING:
     from orientd_sim.dynamixel.bus import Bus
-    from orientd_sim.dynamixel.command import main, run
+    from orientd_sim.dynamixel.command import run
     from orientd_sim.dynamixel.line import FaultKind, Faults, ReplyFault, SerialLine
-    from orientd_sim.dynamixel.port import VirtualPort
     from orientd_sim.dynamixel.pty import PtyServer
     from orientd_sim.dynamixel.servo import EmulatedServo
     from orientd_sim.dynamixel.table import MODELS, XL330_M288, XM430_W350, ServoModel

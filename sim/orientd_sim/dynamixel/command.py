@@ -1,13 +1,10 @@
-"""Run the emulated bus from a command line until Ctrl-C or SIGTERM."""
+"""Run the emulated bus for `orientd sim dynamixel`, until Ctrl-C or SIGTERM."""
 
 from __future__ import annotations
 
-import argparse
 import os
 import random
 import signal
-import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 from orientd.clock import MonotonicClock
@@ -18,7 +15,6 @@ from orientd_sim.dynamixel.pty import PtyServer
 from orientd_sim.dynamixel.servo import EmulatedServo
 from orientd_sim.dynamixel.table import BAUD_RATES, MODELS
 
-DEFAULT_SERVOS = "1:xm430,2:xm430,3:xm430"
 _GAP_NS = 20_000_000
 _IDLE_S = 0.2
 
@@ -50,11 +46,11 @@ def servos(text: str, *, baud: int = 1_000_000, now_ns: int = 0) -> list[Emulate
 def run(
     link: Path,
     *,
-    names: str = DEFAULT_SERVOS,
-    baud: int = 1_000_000,
-    line: SerialLine | None = None,
-    seed: int = 0,
-    console: int | None = None,
+    names: str,
+    baud: int,
+    line: SerialLine,
+    seed: int,
+    console: int | None,
 ) -> None:
     """Serve an emulated bus at *link* until Ctrl-C or SIGTERM; print a line when it is ready.
 
@@ -62,9 +58,9 @@ def run(
         link: where clients find the terminal; removed at the end.
         names: the servos, as :func:`servos` takes them.
         baud: the line speed they are set to.
-        line: how long bytes take; by default the speed of *baud* with a 1 ms adapter.
+        line: how long bytes take.
         seed: of everything random.
-        console: a descriptor from which commands are read, see :mod:`.console`.
+        console: a descriptor from which commands are read, see :mod:`.console`; ``None`` for none.
 
     Raises:
         ValueError: *names* or *baud* is not allowed.
@@ -73,7 +69,7 @@ def run(
     clock = MonotonicClock()
     bus = Bus(
         servos(names, baud=baud, now_ns=clock.now_ns()),
-        line=line or SerialLine(is_paced=True, usb_latency_ns=1_000_000, has_collisions=False),
+        line=line,
         rng=random.Random(seed),
         gap_ns=_GAP_NS,
     )
@@ -107,7 +103,7 @@ def run(
             signal.signal(number, handler)
         os.close(wake_read)
         os.close(wake_write)
-        server.close()
+        server.unplug()
 
 
 def _obey(command: str, server: PtyServer, now_ns: int) -> None:
@@ -117,32 +113,3 @@ def _obey(command: str, server: PtyServer, now_ns: int) -> None:
         print(f"refused: {error}", flush=True)  # noqa: T201
     else:
         print(f"done: {command}{': ' if told else ''}{told}", flush=True)  # noqa: T201
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the emulated bus as the command line asks; return the exit code."""
-    parser = argparse.ArgumentParser(
-        prog="orientd sim dynamixel", description="An emulated Dynamixel bus on a pseudo-terminal."
-    )
-    parser.add_argument("--link", type=Path, required=True, help="where clients find the port")
-    parser.add_argument("--servos", default=DEFAULT_SERVOS, help=f"default {DEFAULT_SERVOS}")
-    parser.add_argument("--baud", type=int, default=1_000_000, help="line speed, default 1000000")
-    parser.add_argument("--ideal", action="store_true", help="let bytes take no time")
-    parser.add_argument("--usb-ms", type=float, default=1.0, help="adapter delay, default 1 ms")
-    parser.add_argument("--seed", type=int, default=0, help="of everything random")
-    parser.add_argument("--console", action="store_true", help="read commands from standard input")
-    options = parser.parse_args(arguments)
-    line = SerialLine(
-        is_paced=True, usb_latency_ns=round(options.usb_ms * 1e6), has_collisions=False
-    )
-    if options.ideal:
-        line = SerialLine()
-    try:
-        run(
-            options.link, names=options.servos, baud=options.baud, line=line, seed=options.seed,
-            console=sys.stdin.fileno() if options.console else None,
-        )  # fmt: skip
-    except (ValueError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)  # noqa: T201
-        return 1
-    return 0

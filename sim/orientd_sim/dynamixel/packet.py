@@ -13,7 +13,6 @@ from enum import IntEnum
 
 HEADER = b"\xff\xff\xfd\x00"
 BROADCAST = 0xFE
-MAX_ID = 252
 MAX_LENGTH = 1024
 SHORTEST = 10
 

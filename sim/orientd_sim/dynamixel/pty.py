@@ -18,7 +18,6 @@ from orientd.clock import Clock
 from orientd_sim.dynamixel.bus import Bus
 
 _CHUNK = 4096
-_IDLE_S = 0.2
 # struct termios2 of Linux: unlike termios it tells any speed as a number, which is how clients in
 # other languages set it.
 _TCGETS2 = 0x802C542A
@@ -32,7 +31,7 @@ def line_speed(descriptor: int) -> int:
 
 
 class PtyServer:
-    """Serve a bus on a pseudo-terminal, from whichever thread calls :meth:`run`.
+    """Serve a bus on a pseudo-terminal, from whichever thread calls :meth:`step`.
 
     Attributes:
         bus: who answers.
@@ -44,8 +43,6 @@ class PtyServer:
         self.link = link
         self._clock = clock
         self._master = self._slave = -1
-        self._wake_read, self._wake_write = os.pipe()
-        self._is_stopping = False
 
     @property
     def is_plugged(self) -> bool:
@@ -84,22 +81,6 @@ class PtyServer:
         if self.link.is_symlink() and str(self.link.readlink()) == target:
             self.link.unlink()
 
-    def stop(self) -> None:
-        """End :meth:`run`; may be called from a signal handler or another thread."""
-        self._is_stopping = True
-        os.write(self._wake_write, b"x")
-
-    def close(self) -> None:
-        """Release everything."""
-        self.unplug()
-        for descriptor in (self._wake_read, self._wake_write):
-            os.close(descriptor)
-
-    def run(self) -> None:
-        """Serve until :meth:`stop`."""
-        while not self._is_stopping:
-            self.step(_IDLE_S)
-
     def step(self, longest_s: float, *others: int) -> list[int]:
         """Wait for something to do, at most *longest_s*, and do it.
 
@@ -114,7 +95,7 @@ class PtyServer:
         wait_s = longest_s
         if due_ns is not None:
             wait_s = min(wait_s, max(0.0, (due_ns - self._clock.now_ns()) * 1e-9))
-        watched = [self._wake_read, *others]
+        watched = list(others)
         if self.is_plugged:
             watched.append(self._master)
         ready, _, _ = select.select(watched, [], [], wait_s)

@@ -56,22 +56,18 @@ class ServoModel:
     Attributes:
         name: as printed on it.
         number: what it answers to a ping.
-        firmware: the version emulated.
         registers: by address.
         indirect: ``(address block, data block, count)`` of each indirect area.
         no_load_speed: rad/s at its nominal voltage; a loaded servo is slower.
         voltage: of its supply, in steps of 0.1 V.
-        current_unit: mA of one step of a current register.
     """
 
     name: str
     number: int
-    firmware: int
     registers: Mapping[int, Register]
     indirect: tuple[tuple[int, int, int], ...]
     no_load_speed: float
     voltage: int
-    current_unit: float
 
     @property
     def end(self) -> int:
@@ -176,20 +172,20 @@ _XM430_INDIRECT = ((168, 224, 28), (578, 634, 28))
 _XL330_INDIRECT = ((168, 208, 20),)
 
 XM430_W350 = ServoModel(
-    "XM430-W350", 1020, 48,
+    "XM430-W350", 1020,
     _registers(
         1020, 48, baud_high=7, temperature=80, voltage=(95, 95, 160, 160), current=1193,
         velocity=200, shutdown=52, gain=800, indirect=_XM430_INDIRECT,
     ),
-    _XM430_INDIRECT, 46 * 2 * math.pi / 60, 120, 2.69,
+    _XM430_INDIRECT, 46 * 2 * math.pi / 60, 120,
 )  # fmt: skip
 XL330_M288 = ServoModel(
-    "XL330-M288", 1200, 52,
+    "XL330-M288", 1200,
     _registers(
         1200, 52, baud_high=6, temperature=70, voltage=(31, 35, 70, 70), current=1750,
         velocity=445, shutdown=53, gain=400, indirect=_XL330_INDIRECT,
     ),
-    _XL330_INDIRECT, 103 * 2 * math.pi / 60, 50, 1.0,
+    _XL330_INDIRECT, 103 * 2 * math.pi / 60, 50,
 )  # fmt: skip
 
 

@@ -9,7 +9,6 @@ from orientd.lazy import lazily
 if TYPE_CHECKING:
     from orientd_sim.ur.arm import MODELS, Behaviour, version_of
     from orientd_sim.ur.controller import Controller
-    from orientd_sim.ur.launch import EmulatedRobot, LaunchError
     from orientd_sim.ur.server import serve
 
 __getattr__ = lazily(__name__)

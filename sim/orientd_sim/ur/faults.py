@@ -62,10 +62,6 @@ def carry_out(server: Server, line: str) -> str:
         return f"error: {error}"
 
 
-def _freeze(server: Server, words: Sequence[str]) -> None:
-    server.freeze(float(words[0]) if words else None)
-
-
 def _stop_robot(action: Callable[[Controller], None]) -> Callable[[Server, Sequence[str]], None]:
     def ask(server: Server, words: Sequence[str]) -> None:
         robot = server.robot
@@ -91,22 +87,8 @@ def _push(server: Server, words: Sequence[str]) -> None:
     server.robot.arm.push(tuple(angles), seconds)
 
 
-def _set_remote(is_remote: bool) -> Callable[[Server, Sequence[str]], None]:
-    def ask(server: Server, _words: Sequence[str]) -> None:
-        server.robot.is_remote = is_remote
-
-    return ask
-
-
 def _limiter(server: Server, words: Sequence[str]) -> None:
     server.robot.speed_limiter = max(0.0, min(1.0, float(words[0])))
-
-
-def _silence(is_silent: bool) -> Callable[[Server, Sequence[str]], None]:
-    def ask(server: Server, _words: Sequence[str]) -> None:
-        server.is_silent = is_silent
-
-    return ask
 
 
 def _delay(server: Server, words: Sequence[str]) -> None:
@@ -118,16 +100,12 @@ def _pace_dashboard(server: Server, words: Sequence[str]) -> None:
     server.dashboard_pace_ns = round(float(words[0]) * 1e9)
 
 
-def _drop(server: Server, words: Sequence[str]) -> str:
-    return f"ok {server.drop(words[0])}"
-
-
 _VERBS: dict[str, Callable[[Server, Sequence[str]], str | None]] = {
-    "freeze": _freeze,
+    "freeze": lambda server, words: server.freeze(float(words[0]) if words else None),
     "thaw": lambda server, _words: server.thaw(),
-    "drop": _drop,
-    "silence": _silence(True),
-    "speak": _silence(False),
+    "drop": lambda server, words: f"ok {server.drop(words[0])}",
+    "silence": lambda server, _words: setattr(server, "is_silent", True),
+    "speak": lambda server, _words: setattr(server, "is_silent", False),
     "delay": _delay,
     "die": lambda server, _words: server.die(),
     "protective_stop": _stop_robot(Controller.protective_stop),
@@ -141,10 +119,10 @@ _VERBS: dict[str, Callable[[Server, Sequence[str]], str | None]] = {
     "slider": lambda server, words: server.robot.set_slider(float(words[0])),
     "limiter": _limiter,
     "dashboard": _pace_dashboard,
-    "contact": lambda server, words: server.touch(words == ["on"]),
+    "contact": lambda server, words: setattr(server.robot, "is_touching", words == ["on"]),
     "garbage": lambda server, words: server.send_garbage(*map(int, words)),
-    "local": _set_remote(False),
-    "remote": _set_remote(True),
+    "local": lambda server, _words: setattr(server.robot, "is_remote", False),
+    "remote": lambda server, _words: setattr(server.robot, "is_remote", True),
     "limit": _limit,
     "push": _push,
     "record": lambda server, words: server.record(words),

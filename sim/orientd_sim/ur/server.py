@@ -304,10 +304,6 @@ class Server:
                 dropped += 1
         return dropped
 
-    def touch(self, is_touching: bool) -> None:
-        """Have the tool touch something, or nothing any more."""
-        self.robot.is_touching = is_touching
-
     def send_garbage(self, count: int, byte: int = 0) -> None:
         """Send bytes that are no package to every RTDE client."""
         for connection in self._sessions:

@@ -11,7 +11,7 @@ import pytest
 
 from orientd.clock import MonotonicClock
 from orientd_sim.dynamixel import Bus, EmulatedServo, PtyServer
-from orientd_sim.dynamixel.command import main, servos
+from orientd_sim.dynamixel.command import servos
 
 sdk = pytest.importorskip("dynamixel_sdk")
 
@@ -25,12 +25,20 @@ def link(tmp_path):
     )
     server = PtyServer(bus, tmp_path / "bus", clock)
     server.plug()
-    thread = threading.Thread(target=server.run)
+    read, write = os.pipe()
+
+    def serve():
+        while not server.step(1.0, read):
+            pass
+
+    thread = threading.Thread(target=serve)
     thread.start()
     yield server
-    server.stop()
+    os.write(write, b"x")
     thread.join()
-    server.close()
+    server.unplug()
+    os.close(read)
+    os.close(write)
 
 
 @pytest.fixture
@@ -98,22 +106,14 @@ def test_unplugging_takes_the_link_away_and_plugging_in_brings_it_back(tmp_path)
     assert not server.link.is_symlink()
     server.plug()
     assert server.link.is_symlink()
-    server.close()
-
-
-def test_something_else_in_the_links_place_is_left_alone(tmp_path, capsys):
-    place = tmp_path / "bus"
-    place.write_text("mine")
-    assert main(["--link", str(place)]) == 1
-    assert "is not a symbolic link" in capsys.readouterr().err
-    assert place.read_text() == "mine"
+    server.unplug()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_process_says_ready_and_ends_cleanly_without_its_link(tmp_path, number):
     place = tmp_path / "bus"
     process = subprocess.Popen(
-        [sys.executable, "-m", "orientd_sim.dynamixel", "--link", str(place), "--console"],
+        [sys.executable, "-m", "orientd", "sim", "dynamixel", "--link", str(place), "--console"],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     with process:

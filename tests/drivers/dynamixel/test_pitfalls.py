@@ -57,6 +57,8 @@ import pytest
 
 sdk = pytest.importorskip("dynamixel_sdk")
 
+from virtual_port import VirtualPort  # noqa: E402
+
 from orientd.clock import ManualClock  # noqa: E402
 from orientd.errors import DeviceFaultError, FeedbackError, LinkError  # noqa: E402
 from orientd_dynamixel.bus.reading import BLOCK, decode  # noqa: E402
@@ -67,7 +69,6 @@ from orientd_sim.dynamixel import (  # noqa: E402
     FaultKind,
     ReplyFault,
     SerialLine,
-    VirtualPort,
 )
 from orientd_sim.dynamixel.packet import status  # noqa: E402
 

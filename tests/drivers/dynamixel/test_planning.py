@@ -7,7 +7,8 @@ from orientd.errors import LimitError
 from orientd.rotation import angle, exp, multiply
 from orientd_dynamixel.certificate import DeviationPolicy
 from orientd_dynamixel.options import parse
-from orientd_dynamixel.planning import describe, gimbal_of, plan
+from orientd_dynamixel.path import plan_axes
+from orientd_dynamixel.planning import describe, gimbal_of, limits_of
 
 OPTIONS = {
     "port": "virtual",
@@ -30,9 +31,8 @@ def test_planned_pass_over_the_pole_arrives_at_the_servos(rig):
     miss = np.deg2rad(2)
     normal = np.array([0, -np.cos(miss), np.sin(miss)])
     q = multiply(exp(way[:, None] * normal), gimbal.forward([0.0, 0.0]))
-    path = plan(
-        OPTIONS, q, period, start=[0.0, 0.0], policy=DeviationPolicy(max_deviation=np.deg2rad(3))
-    )
+    policy = DeviationPolicy(max_deviation=np.deg2rad(3))
+    path = plan_axes(gimbal, q, period, limits_of(settings), start=[0.0, 0.0], policy=policy)
     assert [hole.kind for hole in path.certificate.keyholes] == ["pass"]
     assert np.rad2deg(path.certificate.error.value) <= 2.05
     words = describe(path.certificate, settings)
@@ -52,6 +52,7 @@ def test_planned_pass_over_the_pole_arrives_at_the_servos(rig):
 
 
 def test_plan_says_what_it_refuses_by_the_axis_name():
+    settings = parse(OPTIONS)
     q = exp(np.outer(np.linspace(0, 5.5, 500), [0, 0, 1]))
     with pytest.raises(LimitError, match=r"(angle|velocity) of pan"):
-        plan(OPTIONS, q, 0.005, start=[0.0, 0.0])
+        plan_axes(gimbal_of(settings), q, 0.005, limits_of(settings), start=[0.0, 0.0])

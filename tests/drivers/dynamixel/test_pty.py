@@ -26,7 +26,7 @@ class Emulator:
     def __init__(self, link, *arguments):
         self.link = link
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "orientd_sim.dynamixel", "--link", str(link), "--console",
+            [sys.executable, "-m", "orientd", "sim", "dynamixel", "--link", str(link), "--console",
              *arguments],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
         )  # fmt: skip

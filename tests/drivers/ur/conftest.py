@@ -4,8 +4,7 @@ import itertools
 import os
 
 import pytest
-
-from orientd_sim.ur import EmulatedRobot
+from emulated_robot import EmulatedRobot
 
 _numbers = itertools.count(1)
 

@@ -5,8 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
-
-from orientd_sim.ur import EmulatedRobot
+from emulated_robot import EmulatedRobot
 
 pytest.importorskip("rtde_control")
 

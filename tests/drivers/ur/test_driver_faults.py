@@ -1,12 +1,12 @@
 """Every fault of a UR controller, through a real servo process: typed, in time, recovered from."""
 
 import pytest
+from emulated_robot import EmulatedRobot
 from ur_rig import device_of, fault_of, is_holding, recover, reset, streaming, swing, until
 
 from orientd.config import DeviceSettings
 from orientd.daemon.device import Device
 from orientd.errors import DaemonError, Fault, StateError
-from orientd_sim.ur import EmulatedRobot
 from orientd_ur.dashboard import Dashboard
 
 pytest.importorskip("rtde_control")

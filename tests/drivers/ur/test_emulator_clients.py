@@ -9,8 +9,7 @@ from contextlib import closing, contextmanager
 
 import pytest
 from arm_recording import read_arm, read_setpoints
-
-from orientd_sim.ur import EmulatedRobot, LaunchError
+from emulated_robot import EmulatedRobot, LaunchError
 
 dashboard_client = pytest.importorskip("dashboard_client")
 rtde_control = pytest.importorskip("rtde_control")

@@ -6,11 +6,11 @@ import socket
 import struct
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+from emulated_robot import LaunchError
 from ur_rig import is_alive, until
-
-from orientd_sim.ur import LaunchError
 
 VERSION_2 = struct.pack(">HBH", 5, ord("V"), 2)
 ACCEPTED = struct.pack(">HBB", 4, ord("V"), 1)
@@ -56,7 +56,8 @@ def test_unknown_fault_is_answered_with_those_that_are_known(ur_robot):
 def test_emulator_ends_with_whoever_started_it(ur_host):
     code = (
         "import os, signal\n"
-        "from orientd_sim.ur import EmulatedRobot\n"
+        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
+        "from emulated_robot import EmulatedRobot\n"
         f"robot = EmulatedRobot({ur_host!r})\n"
         "robot.start()\n"
         "print(robot.process.pid, flush=True)\n"

@@ -7,9 +7,8 @@ import os
 import socket
 
 import pytest
+from emulated_robot import EmulatedRobot
 from ur_rig import until
-
-from orientd_sim.ur import EmulatedRobot
 
 rtde_control = pytest.importorskip("rtde_control")
 

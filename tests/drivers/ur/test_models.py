@@ -5,20 +5,19 @@ import random
 import time
 
 import pytest
+from emulated_robot import EmulatedRobot
 from ur_rig import until
 
 from orientd.clock import MonotonicClock
 from orientd.driver import Setpoint
 from orientd.errors import DeviceFaultError, LinkError, PlanError
-from orientd.floats import exp, multiply
-from orientd_sim.ur import EmulatedRobot
+from orientd.floats import exp, log, multiply
 from orientd_sim.ur.arm.kinematics import Kinematics
 from orientd_sim.ur.arm.models import MODELS
 from orientd_sim.ur.arm.transforms import from_pose, inverse
 from orientd_sim.ur.arm.transforms import multiply as times
 from orientd_ur import UrDriver
 from orientd_ur.arm import ask
-from orientd_ur.pose import shortest
 from orientd_ur.probe import whereabouts
 
 STEP = 0.008
@@ -49,7 +48,7 @@ def follows(model, joints, tcp_offset, times_s, path):
     kinematics, back, near = Kinematics(model), inverse(from_pose(tcp_offset)), joints
     worst, before = 0.0, None
     for at, (q, position) in zip(times_s, path, strict=True):
-        found = kinematics.inverse(times(from_pose((*position, *shortest(q))), back), near)
+        found = kinematics.inverse(times(from_pose((*position, *log(q))), back), near)
         if found is None or any(abs(a - b) > 0.5 for a, b in zip(found, near, strict=True)):
             return math.inf
         if before is not None:

@@ -4,12 +4,12 @@ import json
 from pathlib import Path
 
 import pytest
+from emulated_robot import EmulatedRobot
 from typer.testing import CliRunner
 
 from orientd.cli.main import app
 from orientd.clock import MonotonicClock
 from orientd.errors import PlanError
-from orientd_sim.ur import EmulatedRobot
 from orientd_ur import UrDriver
 
 pytest.importorskip("rtde_control")

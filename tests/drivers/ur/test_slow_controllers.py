@@ -1,11 +1,11 @@
 """Controllers and dashboard servers that take their time: calls are answered, stops at once."""
 
 import pytest
+from emulated_robot import EmulatedRobot
 from ur_rig import device_of, fault_of, is_holding, reset, streaming, swing, until
 
 from orientd.errors import DaemonError, Fault, PendingError, StateError
 from orientd.stream import Command
-from orientd_sim.ur import EmulatedRobot
 
 pytest.importorskip("rtde_control")
 

@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from reference.gimbal import damped_rates, jacobian
 from scipy.spatial.transform import Rotation
 
 from orientd.rotation import angle, multiply
-from orientd_dynamixel.kinematics import Gimbal, damped_rates
+from orientd_dynamixel.kinematics import Gimbal
+from orientd_dynamixel.tracker import AxisTracker
 
 THREE = ["ZYX", "ZXY", "XYZ", "XZY", "YXZ", "YZX", "ZYZ", "ZXZ", "XYX", "XZX", "YXY", "YZY"]
 TWO = ["ZY", "ZX", "XY", "XZ", "YX", "YZ"]
@@ -103,26 +105,32 @@ def test_pan_tilt_is_the_formula_of_the_field():
     assert np.allclose(tilt, np.arctan2(-d[:, 2], np.hypot(d[:, 0], d[:, 1])), atol=1e-14)
 
 
+def fit(order, q):
+    """What two axes come nearest to whole orientations with, and the angles that remain."""
+    tracker = AxisTracker(order, (1, 0, 0, 0), (1, 0, 0, 0))
+    angles, error = zip(*(tracker.solve(tuple(one)) for one in q.tolist()), strict=True)
+    return np.array(angles), np.array(error)
+
+
 @pytest.mark.parametrize("order", TWO)
 def test_fit_is_the_best_there_is_and_states_its_error(order):
     gimbal = Gimbal(order)
     q = random_quaternions(50, 5)
-    angles, error = gimbal.fit(q)
-    for branch in (0, 1):
-        assert np.allclose(angle(gimbal.forward(angles[:, branch]), q), error[:, branch], atol=1e-7)
+    angles, error = fit(order, q)
+    assert np.allclose(angle(gimbal.forward(angles), q), error, atol=1e-7)
     grid = np.linspace(-np.pi, np.pi, 181)
     a, b = np.meshgrid(grid, grid)
     every = gimbal.forward(np.stack([a.ravel(), b.ravel()], axis=1))
     best = np.arccos(np.minimum(1, np.max(np.abs(every @ q.T), axis=0))) * 2
-    assert np.all(error[:, 0] <= best + 1e-12)
-    assert np.all(error[:, 0] >= best - np.deg2rad(2.1))
+    assert np.all(error <= best + 1e-12)
+    assert np.all(error >= best - np.deg2rad(2.1))
 
 
 def test_residual_roll_of_a_fit_is_the_sine_of_the_field():
     q = random_quaternions(500, 6)
     r = Rotation.from_quat(q, scalar_first=True).as_matrix()
-    _, error = Gimbal("ZY").fit(q)
-    assert np.allclose(np.sin(error[:, 0]), np.abs(r[:, 2, 1]), atol=1e-14)
+    _, error = fit("ZY", q)
+    assert np.allclose(np.sin(error), np.abs(r[:, 2, 1]), atol=1e-14)
 
 
 @pytest.mark.parametrize("order", [*THREE, *TWO])
@@ -158,7 +166,7 @@ def test_jacobian_equals_differences(order):
     turn = multiply(after, before * [1, -1, -1, -1])
     turn *= np.sign(turn[:, :1])
     omega = turn[:, 1:] / step
-    expected = np.einsum("nij,nj->ni", gimbal.jacobian(angles), rates)
+    expected = np.einsum("nij,nj->ni", jacobian(gimbal, angles), rates)
     assert np.allclose(omega, expected, atol=1e-8)
 
 
@@ -166,7 +174,7 @@ def test_determinant_and_least_singular_value_of_yaw_pitch_roll():
     gimbal = Gimbal("ZYX")
     pitch = np.deg2rad([0, 45, 80, 85, 88])
     angles = np.stack([np.full(5, 0.3), pitch, np.full(5, -0.4)], axis=1)
-    assert np.allclose(np.abs(np.linalg.det(gimbal.jacobian(angles))), np.cos(pitch), atol=1e-14)
+    assert np.allclose(np.abs(np.linalg.det(jacobian(gimbal, angles))), np.cos(pitch), atol=1e-14)
     sigma = gimbal.manipulability(angles)
     assert np.allclose(sigma, np.sqrt(1 - np.abs(np.sin(pitch))), atol=1e-12)
     assert np.round(sigma[2:], 3) == pytest.approx([0.123, 0.062, 0.025])
@@ -181,9 +189,9 @@ def test_manipulability_of_pan_tilt_is_the_cosine_of_the_tilt():
 def test_damped_rates_are_exact_away_from_the_pole_and_bounded_at_it():
     gimbal = Gimbal("ZYX")
     omega = np.array([0.1, -0.2, 0.3])
-    rates = damped_rates(gimbal.jacobian([0.2, 0.3, 0.4]), omega)
-    assert np.allclose(gimbal.jacobian([0.2, 0.3, 0.4]) @ rates, omega, atol=1e-12)
-    at_pole = damped_rates(gimbal.jacobian([0.2, np.pi / 2, 0.4]), omega)
+    rates = damped_rates(jacobian(gimbal, [0.2, 0.3, 0.4]), omega)
+    assert np.allclose(jacobian(gimbal, [0.2, 0.3, 0.4]) @ rates, omega, atol=1e-12)
+    at_pole = damped_rates(jacobian(gimbal, [0.2, np.pi / 2, 0.4]), omega)
     assert np.max(np.abs(at_pole)) < np.linalg.norm(omega) / (2 * 0.12) + 1
 
 

