@@ -72,11 +72,11 @@ def _keyframes(
 ) -> list[Keyframe]:
     keys = _keys(orientations)
     count = len(keys)
-    columns = (
+    columns = [
         _column("times", times, count),
         _column("positions", positions, count),
         [0, *_column("turns", turns, count - 1, usual=0)][:count],
-    )
+    ]
     return [
         Keyframe(tuple(q), time, tuple(position) if isinstance(position, list) else position, turn)
         for q, time, position, turn in zip(keys, *columns, strict=True)
