@@ -1,5 +1,6 @@
 """Where a follower is on a path of parts, record by record."""
 
+import dataclasses
 import struct
 from dataclasses import replace
 from math import atan2, inf, sqrt
@@ -94,6 +95,11 @@ def test_before_a_motion_there_is_nothing(ring, follower):
         follower.look(0.0)
     with pytest.raises(StarvedError, match="path record 3 is not in the ring"):
         follower.begin(PathPart(1, 3, TERMS))
+
+
+def test_parts_cannot_be_changed(follower):
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        follower.part.leave = 3
 
 
 def test_only_what_is_in_the_ring_is_peeked_at(ring, follower):
