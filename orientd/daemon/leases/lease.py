@@ -294,7 +294,7 @@ class LeaseTable:
         before = lease or self._leases.get(token) or self._ended.get(token)
         names = {device} if device else set(before.devices if before else self._devices)
         for held in self._valid():
-            if held is not lease and names & set(held.devices):
+            if names & set(held.devices):
                 raise LeaseError(self._taken(held))
         if lease is not None:
             raise LeaseError(f"the lease is of {_listed(lease)}, not of {device}: acquire that too")

@@ -85,7 +85,7 @@ class Tally:
         # In units of rad or m a period: the powers of the period come in once, at the end.
         columns = 4 if limits.has_axes else 1
         self._turns = [[_NONE] * columns for _ in ANGULAR]
-        self._planned = [[0.0] * columns for _ in ANGULAR]
+        self._planned = [[_NONE] * columns for _ in ANGULAR]
         self._move, self._push = _NONE, _NONE
         self._slowest, self._slowest_record = FASTEST_BRAKE_RATE, 0
 
@@ -94,9 +94,8 @@ class Tally:
         for order, row in enumerate(self._turns):
             for column, largest in enumerate(row):
                 row[column] = _larger(largest, found.peak(order, column, first))
-                planned = self._planned[order][column], 0
-                planned = _larger(planned, (found.on_records(order, column), 0))
-                self._planned[order][column] = planned[0]
+                planned = self._planned[order]
+                planned[column] = _larger(planned[column], (found.on_records(order, column), 0))
         self._note_rate(found.rate, first + HISTORY + found.rate_place)
 
     def note_moves(
@@ -152,8 +151,8 @@ class Tally:
         )
 
     def _turn(self, largest: Largest, column: int, limit: float, power: int) -> Peak:
-        planned = math.sqrt(self._planned[power - 1][column]) / self._period**power
-        return replace(self._peak(largest, limit, power), on_records=planned)
+        planned = self._peak(self._planned[power - 1][column], limit, power)
+        return replace(self._peak(largest, limit, power), on_records=planned.value)
 
 
 _NONE: Largest = (0.0, 0)

@@ -217,7 +217,7 @@ class PathFollower:
                 part = self._ahead[0]
                 index = part.first
         is_end = False
-        if not self._ahead or (part is not self.part and len(self._ahead) == 1):
+        if part is (self._ahead[-1] if self._ahead else self.part):
             final = self._final
             if index >= final != UNKNOWN:
                 index, fraction, is_end = final, 0.0, True

@@ -107,9 +107,7 @@ class TimeScaling:
         lowest = max(self.acceleration - self._step, -self._largest_acceleration)
         self.acceleration = min(max(wanted, lowest), highest)
         rate = self.rate + self.acceleration * self.period
-        if abs(self.target - rate) <= 1e-12 and abs(self.acceleration) <= self._step * 1.001:
-            if rate == self.rate:
-                self.acceleration = 0.0
+        if abs(self.target - rate) <= 1e-12:
             rate = self.target
         self.rate = min(max(rate, 0.0), 1.0)
         return self.rate

@@ -1,5 +1,7 @@
 """Leases: one commander for each device, a token for each holder, an end."""
 
+import dataclasses
+
 import pytest
 
 from orientd.clock import ManualClock
@@ -29,7 +31,7 @@ def test_a_free_lease_goes_to_who_asks(leases):
 def test_a_taken_lease_is_refused_with_holder_and_time_left(leases, clock):
     leases.acquire("ana")
     clock.advance(2 * SECOND)
-    with pytest.raises(LeaseError, match=r"held by 'ana', for another 3\.0 s"):
+    with pytest.raises(LeaseError, match=r"^the lease is held by 'ana', for another 3\.0 s"):
         leases.acquire("ben")
 
 
@@ -163,6 +165,23 @@ def test_seizing_what_nobody_holds_leaves_the_lease_before_that_worthless(leases
         leases.check(second.token)
 
 
+def test_a_lease_cannot_be_changed(leases):
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        leases.acquire("ana").expires_ns = 0
+
+
+def test_of_leases_that_have_ended_the_last_64_are_known(leases):
+    tokens = []
+    for _ in range(65):
+        tokens.append(leases.acquire("ana").token)
+        leases.release(tokens[-1])
+    with pytest.raises(LeaseError, match="not the token of any lease"):
+        leases.check(tokens[0])
+    for token in tokens[1:]:
+        with pytest.raises(LeaseError, match="lease of 'ana' has expired or was released"):
+            leases.check(token)
+
+
 def test_a_token_is_of_16_random_bytes(leases):
     assert len(bytes.fromhex(leases.acquire("ana").token)) == 16
 
@@ -180,6 +199,12 @@ def test_each_device_has_its_commander(pair):
         pair.check(ana.token, "leg")
 
 
+def test_a_lease_is_somebodys_for_its_devices_alone(pair):
+    token = pair.acquire("ana", "user:1", devices=["arm"]).token
+    assert pair.owner(token) == pair.owner(token, "arm") == "user:1"
+    assert pair.owner(token, "leg") is None
+
+
 def test_several_devices_are_had_all_or_none_in_a_fixed_order(pair):
     ben = pair.acquire("ben", devices=["leg"])
     for devices in (["leg", "arm"], []):
@@ -194,6 +219,14 @@ def test_a_lease_of_another_device_is_said_to_be_one(pair):
     ana = pair.acquire("ana", devices=["arm"])
     with pytest.raises(LeaseError, match="the lease is of arm, not of leg: acquire that too"):
         pair.check(ana.token, "leg")
+
+
+def test_who_holds_something_else_is_not_named(clock):
+    leases = LeaseTable(["arm", "leg", "cam"], seconds=5.0, clock=clock)
+    ana = leases.acquire("ana", devices=["arm"])
+    leases.acquire("ben", devices=["cam"])
+    with pytest.raises(LeaseError, match="the lease is of arm, not of leg"):
+        leases.check(ana.token, "leg")
 
 
 def test_a_lease_that_is_shared_is_given_back_by_each_alone(pair, clock):
@@ -235,6 +268,12 @@ def test_of_several_devices_one_is_seized_and_the_others_are_left(pair):
         pair.check(both.token, "leg")
 
 
+def test_who_has_none_of_what_is_seized_or_handed_over_loses_nothing(pair):
+    ana, ben = pair.acquire("ana", devices=["arm"]), pair.acquire("ben", devices=["leg"])
+    assert pair.seize("chief", "user:0", devices=["leg"])[0] == [ben]
+    assert pair.transfer(ana.token, "user:2", "eve")[0] == [ana]
+
+
 def test_a_command_that_was_overtaken_is_refused(pair):
     token = pair.acquire("ana").token
     pair.check(token, "arm", 1)
@@ -248,3 +287,19 @@ def test_a_command_that_was_overtaken_is_refused(pair):
     pair.check(token, "arm")  # of a client that does not count
     pair.check(token, "arm", 4)
     assert not pair.is_ahead("nonsense", "arm", 9)
+
+
+def test_the_first_command_of_a_lease_has_the_number_one(pair):
+    token = pair.acquire("ana").token
+    assert not pair.is_ahead(token, "arm", 1)
+    assert pair.is_ahead(token, "arm", 2)
+
+
+def test_numbers_are_forgotten_with_their_lease_and_no_others(pair):
+    ana, ben = pair.acquire("ana", devices=["arm"]), pair.acquire("ben", devices=["leg"])
+    pair.check(ana.token, "arm", 7)
+    pair.check(ben.token, "leg", 8)
+    pair.release(ben.token)
+    with pytest.raises(LeaseError, match="an old command: number 7"):
+        pair.check(ana.token, "arm", 7)
+    assert pair._numbers == {(ana.token, "arm"): 7}

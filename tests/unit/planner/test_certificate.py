@@ -1,23 +1,25 @@
+import dataclasses
 import tracemalloc
 from math import sqrt
 
 import numpy as np
 import pytest
 from planned import rotations
+from reference.brake import brake_rate
 
 from orientd.floats import difference
 from orientd.planner import DEFAULT_LIMITS, Limits
 from orientd.planner.certify import measuring
+from orientd.planner.certify.brake import FASTEST_BRAKE_RATE
 from orientd.planner.certify.differences import Rough
 from orientd.planner.certify.measuring import measure
+from orientd.rotation import conjugate, exp, log, multiply
 
 H = 0.004
 
 
 def walk(count=300, seed=1):
     """Return a smooth walk of orientations and positions: rates from filtered noise."""
-    from orientd.rotation import exp, multiply
-
     random = np.random.default_rng(seed)
     window = np.hanning(41)
     noise = random.normal(size=(3, count)) * np.hanning(count) ** 2
@@ -29,13 +31,13 @@ def walk(count=300, seed=1):
     return np.array(q), np.cumsum(omega, axis=0) * H * 0.1
 
 
-def look(q, p, **changes):
+def look(q, p, limits=DEFAULT_LIMITS, **changes):
     def setpoints(first, size):
         return q[first : first + size], p[first : first + size]
 
     before = np.repeat(q[:1], 3, axis=0), np.repeat(p[:1], 3, axis=0)
     fields = {"before": before, "holds_after": True, **changes}
-    return measure(setpoints, len(q), H, DEFAULT_LIMITS, **fields)
+    return measure(setpoints, len(q), H, limits, **fields)
 
 
 def plainly(q):
@@ -55,8 +57,9 @@ def plainly(q):
     return peaks
 
 
-def test_peaks_are_those_of_backward_differences_with_their_times():
-    q, p = walk()
+@pytest.mark.parametrize("count", [300, 150])
+def test_peaks_are_those_of_backward_differences_with_their_times(count):
+    q, p = (part[:count] for part in walk())
     peaks = look(q, p)
     for peak, (value, index) in zip(
         (peaks.velocity, peaks.acceleration, peaks.jerk), plainly(q), strict=True
@@ -65,14 +68,17 @@ def test_peaks_are_those_of_backward_differences_with_their_times():
         assert peak.time == pytest.approx(index * H)
 
 
-def test_linear_peaks_are_those_of_the_position():
-    q, p = walk()
+@pytest.mark.parametrize("count", [300, 150])
+def test_linear_peaks_are_those_of_the_position_with_their_times(count):
+    q, p = (part[:count] for part in walk())
     peaks = look(q, p)
     padded = np.concatenate([p[:1], p, p[-1:]])
     v = np.linalg.norm(np.diff(padded, axis=0), axis=1) / H
     a = np.linalg.norm(np.diff(padded, n=2, axis=0), axis=1) / H**2
     assert peaks.linear_velocity.value == pytest.approx(v.max())
+    assert peaks.linear_velocity.time == pytest.approx(v.argmax() * H)
     assert peaks.linear_acceleration.value == pytest.approx(a.max())
+    assert peaks.linear_acceleration.time == pytest.approx((a.argmax() + 1) * H)
 
 
 @pytest.mark.parametrize("chunk", [1, 2, 3, 7, 299, 300, 301])
@@ -97,12 +103,146 @@ def test_a_jump_at_the_start_is_seen_against_what_the_device_held():
     assert look(q, p, before=away).velocity.time == 0.0
 
 
+@pytest.mark.parametrize("place", [0, 1])
+def test_what_the_device_did_before_the_first_record_is_not_held_against_it(place):
+    q, p = walk()
+    plain = look(q, p)
+    earlier, places = np.repeat(q[:1], 3, axis=0), np.repeat(p[:1], 3, axis=0)
+    earlier[: place + 1] *= [1, -1, -1, -1]
+    places[: place + 1] += 1.0
+    peaks = look(q, p, before=(earlier, places))
+    # Nothing that the past alone is in; of the rest what it still has a part in.
+    assert (peaks.velocity, peaks.linear_velocity) == (plain.velocity, plain.linear_velocity)
+    assert peaks.jerk.time == 0.0
+    for peak, other in (
+        (peaks.acceleration, plain.acceleration),
+        (peaks.linear_acceleration, plain.linear_acceleration),
+    ):
+        assert (peak.time == 0.0) is (place == 1)
+        assert (peak == other) is (place == 0)
+
+
+def with_rates(q):
+    """Return orientations with the rates of their central differences."""
+    turns = log(multiply(conjugate(q[:-1]), q[1:])) / H
+    omega = np.zeros((len(q), 3))
+    omega[1:-1] = 0.5 * (turns[1:] + turns[:-1])
+    return np.hstack([q, omega, np.gradient(omega, H, axis=0)])
+
+
+def test_what_is_drawn_between_the_records_is_told_apart_from_what_is_on_them():
+    q, p = walk()
+    plain, full = look(q, p), look(with_rates(q), p)
+    for name in ("velocity", "acceleration", "jerk"):
+        on_records, peak = getattr(plain, name), getattr(full, name)
+        assert on_records.on_records == on_records.value == pytest.approx(peak.on_records)
+        assert peak.value > peak.on_records
+
+
+def test_peaks_of_components_are_those_of_the_turns_about_the_bodys_axes():
+    q, p = walk()
+    axes = {"velocity": [1.0, 2.0, 3.0], "acceleration": [4.0, 5.0, 6.0], "jerk": [7.0, 8.0, 9.0]}
+    peaks = look(q, p, DEFAULT_LIMITS.with_rates(axes))
+    setpoints = np.concatenate([q[:1], q, np.repeat(q[-1:], 3, axis=0)])
+    rates = log(multiply(conjugate(setpoints[:-1]), setpoints[1:])) / H
+    for name, limits in axes.items():
+        row = getattr(peaks, f"axis_{name}")
+        assert [peak.value for peak in row] == pytest.approx(np.abs(rates).max(axis=0), rel=1e-6)
+        assert [peak.limit for peak in row] == limits
+        rates = np.diff(np.concatenate([np.zeros((1, 3)), rates]), axis=0) / H
+
+
+def test_components_have_peaks_where_they_have_limits_alone():
+    q, p = walk()
+    peaks = look(q, p)
+    assert peaks.axis_velocity == peaks.axis_acceleration == peaks.axis_jerk == ()
+
+
+def test_a_device_that_stays_brakes_as_quickly_as_any_from_the_first_record_on():
+    q, p = (np.repeat(part[:1], 20, axis=0) for part in walk())
+    peaks = look(q, p, brake_limits=DEFAULT_LIMITS)
+    assert (peaks.brake_rate, peaks.brake_time) == (FASTEST_BRAKE_RATE, 0.0)
+
+
+def test_of_peaks_that_are_as_large_the_first_is_named(monkeypatch):
+    monkeypatch.setattr(measuring, "CHUNK", 7)
+    peaks = look(np.tile([1.0, 0.0, 0.0, 0.0], (20, 1)), np.zeros((20, 3)))
+    for peak in (peaks.velocity, peaks.acceleration, peaks.jerk, peaks.linear_velocity):
+        assert (peak.value, peak.time) == (0.0, 0.0)
+
+
+def test_the_brake_rate_is_that_of_the_position_where_that_is_the_least():
+    q, p = walk()
+    q[:] = q[0]
+    most = 1.3 * look(q, p).linear_acceleration.value
+    peaks = look(q, p, brake_limits=Limits.partial(linear_acceleration=most))
+    places = np.concatenate([p[:1], p[:1], p, np.repeat(p[-1:], 3, axis=0)])
+    v = np.diff(places, axis=0) / H
+    a = np.diff(v, axis=0) / H
+    rate, place = brake_rate(v[1:], a, np.zeros(len(a)), most, np.inf)
+    assert peaks.brake_rate == pytest.approx(rate, rel=1e-6)
+    assert peaks.brake_rate < FASTEST_BRAKE_RATE
+    assert peaks.brake_time == pytest.approx(place * H)
+
+
+def test_peaks_cannot_be_changed():
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        look(*walk()).brake_rate = 1.0
+
+
+def test_the_device_holds_with_no_rates_after_the_last_record():
+    q, p = walk()
+    q, p = with_rates(q)[:150], p[:150]
+    held = np.repeat(q[-1:], 3, axis=0) * ([1] * 4 + [0] * 6)
+    longer = np.concatenate([q, held]), np.concatenate([p, np.repeat(p[-1:], 3, axis=0)])
+    assert look(*longer, holds_after=False) == look(q, p)
+
+
+def test_the_device_held_with_no_rates_before_the_first_record():
+    q, p = walk()
+    q, p = with_rates(q)[150:], p[150:]
+    held = np.repeat(q[:1], 3, axis=0) * ([1] * 4 + [0] * 6)
+    longer = np.concatenate([held, q]), np.concatenate([np.repeat(p[:1], 3, axis=0), p])
+    before = held[:, :4], longer[1][:3]
+    found, wanted = look(q, p, before=before), look(*longer, before=None)
+    for name in ("velocity", "acceleration", "jerk", "linear_velocity", "linear_acceleration"):
+        peak, other = getattr(found, name), getattr(wanted, name)
+        assert (peak.value, peak.on_records) == (other.value, other.on_records)
+        assert peak.time == pytest.approx(other.time - 3 * H)
+
+
+def test_nothing_is_drawn_between_setpoints_of_unknown_rates():
+    q, p = walk()
+    full = with_rates(q)
+    whole = look(full, p)
+    begin = round(whole.jerk.time / H) - 20
+    part = look(full[begin:], p[begin:], before=(q[begin - 3 : begin], p[begin - 3 : begin]))
+    assert part.jerk.value == whole.jerk.value
+    assert part.jerk.time == pytest.approx(whole.jerk.time - begin * H)
+
+
+def test_without_history_every_difference_inside_counts():
+    q = exp(np.array([[0.0, 0.0, 0.0], [1e-3, 0.0, 0.0], [1.5e-3, 0.0, 0.0]]))
+    p = np.array([[5.0, 0.0, 0.0], [5.0, 1e-3, 0.0], [5.0, 1.5e-3, 0.0]])
+    peaks = look(q, p, before=None, holds_after=False)
+    for peak, power, value in (
+        (peaks.velocity, 1, 1e-3),
+        (peaks.acceleration, 2, 5e-4),
+        (peaks.linear_velocity, 1, 1e-3),
+        (peaks.linear_acceleration, 2, 5e-4),
+    ):
+        assert peak.value == pytest.approx(value / H**power)
+        assert peak.time == pytest.approx(power * H)
+
+
 def test_without_history_only_differences_inside_count():
     q, p = walk()
     inside = look(q, p, before=None, holds_after=False)
     assert inside.velocity.value <= look(q, p).velocity.value
     lone = look(q[:1], p[:1], before=None, holds_after=False)
     assert lone.velocity.value == 0.0
+    pair = look(q[150:152], p[150:152], before=None, holds_after=False)
+    assert pair.linear_velocity.value > 0.0 == pair.linear_acceleration.value
 
 
 @pytest.mark.parametrize("chunk", [60, 8192])
@@ -120,6 +260,21 @@ def test_a_rough_part_brakes_more_carefully_than_a_smooth_one():
     rough = look(q, p, brake_limits=tight, rough=Rough(0.0, len(q) * H, 1))
     elsewhere = look(q, p, brake_limits=tight, rough=Rough(10.0, 20.0, 1))
     assert rough.brake_rate < smooth.brake_rate == elsewhere.brake_rate
+
+
+def test_a_rough_part_counts_where_it_is_and_for_three_records_behind():
+    q, p = walk()
+    limits = Limits(10.0, 200.0, 2.0 * look(q, p).jerk.value, 10.0, 1e3)
+    everywhere = look(q, p, brake_limits=limits, rough=Rough(0.0, len(q) * H, 1))
+    time = everywhere.brake_time
+    for begin, end, is_seen in (
+        (time - 0.5 * H, time, True),
+        (time - 2.5 * H, time - 2.5 * H, True),
+        (time + 0.5 * H, 9.0, False),
+        (0.0, time - 3.5 * H, False),
+    ):
+        peaks = look(q, p, brake_limits=limits, rough=Rough(begin, end, 1))
+        assert (peaks.brake_rate == everywhere.brake_rate) is is_seen
 
 
 def test_a_long_motion_needs_no_more_memory_than_a_short_one():

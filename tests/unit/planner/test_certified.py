@@ -13,6 +13,7 @@ from orientd.errors import LimitError
 from orientd.planner import Keyframe, Limits, MotionRequest, State, plan, plan_job
 from orientd.planner.certify import summary as summing_up
 from orientd.planner.certify.certificate import Peak
+from orientd.planner.certify.measuring import measure_path
 from orientd.planner.timing import quickest_timing
 from orientd.rotation import angle, exp
 
@@ -102,6 +103,48 @@ def test_errors_are_how_far_the_path_is_from_what_was_asked():
     slow = summing_up.summed_up(other, path, (begin, end), later, peaks, PERIOD)
     assert slow.stop_time == 2.0
     assert found.figures == ()
+
+
+def measured_path(path, count, before):
+    return measure_path(path, count, PERIOD, ARM, before=before, brake_limits=ARM, rough=None)
+
+
+@pytest.mark.parametrize("is_known", [True, False])
+def test_a_path_is_measured_alike_however_it_is_sampled(is_known):
+    motion = made(asked())
+    path, count = motion.path, motion.record_count
+    before = (np.tile(HERE.q, (3, 1)), np.zeros((3, 3))) if is_known else None
+    assert path.plain is not None
+    found = measured_path(path, count, before)
+    wanted = measured_path(replace(path, _plain=[None]), count, before)
+    for name in ("velocity", "acceleration", "jerk"):
+        one, other = getattr(found, name), getattr(wanted, name)
+        assert one.value == pytest.approx(other.value, rel=1e-6)
+        assert one.on_records == pytest.approx(other.on_records, rel=1e-6)
+    assert found.brake_rate == pytest.approx(wanted.brake_rate, rel=1e-6)
+
+
+def test_a_path_that_is_broken_off_is_measured_with_the_stop():
+    motion = made(asked())
+    path, count = replace(motion.path, _plain=[None]), motion.record_count // 2
+    assert measured_path(path, count, None).acceleration.time == pytest.approx(count * PERIOD)
+
+
+def test_a_device_that_is_not_where_a_path_begins_is_measured_with_the_jump():
+    motion = made(asked())
+    before = np.tile(HERE.q, (3, 1)), np.tile([0.2, 0.3, 0.6], (3, 1))
+    peak = measured_path(motion.path, motion.record_count, before).linear_velocity
+    assert (peak.value, peak.time) == (pytest.approx(0.7 / PERIOD), 0.0)
+
+
+def test_a_certificate_tells_the_peaks_of_a_position():
+    q = HERE.q.tolist()
+    keys = [Keyframe(q, 0.0, position=(0.0, 0.0, 0.0)), Keyframe(q, 1.0, position=(0.1, 0.2, 0.2))]
+    certificate = made(MotionRequest(keys)).certificate
+    assert certificate.peak_linear_velocity.value == pytest.approx(1.875 * 0.3, rel=1e-4)
+    assert certificate.peak_linear_velocity.time == pytest.approx(0.5, abs=1.5 * PERIOD)
+    most = 10.0 / math.sqrt(3.0) * 0.3
+    assert certificate.peak_linear_acceleration.value == pytest.approx(most, rel=1e-4)
 
 
 def test_a_ratio_is_of_what_was_allowed():

@@ -213,6 +213,30 @@ def test_what_is_within_its_tolerance_is_not_named():
     assert problem == "angular jerk 9000 rad/s^3, the limit is 8900 rad/s^3"
 
 
+def test_what_is_at_its_limit_is_not_named():
+    guard = Guard(PERIOD)
+    guard.alpha = (0.0, 0.0, 9000.0 * PERIOD)
+    problem = guard.admit(Q, ZERO, replace(WIDE, velocity=0.0, acceleration=0.0, jerk=8900.0))
+    assert problem == "angular jerk 9000 rad/s^3, the limit is 8900 rad/s^3"
+
+
+def test_what_only_the_square_shows_to_be_too_large_is_refused_too():
+    limit = 1.2e12
+    most = limit * 1.001
+    # Squares have finer steps than their roots.
+    components = ((most * math.cos(t), most * math.sin(t)) for t in np.linspace(0.1, 1.4, 1000))
+    x, y = next(
+        (x, y)
+        for x, y in components
+        if x * x + y * y > most * most and math.sqrt(x * x + y * y) <= most
+    )
+    guard = Guard(1.0)
+    guard.alpha = (x, y, 0.0)
+    assert guard.admit(Q, ZERO, replace(WIDE, jerk=limit)) == (
+        "a limit by the rounding of its differences"
+    )
+
+
 def test_what_was_admitted_is_what_is_differentiated_from():
     guard = Guard(PERIOD)
     first, second = (1e-5, -2e-5, 3e-5), (4e-5, -1e-5, 5e-5)

@@ -1,7 +1,9 @@
 """Where a follower is on a path of parts, record by record."""
 
+import dataclasses
+import struct
 from dataclasses import replace
-from math import atan2, inf
+from math import atan2, inf, sqrt
 
 import pytest
 from rig import PERIOD, TERMS
@@ -88,8 +90,16 @@ def test_before_a_motion_there_is_nothing(ring, follower):
     assert (follower.part.number, follower.part.first, follower.part.servo_limits) == (0, 0, TERMS)
     assert not follower._ahead
     assert follower.peek(0) is None
+    assert not follower.reaches(0)
+    with pytest.raises(StarvedError, match="path record 0 is not in the ring"):
+        follower.look(0.0)
     with pytest.raises(StarvedError, match="path record 3 is not in the ring"):
         follower.begin(PathPart(1, 3, TERMS))
+
+
+def test_parts_cannot_be_changed(follower):
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        follower.part.leave = 3
 
 
 def test_only_what_is_in_the_ring_is_peeked_at(ring, follower):
@@ -98,6 +108,28 @@ def test_only_what_is_in_the_ring_is_peeked_at(ring, follower):
     assert follower.peek(2) is None
     assert follower.peek(0) == point(0)
     assert follower.peek(1) == point(1, position=(1.0, 2.0, 3.0))
+
+
+def test_a_record_that_is_written_and_not_published_is_not_peeked_at(ring, follower):
+    lay(ring, range(3))
+    record = ring.read_bytes(2)
+    ring.put(struct.pack("Q", 3) + record[8:], 3)
+    assert ring.read(3) is not None
+    assert follower.peek(3) is None
+    ring.advance(4)
+    assert follower.peek(3) == point(2)
+
+
+@pytest.mark.parametrize("part", range(4))
+def test_a_path_is_of_unit_quaternions_alone(ring, follower, part):
+    q = tuple(0.5 if k != part else -0.5 for k in range(4))
+    put(ring, point(0, q=q))
+    for excess in (0.9e-6, 1.1e-6):
+        put(ring, point(0, q=tuple(sqrt(c * c + (k == part) * excess) for k, c in enumerate(q))))
+    for first in (0, 1):
+        follower.begin(PathPart(1, first, TERMS))
+    with pytest.raises(StarvedError, match="path record 2 is no orientation"):
+        follower.begin(PathPart(1, 2, TERMS))
 
 
 def test_a_record_that_is_being_published_is_read_again(ring, follower, monkeypatch):
@@ -292,6 +324,17 @@ def test_the_only_record_of_a_last_leg_is_its_end(ring, follower):
     assert (follower.index, follower.fraction, follower.is_at_end) == (first, 0.0, True)
 
 
+def test_of_all_that_lies_ahead_the_least_brake_rate_counts(ring, follower):
+    firsts = chained(ring, follower)
+    assert follower.slowest_brake_rate == TERMS.brake_rate
+    first = lay(ring, range(9, 12))
+    slow = replace(TERMS, brake_rate=0.5 * TERMS.brake_rate)
+    assert follower.splice(PathPart(4, first, slow, leave=firsts[2] + 1)) == ""
+    assert follower.slowest_brake_rate == slow.brake_rate
+    follower.begin(PathPart(5, first, replace(TERMS, brake_rate=9.0)))
+    assert follower.slowest_brake_rate == 9.0
+
+
 def test_what_is_left_out_by_a_splice_is_not_reached_any_more(ring, follower):
     begun(ring, follower, 30)
     assert follower.reaches(25)
@@ -455,6 +498,16 @@ def test_paths_are_joined_where_they_agree(ring, follower, name, most, words, un
         problem = follower.splice(PathPart(2, first, TERMS, leave=2))
         assert (problem == "") is is_joined
     assert problem == f"the {words} of the two paths differs by {1.1 * most:.3g} {unit}"
+
+
+def test_paths_are_joined_wherever_they_agree_on_the_place(ring, follower):
+    place = (0.1, -0.2, 0.3)
+    first = put(ring, point(0, position=place))
+    follower.begin(PathPart(1, first, TERMS))
+    assert follower.splice(PathPart(2, first, TERMS, leave=first)) == ""
+    second = put(ring, point(0, position=(-0.1, 0.2, -0.3)))
+    problem = follower.splice(PathPart(2, second, TERMS, leave=first))
+    assert problem == "the position of the two paths differs by 0.748 m"
 
 
 def test_orientations_are_joined_up_to_a_nanoradian_and_their_sign(ring, follower):

@@ -87,6 +87,18 @@ def test_a_change_from_a_steady_rate_is_quick_and_goes_one_way(brake_rate, begin
     assert half == pytest.approx(0.5 * (begin + target), abs=3.0 * abs(target - begin) / quickest)
 
 
+# The last is hardly less than the acceleration may change by in a cycle.
+@pytest.mark.parametrize("change", [1e-15, -1e-13, 1e-11, -1e-9, 1e-6, 0.995 * 64.0 * H**2])
+def test_a_change_however_small_is_made(change):
+    clock = TimeScaling(H)
+    clock.begin(4.0, 0.5)
+    clock.target = 0.5 + change
+    found = rates(clock, 4)
+    assert (np.diff([0.5, *found]) * np.sign(change) >= 0.0).all()
+    assert found[-1] == clock.target
+    assert clock.is_steady
+
+
 def test_before_a_motion_it_stands_still():
     clock = TimeScaling(H)
     assert (clock.target, clock.acceleration, clock.brake_rate) == (0.0, 0.0, 0.0)
