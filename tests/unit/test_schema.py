@@ -46,7 +46,8 @@ CODECS = [
     codec
     for module in (move, state, track)
     for codec in vars(module).values()
-    if isinstance(codec, Codec)
+    # What a cycle reports goes beside its codec.
+    if isinstance(codec, Codec) and codec is not state.CYCLE
 ]
 
 
