@@ -15,7 +15,7 @@ from orientd.daemon.motions.feeder import BLOCK, Feeder
 from orientd.daemon.motions.meter import MotionMeter
 from orientd.daemon.motions.queued_motion import QueuedMotion, SplicePoint
 from orientd.daemon.planners import PlannedMotion
-from orientd.errors import LateError, NotYetError, OrientdError, StateError
+from orientd.errors import DaemonError, LateError, NotYetError, OrientdError, StateError
 from orientd.planner import MotionFacts
 from orientd.rpc import Statistics
 from orientd.servo import TAIL_WORD
@@ -163,7 +163,6 @@ class MotionQueue:
         Raises:
             LateError: the last queued motion is another one by now, or the servo has passed
                 *leave* or cannot go over to another one at this moment.
-            DaemonError: the servo does not answer.
         """
         if (
             not self._queued_motions
@@ -176,11 +175,13 @@ class MotionQueue:
         self._queued_motions.append(QueuedMotion(motion, number))
         try:
             self.feed()
-        except OrientdError as error:
+        except StateError as error:
             if isinstance(error, LateError) and leave.record == left.motion.last_record:
                 return  # it begins when the one before has come to rest
             self._take_out(len(self._queued_motions) - 1)
             raise
+        except DaemonError:
+            return  # a servo that does not answer is found out by the next look
 
     def feed(self) -> None:
         """Fill the ring, and tell the servo of the next motion once it is in there.
@@ -323,11 +324,13 @@ class MotionQueue:
         try:
             self._feed_first(feeder)
             self._command(Command.SPLICE, queued, feeder, leave_index=first + record)
-        except StateError as error:
+        except OrientdError as error:
             # Nobody has heard of these records; what is fed next goes where they are.
             ring.advance(head)
             queued.feeder = None
-            raise error if isinstance(error, LateError) else LateError(str(error)) from error
+            if isinstance(error, LateError | DaemonError):
+                raise
+            raise LateError(str(error)) from error
         self._add_meter(queued, feeder, after=self._meters.get(left.number))
 
     def _feeder(self, queued: QueuedMotion) -> Feeder:
