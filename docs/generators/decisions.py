@@ -1,4 +1,4 @@
-"""Decision records, which stand beside the code that they are about, as pages of the site."""
+"""Records, which stand beside the code that they are about, as pages of the site."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ _SKIPPED = {".venv", "build", "docs", ".git"}
 
 
 def pages(source: Path) -> Iterator[tuple[str, str]]:
-    """Yield a page for each ``DECISION.md`` of the tree, which it includes."""
+    """Yield a page for each ``DECISION.md`` of the tree, which it includes, and for METHODS.md."""
     root = source.parent
+    yield "reference/ur-methods.md", "```{include} ../../sim/orientd_sim/ur/METHODS.md\n```\n"
     names = []
     for record in sorted(root.rglob("DECISION.md")):
         place = record.relative_to(root)

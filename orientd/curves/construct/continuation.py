@@ -33,7 +33,7 @@ _LARGEST_GUESS_ERROR = 0.4
 _REACH = 10
 """How many keyframes away a correction may be forgotten: it decays by 0.27 with each."""
 
-_PART, _BEYOND = 500, 30
+_PART, _BEYOND = 1000, 30
 """Rows that are carried by themselves where there are more, and how many behind go along."""
 
 _COUPLING = 2
