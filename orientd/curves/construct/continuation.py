@@ -120,19 +120,19 @@ class _Path:
         return replace(self, needed=np.unique(np.clip(reach, 0, len(self.tangent) - 1)))
 
 
-def solve(equations: KeyframeEquations, unknown: Floats, found: int = 0) -> Floats:
+def solve(equations: KeyframeEquations, unknown: Floats, found: int | None = None) -> Floats:
     """Return all increments, those settled by the end conditions included, shape ``(W, 3)``.
 
     Args:
         equations: of the spline.
         unknown: half-angle vectors, shape ``(N, 3)``; written to.
-        found: how many of them are known.
+        found: how many of them Newton's method has found; ``None`` where it was not tried.
 
     Raises:
         PlanError: neither continuation nor the descent from the Euclidean spline arrives.
     """
     search = _Search(equations)
-    solved = search.by_parts(unknown, found)
+    solved = search.by_parts(unknown, equations.find(unknown, 0) if found is None else found)
     if solved is None:
         solved = search.continued()
     if solved is None:
@@ -152,14 +152,14 @@ class _Search:
 
         Args:
             unknown: half-angle vectors, shape ``(N, 3)``; written to.
-            found: how many of them are known.
+            found: how many of them are found, which the next ones could not be.
         """
         count = len(unknown)
-        while found < count and (found := self._equations.find(unknown, found)) < count:
+        while found < count:
             end = min(found + _PART, count)
             if (found == 0 and end == count) or not self._has_carried(unknown, found, end):
                 return None
-            found = end
+            found = end if end == count else self._equations.find(unknown, end)
         return unknown
 
     def _has_carried(self, unknown: Floats, begin: int, end: int) -> bool:

@@ -90,7 +90,7 @@ class C2Cumulative(CumulativeCurve):
             check_end(end, "end", omega_end, alpha_end, ENDS),
         )
         if align and (turns is not None or times is None or isinstance(times, str)):
-            orientations = align_signs(orientations)
+            orientations, align = align_signs(orientations), False
         instants = resolve_times(times, orientations, turns)
         start_known, end_known = (2 - (omega is None) - (alpha is None) for omega, alpha in ends)
         given = np.array([[_NONE if one is None else one for one in end] for end in ends])
@@ -98,13 +98,13 @@ class C2Cumulative(CumulativeCurve):
         breaks, table = np.empty(spans + 1), np.empty((TABLE_ROWS, spans))
         solved: Floats = np.empty((spans + 2, 3))
         unknown = solved[max(1, start_known) :][: len(orientations) - 1]
-        found = 0
+        found = None
         if turns is None:
             found = interpolate_c2(
                 *(orientations, not align, instants, given, start_known, end_known),
                 *(breaks, table, solved),
             )
-        if found < len(unknown):
+        if found != len(unknown):
             if align:
                 orientations = align_signs(orientations)
             steps = increments(orientations)
