@@ -17,9 +17,7 @@ if TYPE_CHECKING:
     from orientd.planner.axis_path import reshaped
     from orientd.planner.blending import blend
     from orientd.planner.certify.certificate import Certificate, Peak
-    from orientd.planner.columns import Vector3
     from orientd.planner.device_planner import DevicePlanner
-    from orientd.planner.frames import Frame, Pose, named_frames
     from orientd.planner.keyframes.placing import in_device_coordinates, report_frame
     from orientd.planner.limits import ANGULAR, AXES, DEFAULT_LIMITS, NO_AXES, UNITS, Limits, Rate
     from orientd.planner.many import in_parallel, need_backend, plan_many
@@ -38,10 +36,14 @@ if TYPE_CHECKING:
     )
     from orientd.planner.request import (
         DEFAULT_METHOD,
+        Frame,
         Keyframe,
         MotionRequest,
+        Pose,
         Quaternion,
         State,
+        Vector3,
+        named_frames,
     )
     from orientd.planner.storage import plan_as_recorded, replay_request
     from orientd.planner.task import distinct, task_of

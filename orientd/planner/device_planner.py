@@ -12,12 +12,11 @@ from orientd.driver import Driver
 from orientd.errors import LimitError, RequestError
 from orientd.planner.blending import blend
 from orientd.planner.fitting import plan_to_fit
-from orientd.planner.frames import Frame
 from orientd.planner.keyframes import at_rate, in_device_coordinates, report_frame, with_frames
 from orientd.planner.limits import Limits
 from orientd.planner.motion import Motion
 from orientd.planner.recorded import RecordedMotion
-from orientd.planner.request import MotionRequest, State
+from orientd.planner.request import Frame, MotionRequest, State
 from orientd.rotation import rotate
 from orientd.stream import tuning_text
 

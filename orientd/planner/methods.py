@@ -24,8 +24,7 @@ from orientd.curves import (
     turns_name,
 )
 from orientd.errors import PlanError, RequestError
-from orientd.planner.columns import Turns
-from orientd.planner.request import DEFAULT_METHOD, MotionRequest
+from orientd.planner.request import DEFAULT_METHOD, MotionRequest, Turns
 from orientd.rotation import Floats, angle
 from orientd.spelling import did_you_mean
 

@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 
 from orientd.curves import is_same
 from orientd.planner.certify import Certificate, Rough, before
-from orientd.planner.columns import Vector3
 from orientd.planner.limits import Limits
 from orientd.planner.path import Path, PathSamples, RowPath, TablePath
 from orientd.planner.recorded import (
@@ -19,7 +18,7 @@ from orientd.planner.recorded import (
     MotionFacts,
     RecordedMotion,
 )
-from orientd.planner.request import MotionRequest, State
+from orientd.planner.request import MotionRequest, State, Vector3
 from orientd.rotation import Floats, to_scipy
 from orientd.stream import PATH_FLOATS
 

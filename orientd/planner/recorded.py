@@ -13,9 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from orientd.planner.columns import Vector3
 from orientd.planner.limits import Limits
-from orientd.planner.request import State
+from orientd.planner.request import State, Vector3
 from orientd.rotation import (
     Floats,
     conjugate,

@@ -1,7 +1,7 @@
 """The fields of a motion request, of which every way to write one consists.
 
-A field is declared once: as an attribute of :class:`~orientd.planner.request.MotionRequest` or of
-:class:`~orientd.planner.request.Keyframe`, with its type, its default, and a line of the class's
+A field is declared once: as an attribute of :class:`~orientd.planner.MotionRequest` or of
+:class:`~orientd.planner.Keyframe`, with its type, its default, and a line of the class's
 docstring.  From these follow the keys of a motion file and how they are read, its JSON Schema, and
 the way to a message and back (:mod:`orientd.rpc.wire.motion`).
 

@@ -8,10 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from orientd.errors import RequestError
-from orientd.planner.columns import Vector3
-from orientd.planner.frames import Frame, Pose
 from orientd.planner.keyframes.pointing import pointed
-from orientd.planner.request import Keyframe, MotionRequest, State
+from orientd.planner.request import Frame, Keyframe, MotionRequest, Pose, State, Vector3
 from orientd.rotation import Floats, conjugate, multiply, normalize, rotate
 
 _DEVICE = Frame()

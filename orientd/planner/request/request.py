@@ -18,10 +18,10 @@ from numpy.typing import ArrayLike
 
 from orientd.curves import is_same
 from orientd.errors import RequestError
-from orientd.planner import columns
-from orientd.planner.columns import Turns, Vector3
-from orientd.planner.frames import Frame, named_frames
 from orientd.planner.limits import Limits
+from orientd.planner.request import columns
+from orientd.planner.request.columns import Turns, Vector3
+from orientd.planner.request.frames import Frame, named_frames
 from orientd.rotation import Floats, check_unit, conjugate, rotate
 
 _FEW = 3
