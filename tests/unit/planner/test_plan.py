@@ -8,8 +8,7 @@ from reference.aims import end_state
 
 from orientd.errors import LimitError, PlanError, RequestError, StartError
 from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
-from orientd.planner.request import rotate
-from orientd.rotation import angle, exp, multiply
+from orientd.rotation import angle, exp, multiply, rotate
 
 ARM = LIMITS["arm"]
 HERE = np.array([1.0, 0.0, 0.0, 0.0])
