@@ -15,7 +15,7 @@ PACKAGES = {"orientd": "", "orientd_dynamixel": "drivers", "orientd_loopback": "
             "orientd_sim": "sim", "orientd_ur": "drivers"}  # fmt: skip
 GENERATED = ("_pb2", "_pb2_grpc")
 
-MOST_LINES = 400
+MOST_LINES = 650
 MOST_MODULES = 20
 LONGEST_CHAIN = 8
 
