@@ -51,7 +51,8 @@ class Keyframe:
         time: when, in seconds on the request's own axis; ``None`` leaves it to the planner.
         position: of the tool in the world, m; ``None`` where the position is left alone.
         turns: whole turns to make on the way from the previous keyframe to this one, or from where
-            the device is to the only one.
+            the device is to the only one.  Without them a half turn goes the positive way about z
+            of the body frame (about y or x where its axis has no z); -1 goes the other way.
         free_roll: whether it only says where to point: to where the first axis of *q* does.
         frame: name of the frame that it is given in; empty for the one of the request.
         relative: whether it is seen from where the tool is when the motion begins.
