@@ -100,7 +100,8 @@ def reshaped(
     place = refusal.Place(request, float(begin), float(end), times)
     refusal.check_limits(peaks, place)
     refusal.check_stop(peaks, place)
-    certificate = summed_up(request, path, (float(begin), float(end)), times, peaks, period)
+    ends = float(begin), float(end)
+    certificate = summed_up(request, path, ends, times, peaks, period, motion.limits)
     return replace(
         motion,
         path=path,
@@ -109,7 +110,9 @@ def reshaped(
         keyframe_times=times,
         record_count=len(path_times),
         certificate=replace(
-            certificate, figures=(*certificate.figures, *shape.figures), notes=shape.notes
+            certificate,
+            figures=(*certificate.figures, *shape.figures),
+            notes=(*motion.certificate.notes, *shape.notes),
         ),
         rough=rough,
         first_joints=path.joints_at(0),

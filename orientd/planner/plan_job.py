@@ -100,7 +100,7 @@ class PlanJob:
             refusal.check_start(start, first, limits)
         ends = Ends(omega_start, request.omega_end, alpha_start)
         has_turns = method.has_turns or request.is_single
-        notes = tuple(half_turn_notes(request, start, has_turns=has_turns))
+        notes = (*request.notes, *half_turn_notes(request, start, has_turns=has_turns))
         return cls(request, start, limits, own, period, ends, not request.is_quickest, notes=notes)
 
     def with_caution(self, caution: Caution) -> PlanJob:
@@ -268,7 +268,13 @@ def certified(
         keyframe_times=candidate.keyframe_times,
         record_count=count,
         certificate=summed_up(
-            request, path, (candidate.begin, candidate.end), candidate.keyframe_times, peaks, period
+            request,
+            path,
+            (candidate.begin, candidate.end),
+            candidate.keyframe_times,
+            peaks,
+            period,
+            limits,
         ),
         rough=candidate.rough,
         before=start.before,
