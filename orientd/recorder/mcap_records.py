@@ -19,6 +19,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import (
+    Attachment,
     Channel,
     Chunk,
     ChunkIndex,
@@ -54,6 +55,7 @@ _READ: dict[int, Any] = {
     Opcode.SCHEMA: Schema.read,
     Opcode.CHANNEL: Channel.read,
     Opcode.CHUNK: Chunk.read,
+    Opcode.ATTACHMENT: Attachment.read,
     Opcode.METADATA: Metadata.read,
     Opcode.CHUNK_INDEX: ChunkIndex.read,
     Opcode.STATISTICS: Statistics.read,

@@ -18,7 +18,7 @@ from orientd.batch import open_requests
 from orientd.batch.requests import mapping_of
 from orientd.errors import OrientdError
 from orientd.recorder import load_recording, read_orientations, strands
-from orientd.recorder.reader import records
+from orientd.recorder.mcap_records import Damages, records
 from orientd.recorder.tables import columns
 from orientd.recorder.writer import RecordingWriter
 from orientd.rpc import control_pb2 as pb
@@ -86,7 +86,7 @@ def _unpack(source, path):
         writer = Writer(stream, compression=CompressionType.NONE, enable_crcs=False)
         writer.start()
         seen = set()
-        for record in records(source):
+        for record in records(source, Damages()):
             # Numbers come again in the same order; the end of a file repeats what begins it.
             if isinstance(record, Schema | Channel):
                 if (type(record), record.id) in seen:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from mcap.records import Attachment, Channel, Message, Metadata
 
-from orientd.recorder.reader import records
+from orientd.recorder.mcap_records import Damages, records
 from orientd.recorder.writer import CLOCK, CONFIGURATION
 from orientd.rpc import control_pb2 as pb
 
@@ -20,7 +20,7 @@ class ClockFact(NamedTuple):
 def states(path):
     """Return what daemons have said of themselves and their devices, in order."""
     topics, found = {}, []
-    for record in records(path):
+    for record in records(path, Damages()):
         if isinstance(record, Channel):
             topics[record.id] = record.topic
         elif isinstance(record, Message) and topics[record.channel_id].endswith("/state"):
@@ -32,7 +32,7 @@ def configurations(path):
     """Return the settings of each daemon, by name; without one outside of a cell."""
     return {
         record.name.removesuffix(CONFIGURATION).removesuffix("/"): json.loads(record.data)
-        for record in records(path)
+        for record in records(path, Damages())
         if isinstance(record, Attachment)
     }
 
@@ -40,7 +40,7 @@ def configurations(path):
 def clocks(path):
     """Return where the clock of each daemon of a cell stood, time after time, by name."""
     found = {}
-    for record in records(path):
+    for record in records(path, Damages()):
         if isinstance(record, Metadata) and record.name == CLOCK:
             told = record.metadata
             fact = ClockFact(int(told["offset_ns"]), int(told["bound_ns"]))

@@ -15,7 +15,7 @@ from orientd.recorder.writer import LIVE_CHUNK_BYTES, RecordingError, RecordingW
 from orientd.rpc import control_pb2 as pb
 
 CASES = int(os.environ.get("ORIENTD_CASES", "12"))
-COUNT = 1500
+COUNT = 600
 SECONDS = COUNT / RATE_HZ
 TAIL = 4096
 
@@ -48,12 +48,9 @@ def no_warnings():
 
 
 def refusal(path):
-    """Return in which words a recording is refused, by both of its readers."""
+    """Return in which words a recording is refused."""
     with pytest.raises(RecordingError) as refused:
-        load_recording(path)
-    with pytest.raises(RecordingError) as again:
         read_orientations(path)
-    assert str(refused.value) == str(again.value)
     assert "\n" not in str(refused.value)
     assert "Error" not in str(refused.value)
     return str(refused.value)
@@ -97,6 +94,8 @@ def test_it_is_said_how_far_a_cut_recording_reaches_and_what_is_missing(whole, t
     path = tmp_path / "cut.mcap"
     path.write_bytes(content[: len(content) // 2])
     words = refusal(path)
+    with pytest.raises(RecordingError, match="it has no end"):
+        load_recording(path)
     recording = load_recording(path, partial=True)
     reached = float(recording.cycles["arm"]["deadline_ns"][-1] - cycles["deadline_ns"][0]) * 1e-9
     assert f"it reaches to {reached:.3f} s" in words
@@ -142,7 +141,7 @@ def test_a_flipped_bit_costs_its_chunk_and_is_named_with_its_place(whole, tmp_pa
     assert f"({part.count} bytes at byte {part.first})" in words
     assert part.first <= place < part.first + part.count
     assert 0.0 < begin < end < SECONDS
-    assert COUNT - 200 < rest(path, cycles) < COUNT
+    assert COUNT - 100 < rest(path, cycles) < COUNT
 
 
 def test_random_flipped_bits_are_named_or_harmless(whole, tmp_path):
@@ -176,7 +175,7 @@ def test_a_chunk_that_has_become_another_record_is_missing(whole, tmp_path):
     for opcode in (7, 0x86, 0x46, 0):
         path.write_bytes(content[:chunk] + bytes([opcode]) + content[chunk + 1 :])
         assert "it cannot be read from" in refusal(path)
-        assert COUNT - 200 < rest(path, cycles) < COUNT
+        assert COUNT - 100 < rest(path, cycles) < COUNT
 
 
 def test_recordings_of_others_are_not_taken_for_whole_either(tmp_path):
