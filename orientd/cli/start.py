@@ -28,6 +28,11 @@ def main() -> NoReturn:
 
         if urgent.run(asked, begun):
             sys.exit(0)
+    if not sys.warnoptions:
+        # Warnings of libraries name their own files: they are for whoever asks for them.
+        import warnings
+
+        warnings.simplefilter("ignore")
     from orientd.cli.main import main as run
 
     if is_ours:
