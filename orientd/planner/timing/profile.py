@@ -42,8 +42,8 @@ _ROUNDING = 1e-13
 def pieces_of(intervals: int) -> int:
     """Return how many pieces intervals between knots begin with, each.
 
-    Tens of thousands of intervals have fewer: planning 200,000 keyframes takes a fifth of the time and
-    memory, and the motion takes 4 % longer.
+    Tens of thousands of intervals have fewer: planning 200,000 keyframes takes a fifth of the time
+    and memory, and the motion takes 4 % longer.
     """
     if intervals * _PIECES > MOST_ELEMENTS:
         return max(_LEAST_PIECES, MOST_ELEMENTS // intervals)
