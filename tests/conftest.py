@@ -29,6 +29,7 @@ for folder in (
     "system",
     "chaos",
     "storm",
+    "drivers/dynamixel",
     "drivers/ur",
     "data/standard",
     "bench",
