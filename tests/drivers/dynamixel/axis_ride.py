@@ -51,6 +51,12 @@ class SilentGimbal(DynamixelDriver):
         self._written_ns = now_ns
 
 
+def servo_limits_of(motion):
+    """Return what the daemon tells the servo of a motion."""
+    facts = motion.facts
+    return servo_link.servo_limits_of(facts.limits, facts.brake_rate, facts.joint_shares)
+
+
 class AxisRide(LoopRig):
     """A servo with a whole motion in its path ring, which can be anywhere on it at full speed.
 
@@ -65,7 +71,7 @@ class AxisRide(LoopRig):
         self.period = motion.period
         self.period_ns = round(motion.period * 1e9)
         self.clock = ManualClock(10**9)
-        self.memory = SharedMemory.create(1 << 13, 4096)
+        self.memory = SharedMemory.create(1 << 15, 4096)
         self.driver = SilentGimbal(settings, period_ns=self.period_ns, clock=self.clock)
         self.driver.open()
         self.servo = Servo(
@@ -78,10 +84,7 @@ class AxisRide(LoopRig):
         )
         self.joints = motion.path.joints
         self.records = motion.records(0, motion.record_count)
-        facts = motion.facts
-        self.servo_limits = servo_limits or servo_link.servo_limits_of(
-            facts.limits, facts.brake_rate, facts.joint_shares
-        )
+        self.servo_limits = servo_limits or servo_limits_of(motion)
         self.run()
         assert self.ask(Command.ENABLE)[0] is Answer.DONE
         r = self.records
@@ -121,9 +124,21 @@ class AxisRide(LoopRig):
         driver._written_ns = self.clock.now_ns()
         driver.sent = [tuple(row) for row in self.joints[record - 1 : record + 1].tolist()]
 
+    def splice(self, motion, record):
+        """Have another motion take over at a record."""
+        ring, rows = self.memory.path, motion.records(0, motion.record_count)
+        first = ring.head
+        for index, row in enumerate(rows.tolist(), first):
+            ring.put(ring.layout.pack(index, *row), index)
+        ring.advance(first + len(rows))
+        self.command(
+            Command.SPLICE, motion=2, path_index=first, leave=self.first + record,
+            final=first + len(rows) - 1, servo_limits=servo_limits_of(motion),
+        )  # fmt: skip
+
     def command(self, command, **options):
         """Send a command and let a cycle pass; return whether it was done."""
-        answer, text = self.ask(command, servo_limits=self.servo_limits, **options)
+        answer, text = self.ask(command, **{"servo_limits": self.servo_limits, **options})
         assert answer is Answer.DONE, text
         return True
 

@@ -160,3 +160,33 @@ def test_a_halt_off_the_path_is_within_the_limits_of_the_axes():
         sent = ride.driver.sent[-1]
         ride.run(20)
         assert ride.driver.sent[-1] == pytest.approx(sent, abs=1e-9)
+
+
+@pytest.mark.parametrize("miss", [2, 8])
+def test_a_stop_where_another_motion_takes_over_keeps_the_limits_of_the_axes(miss):
+    motion, settings = plan_for(motion_file.parse(over_the_top(miss)))
+    ride = AxisRide(motion, settings)
+    stopped = 0
+    for record in range(24, motion.record_count - 24, 24):
+        target = rotation.multiply(
+            motion.sample([record * PERIOD]).q[0], rotation.exp([0, 0.6, 0.2])
+        )
+        try:
+            new = DevicePlanner(driver_with(), limits=LIMITS, period=PERIOD).plan(
+                MotionRequest([Keyframe(tuple(target.tolist()))], approach=True),
+                start=motion.state_at(record),
+                joints=motion.path.joints_at(record),
+                before=motion.path.joints_before(record),
+            )
+        except PlanError:
+            continue
+        for after in (0, 5, 8, 14):
+            ride.go_to(record - 8)
+            ride.splice(new, record)
+            ride.run(after)
+            ride.command(Command.STOP)
+            ride.come_to_rest()
+            stopped += 1
+            assert ride.servo.state is ServoState.HOLDING, ride.servo.setpoints.fault_text
+            assert max(ride.excess()) <= GUARD_TOLERANCE, (record, after)
+    assert stopped >= 20
