@@ -35,6 +35,7 @@ for folder in (
     "system",
     "chaos",
     "storm",
+    "drivers/dynamixel",
     "drivers/ur",
     "data/standard",
     "bench",

@@ -38,7 +38,7 @@ from orientd_dynamixel.axes import (
     Supervisor,
     Turns,
     check_angle,
-    check_rate,
+    complain_of_step,
     way,
 )
 from orientd_dynamixel.axis import Axis
@@ -76,6 +76,7 @@ class DynamixelDriver(Driver):
             is_pointing=self.settings.pointing,
         )  # fmt: skip
         self._is_enabled = self._is_homing = self._is_free = self._is_out_of_reach = False
+        self._is_braking = False
         self._feedback: Feedback | None = None
         self._closed = f"{self.settings.port} is not open"
         self._written_ns = 0
@@ -172,7 +173,7 @@ class DynamixelDriver(Driver):
         angles = tuple(axis.angle(axis.goal) for axis in self._axes)
         self._tracker.angles = angles
         self._following.rest()
-        self._is_enabled, self._is_free = True, False
+        self._is_enabled, self._is_free, self._is_braking = True, False, False
         self._written_ns = self.clock.now_ns()
         self._standing = Standing(self._axes)
         self._supervisor = Supervisor(self.settings, self._axes)
@@ -213,13 +214,20 @@ class DynamixelDriver(Driver):
 
         Raises:
             LinkError: the port is gone.
-            DeviceFaultError: an axis would leave its limits or turn faster than it can.
+            AxisFaultError: an axis would turn or accelerate faster than it may; all axes brake
+                within their limits from now on, whatever the setpoints.
+            DeviceFaultError: an axis would leave its limits.
         """
         bus, group = self._connected()
         if self._standing.is_at_rest:
             now_ns = self.clock.now_ns()
             self._standing.send(bus, group, now_ns)
             group.ask(now_ns)
+            return
+        if self._is_braking:
+            self._brake(bus, group)
+            if not any(self._following.rates):
+                self._standing.rest(self.clock.now_ns())
             return
         angles, missed = self._tracker.solve(setpoint.q)
         if missed > self.settings.roll_tolerance:
@@ -229,11 +237,18 @@ class DynamixelDriver(Driver):
             )
         now_ns = self.clock.now_ns()
         # Judged by the cycle, not by the clock: two writes may come closer together than that.
-        span = max(1, round((now_ns - self._written_ns) / self.period_ns)) * self.period_ns * 1e-9
+        cycles = max(1, round((now_ns - self._written_ns) / self.period_ns))
+        span = cycles * self.period_ns * 1e-9
         goals = []
-        for axis, angle, last in zip(self._axes, angles, self._tracker.angles, strict=True):
+        steps = zip(self._axes, angles, self._tracker.angles, self._following.rates, strict=True)
+        for axis, angle, last, rate in steps:
             check_angle(axis, angle)
-            check_rate(axis, angle, last, span)
+            # Where a cycle was missed the axis has stood still meanwhile, or has not.
+            problem = complain_of_step(axis, angle, last, rate if cycles == 1 else None, span)
+            if problem:
+                self._is_braking = True
+                self._brake(bus, group)
+                raise AxisFaultError(problem)
             goals.append(axis.ticks(angle))
         self._following.took(angles)
         self._send(bus, group, angles, goals, now_ns)
@@ -245,13 +260,19 @@ class DynamixelDriver(Driver):
             LinkError: the port is gone.
         """
         bus, group = self._connected()
-        if self._standing.is_at_rest:
+        if self._standing.is_at_rest or self._is_braking:
             self.write(setpoint)
             return self._tracker.forward(self._tracker.angles)
         angles = self._following.step(setpoint.q)
         goals = [axis.ticks(angle) for axis, angle in zip(self._axes, angles, strict=True)]
         self._send(bus, group, angles, goals, self.clock.now_ns())
         return self._tracker.forward(angles)
+
+    def _brake(self, bus: ServoBus, group: Group) -> None:
+        """Bring every axis nearer to rest, within its limits."""
+        angles = self._following.brake()
+        goals = [axis.ticks(angle) for axis, angle in zip(self._axes, angles, strict=True)]
+        self._send(bus, group, angles, goals, self.clock.now_ns())
 
     def _send(
         self, bus: ServoBus, group: Group, angles: tuple[float, ...], goals: list[int], now_ns: int
@@ -267,7 +288,9 @@ class DynamixelDriver(Driver):
         group.ask(now_ns)
 
     def rest_in_fault(self) -> None:
-        """Let every axis stand where it is from now on."""
+        """Let every axis stand where it is from now on, or where it has braked to."""
+        if self._is_braking and any(self._following.rates):
+            return  # write() goes on with it
         self._standing.rest(self.clock.now_ns())
 
     def disable(self) -> None:

@@ -66,6 +66,7 @@ def shape(
         cast("Sequence[tuple[float, ...]]", path.angles),
         tuple(figures),
         tuple(describe(path.certificate, options)),
+        tuple((axis.velocity, axis.acceleration) for axis in options.axes),
     )
 
 

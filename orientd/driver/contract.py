@@ -296,9 +296,10 @@ class Driver(ABC):
         """Send *setpoint*.  Called every cycle while enabled, after :meth:`read`."""
 
     def follow(self, setpoint: Setpoint) -> Quaternion:
-        """Send *setpoint*, of targets that are followed, or what the device's axes can do of it.
+        """Send *setpoint*, which is on no planned path, or what the device's axes can do of it.
 
-        Called in place of :meth:`write` while targets are followed, of which no path was planned.
+        Called in place of :meth:`write` while targets are followed, and while the device comes to
+        rest off its path.
 
         Returns:
             The orientation that was sent.

@@ -86,6 +86,8 @@ class ShapedPath(NamedTuple):
         joints: axis angles at each of them, rad, unwrapped.
         figures: what holds for it.
         notes: what there is to say of it, in words, a line each.
+        joint_limits: largest velocity and acceleration of every axis, rad/s and rad/s^2, which
+            stops, pauses and other speeds are to keep, too; empty where the axes have none.
     """
 
     orientations: Sequence[Quaternion]
@@ -93,6 +95,7 @@ class ShapedPath(NamedTuple):
     joints: Sequence[tuple[float, ...]]
     figures: tuple[Figure, ...] = ()
     notes: tuple[str, ...] = ()
+    joint_limits: Sequence[tuple[float, float]] = ()
 
 
 class PartHealth(NamedTuple):
