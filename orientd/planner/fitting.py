@@ -306,9 +306,10 @@ class _Fitting:
             refusal: why the axes cannot follow the shortest turn; ``None`` where it is not tried.
 
         Raises:
-            PlanError: it takes longer than asked for, or breaks a limit.
+            PlanError: it takes longer than asked for, breaks a limit, or begins in motion.
         """
-        if not (request.is_single and self.joints and self.start.is_at_rest):
+        is_moving = not self.start.is_at_rest
+        if not (request.is_single and self.joints) or (is_moving and refusal is not None):
             return None
         (keyframe,) = request.keyframes
         if request.omega_end is not None or keyframe.turns:
@@ -324,6 +325,8 @@ class _Fitting:
         shape = way(least=0.0)
         if shape is None:
             return None
+        if is_moving:
+            raise PlanError("the axes turn together from rest only; stop first")
         quickest = shape.path_times[-1]
         pace = request.pace if isinstance(request.pace, float | int) else 1.0
         seconds = request.total or quickest / pace

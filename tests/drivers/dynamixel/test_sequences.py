@@ -220,3 +220,16 @@ def test_an_orientation_that_no_axis_angles_make_is_refused_for_that_axis():
     q = it.gimbal.forward(np.deg2rad([0, -20, 150])).tolist()
     with pytest.raises(LimitError, match="angle of axis 2"):
         it.go(MotionRequest([Keyframe(tuple(q))]))
+
+
+def test_home_from_a_motion_is_planned_from_rest_only():
+    it = three_axes()
+    motion = it.point((60, 30))
+    middle = motion.record_count // 2
+    it.driver.tune({"home": True})
+    with pytest.raises(PlanError, match="from rest only"):
+        it.planner.plan(
+            MotionRequest([Keyframe((1.0, 0.0, 0.0, 0.0))], device_options={"home": True}),
+            start=motion.state_at(middle), joints=motion.path.joints_at(middle),
+            before=motion.path.joints_before(middle),
+        )  # fmt: skip
