@@ -117,7 +117,8 @@ class _Fitting:
                 even = self._planned(MotionRequest(**{**request.given(), "pace": "even"}))
                 even = self.followed(even).noted(f"at an even pace: {refusal}")
                 return replace(even, request=request)
-        way = self._by_way(request, refusal)
+        # As planned it has the roll that was free.
+        way = self._by_way(motion.request, refusal)
         if way is not None:
             return way
         # What has times of the user's may stand before them only.
