@@ -39,7 +39,6 @@ from orientd_dynamixel.axes import (
     Turns,
     check_angle,
     complain_of_step,
-    way,
 )
 from orientd_dynamixel.axis import Axis
 from orientd_dynamixel.bus import READ_WAIT_S, Group, OpenBus, ServoBus, listen, open_bus
@@ -87,6 +86,11 @@ class DynamixelDriver(Driver):
         self._prepared = startup.Prepared({}, [], "")
         self._conditions = Conditions()
 
+    @property
+    def sent_joints(self) -> tuple[float, ...]:
+        """The axis angles of the last goals; empty before there are any."""
+        return self._tracker.angles if self._is_enabled else ()
+
     def shape(
         self,
         period: float,
@@ -94,11 +98,12 @@ class DynamixelDriver(Driver):
         joints: tuple[float, ...],
         before: Sequence[tuple[float, ...]] = (),
         rates: Vector3 = (math.inf, math.inf, math.inf),
+        free: float = 0.0,
     ) -> ShapedPath:
         """Choose branch, winding and deviation of every axis over the whole path."""
         # By name: planning needs NumPy, which a servo process does without.
         shape = importlib.import_module("orientd_dynamixel.shaping").shape
-        shaped: ShapedPath = shape(self.settings, period, orientations, joints, before, rates)
+        shaped: ShapedPath = shape(self.settings, period, orientations, joints, before, rates, free)
         return shaped
 
     def pace(
@@ -118,12 +123,18 @@ class DynamixelDriver(Driver):
         self._is_homing = switch("home", options.get("home", False))
 
     def way(
-        self, joints: tuple[float, ...], q: Quaternion, *, is_refused: bool
-    ) -> Sequence[Quaternion]:
-        """Return the way home, or the one to *q* on which every axis stays inside its limits."""
+        self, joints: tuple[float, ...], q: Quaternion, *, period: float, rates: Vector3,
+        least: float, is_refused: bool,
+    ) -> ShapedPath | None:  # fmt: skip
+        """Return the way of the axes home, or to *q* where the shortest turn is refused."""
         if not (is_refused or self._is_homing):
-            return ()
-        return way(self.settings, joints, q, is_homing=self._is_homing)
+            return None
+        along = importlib.import_module("orientd_dynamixel.shaping").along
+        way: ShapedPath | None = along(
+            self.settings, joints, q, period=period, rates=rates, least=least,
+            is_homing=self._is_homing,
+        )  # fmt: skip
+        return way
 
     def pointed(self, direction: Vector3, axis: str) -> Quaternion | None:
         """Return how three axes point there without a roll."""

@@ -61,6 +61,11 @@ class Driver(ABC):
         return 0
 
     @property
+    def sent_joints(self) -> tuple[float, ...]:
+        """The axis angles that were sent last, rad; empty where the driver sends none."""
+        return ()
+
+    @property
     def is_spent(self) -> bool:
         """Whether only a new process can reach the device again; the servo then ends this one."""
         return False
@@ -127,6 +132,7 @@ class Driver(ABC):
         joints: tuple[float, ...],  # noqa: ARG002
         before: Sequence[tuple[float, ...]] = (),  # noqa: ARG002
         rates: Vector3 = (math.inf, math.inf, math.inf),  # noqa: ARG002
+        free: float = 0.0,  # noqa: ARG002
     ) -> ShapedPath | None:
         """Return the path that the device's axes will follow, where that is not any path.
 
@@ -136,12 +142,14 @@ class Driver(ABC):
         Args:
             period: of the grid, s.
             orientations: of the whole motion up to its rest, a period apart.
-            joints: axis angles where the motion begins, rad: those planned, or those that the
-                device last reported; empty where they are not known.
+            joints: axis angles where the motion begins, rad: those planned or sent, or those that
+                the device last reported; empty where they are not known.
             before: axis angles that were planned for the periods before a motion that begins while
                 the device moves, the oldest first; empty where it begins at rest.
             rates: largest angular velocity, acceleration and jerk that the tool may have where the
                 device leaves the path or its times; rad/s, rad/s^2, rad/s^3.
+            free: up to which path time the path may stand while an axis turns at a pole, s; the
+                path as it is has been refused then.
 
         Returns:
             ``None`` where the device follows the path as it is.
@@ -186,23 +194,31 @@ class Driver(ABC):
         joints: tuple[float, ...],  # noqa: ARG002 - most devices go the shortest way
         q: Quaternion,  # noqa: ARG002
         *,
+        period: float,  # noqa: ARG002
+        rates: Vector3,  # noqa: ARG002
+        least: float,  # noqa: ARG002
         is_refused: bool,  # noqa: ARG002
-    ) -> Sequence[Quaternion]:
-        """Return the orientations to pass on the way to *q*, where the shortest turn is not it.
+    ) -> ShapedPath | None:
+        """Return how the axes turn together from rest to rest at *q*, where that is the way to go.
 
         Called where :meth:`shape` is, for a motion with a single keyframe that begins at rest.
 
         Args:
             joints: axis angles where the device is, rad.
             q: the keyframe.
-            is_refused: whether :meth:`shape` has refused the shortest turn for the angle of an
-                axis.
+            period: of the cycles, s.
+            rates: as for :meth:`shape`.
+            least: how long it lasts at least, s.
+            is_refused: whether :meth:`shape` has refused the shortest turn of the tool.
 
         Returns:
-            From where the device is to where the motion ends, no two a half turn apart; empty for
-            the shortest turn.
+            The way, its path times from 0 to its duration; ``None`` for the shortest turn.
+
+        Raises:
+            LimitError: no axis angles inside their limits make *q*; the message names the axis.
+            PlanError: there is no way for another reason.
         """
-        return ()
+        return None
 
     def pointed(self, direction: Vector3, axis: str) -> Quaternion | None:  # noqa: ARG002 - most devices roll as they like
         """Return the orientation with which the device's axes point best where the roll is free.

@@ -394,6 +394,7 @@ class Servo:
             *measured.omega_body,
             *measured.position,
             *(measured.joints + NO_JOINTS)[:JOINTS],
+            *(self._driver.sent_joints + NO_JOINTS)[:JOINTS],
         )
         ring.append(record)
         self._cycle_count += 1

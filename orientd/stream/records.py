@@ -71,8 +71,8 @@ PATH_RECORD = struct.Struct(f"@Q{PATH_FLOATS}d")
 # index, deadline_ns, lateness_ns, work_ns, feedback_time_ns, path_index |
 # state, fault, motion, flags, overruns, missed |
 # path_fraction, speed, q(4) omega(3) alpha(3) position(3), feedback q(4) omega(3) position(3),
-# joints(8)
-CYCLE_RECORD = struct.Struct("@QqqqqQ6I33d")
+# joints(8) sent joints(8)
+CYCLE_RECORD = struct.Struct("@QqqqqQ6I41d")
 JOINTS = 8
 """Axes of a device that a cycle has room for."""
 NO_JOINTS = (math.nan,) * JOINTS
@@ -269,6 +269,7 @@ class Cycle:
         feedback_omega_body: angular velocity measured, rad/s.
         feedback_position: position measured, m.
         joints: axis angles measured, rad; empty where the device has none.
+        sent_joints: axis angles sent, rad; empty where the driver sends none.
     """
 
     index: int
@@ -293,6 +294,7 @@ class Cycle:
     feedback_omega_body: Vector3
     feedback_position: Vector3
     joints: tuple[float, ...] = ()
+    sent_joints: tuple[float, ...] = ()
 
     @property
     def has_feedback(self) -> bool:
@@ -354,5 +356,6 @@ def unpack_cycle(buffer: memoryview | bytes, offset: int = 0) -> Cycle:
         feedback_q=f[27:31],
         feedback_omega_body=f[31:34],
         feedback_position=f[34:37],
-        joints=tuple(angle for angle in f[37:] if not math.isnan(angle)),
+        joints=tuple(angle for angle in f[37 : 37 + JOINTS] if not math.isnan(angle)),
+        sent_joints=tuple(angle for angle in f[37 + JOINTS :] if not math.isnan(angle)),
     )

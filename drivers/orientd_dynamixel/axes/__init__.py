@@ -7,4 +7,3 @@ from orientd_dynamixel.axes.following import Following
 from orientd_dynamixel.axes.standing import Standing
 from orientd_dynamixel.axes.supervisor import Supervisor, check_angle, complain_of_step
 from orientd_dynamixel.axes.turns import Turns
-from orientd_dynamixel.axes.ways import way
