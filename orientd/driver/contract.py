@@ -334,8 +334,8 @@ class Driver(ABC):
         """Leave the device where it is from now on, whatever setpoint it still gets.
 
         Called once a fault has brought everything to rest, before :meth:`disable` where that
-        follows at once; :meth:`write` may go on being called with the setpoint that is held.  Must
-        neither wait nor raise.
+        follows at once, and again for every stop in the fault; :meth:`write` may go on being called
+        with the setpoint that is held.  Must neither wait nor raise.
         """
 
     def reset(self) -> None:  # noqa: B027 - most devices need nothing

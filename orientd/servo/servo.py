@@ -281,17 +281,23 @@ class Servo:
         pulse, setpoints = self._memory.pulse, self.setpoints
         before, self._stops = self._stops, pulse[STOPS_WORD]
         pulse[TAKEN_AT_WORD] = taken_at(setpoints.state, setpoints.motion)
-        if pulse[HALTS_WORD] > before:
-            setpoints.halt()
-        else:
-            setpoints.stop(Event.STOP)
+        self._stop(is_quickest=pulse[HALTS_WORD] > before)
         pulse[TAKEN_WORD] = self._stops
+
+    def _stop(self, *, is_quickest: bool = False) -> None:
+        """Come to rest; in a fault have the driver look again that nothing moves."""
+        if self.setpoints.state is ServoState.FAULT and self._is_enabled:
+            self._driver.rest_in_fault()
+        if is_quickest:
+            self.setpoints.halt()
+        else:
+            self.setpoints.stop(Event.STOP)
 
     def _obey(self, command: Command, part: PathPart, speed: float, start_ns: int) -> str:
         """Carry out one command; return why it was refused, or nothing."""
         setpoints = self.setpoints
         if command is Command.STOP:
-            setpoints.stop(Event.STOP)
+            self._stop()
         elif command is Command.SPEED:
             return setpoints.set_speed(speed)
         elif command is Command.START:
@@ -299,7 +305,7 @@ class Servo:
         elif command is Command.SPLICE:
             return setpoints.splice(part)
         elif command is Command.HALT:
-            setpoints.halt()
+            self._stop(is_quickest=True)
         elif command is Command.TRACK:
             setpoints.track(part)
         elif command is Command.TUNE:
@@ -307,7 +313,8 @@ class Servo:
         elif command is Command.ENABLE:
             self._enable()
         elif command in (Command.DISABLE, Command.FREE):
-            following = advance(setpoints.state, Event.DISABLE)
+            event = Event.FREE if command is Command.FREE else Event.DISABLE
+            following = advance(setpoints.state, event)
             self._is_enabled = False
             self._driver.disable()
             setpoints.state = following
