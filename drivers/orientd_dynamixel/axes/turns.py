@@ -121,12 +121,13 @@ class Turns:
         if abs(position + nearest * TICKS - seen) <= NEAR:
             return ""
         options, here = axis.options, axis.angle(position)
+        forget = "start the daemon again" if self.path is None else f"delete {self.path}"
         last = options.zero + axis.rate((seen - CENTRE) * 2 * math.pi / TICKS)
         return (
             f"servo {options.id} ({options.name}) was without power and stands at "
             f"{math.degrees(here):.1f} deg or whole turns from there, {math.degrees(last):.1f} deg "
             f"were seen last; turn it by hand to within 45 deg of that, or to within half a turn "
-            f"of zero and delete {self.path}, then reset"
+            f"of zero and {forget}, then reset"
         )
 
 
