@@ -15,7 +15,15 @@ from typing import Any, ClassVar
 
 from orientd.clock import Clock
 from orientd.driver.finding import Finding
-from orientd.driver.values import Feedback, PartHealth, Quaternion, Setpoint, ShapedPath, Vector3
+from orientd.driver.values import (
+    AxisGap,
+    Feedback,
+    PartHealth,
+    Quaternion,
+    Setpoint,
+    ShapedPath,
+    Vector3,
+)
 from orientd.errors import DeviceFaultError, PlanError
 
 
@@ -323,6 +331,18 @@ class Driver(ABC):
         self.write(setpoint)
         return setpoint.q
 
+    def gaps(self) -> Sequence[AxisGap]:
+        """Return how far every axis is from where it was last sent, by the newest feedback.
+
+        Called in each cycle after the last setpoint of a motion, until all axes are within their
+        tolerances: the motion is done then.  Where one is not after half a second, that is a fault
+        of the device.  Must neither wait nor raise.
+
+        Returns:
+            Empty where the device cannot tell: its motions are done with their last setpoints.
+        """
+        return ()
+
     @abstractmethod
     def disable(self) -> None:
         """Leave the device standing still and no longer following.  Must not raise twice."""
@@ -331,8 +351,8 @@ class Driver(ABC):
         """Leave the device where it is from now on, whatever setpoint it still gets.
 
         Called once a fault has brought everything to rest, before :meth:`disable` where that
-        follows at once; :meth:`write` may go on being called with the setpoint that is held.  Must
-        neither wait nor raise.
+        follows at once, and again for every stop in the fault; :meth:`write` may go on being called
+        with the setpoint that is held.  Must neither wait nor raise.
         """
 
     def reset(self) -> None:  # noqa: B027 - most devices need nothing
