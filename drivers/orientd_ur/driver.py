@@ -7,7 +7,6 @@ centre point.
 
 from __future__ import annotations
 
-import importlib.util
 import logging
 import time
 from collections.abc import Mapping, Sequence
@@ -22,7 +21,7 @@ from orientd_ur.control_program import ControlProgram
 from orientd_ur.deadline import arm, disarm
 from orientd_ur.inspection import inspect
 from orientd_ur.kinematics import JOINT_NAMES
-from orientd_ur.link import Link
+from orientd_ur.link import Link, require_library
 from orientd_ur.pose import continued
 from orientd_ur.prediction import Prediction
 from orientd_ur.probe import look
@@ -65,8 +64,6 @@ class UrDriver(Driver):
         super().__init__(options, period_ns=period_ns, clock=clock)
         self._options = ur_options.check(options, period=period_ns * 1e-9)
         self._tuned = self._options
-        if importlib.util.find_spec("rtde_control") is None:
-            raise ValueError("the driver needs ur-rtde: pip install 'orientd-motion[ur]'")
         self._address = Address(self._options.host)
         self._prediction = Prediction(self._options, self._address)
         self._link = Link(self._options.host)
@@ -150,8 +147,9 @@ class UrDriver(Driver):
 
         Raises:
             LinkError: it does not answer, is held by another client, or has a version that the
-                client library cannot drive.
+                client library cannot drive; or there is no client library.
         """
+        require_library()
         host, address = self._options.host, self._address.get(_RESOLVING)
         probe = look(address, timeout=_LOOKING)
         if probe.version_problem:

@@ -9,6 +9,7 @@ bound on every call that can wait.  All of it happens on the thread that calls.
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import time
 from typing import Any
 
@@ -37,6 +38,16 @@ _REGISTER_RETRIES = 10
 # What was once connected is never destroyed: its destructor may hang or abort.  The process ends
 # without it.
 _KEPT: list[Any] = []
+
+
+def require_library() -> None:
+    """Do nothing where the client library is installed.
+
+    Raises:
+        LinkError: it is not.
+    """
+    if importlib.util.find_spec("rtde_control") is None:
+        raise LinkError("the driver needs ur-rtde: pip install 'orientd-motion[ur]'")
 
 
 class Link:
