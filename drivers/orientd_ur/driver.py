@@ -25,6 +25,7 @@ from orientd_ur.link import Link, require_library
 from orientd_ur.pose import continued
 from orientd_ur.prediction import Prediction
 from orientd_ur.probe import look
+from orientd_ur.program_end import ProgramEnd
 from orientd_ur.recovery import NO_DASHBOARD, Recovery
 from orientd_ur.sockets import Address
 from orientd_ur.states import RuntimeState, obstacle
@@ -69,8 +70,9 @@ class UrDriver(Driver):
         self._link = Link(self._options.host)
         self._recovery = Recovery(self._link, self._options)
         self._program = ControlProgram(self._link, self._recovery, self._options)
+        self._ending = ProgramEnd(self._link, self._recovery, self._options.stop_deceleration)
         self._clock = ControllerClock()
-        self._is_enabled = False
+        self._is_enabled = self._is_in_fault = False
         self._timestamp = -1.0
         self._changed_ns = 0
         self._looks = 0
@@ -189,7 +191,7 @@ class UrDriver(Driver):
             position=(pose[0], pose[1], pose[2]),
             joints=tuple(self._link.motion()[2]),
         )
-        self._is_enabled, self._is_muted = True, False
+        self._is_enabled, self._is_muted, self._is_in_fault = True, False, False
         return self._feedback
 
     def free(self) -> None:
@@ -244,7 +246,11 @@ class UrDriver(Driver):
         if now_ns - self._compared_ns > _COMPARE_EVERY_NS:
             self._compared_ns = now_ns
             link.require_same()
-        if self._is_enabled:
+        if self._is_in_fault:
+            # Nothing may feed the watchdog now, nor be left for a program that is played on.
+            if link.has_control and not self._is_stale():
+                self._ending.advance(now_ns)
+        elif self._is_enabled:
             reason = self._program.reason()
             if reason:
                 # The library stops the program itself when it connects anew.
@@ -259,7 +265,7 @@ class UrDriver(Driver):
 
     def _write(self, setpoint: Setpoint) -> None:
         self._link.require()
-        if self._is_muted:
+        if self._is_muted or self._is_in_fault:
             return
         self._rotation = continued(setpoint.q, self._rotation)
         pose = [*setpoint.position, *self._rotation]
@@ -301,6 +307,16 @@ class UrDriver(Driver):
         # That has fed the watchdog too; a kick now could meet a program that is just being stopped.
         self._kicked_ns = self.clock.now_ns()
 
+    def rest_in_fault(self) -> None:
+        """Take the stream back: the control program is ended in the cycles to come."""
+        if not self._is_in_fault:
+            self._is_in_fault = True
+            self._ending.begin()
+
+    def notices(self) -> Sequence[str]:
+        """Return what was done to the program on the robot during a fault."""
+        return self._ending.notices
+
     def reset(self) -> None:
         """Unlock, power up if so configured, and play the control program again.
 
@@ -312,9 +328,12 @@ class UrDriver(Driver):
         self._link.require_same()
         self._clock.reset()
         self._await_package(LinkError(f"{self._options.host} sends no data packages"))
+        self._ending.wait()
         self._recovery.clear()
         if self._link.has_control:
             self._link.play()
+        self._is_in_fault = False
+        self._ending.forget()
         self._forget_age()
 
     def close(self) -> None:

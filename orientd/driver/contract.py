@@ -234,9 +234,11 @@ class Driver(ABC):
         return ()
 
     def notices(self) -> Sequence[str]:
-        """Return what there is to say of the device once it is open, or reset, in words.
+        """Return what there is to say of the device, in words.
 
-        What was changed in it, and what keeps it from doing better; each is a warning.
+        What was changed in it, what keeps it from doing better, what somebody did to it in a fault.
+        Each is a warning, given once until the next reset.  Called when the device is open, after a
+        reset, and once a second, in a cycle; must neither wait nor raise.
         """
         return ()
 

@@ -23,7 +23,7 @@ Not part of any real robot.  The server answers it at all times, a frozen contro
 ``limit JOINT SPEED``      lower the speed limit of joint 1 to 6, rad/s
 ``push Q1 .. Q6 [SECONDS]``
                            move the joints by hand to these angles (rad), in so long, while the arm
-                           gives way: in freedrive or teach mode
+                           gives way: in freedrive or teach mode, or stopped or paused and still
 ``record on|off|clear``, ``record write STEM``  see `orientd_sim.ur.recording`
 ``state``                  everything worth knowing, as JSON
 =========================  =========================================================================
@@ -84,7 +84,7 @@ def _push(server: Server, words: Sequence[str]) -> None:
     *angles, seconds = map(float, words if len(words) > 6 else [*words, "0"])
     if len(angles) != 6:
         raise ValueError(f"expected 6 angles and a time, got {len(words)} numbers")
-    server.robot.arm.push(tuple(angles), seconds)
+    server.robot.push(angles, seconds)
 
 
 def _limiter(server: Server, words: Sequence[str]) -> None:
