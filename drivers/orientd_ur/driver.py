@@ -19,7 +19,7 @@ from orientd.floats import exp, rotate_back
 from orientd_ur import options as ur_options
 from orientd_ur.control_program import ControlProgram
 from orientd_ur.deadline import arm, disarm
-from orientd_ur.inspection import inspect
+from orientd_ur.inspection import advice, inspect, rate_problem
 from orientd_ur.kinematics import JOINT_NAMES
 from orientd_ur.link import Link, require_library
 from orientd_ur.pose import continued
@@ -27,6 +27,7 @@ from orientd_ur.prediction import Prediction
 from orientd_ur.probe import look
 from orientd_ur.program_end import ProgramEnd
 from orientd_ur.recovery import NO_DASHBOARD, Recovery
+from orientd_ur.silence import WriteSilence
 from orientd_ur.sockets import Address
 from orientd_ur.states import RuntimeState, obstacle
 from orientd_ur.ticks import ControllerClock, TickListener, TickPhase, tick_ns
@@ -71,6 +72,8 @@ class UrDriver(Driver):
         self._recovery = Recovery(self._link, self._options)
         self._program = ControlProgram(self._link, self._recovery, self._options)
         self._ending = ProgramEnd(self._link, self._recovery, self._options.stop_deceleration)
+        self._advice: tuple[str, ...] = ()
+        self._silence = WriteSilence(self._options.watchdog_hz)
         self._clock = ControllerClock()
         self._is_enabled = self._is_in_fault = False
         self._timestamp = -1.0
@@ -87,7 +90,7 @@ class UrDriver(Driver):
 
     def diagnose(self) -> Sequence[Finding]:
         """Look at the robot with plain sockets: what it is, whether it will move, the link."""
-        return inspect(self._options)
+        return inspect(self._options, self.period_ns)
 
     @property
     def speed_scaling(self) -> float:
@@ -156,11 +159,9 @@ class UrDriver(Driver):
         probe = look(address, timeout=_LOOKING)
         if probe.version_problem:
             raise LinkError(f"{host}: {probe.version_problem}")
-        if self.period_ns < (cycle_ns := tick_ns(probe.version)):
-            raise LinkError(
-                f"{host} takes a setpoint every {cycle_ns * 1e-6:g} ms: `rate_hz` must be "
-                f"{1e9 / cycle_ns:g} at the most"
-            )
+        if problem := rate_problem(probe.version, self.period_ns):
+            raise LinkError(f"{host} {problem}")
+        self._advice = advice(probe.version, self._options)
         self._prediction.confirm(address)
         self._recovery.version = probe.version
         if not self._recovery.has_dashboard:
@@ -192,6 +193,7 @@ class UrDriver(Driver):
             joints=tuple(self._link.motion()[2]),
         )
         self._is_enabled, self._is_muted, self._is_in_fault = True, False, False
+        self._silence.begin(self.clock.now_ns())
         return self._feedback
 
     def free(self) -> None:
@@ -251,7 +253,7 @@ class UrDriver(Driver):
             if link.has_control and not self._is_stale():
                 self._ending.advance(now_ns)
         elif self._is_enabled:
-            reason = self._program.reason()
+            reason = self._reason(now_ns)
             if reason:
                 # The library stops the program itself when it connects anew.
                 link.require_same()
@@ -271,13 +273,14 @@ class UrDriver(Driver):
         pose = [*setpoint.position, *self._rotation]
         chosen, begun_ns = self._tuned, self.clock.now_ns()
         is_taken = self._link.servo(pose, chosen.servo_time, chosen.lookahead, chosen.gain)
+        self._silence.note(begun_ns)
         if self.clock.now_ns() - begun_ns > _SLOW_CALL_NS:
             self._link.require_same()
         if is_taken:
             return
         # The program's end is known here before the state that explains it has arrived.
         ends = time.monotonic() + _REASON_TIMEOUT
-        while not (reason := self._program.reason()) and time.monotonic() < ends:
+        while not (reason := self._reason(begun_ns)) and time.monotonic() < ends:
             self._link.require()
             time.sleep(0.001)
         self._link.require_same()
@@ -314,8 +317,8 @@ class UrDriver(Driver):
             self._ending.begin()
 
     def notices(self) -> Sequence[str]:
-        """Return what was done to the program on the robot during a fault."""
-        return self._ending.notices
+        """Return what the robot's software lacks, and what was done to it during a fault."""
+        return (*self._advice, *self._ending.notices)
 
     def reset(self) -> None:
         """Unlock, power up if so configured, and play the control program again.
@@ -345,6 +348,13 @@ class UrDriver(Driver):
             self._listener.close()
 
     # Parts of reading
+
+    def _reason(self, now_ns: int) -> str:
+        """Return why the robot does not follow; its own watchdog where it heard too little."""
+        reason = self._program.reason()
+        if reason and self._link.modes()[2] == RuntimeState.STOPPED:
+            return self._silence.reason(now_ns) or reason
+        return reason
 
     def _measure(self, timestamp: float, now_ns: int) -> Feedback:
         pose, speed, joints, scaling = self._link.motion()

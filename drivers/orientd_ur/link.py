@@ -109,6 +109,10 @@ class Link:
                 break
             except RuntimeError as error:
                 text = " ".join(str(error).split())
+                if "failed to start control script" in text.lower():
+                    raise DeviceFaultError(f"{self.host} does not play the control program") from (
+                        error
+                    )
                 if "in use" not in text.lower():
                     raise DeviceFaultError(f"{self.host}: {text}") from error
                 if attempt == _REGISTER_RETRIES - 1:
