@@ -15,7 +15,15 @@ from typing import Any, ClassVar
 
 from orientd.clock import Clock
 from orientd.driver.finding import Finding
-from orientd.driver.values import Feedback, PartHealth, Quaternion, Setpoint, ShapedPath, Vector3
+from orientd.driver.values import (
+    AxisGap,
+    Feedback,
+    PartHealth,
+    Quaternion,
+    Setpoint,
+    ShapedPath,
+    Vector3,
+)
 from orientd.errors import DeviceFaultError, PlanError
 
 
@@ -307,6 +315,18 @@ class Driver(ABC):
         """
         self.write(setpoint)
         return setpoint.q
+
+    def gaps(self) -> Sequence[AxisGap]:
+        """Return how far every axis is from where it was last sent, by the newest feedback.
+
+        Called in each cycle after the last setpoint of a motion, until all axes are within their
+        tolerances: the motion is done then.  Where one is not after half a second, that is a fault
+        of the device.  Must neither wait nor raise.
+
+        Returns:
+            Empty where the device cannot tell: its motions are done with their last setpoints.
+        """
+        return ()
 
     @abstractmethod
     def disable(self) -> None:

@@ -95,6 +95,23 @@ class ShapedPath(NamedTuple):
     notes: tuple[str, ...] = ()
 
 
+class AxisGap(NamedTuple):
+    """How far one axis of a device is from where it was last sent.
+
+    Attributes:
+        name: of the axis, as messages name it.
+        gap: angle from where it was measured to where it was sent, rad.
+        tolerance: how large that may be where the axis has arrived, rad.
+        load: what the axis draws or carries, in words, for example ``0.45 A``; empty where the
+            device does not tell.
+    """
+
+    name: str
+    gap: float
+    tolerance: float
+    load: str = ""
+
+
 class PartHealth(NamedTuple):
     """How one part of a device is: a servo, a joint.
 

@@ -22,6 +22,7 @@ from orientd.errors import (
     NotYetError,
     StateError,
 )
+from orientd.servo.arrival import Arrival
 from orientd.servo.device_teller import DeviceTeller
 from orientd.servo.path import PathPart, PathPoint
 from orientd.servo.setpoint_generator import SetpointGenerator
@@ -50,7 +51,8 @@ from orientd.stream import (
 
 # Looking a member up in its enumeration takes longer than comparing it.
 _DRIVEN = (ServoState.STREAMING, ServoState.TRACKING)
-_FEEDBACK, _WRITTEN, _FROM_REST = map(int, CycleFlag)
+_STREAMING, _HOLDING = ServoState.STREAMING, ServoState.HOLDING
+_FEEDBACK, _WRITTEN, _FROM_REST, _ARRIVING = map(int, CycleFlag)
 
 _NEVER_TOO_LATE = (Command.STOP, Command.HALT, Command.SHUTDOWN)
 
@@ -102,6 +104,7 @@ class Servo:
         self.setpoints = SetpointGenerator(
             driver, memory, period_ns=period_ns, stall_ns=watch.stall_ns, on_fault=self._tell_fault
         )
+        self._arrival = Arrival()
         self._is_enabled = False
         self._is_orderly = False
         self._feedback: Feedback | None = None
@@ -138,6 +141,7 @@ class Servo:
         if self._stops != self._memory.pulse[STOPS_WORD]:
             self._take_stops()
         self._look_for_life(deadline_ns)
+        before = self.setpoints.state
         try:
             point = self.setpoints.step(deadline_ns, self._clock.now_ns())
         except Exception as error:  # noqa: BLE001 - what others may write must not end the servo
@@ -153,7 +157,26 @@ class Servo:
             except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
                 self._take_fault(error)
                 is_written = False
+        if before is _STREAMING and self.setpoints.state is _HOLDING:
+            self._arrival.begin(self._clock.now_ns())
+        if self._arrival.is_awaited:
+            self._await_arrival()
         self._publish(deadline_ns, lateness_ns, point, is_written=is_written)
+
+    def _await_arrival(self) -> None:
+        """Look whether the axes are where the motion has ended; a fault where they do not come."""
+        arrival = self._arrival
+        if self.setpoints.state is not _HOLDING:
+            arrival.end()
+            return
+        try:
+            measured_ns = self._feedback.time_ns if self._feedback else 0
+            problem = arrival.look(self._driver.gaps(), measured_ns)
+            if problem:
+                raise AxisFaultError(problem)
+        except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
+            arrival.end()
+            self._take_fault(error)
 
     def request_end(self, reason: str) -> None:
         """Stop on the path if something moves; the process ends once it holds."""
@@ -371,6 +394,7 @@ class Servo:
         setpoints, ring, follower = self.setpoints, self._memory.cycles, self.setpoints.follower
         flags = (_WRITTEN if is_written else 0) | (_FEEDBACK if self._feedback else 0)
         flags |= _FROM_REST if setpoints.is_from_rest else 0
+        flags |= _ARRIVING if self._arrival.is_awaited else 0
         record = CYCLE_RECORD.pack(
             ring.next,
             deadline_ns,

@@ -120,6 +120,8 @@ class CycleFlag(IntEnum):
     """A setpoint was written in this cycle."""
     FROM_REST = 4
     """Motion goes on from rest: the process had not run for so long that the device had stopped."""
+    ARRIVING = 8
+    """The last setpoint of the motion was sent, and the axes have not arrived there yet."""
 
 
 NO_AXES: Vector3 = (math.inf, math.inf, math.inf)
