@@ -10,12 +10,23 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Mapping, Sequence
+from math import dist, radians
 from typing import Any, ClassVar
 
 from orientd.clock import Clock
-from orientd.driver import Driver, Feedback, Finding, Quaternion, Setpoint, Vector3
+from orientd.driver import (
+    IDENTITY,
+    ZERO,
+    AxisGap,
+    Driver,
+    Feedback,
+    Finding,
+    Quaternion,
+    Setpoint,
+    Vector3,
+)
 from orientd.errors import DeviceFaultError, FeedbackError, LinkError
-from orientd.floats import exp, rotate_back
+from orientd.floats import difference, exp, norm, rotate_back
 from orientd_ur import options as ur_options
 from orientd_ur.control_program import ControlProgram
 from orientd_ur.deadline import arm, disarm
@@ -42,6 +53,8 @@ _REASON_TIMEOUT = 0.02
 _SLOW_CALL_NS = 20_000_000
 # The library can hang in any call, when it connects anew at the wrong moment.
 _LONGEST_CYCLE = 0.9
+_REACH = 1.0
+"""m at which an angle of the tool is compared with a distance."""
 _COMPARE_EVERY_NS = 1_000_000_000
 # The packages that are listened to come every 40 ms.
 _NEARLY_IN_TIME_NS = 60_000_000
@@ -83,6 +96,7 @@ class UrDriver(Driver):
         self._kicked_ns = 0
         self._compared_ns = 0
         self._rotation: Vector3 = (0.0, 0.0, 0.0)
+        self._sent: tuple[Quaternion, Vector3] = (IDENTITY, ZERO)
         self._feedback: Feedback | None = None
         self._speed_scaling = 1.0
         self._listener: TickListener | None = None
@@ -192,6 +206,7 @@ class UrDriver(Driver):
             position=(pose[0], pose[1], pose[2]),
             joints=tuple(self._link.motion()[2]),
         )
+        self._sent = self._feedback.q, self._feedback.position
         self._is_enabled, self._is_muted, self._is_in_fault = True, False, False
         self._silence.begin(self.clock.now_ns())
         return self._feedback
@@ -270,6 +285,7 @@ class UrDriver(Driver):
         if self._is_muted or self._is_in_fault:
             return
         self._rotation = continued(setpoint.q, self._rotation)
+        self._sent = setpoint.q, setpoint.position
         pose = [*setpoint.position, *self._rotation]
         chosen, begun_ns = self._tuned, self.clock.now_ns()
         is_taken = self._link.servo(pose, chosen.servo_time, chosen.lookahead, chosen.gain)
@@ -285,6 +301,27 @@ class UrDriver(Driver):
             time.sleep(0.001)
         self._link.require_same()
         raise DeviceFaultError(reason or "the control program takes no setpoints")
+
+    def gaps(self) -> Sequence[AxisGap]:
+        """Return how far the commanded tool is from the last setpoint, and each joint behind it."""
+        allowed = radians(self._options.arrival_tolerance_deg)
+        x, y, z, *rotation = self._link.target_pose()
+        q, position = self._sent
+        off = dist(position, (x, y, z)) / _REACH
+        turned = norm(difference(q, exp((rotation[0], rotation[1], rotation[2]))))
+        wanted, measured = self._link.joints()
+        return [
+            AxisGap("the tool that the controller commands", max(off, turned), allowed),
+            *(
+                AxisGap(f"joint {name}", a - b, allowed)
+                for name, a, b in zip(JOINT_NAMES, wanted, measured, strict=True)
+            ),
+        ]
+
+    @property
+    def arrival_time(self) -> float:
+        """As long as the controller smooths, and longer while it runs slowly; s."""
+        return max(0.5, 5.0 * self._tuned.lookahead) / max(self._speed_scaling, 1e-3)
 
     def deadline_shift_ns(self, deadline_ns: int) -> int:
         """Keep the deadlines clear of the moment at which the controller takes setpoints."""

@@ -20,6 +20,7 @@ from orientd_ur.states import RuntimeState
 
 VARIABLES = [
     "timestamp",
+    "target_q",
     "actual_q",
     "actual_TCP_pose",
     "actual_TCP_speed",
@@ -184,6 +185,10 @@ class Link:
             receive.getActualQ(),
             receive.getSpeedScaling() * receive.getTargetSpeedFraction(),
         )
+
+    def joints(self) -> tuple[list[float], list[float]]:
+        """Return the joint angles that the controller commands, and those that it measures."""
+        return self._receive.getTargetQ(), self._receive.getActualQ()
 
     def target_pose(self) -> list[float]:
         """Return the pose the controller commands."""

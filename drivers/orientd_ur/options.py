@@ -36,6 +36,11 @@ A motion may have a ``lookahead``, ``gain`` and ``servo_time`` of its own, its `
     s, default 8: how long a reset tries to unlock a protective stop; a robot refuses for 5 s.
 ``release_brakes``
     whether a reset powers the arm and releases its brakes; default true.
+``arrival_tolerance_deg``
+    degrees, 0.05 to 10, default 0.5: a motion is done once every joint, and the tool that the
+    controller commands, is as near to its end; where that takes longer than half a second (longer
+    with a lookahead above 0.1 s or a slow speed slider), it is a fault.  A millimetre of the tool
+    counts as a milliradian.
 ``keep_phase``
     whether to move the deadlines slowly to where the controller's cycle takes every setpoint;
     default true.
@@ -65,6 +70,7 @@ _NUMBERS: dict[str, tuple[float, float, float]] = {
     "link_timeout": (0.05, 2.0, 0.5),
     "stop_deceleration": (0.1, 40.0, 10.0),
     "unlock_timeout": (0.1, 15.0, 8.0),
+    "arrival_tolerance_deg": (0.05, 10.0, 0.5),
 }
 TUNABLE = ("lookahead", "gain", "servo_time")
 """What a motion may have otherwise than the configuration says."""
@@ -88,6 +94,7 @@ class UrOptions:
     link_timeout: float
     stop_deceleration: float
     unlock_timeout: float
+    arrival_tolerance_deg: float
     tcp_offset: Vector | None
     payload_mass: float | None
     payload_cog: Vector

@@ -320,13 +320,18 @@ class Driver(ABC):
         """Return how far every axis is from where it was last sent, by the newest feedback.
 
         Called in each cycle after the last setpoint of a motion, until all axes are within their
-        tolerances: the motion is done then.  Where one is not after half a second, that is a fault
-        of the device.  Must neither wait nor raise.
+        tolerances: the motion is done then.  Where one is not after :attr:`arrival_time`, that is a
+        fault of the device.  Must neither wait nor raise.
 
         Returns:
             Empty where the device cannot tell: its motions are done with their last setpoints.
         """
         return ()
+
+    @property
+    def arrival_time(self) -> float:
+        """How long the axes may take to arrive after the last setpoint of a motion, s."""
+        return 0.5
 
     @abstractmethod
     def disable(self) -> None:

@@ -171,7 +171,9 @@ class Servo:
             return
         try:
             measured_ns = self._feedback.time_ns if self._feedback else 0
-            problem = arrival.look(self._driver.gaps(), measured_ns)
+            problem = arrival.look(
+                self._driver.gaps(), measured_ns, round(self._driver.arrival_time * 1e9)
+            )
             if problem:
                 raise AxisFaultError(problem)
         except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
