@@ -81,7 +81,7 @@ class UrDriver(Driver):
         self._tuned = self._options
         self._address = Address(self._options.host)
         self._prediction = Prediction(self._options, self._address)
-        self._link = Link(self._options.host)
+        self._link = Link(self._options.host, self._options.registers)
         self._recovery = Recovery(self._link, self._options)
         self._program = ControlProgram(self._link, self._recovery, self._options)
         self._ending = ProgramEnd(self._link, self._recovery, self._options.stop_deceleration)

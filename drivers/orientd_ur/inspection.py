@@ -7,7 +7,7 @@ from importlib import metadata
 from orientd.driver import Finding, Verdict
 from orientd.errors import LinkError
 from orientd_ur import versions
-from orientd_ur.options import UrOptions
+from orientd_ur.options import REGISTERS, UrOptions
 from orientd_ur.prediction import Prediction
 from orientd_ur.probe import Probe, look
 from orientd_ur.recovery import NO_DASHBOARD
@@ -29,7 +29,8 @@ def inspect(options: UrOptions, period_ns: int, *, timeout: float = 2.0) -> list
     library = [_library()]
     try:
         address = Address(options.host).get(timeout)
-        found = look(address, timeout=timeout, packages=_PACKAGES)
+        first = REGISTERS[options.registers]
+        found = look(address, timeout=timeout, packages=_PACKAGES, first_register=first)
     except LinkError as error:
         return [
             *library,
@@ -154,7 +155,8 @@ def _registers(found: Probe) -> Finding:
         "held by another client",
         Verdict.PROBLEM,
         "end the client that holds them: a daemon that runs with this robot, another program with "
-        "ur_rtde, or a fieldbus enabled in the installation",
+        "ur_rtde, or a fieldbus enabled in the installation; or set the option `registers` to the "
+        "other range",
     )
 
 

@@ -56,6 +56,7 @@ class Link:
 
     Args:
         host: the robot's name, for messages.
+        registers: which the control program uses, ``lower`` or ``upper``.
 
     Attributes:
         is_lost: whether the library must not be touched any more.
@@ -63,8 +64,9 @@ class Link:
             that are made every cycle.
     """
 
-    def __init__(self, host: str) -> None:
+    def __init__(self, host: str, registers: str = "lower") -> None:
         self.host = host
+        self._registers = registers
         self.address = ""
         self.is_lost = False
         self._receive: Any = None
@@ -106,7 +108,11 @@ class Link:
         for attempt in range(_REGISTER_RETRIES):
             try:
                 with process_ends_after(_CONSTRUCTION_LIMIT):
-                    self._control = module.RTDEControlInterface(self.address)
+                    interface = module.RTDEControlInterface
+                    flags = interface.FLAG_UPLOAD_SCRIPT
+                    if self._registers == "upper":
+                        flags |= interface.FLAG_UPPER_RANGE_REGISTERS
+                    self._control = interface(self.address, -1.0, flags)
                 break
             except RuntimeError as error:
                 text = " ".join(str(error).split())
@@ -117,8 +123,11 @@ class Link:
                 if "in use" not in text.lower():
                     raise DeviceFaultError(f"{self.host}: {text}") from error
                 if attempt == _REGISTER_RETRIES - 1:
+                    other = "lower" if self._registers == "upper" else "upper"
                     raise LinkError(
-                        f"another client holds the registers of {self.host}; end it first ({text})"
+                        f"another client holds the {self._registers} registers of {self.host}: a "
+                        "program with RTDE, or a fieldbus of the installation; end it, or set the "
+                        f"option `registers` to {other}"
                     ) from error
                 # A controller gives registers back a moment after their holder has gone.
                 time.sleep(0.1)

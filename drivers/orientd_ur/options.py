@@ -22,6 +22,9 @@ A motion may have a ``lookahead``, ``gain`` and ``servo_time`` of its own, its `
     ``[x, y, z, rx, ry, rz]`` of the tool in the flange, m and rad; default what the robot has.
 ``payload_mass``, ``payload_cog``
     kg, and the centre of gravity ``[x, y, z]`` in m; default what the robot has.
+``registers``
+    which RTDE registers the control program uses: ``lower`` (0 to 23, default) or ``upper`` (24 to
+    47, from PolyScope 3.9 and 5.3 on), where a fieldbus or another client holds the lower ones.
 ``watchdog_hz``
     1 to 100, default 10: the robot ends the program when it hears less often.
 ``feedback_timeout``
@@ -72,6 +75,8 @@ _NUMBERS: dict[str, tuple[float, float, float]] = {
     "unlock_timeout": (0.1, 15.0, 8.0),
     "arrival_tolerance_deg": (0.05, 10.0, 0.5),
 }
+REGISTERS = {"lower": 0, "upper": 24}
+"""The first register of each range."""
 TUNABLE = ("lookahead", "gain", "servo_time")
 """What a motion may have otherwise than the configuration says."""
 _SWITCHES = ("release_brakes", "keep_phase", "check_remote_control", "check_joints")
@@ -100,6 +105,7 @@ class UrOptions:
     payload_cog: Vector
     release_brakes: bool
     keep_phase: bool
+    registers: str
     check_joints: bool
     check_remote_control: bool
 
@@ -115,6 +121,7 @@ def check(given: Mapping[str, Any], *, period: float) -> UrOptions:
         ValueError: an option is unknown, missing or not allowed; the message names it.
     """
     known = {"host", "model", "start_joints", "payload_mass", "tcp_offset", "payload_cog"}
+    known.add("registers")
     known |= {*_NUMBERS, *_SWITCHES}
     check_names(given, known)
     host = given.get("host")
@@ -141,6 +148,7 @@ def check(given: Mapping[str, Any], *, period: float) -> UrOptions:
         model=None if model is None else MODELS[choice("model", model, MODELS)],
         start_joints=numbers("start_joints", given.get("start_joints", _START_JOINTS), 6),
         tcp_offset=None if offset is None else numbers("tcp_offset", offset, 6),
+        registers=choice("registers", given.get("registers", "lower"), REGISTERS),
         payload_mass=None if mass is None else number("payload_mass", mass, 0.0, _HEAVIEST),
         payload_cog=numbers("payload_cog", given.get("payload_cog", (0.0, 0.0, 0.0)), 3),
         **{name: switch(name, given.get(name, True)) for name in _SWITCHES},

@@ -47,13 +47,14 @@ class Probe:
         return versions.problem(self.version)
 
 
-def look(host: str, *, timeout: float = 2.0, packages: int = 5) -> Probe:
+def look(host: str, *, timeout: float = 2.0, packages: int = 5, first_register: int = 0) -> Probe:
     """Look at the controller at *host*.
 
     Args:
         host: its address.
         timeout: s that each answer may take.
         packages: how many data packages to wait for, 2 or more.
+        first_register: of those that the control program uses.
 
     Raises:
         LinkError: something does not answer; the message says what.
@@ -80,7 +81,9 @@ def look(host: str, *, timeout: float = 2.0, packages: int = 5) -> Probe:
         if missing is not None and versions.has("a dashboard server", version):
             raise missing
         # Only asked for, and given back with the connection's end.
-        inputs = client.ask(rtde.inputs_request("input_int_register_0", "input_double_register_0"))
+        kinds = ("int", "double")
+        names = [f"input_{kind}_register_{first_register}" for kind in kinds]
+        inputs = client.ask(rtde.inputs_request(*names))
         frequency = 500.0 if version[0] > 3 else 125.0
         if lacks := rtde.missing(client.ask(rtde.outputs_request(frequency)), rtde.PROBED):
             raise LinkError(f"{host} does not know the RTDE variable {', '.join(lacks)}")

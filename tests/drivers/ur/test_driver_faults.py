@@ -194,10 +194,24 @@ def test_second_client_with_the_registers_is_named(ur_robot):
             assert device.wait_ready(20.0), device.failure
             fault, text, _ = fault_of(device, 5.0)
             assert fault is Fault.DEVICE_FAULT
-            assert "another client holds the registers" in text
+            assert "another client holds the lower registers" in text
+            assert "set the option `registers` to upper" in text
         finally:
             device.shutdown()
         assert other.isProgramRunning()
+    finally:
+        other.disconnect()
+
+
+def test_upper_registers_work_beside_a_client_with_the_lower_ones(ur_robot):
+    rtde_control = pytest.importorskip("rtde_control")
+    other = rtde_control.RTDEControlInterface(ur_robot.host)
+    try:
+        with device_of(ur_robot.host, registers="upper") as device:
+            swing(device, seconds=1.0)
+            streaming(device)
+            until(lambda: is_holding(device), "the end")
+            assert device.snapshot().fault is Fault.NONE
     finally:
         other.disconnect()
 
