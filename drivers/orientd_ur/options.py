@@ -24,7 +24,7 @@ A motion may have a ``lookahead``, ``gain`` and ``servo_time`` of its own, its `
     kg, and the centre of gravity ``[x, y, z]`` in m; default what the robot has.
 ``registers``
     which RTDE registers the control program uses: ``lower`` (0 to 23, default) or ``upper`` (24 to
-    47, from PolyScope 3.9 and 5.3 on), where a fieldbus or another client holds the lower ones.
+    47, from PolyScope 3.9 and 5.3 on), where a fieldbus holds the lower ones.
 ``watchdog_hz``
     1 to 100, default 10: the robot ends the program when it hears less often.
 ``feedback_timeout``

@@ -7,7 +7,9 @@ from ur_rig import device_of, fault_of, is_holding, recover, reset, streaming, s
 from orientd.config import DeviceSettings
 from orientd.daemon.device import Device
 from orientd.errors import DaemonError, Fault, StateError
+from orientd_ur import rtde
 from orientd_ur.dashboard import Dashboard
+from orientd_ur.rtde_client import RtdeClient
 
 pytest.importorskip("rtde_control")
 
@@ -102,6 +104,21 @@ def test_local_control_is_named_when_enabling(ur_robot):
         ur_robot.ask("local")
         with pytest.raises((DaemonError, StateError), match="remote control"):
             device.enable()
+
+
+def test_motion_of_an_arm_that_could_not_be_enabled_is_refused_with_the_reason(ur_robot):
+    ur_robot.ask("local")
+    settings = DeviceSettings(name="arm", driver="ur", options={"host": ur_robot.host})
+    device = Device(settings, planners=None, on_event=lambda _event: None)
+    device.launch()
+    try:
+        assert device.wait_ready(20.0), device.failure
+        with pytest.raises(
+            StateError, match=r"is idle, not holding: .*local control.*; then reset"
+        ):
+            device.commanded()
+    finally:
+        device.shutdown()
 
 
 def test_frozen_controller_is_stale_feedback_then_a_lost_link(ur_robot):
@@ -204,16 +221,14 @@ def test_second_client_with_the_registers_is_named(ur_robot):
 
 
 def test_upper_registers_work_beside_a_client_with_the_lower_ones(ur_robot):
-    rtde_control = pytest.importorskip("rtde_control")
-    other = rtde_control.RTDEControlInterface(ur_robot.host)
-    try:
+    with RtdeClient(ur_robot.host, 2.0) as other:
+        answer = other.ask(rtde.inputs_request("input_int_register_0", "input_double_register_3"))
+        assert answer[1:] == b"INT32,DOUBLE"
         with device_of(ur_robot.host, registers="upper") as device:
             swing(device, seconds=1.0)
             streaming(device)
             until(lambda: is_holding(device), "the end")
             assert device.snapshot().fault is Fault.NONE
-    finally:
-        other.disconnect()
 
 
 @pytest.mark.slow
