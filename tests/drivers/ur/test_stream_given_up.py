@@ -1,5 +1,6 @@
 """After a fault the arm stays where it is, whatever is pressed on the pendant or the dashboard."""
 
+import contextlib
 import math
 import os
 import random
@@ -11,7 +12,7 @@ from ur_rig import device_of, fault_of, recover, streaming, swing, until
 
 from orientd.clock import MonotonicClock
 from orientd.driver import Setpoint
-from orientd.errors import DeviceError
+from orientd.errors import DeviceError, DeviceFaultError
 from orientd.floats import exp, multiply
 from orientd_ur import UrDriver
 from orientd_ur.dashboard import Dashboard
@@ -121,6 +122,15 @@ def test_arm_that_was_stopped_stays_when_somebody_presses_play(ur_robot, order, 
         stream.driver.close()
 
 
+def has_started(stream):
+    try:
+        stream.driver.reset()
+        stream.start()
+    except DeviceFaultError:
+        return False
+    return True
+
+
 def test_random_stops_pushes_and_buttons_never_move_the_arm(ur_host):
     generator = random.Random(int(os.environ.get("ORIENTD_SEED", "7")))
     buttons = ("play", "pause", "stop", "load other.urp", "power on", "brake release")
@@ -132,7 +142,9 @@ def test_random_stops_pushes_and_buttons_never_move_the_arm(ur_host):
                 rate = generator.uniform(-1.4, 1.4)
                 stream.run(generator.uniform(0.05, 0.4), rate)
                 order = generator.choice(list(STOPS))
-                robot.ask(order)
+                with contextlib.suppress(LaunchError):
+                    # On a busy machine the robot's watchdog may have ended the program before.
+                    robot.ask(order)
                 until(lambda: stream.cycle() or stream.is_faulty, f"{case}: a fault of {order}")
                 # A fault may be answered by a hand within a tenth of a second.
                 stream.run(generator.uniform(0.05, 0.2))
@@ -154,8 +166,7 @@ def test_random_stops_pushes_and_buttons_never_move_the_arm(ur_host):
                 assert off < 1e-4, (case, order, off, robot.state()["log"][-3:])
                 robot.ask("stop")
                 bring(robot, HOME)
-                stream.driver.reset()
-                stream.start()
+                until(lambda: has_started(stream), "a reset")
         finally:
             stream.driver.close()
     print(f"{CASES} cases, moved by {most:.2e} rad at most")
