@@ -45,7 +45,7 @@ def track(
         report = tracking.report
     answer(
         report,
-        f"{report.targets} targets followed, {report.left_out} of them left out as too old, "
+        f"{report.targets} targets followed, {report.left_out} of them left out as late, "
         f"{report.refused} refused",
         f"at rest at {texts.orientation(report.q)}",
         *([f"last refusal: {report.refusal}"] if report.refusal else []),
