@@ -101,8 +101,7 @@ class _Lines:
         Raises:
             ValueError: it is none.
         """
-        from orientd.rpc import target_from_message
-        from orientd.rpc.tracking import TARGET_KEYS, target_message
+        from orientd.rpc import TARGET_KEYS, target_from_message, target_message
 
         try:
             mapping = json.loads(line, parse_constant=_refuse_constant)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
 from orientd.floats import difference, exp, multiply, norm, normalize, plus
+from orientd.servo.tracking.foresight import Stop
 from orientd.servo.tracking.knot import JUMP, Knot, ReferenceState, Target
 from orientd.servo.tracking.law import advance, halt
 from orientd.servo.tracking.law_bounds import Bounds, bounds_of, divided, loosened, softened, times
@@ -89,6 +90,7 @@ class Tracker:
         )
         self._reference.clear()
         self._restraint.release()
+        self._before = self._q, self._omega, self._alpha
         self._way = ZERO
         self._forget()
         self.is_at_rest = omega_body == ZERO == alpha_body
@@ -121,24 +123,46 @@ class Tracker:
         if self._bounds is not self._limits:
             self._bounds = loosened(self._limits, self._omega, self._alpha)
         # State and target of the same instant, that of the last setpoint.
-        units = self._units
         found = self._found(now_ns - self._period_ns)
         if found is None:
             self._way = ZERO
             if self._omega == ZERO == self._alpha:
                 self.is_at_rest = not self._reference.awaits
+                self._before = self._q, ZERO, ZERO
                 return TrackPoint(self._q, ZERO, ZERO)
-            omega, alpha = halt(self._omega, self._alpha, self._bounds)
-        else:
-            self.is_at_rest = False
-            wanted = self._wanted(found)
-            alpha = advance(self._omega, self._alpha, wanted, self._bounds)
-            omega = plus(self._omega, alpha, self._period)
+            return self._move(*halt(self._omega, self._alpha, self._bounds))
+        self.is_at_rest = False
+        alpha = advance(self._omega, self._alpha, self._wanted(found), self._bounds)
+        return self._move(plus(self._omega, alpha, self._period), alpha)
+
+    def brake(self) -> TrackPoint:
+        """Take the last step back and make one towards rest instead."""
+        self._q, self._omega, self._alpha = self._before
+        return self._move(*halt(self._omega, self._alpha, self._bounds))
+
+    def stop_ahead(self) -> tuple[Quaternion, Stop | None]:
+        """Return where the first cycle of a stop leads, and the rest of it from there, if any."""
+        limits, h = self._limits, self._period
+        omega, alpha = halt(self._omega, self._alpha, self._bounds)
+        x, y, z = times(omega, self._units)
+        q = multiply(self._q, exp((h * x, h * y, h * z)))
+        # About where it would turn once the acceleration has run out.
+        ahead = plus(omega, alpha, 0.5 * (norm(alpha) / limits.jerk + h))
+        size = norm(ahead)
+        if size < _ARRIVED:
+            return q, None
+        axis = plus(ZERO, ahead, 1.0 / size)
+        speed, rate = (sum(a * b for a, b in zip(v, axis, strict=True)) for v in (omega, alpha))
+        return q, Stop(times(axis, self._units), max(speed + 0.5 * h * rate, 0.0), rate, limits)
+
+    def _move(self, omega: Vector3, alpha: Vector3) -> TrackPoint:
+        """Turn for a period; all in the law's units."""
+        self._before = self._q, self._omega, self._alpha
         self._omega, self._alpha = omega, alpha
-        h, omega = self._period, times(omega, units)
+        h, omega = self._period, times(omega, self._units)
         x, y, z = omega
         self._q = normalize(multiply(self._q, exp((x * h, y * h, z * h))))
-        return TrackPoint(self._q, omega, times(alpha, units))
+        return TrackPoint(self._q, omega, times(alpha, self._units))
 
     def _found(self, now_ns: int) -> ReferenceState | None:
         """Return what to follow at *now_ns*; ``None`` to come to rest wherever that is."""
