@@ -18,6 +18,7 @@ from orientd.driver import (
     IDENTITY,
     ZERO,
     AxisGap,
+    ComingPose,
     Driver,
     Feedback,
     Finding,
@@ -28,8 +29,10 @@ from orientd.driver import (
 from orientd.errors import DeviceFaultError, FeedbackError, LinkError
 from orientd.floats import difference, exp, norm, rotate_back
 from orientd_ur import options as ur_options
+from orientd_ur.arm import Arm
 from orientd_ur.control_program import ControlProgram
 from orientd_ur.deadline import arm, disarm
+from orientd_ur.following import Following
 from orientd_ur.inspection import advice, inspect, rate_problem
 from orientd_ur.kinematics import JOINT_NAMES
 from orientd_ur.link import Link, require_library
@@ -88,6 +91,8 @@ class UrDriver(Driver):
         self._advice: tuple[str, ...] = ()
         self._silence = WriteSilence(self._options.watchdog_hz)
         self._clock = ControllerClock()
+        self._arm: Arm | None = None
+        self._following: Following | None = None
         self._is_enabled = self._is_in_fault = False
         self._timestamp = -1.0
         self._changed_ns = 0
@@ -193,6 +198,7 @@ class UrDriver(Driver):
             DeviceFaultError: the robot may not move, or is not in remote control.
             LinkError: the link is lost, or another client holds the robot.
         """
+        self._arm, self._following = self._arm or self._prediction.confirm(self._link.address), None
         self._forget_age()
         self._program.play()
         self._clock.reset()
@@ -245,6 +251,43 @@ class UrDriver(Driver):
             LinkError: the connection is closed.
             DeviceFaultError: the control program does not take it.
         """
+        self._send(setpoint)
+        measured = self._feedback
+        if self._arm is None or measured is None:
+            return
+        if self._following is None:
+            pose = measured.q, measured.position
+            self._following = Following(self._arm, measured.joints, pose, self.period_ns * 1e-9)
+        self._following.stream(setpoint.q, setpoint.position, measured.joints)
+
+    def foresee(self, coming: Sequence[ComingPose]) -> str:
+        """Return why the joints cannot follow what comes next, or an empty string."""
+        if self._following is not None:
+            return self._following.look(coming)
+        return "which arm it is is not known" if self._options.check_joints else ""
+
+    def follow(self, setpoint: Setpoint) -> Quaternion:
+        """Send the pose of a *setpoint* on the way to a target; errors are those of a write."""
+        self._send(setpoint)
+        if self._following is not None:
+            self._following.took(setpoint.q, setpoint.position)
+        return setpoint.q
+
+    def expect_targets(self) -> None:
+        """Ask the robot for its arm and where it is; see :meth:`refusal`.
+
+        Raises:
+            PlanError: it does not say.
+        """
+        self._following = self._prediction.following(self.period_ns * 1e-9)
+
+    def refusal(self, q: Quaternion, position: Vector3, joints: tuple[float, ...]) -> str:
+        """Return why the arm cannot be at a target, or an empty string."""
+        if self._following is None:
+            return ""
+        return self._following.refusal(q, position, joints)
+
+    def _send(self, setpoint: Setpoint) -> None:
         armed = arm(_LONGEST_CYCLE)
         try:
             self._write(setpoint)

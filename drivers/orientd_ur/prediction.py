@@ -16,6 +16,7 @@ from orientd.driver import Feedback, Quaternion, Vector3
 from orientd.errors import LinkError, PlanError
 from orientd.floats import difference, exp
 from orientd_ur.arm import Arm, ask, published
+from orientd_ur.following import Following
 from orientd_ur.joint_path import examine, tool_pose
 from orientd_ur.options import UrOptions
 from orientd_ur.probe import Place, whereabouts
@@ -98,14 +99,37 @@ class Prediction:
             )
         return self._arm, place
 
-    def confirm(self, address: str) -> None:
-        """Do nothing where the controller has the arm that the options name, or does not say.
+    def confirm(self, address: str) -> Arm | None:
+        """Return the arm that the controller has; ``None`` where its joints are not to be checked.
+
+        ``None``, too, where neither the controller nor the options say which arm it is.
 
         Raises:
-            LinkError: it has another.
+            LinkError: it has another than the options name.
         """
-        if self._options.model is not None and self._options.check_joints:
-            self._identify(address, TIMEOUT)
+        if not self._options.check_joints:
+            return None
+        try:
+            return self._identify(address, TIMEOUT)
+        except LinkError:
+            if self._options.model is not None:
+                raise
+            return None
+
+    def following(self, period: float) -> Following | None:
+        """Return what targets are judged by; ``None`` where the joints are not to be checked.
+
+        Raises:
+            PlanError: the robot does not say where it is, or which arm it has.
+        """
+        if not self._options.check_joints:
+            return None
+        try:
+            arm, place = self.look()
+        except LinkError as error:
+            raise PlanError(f"cannot predict the joints: {error}") from error
+        x, y, z, rx, ry, rz = place.pose
+        return Following(arm, place.joints, (exp((rx, ry, rz)), (x, y, z)), period)
 
     def start(self, *, from_device: bool) -> Feedback:
         """Return where plans begin that are made without the daemon.

@@ -17,6 +17,7 @@ from orientd.clock import Clock
 from orientd.driver.finding import Finding
 from orientd.driver.values import (
     AxisGap,
+    ComingPose,
     Feedback,
     PartHealth,
     Quaternion,
@@ -332,6 +333,40 @@ class Driver(ABC):
     def arrival_time(self) -> float:
         """How long the axes may take to arrive after the last setpoint of a motion, s."""
         return 0.5
+
+    def foresee(self, coming: Sequence[ComingPose]) -> str:  # noqa: ARG002 - most devices follow any pose
+        """Return why the device's axes cannot follow what comes next, or an empty string.
+
+        Called in the servo process while targets are followed, before each setpoint is sent.  If
+        the axes cannot, the servo comes to rest along the stop that was asked about a cycle ago.
+        Must neither wait nor raise.
+
+        Args:
+            coming: the next setpoint, a period after the last one, and a stop from there at a few
+                instants.
+        """
+        return ""
+
+    def expect_targets(self) -> None:  # noqa: B027 - most devices follow any target
+        """Prepare for :meth:`refusal`; may ask the device.
+
+        Called in the daemon's process, on a driver that is not open, before targets are followed.
+
+        Raises:
+            PlanError: what has to be known of the device is not.
+        """
+
+    def refusal(self, q: Quaternion, position: Vector3, joints: tuple[float, ...]) -> str:  # noqa: ARG002 - most devices follow any target
+        """Return why the device cannot be at a target, or an empty string.
+
+        Called in the daemon's process, after :meth:`expect_targets`, for every target.
+
+        Args:
+            q: orientation of the target.
+            position: position of the target, m; where the device is for a target without one.
+            joints: axis angles measured last, rad; empty where they are not known.
+        """
+        return ""
 
     @abstractmethod
     def disable(self) -> None:

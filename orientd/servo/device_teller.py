@@ -17,6 +17,7 @@ class DeviceTeller:
         self._memory = memory
         self._every = max(1, _INTERVAL_NS // period_ns)
         self._told: tuple[str, ...] = ()
+        self._hindered = -self._every - 1
 
     def tell_notices(self) -> None:
         """Say what there is to say of a device that was opened, or reset."""
@@ -37,3 +38,10 @@ class DeviceTeller:
             parts = self._driver.health()
             if parts:
                 publish_health(self._memory.health, parts)
+
+    def tell_hindrance(self, text: str, cycle: int) -> None:
+        """Say why targets are not followed as they come; once until they have been for a second."""
+        if cycle - self._hindered > self._every:
+            words = f"targets are followed more slowly, or not to their end: {text}"
+            self._memory.notes.publish(*pack_note(0, NoteKind.NOTICE, 0, words))
+        self._hindered = cycle
