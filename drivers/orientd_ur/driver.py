@@ -41,10 +41,9 @@ from orientd_ur.prediction import Prediction
 from orientd_ur.probe import look
 from orientd_ur.program_end import ProgramEnd
 from orientd_ur.recovery import NO_DASHBOARD, Recovery
-from orientd_ur.silence import WriteSilence
 from orientd_ur.sockets import Address
 from orientd_ur.states import RuntimeState, obstacle
-from orientd_ur.ticks import ControllerClock, TickListener, TickPhase, tick_ns
+from orientd_ur.ticks import ControllerClock, TickListener, TickPhase, WriteSilence, tick_ns
 
 _RESOLVING = 5.0
 _LOOKING = 0.5

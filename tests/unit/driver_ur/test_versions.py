@@ -8,7 +8,7 @@ import pytest
 from orientd_sim.ur import dashboard, variables
 from orientd_sim.ur.controller import Behaviour, Controller
 from orientd_ur import versions
-from orientd_ur.silence import WriteSilence
+from orientd_ur.ticks import WriteSilence
 
 CASES = int(os.environ.get("ORIENTD_CASES", "100"))
 
