@@ -31,6 +31,7 @@ for folder in (
     "unit/planner",
     "unit/viewer",
     "unit/recorder",
+    "unit/driver_ur",
     "unit/dynamixel_bus",
     "system",
     "chaos",

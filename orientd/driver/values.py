@@ -40,6 +40,20 @@ class Setpoint(NamedTuple):
     velocity: Vector3 = ZERO
 
 
+class ComingPose(NamedTuple):
+    """A pose that the device would be sent to before long.
+
+    Attributes:
+        seconds: after the pose before it.
+        q: orientation ``(w, x, y, z)``, tool to world.
+        position: tool position in the world, m.
+    """
+
+    seconds: float
+    q: Quaternion
+    position: Vector3
+
+
 class Feedback(NamedTuple):
     """What the device reported.
 

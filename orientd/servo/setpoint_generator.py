@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from orientd.driver import IDENTITY, ZERO, Driver, Quaternion, Vector3
 from orientd.errors import Fault, NotYetError
-from orientd.floats import combine, difference, norm
+from orientd.floats import combine, difference, norm, plus
 from orientd.servo.guard import Guard
 from orientd.servo.path import (
     BrakeLaw,
@@ -25,7 +25,7 @@ from orientd.servo.path import (
     eased,
 )
 from orientd.servo.state_table import Event, advance
-from orientd.servo.tracking import TargetFollower
+from orientd.servo.tracking import TargetFollower, coming
 from orientd.servo.watchdog import Stalls
 from orientd.stream import UNKNOWN, ServoLimits, ServoState, SharedMemory
 
@@ -50,6 +50,7 @@ class SetpointGenerator:
         time_scaling: how fast the path is run through.
         follower: where on the path the setpoint is.
         is_from_rest: whether motion goes on from rest with this cycle, after a stall.
+        hindrance: why the device's axes cannot follow the targets any nearer; empty while they can.
     """
 
     def __init__(
@@ -82,6 +83,8 @@ class SetpointGenerator:
         self._brake_law = BrakeLaw(self.time_scaling, self.follower, self._guard)
         self._pursuit = TargetFollower(memory.targets, period)
         self._stalls = Stalls(period_ns, stall_ns)
+        self.hindrance = ""
+        self._foresees = type(driver).foresee is not Driver.foresee
         self._driver = driver
         self._on_fault = on_fault
         self._period_ns = period_ns
@@ -199,7 +202,7 @@ class SetpointGenerator:
         # Where a narrower limit is broken already, what there is of it is taken away.
         speed = max(part.servo_limits.linear_velocity, norm(guard.velocity))
         self._servo_limits = replace(part.servo_limits, linear_velocity=speed)
-        self.motion = part.number
+        self.motion, self.hindrance = part.number, ""
         self._sent, self._is_there = guard.q, False
         self._pursuit.begin(guard.q, guard.omega, guard.alpha, part.servo_limits)
         self.state = following
@@ -207,7 +210,7 @@ class SetpointGenerator:
     def stop(self, event: Event) -> None:
         """Begin to come to rest, on the path or away from the target."""
         following = advance(self.state, event)
-        self.time_scaling.target = 0.0
+        self.time_scaling.target, self.hindrance = 0.0, ""
         self._pursuit.tracker.cease()
         self.state = following
 
@@ -352,6 +355,11 @@ class SetpointGenerator:
         position = pursuit.position(guard.position, guard.velocity, self._servo_limits)
         if position is None:
             position = guard.braked_position(self._servo_limits)
+        if self._foresees and self.state is _TRACKING:
+            self.hindrance = self._hindrance(point.q, position)
+            if self.hindrance:
+                point = pursuit.tracker.brake()
+                position = guard.braked_position(self._servo_limits)
         problem = guard.admit(point.q, position, self._servo_limits)
         if problem:
             return self.leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")
@@ -362,6 +370,15 @@ class SetpointGenerator:
             guard.anchor(self._sent, position)
             return PathPoint(self._sent, ZERO, ZERO, position, ZERO)
         return PathPoint(point.q, point.omega_body, point.alpha_body, position, guard.velocity)
+
+    def _hindrance(self, q: Quaternion, position: Vector3) -> str:
+        """Return why the axes cannot follow a setpoint and a stop from it, or nothing."""
+        servo_limits, guard, period = self._servo_limits, self._guard, self._period_ns * 1e-9
+        velocity = plus(plus(ZERO, position, 1.0 / period), guard.position, -1.0 / period)
+        stop, acceleration = self._pursuit.tracker.stop_ahead(), servo_limits.linear_acceleration
+        return self._driver.foresee(
+            coming(q, position, velocity, stop, acceleration=acceleration, period=period)
+        )
 
     def leave_path(self, fault: Fault, text: str) -> PathPoint:
         """Begin to come to rest without the path."""
