@@ -14,7 +14,13 @@ from orientd.curves import AxisTurn
 from orientd.errors import LimitError, PlanError, RequestError, StartError
 from orientd.planner import refusal
 from orientd.planner.candidate import CandidateMotion, to_single
-from orientd.planner.connect import STOPS, WITHOUT_RESERVE, Caution, turns_with_stops
+from orientd.planner.connect import (
+    STOPS,
+    WITHOUT_RESERVE,
+    Caution,
+    turn_to_stop,
+    turns_with_stops,
+)
 from orientd.planner.keyframes import at_rate, in_device_coordinates, with_least_roll, wound
 from orientd.planner.limits import ANGULAR, LONGEST, Limits
 from orientd.planner.motion import Motion
@@ -112,23 +118,14 @@ def plan(
 
 
 def _arrives(job: PlanJob) -> bool:
-    """Return whether a single keyframe is ahead of a device, and hardly further than a stop.
-
-    How far that is: half a double S (Biagiotti and Melchiorri 2008, section 3.4), behind the fall
-    of an acceleration.
-    """
+    """Return whether a single keyframe is ahead of a device, and hardly further than a stop."""
     speed = float(np.linalg.norm(job.start.omega_body))
     if not (job.request.is_single and speed):
         return False
     way, direction = log(between(job.start.q, job.request.keys[0])), job.start.omega_body / speed
-    _, most, jerk = job.limits.along(direction.tolist())
-    fall = max(0.0, float(direction @ job.start.alpha_body)) / jerk
-    highest = speed + 0.5 * jerk * fall**2
-    is_long = highest * jerk > most**2
-    half = 0.5 * (highest / most + most / jerk) if is_long else math.sqrt(highest / jerk)
-    stop = speed * fall + jerk * fall**3 / 3.0 + highest * half
     distance = float(np.linalg.norm(way))
-    return distance < _NEAR * stop and float(way @ direction) > _AHEAD * distance
+    is_near = distance < _NEAR * turn_to_stop(job.start, job.limits)
+    return is_near and float(way @ direction) > _AHEAD * distance
 
 
 def _without_reserve(job: PlanJob, motion: Motion) -> Motion:
